@@ -2,6 +2,7 @@
 
 use super::config::{Block, WorldConfig};
 use super::solid::{FaceHit, Solid, Vec3};
+use super::view::Candidates;
 
 /// The four walls, then blocks, then balls, as they are in the configuration.
 pub(super) struct Objects {
@@ -41,21 +42,22 @@ impl Objects {
         self.names.iter().map(String::as_str).zip(&self.solids)
     }
 
-    /// All that the ray `origin + t * direction` enters, with their indices. `candidates`: the set
-    /// of those it can meet.
+    /// All that a ray enters that leaves the camera in a direction, with their indices. `set`: those
+    /// that it can meet.
     pub(super) fn enter(
         &self,
-        origin: &Vec3,
+        candidates: &Candidates,
+        set: u64,
         direction: &Vec3,
-        candidates: u64,
     ) -> impl Iterator<Item = (usize, FaceHit)> {
-        bits(candidates).filter_map(|i| self.solids[i].enter(origin, direction).map(|hit| (i, hit)))
+        let hit = |i: usize| self.solids[i].enter(&candidates.from[i], direction);
+        bits(set).filter_map(move |i| hit(i).map(|hit| (i, hit)))
     }
 
-    /// Whether one stands between `origin` and the surface point `origin + direction`.
-    pub(super) fn hide(&self, origin: &Vec3, direction: &Vec3, candidates: u64) -> bool {
+    /// Whether one stands between the camera and the surface point `direction` away from it.
+    pub(super) fn hide(&self, candidates: &Candidates, set: u64, direction: &Vec3) -> bool {
         // What the ray meets in the last thousandth is the surface itself.
-        self.enter(origin, direction, candidates)
+        self.enter(candidates, set, direction)
             .any(|(_, (t, _))| t < 0.999)
     }
 }

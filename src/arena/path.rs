@@ -84,7 +84,7 @@ impl Gait {
 
 impl Twist {
     /// The velocity at `time_s` of what has the pose `pose(t)` at the time `t`.
-    pub fn of(pose: impl Fn(f64) -> Pose, time_s: f64) -> Self {
+    pub fn new(pose: impl Fn(f64) -> Pose, time_s: f64) -> Self {
         let (before, after) = (pose(time_s - INSTANT_S), pose(time_s + INSTANT_S));
         let motion = before.inv_mul(&after);
         let per_second = 0.5 / INSTANT_S;
@@ -132,7 +132,7 @@ impl Walk {
 
     /// Velocity of the left camera at `time_s`.
     pub(super) fn twist(&self, time_s: f64) -> Twist {
-        Twist::of(|time_s| self.pose(time_s), time_s)
+        Twist::new(|time_s| self.pose(time_s), time_s)
     }
 }
 

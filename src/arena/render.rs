@@ -58,7 +58,7 @@ impl SharpImage {
         let mut radiance = vec![0.0; width * height];
         let light = |x: f32, y: f32, set: u64| {
             let ray = view.ray(view.slope(x, y));
-            let hit = scene.cast(&view.origin, &ray, set);
+            let hit = scene.cast(&candidates, set, &ray);
             (
                 hit,
                 scene.radiance(&view.origin, &ray, hit, lens.angle(hit.t)),
@@ -124,7 +124,7 @@ pub(super) fn disparity(
     rows.for_each(|(y, row)| {
         for (x, value) in row.iter_mut().enumerate() {
             let ray = view.ray(view.slope(x as f32, y as f32));
-            *value = focal_baseline / scene.cast(&view.origin, &ray, candidates.at(x, y)).t;
+            *value = focal_baseline / scene.cast(&candidates, candidates.at(x, y), &ray).t;
         }
     });
     Plane::from_vec(width, height, disparity)
@@ -162,11 +162,8 @@ pub(super) fn truth(
                 let inside = right_x > -0.5 && right_x < width as f32 - 0.5;
                 let hidden = || {
                     let ray = left_view.ray(left_view.slope(x as f32, y as f32)) * hit.t + to_right;
-                    scene.objects.hide(
-                        &right_view.origin,
-                        &ray,
-                        candidates.at((right_x + 0.5) as usize, y),
-                    )
+                    let set = candidates.at((right_x + 0.5) as usize, y);
+                    scene.objects.hide(&candidates, set, &ray)
                 };
                 visibility[x] = if inside && !hidden() {
                     Visibility::Visible

@@ -4,6 +4,7 @@ use super::config::WorldConfig;
 use super::objects::{Objects, WALLS};
 use super::solid::{Solid, Vec3, nonzero};
 use super::texture::{self, Footprint, Texture};
+use super::view::Candidates;
 use crate::stereo::Surface;
 
 /// Geometry and pictures of one run.
@@ -102,11 +103,11 @@ impl ArenaScene {
         self.pictures.is_some()
     }
 
-    /// The first thing on the ray `origin + t * direction`. `candidates`: the solids that it can
+    /// The first thing on a ray that leaves the camera in a direction. `set`: the solids that it can
     /// meet.
-    pub(super) fn cast(&self, origin: &Vec3, direction: &Vec3, candidates: u64) -> Hit {
-        let mut hit = self.lab_or_floor(origin, direction);
-        for (i, (t, face)) in self.objects.enter(origin, direction, candidates) {
+    pub(super) fn cast(&self, candidates: &Candidates, set: u64, direction: &Vec3) -> Hit {
+        let mut hit = self.lab_or_floor(&candidates.origin, direction);
+        for (i, (t, face)) in self.objects.enter(candidates, set, direction) {
             if t < hit.t {
                 hit = Hit {
                     t,

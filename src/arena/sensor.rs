@@ -113,6 +113,21 @@ const STILL_PX: f32 = 0.15;
 /// Samples along a blur at most.
 const TAPS: usize = 12;
 
+/// Places of the samples along a blur of length 1, for each number of them.
+const ALONG: [[f32; TAPS]; TAPS + 1] = {
+    let mut along = [[0.0; TAPS]; TAPS + 1];
+    let mut taps = 1;
+    while taps <= TAPS {
+        let mut tap = 0;
+        while tap < taps {
+            along[taps][tap] = (tap as f32 + 0.5) / taps as f32 - 0.5;
+            tap += 1;
+        }
+        taps += 1;
+    }
+    along
+};
+
 /// Mean along a line of the length and direction `blur_px` through a pixel.
 fn smear(
     image: &[f32],
@@ -124,23 +139,30 @@ fn smear(
     if length < STILL_PX {
         return image[y * width + x];
     }
-    let taps = (length as usize + 2).min(TAPS);
+    let taps = (length as i32 as usize + 2).min(TAPS);
     let (right, bottom) = ((width - 1) as f32, (height - 1) as f32);
-    let mut sum = 0.0;
-    for tap in 0..taps {
-        let along = (tap as f32 + 0.5) / taps as f32 - 0.5;
-        let u = (x as f32 + along * blur_px.0).clamp(0.0, right);
-        let v = (y as f32 + along * blur_px.1).clamp(0.0, bottom);
-        let (iu, iv) = (u as usize, v as usize);
-        let (fu, fv) = (u - iu as f32, v - iv as f32);
-        let (next, down) = (
-            usize::from(iu + 1 < width),
-            if iv + 1 < height { width } else { 0 },
-        );
-        let i = iv * width + iu;
+    let (x, y) = (x as f32, y as f32);
+    let between = |u: f32, v: f32, i: usize, next: usize, down: usize| {
+        let (fu, fv) = (u - u as i32 as f32, v - v as i32 as f32);
         let low = image[i] + fu * (image[i + next] - image[i]);
         let high = image[i + down] + fu * (image[i + down + next] - image[i + down]);
-        sum += low + fv * (high - low);
-    }
+        low + fv * (high - low)
+    };
+    let places = ALONG[taps][..taps].iter();
+    let places = places.map(|along| (x + along * blur_px.0, y + along * blur_px.1));
+    let reach = 0.5 * length + 1.0;
+    let is_inside = x >= reach && y >= reach && x + reach < right && y + reach < bottom;
+    let sum: f32 = match is_inside {
+        // Casts to 32 bits are quicker.
+        true => (places.map(|(u, v)| (u, v, v as i32 as usize * width + u as i32 as usize)))
+            .fold(0.0, |sum, (u, v, i)| sum + between(u, v, i, 1, width)),
+        false => places.fold(0.0, |sum, (u, v)| {
+            let (u, v) = (u.clamp(0.0, right), v.clamp(0.0, bottom));
+            let (iu, iv) = (u as i32 as usize, v as i32 as usize);
+            let next = usize::from(iu + 1 < width);
+            let down = if iv + 1 < height { width } else { 0 };
+            sum + between(u, v, iv * width + iu, next, down)
+        }),
+    };
     sum / taps as f32
 }

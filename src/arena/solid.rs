@@ -60,12 +60,20 @@ impl Solid {
         }
     }
 
-    /// Where the ray `origin + t * direction`, t > 0, enters the solid; nothing from inside it.
-    pub(super) fn enter(&self, origin: &Vec3, direction: &Vec3) -> Option<FaceHit> {
+    /// A point as the solid has it: from its centre, a block's along its sides.
+    pub(super) fn seen(&self, point: &Vec3) -> Vec3 {
         match self {
-            Self::Block(slab) => slab.enter(origin, direction),
-            Self::Ball { center, radius } => {
-                let from = origin - center;
+            Self::Block(slab) => slab.to_local(&(point - slab.center)),
+            Self::Ball { center, .. } => point - center,
+        }
+    }
+
+    /// Where the ray `origin + t * direction`, t > 0, enters the solid; nothing from inside it.
+    /// `from`: the origin, [`Solid::seen`].
+    pub(super) fn enter(&self, from: &Vec3, direction: &Vec3) -> Option<FaceHit> {
+        match self {
+            Self::Block(slab) => slab.enter(from, direction),
+            Self::Ball { radius, .. } => {
                 let (a, b) = (direction.norm_squared(), from.dot(direction));
                 // The squared distance of the ray from the centre by way of its nearest point: no
                 // cancellation.
@@ -221,8 +229,7 @@ impl Slab {
 
     /// By slabs (Kay and Kajiya, SIGGRAPH 1986). The face is twice the axis, plus one on its
     /// positive side.
-    fn enter(&self, origin: &Vec3, direction: &Vec3) -> Option<FaceHit> {
-        let from = self.to_local(&(origin - self.center));
+    fn enter(&self, from: &Vec3, direction: &Vec3) -> Option<FaceHit> {
         let towards = self.to_local(direction);
         let (mut enter, mut leave, mut face) = (0.0, f32::INFINITY, u8::MAX);
         for axis in 0..3 {

@@ -69,6 +69,9 @@ impl PinholeView {
 
 /// For every tile of an image, the set of solids that its rays can meet, as bits.
 pub(super) struct Candidates {
+    pub(super) origin: Vec3,
+    /// The camera as each solid has it.
+    pub(super) from: Vec<Vec3>,
     columns: Vec<u64>,
     rows: Vec<u64>,
 }
@@ -108,6 +111,8 @@ impl Candidates {
             })
         };
         Self {
+            origin: view.origin,
+            from: solids.iter().map(|s| s.seen(&view.origin)).collect(),
             // A tile has the solids that both its column and its row have: perhaps a few more than
             // its rays meet, but quickly found.
             columns: (0..width.div_ceil(TILE_PX))

@@ -76,8 +76,7 @@ impl RobotState {
 }
 
 /// What the robot did between two frames, or at one.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case", tag = "kind")]
+#[derive(Clone, Debug, PartialEq)]
 pub enum DriveEvent {
     /// It touched something.
     Collision { with: String, at_m: [f64; 2] },
@@ -95,7 +94,7 @@ impl DriveEvent {
 }
 
 /// The robot at a frame, and what happened since the last one.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct TrackPoint {
     pub sequence: u64,
     pub at_m: [f64; 2],
@@ -106,11 +105,11 @@ pub struct TrackPoint {
     pub clearance_m: f64,
     /// Whether it was set there by hand, after a collision or where it was stuck.
     pub is_placed: bool,
-    pub events: Vec<DriveEvent>,
+    pub event: Option<DriveEvent>,
 }
 
 /// What became of a drive.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct DriveLog {
     pub track: Vec<TrackPoint>,
     /// Whether the goal was reached in time, helped or not.
@@ -120,15 +119,14 @@ pub struct DriveLog {
 }
 
 impl DriveLog {
-    pub fn events(&self) -> impl Iterator<Item = (&TrackPoint, &DriveEvent)> {
-        let points = self.track.iter();
-        points.flat_map(|point| point.events.iter().map(move |event| (point, event)))
+    pub fn events(&self) -> impl Iterator<Item = &DriveEvent> {
+        self.track.iter().filter_map(|point| point.event.as_ref())
     }
 
     /// Number of collisions, near misses, and times that it was stuck.
     pub fn counts(&self) -> [u64; 3] {
         let mut counts = [0; 3];
-        for (_, event) in self.events() {
+        for event in self.events() {
             counts[match event {
                 DriveEvent::Collision { .. } => 0,
                 DriveEvent::NearMiss { .. } => 1,
@@ -157,8 +155,7 @@ impl DriveLog {
         let mut driven_m = 0.0;
         for point in &self.track {
             driven_m += point.speed_m_per_s / self.rate_hz;
-            let is_collision = |e: &DriveEvent| matches!(e, DriveEvent::Collision { .. });
-            if point.events.iter().any(is_collision) {
+            if matches!(point.event, Some(DriveEvent::Collision { .. })) {
                 return Some(driven_m);
             }
         }

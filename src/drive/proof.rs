@@ -2,7 +2,7 @@
 //! in which it does not finish is thrown away, and the next one is drawn.
 
 use super::course::Course;
-use super::motion::RobotState;
+use super::motion::{DriveEvent, RobotState};
 use super::source::Drive;
 use crate::arena::ArenaConfig;
 use crate::depth::{GridSettings, grid};
@@ -60,7 +60,7 @@ impl Course {
         let mut drive = Drive::new(self);
         let mut route = Vec::new();
         while drive.step(self) {
-            if drive.log.events().any(|(_, event)| event.ends_proof()) {
+            if drive.log.events().any(DriveEvent::ends_proof) {
                 return Ok(None);
             }
             route.push(drive.robot());

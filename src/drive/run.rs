@@ -124,7 +124,7 @@ impl DrivePlan<'_> {
 
     fn track(&self, log: &DriveLog) -> Vec<TrackRow> {
         let row = |point: &super::motion::TrackPoint| {
-            let (event, with) = match point.events.first() {
+            let (event, with) = match &point.event {
                 None => (None, None),
                 Some(DriveEvent::Collision { with, .. }) => (Some("collision"), Some(with)),
                 Some(DriveEvent::NearMiss { to, .. }) => (Some("near_miss"), Some(to)),
@@ -223,11 +223,11 @@ impl Sink for DriveSink {
         let (limit, hit) = {
             let log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
             let limit = (SHOWN_S * log.rate_hz) as usize + 1;
-            let hit = log.track.last().and_then(|point| {
-                point.events.iter().find_map(|event| match event {
-                    DriveEvent::Collision { with, .. } => Some((point.speed_m_per_s, with.clone())),
-                    _ => None,
-                })
+            let hit = log.track.last().and_then(|point| match &point.event {
+                Some(DriveEvent::Collision { with, .. }) => {
+                    Some((point.speed_m_per_s, with.clone()))
+                }
+                _ => None,
             });
             (limit, hit)
         };

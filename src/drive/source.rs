@@ -111,18 +111,30 @@ impl Drive {
 
     /// Moves on to the next frame; false at the end of the drive.
     pub(super) fn step(&mut self, course: &Course) -> bool {
-        if self.log.arrived || self.sequence >= course.frames() {
+        if self.is_over(course) {
             return false;
         }
-        let point = match self.sequence {
-            0 => self.point(course.clearance_m(self.robot.at), 0.0, false, Vec::new()),
+        let mut point = match self.sequence {
+            0 => self.point(course.clearance_m(self.robot.at), 0.0, false, None),
             _ if std::mem::take(&mut self.is_to_be_placed) => self.placed(course),
             _ => self.moved(course),
         };
-        self.log.track.push(point);
         self.log.arrived = course.is_goal(self.robot.at);
         self.sequence += 1;
+        if self.is_over(course) && point.event.is_none() {
+            point.event = self.near_miss();
+        }
+        self.log.track.push(point);
         true
+    }
+
+    fn is_over(&self, course: &Course) -> bool {
+        self.log.arrived || self.sequence >= course.frames()
+    }
+
+    /// The near miss under way, which is over now.
+    fn near_miss(&mut self) -> Option<DriveEvent> {
+        self.near.take().map(|(_, event)| event)
     }
 
     fn point(
@@ -130,7 +142,7 @@ impl Drive {
         clearance_m: f64,
         speed_m_per_s: f64,
         is_placed: bool,
-        events: Vec<DriveEvent>,
+        event: Option<DriveEvent>,
     ) -> TrackPoint {
         TrackPoint {
             sequence: self.sequence,
@@ -139,7 +151,7 @@ impl Drive {
             speed_m_per_s,
             clearance_m,
             is_placed,
-            events,
+            event,
         }
     }
 
@@ -153,8 +165,8 @@ impl Drive {
         self.anchor = self.robot;
         self.commands = [DriveCommand::default(); 2];
         self.steering = Steering::new(course.drive());
-        self.near = None;
-        self.point(course.clearance_m(self.robot.at), 0.0, true, Vec::new())
+        let event = self.near_miss();
+        self.point(course.clearance_m(self.robot.at), 0.0, true, event)
     }
 
     fn moved(&mut self, course: &Course) -> TrackPoint {
@@ -165,15 +177,17 @@ impl Drive {
             advance(course.world(), config, self.robot, command, frame_s);
         self.robot = state;
         let at_m: [f64; 2] = state.at.into();
-        let mut events = Vec::new();
+        let mut event = None;
         if clearance_m <= 0.0 {
             let with = name.to_owned();
-            events.push(DriveEvent::Collision { with, at_m });
+            event = Some(DriveEvent::Collision { with, at_m });
             self.near = None;
             self.is_to_be_placed = true;
+            // It stands where it touched something.
+            self.commands = [DriveCommand::default(); 2];
         } else if clearance_m >= config.near_miss_m {
             // It is over, and nothing was touched.
-            events.extend(self.near.take().map(|(_, event)| event));
+            event = self.near_miss();
         } else if self
             .near
             .as_ref()
@@ -184,11 +198,11 @@ impl Drive {
         }
         if (state.at - self.anchor.at).norm() > STUCK_M {
             self.anchor = state;
-        } else if state.time_s - self.anchor.time_s >= config.stuck_s && !self.is_to_be_placed {
-            events.push(DriveEvent::Stuck { at_m });
+        } else if state.time_s - self.anchor.time_s >= config.stuck_s && event.is_none() {
+            event = Some(DriveEvent::Stuck { at_m });
             self.is_to_be_placed = true;
         }
-        self.point(clearance_m, driven_m / frame_s, false, events)
+        self.point(clearance_m, driven_m / frame_s, false, event)
     }
 
     /// Takes the grid of the frame given out last.
@@ -208,10 +222,37 @@ impl Drive {
             let state = robot.after(command, time_s - robot.time_s);
             gait.pose(state.at, state.heading, time_s)
         };
-        (pose(robot.time_s), Twist::of(pose, robot.time_s))
+        (pose(robot.time_s), Twist::new(pose, robot.time_s))
     }
 
     pub(super) fn robot(&self) -> RobotState {
         self.robot
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arena::ArenaConfig;
+    use crate::depth::{GridSettings, grid};
+    use crate::scenario::DriveConfig;
+
+    #[test]
+    fn a_command_is_delayed_by_one_frame() {
+        let mut arena = ArenaConfig::default();
+        (arena.rig.width_px, arena.rig.height_px) = (80, 60);
+        let settings = GridSettings::default();
+        let course = Course::new(&arena, &DriveConfig::default(), settings, 3).unwrap();
+        let (gait, rig) = (course.gait(), course.world().rig());
+        let mut drive = Drive::new(&course);
+        for _ in 0..3 {
+            assert!(drive.step(&course));
+            let (pose, _) = drive.view(&gait);
+            let disparity = course.world().disparity(&pose).unwrap();
+            drive.decide(&course, &grid(&disparity, settings, Some(&rig)));
+        }
+        // What was decided on the first frame moves it from the second to the third.
+        let speeds: Vec<_> = drive.log.track.iter().map(|p| p.speed_m_per_s).collect();
+        assert!(speeds[..2] == [0.0, 0.0] && speeds[2] > 0.0, "{speeds:?}");
     }
 }

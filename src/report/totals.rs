@@ -23,7 +23,7 @@ impl Summary {
             &of_checkpoints.cloned().collect::<Vec<_>>(),
         )?;
         Ok(Self {
-            stress: stressed(rows, checkpoints)?,
+            stress: stressed(&summary, rows, checkpoints)?,
             ..summary
         })
     }
@@ -33,27 +33,29 @@ impl Summary {
 /// counts as broken.
 const KEPT: f64 = 0.9;
 
-/// Summaries of the perturbed rows, each kind with the unperturbed pairs as level 0.
-fn stressed(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Vec<StressSummary>> {
+/// Summaries of the perturbed rows, each kind with the unperturbed pairs, `base`, as level 0.
+fn stressed(
+    base: &Summary,
+    rows: &[Row],
+    checkpoints: &[CheckpointRow],
+) -> Result<Vec<StressSummary>> {
     let mut stresses: Vec<(&str, Stress)> = Vec::new();
     for text in rows.iter().filter_map(|row| row.stress.as_deref()) {
         if !stresses.iter().any(|(known, _)| *known == text) {
             stresses.push((text, text.parse()?));
         }
     }
-    if stresses.is_empty() {
-        return Ok(Vec::new());
-    }
-    let of = |stress: Option<&str>| {
-        let rows = rows.iter().filter(|row| row.stress.as_deref() == stress);
+    let of = |stress: &str| {
+        let rows = rows
+            .iter()
+            .filter(|row| row.stress.as_deref() == Some(stress));
         let of_checkpoints = checkpoints.iter();
-        let of_checkpoints = of_checkpoints.filter(|row| row.stress.as_deref() == stress);
+        let of_checkpoints = of_checkpoints.filter(|row| row.stress.as_deref() == Some(stress));
         Summary::from_frames_of(
             &rows.cloned().collect::<Vec<_>>(),
             &of_checkpoints.cloned().collect::<Vec<_>>(),
         )
     };
-    let base = of(None)?;
     let mut summaries = Vec::new();
     for (i, (text, stress)) in stresses.iter().enumerate() {
         let kind = stress.kind();
@@ -62,12 +64,12 @@ fn stressed(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Vec<StressSum
             .all(|(_, other)| other.kind().name != kind.name)
         {
             let none = base.algorithms.iter();
-            summaries.extend(none.map(|a| summary(&base, &base, &a.algorithm, (kind, 0.0))));
+            summaries.extend(none.map(|a| summary(base, base, &a.algorithm, (kind, 0.0))));
         }
-        let level = of(Some(text))?;
+        let level = of(text)?;
         let algorithms = level.algorithms.iter();
         let place = (kind, stress.level());
-        summaries.extend(algorithms.map(|a| summary(&base, &level, &a.algorithm, place)));
+        summaries.extend(algorithms.map(|a| summary(base, &level, &a.algorithm, place)));
     }
     Ok(summaries)
 }

@@ -103,3 +103,33 @@ impl Source for StressedSource {
         self.source.hear(judged);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arena::ArenaConfig;
+    use crate::source::ArenaSource;
+
+    #[test]
+    fn skew_takes_the_right_image_of_an_earlier_pair() {
+        let mut config = ArenaConfig {
+            frames: 5,
+            ..ArenaConfig::default()
+        };
+        (config.rig.width_px, config.rig.height_px) = (40, 30);
+        let all = |source: &mut dyn Source| -> Vec<Frame> {
+            std::iter::from_fn(|| source.next().unwrap()).collect()
+        };
+        let arena = || ArenaSource::new(&config, 1).unwrap();
+        let plain = all(&mut arena());
+        let stress = "skew=2".parse().unwrap();
+        let skewed = all(&mut StressedSource::new(Box::new(arena()), stress, 1));
+        assert_eq!(skewed.len(), 3);
+        for (frame, (own, earlier)) in skewed.iter().zip(plain[2..].iter().zip(&plain)) {
+            assert_eq!(frame.sequence, own.sequence);
+            assert_eq!(frame.pair.left(), own.pair.left());
+            assert_eq!(frame.pair.right(), earlier.pair.right());
+            assert_eq!(frame.truth, own.truth);
+        }
+    }
+}

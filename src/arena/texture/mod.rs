@@ -19,11 +19,17 @@ pub(super) struct Texture {
     texel_m: f32,
 }
 
+/// A picture in blocks of 8 x 8 texels, each a cache line: a footprint touches few of them. The last
+/// levels are smaller than a block and leave the rest of theirs empty.
 struct Level {
     width: usize,
     height: usize,
     texels: Vec<u8>,
 }
+
+/// Logarithm of a block's side, in texels.
+const BLOCK_BITS: usize = 3;
+const BLOCK: usize = 1 << BLOCK_BITS;
 
 /// Where on a surface a pixel falls, in metres of the texture's own axes.
 pub(super) struct Footprint {
@@ -45,12 +51,8 @@ impl Texture {
     fn new(width: usize, albedo: &[f32], texel_m: f32) -> Self {
         let height = albedo.len() / width;
         debug_assert!(width.is_power_of_two() && height.is_power_of_two());
-        let texels = albedo.par_iter().map(|a| (a * 255.0 + 0.5) as u8).collect();
-        let mut levels = vec![Level {
-            width,
-            height,
-            texels,
-        }];
+        let texel = |x: usize, y: usize| (albedo[y * width + x] * 255.0 + 0.5) as u8;
+        let mut levels = vec![Level::new((width, height), texel)];
         while let Some(half) = levels.last().and_then(Level::half) {
             levels.push(half);
         }
@@ -89,35 +91,53 @@ impl Texture {
 }
 
 impl Level {
+    fn new((width, height): (usize, usize), texel: impl Fn(usize, usize) -> u8 + Sync) -> Self {
+        let columns = width.div_ceil(BLOCK);
+        let mut texels = vec![0; columns * height.div_ceil(BLOCK) * BLOCK * BLOCK];
+        let rows = texels
+            .par_chunks_exact_mut(columns * BLOCK * BLOCK)
+            .enumerate();
+        rows.for_each(|(row, blocks)| {
+            for (i, out) in blocks.iter_mut().enumerate() {
+                let (block, place) = (i / (BLOCK * BLOCK), i % (BLOCK * BLOCK));
+                let x = block * BLOCK + place % BLOCK;
+                let y = row * BLOCK + place / BLOCK;
+                if x < width && y < height {
+                    *out = texel(x, y);
+                }
+            }
+        });
+        Self {
+            width,
+            height,
+            texels,
+        }
+    }
+
+    /// Index of a texel: what its column adds ...
+    fn column(&self, x: usize) -> usize {
+        let x = x & (self.width - 1);
+        (x >> BLOCK_BITS) << (2 * BLOCK_BITS) | x & (BLOCK - 1)
+    }
+
+    /// ... and what its row adds.
+    fn row(&self, y: usize) -> usize {
+        let y = y & (self.height - 1);
+        let blocks = (y >> BLOCK_BITS) * self.width.div_ceil(BLOCK);
+        blocks << (2 * BLOCK_BITS) | (y & (BLOCK - 1)) << BLOCK_BITS
+    }
+
     /// The texture at half the size; nothing below one texel.
     fn half(&self) -> Option<Self> {
         if self.width < 2 || self.height < 2 {
             return None;
         }
-        let (width, height) = (self.width / 2, self.height / 2);
-        let mut texels = vec![0; width * height];
-        texels
-            .par_chunks_exact_mut(width)
-            .zip(self.texels.par_chunks_exact(2 * self.width))
-            .for_each(|(out, rows)| {
-                let (low, high) = rows.split_at(self.width);
-                for ((out, low), high) in out
-                    .iter_mut()
-                    .zip(low.chunks_exact(2))
-                    .zip(high.chunks_exact(2))
-                {
-                    let sum = u16::from(low[0])
-                        + u16::from(low[1])
-                        + u16::from(high[0])
-                        + u16::from(high[1]);
-                    *out = ((sum + 2) / 4) as u8;
-                }
-            });
-        Some(Self {
-            width,
-            height,
-            texels,
-        })
+        Some(Self::new((self.width / 2, self.height / 2), |x, y| {
+            let at = |dx: usize, dy: usize| {
+                u16::from(self.texels[self.column(2 * x + dx) + self.row(2 * y + dy)])
+            };
+            ((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1) + 2) / 4) as u8
+        }))
     }
 
     /// Texel centres stand at halves; `u` and `v` are positive.
@@ -125,10 +145,9 @@ impl Level {
         let (u, v) = (u - 0.5, v - 0.5);
         let (iu, iv) = (u as i32, v as i32);
         let (fu, fv) = (u - iu as f32, v - iv as f32);
-        let column = |i: i32| i as usize & (self.width - 1);
-        let row = |i: i32| (i as usize & (self.height - 1)) * self.width;
-        let (c0, c1, r0, r1) = (column(iu), column(iu + 1), row(iv), row(iv + 1));
         // Sides are powers of two, so a mask repeats the picture in both directions.
+        let (c0, c1) = (self.column(iu as usize), self.column((iu + 1) as usize));
+        let (r0, r1) = (self.row(iv as usize), self.row((iv + 1) as usize));
         let texel = |i: usize| f32::from(self.texels[i]);
         let low = texel(r0 + c0) + fu * (texel(r0 + c1) - texel(r0 + c0));
         let high = texel(r1 + c0) + fu * (texel(r1 + c1) - texel(r1 + c0));

@@ -41,6 +41,11 @@ impl Progress {
         Self::with_table(what, pairs, quiet, None)
     }
 
+    /// A bar that counts rows of tables.
+    pub(crate) fn of_rows(what: &str, quiet: bool) -> Self {
+        Self::styled(what, (None, "rows"), quiet, None)
+    }
+
     /// With a table below it.
     pub(crate) fn with_table(
         what: &str,
@@ -48,20 +53,28 @@ impl Progress {
         quiet: bool,
         table: Option<&LiveTable>,
     ) -> Self {
+        Self::styled(what, (pairs, "pairs"), quiet, table)
+    }
+
+    fn styled(
+        what: &str,
+        (count, unit): (Option<u64>, &str),
+        quiet: bool,
+        table: Option<&LiveTable>,
+    ) -> Self {
         listen_for_interrupt();
         let bar = if quiet {
             ProgressBar::hidden()
         } else {
-            pairs.map_or_else(ProgressBar::no_length, ProgressBar::new)
+            count.map_or_else(ProgressBar::no_length, ProgressBar::new)
         };
-        let form = match pairs {
-            Some(_) => {
-                "{prefix:<24!} {bar:16} {pos:>6}/{len} pairs {per_sec:>7} {eta:>3} left{msg}"
-            }
-            None => "{prefix:<24!} {spinner} {pos:>6} pairs {per_sec:>7}{msg}",
+        let form = match count {
+            Some(_) => "{bar:16} {pos:>6}/{len} UNIT {per_sec:>7} {eta:>3} left{msg}",
+            None => "{spinner} {pos:>6} UNIT {per_sec:>7}{msg}",
         };
         // The templates above are constants; the tests run both.
-        let style = ProgressStyle::with_template(form).expect("a valid template");
+        let form = format!("{{prefix:<24!}} {}", form.replace("UNIT", unit));
+        let style = ProgressStyle::with_template(&form).expect("a valid template");
         bar.set_style(style.with_key(
             "per_sec",
             |state: &indicatif::ProgressState, w: &mut dyn std::fmt::Write| {

@@ -17,13 +17,20 @@ pub(crate) fn run_through(
     sinks: &mut [Box<dyn Sink>],
     mut progress: Progress,
 ) -> (Outcome, svl::Result<()>) {
-    let mut rectified = AssumeRectified::new(source);
-    let mut monitored = AlignmentMonitor::new(&mut rectified);
-    let ran = run(&mut monitored, matchers, start, pace, sinks, &mut progress);
+    let mut source = AssumeRectified::new(source);
+    let mut run = |source: &mut dyn Source| {
+        let ran = run(source, matchers, start, pace, sinks, &mut progress);
+        (ran, source.name())
+    };
+    let (ran, name) = match start.judge.run.stress {
+        None => run(&mut AlignmentMonitor::new(&mut source)),
+        // What is out of line there was made so.
+        Some(_) => run(&mut source),
+    };
     progress.clear();
     // The error of a truncated recording says enough: what it has no partner for is its end.
     if ran.1.is_ok() {
-        report_losses(&monitored.name(), &ran.0.losses);
+        report_losses(&name, &ran.0.losses);
     }
     ran
 }

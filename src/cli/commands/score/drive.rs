@@ -6,10 +6,11 @@ use super::report::{Scored, report_manifest};
 use crate::cli::shared::outputs::{Outputs, write_json};
 use crate::cli::shared::progress::{DriveProgress, interrupted};
 use crate::cli::shared::report_folder::{
-    COURSES, MANIFEST, PART, ReportContent, ReportPart, ReportRun, Shard, maps,
+    COURSES, MANIFEST, ReportContent, ReportPart, ReportRun, Shard, maps,
 };
 use crate::cli::shared::usage;
 use anyhow::bail;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
@@ -73,31 +74,17 @@ pub(super) fn score(
     };
     outputs.set_aside()?;
     junit_file.set_aside()?;
-    for name in earlier
-        .drives
-        .iter()
-        .filter_map(|row| row.recording.as_ref())
-    {
+    let kept = earlier.drives.values().flat_map(|result| &result.drives);
+    for name in kept.filter_map(|row| row.recording.as_ref()) {
         outputs.bring_back(name)?;
     }
     let mut report = DriveReport::begin(folder, manifest, scenario)?;
     if let Some(shard) = args.shard {
-        let run = |seed: &u64| ReportRun {
-            run: None,
-            seed: Some(*seed),
-            stress: None,
-        };
-        let part = ReportPart {
-            shard,
-            description: scenario.description.clone(),
-            rule: scenario.cells,
-            measured: false,
-            driven: true,
-            runs: seeds.iter().map(run).collect(),
-        };
-        write_json(&folder.join(PART), &part)?;
+        let courses = seeds.iter().copied().map(ReportRun::course);
+        ReportPart::write(folder, scenario, shard, courses.collect())?;
     }
-    let ran = report.drive_all(scenario, seeds, earlier, (args.drives, args.shard), quiet);
+    let keep = args.drives.unwrap_or(KeptDrives::All);
+    let ran = report.drive_all(scenario, seeds, earlier, (keep, args.shard), quiet);
     let incomplete = ran.as_ref().err().map(usage::one_line);
     let total = Outcome {
         frames: report.collected.rows.len() as u64,
@@ -111,6 +98,7 @@ pub(super) fn score(
         finished,
         total,
         others: Vec::new(),
+        holds_earlier: args.resume,
     })
 }
 
@@ -149,13 +137,10 @@ fn refuse(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// What an interrupted run left of whole drives.
+/// What an interrupted run left of whole drives, each by its seed and algorithm.
 #[derive(Default)]
 struct EarlierDrives {
-    drives: Vec<DriveRow>,
-    track: Vec<TrackRow>,
-    rows: Vec<Row>,
-    cells: Vec<CellRow>,
+    drives: HashMap<(u64, String), DriveResult>,
     plans: Vec<CoursePlan>,
 }
 
@@ -173,33 +158,36 @@ impl EarlierDrives {
         manifest.run_id = earlier.run_id;
         manifest.resumed = earlier.resumed;
         manifest.resumed.push(resumed);
+        let key = |seed: u64, algorithm: &str| (seed, algorithm.to_owned());
+        let mut drives: HashMap<_, DriveResult> = HashMap::new();
+        // A drive's own row is written last: with it the drive is whole.
+        for row in whole_rows::<DriveRow>(&folder.join("drives.csv"))? {
+            let result = drives.entry(key(row.seed, &row.algorithm)).or_default();
+            result.drives.push(row);
+        }
+        for row in whole_rows::<TrackRow>(&folder.join("tracks.csv"))? {
+            if let Some(result) = drives.get_mut(&key(row.seed, &row.algorithm)) {
+                result.track.push(row);
+            }
+        }
+        for row in whole_rows::<Row>(&folder.join("rows.csv"))? {
+            let seed = row.seed.unwrap_or_default();
+            if let Some(result) = drives.get_mut(&key(seed, &row.algorithm)) {
+                result.rows.push(row);
+            }
+        }
+        for row in whole_rows::<CellRow>(&folder.join("cells.csv"))? {
+            let seed = row.seed.unwrap_or_default();
+            if let Some(result) = drives.get_mut(&key(seed, &row.algorithm)) {
+                result.cells.push(row);
+            }
+        }
+        // A killed run has none: its maps are those of the courses that are driven now.
+        let plans = std::fs::read_to_string(folder.join(COURSES)).ok();
+        let plans = plans.and_then(|text| serde_json::from_str(&text).ok());
         Ok(Self {
-            drives: whole_rows(&folder.join("drives.csv"))?,
-            track: whole_rows(&folder.join("tracks.csv"))?,
-            rows: whole_rows(&folder.join("rows.csv"))?,
-            cells: whole_rows(&folder.join("cells.csv"))?,
-            // A killed run has none: its maps are those of the courses that are driven now.
-            plans: std::fs::read_to_string(folder.join(COURSES))
-                .ok()
-                .and_then(|text| serde_json::from_str(&text).ok())
-                .unwrap_or_default(),
-        })
-    }
-
-    /// Takes a drive out, where it is whole: its row is written last.
-    fn take(&mut self, seed: u64, label: &str) -> Option<DriveResult> {
-        let is_of = |row: &DriveRow| row.seed == seed && row.algorithm == label;
-        let place = self.drives.iter().position(is_of)?;
-        let is_frame = |of: Option<u64>, algorithm: &str| of == Some(seed) && algorithm == label;
-        let track = (self.track).extract_if(.., |row| is_frame(Some(row.seed), &row.algorithm));
-        let rows = (self.rows).extract_if(.., |row| is_frame(row.seed, &row.algorithm));
-        let cells = (self.cells).extract_if(.., |row| is_frame(row.seed, &row.algorithm));
-        Some(DriveResult {
-            drives: vec![self.drives.swap_remove(place)],
-            track: track.collect(),
-            rows: rows.collect(),
-            cells: cells.collect(),
-            ..DriveResult::default()
+            drives,
+            plans: plans.unwrap_or_default(),
         })
     }
 }
@@ -255,11 +243,12 @@ impl DriveReport {
         let units = units.enumerate();
         let units = units.filter(|(i, _)| shard.is_none_or(|shard| shard.takes(*i)));
         let units: Vec<_> = units.map(|(_, unit)| unit).collect();
-        let label = |unit: &DriveUnit| scenario.algorithms[unit.algorithm].label();
-        let mut known: Vec<_> = units
-            .iter()
-            .map(|unit| earlier.take(seeds[unit.course], label(unit)))
-            .collect();
+        let key = |unit: &DriveUnit| {
+            let label = scenario.algorithms[unit.algorithm].label();
+            (seeds[unit.course], label.to_owned())
+        };
+        let known = units.iter().map(|unit| earlier.drives.remove(&key(unit)));
+        let mut known: Vec<_> = known.collect();
         let todo: Vec<_> = (0..units.len()).filter(|&i| known[i].is_none()).collect();
         let work = DriveWork {
             scenario,

@@ -7,8 +7,8 @@ mod sweep;
 
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::live::LiveTable;
-use crate::cli::shared::outputs::{Outputs, write, write_json};
-use crate::cli::shared::report_folder::{PART, REPORT, ReportHead, ReportPart, ReportRun, Shard};
+use crate::cli::shared::outputs::{Outputs, write};
+use crate::cli::shared::report_folder::{REPORT, ReportHead, ReportPart, ReportRun, Shard};
 use crate::cli::shared::rerun::RerunChoice;
 use crate::cli::shared::scenario_runs::{
     self, ScenarioSourceArgs, ScoredSource, runs as open_runs,
@@ -116,13 +116,9 @@ pub(crate) struct Args {
     #[arg(long)]
     resume: bool,
     /// Which drives of kind = "drive" are kept as recordings in the report; each takes about 80 MB
-    #[arg(
-        long,
-        value_name = "all|none",
-        default_value = "all",
-        hide_possible_values = true
-    )]
-    drives: KeptDrives,
+    /// [default: all]
+    #[arg(long, value_name = "all|none", hide_possible_values = true)]
+    drives: Option<KeptDrives>,
     /// Fail when a limit of the scenario's [[gate]] is broken
     #[arg(long)]
     gate: bool,
@@ -184,6 +180,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         finished,
         total,
         others,
+        holds_earlier,
     } = scored?;
     // Decided before anything is printed: a full standard output costs no report, and a full disk
     // no row that was written.
@@ -197,6 +194,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
                 }
             }
         }
+        (Err(_), Ok(_)) if holds_earlier => outputs.commit(),
         _ if finished.is_ok() || total.frames > 0 => outputs.keep_both(),
         _ => drop(outputs),
     }
@@ -239,6 +237,13 @@ fn score_runs(
     (outputs, junit_file): (&mut Outputs, &mut Outputs),
     quiet: bool,
 ) -> anyhow::Result<Scored> {
+    if args.drives.is_some() {
+        let words = format!(
+            "--drives is for scenarios of drives; '{}' has none",
+            scenario.name
+        );
+        return Err(usage::wrong(words));
+    }
     let mut matchers =
         Matchers::new(&scenario.algorithms).map_err(|error| match args.algo.is_empty() {
             // The file is wrong, not the command line.
@@ -289,15 +294,7 @@ fn score_runs(
     outputs.set_aside()?;
     junit_file.set_aside()?;
     if let Some(shard) = args.shard {
-        let part = ReportPart {
-            shard,
-            description: scenario.description.clone(),
-            rule: scenario.cells,
-            measured: true,
-            driven: false,
-            runs: keys,
-        };
-        write_json(&folder.join(PART), &part)?;
+        ReportPart::write(folder, scenario, shard, keys)?;
     }
     let mut report = {
         let rerun = rerun.map(|target| (target, args.rerun_detail));
@@ -332,6 +329,7 @@ fn score_runs(
         finished,
         total,
         others,
+        holds_earlier: false,
     })
 }
 

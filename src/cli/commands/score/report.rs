@@ -134,4 +134,6 @@ pub(super) struct Scored {
     pub(super) total: Outcome,
     /// Folders of interrupted parts, which the report holds now.
     pub(super) others: Vec<PathBuf>,
+    /// Whether it holds all that the report before it had, even where it ended early.
+    pub(super) holds_earlier: bool,
 }

@@ -1,7 +1,10 @@
 //! A part of a report: the share of a shard, and what `svl merge` has to know of the whole.
 
+use crate::cli::shared::outputs::write_json;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 use std::str::FromStr;
+use svl::scenario::{Scenario, ScenarioSource};
 use svl::stereo::CellRule;
 
 /// The file that a part has besides those of a report.
@@ -13,12 +16,29 @@ pub(crate) struct ReportPart {
     pub(crate) shard: Shard,
     pub(crate) description: String,
     pub(crate) rule: CellRule,
-    /// Whether times are of matching alone.
-    pub(crate) measured: bool,
-    /// Whether the runs are drives.
+    /// Whether the runs are drives; the times of others are of matching alone.
     pub(crate) driven: bool,
     /// All runs of the whole, in their order.
     pub(crate) runs: Vec<ReportRun>,
+}
+
+impl ReportPart {
+    /// Says in a report's folder that it is a part.
+    pub(crate) fn write(
+        folder: &Path,
+        scenario: &Scenario,
+        shard: Shard,
+        runs: Vec<ReportRun>,
+    ) -> anyhow::Result<()> {
+        let part = Self {
+            shard,
+            description: scenario.description.clone(),
+            rule: scenario.cells,
+            driven: matches!(scenario.source, ScenarioSource::Drive { .. }),
+            runs,
+        };
+        write_json(&folder.join(PART), &part)
+    }
 }
 
 /// What distinguishes a run in the rows.
@@ -27,6 +47,17 @@ pub(crate) struct ReportRun {
     pub(crate) run: Option<String>,
     pub(crate) seed: Option<u64>,
     pub(crate) stress: Option<String>,
+}
+
+impl ReportRun {
+    /// The drives through a course.
+    pub(crate) fn course(seed: u64) -> Self {
+        Self {
+            run: None,
+            seed: Some(seed),
+            stress: None,
+        }
+    }
 }
 
 /// One of several shares of a run, written `3/16`.

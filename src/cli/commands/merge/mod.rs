@@ -1,5 +1,7 @@
 //! `svl merge`: makes one report of the parts that shards of a run left.
 
+mod tables;
+
 use crate::cli::shared::outputs::{Outputs, write_json};
 use crate::cli::shared::progress::Progress;
 use crate::cli::shared::report_folder::{
@@ -8,14 +10,12 @@ use crate::cli::shared::report_folder::{
 use crate::cli::shared::terminal::{print, print_json, width};
 use crate::cli::shared::usage;
 use anyhow::{Context, bail};
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::manifest::{AlgorithmRecord, Manifest, PartRecord};
 use svl::matcher::Algorithm;
-use svl::report::{
-    CellRow, CheckpointRow, CoursePlan, DriveRow, Row, Summary, Table, TrackRow, merge_rows,
-    read_rows,
-};
+use svl::report::{CellRow, CoursePlan, DriveRow, Summary, TrackRow, read_rows};
+use tables::{MergeOrder, TableMerge};
 
 /// Make one report of the parts that `svl score --shard` left
 ///
@@ -154,121 +154,28 @@ fn read_part(folder: &Path) -> anyhow::Result<FoundPart> {
     }
 }
 
-/// Places of runs and algorithms in the whole.
-struct MergeOrder {
-    runs: HashMap<ReportRun, usize>,
-    algorithms: HashMap<String, usize>,
-    /// Whether an algorithm's rows of a run stay together.
-    driven: bool,
-}
-
-impl MergeOrder {
-    fn new(part: &ReportPart, manifest: &Manifest) -> Self {
-        let runs = part.runs.iter().cloned().zip(0..);
-        let labels = manifest.labels().map(str::to_owned).zip(0..);
-        Self {
-            runs: runs.collect(),
-            algorithms: labels.collect(),
-            driven: part.driven,
-        }
-    }
-
-    /// The place of a row: run, then algorithm or pair, whichever comes first.
-    fn place(
-        &self,
-        (run, seed, stress): (&Option<String>, Option<u64>, &Option<String>),
-        algorithm: &str,
-        sequence: u64,
-    ) -> svl::Result<(usize, u64, u64)> {
-        let key = ReportRun {
-            run: run.clone(),
-            seed,
-            stress: stress.clone(),
-        };
-        let known = self.runs.get(&key).zip(self.algorithms.get(algorithm));
-        let (run, algorithm) = known.ok_or_else(|| {
-            svl::Error::Invalid(format!(
-                "a part has a row of another run: {key:?}, {algorithm}"
-            ))
-        })?;
-        let algorithm = *algorithm as u64;
-        Ok(match self.driven {
-            true => (*run, algorithm, sequence),
-            false => (*run, sequence, algorithm),
-        })
-    }
-}
-
 fn merge(parts: &[FoundPart], out: &Path, quiet: bool) -> anyhow::Result<Summary> {
     let part = &parts[0].part;
     let manifest = merged_manifest(parts, out)?;
-    let id = manifest.run_id.clone();
     write_json(&out.join(MANIFEST), &manifest)?;
-    let order = MergeOrder::new(part, &manifest);
-    let tables = |name: &str| -> Vec<PathBuf> {
-        let paths = parts.iter().map(|found| found.folder.join(name));
-        paths.filter(|path| path.exists()).collect()
+    let tables = TableMerge {
+        parts,
+        out,
+        order: MergeOrder::new(part, &manifest),
+        id: manifest.run_id.clone(),
+        progress: Progress::of_rows("merge", quiet),
     };
-    let progress = Progress::new("merge", None, quiet);
-    let go_on = |rows: usize| match (0..rows).all(|_| progress.step()) {
-        true => Ok(()),
-        false => Err(svl::Error::Invalid("interrupted".into())),
-    };
-    let mut cells = Table::create_both(out, "cells")?;
-    merge_rows(
-        &tables("cells.csv"),
-        |row: &CellRow| {
-            order.place(
-                (&row.run, row.seed, &row.stress),
-                &row.algorithm,
-                row.sequence,
-            )
-        },
-        |mut rows| {
-            rows.iter_mut().for_each(|row| row.run_id.clone_from(&id));
-            cells.push(rows)
-        },
-    )?;
-    cells.finish()?;
     let mut collected = ReportContent::default();
-    let mut table = Table::create_both(out, "rows")?;
-    merge_rows(
-        &tables("rows.csv"),
-        |row: &Row| {
-            order.place(
-                (&row.run, row.seed, &row.stress),
-                &row.algorithm,
-                row.sequence,
-            )
-        },
-        |mut rows| {
-            rows.iter_mut().for_each(|row| row.run_id.clone_from(&id));
-            go_on(rows.len())?;
-            collected.rows.extend(rows.iter().cloned());
-            table.push(rows)
-        },
-    )?;
-    table.finish()?;
+    tables.merge("cells", |_: &[CellRow]| ())?;
+    tables.merge("rows", |rows| collected.rows.extend_from_slice(rows))?;
     match part.driven {
-        true => merge_drives(parts, out, &order, &id, &mut collected)?,
+        true => merge_drives(&tables, &mut collected)?,
         false => {
-            let mut rows: Vec<CheckpointRow> = Vec::new();
-            for path in tables("checkpoints.csv") {
-                rows.extend(read_rows::<CheckpointRow>(&path)?);
-            }
-            let place = |row: &CheckpointRow| {
-                let key = (&row.run, row.seed, &row.stress);
-                order.place(key, &row.algorithm, u64::from(row.checkpoint))
-            };
-            rows.sort_by_cached_key(|row| place(row).unwrap_or_default());
-            rows.iter_mut().for_each(|row| row.run_id.clone_from(&id));
-            let mut table = Table::create_both(out, "checkpoints")?;
-            table.push(rows.iter().cloned())?;
-            table.finish()?;
-            collected.checkpoints = rows;
+            let kept = &mut collected.checkpoints;
+            tables.merge("checkpoints", |rows| kept.extend_from_slice(rows))?;
         }
     }
-    progress.clear();
+    tables.progress.clear();
     let algorithms = manifest
         .algorithms
         .iter()
@@ -277,7 +184,7 @@ fn merge(parts: &[FoundPart], out: &Path, quiet: bool) -> anyhow::Result<Summary
     let head = ReportHead {
         description: &part.description,
         rule: part.rule,
-        measured: part.measured,
+        measured: !part.driven,
         algorithms: &algorithms,
         sort: None,
         limits: &[],
@@ -296,60 +203,28 @@ fn algorithm(record: &AlgorithmRecord) -> Option<Algorithm> {
     Some(algorithm.called(record.label.clone()))
 }
 
-fn merge_drives(
-    parts: &[FoundPart],
-    out: &Path,
-    order: &MergeOrder,
-    id: &str,
-    collected: &mut ReportContent,
-) -> anyhow::Result<()> {
+fn merge_drives(tables: &TableMerge<'_>, collected: &mut ReportContent) -> anyhow::Result<()> {
     let mut drives: Vec<DriveRow> = Vec::new();
-    let mut track: Vec<TrackRow> = Vec::new();
-    let mut plans: Vec<CoursePlan> = Vec::new();
-    for found in parts {
+    let mut plans: BTreeMap<Option<usize>, CoursePlan> = BTreeMap::new();
+    for found in tables.parts {
+        let folder = relative(&found.folder, tables.out);
         for mut row in read_rows::<DriveRow>(&found.folder.join("drives.csv"))? {
-            let folder = relative(&found.folder, out);
             row.recording = row.recording.map(|name| format!("{folder}/{name}"));
             drives.push(row);
         }
-        track.extend(read_rows::<TrackRow>(&found.folder.join("tracks.csv"))?);
         let path = found.folder.join(COURSES);
         let text = std::fs::read_to_string(&path).map_err(|e| svl::Error::io(&path, e))?;
         let own: Vec<CoursePlan> =
             serde_json::from_str(&text).with_context(|| path.display().to_string())?;
-        for plan in own {
-            if plans.iter().all(|known| known.seed != plan.seed) {
-                plans.push(plan);
-            }
-        }
+        let place = |plan: &CoursePlan| tables.order.run(&ReportRun::course(plan.seed));
+        plans.extend(own.into_iter().map(|plan| (place(&plan), plan)));
     }
-    let none = None;
-    let place = |seed: u64, algorithm: &str, sequence: u64| {
-        order
-            .place((&None, Some(seed), &none), algorithm, sequence)
-            .unwrap_or_default()
-    };
-    drives.sort_by_cached_key(|row| place(row.seed, &row.algorithm, 0));
-    track.sort_by_cached_key(|row| place(row.seed, &row.algorithm, row.sequence));
-    let run = |plan: &CoursePlan| {
-        order.runs.get(&ReportRun {
-            run: None,
-            seed: Some(plan.seed),
-            stress: None,
-        })
-    };
-    plans.sort_by_key(|plan| run(plan).copied());
-    drives.iter_mut().for_each(|row| row.run_id = id.to_owned());
-    track.iter_mut().for_each(|row| row.run_id = id.to_owned());
-    let mut table = Table::create_both(out, "drives")?;
-    table.push(drives.iter().cloned())?;
-    table.finish()?;
-    let mut table = Table::create_both(out, "tracks")?;
-    table.push(track.iter().cloned())?;
-    table.finish()?;
-    write_json(&out.join(COURSES), &plans)?;
-    collected.maps = maps(&plans, &drives, &track);
-    collected.drives = drives;
+    let mut track: Vec<TrackRow> = Vec::new();
+    tables.merge("tracks", |rows| track.extend_from_slice(rows))?;
+    let plans: Vec<_> = plans.into_values().collect();
+    write_json(&tables.out.join(COURSES), &plans)?;
+    collected.drives = tables.sort("drives", drives)?;
+    collected.maps = maps(&plans, &collected.drives, &track);
     Ok(())
 }
 
