@@ -6,7 +6,8 @@
 //! ```
 
 use std::path::Path;
-use svl::report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl::report::plot::{Axis, Chart, Series, SeriesStyle, two_columns};
+use svl::report::{DriveRow, read_rows};
 use svl::statistics::Concordance;
 
 type Failure = Box<dyn std::error::Error>;
@@ -61,6 +62,46 @@ fn summary(report: &Path) -> Result<serde_json::Value, Failure> {
     Ok(serde_json::from_str(&text)?)
 }
 
+/// How well collisions on one half of the courses predict those on the other half: Kendall's tau-b,
+/// the mean over many halvings. No metric of anything else can be expected to do much better.
+fn between_halves(drive: &Path) -> Result<Option<f64>, Failure> {
+    let table = drive.join("drives.csv");
+    if !table.exists() {
+        return Ok(None);
+    }
+    let rows: Vec<DriveRow> = read_rows(&table)?;
+    let mut seeds: Vec<u64> = rows.iter().map(|row| row.seed).collect();
+    let mut labels: Vec<&str> = rows.iter().map(|row| row.algorithm.as_str()).collect();
+    (seeds.sort_unstable(), labels.sort_unstable());
+    (seeds.dedup(), labels.dedup());
+    labels.retain(|label| !is_end(label));
+    let mut random = fastrand::Rng::with_seed(1);
+    let mut taus = Vec::new();
+    for _ in 0..200 {
+        random.shuffle(&mut seeds);
+        let half = &seeds[..seeds.len() / 2];
+        let rate = |label: &str, first: bool| {
+            let own = rows
+                .iter()
+                .filter(|row| row.algorithm == label && half.contains(&row.seed) == first);
+            let (hits, way) = own.fold((0.0, 0.0), |(hits, way), row| {
+                (hits + row.collisions as f64, way + row.driven_m)
+            });
+            hits / way
+        };
+        let both = labels
+            .iter()
+            .map(|label| (rate(label, true), rate(label, false)));
+        taus.extend(Concordance::of(&mut both.collect::<Vec<_>>()).tau_b());
+    }
+    Ok((!taus.is_empty()).then(|| taus.iter().sum::<f64>() / taus.len() as f64))
+}
+
+/// The two ends of the scale, which would make any metric look good.
+fn is_end(label: &str) -> bool {
+    ["truth", "blind"].contains(&label)
+}
+
 /// Prints the rank correlations, and returns the figure as SVG.
 ///
 /// # Errors
@@ -68,8 +109,6 @@ fn summary(report: &Path) -> Result<serde_json::Value, Failure> {
 pub fn figure(drive: &Path, recordings: &Path) -> Result<String, Failure> {
     let (driven, scored) = (summary(drive)?, summary(recordings)?);
     let drives = driven["drives"].as_array().cloned().unwrap_or_default();
-    // The two ends of the scale would make any metric look good.
-    let is_end = |label: &str| ["truth", "blind"].contains(&label);
     let hits: Vec<_> = drives
         .iter()
         .filter_map(|d| Some((d["algorithm"].as_str()?, d["collisions_per_100m"].as_f64()?)))
@@ -122,29 +161,13 @@ pub fn figure(drive: &Path, recordings: &Path) -> Result<String, Failure> {
         };
         panels.push(chart.svg()?);
     }
-    Ok(grid(&panels))
-}
-
-/// The panels in two columns.
-fn grid(panels: &[String]) -> String {
-    let (width, height) = (960, 640);
-    let rows = panels.len().div_ceil(2);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\">\n<rect width=\"100%\" \
-         height=\"100%\" fill=\"#FFFFFF\"/>\n",
-        2 * width,
-        rows * height
-    );
-    for (i, panel) in panels.iter().enumerate() {
-        let place = format!(
-            "<svg x=\"{}\" y=\"{}\" width=\"{width}\" height=\"{height}\" ",
-            i % 2 * width,
-            i / 2 * height
+    if let Some(tau) = between_halves(drive)? {
+        println!(
+            "{:<40} {:>10} {tau:>+10.2}",
+            "collisions on the other courses", ""
         );
-        svg.push_str(&panel.replacen("<svg ", &place, 1));
-        svg.push('\n');
     }
-    svg + "</svg>\n"
+    Ok(two_columns(&panels))
 }
 
 pub fn main() -> Result<(), Failure> {

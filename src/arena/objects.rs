@@ -42,8 +42,8 @@ impl Objects {
         self.names.iter().map(String::as_str).zip(&self.solids)
     }
 
-    /// All that a ray enters that leaves the camera in a direction, with their indices. `set`: those
-    /// that it can meet.
+    /// All that a ray enters that leaves the camera in a direction, with their indices. `set`:
+    /// those that it can meet.
     pub(super) fn enter(
         &self,
         candidates: &Candidates,

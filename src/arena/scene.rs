@@ -103,8 +103,8 @@ impl ArenaScene {
         self.pictures.is_some()
     }
 
-    /// The first thing on a ray that leaves the camera in a direction. `set`: the solids that it can
-    /// meet.
+    /// The first thing on a ray that leaves the camera in a direction. `set`: the solids that it
+    /// can meet.
     pub(super) fn cast(&self, candidates: &Candidates, set: u64, direction: &Vec3) -> Hit {
         let mut hit = self.lab_or_floor(&candidates.origin, direction);
         for (i, (t, face)) in self.objects.enter(candidates, set, direction) {

@@ -1,7 +1,7 @@
 //! Limits of a run's metrics, and the gate result of a run: `svl score --gate`.
 
 use super::junit::{TestCase, TestResult};
-use super::summary::{AlgorithmSummary, Summary};
+use super::summary::Summary;
 use crate::error::{Error, Result};
 use crate::manifest::{AlgorithmRecord, Manifest};
 use crate::score::{METRICS, Metric, MetricOrigin, MetricUnit};
@@ -136,7 +136,7 @@ impl Limit {
                     .find(|a| a.algorithm == algorithm.label)
             };
             let value = match unit {
-                None => found(algorithm).and_then(|of| self.value(of, summary)),
+                None => summary.value(&algorithm.label, self.metric, self.checkpoint),
                 Some(None) => None,
                 Some(Some(unit)) => found(algorithm)
                     .zip(found(unit))
@@ -178,22 +178,6 @@ impl Limit {
         } else {
             results
         }
-    }
-
-    fn value(&self, of: &AlgorithmSummary, summary: &Summary) -> Option<f64> {
-        if !matches!(self.metric.origin, MetricOrigin::Checkpoints) {
-            return of.value(self.metric);
-        }
-        let visited = summary
-            .checkpoints
-            .iter()
-            .filter(|c| c.algorithm == of.algorithm);
-        let visited =
-            visited.filter(|c| self.checkpoint.is_none_or(|number| c.checkpoint == number));
-        let (frames, passed) = visited.fold((0, 0), |(frames, passed), c| {
-            (frames + c.frames, passed + c.passed)
-        });
-        (frames > 0).then(|| passed as f64 / frames as f64)
     }
 }
 

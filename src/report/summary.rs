@@ -6,7 +6,7 @@ use super::speed::Speed;
 use super::stress::StressSummary;
 use crate::error::{Error, Result};
 use crate::manifest::{Manifest, hash};
-use crate::score::{METRICS, Metric, MetricOrigin, MetricTotal, MetricValues};
+use crate::score::{DriveNumber, METRICS, Metric, MetricOrigin, MetricTotal, MetricValues};
 use crate::stereo::{CellRule, TruthOrigin};
 use polars::prelude::{DataFrame, PolarsResult};
 use serde::Serialize;
@@ -107,13 +107,13 @@ record! {
 }
 
 impl AlgorithmSummary {
-    /// The value of a metric, absent where the run does not measure it; of checkpoints see
-    /// [`CheckpointSummary::share`].
+    /// The value of a metric of frames, absent where the run does not measure it; of the others see
+    /// [`Summary::value`].
     pub fn value(&self, metric: &Metric) -> Option<f64> {
         match metric.origin {
             MetricOrigin::Frame { .. } => self.totals.value(metric),
             MetricOrigin::Time => Some(self.p50_ms),
-            MetricOrigin::Checkpoints => None,
+            MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
         }
     }
 }
@@ -158,6 +158,34 @@ impl Summary {
         for record in &mut manifest.algorithms {
             let summary = self.algorithms.iter().find(|a| a.algorithm == record.label);
             record.results_hash = summary.map(|a| a.results_hash.clone());
+        }
+    }
+
+    /// The value of any metric, absent where the run does not measure it. `checkpoint`: the one
+    /// that counts, in place of all.
+    pub fn value(&self, label: &str, metric: &Metric, checkpoint: Option<u32>) -> Option<f64> {
+        match metric.origin {
+            MetricOrigin::Frame { .. } | MetricOrigin::Time => {
+                let own = self.algorithms.iter().find(|a| a.algorithm == label)?;
+                own.value(metric)
+            }
+            MetricOrigin::Checkpoints => {
+                let own = self.checkpoints.iter().filter(|c| {
+                    c.algorithm == label && checkpoint.is_none_or(|number| c.checkpoint == number)
+                });
+                let (frames, passed) = own.fold((0, 0), |(frames, passed), c| {
+                    (frames + c.frames, passed + c.passed)
+                });
+                (frames > 0).then(|| passed as f64 / frames as f64)
+            }
+            MetricOrigin::Drives(number) => {
+                let own = self.drives.iter().find(|d| d.algorithm == label)?;
+                Some(match number {
+                    DriveNumber::Finished => own.finished as f64 / own.courses as f64,
+                    DriveNumber::Collisions => own.collisions_per_100m,
+                    DriveNumber::NearMisses => own.near_misses_per_100m,
+                })
+            }
         }
     }
 

@@ -15,13 +15,16 @@ mod distance;
 mod filters;
 mod finding;
 mod hashing;
+mod light;
 mod measure;
+mod misalignment;
 mod page;
 mod points;
 mod situations;
 mod smoothing;
 mod speed;
 mod stage;
+mod stressed;
 mod texture;
 mod validity;
 mod without_truth;
@@ -67,6 +70,8 @@ pub const EXPERIMENTS: &[Experiment] = &[
     closeness::EXPERIMENT,
     validity::EXPERIMENT,
     hashing::EXPERIMENT,
+    light::EXPERIMENT,
+    misalignment::EXPERIMENT,
     points::EXPERIMENT,
     speed::EXPERIMENT,
     filters::spectrum::EXPERIMENT,

@@ -96,6 +96,8 @@ pub enum MetricUnit {
     Px,
     /// Limited and compared as a ratio, as machines differ.
     Ms,
+    /// Number for 100 m driven.
+    Per100M,
 }
 
 /// Which way is better.
@@ -121,6 +123,17 @@ pub enum MetricOrigin {
     Time,
     /// The frames that show a checkpoint; share of those in which it passes.
     Checkpoints,
+    /// The drives through courses.
+    Drives(DriveNumber),
+}
+
+/// A number of an algorithm's drives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DriveNumber {
+    /// Share of the courses whose goal was reached without a collision and without help.
+    Finished,
+    Collisions,
+    NearMisses,
 }
 
 /// How the values of frames add up; frames without a value are skipped.
@@ -638,6 +651,42 @@ pub const METRICS: &[Metric] = &[
         plot: None,
         note: None,
     },
+    Metric {
+        name: "finished",
+        words: "courses finished",
+        group: "",
+        head: "finished",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Drives(DriveNumber::Finished),
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "collisions",
+        words: "collisions",
+        group: "",
+        head: "hits/100 m",
+        unit: MetricUnit::Per100M,
+        better: Better::Less,
+        against_truth: false,
+        origin: MetricOrigin::Drives(DriveNumber::Collisions),
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "near_misses",
+        words: "near misses",
+        group: "",
+        head: "near/100 m",
+        unit: MetricUnit::Per100M,
+        better: Better::Less,
+        against_truth: false,
+        origin: MetricOrigin::Drives(DriveNumber::NearMisses),
+        plot: None,
+        note: None,
+    },
 ];
 
 impl Metric {
@@ -651,6 +700,11 @@ impl Metric {
             MetricOrigin::Frame { column, total, .. } => Some((column, total)),
             _ => None,
         }
+    }
+
+    /// Whether an algorithm has it of any frames, without checkpoints and drives.
+    pub fn is_of_frames(&self) -> bool {
+        matches!(self.origin, MetricOrigin::Frame { .. } | MetricOrigin::Time)
     }
 
     /// Whether its column holds whole numbers.
@@ -674,6 +728,7 @@ impl Metric {
             MetricUnit::Count => format!("{value:.0}"),
             MetricUnit::Px => format!("{value:.2} px"),
             MetricUnit::Ms => format!("{value:.2} ms"),
+            MetricUnit::Per100M => format!("{value:.1} per 100 m"),
         }
     }
 

@@ -21,8 +21,8 @@ pub use disparity::DisparityScore;
 pub use filtered::FilterTally;
 pub use judge::{Judge, Judged, JudgedEstimate};
 pub use metrics::{
-    Better, CellSupport, FrameFacts, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit,
-    MetricValues,
+    Better, CellSupport, DriveNumber, FrameFacts, METRICS, Metric, MetricOrigin, MetricTotal,
+    MetricUnit, MetricValues,
 };
 pub use photometric::Correlations;
 pub use support::{agreed_cells, supported_cells, unrivalled_cells};

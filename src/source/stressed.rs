@@ -107,7 +107,7 @@ impl Source for StressedSource {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arena::ArenaConfig;
+    use crate::arena::{Arena, ArenaConfig};
     use crate::source::ArenaSource;
 
     #[test]
@@ -120,7 +120,7 @@ mod tests {
         let all = |source: &mut dyn Source| -> Vec<Frame> {
             std::iter::from_fn(|| source.next().unwrap()).collect()
         };
-        let arena = || ArenaSource::new(&config, 1).unwrap();
+        let arena = || ArenaSource::new(Arena::new(&config, 1).unwrap(), 1);
         let plain = all(&mut arena());
         let stress = "skew=2".parse().unwrap();
         let skewed = all(&mut StressedSource::new(Box::new(arena()), stress, 1));

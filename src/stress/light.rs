@@ -23,8 +23,18 @@ pub(super) fn gain([_, right]: &mut [Gray; 2], decibels: f64, _: &mut Chance) {
 }
 
 pub(super) fn exposure([_, right]: &mut [Gray; 2], stops: f64, chance: &mut Chance) {
+    darken(right, stops, chance);
+}
+
+pub(super) fn dark(images: &mut [Gray; 2], stops: f64, chance: &mut Chance) {
+    for image in images {
+        darken(image, stops, chance);
+    }
+}
+
+fn darken(image: &mut Gray, stops: f64, chance: &mut Chance) {
     let share = 2f64.powf(-stops) as f32;
-    each_pixel(right, |v| {
+    each_pixel(image, |v| {
         let dark = v * share;
         // The image has the noise of its own light already, of which the share remains.
         dark + ((1.0 - share) * dark * GREY_PER_E).sqrt() * chance.gaussian()

@@ -86,6 +86,15 @@ pub const STRESSES: &[StressKind] = &[
         effect: StressEffect::Pair(light::noise),
     },
     StressKind {
+        name: "dark",
+        summary: "less light on both cameras, without more gain: darker images of less contrast",
+        unit: "stops",
+        formula: "v' = v 2^-L + N(0, (1 - 2^-L) v 2^-L 255 / 9000)",
+        levels: &[0.5, 1.0, 2.0, 3.0, 4.0],
+        range: (0.0, 10.0),
+        effect: StressEffect::Pair(light::dark),
+    },
+    StressKind {
         name: "low_light",
         summary: "less light on both cameras, made up by gain: shot and read noise remain",
         unit: "stops",

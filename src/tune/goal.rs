@@ -2,7 +2,7 @@
 
 use super::values::TrialValues;
 use crate::error::{Error, Result, did_you_mean};
-use crate::score::{Better, METRICS, Metric, MetricOrigin, MetricUnit};
+use crate::score::{Better, METRICS, Metric, MetricUnit};
 use std::cmp::Ordering;
 use std::str::FromStr;
 
@@ -40,9 +40,7 @@ pub enum Bound {
 /// [`Error::Usage`] with the names that there are.
 pub(super) fn metric(name: &str) -> Result<&'static Metric> {
     // What others of a run agree on depends on who they are.
-    let can = |metric: &&Metric| {
-        !matches!(metric.origin, MetricOrigin::Checkpoints) && metric.name != "agreed"
-    };
+    let can = |metric: &&Metric| metric.is_of_frames() && metric.name != "agreed";
     let names = || METRICS.iter().filter(can).map(|metric| metric.name);
     Metric::find(name).filter(can).ok_or_else(|| {
         let near = did_you_mean(name, names());

@@ -10,6 +10,8 @@ mod own_matcher;
 mod own_sink;
 #[path = "../../examples/read_recording.rs"]
 mod read_recording;
+#[path = "../../examples/scale.rs"]
+mod scale;
 #[path = "../../examples/simulated_cameras.rs"]
 mod simulated_cameras;
 
@@ -71,4 +73,13 @@ fn a_recording_is_read() {
 #[test]
 fn cameras_are_grabbed_from() {
     simulated_cameras::main().unwrap();
+}
+
+#[test]
+fn growth_has_an_exponent() {
+    let cubes = [1.0, 2.0, 4.0, 8.0].map(|x: f64| (x, 5.0 * x.powi(3)));
+    assert!((scale::exponent(&cubes) - 3.0).abs() < 1e-12);
+    let pair = scale::pair(80).unwrap();
+    assert!(scale::matching_ms("bm", 16, &pair, 1).unwrap() > 0.0);
+    assert!(scale::main().is_err());
 }

@@ -19,8 +19,8 @@ pub(super) struct Texture {
     texel_m: f32,
 }
 
-/// A picture in blocks of 8 x 8 texels, each a cache line: a footprint touches few of them. The last
-/// levels are smaller than a block and leave the rest of theirs empty.
+/// A picture in blocks of 8 x 8 texels, each a cache line: a footprint touches few of them. The
+/// last levels are smaller than a block and leave the rest of theirs empty.
 struct Level {
     width: usize,
     height: usize,

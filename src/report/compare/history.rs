@@ -2,10 +2,10 @@
 
 use super::ScoredRun;
 use crate::error::{Error, Result};
+use crate::report::Summary;
 use crate::report::page::fill;
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
-use crate::report::{AlgorithmSummary, Summary};
-use crate::score::{METRICS, Metric, MetricOrigin, MetricUnit};
+use crate::score::{METRICS, Metric, MetricUnit};
 use serde::Serialize;
 use std::fmt::{Display, Formatter};
 use std::path::PathBuf;
@@ -144,7 +144,7 @@ impl ScenarioHistory {
             metric,
             values: summaries
                 .iter()
-                .map(|summary| value(summary, algorithm, metric))
+                .map(|summary| summary.value(algorithm, metric, None))
                 .collect(),
         };
         let lines = algorithms
@@ -183,6 +183,7 @@ impl ScenarioHistory {
                 MetricUnit::Count => Axis::new(metric.name),
                 MetricUnit::Px => Axis::new(format!("{}, px", metric.name)),
                 MetricUnit::Ms => Axis::new(format!("{}, ms", metric.name)),
+                MetricUnit::Per100M => Axis::new(format!("{} per 100 m", metric.name)),
             };
             let chart = Chart {
                 title: String::new(),
@@ -209,22 +210,9 @@ impl ScenarioHistory {
 fn shown(metric: &Metric, value: Option<f64>) -> f64 {
     let scale = match metric.unit {
         MetricUnit::Share => 100.0,
-        MetricUnit::Count | MetricUnit::Px | MetricUnit::Ms => 1.0,
+        MetricUnit::Count | MetricUnit::Px | MetricUnit::Ms | MetricUnit::Per100M => 1.0,
     };
     value.map_or(f64::NAN, |value| scale * value)
-}
-
-fn value(summary: &Summary, algorithm: &str, metric: &Metric) -> Option<f64> {
-    if matches!(metric.origin, MetricOrigin::Checkpoints) {
-        let own = summary.checkpoints.iter();
-        let own = own.filter(|checkpoint| checkpoint.algorithm == algorithm);
-        let (passed, frames) = own.fold((0, 0), |(passed, frames), checkpoint| {
-            (passed + checkpoint.passed, frames + checkpoint.frames)
-        });
-        return (frames > 0).then(|| passed as f64 / frames as f64);
-    }
-    let is_own = |of: &&AlgorithmSummary| of.algorithm == algorithm;
-    summary.algorithms.iter().find(is_own)?.value(metric)
 }
 
 impl HistoryReport {

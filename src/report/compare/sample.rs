@@ -41,7 +41,7 @@ impl Sample {
                     .map(|row| row.total_us as f64 / 1000.0)
                     .collect(),
             )),
-            MetricOrigin::Checkpoints => None,
+            MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
         }
     }
 

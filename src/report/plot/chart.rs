@@ -30,7 +30,7 @@ pub struct Axis {
     pub bounds: Option<(f64, f64)>,
 }
 
-const HEIGHT: u32 = 640;
+pub(super) const HEIGHT: u32 = 640;
 
 impl Axis {
     /// A linear axis over what the data span.

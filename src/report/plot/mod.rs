@@ -5,6 +5,7 @@
 
 mod bars;
 mod chart;
+mod columns;
 mod distance;
 mod labels;
 mod map;
@@ -12,6 +13,7 @@ mod strips;
 
 pub use bars::Bars;
 pub use chart::{Axis, Chart};
+pub use columns::two_columns;
 pub use distance::distance_chart;
 pub use map::{CourseMap, MapWay};
 pub use strips::Strips;

@@ -198,7 +198,8 @@ impl ExperimentFinding {
     }
 }
 
-/// `Figure 5.1`, `Table 5.1`; the speeds stand in the text of chapter 7, svl's own nowhere.
+/// `Figure 5.1`, `Table 5.1`; the speeds stand in the text of chapter 7, the light in that of
+/// chapter 5, svl's own nowhere.
 fn heading(experiment: &Experiment) -> String {
     let figure = experiment.figure();
     if !experiment.by_default {
@@ -207,6 +208,7 @@ fn heading(experiment: &Experiment) -> String {
     match figure.strip_prefix("table") {
         Some(number) => format!("Table {number}"),
         None if figure.starts_with(|c: char| c.is_ascii_digit()) => format!("Figure {figure}"),
+        None if figure == "light" => "Chapter 5".to_owned(),
         None => "Chapter 7".to_owned(),
     }
 }

@@ -97,6 +97,33 @@ fn a_resumed_run_drives_only_what_is_missing() {
 }
 
 #[test]
+fn collisions_have_limits() {
+    let fixture = Fixture::new();
+    let limits = |collisions: u32| {
+        format!(
+            "gate = [\n{{ algorithm = \"truth\", metric = \"finished\", min = 1 }},\n{{ algorithm \
+             = \"blind\", metric = \"collisions\", max = {collisions} }}]\n"
+        )
+    };
+    fixture.write("kept.toml", courses(&limits(500)));
+    let text = fixture.run("score kept.toml --gate -q --drives none");
+    assert_says(
+        &text,
+        &[
+            "kept    truth: courses finished 100.0 %, at least 100.0 %",
+            "per 100 m, at most 500.0 per 100 m",
+        ],
+    );
+    fixture.write("broken.toml", courses(&limits(1)));
+    fixture.fails(
+        "
+        score broken.toml --gate -q --drives none => 1: gate: blind: collisions | at most 1.0 per
+        score broken.toml --sort collisions => 2: no such metric
+        ",
+    );
+}
+
+#[test]
 fn what_cannot_be_driven_is_one_line() {
     let fixture = Fixture::new();
     fixture.write("small.toml", courses(""));

@@ -72,6 +72,7 @@ fn levels_without_meaning_are_one_line() {
     fixture.fails(
         "
         score short.toml --stress fog => 2: no such kind | row_offset
+        score short.toml --drives none => 2: --drives is for scenarios of drives; 'arena' has none
         score short.toml --stress noise=-1 => 2: within 0 ..= 128
         score short.toml --stress noise=1/x => 2: expected KIND
         score short.toml --stress noise=1/1 => 2: named twice

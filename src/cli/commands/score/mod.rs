@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 use svl::report::{GateResult, ResultLog, Summary, junit};
 use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::{Scenario, ScenarioSource, StressLevels};
-use svl::score::{METRICS, Metric, MetricOrigin};
+use svl::score::{METRICS, Metric};
 use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget};
 use svl::stress::Stress;
 use sweep::{Algorithms, MAX_ALGORITHMS};
@@ -430,7 +430,7 @@ fn pass_check(summary: &Summary) -> anyhow::Result<()> {
 }
 
 fn metric(name: &str) -> Result<&'static Metric, String> {
-    let sortable = |metric: &&Metric| !matches!(metric.origin, MetricOrigin::Checkpoints);
+    let sortable = |metric: &&Metric| metric.is_of_frames();
     let names = METRICS.iter().filter(sortable).map(|metric| metric.name);
     let expected = || names.clone().collect::<Vec<_>>().join(", ");
     let found = Metric::find(name).filter(sortable);
