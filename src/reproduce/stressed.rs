@@ -8,7 +8,7 @@ use crate::score::{CellTally, Judge};
 use crate::stereo::Frame;
 use crate::stress::Stress;
 
-/// Every eighth pair of a run through the arena of chapter 7, with cameras that are aligned exactly.
+/// Every eighth pair of a run through the arena of chapter 7, with exactly aligned cameras.
 pub(super) fn views() -> Result<Vec<Frame>> {
     let mut config = ArenaConfig::default();
     (config.rig.right_row_offset_px, config.rig.right_roll_deg) = (0.0, 0.0);

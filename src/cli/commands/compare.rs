@@ -12,11 +12,11 @@ use svl::score::{METRICS, Metric};
 
 /// Compare reports: changes of metrics, with confidence intervals
 ///
-/// Every report is compared with the first, algorithm by algorithm, over the pairs of both. A
-/// change has a 95 % bootstrap interval over the pairs, drawn in blocks, as neighbouring pairs are
-/// correlated. It is called better or worse only where the interval excludes 0, and never for fewer
-/// than eight blocks or scenes. Times are shown as ratios and never called better or worse, as the
-/// machine may have been slower that day.
+/// Every report is compared with the first, algorithm by algorithm, over the pairs of both, without
+/// stress. A change has a 95 % bootstrap interval over the pairs, drawn in blocks, as neighbouring
+/// pairs are correlated. It is called better or worse only where the interval excludes 0, and never
+/// for fewer than eight blocks or scenes. Times are shown as ratios and never called better or
+/// worse, as the machine may have been slower that day.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -129,9 +129,11 @@ impl History {
 
 impl ScenarioHistory {
     fn new(runs: &[ScoredRun]) -> Result<Self> {
-        let summaries = runs
-            .iter()
-            .map(|run| Summary::from_rows(&run.rows, &run.checkpoints));
+        let summaries = runs.iter().map(|run| {
+            let mut summary = Summary::from_rows(&run.rows, &run.checkpoints)?;
+            summary.add_drives(&run.drives);
+            Ok(summary)
+        });
         let summaries = summaries.collect::<Result<Vec<_>>>()?;
         let mut algorithms: Vec<&str> = Vec::new();
         for summary in summaries.iter().flat_map(|summary| &summary.algorithms) {

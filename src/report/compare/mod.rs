@@ -6,6 +6,7 @@ mod markdown;
 mod sample;
 mod text;
 
+use super::drives::DriveRow;
 use super::read_rows;
 use super::rows::{CheckpointRow, Row};
 use crate::error::{Error, Result};
@@ -26,8 +27,10 @@ pub struct ScoredRun {
     pub manifest: Manifest,
     /// Why it is incomplete, if it is.
     incomplete: Option<String>,
+    /// Of the pairs as they are, without stress.
     rows: Vec<Row>,
     checkpoints: Vec<CheckpointRow>,
+    drives: Vec<DriveRow>,
 }
 
 /// The part of `summary.json` that is read.
@@ -179,14 +182,22 @@ impl ScoredRun {
             true => read_json::<Whole>(&summary)?.incomplete,
             false => Some("it was never finished".to_owned()),
         };
-        let rows = read_rows(&folder.join("rows.csv"))?;
-        let checkpoints = read_rows(&folder.join("checkpoints.csv"))?;
+        let mut rows: Vec<Row> = read_rows(&folder.join("rows.csv"))?;
+        rows.retain(|row| row.stress.is_none());
+        let drives = folder.join("drives.csv");
+        let (drives, checkpoints) = match drives.is_file() {
+            true => (read_rows(&drives)?, Vec::new()),
+            false => (Vec::new(), read_rows(&folder.join("checkpoints.csv"))?),
+        };
+        let mut checkpoints: Vec<CheckpointRow> = checkpoints;
+        checkpoints.retain(|row| row.stress.is_none());
         Ok(Self {
             folder: folder.to_owned(),
             manifest,
             incomplete,
             rows,
             checkpoints,
+            drives,
         })
     }
 
@@ -249,9 +260,16 @@ impl Comparison {
     /// that `map` names, as `BASE=OTHER`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when the runs have no algorithm or no pair in common, and for a map of
-    /// what is not in them.
+    /// [`Error::Invalid`] when the runs have no algorithm or no pair in common, for drives, and for
+    /// a map of what is not in them.
     pub fn from_runs(base: &ScoredRun, other: &ScoredRun, map: &[String]) -> Result<Self> {
+        if let Some(driven) = [base, other].iter().find(|run| !run.drives.is_empty()) {
+            return Err(Error::Invalid(format!(
+                "{}: is of drives, which have no pairs in common with others; --history plots \
+                 their collisions, and [[gate]] limits them",
+                driven.folder.display()
+            )));
+        }
         let (ours, theirs) = (base.labels(), other.labels());
         // With one algorithm each, two different algorithms can be compared: v1 with v3.
         let mapped = map.iter().map(|text| pair(text, &ours, &theirs));

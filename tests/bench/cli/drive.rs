@@ -114,6 +114,14 @@ fn collisions_have_limits() {
             "per 100 m, at most 500.0 per 100 m",
         ],
     );
+    // Two reports of drives have no pairs in common; over time they have numbers.
+    fixture.fails("compare reports/small reports/small => 1: is of drives | --history");
+    fixture.run("compare --history reports/small --page history.html -q");
+    assert!(
+        fixture
+            .text("history.html")
+            .contains("collisions per 100 m")
+    );
     fixture.write("broken.toml", courses(&limits(1)));
     fixture.fails(
         "

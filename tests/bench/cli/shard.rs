@@ -180,6 +180,13 @@ fn a_killed_part_is_done_again_and_others_are_refused() {
         ",
     );
     fixture.run(&format!("{line} --shard 2/2 --out killed --resume"));
+    // As a copy that broke off leaves it.
+    let cells = fixture.text("p2/cells.csv");
+    let whole_lines: Vec<_> = cells.lines().take(20).collect();
+    fixture.write("p2/cells.csv", whole_lines.join("\n") + "\n");
+    fixture.fails("merge p1 p2 --out all => 1: p2: cells.csv is not as it was written");
+    std::fs::remove_file(fixture.path("p2/cells.csv")).unwrap();
+    fixture.fails("merge p1 p2 --out all => 1: p2: cells.csv is not as it was written");
     fixture.run("merge p1 killed --out all -q");
     for table in ["rows", "cells", "checkpoints", "summary"] {
         let of = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));

@@ -39,6 +39,11 @@ fn levels_are_scored_tabled_and_drawn() {
     assert_eq!(rows.matches(",row_offset=8\n").count(), 6);
     assert!(fixture.text("r/index.html").contains("Against stress"));
 
+    // Reports are compared by the pairs as they are.
+    fixture.run("score short.toml --seeds 1 --algo bm -q --out plain --rerun none");
+    let text = fixture.run("compare plain r");
+    assert_says(&text, &["6 pairs, 6 with equal results"]);
+
     // As the scenario has it; and resumed, it is what it was.
     let mut scenario = fixture.text("short.toml");
     scenario.push_str("\n[[stress]]\nkind = \"noise\"\nlevels = [20]\n");

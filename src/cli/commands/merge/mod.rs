@@ -106,9 +106,14 @@ fn read_parts(folders: &[PathBuf]) -> anyhow::Result<Vec<FoundPart>> {
             let first = first.folder.display();
             bail!("{shown}: is not of the same run as {first}: {why}");
         }
-        if found.part.runs != first.part.runs {
+        let of_first = ReportPart {
+            shard: found.part.shard,
+            tables: found.part.tables.clone(),
+            ..first.part.clone()
+        };
+        if found.part != of_first {
             let first = first.folder.display();
-            bail!("{shown}: is not of the same run as {first}: its runs were others");
+            bail!("{shown}: is not of the same run as {first}: its runs or cell rule were others");
         }
         if found.part.shard == before.part.shard {
             let before = before.folder.display();
@@ -130,13 +135,11 @@ fn read_parts(folders: &[PathBuf]) -> anyhow::Result<Vec<FoundPart>> {
 }
 
 fn read_part(folder: &Path) -> anyhow::Result<FoundPart> {
-    let path = folder.join(PART);
     let shown = folder.display();
-    if !path.is_file() {
+    if !folder.join(PART).is_file() {
         bail!("{shown}: is no part of a report; `svl score --shard I/N` writes them");
     }
-    let text = std::fs::read_to_string(&path).map_err(|e| svl::Error::io(&path, e))?;
-    let part = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+    let part = ReportPart::read(folder)?;
     let manifest = Manifest::read(folder)?;
     let summary = folder.join("summary.json");
     let incomplete = std::fs::read_to_string(&summary)
@@ -144,6 +147,13 @@ fn read_part(folder: &Path) -> anyhow::Result<FoundPart> {
         .and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok())
         .map(|summary| summary["incomplete"].as_str().map(str::to_owned));
     match incomplete {
+        Some(None) if part.tables.is_empty() => {
+            bail!("{shown}: is incomplete; run it again, with --resume")
+        }
+        Some(None) if part.damaged(folder).is_some() => {
+            let table = part.damaged(folder).unwrap_or_default();
+            bail!("{shown}: {table} is not as it was written; copy or run it again")
+        }
         Some(None) => Ok(FoundPart {
             folder: folder.to_owned(),
             part,

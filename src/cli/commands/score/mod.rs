@@ -186,6 +186,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // no row that was written.
     match (&ran, &finished) {
         (Ok(()), Ok(_)) => {
+            if args.shard.is_some() {
+                ReportPart::complete(&folder)?;
+            }
             outputs.commit();
             // The report has what an interrupted part of it left there.
             for other in &others {

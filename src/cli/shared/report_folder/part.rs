@@ -1,11 +1,16 @@
 //! A part of a report: the share of a shard, and what `svl merge` has to know of the whole.
 
 use crate::cli::shared::outputs::write_json;
+use anyhow::Context;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::FromStr;
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::stereo::CellRule;
+
+/// The tables that grow with a run, and that are merged.
+const TABLES: [&str; 5] = ["rows", "cells", "checkpoints", "drives", "tracks"];
 
 /// The file that a part has besides those of a report.
 pub(crate) const PART: &str = "part.json";
@@ -20,6 +25,8 @@ pub(crate) struct ReportPart {
     pub(crate) driven: bool,
     /// All runs of the whole, in their order.
     pub(crate) runs: Vec<ReportRun>,
+    /// Its tables as CSV, each with its size in bytes; none before it is complete.
+    pub(crate) tables: BTreeMap<String, u64>,
 }
 
 impl ReportPart {
@@ -36,8 +43,37 @@ impl ReportPart {
             rule: scenario.cells,
             driven: matches!(scenario.source, ScenarioSource::Drive { .. }),
             runs,
+            tables: BTreeMap::new(),
         };
         write_json(&folder.join(PART), &part)
+    }
+
+    pub(crate) fn read(folder: &Path) -> anyhow::Result<Self> {
+        let path = folder.join(PART);
+        let text = std::fs::read_to_string(&path).map_err(|e| svl::Error::io(&path, e))?;
+        serde_json::from_str(&text).with_context(|| path.display().to_string())
+    }
+
+    /// Says in a part's folder that its tables are complete.
+    pub(crate) fn complete(folder: &Path) -> anyhow::Result<()> {
+        let mut part = Self::read(folder)?;
+        for name in TABLES {
+            let file = format!("{name}.csv");
+            if let Ok(metadata) = folder.join(&file).metadata() {
+                part.tables.insert(file, metadata.len());
+            }
+        }
+        write_json(&folder.join(PART), &part)
+    }
+
+    /// The first of its tables that is no more as it was completed.
+    pub(crate) fn damaged(&self, folder: &Path) -> Option<&str> {
+        let is_other = |(file, bytes): &(&String, &u64)| {
+            let metadata = folder.join(file).metadata();
+            !metadata.is_ok_and(|metadata| metadata.len() == **bytes)
+        };
+        let mut tables = self.tables.iter();
+        tables.find(is_other).map(|(file, _)| file.as_str())
     }
 }
 
