@@ -11,9 +11,10 @@ use crate::report::html::{CheckpointFigure, Rank};
 use crate::report::{CellRow, CoursePlan, DriveRow, Row, TrackRow};
 use crate::run::{Matchers, Monitor, Pace, run};
 use crate::scenario::Scenario;
-use crate::score::{Judge, Judged};
+use crate::score::{Judge, Judged, RunPart};
 use crate::sink::{Outbox, RunIdentity, RunStart, Sink, SinkRequest, Sinks, frame_shot};
-use crate::source::ArenaSource;
+use crate::source::{ArenaSource, Source, StressedSource};
+use crate::stress::Stress;
 use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -24,6 +25,8 @@ pub struct DrivePlan<'a> {
     pub manifest: &'a Manifest,
     pub course: &'a Arc<Course>,
     pub algorithm: &'a Algorithm,
+    /// How its pairs are made worse, if they are.
+    pub stress: Option<Stress>,
     /// Where it is recorded, if it is; the file is new.
     pub recording: Option<&'a Path>,
 }
@@ -53,11 +56,22 @@ impl DrivePlan<'_> {
     /// # Errors
     /// Those of the algorithm's build, of rendering, and of the recording.
     pub fn drive(&self, monitor: &mut dyn Monitor) -> Result<DriveResult> {
-        let mut source = DriveSource::new(self.course);
+        let source = DriveSource::new(self.course);
         let log = source.log();
+        let mut source: Box<dyn Source> = match self.stress {
+            None => Box::new(source),
+            Some(stress) => {
+                let seed = self.course.seed();
+                Box::new(StressedSource::new(Box::new(source), stress, seed))
+            }
+        };
         let mut matchers = Matchers::new(std::slice::from_ref(self.algorithm))?;
         let judge = Judge {
             checkpoints: Vec::new(),
+            run: RunPart {
+                stress: self.stress_text(),
+                ..RunPart::default()
+            },
             ..self.scenario.judge()
         };
         let start = RunStart {
@@ -83,7 +97,7 @@ impl DrivePlan<'_> {
             outbox: kept.clone(),
         }));
         let (outcome, ran) = run(
-            &mut source,
+            &mut *source,
             &mut matchers,
             &start,
             Pace::Asap,
@@ -104,6 +118,10 @@ impl DrivePlan<'_> {
         Ok(result)
     }
 
+    fn stress_text(&self) -> Option<String> {
+        self.stress.map(|stress| stress.to_string())
+    }
+
     fn writer(&self) -> Result<Option<Writer>> {
         let Some(path) = self.recording else {
             return Ok(None);
@@ -112,7 +130,9 @@ impl DrivePlan<'_> {
         let header = Header {
             scenario: Some(self.scenario.name.clone()),
             seed: Some(seed),
-            hash: Some(ArenaSource::hash(self.course.world().config(), seed)),
+            // Pairs that were made worse are none of the arena's.
+            hash: (self.stress.is_none())
+                .then(|| ArenaSource::hash(self.course.world().config(), seed)),
             ..Header::new("drive")
         };
         let mut writer = Writer::create(path, &header, crate::recording::ImageFormat::Raw)?;
@@ -144,6 +164,7 @@ impl DrivePlan<'_> {
                 placed: point.is_placed,
                 event: event.map(str::to_owned),
                 with: with.cloned(),
+                stress: self.stress_text(),
             }
         };
         log.track.iter().map(row).collect()
@@ -172,6 +193,7 @@ impl DrivePlan<'_> {
             failures,
             track_hash: hash(&places.join("\n")),
             recording: self.recording.and_then(name),
+            stress: self.stress_text(),
         }
     }
 }

@@ -36,6 +36,8 @@ record! {
         track_hash: String,
         /// Its recording in the report's folder, where it was kept.
         recording: Option<String>,
+        /// How its pairs were made worse, as `row_offset=2`; nothing as they are.
+        stress: Option<String>,
     }
 }
 
@@ -61,6 +63,8 @@ record! {
         event: Option<String>,
         /// What it touched or nearly touched.
         with: Option<String>,
+        /// How the pairs of the drive were made worse.
+        stress: Option<String>,
     }
 }
 
@@ -105,11 +109,12 @@ pub struct DriveSummary {
     pub stood_share: f64,
 }
 
-/// Sums over an algorithm's drives; in the order in which the algorithms first appear.
-pub(super) fn summarize(rows: &[DriveRow]) -> Vec<DriveSummary> {
+/// Sums over an algorithm's drives with pairs of that `stress`; in the order in which the
+/// algorithms first appear.
+pub(super) fn summarize(rows: &[DriveRow], stress: Option<&str>) -> Vec<DriveSummary> {
     let mut of: BTreeMap<usize, Vec<&DriveRow>> = BTreeMap::new();
     let mut names: Vec<&str> = Vec::new();
-    for row in rows {
+    for row in rows.iter().filter(|row| row.stress.as_deref() == stress) {
         let place = names.iter().position(|name| *name == row.algorithm);
         let place = place.unwrap_or_else(|| {
             names.push(&row.algorithm);

@@ -105,7 +105,7 @@ fn stress(stress: &[StressSummary]) -> Vec<SideTable> {
     if let Some(last) = tables.last_mut() {
         let words = "the least level at which a checkpoint that passed in half of its frames does \
                      not any more, or a tenth of the right cells is lost (without truth: of the \
-                     known ones)";
+                     known ones), or of the courses that were finished";
         last.notes.push(("breaks at", words.to_owned()));
     }
     tables
@@ -123,15 +123,17 @@ fn stress_table(kind: &'static StressKind, stress: &[StressSummary]) -> SideTabl
         }
     }
     let has_truth = own.iter().any(|s| s.right.is_some());
+    let is_driven = own.iter().any(|s| s.collisions.is_some());
     let line = |algorithm: &str| {
         let at = |level: f64| {
             own.iter()
                 .find(|s| s.algorithm == algorithm && s.level == level)
         };
         let share = |s: &&&StressSummary| if has_truth { s.right } else { s.known };
-        let cells = levels
-            .iter()
-            .map(|level| percent(at(*level).as_ref().and_then(share)));
+        let cells = levels.iter().map(|level| match (at(*level), is_driven) {
+            (Some(s), true) => s.collisions.map_or(NONE.to_owned(), |v| format!("{v:.1}")),
+            (s, _) => percent(s.as_ref().and_then(share)),
+        });
         // By size: a perturbation to either side breaks at its smallest.
         let mut by_size = levels.clone();
         by_size.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
@@ -145,13 +147,17 @@ fn stress_table(kind: &'static StressKind, stress: &[StressSummary]) -> SideTabl
         };
         (algorithm.to_owned(), cells.chain([breaks]).collect())
     };
-    let what = if has_truth { "right" } else { "known" };
+    let what = match (is_driven, has_truth) {
+        (true, _) => "collisions per 100 m",
+        (_, true) => "right cells, %",
+        (_, false) => "known cells, %",
+    };
     let heads = levels.iter().map(|level| match level {
         0.0 => "as it is".to_owned(),
         level => level.to_string(),
     });
     let words = format!(
-        "{}; numbers: {what} cells, %, by level, {}: {}",
+        "{}; numbers: {what}, by level, {}: {}",
         kind.summary, kind.unit, kind.formula
     );
     SideTable {

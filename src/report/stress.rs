@@ -1,8 +1,10 @@
 //! Stress in numbers: what each algorithm makes of pairs that are made worse, and at which level it
 //! breaks.
 
+use super::drives::{DriveRow, DriveSummary, summarize};
 use crate::stress::StressKind;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// An algorithm on all pairs at one level of a perturbation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -22,6 +24,10 @@ pub struct StressSummary {
     pub missed: Option<f64>,
     /// Share of the frames of checkpoints that pass.
     pub checkpoints: Option<f64>,
+    /// Of drives: collisions per 100 m.
+    pub collisions: Option<f64>,
+    /// Of drives: share of the courses that were finished.
+    pub finished: Option<f64>,
     /// Why it counts as broken at this level.
     pub broken: Option<String>,
 }
@@ -34,7 +40,11 @@ pub(super) type StressNumber = (
 );
 
 /// What the page draws against the level.
-pub(super) const NUMBERS: [StressNumber; 5] = [
+pub(super) const NUMBERS: [StressNumber; 7] = [
+    ("Collisions", "per 100 m", |s| s.collisions),
+    ("Courses finished", "finished, %", |s| {
+        s.finished.map(|v| 100.0 * v)
+    }),
     ("Right cells", "right, %", |s| s.right.map(|v| 100.0 * v)),
     ("Wrong cells", "wrong, %", |s| s.wrong.map(|v| 100.0 * v)),
     ("Known cells", "known, %", |s| s.known.map(|v| 100.0 * v)),
@@ -43,6 +53,42 @@ pub(super) const NUMBERS: [StressNumber; 5] = [
         s.checkpoints.map(|v| 100.0 * v)
     }),
 ];
+
+/// Below this share of what it has of the pairs as they are, an algorithm counts as broken: of its
+/// right cells, or where there is no truth of its known ones, and of the courses that it finished.
+pub(super) const KEPT: f64 = 0.9;
+
+/// Adds what became of drives with such pairs.
+pub(super) fn add_drives(stress: &mut [StressSummary], rows: &[DriveRow]) {
+    let plain = summarize(rows, None);
+    let mut of_level: BTreeMap<String, Vec<DriveSummary>> = BTreeMap::new();
+    for s in stress {
+        let text = format!("{}={}", s.kind, s.level);
+        let drives = match s.level {
+            0.0 => &plain,
+            _ => (of_level.entry(text)).or_insert_with_key(|text| summarize(rows, Some(text))),
+        };
+        let of = |drives: &[DriveSummary]| -> Option<(f64, f64)> {
+            let own = drives.iter().find(|d| d.algorithm == s.algorithm)?;
+            let finished = own.finished as f64 / own.courses as f64;
+            Some((own.collisions_per_100m, finished))
+        };
+        let Some((collisions, finished)) = of(drives) else {
+            continue;
+        };
+        if let Some((_, before)) = of(&plain)
+            && finished < KEPT * before
+        {
+            let fewer = format!(
+                "courses finished {:.0} %",
+                100.0 * (finished / before - 1.0)
+            );
+            let broken = s.broken.take().into_iter().chain([fewer]);
+            s.broken = Some(broken.collect::<Vec<_>>().join(", "));
+        }
+        (s.collisions, s.finished) = (Some(collisions), Some(finished));
+    }
+}
 
 /// The kinds, as they come first.
 pub(super) fn kinds(stress: &[StressSummary]) -> Vec<&'static StressKind> {

@@ -191,7 +191,10 @@ impl Summary {
 
     /// Adds what became of drives.
     pub fn add_drives(&mut self, rows: &[DriveRow]) {
-        self.drives = drives::summarize(rows);
+        self.drives = drives::summarize(rows, None);
+        if !rows.is_empty() {
+            super::stress::add_drives(&mut self.stress, rows);
+        }
     }
 
     /// What must be said above every table that needs a truth; nothing where that is exact.

@@ -1,7 +1,7 @@
 //! The summary of a run's rows: of the pairs as they are, and of those that were made worse.
 
 use super::rows::{CheckpointRow, Row};
-use super::stress::StressSummary;
+use super::stress::{KEPT, StressSummary};
 use super::summary::Summary;
 use crate::error::Result;
 use crate::score::METRICS;
@@ -28,10 +28,6 @@ impl Summary {
         })
     }
 }
-
-/// Below this share of its right cells, or where there is no truth of its known ones, an algorithm
-/// counts as broken.
-const KEPT: f64 = 0.9;
 
 /// Summaries of the perturbed rows, each kind with the unperturbed pairs, `base`, as level 0.
 fn stressed(
@@ -130,6 +126,8 @@ fn summary(
         missed: value(level, "missed").map(|missed| missed / pairs.max(1) as f64),
         checkpoints: (frames > 0)
             .then(|| now.iter().map(|(_, passed, _)| passed).sum::<u64>() as f64 / frames as f64),
+        collisions: None,
+        finished: None,
         broken: (!broken.is_empty()).then(|| broken.join(", ")),
     }
 }

@@ -132,6 +132,63 @@ fn collisions_have_limits() {
 }
 
 #[test]
+fn what_the_driver_sees_is_made_worse() {
+    let fixture = Fixture::new();
+    fixture.write("small.toml", courses(""));
+    let line = "score small.toml --seeds 1 --algo bm --algo truth -q --stress row_offset=1/6";
+    let text = fixture.run(&format!("{line} --out r"));
+    assert_says(
+        &text,
+        &["Stress: row_offset, px", "numbers: collisions per 100 m"],
+    );
+    assert!(fixture.path("r/course-1-bm-row_offset=6.mcap").exists());
+    let summary: serde_json::Value =
+        serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
+    // Two algorithms at three levels, of which the first is none; the truth sees no images.
+    let stress = summary["stress"].as_array().unwrap();
+    assert_eq!(
+        (summary["drives"].as_array().unwrap().len(), stress.len()),
+        (2, 6)
+    );
+    let drives = fixture.text("r/drives.csv");
+    let rows: Vec<Vec<&str>> = drives.lines().map(|l| l.split(',').collect()).collect();
+    let column = |name: &str| rows[0].iter().position(|head| *head == name).unwrap();
+    let track = |algorithm: &str, stress: &str| {
+        let is_own = |row: &&Vec<&str>| {
+            row[column("algorithm")] == algorithm && row[column("stress")] == stress
+        };
+        rows.iter().find(is_own).unwrap()[column("track_hash")].to_owned()
+    };
+    assert_eq!(track("truth", ""), track("truth", "row_offset=6"));
+    assert_ne!(track("bm", ""), track("bm", "row_offset=6"));
+    assert!(fixture.text("r/index.html").contains("Courses finished"));
+
+    // In shards and resumed it is the same.
+    for i in 1..=2 {
+        fixture.run(&format!("{line} --drives none --shard {i}/2 --out p{i}"));
+    }
+    fixture.run("merge p1 p2 --out all -q");
+    let hashes = |report: &str| {
+        let text = fixture.text(&format!("{report}/drives.csv"));
+        let lines = text.lines().skip(1);
+        lines
+            .map(|line| {
+                line.split(',')
+                    .nth(column("track_hash"))
+                    .unwrap()
+                    .to_owned()
+            })
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(hashes("all"), hashes("r"));
+    let cut: Vec<_> = drives.lines().take(4).collect();
+    fixture.write("r/drives.csv", cut.join("\n") + "\n");
+    std::fs::remove_file(fixture.path("r/summary.json")).unwrap();
+    fixture.run(&format!("{line} --out r --resume"));
+    assert_eq!(hashes("r"), hashes("all"));
+}
+
+#[test]
 fn what_cannot_be_driven_is_one_line() {
     let fixture = Fixture::new();
     fixture.write("small.toml", courses(""));
@@ -150,7 +207,6 @@ fn what_cannot_be_driven_is_one_line() {
         "long.toml",
         courses("").replace("frames = 400", "frames = 401"),
     );
-    fixture.write("stressed.toml", courses("[[stress]]\nkind = \"noise\""));
     fixture.fails(
         "
         score wide.toml => 1: the robot with its margin is 0.50 m wide | gaps
@@ -159,8 +215,6 @@ fn what_cannot_be_driven_is_one_line() {
         score rows.toml => 1: drive.steering.rows = [3] | 0 to 2
         score stop.toml => 1: drive.steering.stop_m = 0.9 is outside
         score long.toml => 1: arena.frames = 401: a drive has at most 400
-        score stressed.toml => 1: [[stress]] | not for drives
-        score small.toml --stress noise => 2: --stress is not for drives
         score small.toml --rerun none => 2: --rerun is not for drives
         score small.toml --every 2 => 2: a drive has all of its pairs
         score small.toml --repeat 3 => 2: --repeat is not for drives

@@ -226,7 +226,7 @@ fn merge_drives(tables: &TableMerge<'_>, collected: &mut ReportContent) -> anyho
         let text = std::fs::read_to_string(&path).map_err(|e| svl::Error::io(&path, e))?;
         let own: Vec<CoursePlan> =
             serde_json::from_str(&text).with_context(|| path.display().to_string())?;
-        let place = |plan: &CoursePlan| tables.order.run(&ReportRun::course(plan.seed));
+        let place = |plan: &CoursePlan| tables.order.run(&ReportRun::course(plan.seed, None));
         plans.extend(own.into_iter().map(|plan| (place(&plan), plan)));
     }
     let mut track: Vec<TrackRow> = Vec::new();

@@ -76,8 +76,8 @@ placed! {
     Row: |row| run_of(&row.run, row.seed, &row.stress), row.sequence;
     CellRow: |row| run_of(&row.run, row.seed, &row.stress), row.sequence;
     CheckpointRow: |row| run_of(&row.run, row.seed, &row.stress), u64::from(row.checkpoint);
-    DriveRow: |row| ReportRun::course(row.seed), 0;
-    TrackRow: |row| ReportRun::course(row.seed), row.sequence;
+    DriveRow: |row| ReportRun::course(row.seed, row.stress.as_deref()), 0;
+    TrackRow: |row| ReportRun::course(row.seed, row.stress.as_deref()), row.sequence;
 }
 
 fn run_of(run: &Option<String>, seed: Option<u64>, stress: &Option<String>) -> ReportRun {

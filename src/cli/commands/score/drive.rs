@@ -22,8 +22,9 @@ use svl::report::{
     CellRow, CoursePlan, DriveRow, GateResult, Row, Summary, Table, TrackRow, whole_rows,
 };
 use svl::run::{Monitor, Outcome, Pace};
-use svl::scenario::{Scenario, ScenarioSource};
+use svl::scenario::{Scenario, ScenarioSource, StressLevels};
 use svl::sink::ReportPictures;
+use svl::stress::Stress;
 
 /// Which drives are kept as recordings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -33,23 +34,43 @@ pub(super) enum KeptDrives {
 }
 
 /// A drive of the scenario, by the places of course and algorithm in it.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 struct DriveUnit {
     course: usize,
+    stress: Option<Stress>,
     algorithm: usize,
 }
 
+impl DriveUnit {
+    fn stress_text(&self) -> Option<String> {
+        self.stress.map(|stress| stress.to_string())
+    }
+}
+
+/// The drives as they are, then those of each level of stress.
+fn levels(scenario: &Scenario) -> Vec<Option<Stress>> {
+    let levels = scenario.stress.iter().flat_map(StressLevels::stresses);
+    std::iter::once(None)
+        .chain(levels.copied().map(Some))
+        .collect()
+}
+
 /// The name of a drive's recording in its report.
-fn recording_name(scenario: &Scenario, seed: u64, algorithm: usize) -> String {
-    let label = scenario.algorithms[algorithm].label();
+fn recording_name(scenario: &Scenario, seed: u64, unit: DriveUnit) -> String {
+    let label = scenario.algorithms[unit.algorithm].label();
+    // No label that stands in a name has an equals sign.
+    let stress = unit
+        .stress
+        .map(|stress| format!("-{stress}"))
+        .unwrap_or_default();
     let is_safe = |c: char| c.is_ascii_alphanumeric() || "_-.+".contains(c);
     match label.chars().all(is_safe) {
-        true => format!("course-{seed}-{label}.mcap"),
+        true => format!("course-{seed}-{label}{stress}.mcap"),
         // Two labels may differ in what no file name has.
         false => {
             let safe = |c: char| if is_safe(c) { c } else { '-' };
             let label: String = label.chars().take(40).map(safe).collect();
-            format!("course-{seed}-{}-{label}.mcap", algorithm + 1)
+            format!("course-{seed}-{}-{label}{stress}.mcap", unit.algorithm + 1)
         }
     }
 }
@@ -80,8 +101,16 @@ pub(super) fn score(
     }
     let mut report = DriveReport::begin(folder, manifest, scenario)?;
     if let Some(shard) = args.shard {
-        let courses = seeds.iter().copied().map(ReportRun::course);
-        ReportPart::write(folder, scenario, shard, courses.collect())?;
+        let levels = levels(scenario);
+        let texts = levels
+            .iter()
+            .map(|level| level.map(|stress| stress.to_string()));
+        let texts: Vec<_> = texts.collect();
+        let runs = seeds.iter().flat_map(|seed| {
+            let of_course = texts.iter();
+            of_course.map(|stress| ReportRun::course(*seed, stress.as_deref()))
+        });
+        ReportPart::write(folder, scenario, shard, runs.collect())?;
     }
     let keep = args.drives.unwrap_or(KeptDrives::All);
     let ran = report.drive_all(scenario, seeds, earlier, (keep, args.shard), quiet);
@@ -116,11 +145,6 @@ fn refuse(args: &Args) -> anyhow::Result<()> {
             "each drive is a recording in the report's folder, which `svl view` shows",
         ),
         (
-            !args.stress.is_empty(),
-            "--stress",
-            "record a drive and score it, svl score course-1-v3.mcap --stress …",
-        ),
-        (
             args.check,
             "--check",
             "the algorithm truth is the check of a drive",
@@ -137,10 +161,13 @@ fn refuse(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// What an interrupted run left of whole drives, each by its seed and algorithm.
+/// Seed, algorithm and stress of a drive.
+type DriveKey = (u64, String, Option<String>);
+
+/// What an interrupted run left of whole drives.
 #[derive(Default)]
 struct EarlierDrives {
-    drives: HashMap<(u64, String), DriveResult>,
+    drives: HashMap<DriveKey, DriveResult>,
     plans: Vec<CoursePlan>,
 }
 
@@ -158,27 +185,31 @@ impl EarlierDrives {
         manifest.run_id = earlier.run_id;
         manifest.resumed = earlier.resumed;
         manifest.resumed.push(resumed);
-        let key = |seed: u64, algorithm: &str| (seed, algorithm.to_owned());
+        let key = |seed: u64, algorithm: &str, stress: &Option<String>| {
+            (seed, algorithm.to_owned(), stress.clone())
+        };
         let mut drives: HashMap<_, DriveResult> = HashMap::new();
         // A drive's own row is written last: with it the drive is whole.
         for row in whole_rows::<DriveRow>(&folder.join("drives.csv"))? {
-            let result = drives.entry(key(row.seed, &row.algorithm)).or_default();
+            let result = drives
+                .entry(key(row.seed, &row.algorithm, &row.stress))
+                .or_default();
             result.drives.push(row);
         }
         for row in whole_rows::<TrackRow>(&folder.join("tracks.csv"))? {
-            if let Some(result) = drives.get_mut(&key(row.seed, &row.algorithm)) {
+            if let Some(result) = drives.get_mut(&key(row.seed, &row.algorithm, &row.stress)) {
                 result.track.push(row);
             }
         }
         for row in whole_rows::<Row>(&folder.join("rows.csv"))? {
             let seed = row.seed.unwrap_or_default();
-            if let Some(result) = drives.get_mut(&key(seed, &row.algorithm)) {
+            if let Some(result) = drives.get_mut(&key(seed, &row.algorithm, &row.stress)) {
                 result.rows.push(row);
             }
         }
         for row in whole_rows::<CellRow>(&folder.join("cells.csv"))? {
             let seed = row.seed.unwrap_or_default();
-            if let Some(result) = drives.get_mut(&key(seed, &row.algorithm)) {
+            if let Some(result) = drives.get_mut(&key(seed, &row.algorithm, &row.stress)) {
                 result.cells.push(row);
             }
         }
@@ -235,17 +266,23 @@ impl DriveReport {
     ) -> anyhow::Result<()> {
         let algorithms = 0..scenario.algorithms.len();
         let courses = 0..seeds.len();
+        let levels = levels(scenario);
         let units = courses.flat_map(|course| {
-            algorithms
-                .clone()
-                .map(move |algorithm| DriveUnit { course, algorithm })
+            let algorithms = algorithms.clone();
+            levels.iter().flat_map(move |&stress| {
+                algorithms.clone().map(move |algorithm| DriveUnit {
+                    course,
+                    stress,
+                    algorithm,
+                })
+            })
         });
         let units = units.enumerate();
         let units = units.filter(|(i, _)| shard.is_none_or(|shard| shard.takes(*i)));
         let units: Vec<_> = units.map(|(_, unit)| unit).collect();
         let key = |unit: &DriveUnit| {
             let label = scenario.algorithms[unit.algorithm].label();
-            (seeds[unit.course], label.to_owned())
+            (seeds[unit.course], label.to_owned(), unit.stress_text())
         };
         let known = units.iter().map(|unit| earlier.drives.remove(&key(unit)));
         let mut known: Vec<_> = known.collect();
@@ -327,7 +364,7 @@ impl DriveReport {
         } = result;
         let fastest = &mut self.worst[unit.algorithm];
         let speed = |worst: &Option<(f64, CheckpointFigure)>| worst.as_ref().map(|w| w.0);
-        if speed(&worst) > speed(fastest) {
+        if unit.stress.is_none() && speed(&worst) > speed(fastest) {
             *fastest = worst;
         }
         if failure.is_some() {
@@ -385,13 +422,14 @@ impl DriveWork<'_> {
     fn drive(&self, unit: DriveUnit) -> svl::Result<DriveResult> {
         let course = self.courses.get(unit.course)?;
         let seed = self.seeds[unit.course];
-        let name = recording_name(self.scenario, seed, unit.algorithm);
+        let name = recording_name(self.scenario, seed, unit);
         let recording = (self.keep == KeptDrives::All).then(|| self.folder.join(name));
         let plan = DrivePlan {
             scenario: self.scenario,
             manifest: &self.manifest,
             course: &course,
             algorithm: &self.scenario.algorithms[unit.algorithm],
+            stress: unit.stress,
             recording: recording.as_deref(),
         };
         let driven = plan.drive(&mut DriveMonitor(self));

@@ -6,23 +6,28 @@ use svl::report::{CoursePlan, DriveRow, TrackRow};
 /// Limit of the courses with a map in the page: those with the most collisions.
 const MAPS: usize = 12;
 
-/// The maps of the courses, where there are too many of those with the most collisions.
+/// The maps of the courses with the drives whose pairs are as they are; where there are too many,
+/// of those with the most collisions.
 pub(crate) fn maps(
     plans: &[CoursePlan],
     drives: &[DriveRow],
     track: &[TrackRow],
 ) -> Vec<CourseMap> {
-    let hits = |plan: &CoursePlan| -> u64 {
-        let of = drives.iter().filter(|row| row.seed == plan.seed);
-        of.map(|row| row.collisions).sum()
+    let of = |plan: &CoursePlan| {
+        let seed = plan.seed;
+        let plain = drives.iter().filter(|row| row.stress.is_none());
+        plain.filter(move |row| row.seed == seed)
     };
+    let hits = |plan: &CoursePlan| of(plan).map(|row| row.collisions).sum::<u64>();
     let mut shown: Vec<_> = plans.iter().collect();
     if shown.len() > MAPS {
         shown.sort_by_key(|plan| std::cmp::Reverse(hits(plan)));
         shown.truncate(MAPS);
     }
     let way = |row: &DriveRow| {
-        let is_own = |at: &&TrackRow| at.seed == row.seed && at.algorithm == row.algorithm;
+        let is_own = |at: &&TrackRow| {
+            at.seed == row.seed && at.algorithm == row.algorithm && at.stress == row.stress
+        };
         let own: Vec<_> = track.iter().filter(is_own).collect();
         let places = |event: &str| {
             let of = own.iter().filter(|at| at.event.as_deref() == Some(event));
@@ -43,9 +48,7 @@ pub(crate) fn maps(
         size_m: (plan.width_m, plan.length_m),
         goal_m: plan.goal_m,
         outlines: plan.outlines.clone(),
-        ways: (drives.iter().filter(|row| row.seed == plan.seed))
-            .map(way)
-            .collect(),
+        ways: of(plan).map(way).collect(),
     };
     shown.into_iter().map(map).collect()
 }

@@ -87,11 +87,11 @@ pub(crate) struct ReportRun {
 
 impl ReportRun {
     /// The drives through a course.
-    pub(crate) fn course(seed: u64) -> Self {
+    pub(crate) fn course(seed: u64, stress: Option<&str>) -> Self {
         Self {
             run: None,
             seed: Some(seed),
-            stress: None,
+            stress: stress.map(str::to_owned),
         }
     }
 }
