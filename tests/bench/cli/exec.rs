@@ -120,3 +120,72 @@ fn a_score_lacks_what_failed_and_judges_the_rest_by_its_name() {
     assert!(!passed(&alone).is_empty());
     assert_eq!(passed(&alone), passed(&both));
 }
+
+/// What a user of `adapters/python` writes, and what goes wrong there.
+const DECORATED: &str = r#"
+import numpy as np
+import svl_matcher
+
+@svl_matcher.matcher
+def mine(left, right, request):
+    print("a library prints")
+    if request.sequence == 2:
+        raise ValueError("no\nsuch texture")
+    if request.sequence == 3:
+        return np.zeros((2, 2))
+    cells = [(5.0, 0.9)] + [None] * (request.grid[0] * request.grid[1] - 1)
+    return np.where(left % 2 == 0, 5.0, np.nan), cells
+"#;
+
+#[test]
+fn a_decorated_function_of_two_arrays_is_a_matcher() {
+    let root = env!("CARGO_MANIFEST_DIR");
+    let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let package = format!("PYTHONPATH={root}/adapters/python/src");
+    let has_numpy = std::process::Command::new(&python)
+        .args(["-c", "import numpy"])
+        .output();
+    if !has_numpy.is_ok_and(|output| output.status.success()) {
+        println!("skipped: no numpy; name a Python that has it in SVL_PYTHON");
+        return;
+    }
+    let fixture = Fixture::new();
+    fixture.write("mine.py", DECORATED);
+    fixture.run(&["record", "--frames", "4", "-o", "a.mcap"]);
+    let mine = format!("mine=exec:command='env' '{package}' '{python}' mine.py");
+    let ran = fixture.svl(&[
+        "score", "a.mcap", "--algo", &mine, "--out", "r", "--rerun", "none",
+    ]);
+    // Two of the four pairs fail, each with its own words.
+    assert_eq!(ran.code, Some(1));
+    assert_says(
+        &ran.stderr,
+        &[
+            "ValueError: no such texture",
+            "disparities of shape (2, 2), expected (240, 320)",
+        ],
+    );
+    let cells = fixture.text("r/cells.csv");
+    let known = cells.lines().filter(|line| line.contains(",0.9,")).count();
+    assert_eq!(known, 2, "{cells}");
+    let about = std::process::Command::new(&python)
+        .args(["-c", "import mcap, mcap_protobuf, mcap_ros2, PIL"])
+        .output();
+    if !about.is_ok_and(|output| output.status.success()) {
+        println!("skipped: reading, as the MCAP libraries are missing");
+        return;
+    }
+    let read = "import svl_matcher\nfor p in svl_matcher.read('a.mcap'): print(p.left.shape, \
+                p.right.dtype, p.depth_m.shape)";
+    let output = std::process::Command::new("env")
+        .args([&package, &python, "-c", read])
+        .current_dir(fixture.path(""))
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(
+        text.matches("(240, 320) uint8 (240, 320)").count(),
+        4,
+        "{text}"
+    );
+}
