@@ -72,8 +72,10 @@ fn between_halves(drive: &Path) -> Result<Option<f64>, Failure> {
     let rows: Vec<DriveRow> = read_rows(&table)?;
     let mut seeds: Vec<u64> = rows.iter().map(|row| row.seed).collect();
     let mut labels: Vec<&str> = rows.iter().map(|row| row.algorithm.as_str()).collect();
-    (seeds.sort_unstable(), labels.sort_unstable());
-    (seeds.dedup(), labels.dedup());
+    seeds.sort_unstable();
+    seeds.dedup();
+    labels.sort_unstable();
+    labels.dedup();
     labels.retain(|label| !is_end(label));
     let mut random = fastrand::Rng::with_seed(1);
     let mut taus = Vec::new();
