@@ -216,10 +216,12 @@ fn figure(svl: &Path) -> Result<String, Failure> {
         "s",
         &shards,
     )?);
+    let rows = std::fs::read_to_string(folder.path().join("all/rows.csv"))?;
+    let pairs = (rows.lines().count() - 1) as f64;
     for table in ["rows", "cells"] {
         for kind in ["csv", "parquet"] {
             let path = folder.path().join(format!("all/{table}.{kind}"));
-            let per_pair = path.metadata()?.len() as f64 / (8.0 * 320.0);
+            let per_pair = path.metadata()?.len() as f64 / pairs;
             println!("{table}.{kind}: {per_pair:.0} bytes per pair and algorithm");
         }
     }

@@ -109,6 +109,13 @@ pub struct DriveSummary {
     pub stood_share: f64,
 }
 
+impl DriveSummary {
+    /// Share of the courses that were finished; an algorithm has one drive or more.
+    pub fn finished_share(&self) -> f64 {
+        self.finished as f64 / self.courses as f64
+    }
+}
+
 /// Sums over an algorithm's drives with pairs of that `stress`; in the order in which the
 /// algorithms first appear.
 pub(super) fn summarize(rows: &[DriveRow], stress: Option<&str>) -> Vec<DriveSummary> {

@@ -58,35 +58,28 @@ pub(super) const NUMBERS: [StressNumber; 7] = [
 /// right cells, or where there is no truth of its known ones, and of the courses that it finished.
 pub(super) const KEPT: f64 = 0.9;
 
-/// Adds what became of drives with such pairs.
-pub(super) fn add_drives(stress: &mut [StressSummary], rows: &[DriveRow]) {
-    let plain = summarize(rows, None);
+/// Adds what became of drives with such pairs; `plain`: of those with the pairs as they are.
+pub(super) fn add_drives(stress: &mut [StressSummary], plain: &[DriveSummary], rows: &[DriveRow]) {
     let mut of_level: BTreeMap<String, Vec<DriveSummary>> = BTreeMap::new();
     for s in stress {
         let text = format!("{}={}", s.kind, s.level);
         let drives = match s.level {
-            0.0 => &plain,
+            0.0 => plain,
             _ => (of_level.entry(text)).or_insert_with_key(|text| summarize(rows, Some(text))),
         };
-        let of = |drives: &[DriveSummary]| -> Option<(f64, f64)> {
-            let own = drives.iter().find(|d| d.algorithm == s.algorithm)?;
-            let finished = own.finished as f64 / own.courses as f64;
-            Some((own.collisions_per_100m, finished))
-        };
-        let Some((collisions, finished)) = of(drives) else {
+        let is_own = |d: &&DriveSummary| d.algorithm == s.algorithm;
+        let Some(own) = drives.iter().find(is_own) else {
             continue;
         };
-        if let Some((_, before)) = of(&plain)
-            && finished < KEPT * before
-        {
-            let fewer = format!(
-                "courses finished {:.0} %",
-                100.0 * (finished / before - 1.0)
-            );
+        let finished = own.finished_share();
+        let before = plain.iter().find(is_own).map(DriveSummary::finished_share);
+        if let Some(before) = before.filter(|before| finished < KEPT * before) {
+            let less = 100.0 * (finished / before - 1.0);
+            let fewer = format!("courses finished {less:.0} %");
             let broken = s.broken.take().into_iter().chain([fewer]);
             s.broken = Some(broken.collect::<Vec<_>>().join(", "));
         }
-        (s.collisions, s.finished) = (Some(collisions), Some(finished));
+        (s.collisions, s.finished) = (Some(own.collisions_per_100m), Some(finished));
     }
 }
 

@@ -181,7 +181,7 @@ impl Summary {
             MetricOrigin::Drives(number) => {
                 let own = self.drives.iter().find(|d| d.algorithm == label)?;
                 Some(match number {
-                    DriveNumber::Finished => own.finished as f64 / own.courses as f64,
+                    DriveNumber::Finished => own.finished_share(),
                     DriveNumber::Collisions => own.collisions_per_100m,
                     DriveNumber::NearMisses => own.near_misses_per_100m,
                 })
@@ -192,9 +192,7 @@ impl Summary {
     /// Adds what became of drives.
     pub fn add_drives(&mut self, rows: &[DriveRow]) {
         self.drives = drives::summarize(rows, None);
-        if !rows.is_empty() {
-            super::stress::add_drives(&mut self.stress, rows);
-        }
+        super::stress::add_drives(&mut self.stress, &self.drives, rows);
     }
 
     /// What must be said above every table that needs a truth; nothing where that is exact.

@@ -9,6 +9,7 @@ use crate::stereo::Frame;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.7", "5.6"],
+    place: "Figure 5.7",
     title: "SSDPI of a close and a far object",
     claim: "The closer an object, the more its two images differ: mean and median SSDPI are \
             higher for a close object than for the same one far away (section 5.3.3).",

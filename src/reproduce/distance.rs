@@ -11,6 +11,7 @@ use crate::stereo::{Cell, GridShape};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.1"],
+    place: "Figure 5.1",
     title: "Distance at disparity",
     claim: "A polynomial of degree 5, fitted to the disparities of a target measured from 130 cm \
             to 16 cm, gives the distance of every disparity (section 5.1, annex B).",

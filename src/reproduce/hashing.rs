@@ -10,6 +10,7 @@ use crate::stereo::{Gray, Plane, StereoPair};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.11"],
+    place: "Figure 5.11",
     title: "Hash occupancy",
     claim: "A table holds the left windows by the sum of their nine pixels. A hash value has six \
             windows on average. A look-up within ±150 meets 1800 windows, 20 % of them close by, \

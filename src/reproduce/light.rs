@@ -6,6 +6,7 @@ use crate::error::Result;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["light"],
+    place: "Chapter 5",
     title: "Less light, and unequal exposure",
     claim: "The standard deviation of v2's texture filter falls with the light, so that its \
             threshold has to be readjusted (section 5.3.2); v3's filter depends less on the light \

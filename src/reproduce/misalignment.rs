@@ -6,6 +6,7 @@ use crate::error::Result;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["6.2"],
+    place: "Figure 6.2",
     title: "Bad rectification",
     claim: "The alignment of the cameras decides the quality of the depth map (section 6.1). \
             Vertical smoothing overcomes a bad rectification in part (5.3.1); v4 needs no \

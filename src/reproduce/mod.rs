@@ -49,6 +49,8 @@ use std::path::Path;
 pub struct Experiment {
     /// Its name on the command line, then other figures of the same experiment.
     pub figures: &'static [&'static str],
+    /// Where it is in the thesis, as a heading.
+    pub place: &'static str,
     pub title: &'static str,
     /// What the thesis claims, with its section.
     pub claim: &'static str,

@@ -11,6 +11,7 @@ use crate::stereo::DepthGrid;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["7.3"],
+    place: "Figure 7.3",
     title: "The arena through v3 and the SVS",
     claim: "v3 and the Small Vision System give similar results. v3 is wrong on rare occasions \
             only (point 2), the SVS more often, but the SVS handles close objects better (points \

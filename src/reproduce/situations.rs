@@ -10,6 +10,7 @@ use crate::stereo::{Frame, GridShape};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["table5.1", "A.1", "A.2"],
+    place: "Table 5.1",
     title: "Eight situations through dynamic programming",
     claim: "OpenCV's dynamic programming gives the expected answer for a normal view. It misses a \
             small escape, and its depth map is completely wrong where low light leaves an even \

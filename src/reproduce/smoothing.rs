@@ -10,6 +10,7 @@ use crate::stereo::{DisparityMap, Frame, Gray, StereoPair};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.3"],
+    place: "Figure 5.3",
     title: "Vertical smoothing",
     claim: "When the rows of a pair are not aligned, smoothing both images vertically lowers the \
             median SSDPI, and so gives a better disparity map (section 5.3.1).",

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["fps"],
+    place: "Chapter 7",
     title: "Frames a second",
     claim: "On pairs of 320 x 240 pixels, without MMX, the Small Vision System is slightly faster \
             than v3: 8 to 9 frames per second against 6 to 8, on a 3 GHz personal computer. A \

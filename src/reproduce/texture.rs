@@ -11,6 +11,7 @@ use crate::stereo::{Gray, Plane};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.5", "5.4"],
+    place: "Figure 5.5",
     title: "Texture quality filter",
     claim: "Where the coarser of two differences of Gaussians has the stronger response, the \
             image is too homogeneous to match. The filter depends less on brightness than the \

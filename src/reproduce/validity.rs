@@ -10,6 +10,7 @@ use crate::stereo::{DisparityMap, Frame};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.9", "5.8"],
+    place: "Figure 5.9",
     title: "Self check against symmetric check",
     claim: "In front of a close object, the symmetric check drops 55 % of all matches and the \
             self check 35 %. The mean and median SSDPI are comparable (section 5.3.3).",

@@ -8,6 +8,7 @@ use crate::train::filter::SamplePart;
 
 pub(in crate::reproduce) const EXPERIMENT: Experiment = Experiment {
     figures: &["8.3"],
+    place: "Figure 8.3",
     title: "Hidden neurons of the floor network",
     claim: "Few hidden neurons are better than many, and 55 is the best choice: it minimizes false \
             acceptance with an acceptable false rejection (section 8.2.1).",

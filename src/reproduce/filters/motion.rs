@@ -10,6 +10,7 @@ use crate::train::filter::{FilterTraining, SamplePart, WindowSamples};
 
 pub(in crate::reproduce) const EXPERIMENT: Experiment = Experiment {
     figures: &["8.2.2"],
+    place: "Figure 8.2.2",
     title: "The floor filter on a moving robot",
     claim: "On the robot the filter is less reliable than expected, probably by motion blur; more \
             data would improve it (section 8.2.2).",

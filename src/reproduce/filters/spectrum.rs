@@ -10,6 +10,7 @@ use crate::train::filter::{TrainSettings, true_label};
 
 pub(in crate::reproduce) const EXPERIMENT: Experiment = Experiment {
     figures: &["8.1"],
+    place: "Figure 8.1",
     title: "Spectra of a normal view and of a too close object",
     claim: "What is too close is out of focus and homogeneous, so its spectrum has less amplitude \
             at high frequencies than that of a normal view (section 8.1).",

@@ -8,6 +8,7 @@ use crate::train::filter::SamplePart;
 
 pub(in crate::reproduce) const EXPERIMENT: Experiment = Experiment {
     figures: &["8.2"],
+    place: "Figure 8.2",
     title: "Training of the too-close network",
     claim: "A network with about 100 hidden neurons learns from 100 samples what is too close: \
             training and validation error fall (section 8.1.1).",

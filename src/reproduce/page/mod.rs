@@ -47,7 +47,7 @@ struct ReportView<'a> {
 
 #[derive(Serialize)]
 struct SectionView<'a> {
-    heading: String,
+    heading: &'static str,
     words: &'static str,
     numbers: Vec<NumbersView<'a>>,
     plots: Vec<&'a str>,
@@ -116,7 +116,7 @@ impl FindingsPage<'_> {
             finding,
         } in self.entries
         {
-            let (heading, title, claim) = (heading(experiment), experiment.title, experiment.claim);
+            let (heading, title, claim) = (experiment.place, experiment.title, experiment.claim);
             let (verdict, why) = (finding.verdict().words(), &finding.why);
             // Writing to a String cannot fail.
             let _ = write!(text, "\n## {heading}: {title}\n\n> {claim}\n\n");
@@ -188,28 +188,13 @@ impl ExperimentFinding {
             }
         }
         SectionView {
-            heading: heading(self.experiment),
+            heading: self.experiment.place,
             words: self.finding.verdict().words(),
             numbers: numbers(&self.finding),
             plots,
             pictures,
             entry: self.view(),
         }
-    }
-}
-
-/// `Figure 5.1`, `Table 5.1`; the speeds stand in the text of chapter 7, the light in that of
-/// chapter 5, svl's own nowhere.
-fn heading(experiment: &Experiment) -> String {
-    let figure = experiment.figure();
-    if !experiment.by_default {
-        return "A study of svl's own".to_owned();
-    }
-    match figure.strip_prefix("table") {
-        Some(number) => format!("Table {number}"),
-        None if figure.starts_with(|c: char| c.is_ascii_digit()) => format!("Figure {figure}"),
-        None if figure == "light" => "Chapter 5".to_owned(),
-        None => "Chapter 7".to_owned(),
     }
 }
 

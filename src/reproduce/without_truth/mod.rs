@@ -26,6 +26,7 @@ use observe::{Observation, Observer};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["without-truth"],
+    place: "A study of svl's own",
     title: "Scores without truth",
     claim: "Not of the thesis: a score that needs no truth tells which algorithm has fewer wrong \
             cells at equal coverage, and picks the best of a run more often than coverage does.",

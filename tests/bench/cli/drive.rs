@@ -147,6 +147,12 @@ fn what_the_driver_sees_is_made_worse() {
         (summary["drives"].as_array().unwrap().len(), stress.len()),
         (2, 6)
     );
+    assert!(
+        stress
+            .iter()
+            .all(|s| s["collisions"].is_number() && s["finished"].is_number()),
+        "{stress:?}"
+    );
     let drives = fixture.text("r/drives.csv");
     let rows: Vec<Vec<&str>> = drives.lines().map(|l| l.split(',').collect()).collect();
     let column = |name: &str| rows[0].iter().position(|head| *head == name).unwrap();
@@ -158,6 +164,19 @@ fn what_the_driver_sees_is_made_worse() {
     };
     assert_eq!(track("truth", ""), track("truth", "row_offset=6"));
     assert_ne!(track("bm", ""), track("bm", "row_offset=6"));
+    // Each level has the numbers of its own drives.
+    let finished = |level: f64| {
+        let mut own = stress.iter().filter(|s| s["algorithm"] == "bm");
+        own.find(|s| s["level"] == level).unwrap()["finished"].clone()
+    };
+    let row = |stress: &str| {
+        let mut own = rows.iter().filter(|row| row[column("algorithm")] == "bm");
+        own.find(|row| row[column("stress")] == stress).unwrap()[column("finished")] == "true"
+    };
+    for (level, stress) in [(0.0, ""), (1.0, "row_offset=1"), (6.0, "row_offset=6")] {
+        assert_eq!(finished(level) == 1.0, row(stress), "{stress}");
+    }
+    assert_ne!(row(""), row("row_offset=1"));
     assert!(fixture.text("r/index.html").contains("Courses finished"));
 
     // In shards and resumed it is the same.

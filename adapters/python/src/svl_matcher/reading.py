@@ -1,6 +1,7 @@
 """svl's recordings as arrays, its reports as data frames."""
 
 import io
+import json
 from pathlib import Path
 from typing import NamedTuple, Optional
 
@@ -19,31 +20,48 @@ class Pair(NamedTuple):
 
 
 _LEFT, _RIGHT, _DEPTH = "/stereo/left/image", "/stereo/right/image", "/truth/depth"
+# The last message of a pair.
+_SYNC = "/stereo/sync"
+
+
+class _Json:
+    """The mcap library leaves JSON to its users."""
+
+    def decoder_for(self, message_encoding, _schema):
+        return json.loads if message_encoding == "json" else None
 
 
 def read(recording):
-    """The pairs of a recording of svl's, in their order."""
+    """The pairs of a recording of svl's, in their order. One that was cut off ends with its last whole pair."""
     from mcap.reader import make_reader
     from mcap_protobuf.decoder import DecoderFactory as Protobuf
     from mcap_ros2.decoder import DecoderFactory as Ros2
 
     with open(recording, "rb") as file:
-        reader = make_reader(file, decoder_factories=[Protobuf(), Ros2()])
-        summary = reader.get_summary()
-        channels = summary.channels.values() if summary else []
-        there = {channel.topic for channel in channels}
-        if not {_LEFT, _RIGHT} <= there:
-            raise ValueError(f"{recording}: has no {_LEFT} and {_RIGHT}: no recording of svl's")
-        topics = sorted(there & {_LEFT, _RIGHT, _DEPTH})
-        waiting = {}
-        messages = reader.iter_decoded_messages(topics=topics)
-        for _, channel, message, decoded in messages:
-            images = waiting.setdefault(message.log_time, {})
-            images[channel.topic] = _image(decoded)
-            if len(images) == len(topics):
-                del waiting[message.log_time]
-                images = (images[_LEFT], images[_RIGHT], images.get(_DEPTH))
-                yield Pair(message.log_time, *images)
+        reader = make_reader(file, decoder_factories=[Protobuf(), Ros2(), _Json()])
+        # By the number of the pair: the right image has a stamp of its own.
+        pairs = {}
+        found = set()
+        topics = [_LEFT, _RIGHT, _DEPTH, _SYNC]
+        for _, channel, message, decoded in reader.iter_decoded_messages(topics=topics):
+            found.add(channel.topic)
+            pair = pairs.setdefault(message.sequence, {})
+            pair[channel.topic] = decoded
+            if channel.topic == _LEFT:
+                pair["stamp"] = message.log_time
+            if {_LEFT, _RIGHT, _SYNC} <= pair.keys():
+                del pairs[message.sequence]
+                depth = pair.get(_DEPTH)
+                yield Pair(
+                    pair["stamp"],
+                    _image(pair[_LEFT]),
+                    _image(pair[_RIGHT]),
+                    None if depth is None else _image(depth),
+                )
+        missing = {_LEFT, _RIGHT, _SYNC} - found
+        if missing:
+            names = ", ".join(sorted(missing))
+            raise ValueError(f"{recording}: is no recording of svl's: it has no {names}")
 
 
 def _image(message):

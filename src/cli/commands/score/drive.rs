@@ -1,8 +1,7 @@
 //! The drives of a scenario: each course with each algorithm at the wheel, several at once.
 
-use super::Args;
-use super::INTERRUPTED;
 use super::report::{Scored, report_manifest};
+use super::{Args, INTERRUPTED, stresses};
 use crate::cli::shared::outputs::{Outputs, write_json};
 use crate::cli::shared::progress::{DriveProgress, interrupted};
 use crate::cli::shared::report_folder::{
@@ -22,7 +21,7 @@ use svl::report::{
     CellRow, CoursePlan, DriveRow, GateResult, Row, Summary, Table, TrackRow, whole_rows,
 };
 use svl::run::{Monitor, Outcome, Pace};
-use svl::scenario::{Scenario, ScenarioSource, StressLevels};
+use svl::scenario::{Scenario, ScenarioSource};
 use svl::sink::ReportPictures;
 use svl::stress::Stress;
 
@@ -45,14 +44,6 @@ impl DriveUnit {
     fn stress_text(&self) -> Option<String> {
         self.stress.map(|stress| stress.to_string())
     }
-}
-
-/// The drives as they are, then those of each level of stress.
-fn levels(scenario: &Scenario) -> Vec<Option<Stress>> {
-    let levels = scenario.stress.iter().flat_map(StressLevels::stresses);
-    std::iter::once(None)
-        .chain(levels.copied().map(Some))
-        .collect()
 }
 
 /// The name of a drive's recording in its report.
@@ -101,10 +92,7 @@ pub(super) fn score(
     }
     let mut report = DriveReport::begin(folder, manifest, scenario)?;
     if let Some(shard) = args.shard {
-        let levels = levels(scenario);
-        let texts = levels
-            .iter()
-            .map(|level| level.map(|stress| stress.to_string()));
+        let texts = stresses(scenario).map(|level| level.map(|stress| stress.to_string()));
         let texts: Vec<_> = texts.collect();
         let runs = seeds.iter().flat_map(|seed| {
             let of_course = texts.iter();
@@ -266,7 +254,7 @@ impl DriveReport {
     ) -> anyhow::Result<()> {
         let algorithms = 0..scenario.algorithms.len();
         let courses = 0..seeds.len();
-        let levels = levels(scenario);
+        let levels: Vec<_> = stresses(scenario).collect();
         let units = courses.flat_map(|course| {
             let algorithms = algorithms.clone();
             levels.iter().flat_map(move |&stress| {

@@ -382,9 +382,13 @@ impl<'a> RunUnit<'a> {
 
 /// All runs of a scenario, first as they are, then made worse.
 fn groups(scenario: &Scenario, runs: usize) -> impl Iterator<Item = (Option<Stress>, usize)> {
+    stresses(scenario).flat_map(move |stress| (0..runs).map(move |place| (stress, place)))
+}
+
+/// None, then all levels of the scenario's stress.
+fn stresses(scenario: &Scenario) -> impl Iterator<Item = Option<Stress>> {
     let stresses = scenario.stress.iter().flat_map(StressLevels::stresses);
-    let stresses = std::iter::once(None).chain(stresses.copied().map(Some));
-    stresses.flat_map(move |stress| (0..runs).map(move |place| (stress, place)))
+    std::iter::once(None).chain(stresses.copied().map(Some))
 }
 
 /// How a report says that Ctrl-C ended its run.
