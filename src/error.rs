@@ -75,6 +75,9 @@ pub enum Error {
         path.display(), path.display()
     )]
     Damaged { path: PathBuf, reason: String },
+    /// The work was asked to end ([`crate::interrupt`]).
+    #[error("interrupted")]
+    Interrupted,
     /// A program that matches pairs failed; `stderr` is the end of its standard error.
     #[error("program `{command}` {reason}{}", stderr_note(.stderr))]
     Program {

@@ -35,6 +35,7 @@ pub mod calibrate;
 pub mod depth;
 mod error;
 pub mod filter;
+pub mod interrupt;
 pub mod kernel;
 pub mod matcher;
 pub mod rectify;

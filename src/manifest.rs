@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::kernel;
-use crate::matcher::{self, Algorithm};
+use crate::matcher::{self, Algorithm, ProgramRecord};
 use crate::stereo::CellRule;
 use serde::{Deserialize, Serialize};
 use std::fs::read_to_string;
@@ -100,6 +100,9 @@ pub struct AlgorithmRecord {
     /// Why it failed on its last pair, if it did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
+    /// Of a program of its own, what it is and how it did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub program: Option<ProgramRecord>,
 }
 
 /// The machine. Times depend on it, results do not.
@@ -319,6 +322,7 @@ impl AlgorithmRecord {
             results_hash: None,
             memory_bytes: None,
             failure: None,
+            program: None,
         }
     }
 
@@ -327,7 +331,13 @@ impl AlgorithmRecord {
             .results_hash
             .clone()
             .map(|hash| (format!("{} results hash", self.label), hash));
-        std::iter::once((self.label.clone(), self.parameters.clone())).chain(results)
+        let program = self
+            .program
+            .as_ref()
+            .map(|program| (format!("{} program", self.label), program.words()));
+        std::iter::once((self.label.clone(), self.parameters.clone()))
+            .chain(program)
+            .chain(results)
     }
 }
 

@@ -7,7 +7,7 @@ use crate::counted;
 use crate::depth;
 use crate::error::{Error, Result};
 use crate::manifest::Manifest;
-use crate::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
+use crate::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, ProgramRecord};
 use crate::report::{LoggedResult, ResultLog};
 use crate::score::{Judge, Judged, MetricValues};
 use crate::sink::{RunEnd, RunStart, Sink};
@@ -130,6 +130,8 @@ struct RunMatcher {
     warned_of_range: bool,
     /// The size of images that it has memory for, once it was measured.
     warm_for: Option<(usize, usize)>,
+    /// What it made of the next pairs, where it matches several at once.
+    ahead: VecDeque<Result<Vec<MatchOutput>>>,
 }
 
 impl RunMatcher {
@@ -149,6 +151,7 @@ impl RunMatcher {
             // What filters say is too close is not missed.
             warned_of_range: !algorithm.filters().is_empty(),
             warm_for: None,
+            ahead: VecDeque::new(),
         })
     }
 }
@@ -224,8 +227,12 @@ impl Matchers {
     pub fn complete(&self, manifest: &mut Manifest) {
         for record in &mut manifest.algorithms {
             if let Some(entry) = self.0.iter().find(|entry| entry.label == record.label) {
-                let process = entry.matcher.process_memory();
+                record.program = entry.matcher.program();
+                let process = record.program.as_ref().and_then(|p| p.memory_bytes);
                 record.memory_bytes = process.or(entry.memory.map(|memory| memory.peak));
+                for warning in record.program.iter().flat_map(ProgramRecord::warnings) {
+                    tracing::warn!("{}: {warning}", entry.label);
+                }
                 let failure = Some(&entry.last_failure).filter(|failure| !failure.is_empty());
                 record.failure = failure.cloned();
             }
@@ -286,6 +293,12 @@ pub fn run(
         failures: 0,
         interrupted: false,
     };
+    // Pairs of a run that was interrupted.
+    matching
+        .matchers
+        .0
+        .iter_mut()
+        .for_each(|entry| entry.ahead.clear());
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let has_free_core = cores > rayon::current_num_threads();
     let reads_ahead = has_free_core && !source.listens();
@@ -300,6 +313,13 @@ pub fn run(
             in_turn(source, &mut matching, sinks, &mut taken)
         }
     });
+    let ran = match ran {
+        Err(Error::Interrupted) => {
+            matching.interrupted = true;
+            Ok(())
+        }
+        ran => ran,
+    };
     let outcome = Outcome {
         frames: taken,
         failures: matching.failures,
@@ -428,6 +448,7 @@ fn in_batches(
                 break;
             };
             matching.ask_for_maps(&frame, sinks);
+            matching.match_ahead(&frame, &waiting.frames);
             ran = matching.matched(&frame).map(|estimates| {
                 matched.push((frame, estimates));
                 matching.go_on()
@@ -604,6 +625,19 @@ impl RunMatcher {
         }
     }
 
+    /// Matches several pairs at once, so many times.
+    fn match_ahead(&mut self, pairs: &[(RectifiedPair<'_>, MatchContext<'_>)], rounds: usize) {
+        let mut ahead: Vec<_> = pairs.iter().map(|_| Ok(Vec::new())).collect();
+        for _ in 0..rounds {
+            self.matcher.announce(pairs);
+            for ((pair, context), outputs) in pairs.iter().zip(&mut ahead) {
+                // Also where it failed before: an answer waits for each.
+                add(outputs, self.compute(*pair, context));
+            }
+        }
+        self.ahead.extend(ahead);
+    }
+
     /// Warns once where its range of disparities ends before obstacles do.
     fn warn_of_range(&mut self, rig: &Rig, obstacle_m: f64) {
         let nearest_m = |px: i32| rig.depth_m(f64::from(px));
@@ -681,6 +715,16 @@ impl RunMatcher {
     }
 }
 
+/// Adds an output to those of earlier rounds, until the first error.
+fn add(outputs: &mut Result<Vec<MatchOutput>>, output: Result<MatchOutput>) {
+    if let Ok(before) = outputs {
+        match output {
+            Ok(output) => before.push(output),
+            Err(error) => *outputs = Err(error),
+        }
+    }
+}
+
 /// What stands between source and sinks.
 struct Matching<'a> {
     matchers: &'a mut Matchers,
@@ -720,13 +764,7 @@ impl<'a> Matching<'a> {
             return Ok(Vec::new());
         }
         let pair = frame.rectified()?;
-        let context = MatchContext {
-            truth: frame.truth.as_ref(),
-            rig: frame.rig().copied(),
-            grid: self.judge.grid,
-            cells: self.judge.cells,
-            ..MatchContext::default()
-        };
+        let context = MatchContext::of(frame, self.judge.grid, self.judge.cells);
         if self.rounds.is_some() {
             let (obstacle_m, _) = self.judge.cells.obstacle_and_clear_m();
             for entry in &mut self.matchers.0 {
@@ -746,13 +784,21 @@ impl<'a> Matching<'a> {
         for _ in 0..self.rounds.unwrap_or(1) {
             let entries = self.matchers.0.iter_mut().zip(&mut rounds).enumerate();
             for (_, (entry, outputs)) in entries.filter(|(i, _)| !is_known(*i)) {
-                if let Ok(before) = outputs {
-                    match entry.compute(pair, &context) {
-                        Ok(output) => before.push(output),
-                        Err(error) => *outputs = Err(error),
-                    }
+                if entry.ahead.is_empty() && outputs.is_ok() {
+                    add(outputs, entry.compute(pair, &context));
                 }
             }
+        }
+        for (entry, outputs) in self.matchers.0.iter_mut().zip(&mut rounds) {
+            if let Some(ahead) = entry.ahead.pop_front() {
+                *outputs = ahead;
+            }
+        }
+        if rounds
+            .iter()
+            .any(|outputs| matches!(outputs, Err(Error::Interrupted)))
+        {
+            return Err(Error::Interrupted);
         }
         let mut matched = Vec::with_capacity(rounds.len());
         for (i, (entry, outputs)) in self.matchers.0.iter_mut().zip(rounds).enumerate() {
@@ -787,6 +833,29 @@ impl<'a> Matching<'a> {
             }
         }
         Ok(matched)
+    }
+
+    /// Matches a frame and those that wait behind it by the algorithms that take several pairs at
+    /// once.
+    fn match_ahead(&mut self, frame: &Frame, waiting: &VecDeque<Frame>) {
+        // With a log not all pairs are matched.
+        if self.log.is_some() {
+            return;
+        }
+        for entry in &mut self.matchers.0 {
+            let (batch, size) = (entry.matcher.batch(), frame.pair.size());
+            if batch < 2 || !entry.ahead.is_empty() || entry.warm_for != Some(size) {
+                continue;
+            }
+            let frames = std::iter::once(frame).chain(waiting).take(batch);
+            let pairs = frames.map_while(|frame| {
+                let context = MatchContext::of(frame, self.judge.grid, self.judge.cells);
+                let pair = frame.rectified().ok();
+                pair.filter(|pair| pair.size() == size)
+                    .map(|pair| (pair, context))
+            });
+            entry.match_ahead(&pairs.collect::<Vec<_>>(), self.rounds.unwrap_or(1));
+        }
     }
 
     /// What an earlier part of the run made of the frame, per algorithm.
@@ -828,7 +897,7 @@ mod tests {
     use super::*;
     use crate::manifest::Manifest;
     use crate::source::{AlignmentMonitor, AssumeRectified};
-    use crate::stereo::{Geometry, Gray, StereoPair};
+    use crate::stereo::{ExtraPlanes, Geometry, Gray, StereoPair};
     use std::sync::Arc;
 
     /// That many frames, then an error.
@@ -1038,6 +1107,59 @@ mod tests {
         assert_eq!(warmed(&mut matchers), 1);
         matchers.append(away);
         assert_eq!(warmed(&mut matchers), 0);
+    }
+
+    /// Answers the announced pairs by their numbers, and fails on the second.
+    struct Several(VecDeque<usize>);
+
+    impl Matcher for Several {
+        fn batch(&self) -> usize {
+            3
+        }
+
+        fn announce(&mut self, pairs: &[(RectifiedPair<'_>, MatchContext<'_>)]) {
+            self.0 = (0..pairs.len()).collect();
+        }
+
+        fn compute(
+            &mut self,
+            pair: RectifiedPair<'_>,
+            _: &MatchContext,
+            output: &mut MatchOutput,
+        ) -> Result<()> {
+            let (width, height) = pair.size();
+            let number = self.0.pop_front().expect("announced");
+            let map = &mut output.disparity;
+            map.resize(width, height, ExtraPlanes::NONE)?;
+            map.rows_mut()
+                .for_each(|mut row| row.accept(0, number as f32));
+            match number {
+                1 => Err(Error::Invalid("too dark".into())),
+                _ => Ok(()),
+            }
+        }
+    }
+
+    #[test]
+    fn of_several_pairs_each_has_its_own_outputs() {
+        let mut entry = RunMatcher {
+            matcher: Box::new(Several(VecDeque::new())),
+            ..RunMatcher::new(&"v3".parse().unwrap()).unwrap()
+        };
+        let image = Gray::filled(4, 2, 0).unwrap();
+        let pair = StereoPair::new(image.clone(), image).unwrap();
+        let pair = (RectifiedPair::assume(&pair), MatchContext::default());
+        entry.match_ahead(&[pair; 3], 2);
+        let firsts = entry.ahead.iter().map(|outputs| match outputs {
+            Ok(outputs) => {
+                let maps = outputs.iter().map(|output| output.disparity.at(0, 0));
+                maps.map(|disparity| format!("{disparity:?}")).collect()
+            }
+            Err(error) => vec![error.to_string()],
+        });
+        let firsts: Vec<Vec<_>> = firsts.collect();
+        let expected = [vec!["Ok(0.0)"; 2], vec!["too dark"], vec!["Ok(2.0)"; 2]];
+        assert_eq!(firsts, expected);
     }
 
     #[test]

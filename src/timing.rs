@@ -75,13 +75,10 @@ impl Clock {
         self.last = now;
     }
 
-    /// Ends the lap, of which only `time` belongs to `stage`: the rest is overhead that does not
-    /// count.
-    pub fn lap_of(&mut self, stage: Stage, time: Duration) {
-        let now = Instant::now();
-        // A self-reported time longer than the lap is not believed.
-        self.times.add(stage, time.min(now - self.last));
-        self.last = now;
+    /// Ends the lap, for which `time` counts, spent in it or before it.
+    pub fn lap_with(&mut self, stage: Stage, time: Duration) {
+        self.times.add(stage, time);
+        self.last = Instant::now();
     }
 
     /// Ends the lap: the time since the last one is divided among the stages in proportion to

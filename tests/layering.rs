@@ -14,6 +14,7 @@ use std::path::Path;
 const ORDER: [&[&str]; 11] = [
     &[
         "error",
+        "interrupt",
         "timing",
         "yaml",
         "words",

@@ -2,7 +2,7 @@
 
 use super::{BitDepth, DecodedImage, MAX_BYTES, jpeg, read_bounded};
 use crate::error::{Error, Result};
-use crate::stereo::{Gray, MAX_SIDE, Plane, StereoPair, Visibility};
+use crate::stereo::{Gray, MAX_SIDE, Plane, Rgb, StereoPair, Visibility};
 use image::{
     ColorType, DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, ImageReader,
     codecs::png::PngEncoder,
@@ -32,7 +32,8 @@ pub(crate) fn read_image(path: &Path) -> Result<DecodedImage> {
     DecodedImage::new(decode(path)?).map_err(wrong)
 }
 
-/// Reads two image files as a pair. Of 16-bit images the upper 8 of the `bits` that they use remain
+/// Reads two image files as a pair, with their colours where both have them, and with a note for
+/// the user. Of 16-bit images the upper 8 of the `bits` that they use remain
 /// [default: decided by their largest value, with a line for the user where these are not all].
 ///
 /// # Errors
@@ -42,10 +43,11 @@ pub fn read_pair(
     left: &Path,
     right: &Path,
     bits: Option<u8>,
-) -> Result<(StereoPair, Option<String>)> {
+) -> Result<(StereoPair, Option<[Rgb; 2]>, Option<String>)> {
     let images = [read_image(left)?, read_image(right)?];
     let mut depth = BitDepth::decide(bits, [DecodedImage::largest_of(&images)])?;
-    Ok((depth.pair(images)?.0, depth.note()))
+    let (pair, color) = depth.pair(images)?;
+    Ok((pair, color, depth.note()))
 }
 
 /// As [`decode`], for a file in memory.

@@ -1,6 +1,6 @@
 //! An algorithm behind filters ([`crate::filter`]): `v3+floor`.
 
-use super::{MatchContext, MatchOutput, Matcher};
+use super::{MatchContext, MatchOutput, Matcher, ProgramRecord};
 use crate::depth;
 use crate::error::Result;
 use crate::filter::Filters;
@@ -34,7 +34,7 @@ impl Matcher for FilteredMatcher {
         };
         output
             .clock
-            .lap_of(Stage::Checks, std::time::Duration::ZERO);
+            .lap_with(Stage::Checks, std::time::Duration::ZERO);
         self.filters.look(left, shape)?;
         self.filters.drop_floor(&mut output.disparity, shape);
         output.clock.lap(Stage::Filters);
@@ -45,7 +45,15 @@ impl Matcher for FilteredMatcher {
         Ok(())
     }
 
-    fn process_memory(&self) -> Option<usize> {
-        self.matcher.process_memory()
+    fn program(&self) -> Option<ProgramRecord> {
+        self.matcher.program()
+    }
+
+    fn batch(&self) -> usize {
+        self.matcher.batch()
+    }
+
+    fn announce(&mut self, pairs: &[(RectifiedPair<'_>, MatchContext<'_>)]) {
+        self.matcher.announce(pairs);
     }
 }

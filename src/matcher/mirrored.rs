@@ -26,8 +26,16 @@ pub fn match_right(
     output: &mut MatchOutput,
 ) -> Result<Plane<f32>> {
     let mirrored = mirrored(&pair)?;
+    let color = context
+        .color
+        .map(|[left, right]| -> Result<_> { Ok([mirror(right)?, mirror(left)?]) });
+    let color = color.transpose()?;
+    let context = MatchContext {
+        color: color.as_ref(),
+        ..*context
+    };
     output.begin();
-    matcher.compute(RectifiedPair::assume(&mirrored), context, output)?;
+    matcher.compute(RectifiedPair::assume(&mirrored), &context, output)?;
     mirror(output.disparity.disparity())
 }
 

@@ -10,6 +10,7 @@ mod filtered;
 mod method;
 mod mirrored;
 mod parameter;
+mod program;
 mod quotes;
 mod sgm;
 pub mod stage;
@@ -22,13 +23,16 @@ mod v5;
 
 pub use mirrored::{match_right, mirrored};
 pub use parameter::{Parameter, ParameterFile, Parameters, Range, Value};
+pub use program::ProgramRecord;
 
 use crate::depth::GridSettings;
 use crate::depth::decision::SafeChoice;
 use crate::error::{Error, Result, nearest};
 use crate::filter::{FilterModel, Filters};
 use crate::kernel::{Isa, isa};
-use crate::stereo::{Cell, CellRule, DepthGrid, DisparityMap, RectifiedPair, Rig, Truth};
+use crate::stereo::{
+    Cell, CellRule, DepthGrid, DisparityMap, Frame, RectifiedPair, Rgb, Rig, Truth,
+};
 use crate::timing::Clock;
 use filtered::FilteredMatcher;
 use std::sync::Arc;
@@ -47,16 +51,28 @@ pub trait Matcher: Send {
         output: &mut MatchOutput,
     ) -> Result<()>;
 
-    /// The most memory that a process of its own has taken, bytes; none where it has no process, or
-    /// the system does not say.
-    fn process_memory(&self) -> Option<usize> {
+    /// Of a program of its own, what it is and how it did.
+    fn program(&self) -> Option<ProgramRecord> {
         None
     }
+
+    /// How many pairs it matches at once.
+    fn batch(&self) -> usize {
+        1
+    }
+
+    /// Tells the pairs of the next calls of [`Matcher::compute`], of one size and in their order,
+    /// to one that matches several at once.
+    fn announce(&mut self, _pairs: &[(RectifiedPair<'_>, MatchContext<'_>)]) {}
 }
 
 /// What a matcher may know besides the pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MatchContext<'a> {
+    /// Name of the pair, where it has one.
+    pub name: Option<&'a str>,
+    /// Left and right in colour, of the pair's size, where the source has them.
+    pub color: Option<&'a [Rgb; 2]>,
     /// The truth of the frame, for the algorithm `truth` alone.
     pub truth: Option<&'a Truth>,
     /// The rig of a calibrated pair.
@@ -73,11 +89,28 @@ impl Default for MatchContext<'_> {
     /// No rig, the thesis's grid, the default cell rule, the threads of rayon's current pool.
     fn default() -> Self {
         Self {
+            name: None,
+            color: None,
             truth: None,
             rig: None,
             grid: GridSettings::default(),
             cells: CellRule::default(),
             threads: rayon::current_num_threads(),
+        }
+    }
+}
+
+impl<'a> MatchContext<'a> {
+    /// What the frame has, with those settings.
+    pub fn of(frame: &'a Frame, grid: GridSettings, cells: CellRule) -> Self {
+        Self {
+            name: frame.name.as_deref(),
+            color: frame.color.as_ref(),
+            truth: frame.truth.as_ref(),
+            rig: frame.rig().copied(),
+            grid,
+            cells,
+            ..Self::default()
         }
     }
 }

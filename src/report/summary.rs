@@ -6,6 +6,7 @@ use super::speed::Speed;
 use super::stress::StressSummary;
 use crate::error::{Error, Result};
 use crate::manifest::{Manifest, hash};
+use crate::matcher::ProgramRecord;
 use crate::score::{DriveNumber, METRICS, Metric, MetricOrigin, MetricTotal, MetricValues};
 use crate::stereo::{CellRule, TruthOrigin};
 use polars::prelude::{DataFrame, PolarsResult};
@@ -26,6 +27,9 @@ pub struct Summary {
     pub checkpoints: Vec<CheckpointSummary>,
     /// Algorithms that failed on every pair.
     pub failed: Vec<FailedAlgorithm>,
+    /// What matched as a program of its own.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub programs: Vec<ProgramSummary>,
     /// Where the algorithms steered a robot, in their order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub drives: Vec<DriveSummary>,
@@ -49,6 +53,14 @@ pub struct FailedAlgorithm {
     pub algorithm: String,
     /// Why it failed on the last pair.
     pub reason: String,
+}
+
+/// A program behind an algorithm.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ProgramSummary {
+    pub algorithm: String,
+    #[serde(flatten)]
+    pub program: ProgramRecord,
 }
 
 record! {
@@ -140,6 +152,11 @@ impl Summary {
     pub fn complete(&mut self, manifest: &mut Manifest) {
         self.times.clone_from(&manifest.times);
         for record in &manifest.algorithms {
+            let program = record.program.clone();
+            self.programs.extend(program.map(|program| ProgramSummary {
+                algorithm: record.label.clone(),
+                program,
+            }));
             let mut summaries = self.algorithms.iter_mut();
             let summary = summaries.find(|a| a.algorithm == record.label);
             match (summary, &record.failure) {
@@ -220,6 +237,7 @@ impl Summary {
             algorithms,
             checkpoints,
             failed: Vec::new(),
+            programs: Vec::new(),
             drives: Vec::new(),
             stress: Vec::new(),
             rule: CellRule::default(),

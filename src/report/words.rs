@@ -161,7 +161,12 @@ pub(super) fn notes(columns: &[Column], summary: &Summary) -> Vec<(&'static str,
     let metrics = metrics.map(|note| note(rule));
     let has_times = columns.iter().any(|column| column.head == "p99");
     let of_times = summary.times.clone().map(|times| ("times", times));
-    let of_times = of_times.into_iter().chain(outliers(summary));
+    let programs = summary.programs.iter();
+    let programs = programs.map(|p| ("program", format!("{}: {}", p.algorithm, p.program.words())));
+    let of_times = of_times
+        .into_iter()
+        .chain(outliers(summary))
+        .chain(programs);
     let times = times.chain(of_times.filter(|_| has_times));
     let absent = absent(summary).map(|words| ("no truth", words));
     let absent = absent.filter(|_| columns.iter().any(|column| column.is_metric()));

@@ -1,11 +1,12 @@
 //! Pairs judged against other algorithms, where these are sure.
 
 use super::Source;
+use crate::depth::GridSettings;
 use crate::error::{Error, Result};
 use crate::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, match_right};
 use crate::score::Judged;
 use crate::stereo::{
-    Frame, Gray, Losses, Plane, RectifiedPair, Rig, StereoPair, Truth, TruthDensity, TruthKind,
+    CellRule, Frame, Gray, Losses, Plane, RectifiedPair, Truth, TruthDensity, TruthKind,
     TruthOrigin,
 };
 
@@ -73,7 +74,7 @@ impl ReferenceSource {
         frame.truth = None;
         let mut agreed: Option<Plane<f32>> = None;
         for reference in &mut self.references {
-            let Some(sure) = reference.sure(&frame.pair, frame.rig(), frame.sequence) else {
+            let Some(sure) = reference.sure(frame) else {
                 self.without += 1;
                 return;
             };
@@ -96,18 +97,16 @@ impl ReferenceSource {
 
 impl Reference {
     /// Its left-right consistent disparities, `+∞` elsewhere; nothing where it fails on the pair.
-    fn sure(&mut self, pair: &StereoPair, rig: Option<&Rig>, sequence: u64) -> Option<Plane<f32>> {
-        let label = &self.label;
+    fn sure(&mut self, frame: &Frame) -> Option<Plane<f32>> {
+        let (label, sequence) = (&self.label, frame.sequence);
         let mut failed = |which: usize, what: &str, error: &Error| {
-            if !std::mem::replace(&mut self.reported[which], true) {
+            let is_told = matches!(error, Error::Interrupted);
+            if !is_told && !std::mem::replace(&mut self.reported[which], true) {
                 tracing::warn!("reference {label} on pair {sequence}{what}: {error}");
             }
         };
-        let context = MatchContext {
-            rig: rig.copied(),
-            ..MatchContext::default()
-        };
-        let matched = RectifiedPair::assume(pair);
+        let context = MatchContext::of(frame, GridSettings::default(), CellRule::default());
+        let matched = RectifiedPair::assume(&frame.pair);
         self.left.begin();
         if let Err(error) = self.matcher.compute(matched, &context, &mut self.left) {
             failed(0, "", &error);
@@ -231,7 +230,7 @@ impl Source for ReferenceSource {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::{Exposure, Geometry};
+    use crate::stereo::{Exposure, Geometry, StereoPair};
 
     const SIZE: (usize, usize) = (96, 48);
 

@@ -1,6 +1,7 @@
 //! `svl match`: one pair of image files through one algorithm.
 
 use crate::cli::shared::outputs::{Outputs, write};
+use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::terminal::{print, print_error, print_json};
 use crate::cli::shared::usage;
 use anyhow::Context;
@@ -109,9 +110,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         [args.left.as_path(), &args.right],
         outputs.into_iter().flatten().map(PathBuf::as_path),
     )?;
+    if args.algo.spec().name == "exec" {
+        // A program is ended by svl, which ends by itself otherwise.
+        listen_for_interrupt();
+    }
     let mut matcher = args.algo.build()?;
     let mut output = MatchOutput::new()?;
-    let (pair, note) = files::read_pair(&args.left, &args.right, args.bits)
+    let (pair, color, note) = files::read_pair(&args.left, &args.right, args.bits)
         .with_context(|| format!("{} and {}", args.left.display(), args.right.display()))?;
     if let Some(note) = note {
         print_error(note);
@@ -122,6 +127,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         .map(|path| read_calib(path, (width, height)))
         .transpose()?;
     let context = MatchContext {
+        color: color.as_ref(),
         rig,
         ..MatchContext::default()
     };

@@ -4,23 +4,22 @@ use super::live::LiveTable;
 use super::memory;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use svl::run::{MemoryUse, Monitor};
 
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 static HANDLER: OnceLock<()> = OnceLock::new();
 
 /// Whether Ctrl-C (or SIGTERM) came. The first asks the work to end orderly; the second ends the
 /// program at once.
 pub(crate) fn interrupted() -> bool {
-    INTERRUPTED.load(Ordering::Relaxed)
+    svl::interrupt::requested()
 }
 
 /// Begins to listen for Ctrl-C.
 pub(crate) fn listen_for_interrupt() {
     HANDLER.get_or_init(|| {
         let handler = || {
-            if INTERRUPTED.swap(true, Ordering::Relaxed) {
+            if svl::interrupt::request() {
                 std::process::exit(130);
             }
         };

@@ -4,54 +4,80 @@
 //! pixels of both images, row by row, without gaps:
 //!
 //! ```text
-//! {"width":W,"height":H,"min_disparity":a,"max_disparity":b,"seq":n,"columns":C,"rows":R,
-//!  "rig":{"focal_px":f,"cx_px":x,"cy_px":y,"baseline_m":B,"doffs_px":o}}\n   no rig: not known
-//! W·H bytes of the left image, W·H bytes of the right image
+//! {"width":W,"height":H,"channels":1,"min_disparity":a,"max_disparity":b,"seq":n,
+//!  "name":"motor","columns":C,"rows":R,"threads":t,"batch":k,
+//!  "rig":{"focal_px":f,"cx_px":x,"cy_px":y,"baseline_m":B,"doffs_px":o}}\n
+//! W·H·channels bytes of the left image, W·H·channels bytes of the right image
 //! ```
 //!
-//! and reads from its standard output one line of JSON and the disparities, row by row,
-//! little-endian, `+∞` for none:
+//! `name`: of a pair that has one, as data sets do; `columns`, `rows`: of the depth grid;
+//! `threads`: as many may be used; `rig`: where the cameras are known; `batch`: below. The program
+//! writes to its standard output one line of JSON and the disparities, row by row, little-endian,
+//! `+∞` for none:
 //!
 //! ```text
 //! {"seq":n,"millis":t}\n  or  {"seq":n,"error":"why this pair cannot be matched"}\n
 //! W·H · 4 bytes                nothing
 //! ```
 //!
+//! In place of its first reply a program may say what it is; then it gets the same pair once more:
+//!
+//! ```text
+//! {"hello":{"name":"mynet","version":"1.2","device":"cuda:0","threads":2,"isa":"avx2",
+//!           "model":"HASH","color":true,"batch":8,"shared":true}}\n
+//! ```
+//!
+//! All of it is optional, and stands in the run's manifest. One that wants colour gets three
+//! channels, red, green and blue by pixel; grey images have three equal ones. One that takes
+//! several pairs at once gets them so where svl measures (`svl score`): up to `batch` requests of
+//! one size, of which each says how many there are from it on; svl then reads as many replies.
+//! `millis` is then the time of all divided by their number. One that takes shared memory, and
+//! single pairs, gets `"shared":"PATH"` in the requests and no pixels behind them: the file, which
+//! it maps, has both images, and room for the disparities behind them at the next multiple of 64
+//! bytes; then nothing follows its replies either. Where the system has no such memory, `shared` is
+//! absent.
+//!
 //! A program may answer the C·R cells of the depth grid itself: `"cells":[...]` beside `millis`,
 //! row by row, `null` for an unknown one, else `{"disparity_px":d}` or with `"probability":p`, 0 to
 //! 1. Distances follow from the rig. Where it does not, cells are made of its disparities.
 //!
 //! `millis` is the self-reported time of the matching, without the transfer; it is the time that
-//! svl reports. At the end of its input the program must end. The end of its standard error is kept
-//! for error messages. An error reply concerns its pair alone. A program that ends, times out or
-//! answers anything else is killed and started again for the next pair, [`RESTARTS`] times.
-//! `adapters/opencv.py` is such a program.
+//! svl reports, beside that until the answer, with a warning where they do not fit together.
+//! Disparities that lie more than half a pixel outside the range count as none, and are counted. At
+//! the end of its input the program must end. The end of its standard error is kept for error
+//! messages. An error reply concerns its pair alone. A program that ends, times out or answers
+//! anything else is killed, with all that it started, and started again for the next pair,
+//! [`RESTARTS`] times. Ctrl-C ends it at once. `svl algos exec --example python` is such a program.
 //!
 //! No shell is involved: the command is split at spaces, and quotes keep spaces in a word.
 
 mod program;
 mod protocol;
+mod shared;
 
 use super::quotes::words;
 use super::stage::DisparityRange;
-use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
+use super::{
+    MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, ProgramRecord, Range,
+};
 use crate::depth;
 use crate::error::{Error, Result};
-use crate::stereo::{
-    Cell, CellDepth, DepthGrid, ExtraPlanes, Plane, Reason, RectifiedPair, StereoPair,
-};
+use crate::stereo::{Cell, CellDepth, DepthGrid, ExtraPlanes, Plane, Reason, RectifiedPair};
 use crate::timing::Stage;
 use program::{Program, ProgramFailure};
-use protocol::{Question, Reply, ReplyCell};
-use std::time::Duration;
+use protocol::{Hello, Question, Reply, ReplyCell, RequestForm};
+use shared::SharedMemory;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "exec",
     aliases: &[],
     summary: "any program, over its standard input and output: to compare with an algorithm that \
               svl does not have",
-    about: "",
-    paper: "whatever the program does; adapters/opencv.py explains the protocol and is an example",
+    about: ABOUT,
+    paper: "whatever the program does; --example prints helpers for Python, C++, ONNX, PyTorch",
     parameters: &[
         Parameter {
             name: "command",
@@ -72,6 +98,11 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     build: |parameters, _| Ok(Box::new(Exec::start(parameters)?)),
 };
 
+const ABOUT: &str = "A function of two numpy arrays is a matcher: svl algos exec --example \
+    python > svl_matcher.py says how. A network in ONNX: svl algos exec --example onnx > onnx.py \
+    beside it, then --algo \"net=exec:command='python3 onnx.py model.onnx'\". For C++: svl algos \
+    exec --example cpp > svl_matcher.hpp.";
+
 /// How often a program that failed is started again.
 const RESTARTS: u32 = 3;
 
@@ -84,6 +115,24 @@ struct Exec {
     program: Option<Program>,
     restarts: u32,
     sequence: u64,
+    /// Answers to pairs that were announced.
+    ahead: VecDeque<PairAnswer>,
+    /// The size of the last pair. The first pair of a size may set up memory.
+    warm_for: Option<(usize, usize)>,
+    /// Of all other pairs, microseconds: what it reported, and how long it was waited for.
+    reported_us: Vec<u32>,
+    waited_us: Vec<u32>,
+    disparities: u64,
+    out_of_range: u64,
+    /// What the last program said that it is, and the most memory that it had.
+    hello: Hello,
+    memory_bytes: Option<usize>,
+}
+
+/// What came of a pair, and how long svl waited for it.
+struct PairAnswer {
+    reply: Reply,
+    waited: Duration,
 }
 
 impl Exec {
@@ -104,6 +153,14 @@ impl Exec {
             words,
             restarts: 0,
             sequence: 0,
+            ahead: VecDeque::new(),
+            warm_for: None,
+            reported_us: Vec::new(),
+            waited_us: Vec::new(),
+            disparities: 0,
+            out_of_range: 0,
+            hello: Hello::default(),
+            memory_bytes: None,
         })
     }
 
@@ -125,25 +182,124 @@ impl Exec {
         Ok(self.program.insert(program))
     }
 
+    /// Sends pairs of one size at once and waits for all their answers.
     fn ask(
         &mut self,
-        pair: &StereoPair,
-        context: &MatchContext,
-    ) -> std::result::Result<Reply, ProgramFailure> {
-        let (sequence, timeout) = (self.sequence, self.timeout);
-        let request = protocol::request(pair, self.range, sequence, context);
-        let question = Question {
-            sequence,
-            size: pair.size(),
-            cells: context.grid.shape().cells(),
-        };
-        self.program()?.ask(request, question, timeout)
+        pairs: &[(RectifiedPair<'_>, MatchContext<'_>)],
+    ) -> std::result::Result<Vec<PairAnswer>, ProgramFailure> {
+        let (range, timeout, first) = (self.range, self.timeout, self.sequence + 1);
+        // Also for pairs that fail, so that no two requests share a number.
+        self.sequence += pairs.len() as u64;
+        let program = self.program()?;
+        let began = Instant::now();
+        let hello = program.hello.as_ref();
+        let (color, takes_several) = hello.map_or((false, false), |h| (h.color, h.batch > 1));
+        // Several pairs at once go through the pipes.
+        let shared = program.shared.clone().filter(|_| !takes_several);
+        for (i, (pair, context)) in pairs.iter().enumerate() {
+            let form = RequestForm {
+                range,
+                sequence: first + i as u64,
+                color,
+                batch: takes_several.then_some(pairs.len() - i),
+                shared: shared.as_deref(),
+            };
+            let memory = program.memory_for_request();
+            let request = protocol::request(pair, form, context, memory)
+                .map_err(|error| ProgramFailure::new(format!("cannot be sent a pair: {error}")))?;
+            let disparities_at = request.disparities_at;
+            let question = Question {
+                sequence: form.sequence,
+                size: pair.size(),
+                cells: context.grid.shape().cells(),
+                followers: pairs.len() - i - 1,
+                shared: shared.clone().map(|shared| (shared, disparities_at)),
+            };
+            program.send(request.bytes, question);
+        }
+        let timeout = timeout.saturating_mul(pairs.len() as u32);
+        let mut replies = Vec::with_capacity(pairs.len());
+        for (pair, _) in pairs {
+            match program.answer(pair.size(), timeout)? {
+                Reply::Hello(hello) if program.hello.is_none() => {
+                    let shared = hello.shared.then(SharedMemory::new).flatten();
+                    program.shared = shared.map(Arc::new);
+                    program.hello = Some(hello);
+                    // The pair once more, as the program wants it.
+                    return self.ask(pairs);
+                }
+                Reply::Hello(_) => return Err(ProgramFailure::new("says twice what it is")),
+                reply => replies.push(reply),
+            }
+        }
+        let waited = began.elapsed() / pairs.len() as u32;
+        let answer = |reply| PairAnswer { reply, waited };
+        Ok(replies.into_iter().map(answer).collect())
+    }
+
+    /// As [`Exec::ask`]; a program that failed is ended.
+    fn ask_or_end(
+        &mut self,
+        pairs: &[(RectifiedPair<'_>, MatchContext<'_>)],
+    ) -> Result<Vec<PairAnswer>> {
+        let answers = self.ask(pairs);
+        if let Some(program) = &self.program {
+            self.memory_bytes = self.memory_bytes.max(program.memory());
+            if let Some(hello) = &program.hello {
+                self.hello.clone_from(hello);
+            }
+        }
+        answers.map_err(|failure| {
+            // Dropped, so ended; another one has to warm up.
+            (self.program, self.warm_for) = (None, None);
+            failure.into_error(&self.command)
+        })
+    }
+
+    /// Whether a pixel is within half a pixel of the range.
+    fn is_in_range(&self, disparity: f32) -> bool {
+        let (min, max) = (self.range.min() as f32, self.range.max() as f32);
+        (min - 0.5..=max + 0.5).contains(&disparity)
     }
 }
 
 impl Matcher for Exec {
-    fn process_memory(&self) -> Option<usize> {
-        self.program.as_ref()?.memory()
+    fn program(&self) -> Option<ProgramRecord> {
+        let hello = self.hello.clone();
+        let has_answered = self.warm_for.is_some() || !self.waited_us.is_empty();
+        (has_answered || hello != Hello::default()).then(|| ProgramRecord {
+            name: hello.name,
+            version: hello.version,
+            device: hello.device,
+            threads: hello.threads,
+            isa: hello.isa,
+            model: hello.model,
+            color: hello.color,
+            batch: hello.batch.max(1),
+            pairs: self.waited_us.len() as u64,
+            reported_us: median(&self.reported_us),
+            waited_us: median(&self.waited_us),
+            disparities: self.disparities,
+            out_of_range: self.out_of_range,
+            memory_bytes: self.memory_bytes,
+        })
+    }
+
+    fn batch(&self) -> usize {
+        self.hello.batch.max(1)
+    }
+
+    fn announce(&mut self, pairs: &[(RectifiedPair<'_>, MatchContext<'_>)]) {
+        self.ahead.clear();
+        // One that was started again has to say first what it is.
+        let has_said = |program: &Program| program.hello.is_some();
+        if !self.program.as_ref().is_some_and(has_said) {
+            return;
+        }
+        // A failure comes again when the pairs are sent one by one.
+        if let Ok(answers) = self.ask_or_end(pairs) {
+            self.ahead.extend(answers);
+        }
     }
 
     fn compute(
@@ -153,43 +309,72 @@ impl Matcher for Exec {
         output: &mut MatchOutput,
     ) -> Result<()> {
         let (map, (width, height)) = (&mut output.disparity, pair.size());
-        // Also for pairs that fail, so that no two requests share a number.
-        self.sequence += 1;
         map.resize(width, height, ExtraPlanes::NONE)?;
-        let reply = self.ask(&pair, context).map_err(|failure| {
-            // Dropped, so ended.
-            self.program = None;
-            failure.into_error(&self.command)
-        })?;
-        let (millis, disparities, cells) = match reply {
-            Reply::Matched {
-                millis,
-                disparities,
-                cells,
-            } => (millis, disparities, cells),
-            Reply::Refused(why) => {
+        let answer = match self.ahead.pop_front() {
+            Some(answer) => Some(answer),
+            None => self.ask_or_end(&[(pair, *context)])?.pop(),
+        };
+        let (millis, disparities, cells, waited) = match answer {
+            Some(PairAnswer {
+                reply:
+                    Reply::Matched {
+                        millis,
+                        disparities,
+                        cells,
+                    },
+                waited,
+            }) => (millis, disparities, cells, waited),
+            Some(PairAnswer {
+                reply: Reply::Refused(why),
+                ..
+            }) => {
                 return Err(
                     ProgramFailure::new(format!("answered: {why}")).into_error(&self.command)
                 );
             }
+            // As many answers as pairs, and none of them says what the program is.
+            Some(PairAnswer {
+                reply: Reply::Hello(_),
+                ..
+            })
+            | None => unreachable!("an answer"),
         };
-        for (mut row, disparities) in map.rows_mut().zip(disparities.chunks_exact(width)) {
-            for (x, &disparity) in disparities.iter().enumerate() {
-                if disparity.is_finite() {
+        for (mut row, values) in map.rows_mut().zip(disparities.chunks_exact(4 * width)) {
+            for (x, disparity) in protocol::disparities(values).enumerate() {
+                self.disparities += u64::from(disparity.is_finite());
+                if self.is_in_range(disparity) {
                     row.accept(x, disparity);
                 } else {
+                    self.out_of_range += u64::from(disparity.is_finite());
                     // It does not say why.
                     row.reject(x, Reason::Unmatched);
                 }
             }
         }
+        if let Some(program) = &self.program {
+            program.take_back(disparities);
+        }
         output.grid = cells
             .map(|cells| own_grid(&cells, map.disparity(), context))
             .transpose()?;
-        let matching = Duration::from_secs_f64(millis / 1e3);
-        output.clock.lap_of(Stage::Matching, matching);
+        let reported = Duration::from_secs_f64(millis / 1e3);
+        let micros = |time: Duration| u32::try_from(time.as_micros()).unwrap_or(u32::MAX);
+        if self.warm_for.replace((width, height)) == Some((width, height)) {
+            self.reported_us.push(micros(reported));
+            self.waited_us.push(micros(waited));
+        }
+        // More than svl waited is not believed.
+        output.clock.lap_with(Stage::Matching, reported.min(waited));
         Ok(())
     }
+}
+
+/// By nearest rank; 0 of nothing.
+fn median(times: &[u32]) -> u64 {
+    let mut times = times.to_vec();
+    times.sort_unstable();
+    let middle = times.get(times.len().saturating_sub(1) / 2);
+    middle.copied().map_or(0, u64::from)
 }
 
 /// The program's own cells, with the share of its disparities that each has.

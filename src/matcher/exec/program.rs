@@ -1,8 +1,10 @@
 //! A child process that matches pairs. Threads write to it and read from it, so that it can neither
 //! block svl nor be blocked by a full pipe of its standard error.
 
-use super::protocol::{Question, Reply, one_line, read_reply};
+use super::protocol::{Hello, Question, Reply, one_line, read_reply};
+use super::shared::SharedMemory;
 use crate::error::Error;
+use crate::interrupt;
 use std::collections::VecDeque;
 use std::io::{BufReader, ErrorKind, Read, Write};
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
@@ -18,11 +20,19 @@ const STDERR_KEPT: usize = 4096;
 /// How long a program that closed its output may take to end and to close its standard error.
 const GRACE: Duration = Duration::from_millis(300);
 
+/// How often it is looked whether svl is to end while a program works.
+const GLANCE: Duration = Duration::from_millis(50);
+
+/// The most that Linux lets a pipe hold without privileges: a pair goes through in few pieces.
+#[cfg(target_os = "linux")]
+const PIPE_BYTES: usize = 1 << 20;
+
 /// A failure of the program, in words that follow its name.
 #[derive(Debug)]
 pub(super) struct ProgramFailure {
     reason: String,
     stderr: String,
+    is_interrupt: bool,
 }
 
 impl ProgramFailure {
@@ -30,11 +40,22 @@ impl ProgramFailure {
         Self {
             reason: reason.into(),
             stderr: String::new(),
+            is_interrupt: false,
+        }
+    }
+
+    fn interrupt() -> Self {
+        Self {
+            is_interrupt: true,
+            ..Self::new("was interrupted")
         }
     }
 
     /// The error of that command.
     pub(super) fn into_error(self, command: &str) -> Error {
+        if self.is_interrupt {
+            return Error::Interrupted;
+        }
         Error::Program {
             command: command.to_owned(),
             reason: self.reason,
@@ -52,8 +73,16 @@ enum ProgramEvent {
 /// A running program. Dropping it ends it.
 pub(super) struct Program {
     child: Child,
+    /// What it said that it is.
+    pub(super) hello: Option<Hello>,
+    /// Where it wants that.
+    pub(super) shared: Option<Arc<SharedMemory>>,
     requests: Sender<Vec<u8>>,
+    /// Memory of requests that were written,
+    written: Receiver<Vec<u8>>,
     questions: Sender<Question>,
+    /// and of disparities that were taken.
+    taken: Sender<Vec<u8>>,
     events: Receiver<ProgramEvent>,
     /// Bytes of the answer under way.
     received: Arc<AtomicUsize>,
@@ -96,8 +125,16 @@ impl Program {
         let (Some(stdin), Some(stdout), Some(stderr)) = pipes else {
             unreachable!("pipes")
         };
+        #[cfg(target_os = "linux")]
+        {
+            // Where the system refuses, they work as they are.
+            let _ = rustix::pipe::fcntl_setpipe_size(&stdin, PIPE_BYTES);
+            let _ = rustix::pipe::fcntl_setpipe_size(&stdout, PIPE_BYTES);
+        }
         let (requests, to_write) = channel();
+        let (back, written) = channel();
         let (questions, to_read) = channel();
+        let (taken, memory) = channel();
         let (event, events) = channel();
         let (open, stderr_closed) = channel();
         let received = Arc::new(AtomicUsize::new(0));
@@ -108,13 +145,17 @@ impl Program {
         };
         let (writing, kept) = (event.clone(), Arc::clone(&stderr_tail));
         // The threads end with the pipes or with the channels, whichever closes first.
-        thread::spawn(move || write(stdin, &to_write, &writing));
-        thread::spawn(move || read(stdout, &to_read, &event));
+        thread::spawn(move || write(stdin, &to_write, &back, &writing));
+        thread::spawn(move || read(stdout, &to_read, &memory, &event));
         thread::spawn(move || keep_stderr(stderr, &kept, open));
         Ok(Self {
             child,
+            hello: None,
+            shared: None,
             requests,
+            written,
             questions,
+            taken,
             events,
             received,
             stderr_tail,
@@ -122,19 +163,42 @@ impl Program {
         })
     }
 
-    /// Sends a request and waits for its answer.
-    pub(super) fn ask(
-        &mut self,
-        request: Vec<u8>,
-        question: Question,
-        timeout: Duration,
-    ) -> Result<Reply, ProgramFailure> {
+    /// Memory for a request.
+    pub(super) fn memory_for_request(&self) -> Vec<u8> {
+        self.written.try_recv().unwrap_or_default()
+    }
+
+    /// Takes the memory of disparities for later ones.
+    pub(super) fn take_back(&self, disparities: Vec<u8>) {
+        let _ = self.taken.send(disparities);
+    }
+
+    /// Sends a request; its answer comes from [`Program::answer`].
+    pub(super) fn send(&mut self, request: Vec<u8>, question: Question) {
         self.received.store(0, Ordering::Relaxed);
         // A thread that is gone has left an event, which says more.
         let _ = self.questions.send(question);
         let _ = self.requests.send(request);
-        let size = question.size;
-        match self.events.recv_timeout(timeout) {
+    }
+
+    /// Waits for the answer to the oldest request that has none.
+    pub(super) fn answer(
+        &mut self,
+        (width, height): (usize, usize),
+        timeout: Duration,
+    ) -> Result<Reply, ProgramFailure> {
+        let deadline = Instant::now() + timeout;
+        let event = loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            match self.events.recv_timeout(left.min(GLANCE)) {
+                Err(RecvTimeoutError::Timeout) if interrupt::requested() => {
+                    return Err(ProgramFailure::interrupt());
+                }
+                Err(RecvTimeoutError::Timeout) if left > GLANCE => {}
+                event => break event,
+            }
+        };
+        match event {
             Ok(ProgramEvent::Answered(Ok(reply))) => Ok(reply),
             Ok(ProgramEvent::Answered(Err(reason))) => Err(self.failed(reason)),
             Ok(ProgramEvent::Refused(error)) => {
@@ -145,13 +209,13 @@ impl Program {
                     0 => "nothing received".to_owned(),
                     bytes => format!(
                         "{bytes} bytes received, its line and {} expected",
-                        size.0 * size.1 * 4
+                        width * height * 4
                     ),
                 };
                 let reason = format!("timed out after {timeout:?}: {received}");
                 Err(ProgramFailure {
-                    reason,
                     stderr: self.stderr_end(),
+                    ..ProgramFailure::new(reason)
                 })
             }
             Err(RecvTimeoutError::Disconnected) => {
@@ -177,13 +241,29 @@ impl Program {
             None => reason,
         };
         // What it still has to say comes through once it is gone.
-        let _ = self.child.kill();
+        self.kill();
         // The channel closes when the thread that reads standard error is done.
         let _ = self.stderr_closed.recv_timeout(GRACE);
         ProgramFailure {
             reason,
             stderr: self.stderr_end(),
+            is_interrupt: false,
         }
+    }
+
+    /// Ends it with all that it started in its process group.
+    fn kill(&mut self) {
+        #[cfg(unix)]
+        {
+            use rustix::process::{Pid, Signal, kill_process_group};
+            // Its own, by `process_group(0)`. Where all of it ended, the number is not given out
+            // again before all others were.
+            if let Some(group) = Pid::from_raw(self.child.id().cast_signed()) {
+                let _ = kill_process_group(group, Signal::KILL);
+            }
+        }
+        // It may have ended by itself, which is as good.
+        let _ = self.child.kill();
     }
 
     /// The last lines of its standard error, as one.
@@ -201,8 +281,7 @@ impl Program {
 
 impl Drop for Program {
     fn drop(&mut self) {
-        // It may have ended by itself, which is as good.
-        let _ = self.child.kill();
+        self.kill();
         let _ = self.child.wait();
     }
 }
@@ -221,19 +300,31 @@ impl Read for Counted {
     }
 }
 
-fn write(mut stdin: ChildStdin, requests: &Receiver<Vec<u8>>, events: &Sender<ProgramEvent>) {
+fn write(
+    mut stdin: ChildStdin,
+    requests: &Receiver<Vec<u8>>,
+    written: &Sender<Vec<u8>>,
+    events: &Sender<ProgramEvent>,
+) {
     for request in requests {
         if let Err(error) = stdin.write_all(&request).and_then(|()| stdin.flush()) {
             let _ = events.send(ProgramEvent::Refused(error));
             return;
         }
+        let _ = written.send(request);
     }
 }
 
-fn read(stdout: Counted, questions: &Receiver<Question>, events: &Sender<ProgramEvent>) {
+fn read(
+    stdout: Counted,
+    questions: &Receiver<Question>,
+    memory: &Receiver<Vec<u8>>,
+    events: &Sender<ProgramEvent>,
+) {
     let mut stdout = BufReader::new(stdout);
     for question in questions {
-        let answered = ProgramEvent::Answered(read_reply(&mut stdout, question));
+        let memory = memory.try_recv().unwrap_or_default();
+        let answered = ProgramEvent::Answered(read_reply(&mut stdout, question, memory));
         if events.send(answered).is_err() {
             return;
         }

@@ -1,35 +1,93 @@
 //! What goes to the program and what comes back.
 
+use super::shared::SharedMemory;
 use crate::matcher::MatchContext;
 use crate::matcher::stage::DisparityRange;
-use crate::stereo::{Rig, StereoPair};
+use crate::stereo::{Gray, Rgb, Rig, StereoPair};
 use serde::{Deserialize, Serialize};
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, ErrorKind, Read};
+use std::sync::Arc;
 
 /// Longest line of a reply, in bytes.
 const LONGEST_LINE: u64 = 64 * 1024;
 
+/// Most pairs that a program may ask for at once.
+const LARGEST_BATCH: usize = 64;
+
+/// Disparities in shared memory begin behind the images at the next multiple of this, in bytes.
+const SHARED_ALIGNMENT: usize = 64;
+
 /// A line before a pair.
 #[derive(Serialize)]
-struct RequestLine {
+struct RequestLine<'a> {
     width: usize,
     height: usize,
+    channels: usize,
     min_disparity: i32,
     max_disparity: i32,
     seq: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    name: Option<&'a str>,
     columns: usize,
     rows: usize,
+    threads: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    batch: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shared: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     rig: Option<Rig>,
+}
+
+/// What a program says of itself in place of its first reply.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Hello {
+    pub(super) name: Option<String>,
+    pub(super) version: Option<String>,
+    /// Whether it wants colour.
+    pub(super) color: bool,
+    /// How many pairs it takes at once; 0 is 1.
+    pub(super) batch: usize,
+    /// Whether it takes pixels and gives disparities through shared memory.
+    pub(super) shared: bool,
+    pub(super) threads: Option<usize>,
+    pub(super) isa: Option<String>,
+    pub(super) device: Option<String>,
+    /// Hash of its model.
+    pub(super) model: Option<String>,
+}
+
+impl Hello {
+    /// The same with texts of one line; an error where no run can keep to it.
+    fn checked(self) -> Result<Self, String> {
+        if self.batch > LARGEST_BATCH {
+            let batch = self.batch;
+            return Err(format!(
+                "wants {batch} pairs at once; at most {LARGEST_BATCH}"
+            ));
+        }
+        let line = |text: Option<String>| text.map(|text| one_line(&text));
+        Ok(Self {
+            name: line(self.name),
+            version: line(self.version),
+            isa: line(self.isa),
+            device: line(self.device),
+            model: line(self.model),
+            ..self
+        })
+    }
 }
 
 /// A line before disparities, or in their place.
 #[derive(Deserialize)]
 struct ReplyLine {
+    #[serde(default)]
     seq: u64,
     millis: Option<f64>,
     error: Option<String>,
     cells: Option<Vec<Option<ReplyCell>>>,
+    hello: Option<Hello>,
 }
 
 /// A cell that the program knows.
@@ -41,69 +99,128 @@ pub(super) struct ReplyCell {
 }
 
 /// What is asked for.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Question {
     pub(super) sequence: u64,
     /// Width and height of the pair.
     pub(super) size: (usize, usize),
     /// How many cells the grid has.
     pub(super) cells: usize,
+    /// Replies to other pairs of its batch that follow.
+    pub(super) followers: usize,
+    /// Where its disparities are, unless they follow the reply.
+    pub(super) shared: Option<(Arc<SharedMemory>, u64)>,
 }
 
 /// What the program answered to a pair.
 #[derive(Debug, PartialEq)]
 pub(super) enum Reply {
-    /// Disparities in raster order, each finite or `+∞`.
+    /// Disparities in raster order, as they came.
     Matched {
         millis: f64,
-        disparities: Vec<f32>,
+        disparities: Vec<u8>,
         /// Its own cells in raster order, nothing for unknown ones.
         cells: Option<Vec<Option<ReplyCell>>>,
     },
     /// Why it does not match the pair, in one line.
     Refused(String),
+    /// What it is; the pair has to be sent again.
+    Hello(Hello),
 }
 
-/// The bytes that ask for a pair.
+/// How a pair is asked for.
+#[derive(Clone, Copy)]
+pub(super) struct RequestForm<'a> {
+    pub(super) range: DisparityRange,
+    pub(super) sequence: u64,
+    /// Whether the program wants colour.
+    pub(super) color: bool,
+    /// For programs that take several pairs at once, how many there are from this one on.
+    pub(super) batch: Option<usize>,
+    /// Where its pixels go, unless they follow the line.
+    pub(super) shared: Option<&'a SharedMemory>,
+}
+
+/// What asks for a pair: the bytes for the program's input, and where in shared memory its
+/// disparities are expected.
+pub(super) struct PairRequest {
+    pub(super) bytes: Vec<u8>,
+    pub(super) disparities_at: u64,
+}
+
+/// Asks for a pair, with bytes in that memory.
+///
+/// # Errors
+/// Where shared memory is not to be had.
 pub(super) fn request(
     pair: &StereoPair,
-    range: DisparityRange,
-    seq: u64,
+    form: RequestForm<'_>,
     context: &MatchContext,
-) -> Vec<u8> {
+    mut bytes: Vec<u8>,
+) -> std::io::Result<PairRequest> {
     let (width, height) = pair.size();
+    let channels = if form.color { 3 } else { 1 };
     let line = RequestLine {
         width,
         height,
-        min_disparity: range.min(),
-        max_disparity: range.max(),
-        seq,
+        channels,
+        min_disparity: form.range.min(),
+        max_disparity: form.range.max(),
+        seq: form.sequence,
+        name: context.name,
         columns: context.grid.columns,
         rows: context.grid.rows,
+        threads: context.threads,
+        batch: form.batch,
+        shared: form.shared.map(SharedMemory::path),
         rig: context.rig,
     };
-    // Numbers under plain names.
-    let mut bytes = serde_json::to_vec(&line).expect("JSON");
+    bytes.clear();
+    serde_json::to_writer(&mut bytes, &line)?;
     bytes.push(b'\n');
-    for image in [pair.left(), pair.right()] {
-        image.rows().for_each(|row| bytes.extend_from_slice(row));
+    let line = bytes.len();
+    let gray = [pair.left(), pair.right()];
+    match (form.color, context.color) {
+        (false, _) => gray
+            .into_iter()
+            .for_each(|image| push_gray(&mut bytes, image)),
+        (true, Some(color)) => color.iter().for_each(|image| push_color(&mut bytes, image)),
+        (true, None) => gray.into_iter().for_each(|image| {
+            let pixels = image.rows().flatten();
+            bytes.extend(pixels.flat_map(|&grey| [grey; 3]));
+        }),
     }
-    bytes
+    let images = bytes.len() - line;
+    let disparities_at = images.next_multiple_of(SHARED_ALIGNMENT) as u64;
+    if let Some(shared) = form.shared {
+        shared.write(&bytes[line..], disparities_at + 4 * (width * height) as u64)?;
+        bytes.truncate(line);
+    }
+    Ok(PairRequest {
+        bytes,
+        disparities_at,
+    })
 }
 
-/// Reads the answer to a question.
+fn push_gray(bytes: &mut Vec<u8>, image: &Gray) {
+    image.rows().for_each(|row| bytes.extend_from_slice(row));
+}
+
+fn push_color(bytes: &mut Vec<u8>, image: &Rgb) {
+    let rows = image.rows();
+    rows.for_each(|row| bytes.extend_from_slice(row.as_flattened()));
+}
+
+/// Reads the answer to a question; its disparities take that memory.
 ///
 /// # Errors
 /// What is wrong with it, as what the program did.
 pub(super) fn read_reply(
     from: &mut BufReader<impl Read>,
     question: Question,
+    memory: Vec<u8>,
 ) -> Result<Reply, String> {
-    let Question {
-        sequence: seq,
-        size: (width, height),
-        ..
-    } = question;
+    let (seq, (width, height)) = (question.sequence, question.size);
     let broken = |error: std::io::Error| format!("cannot be read from: {error}");
     let mut line = Vec::new();
     from.by_ref()
@@ -128,10 +245,13 @@ pub(super) fn read_reply(
     }
     let reply: ReplyLine =
         serde_json::from_slice(&line).map_err(|error| garbage(&error.to_string()))?;
-    if reply.seq != seq {
+    if reply.hello.is_none() && reply.seq != seq {
         return Err(garbage(&format!("it was asked for seq {seq}")));
     }
     let reply = match reply {
+        ReplyLine {
+            hello: Some(hello), ..
+        } => Reply::Hello(hello.checked()?),
         ReplyLine {
             error: Some(why), ..
         } => Reply::Refused(one_line(&why)),
@@ -141,9 +261,16 @@ pub(super) fn read_reply(
             ..
         } if (0.0..1e9).contains(&millis) => {
             check_cells(cells.as_deref(), question.cells)?;
+            let disparities = match &question.shared {
+                Some((shared, at)) => shared
+                    .read(*at, 4 * width * height, memory)
+                    .map_err(broken)?,
+                None => read_disparities(from, (width, height), memory)?,
+            };
+            check_disparities(&disparities, width)?;
             Reply::Matched {
                 millis,
-                disparities: read_disparities(from, width, height)?,
+                disparities,
                 cells,
             }
         }
@@ -152,6 +279,7 @@ pub(super) fn read_reply(
     // What is left over would be read as the reply to the next pair.
     match from.buffer().len() {
         0 => Ok(reply),
+        _ if question.followers > 0 => Ok(reply),
         more => Err(format!(
             "wrote {more} bytes and perhaps more after its reply for {width}x{height} pixels"
         )),
@@ -179,35 +307,49 @@ fn check_cells(cells: Option<&[Option<ReplyCell>]>, expected: usize) -> Result<(
     Ok(())
 }
 
-fn read_disparities(from: &mut impl Read, width: usize, height: usize) -> Result<Vec<f32>, String> {
+fn read_disparities(
+    from: &mut impl Read,
+    (width, height): (usize, usize),
+    mut bytes: Vec<u8>,
+) -> Result<Vec<u8>, String> {
     let expected = width * height * 4;
-    let mut bytes = Vec::with_capacity(expected);
-    let read = from.take(expected as u64).read_to_end(&mut bytes);
-    read.map_err(|error| format!("cannot be read from: {error}"))?;
-    if bytes.len() < expected {
-        return Err(format!(
-            "closed its output after {} bytes of disparities; {width}x{height} pixels are \
-             {expected}",
-            bytes.len()
-        ));
+    bytes.resize(expected, 0);
+    let mut filled = 0;
+    while filled < expected {
+        match from.read(&mut bytes[filled..]) {
+            Ok(0) => {
+                return Err(format!(
+                    "closed its output after {filled} bytes of disparities; {width}x{height} \
+                     pixels are {expected}"
+                ));
+            }
+            Ok(read) => filled += read,
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(format!("cannot be read from: {error}")),
+        }
     }
+    Ok(bytes)
+}
+
+/// The disparities that a reply's bytes are.
+pub(super) fn disparities(bytes: &[u8]) -> impl Iterator<Item = f32> {
     let (values, _) = bytes.as_chunks::<4>();
-    let disparities: Vec<f32> = values
-        .iter()
-        .map(|&value| f32::from_le_bytes(value))
-        .collect();
-    match disparities
-        .iter()
-        .position(|d| !d.is_finite() && *d != f32::INFINITY)
-    {
-        None => Ok(disparities),
-        Some(i) => Err(format!(
-            "gave the disparity {} at ({}, {}): none is +inf",
-            disparities[i],
-            i % width,
-            i / width
-        )),
+    values.iter().map(|&value| f32::from_le_bytes(value))
+}
+
+fn check_disparities(bytes: &[u8], width: usize) -> Result<(), String> {
+    let is_wrong = |d: f32| d.is_nan() || d == f32::NEG_INFINITY;
+    // Without a branch for each, which is several times faster.
+    if !disparities(bytes).fold(false, |any, d| any | is_wrong(d)) {
+        return Ok(());
     }
+    let wrong = disparities(bytes).enumerate().find(|(_, d)| is_wrong(*d));
+    let (i, disparity) = wrong.unwrap_or_default();
+    Err(format!(
+        "gave the disparity {disparity} at ({}, {}): none is +inf",
+        i % width,
+        i / width
+    ))
 }
 
 /// The beginning of `bytes` in quotes, fit for one line.

@@ -76,12 +76,7 @@ impl Observer {
     pub(super) fn observe(&mut self, judged: &Judged) -> Result<Vec<Observation>> {
         let frame = &judged.frame;
         let correlations = Correlations::new(&frame.pair);
-        let context = MatchContext {
-            rig: frame.rig().copied(),
-            grid: self.judge.grid,
-            cells: self.judge.cells,
-            ..MatchContext::default()
-        };
+        let context = MatchContext::of(frame, self.judge.grid, self.judge.cells);
         let grids: Vec<_> = judged.estimates.iter().map(|e| &e.estimate.grid).collect();
         let before = self.before.take();
         // After a gap nothing is known of the frame before.

@@ -2,6 +2,7 @@
 #![cfg(unix)]
 
 use super::fixture::{Fixture, assert_says};
+use super::interrupt::interrupted;
 
 const FAILS: &str = "exec:command=sh -c 'echo sorry >&2; exit 3'";
 
@@ -121,71 +122,36 @@ fn a_score_lacks_what_failed_and_judges_the_rest_by_its_name() {
     assert_eq!(passed(&alone), passed(&both));
 }
 
-/// What a user of `adapters/python` writes, and what goes wrong there.
-const DECORATED: &str = r#"
-import numpy as np
-import svl_matcher
-
-@svl_matcher.matcher
-def mine(left, right, request):
-    print("a library prints")
-    if request.sequence == 2:
-        raise ValueError("no\nsuch texture")
-    if request.sequence == 3:
-        return np.zeros((2, 2))
-    cells = [(5.0, 0.9)] + [None] * (request.grid[0] * request.grid[1] - 1)
-    return np.where(left % 2 == 0, 5.0, np.nan), cells
-"#;
-
+/// Whatever svl does with it, Ctrl-C ends a program that never answers, with what it started.
+#[cfg(target_os = "linux")]
 #[test]
-fn a_decorated_function_of_two_arrays_is_a_matcher() {
-    let root = env!("CARGO_MANIFEST_DIR");
-    let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let package = format!("PYTHONPATH={root}/adapters/python/src");
-    let has_numpy = std::process::Command::new(&python)
-        .args(["-c", "import numpy"])
-        .output();
-    if !has_numpy.is_ok_and(|output| output.status.success()) {
-        println!("skipped: no numpy; name a Python that has it in SVL_PYTHON");
-        return;
-    }
+fn ctrl_c_ends_a_program_that_never_answers() {
+    use std::os::unix::fs::PermissionsExt;
     let fixture = Fixture::new();
-    fixture.write("mine.py", DECORATED);
-    fixture.run(&["record", "--frames", "4", "-o", "a.mcap"]);
-    let mine = format!("mine=exec:command='env' '{package}' '{python}' mine.py");
-    let ran = fixture.svl(&[
-        "score", "a.mcap", "--algo", &mine, "--out", "r", "--rerun", "none",
-    ]);
-    // Two of the four pairs fail, each with its own words.
-    assert_eq!(ran.code, Some(1));
-    assert_says(
-        &ran.stderr,
-        &[
-            "ValueError: no such texture",
-            "disparities of shape (2, 2), expected (240, 320)",
-        ],
-    );
-    let cells = fixture.text("r/cells.csv");
-    let known = cells.lines().filter(|line| line.contains(",0.9,")).count();
-    assert_eq!(known, 2, "{cells}");
-    let about = std::process::Command::new(&python)
-        .args(["-c", "import mcap, mcap_protobuf, mcap_ros2, PIL"])
-        .output();
-    if !about.is_ok_and(|output| output.status.success()) {
-        println!("skipped: reading, as the MCAP libraries are missing");
-        return;
+    fixture.write_pair("l.pgm", "r.pgm", (40, 20), 3);
+    fixture.run(&["record", "--frames", "6", "-o", "a.mcap"]);
+    let hang = fixture.write("hang", "#!/bin/sh\nsleep 600 &\necho $! > child\nwait\n");
+    std::fs::set_permissions(hang, PermissionsExt::from_mode(0o755)).unwrap();
+    for line in [
+        "replay a.mcap --algo exec:command=./hang,timeout_s=600 -o r.mcap",
+        "score a.mcap --algo exec:command=./hang,timeout_s=600 --out r",
+        "match l.pgm r.pgm -o d.pfm --algo exec:command=./hang,timeout_s=600",
+        "bench --algo exec:command=./hang,timeout_s=600",
+    ] {
+        let child = || std::fs::read_to_string(fixture.path("child")).unwrap_or_default();
+        let (code, stderr) = interrupted(&fixture, line, || child().ends_with('\n'));
+        // Far less than the program takes.
+        assert_ne!(code, Some(0), "{line}: {stderr}");
+        assert!(
+            !stderr.contains("on pair"),
+            "no failure of the program: {stderr}"
+        );
+        let state = std::fs::read_to_string(format!("/proc/{}/stat", child().trim()));
+        let state = state.unwrap_or_default();
+        assert!(
+            state.is_empty() || state.contains(") Z "),
+            "{line}: {state}"
+        );
+        std::fs::remove_file(fixture.path("child")).unwrap();
     }
-    let read = "import svl_matcher\nfor p in svl_matcher.read('a.mcap'): print(p.left.shape, \
-                p.right.dtype, p.depth_m.shape)";
-    let output = std::process::Command::new("env")
-        .args([&package, &python, "-c", read])
-        .current_dir(fixture.path(""))
-        .output()
-        .unwrap();
-    let text = String::from_utf8_lossy(&output.stdout);
-    assert_eq!(
-        text.matches("(240, 320) uint8 (240, 320)").count(),
-        4,
-        "{text}"
-    );
 }

@@ -174,3 +174,52 @@ fn cells_that_no_grid_has_are_told() {
         plugin.fails(&[words]);
     }
 }
+
+#[test]
+fn a_program_that_says_what_it_is_wrongly_is_told() {
+    for (hello, words) in [
+        (
+            r#"{"hello":{"batch":65}}"#,
+            "wants 65 pairs at once; at most 64",
+        ),
+        (r#"{"hello":{"colour":true}}"#, "unknown field `colour`"),
+        (r#"{"hello":{}}"#, "says twice what it is"),
+    ] {
+        let body = format!("while True:\n    pair()\n    put(b'{hello}\\n')");
+        let Some(mut plugin) = start(&body, "") else {
+            return;
+        };
+        plugin.fails(&[words]);
+    }
+}
+
+/// What a failed program started goes with it.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_program_is_ended_with_what_it_started() {
+    let body = r#"
+import subprocess
+child = subprocess.Popen(["sleep", "60"], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+line, _ = pair()
+put(json.dumps({"hello": {"name": str(child.pid)}}).encode() + b"\n")
+answer(pair()[0])
+pair()
+put(b"garbage\n")
+time.sleep(60)
+"#;
+    let Some(mut plugin) = start(body, "") else {
+        return;
+    };
+    plugin.compute(&pair(12, 5)).unwrap();
+    let pid = plugin.program().unwrap().name.unwrap();
+    let state = || std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    assert!(state().contains("(sleep)"));
+    plugin.fails(&["garbage"]);
+    // Gone, or a zombie until whoever inherited it has seen its end.
+    let is_over = || state().is_empty() || state().contains(") Z ");
+    let began = std::time::Instant::now();
+    while !is_over() {
+        assert!(began.elapsed().as_secs() < 30, "{}", state());
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+}

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 use svl::Error;
-use svl::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
+use svl::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, ProgramRecord};
 use svl::stereo::{Gray, RectifiedPair, StereoPair};
 use svl::timing::Clock;
 
@@ -14,7 +14,7 @@ import json, os, struct, sys, time
 source, target = sys.stdin.buffer, sys.stdout.buffer
 def pair():
     line = json.loads(source.readline() or sys.exit())
-    return line, source.read(2 * line["width"] * line["height"])
+    return line, source.read(2 * line["channels"] * line["width"] * line["height"])
 def put(bytes):
     target.write(bytes)
     target.flush()
@@ -85,6 +85,20 @@ impl Plugin {
         self.matcher
             .compute(RectifiedPair::assume(pair), context, &mut self.output)?;
         Ok(std::mem::replace(&mut self.output.clock, Clock::start()))
+    }
+
+    pub(crate) fn program(&self) -> Option<ProgramRecord> {
+        self.matcher.program()
+    }
+
+    pub(crate) fn batch(&self) -> usize {
+        self.matcher.batch()
+    }
+
+    /// Tells that the pair comes so many times.
+    pub(crate) fn announce(&mut self, pair: &StereoPair, times: usize) {
+        let pair = (RectifiedPair::assume(pair), MatchContext::default());
+        self.matcher.announce(&vec![pair; times]);
     }
 
     /// Waits until the program has made the file of its own name with that ending.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
-use svl::stereo::{Gray, Reason, RectifiedPair, Rig, StereoPair};
+use svl::stereo::{Gray, Reason, RectifiedPair, Rgb, Rig, StereoPair};
 
 #[test]
 fn pixels_go_and_disparities_come() {
@@ -13,11 +13,12 @@ fn pixels_go_and_disparities_come() {
     let body = r#"
 while True:
     line, images = pair()
-    assert (line["min_disparity"], line["max_disparity"]) == (-3, 17), line
+    assert (line["min_disparity"], line["max_disparity"]) == (-3, 255), line
+    assert line["channels"] == 1 and line["threads"] >= 1 and "batch" not in line, line
     n = len(images) // 2
     answer(line, [float("inf") if images[n + i] == 8 else images[i] + 0.25 for i in range(n)])
 "#;
-    let Some(mut plugin) = start(body, ",min_disparity=-3,max_disparity=17") else {
+    let Some(mut plugin) = start(body, ",min_disparity=-3,max_disparity=255") else {
         return;
     };
     for (width, height) in [(12, 5), (1, 1), (33, 40), (12, 5)] {
@@ -92,15 +93,17 @@ while True:
 #[cfg(target_os = "linux")]
 #[test]
 fn dropping_ends_the_program() {
-    let body = "line, _ = pair()\nanswer(line, [float(os.getpid())] * 60)\ntime.sleep(60)";
+    let body = r#"
+line, _ = pair()
+put(json.dumps({"hello": {"name": str(os.getpid())}}).encode() + b"\n")
+answer(pair()[0])
+time.sleep(60)
+"#;
     let Some(mut plugin) = start(body, "") else {
         return;
     };
     plugin.compute(&pair(12, 5)).unwrap();
-    let process = PathBuf::from(format!(
-        "/proc/{}",
-        plugin.output.disparity.at(0, 0).unwrap()
-    ));
+    let process = PathBuf::from("/proc").join(plugin.program().unwrap().name.unwrap());
     assert!(process.exists());
     drop(plugin);
     assert!(!process.exists());
@@ -163,7 +166,10 @@ fn the_example_adapter_matches() {
             &mut MatchOutput::new().unwrap(),
         )
         .unwrap_err();
-    assert!(error.to_string().contains("answered: OpenCV"), "{error}");
+    assert!(
+        error.to_string().contains("answered: error: OpenCV"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -204,4 +210,133 @@ answer(line, None, millis=1.5, cells=15 * [{"disparity_px": 10}])
     let grid = plugin.output.grid.take().unwrap();
     let distance = grid.cell(2, 1).depth.unwrap().distance_m;
     assert!((distance.unwrap() - 3.0).abs() < 1e-9, "{distance:?}");
+}
+
+#[test]
+fn a_program_that_says_what_it_is_gets_what_it_wants() {
+    // The first pair comes grey, then once more in colour; red of the left image is answered.
+    let body = r#"
+line, _ = pair()
+assert line["channels"] == 1, line
+put(json.dumps({"hello": {"name": "my net", "version": "1.2", "device": "CPU", "threads": 3,
+    "isa": "avx9", "model": "abc", "color": True}}).encode() + b"\n")
+while True:
+    line, images = pair()
+    assert (line["channels"], line["seq"], line.get("name")) == (3, line["seq"], "motor"), line
+    n = line["width"] * line["height"]
+    answer(line, [images[3 * i] for i in range(n)])
+"#;
+    let Some(mut plugin) = start(body, ",max_disparity=255") else {
+        return;
+    };
+    assert_eq!(plugin.program(), None);
+    let pair = pair(12, 5);
+    let red = Rgb::from_fn(12, 5, |x, y| [(10 * y + x) as u8, 77, 78]).unwrap();
+    let color = [red.clone(), red];
+    let context = MatchContext {
+        name: Some("motor"),
+        color: Some(&color),
+        ..MatchContext::default()
+    };
+    for _ in 0..2 {
+        plugin.compute_with(&pair, &context).unwrap();
+        assert_eq!(plugin.output.disparity.at(3, 4), Ok(43.0));
+    }
+    // Without colours, grey three times.
+    let grey = MatchContext {
+        color: None,
+        ..context
+    };
+    plugin.compute_with(&pair, &grey).unwrap();
+    let left = f32::from(pair.left().get(3, 4));
+    assert_eq!(plugin.output.disparity.at(3, 4), Ok(left));
+    let program = plugin.program().unwrap();
+    let words = program.words();
+    let expected = "my net 1.2, CPU, 3 threads, avx9, model abc, in colour, reports 1.5 ms a pair";
+    assert!(words.starts_with(expected), "{words}");
+}
+
+#[test]
+fn several_pairs_go_at_once() {
+    let body = r#"
+line, _ = pair()
+put(b'{"hello":{"batch":4}}\n')
+line, _ = pair()
+assert line["batch"] == 1, line
+answer(line)
+for count in (3, 2):
+    lines = [pair()[0] for _ in range(count)]
+    assert [line["batch"] for line in lines] == list(range(count, 0, -1)), lines
+    for line in lines:
+        if line["seq"] == 5: put(b'{"seq":5,"error":"too dark"}\n')
+        else: answer(line, [float(line["seq"])] * 60)
+line, _ = pair()
+answer(line)
+"#;
+    let Some(mut plugin) = start(body, "") else {
+        return;
+    };
+    let pair = pair(12, 5);
+    plugin.compute(&pair).unwrap();
+    assert_eq!(plugin.batch(), 4);
+    for (count, first) in [(3, 3), (2, 6)] {
+        plugin.announce(&pair, count);
+        for sequence in first..first + count {
+            let matched = plugin
+                .compute(&pair)
+                .map(|_| plugin.output.disparity.at(0, 0));
+            match sequence {
+                5 => assert!(matched.unwrap_err().to_string().contains("too dark")),
+                _ => assert_eq!(matched.unwrap(), Ok(sequence as f32)),
+            }
+        }
+    }
+    plugin.compute(&pair).unwrap();
+}
+
+#[test]
+fn disparities_outside_the_range_are_none_and_counted() {
+    let body = r#"
+while True: answer(pair()[0], [-0.6, -0.5, 0.0, 64.0, 64.5, 64.6] + [float("inf")] * 54)
+"#;
+    let Some(mut plugin) = start(body, ",max_disparity=64") else {
+        return;
+    };
+    for pairs in 1..3 {
+        plugin.compute(&pair(12, 5)).unwrap();
+        assert_eq!(plugin.output.disparity.valid(), 4);
+        let program = plugin.program().unwrap();
+        assert_eq!(
+            (program.out_of_range, program.disparities),
+            (2 * pairs, 6 * pairs)
+        );
+        let warnings = program.warnings().join("; ");
+        assert!(warnings.contains("lie outside min_disparity"), "{warnings}");
+    }
+}
+
+#[test]
+fn times_that_do_not_fit_are_told() {
+    for (millis, sleep, words) in [
+        ("0.1", "0.2", "may leave out work"),
+        ("1e6", "0", "which counts"),
+    ] {
+        let body = format!(
+            "while True:\n    line, _ = pair()\n    time.sleep({sleep})\n    answer(line, \
+             millis={millis})"
+        );
+        let Some(mut plugin) = start(&body, "") else {
+            return;
+        };
+        for pairs in 0..4 {
+            let clock = plugin.compute(&pair(12, 5)).unwrap();
+            assert!(clock.times().total() < Duration::from_secs(60));
+            assert_eq!(plugin.program().unwrap().pairs, pairs);
+        }
+        let warnings = plugin.program().unwrap().warnings();
+        assert!(
+            warnings.len() == 1 && warnings[0].contains(words),
+            "{warnings:?}"
+        );
+    }
 }

@@ -13,7 +13,7 @@ use anyhow::{Context, bail};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::manifest::{AlgorithmRecord, Manifest, PartRecord};
-use svl::matcher::Algorithm;
+use svl::matcher::{Algorithm, ProgramRecord};
 use svl::report::{CellRow, CoursePlan, DriveRow, Summary, TrackRow, read_rows};
 use tables::{MergeOrder, TableMerge};
 
@@ -262,7 +262,16 @@ fn merged_manifest(parts: &[FoundPart], out: &Path) -> anyhow::Result<Manifest> 
             .iter()
             .filter_map(|found| found.manifest.algorithms.get(i));
         record.memory_bytes = all.clone().filter_map(|a| a.memory_bytes).max();
-        record.failure = all.filter_map(|a| a.failure.clone()).next_back();
+        record.failure = all.clone().filter_map(|a| a.failure.clone()).next_back();
+        // Its times are of the last part; the parts have theirs.
+        let programs = all.filter_map(|a| a.program.clone());
+        record.program = programs.reduce(|one, other| ProgramRecord {
+            pairs: one.pairs + other.pairs,
+            disparities: one.disparities + other.disparities,
+            out_of_range: one.out_of_range + other.out_of_range,
+            memory_bytes: one.memory_bytes.max(other.memory_bytes),
+            ..other
+        });
     }
     Ok(manifest)
 }

@@ -4,7 +4,7 @@ mod verify;
 
 use crate::cli::shared::filters::{FilterArgs, with_filters};
 use crate::cli::shared::outputs::Outputs;
-use crate::cli::shared::progress::Progress;
+use crate::cli::shared::progress::{Progress, listen_for_interrupt};
 use crate::cli::shared::recordings::{self, RECORDINGS};
 use crate::cli::shared::source::{self, RangeArgs, RectifyArgs, ReferenceArgs, TopicArgs};
 use crate::cli::shared::terminal::{print, print_error, print_json, width};
@@ -119,6 +119,8 @@ fn pace(text: &str) -> Result<Pace, String> {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    // Before programs are started, which svl ends.
+    listen_for_interrupt();
     let named = args.recording.as_deref();
     let inputs = named.map(source::inputs).unwrap_or_default();
     let rrd = args.rerun.as_ref().and_then(RerunTarget::file);

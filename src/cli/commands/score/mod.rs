@@ -8,6 +8,7 @@ mod sweep;
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::live::LiveTable;
 use crate::cli::shared::outputs::{Outputs, write};
+use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::report_folder::{REPORT, ReportHead, ReportPart, ReportRun, Shard};
 use crate::cli::shared::rerun::RerunChoice;
 use crate::cli::shared::scenario_runs::{
@@ -131,6 +132,8 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    // Before programs are started, which svl ends.
+    listen_for_interrupt();
     let scenario = scenario::scenario(args, quiet)?;
     let named = &args.what[0];
     if scenario.algorithms.len() > MAX_ALGORITHMS {

@@ -38,12 +38,7 @@ impl Reported {
         cells: CellRule,
     ) -> svl::Result<()> {
         self.grid = None;
-        let context = MatchContext {
-            rig: frame.rig().copied(),
-            grid,
-            cells,
-            ..MatchContext::default()
-        };
+        let context = MatchContext::of(frame, grid, cells);
         self.output.begin();
         self.matcher
             .compute(frame.rectified()?, &context, &mut self.output)?;

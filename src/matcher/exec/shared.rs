@@ -1,0 +1,59 @@
+//! Memory that svl shares with a program: faster than pipes, which copy everything twice.
+
+use std::fs::File;
+use std::io::Result;
+
+/// A file without a name in memory. A program opens it by its path while svl has it, and maps it;
+/// nothing of it is left when both have ended, however they end.
+#[derive(Debug)]
+pub(super) struct SharedMemory(File);
+
+#[cfg(target_os = "linux")]
+impl SharedMemory {
+    /// Nothing where the system has none.
+    pub(super) fn new() -> Option<Self> {
+        let flags = rustix::fs::MemfdFlags::CLOEXEC;
+        let file = rustix::fs::memfd_create("svl", flags).ok()?;
+        Some(Self(file.into()))
+    }
+
+    pub(super) fn path(&self) -> String {
+        use std::os::fd::AsRawFd;
+        format!("/proc/{}/fd/{}", std::process::id(), self.0.as_raw_fd())
+    }
+
+    /// Writes at its beginning; it has at least that many bytes afterwards.
+    pub(super) fn write(&self, bytes: &[u8], size: u64) -> Result<()> {
+        if self.0.metadata()?.len() < size {
+            self.0.set_len(size)?;
+        }
+        std::os::unix::fs::FileExt::write_all_at(&self.0, bytes, 0)
+    }
+
+    /// So many bytes from there on, in that memory.
+    pub(super) fn read(&self, at: u64, count: usize, mut memory: Vec<u8>) -> Result<Vec<u8>> {
+        memory.resize(count, 0);
+        std::os::unix::fs::FileExt::read_exact_at(&self.0, &mut memory, at)?;
+        Ok(memory)
+    }
+}
+
+/// Other systems have pipes alone.
+#[cfg(not(target_os = "linux"))]
+impl SharedMemory {
+    pub(super) fn new() -> Option<Self> {
+        None
+    }
+
+    pub(super) fn path(&self) -> String {
+        String::new()
+    }
+
+    pub(super) fn write(&self, _: &[u8], _: u64) -> Result<()> {
+        Err(std::io::ErrorKind::Unsupported.into())
+    }
+
+    pub(super) fn read(&self, _: u64, _: usize, _: Vec<u8>) -> Result<Vec<u8>> {
+        Err(std::io::ErrorKind::Unsupported.into())
+    }
+}
