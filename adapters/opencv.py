@@ -1,36 +1,24 @@
 #!/usr/bin/env python3
-"""OpenCV's StereoBM and StereoSGBM for svl's matcher `exec`, and an example of its protocol.
+"""OpenCV's StereoBM and StereoSGBM for svl's matcher `exec`.
 
     pip install numpy opencv-python-headless
     svl match left.png right.png -o d.pfm \\
         --algo "exec:command=python3 adapters/opencv.py sgbm --block 5"
 
-svl starts the program once. Per pair it sends one line of JSON and the pixels of both images:
-
-    {"width":W,"height":H,"min_disparity":a,"max_disparity":b,"seq":n,"columns":C,"rows":R,
-     "rig":{"focal_px":f,"cx_px":x,"cy_px":y,"baseline_m":B,"doffs_px":o}}   (no rig: not known)
-    W*H bytes of the left image, W*H bytes of the right image
-
-and reads one line of JSON and W*H little-endian floats, +inf for none, row by row:
-
-    {"seq":n,"millis":t}  or, and nothing after it,  {"seq":n,"error":"why"}
-
-A program may answer the cells of the depth grid itself: "cells":[null,{"disparity_px":12.5},
-{"disparity_px":12.5,"probability":0.97},...] beside millis, C*R of them, row by row, null for an
-unknown one. Without, svl makes the cells of the disparities.
-
-Standard output is the answer and nothing else; standard error appears in svl's error messages. A
-left pixel (x, y) with disparity d matches (x - d, y) in the right image. At the end of the input
-the program ends.
+svl_matcher has to be there: `pip install` svl's adapters/python, or
+`svl algos exec --example python > svl_matcher.py` in this file's folder.
 """
 
 import argparse
-import json
 import sys
-import time
+from pathlib import Path
 
 import cv2
 import numpy as np
+
+# svl_matcher: installed, beside this file, or in svl's repository.
+sys.path.append(str(Path(__file__).resolve().parent / "python"))
+import svl_matcher
 
 
 def arguments():
@@ -68,33 +56,24 @@ def matcher(options, low, count):
     return stereo
 
 
-def disparities(options, line, left, right):
-    low, high = line["min_disparity"], line["max_disparity"]
-    count = -(-(high - low + 1) // 16) * 16
-    fixed = matcher(options, low, count).compute(left, right)
-    found = fixed.astype(np.float32) / 16
-    # OpenCV writes low - 1 for none, and looks beyond the range to fill its sixteens.
-    found[(fixed < 16 * low) | (fixed > 16 * high)] = np.inf
-    return found
-
-
 def main():
     options = arguments()
-    source, target = sys.stdin.buffer, sys.stdout.buffer
-    for text in iter(source.readline, b""):
-        line = json.loads(text)
-        width, height = line["width"], line["height"]
-        images = (np.frombuffer(source.read(width * height), np.uint8) for _ in range(2))
-        left, right = (image.reshape(height, width) for image in images)
-        start = time.perf_counter()
-        try:
-            answer = disparities(options, line, left, right).astype("<f4").tobytes()
-        except cv2.error as error:
-            reply, answer = {"seq": line["seq"], "error": str(error)}, b""
-        else:
-            reply = {"seq": line["seq"], "millis": 1e3 * (time.perf_counter() - start)}
-        target.write(json.dumps(reply).encode() + b"\n" + answer)
-        target.flush()
+
+    def match(left, right, request):
+        low, high = request.min_disparity, request.max_disparity
+        count = -(-(high - low + 1) // 16) * 16
+        fixed = matcher(options, low, count).compute(left, right)
+        found = fixed.astype(np.float32) / 16
+        # OpenCV writes low - 1 for none, and looks beyond the range to fill its sixteens.
+        found[(fixed < 16 * low) | (fixed > 16 * high)] = np.inf
+        return found
+
+    def start(request):
+        cv2.setNumThreads(request.threads)
+        return {"threads": request.threads}
+
+    name = f"OpenCV {options.method}"
+    svl_matcher.serve(match, start=start, name=name, version=cv2.__version__, device="CPU")
 
 
 if __name__ == "__main__":

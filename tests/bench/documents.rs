@@ -100,6 +100,10 @@ const PARSED: &[(&str, &str)] = &[
         "svl match left.png right.png --algo \"exec:",
         "needs OpenCV; cli::exec runs it",
     ),
+    (
+        "svl score arena --every 10",
+        "needs a network; cli::adapters has small ones",
+    ),
 ];
 
 /// What makes a line quick.
@@ -117,7 +121,7 @@ const SHORTER: [(&str, &str); 4] = [
 ];
 
 /// Other programs of the examples.
-const OTHERS: [&str; 8] = [
+const OTHERS: [&str; 12] = [
     "cargo",
     "apt-get",
     "sysctl",
@@ -125,6 +129,10 @@ const OTHERS: [&str; 8] = [
     "bash",
     "fuzz/run",
     "pip",
+    "python3",
+    "dpkg",
+    "tar",
+    "packaging/build.sh",
     "snakemake",
 ];
 

@@ -1,12 +1,16 @@
 //! `svl algos`: the registry, printed.
 
 use crate::cli::shared::terminal::{print, print_json, width, wrapped};
+use crate::cli::shared::usage;
 use serde::Serialize;
 use svl::matcher::{self, MATCHERS, MatcherSpec, Range};
 
 /// List the algorithms, or one with its parameters
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  svl algos\n  svl algos v3\n  svl algos --json")]
+#[command(
+    after_help = "Examples:\n  svl algos\n  svl algos v3\n  svl algos --json\n  \
+                  svl algos exec --example python > svl_matcher.py"
+)]
 pub(crate) struct Args {
     /// Show this one
     #[arg(value_parser = matcher::find)]
@@ -15,6 +19,31 @@ pub(crate) struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
+
+    /// Print a file for programs behind exec: the Python module, the C++ header, or a program that
+    /// runs networks in ONNX or PyTorch
+    #[arg(long, value_name = "KIND", conflicts_with = "json")]
+    example: Option<Example>,
+}
+
+/// The files of `adapters/`, so that an installed svl has them.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Example {
+    Python,
+    Cpp,
+    Onnx,
+    Torch,
+}
+
+impl Example {
+    fn text(self) -> &'static str {
+        match self {
+            Self::Python => include_str!("../../../adapters/python/svl_matcher.py"),
+            Self::Cpp => include_str!("../../../adapters/cpp/svl_matcher.hpp"),
+            Self::Onnx => include_str!("../../../adapters/onnx.py"),
+            Self::Torch => include_str!("../../../adapters/torch.py"),
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -83,6 +112,13 @@ impl AlgorithmEntry {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    if let Some(example) = args.example {
+        if args.name.is_none_or(|spec| spec.name != "exec") {
+            let words = "--example is of programs: svl algos exec --example KIND";
+            return Err(usage::wrong(words.to_owned()));
+        }
+        return print(example.text());
+    }
     let specs = args
         .name
         .map_or_else(|| MATCHERS.iter().collect(), |spec| vec![spec]);

@@ -1,8 +1,10 @@
 //! The command line: one file per subcommand.
 
 pub(crate) mod fixture;
+
 mod server;
 
+mod adapters;
 mod algos;
 mod bench;
 mod calibrate_board;

@@ -1,0 +1,493 @@
+#!/usr/bin/env python3
+"""Stereo matchers in Python for svl, and what svl writes as arrays and data frames.
+
+A matcher is a function of two numpy arrays in a file of its own:
+
+    # mine.py
+    import numpy as np
+    import svl_matcher
+
+    @svl_matcher.matcher
+    def mine(left, right):                  # uint8, height x width, rectified
+        return np.full(left.shape, 16.0)    # disparity in pixels; NaN or inf: none
+
+    svl score arena --algo v5 --algo "mine=exec:command=python3 mine.py"
+
+This module is one file: `pip install` it from svl's adapters/python, or let an installed svl print it
+(`svl algos exec --example python > svl_matcher.py`) beside your own. It needs numpy; read() and
+report() need `pip install pandas mcap mcap-protobuf-support mcap-ros2-support pillow`.
+"""
+
+import inspect
+import io
+import json
+import mmap
+import os
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, Optional
+
+import numpy as np
+
+__version__ = "0.1.0"
+
+
+# --- Matchers ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Request:
+    """What svl asks for, besides the images."""
+
+    sequence: int
+    # Name of the pair, where it has one.
+    name: Optional[str]
+    # Disparities are searched from the one to the other, in pixels.
+    min_disparity: int
+    max_disparity: int
+    # Columns and rows of the depth grid.
+    grid: tuple
+    # How many threads may be used.
+    threads: int
+    # focal_px, cx_px, cy_px, baseline_m, doffs_px; None where the cameras are not known.
+    rig: Optional[dict]
+
+
+def matcher(function=None, **options):
+    """Serves svl with a function of two images where its file is the program; else changes nothing.
+
+    The images are arrays of uint8, height x width, rectified. The function returns disparities in
+    pixels, height x width, NaN or infinity for none: the left pixel (x, y) with disparity d shows what
+    the right pixel (x - d, y) does. It may return a tuple of them and the cells of the depth grid, row
+    by row: None for an unknown one, a disparity, or a tuple of disparity and probability. With a third
+    parameter it gets the Request. For the options, as in @matcher(color=True), see serve().
+    """
+    if function is None:
+        return lambda function: matcher(function, **options)
+    if function.__module__ == "__main__":
+        if sys.stdin is None or sys.stdin.isatty():
+            name = os.path.basename(sys.argv[0])
+            sys.exit(
+                f"{name} answers svl on its standard input:\n"
+                f'  svl score arena --algo "mine=exec:command=python3 {name}"'
+            )
+        serve(function, **options)
+        sys.exit(0)
+    return function
+
+
+def serve(function, *, color=False, batch=1, start=None, **hello):
+    """Answers svl's requests until its input ends.
+
+    color: images are height x width x 3, red, green, blue. batch: the most pairs that the function
+    takes at once; above 1 it gets and returns arrays with one more dimension in front, and a list of
+    requests. start(request) is called before the first pair; what it returns is added to hello. hello:
+    name, version, device, threads, isa, model (a hash), for the run's manifest.
+    """
+    source, target = open(0, "rb", closefd=False), _private_stdout()
+    with_requests = len(inspect.signature(function).parameters) > 2
+    is_first, warm, shared = True, set(), _Shared()
+    while lines := _read_batch(source):
+        pairs = [shared.pair(lines[0]) if "shared" in lines[0] else _read_pair(source, lines[0])]
+        # The next line of a batch comes after the images of the last.
+        while len(pairs) < lines[0].get("batch", 1):
+            lines.append(json.loads(source.readline()))
+            pairs.append(_read_pair(source, lines[-1]))
+        requests = [_request(line) for line in lines]
+        if is_first:
+            is_first = False
+            started = start(requests[0]) if start else None
+            described = {"color": color, "batch": batch, "shared": batch == 1}
+            described.update(**hello, **(started or {}))
+            _write(target, {"hello": {k: v for k, v in described.items() if v is not None}})
+            continue
+        lefts, rights = (np.stack(side) if batch > 1 else side[0] for side in zip(*pairs))
+        arguments = [lefts, rights]
+        if with_requests:
+            arguments.append(requests if batch > 1 else requests[0])
+        size = (lines[0]["height"], lines[0]["width"])
+        try:
+            if (size, len(pairs)) not in warm:
+                # The first of a size sets up memory, and is not timed.
+                function(*arguments)
+                warm.add((size, len(pairs)))
+            began = time.perf_counter()
+            answer = function(*arguments)
+            millis = 1e3 * (time.perf_counter() - began) / len(pairs)
+            disparities, cells = answer if isinstance(answer, tuple) else (answer, None)
+            if batch == 1:
+                disparities, cells = [disparities], None if cells is None else [cells]
+            if len(disparities) != len(pairs):
+                raise ValueError(f"{len(disparities)} maps of disparities, expected {len(pairs)}")
+            replies = []
+            for i, request in enumerate(requests):
+                reply = {"seq": request.sequence, "millis": millis}
+                if cells is not None:
+                    reply["cells"] = _cells(cells[i], request.grid)
+                replies.append((reply, _pixels(disparities[i], size)))
+        except Exception as error:
+            # The pair's alone: the next one may go.
+            words = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            replies = [({"seq": request.sequence, "error": words}, b"") for request in requests]
+        for reply, pixels in replies:
+            if "shared" in lines[0] and pixels:
+                shared.put(pixels)
+                pixels = b""
+            _write(target, reply, pixels)
+
+
+def _private_stdout():
+    """Standard output for the answers alone: what else is printed goes to standard error."""
+    sys.stdout.flush()
+    private = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)
+    sys.stdout = sys.stderr
+    return private
+
+
+def _read_batch(source):
+    line = source.readline()
+    return [json.loads(line)] if line else []
+
+
+def _read_pair(source, line):
+    images = np.empty((2, *_shape(line)), np.uint8)
+    if source.readinto(memoryview(images).cast("B")) < images.nbytes:
+        sys.exit("svl's input ended within an image")
+    return images[0], images[1]
+
+
+def _shape(line):
+    shape = (line["height"], line["width"])
+    return shape if line["channels"] == 1 else (*shape, line["channels"])
+
+
+class _Shared:
+    """svl's memory with the images and, behind them, room for the disparities."""
+
+    def __init__(self):
+        self.map = None
+
+    def pair(self, line):
+        shape = _shape(line)
+        count = int(np.prod(shape))
+        self.at = -(-2 * count // 64) * 64
+        if self.map is None or len(self.map) < self.at + 4 * line["height"] * line["width"]:
+            with open(line["shared"], "r+b") as file:
+                self.map = mmap.mmap(file.fileno(), 0)
+        # Copies, as svl writes the next pair in the same place.
+        images = np.frombuffer(self.map, np.uint8, 2 * count).reshape(2, *shape).copy()
+        return images[0], images[1]
+
+    def put(self, pixels):
+        self.map[self.at : self.at + len(pixels)] = pixels
+
+
+def _request(line):
+    return Request(
+        line["seq"],
+        line.get("name"),
+        line["min_disparity"],
+        line["max_disparity"],
+        (line["columns"], line["rows"]),
+        line["threads"],
+        line.get("rig"),
+    )
+
+
+def _write(target, reply, pixels=b""):
+    for part in (json.dumps(reply).encode() + b"\n", pixels):
+        part = memoryview(part)
+        while part.nbytes:
+            part = part[target.write(part) :]
+
+
+def _pixels(disparity, size):
+    disparity = np.asarray(disparity)
+    if disparity.shape != size:
+        raise ValueError(f"disparities of shape {disparity.shape}, expected {size}")
+    # As little-endian floats; a copy only where something has to change.
+    disparity = np.ascontiguousarray(disparity, "<f4")
+    finite = np.isfinite(disparity)
+    if not finite.all():
+        disparity = np.where(finite, disparity, np.float32(np.inf))
+    return memoryview(disparity).cast("B")
+
+
+def _cells(cells, grid):
+    cells = list(cells)
+    if len(cells) != grid[0] * grid[1]:
+        raise ValueError(f"{len(cells)} cells, expected {grid[0]} x {grid[1]}")
+
+    def cell(value):
+        if value is None:
+            return None
+        disparity, probability = value if isinstance(value, (tuple, list)) else (value, None)
+        if not np.isfinite(disparity):
+            return None
+        known = {"disparity_px": float(disparity)}
+        if probability is None:
+            return known
+        if not 0 <= probability <= 1:
+            raise ValueError(f"a cell's probability is {probability}, expected 0 to 1")
+        return {**known, "probability": float(probability)}
+
+    return [cell(value) for value in cells]
+
+
+# --- Networks ---------------------------------------------------------------------------------
+
+NORMALISATIONS = {
+    # Factor, mean and standard deviation by channel.
+    "raw": (1, 0, 1),
+    "unit": (1 / 255, 0, 1),
+    "signed": (2 / 255, 1, 1),
+    "imagenet": (1 / 255, (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)),
+}
+
+
+def network_options(parser):
+    """Adds the options of Network to an argparse parser."""
+    add = parser.add_argument
+    add("--channels", choices=["grey", "rgb"], help="of its images (default: as the model says)")
+    add("--normalise", choices=NORMALISATIONS, default="raw", help="raw: 0 to 255 (default); unit: 0 to "
+        "1; signed: -1 to 1; imagenet: by ImageNet's mean and standard deviation")  # fmt: skip
+    add("--multiple", type=int, default=32, help="width and height are padded to multiples of this, at "
+        "the right and below, by the last pixels (default 32)")  # fmt: skip
+    add("--size", type=_size, metavar="WxH", help="images are resized to this; disparities are scaled "
+        "back")  # fmt: skip
+    add("--output", help="name or number of the disparity (default: named like one, else the largest, of "
+        "equal ones the last)")  # fmt: skip
+    add("--confidence", help="name or number of an output with each pixel's confidence")
+    add("--min-confidence", type=float, default=0.5, help="pixels below have no disparity (default 0.5)")
+    add("--scale", default="1", help="factor of its disparities; 'width' where they are shares of it")
+    add("--negative", action="store_true", help="its disparities are negative, as horizontal flow")
+    add("--batch", type=int, default=1, help="pairs at once (default 1)")
+    add("--device", choices=["auto", "cpu", "cuda"], default="auto", help="default: cuda where it is")
+
+
+def _size(text):
+    width, _, height = text.partition("x")
+    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
+        raise ValueError(text)
+    return int(height), int(width)
+
+
+class Network:
+    """What stands between pairs of images and a network: layout, normalisation, padding, resizing, and
+    the way back from its outputs to disparities."""
+
+    def __init__(self, options, channels):
+        self.options = options
+        self.channels = {"grey": 1, "rgb": 3, None: channels}[options.channels]
+        self.padding = self.scale = (0, 0)
+
+    def inputs(self, images):
+        """Images N x H x W [x 3] as float32, N x C x H' x W'."""
+        factor, mean, deviation = NORMALISATIONS[self.options.normalise]
+        planes = images[..., None] if images.ndim == 3 else images
+        planes = planes.astype(np.float32)
+        if planes.shape[-1] != self.channels:
+            planes = np.repeat(planes.mean(-1, keepdims=True), self.channels, -1)
+        if self.channels == 1:
+            mean, deviation = np.mean(mean), np.mean(deviation)
+        planes = (planes * np.float32(factor) - np.float32(mean)) / np.float32(deviation)
+        planes = np.moveaxis(planes, -1, 1)
+        if self.options.size:
+            planes = resized(planes, self.options.size)
+        below, right = (-n % self.options.multiple for n in planes.shape[2:])
+        self.inner = planes.shape[2:]
+        return np.pad(planes, ((0, 0), (0, 0), (0, below), (0, right)), mode="edge")
+
+    def disparities(self, outputs, padded, size):
+        """Of N outputs by name, for inputs of the size `padded`, as N x H x W of the images' size."""
+        maps = {name: _planes(array) for name, array in _flat(outputs)}
+        if not maps:
+            raise ValueError("the network has no output that is a map")
+        name = self._choice(maps, self.options.output, "disp")
+        found = self._unpadded(maps[name], padded, size, is_length=True)
+        found = found * (size[1] if self.options.scale == "width" else float(self.options.scale))
+        if self.options.negative:
+            found = -found
+        if self.options.confidence is not None:
+            name = self._choice(maps, self.options.confidence, "conf")
+            confidence = self._unpadded(maps[name], padded, size, is_length=False)
+            found = np.where(confidence < self.options.min_confidence, np.inf, found)
+        return found
+
+    def _choice(self, maps, wanted, like):
+        names = list(maps)
+        if wanted is None:
+            named = [name for name in names if like in name.lower()] or names
+            return max(named, key=lambda name: (maps[name].shape[-1], names.index(name)))
+        if wanted in maps:
+            return wanted
+        if wanted.lstrip("-").isdigit() and -len(names) <= int(wanted) < len(names):
+            return names[int(wanted)]
+        raise ValueError(f"no output {wanted}; there are {', '.join(names)}")
+
+    def _unpadded(self, maps, padded, size, is_length):
+        # Of a coarser level of a pyramid, disparities are in its own pixels.
+        if maps.shape[1:] != padded:
+            maps = resized(maps[:, None], padded)[:, 0] * (padded[1] / maps.shape[2] if is_length else 1)
+        maps = maps[:, : self.inner[0], : self.inner[1]]
+        if self.inner != size:
+            maps = resized(maps[:, None], size)[:, 0] * (size[1] / self.inner[1] if is_length else 1)
+        return maps
+
+
+def _flat(outputs):
+    """Outputs by name, of lists and dictionaries of them too."""
+    if isinstance(outputs, dict):
+        pairs = outputs.items()
+    elif isinstance(outputs, (list, tuple)):
+        pairs = enumerate(outputs)
+    else:
+        return [("0", outputs)]
+    flat = []
+    for name, output in pairs:
+        if isinstance(output, (dict, list, tuple)):
+            flat += [(f"{name}.{inner}", array) for inner, array in _flat(output)]
+        else:
+            flat.append((str(name), output))
+    return [(name, array) for name, array in flat if np.ndim(array) >= 2 and np.shape(array)[-1] > 1]
+
+
+def _planes(array):
+    """N x H x W of an output: the first channel, which of a flow is the horizontal one."""
+    array = np.asarray(array, np.float32)
+    return array[None] if array.ndim == 2 else array[:, 0] if array.ndim == 4 else array
+
+
+def resized(planes, size):
+    """N x C x H x W, resized bilinearly; pixels are areas, as in PyTorch's align_corners=False."""
+
+    def axis(old, new):
+        at = np.clip((np.arange(new) + 0.5) * old / new - 0.5, 0, old - 1)
+        low = np.minimum(at.astype(int), max(old - 2, 0))
+        return low, np.minimum(low + 1, old - 1), (at - low).astype(np.float32)
+
+    low, high, share = axis(planes.shape[2], size[0])
+    planes = planes[:, :, low] * (1 - share[:, None]) + planes[:, :, high] * share[:, None]
+    low, high, share = axis(planes.shape[3], size[1])
+    return planes[..., low] * (1 - share) + planes[..., high] * share
+
+
+def file_hash(path):
+    """The first half of a file's SHA-256, hexadecimal."""
+    import hashlib
+
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:32]
+
+
+def memory_error(error):
+    """The error, with the cure where memory was too little."""
+    words = str(error)
+    is_memory = isinstance(error, MemoryError)
+    for sign in ("out of memory", "Failed to allocate", "bad_alloc", "can't allocate"):
+        is_memory |= sign.lower() in words.lower()
+    if not is_memory:
+        return error
+    words = " ".join(words.split())[:120]
+    return MemoryError(f"{words}: too little memory; a smaller --size or --batch, or --device cpu")
+
+
+# --- What svl writes --------------------------------------------------------------------------
+
+
+class Pair(NamedTuple):
+    """A synchronized pair of a recording."""
+
+    stamp_ns: int
+    # uint8, height x width.
+    left: np.ndarray
+    right: np.ndarray
+    # True distances along the optical axis in metres, where the recording has them; NaN for none.
+    depth_m: Optional[np.ndarray]
+
+
+_LEFT, _RIGHT, _DEPTH = "/stereo/left/image", "/stereo/right/image", "/truth/depth"
+# The last message of a pair.
+_SYNC = "/stereo/sync"
+
+
+class _Json:
+    """The mcap library leaves JSON to its users."""
+
+    def decoder_for(self, message_encoding, _schema):
+        return json.loads if message_encoding == "json" else None
+
+
+def read(recording):
+    """The pairs of a recording of svl's, in order. One that was cut off ends with its last whole pair."""
+    from mcap.reader import make_reader
+    from mcap_protobuf.decoder import DecoderFactory as Protobuf
+    from mcap_ros2.decoder import DecoderFactory as Ros2
+
+    with open(recording, "rb") as file:
+        reader = make_reader(file, decoder_factories=[Protobuf(), Ros2(), _Json()])
+        # By the number of the pair: the right image has a stamp of its own.
+        pairs = {}
+        found = set()
+        topics = [_LEFT, _RIGHT, _DEPTH, _SYNC]
+        for _, channel, message, decoded in reader.iter_decoded_messages(topics=topics):
+            found.add(channel.topic)
+            pair = pairs.setdefault(message.sequence, {})
+            pair[channel.topic] = decoded
+            if channel.topic == _LEFT:
+                pair["stamp"] = message.log_time
+            if {_LEFT, _RIGHT, _SYNC} <= pair.keys():
+                del pairs[message.sequence]
+                depth = pair.get(_DEPTH)
+                yield Pair(
+                    pair["stamp"],
+                    _image(pair[_LEFT]),
+                    _image(pair[_RIGHT]),
+                    None if depth is None else _image(depth),
+                )
+        missing = {_LEFT, _RIGHT, _SYNC} - found
+        if missing:
+            names = ", ".join(sorted(missing))
+            raise ValueError(f"{recording}: is no recording of svl's: it has no {names}")
+
+
+def _image(message):
+    encoding = getattr(message, "encoding", None)
+    if encoding is None:
+        from PIL import Image
+
+        return np.asarray(Image.open(io.BytesIO(message.data)))
+    kind = np.dtype({"mono8": "u1", "32FC1": "<f4"}[encoding])
+    rows = np.frombuffer(bytes(message.data), kind)
+    return rows.reshape(message.height, message.step // kind.itemsize)[:, : message.width]
+
+
+def report(folder):
+    """The tables of a report as data frames, by their names: rows, cells, summary and so on."""
+    import pandas
+
+    folder = Path(folder)
+    if not (folder / "manifest.json").is_file():
+        raise ValueError(f"{folder}: is no report of svl's: it has no manifest.json")
+    return {path.stem: pandas.read_csv(path) for path in sorted(folder.glob("*.csv"))}
+
+
+if __name__ == "__main__":
+    # Run as a program, it is a slow example: the best of all disparities by absolute differences.
+    @matcher(name="example", version=__version__)
+    def example(left, right, request):
+        wide = left.astype(np.float32)
+        best = np.full(left.shape, np.inf, np.float32)
+        found = np.full(left.shape, np.nan, np.float32)
+        for disparity in range(max(request.min_disparity, 0), request.max_disparity + 1):
+            moved = np.full(left.shape, np.inf, np.float32)
+            moved[:, disparity:] = right[:, : right.shape[1] - disparity]
+            sums = np.abs(wide - moved)
+            for axis in (0, 1):
+                sums = sum(np.roll(sums, step, axis) for step in range(-4, 5))
+            better = sums < best
+            best[better] = sums[better]
+            found[better] = disparity
+        return found

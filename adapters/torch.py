@@ -1,0 +1,109 @@
+#!/usr/bin/env python3
+"""A network in PyTorch as a matcher for svl: TorchScript, or a Python function that makes it.
+
+    pip install numpy torch
+    svl score arena --algo v5 --algo "net=exec:command='python3 torch.py model.pt'"
+    svl score arena --algo v5 --algo "net=exec:command='python3 torch.py --entry mynet:load weights.pth'"
+
+svl_matcher has to be there: `pip install` svl's adapters/python, or
+`svl algos exec --example python > svl_matcher.py` in this file's folder.
+
+The network is called with left and right, float32, N x C x H x W. An entry MODULE:FUNCTION is called with
+the path of the model, where there is one, and returns what is called so: a torch.nn.Module or a function.
+"""
+
+import argparse
+import importlib
+import os
+import sys
+from pathlib import Path
+
+# svl_matcher: installed, beside this file, or in svl's repository.
+here = Path(__file__).resolve().parent
+sys.path.append(str(here / "python"))
+import svl_matcher
+
+# This file has the name of a package; a module of an entry may lie in the working folder.
+sys.path = [folder for folder in sys.path if Path(folder or ".").resolve() != here]
+sys.path.append(os.getcwd())
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("model", type=Path, nargs="?")
+    parser.add_argument("--entry", metavar="MODULE:FUNCTION", help="what makes the network")
+    svl_matcher.network_options(parser)
+    options = parser.parse_args()
+    if options.model is None and options.entry is None:
+        parser.error("a model or an --entry is needed")
+    if options.model is not None and not options.model.is_file():
+        parser.error(f"{options.model}: no such file")
+    return options
+
+
+def load(torch, options, device):
+    if options.entry is None:
+        return torch.jit.load(str(options.model), map_location=device).eval()
+    module, _, function = options.entry.partition(":")
+    make = getattr(importlib.import_module(module), function)
+    network = make(options.model) if options.model else make()
+    if isinstance(network, torch.nn.Module):
+        network = network.to(device).eval()
+    return network
+
+
+def main():
+    options = arguments()
+    try:
+        import torch
+    except ImportError:
+        sys.exit("PyTorch is missing: pip install torch")
+    if options.device == "cuda" and not torch.cuda.is_available():
+        sys.exit("PyTorch sees no CUDA device here: install its CUDA build, or --device cpu")
+    on_cuda = torch.cuda.is_available() and options.device != "cpu"
+    device = torch.device("cuda" if on_cuda else "cpu")
+    try:
+        model = load(torch, options, device)
+    except Exception as error:
+        words = " ".join(str(svl_matcher.memory_error(error)).split())
+        sys.exit(f"{options.entry or options.model}: {words[:300]}")
+    network = svl_matcher.Network(options, 3)
+
+    def start(request):
+        torch.set_num_threads(request.threads)
+        name = torch.cuda.get_device_name() if on_cuda else "CPU"
+        return {"threads": torch.get_num_threads(), "device": name}
+
+    def plain(output):
+        """Tensors as arrays, on the CPU: this waits for the device."""
+        if isinstance(output, torch.Tensor):
+            return output.float().cpu().numpy()
+        if isinstance(output, dict):
+            return {name: plain(inner) for name, inner in output.items()}
+        return [plain(inner) for inner in output]
+
+    def match(left, right):
+        if options.batch == 1:
+            left, right = left[None], right[None]
+        images = [torch.from_numpy(network.inputs(side)).to(device) for side in (left, right)]
+        try:
+            with torch.inference_mode():
+                outputs = plain(model(*images))
+        except Exception as error:
+            raise svl_matcher.memory_error(error) from None
+        found = network.disparities(outputs, tuple(images[0].shape[2:]), left.shape[1:3])
+        return found if options.batch > 1 else found[0]
+
+    svl_matcher.serve(
+        match,
+        color=network.channels == 3,
+        batch=options.batch,
+        start=start,
+        name=options.model.stem if options.model else options.entry,
+        version=f"torch {torch.__version__}",
+        model=svl_matcher.file_hash(options.model) if options.model else None,
+    )
+
+
+if __name__ == "__main__":
+    main()

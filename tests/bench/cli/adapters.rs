@@ -1,0 +1,355 @@
+//! What `adapters/` has for programs behind `exec`: the Python module, the C++ header, networks.
+#![cfg(unix)]
+
+use super::fixture::{Fixture, assert_says};
+use crate::common::datasets;
+use std::path::PathBuf;
+use std::process::Command;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// Python with these modules; nothing, with a word, where it has not all of them.
+fn python_with(modules: &str) -> Option<String> {
+    let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let import = format!("import {modules}");
+    let output = Command::new(&python).args(["-c", &import]).output();
+    if !output.is_ok_and(|output| output.status.success()) {
+        println!("skipped: {python} has no {modules}; name a Python that has them in SVL_PYTHON");
+        return None;
+    }
+    Some(python)
+}
+
+/// A program in Python that imports svl_matcher, for `exec`.
+fn program(python: &str, words: &str) -> String {
+    format!("exec:command='env' 'PYTHONPATH={ROOT}/adapters/python' '{python}' {words}")
+}
+
+/// What a user of the module writes, and what goes wrong there.
+const DECORATED: &str = r#"
+import numpy as np
+import svl_matcher
+
+@svl_matcher.matcher(name="mine", version="3", color=True)
+def mine(left, right, request):
+    print("a library prints")
+    assert left.shape == right.shape == (240, 320, 3), left.shape
+    if request.sequence == 3:
+        raise ValueError("no\nsuch texture")
+    if request.sequence == 4:
+        return np.zeros((2, 2))
+    cells = [(5.0, 0.9)] + [None] * (request.grid[0] * request.grid[1] - 1)
+    return np.where(left[..., 0] % 2 == 0, 5.0, np.nan), cells
+"#;
+
+#[test]
+fn a_decorated_function_of_two_arrays_is_a_matcher() {
+    let Some(python) = python_with("numpy") else {
+        return;
+    };
+    let fixture = Fixture::new();
+    fixture.write("mine.py", DECORATED);
+    fixture.run(&["record", "--frames", "4", "-o", "a.mcap"]);
+    let mine = format!("mine={}", program(&python, "mine.py"));
+    let ran = fixture.svl(&[
+        "score", "a.mcap", "--algo", &mine, "--out", "r", "--rerun", "none",
+    ]);
+    // Two of the four pairs fail, each with its own words.
+    assert_eq!(ran.code, Some(1));
+    assert_says(
+        &ran.stderr,
+        &[
+            "ValueError: no such texture",
+            "disparities of shape (2, 2), expected (240, 320)",
+        ],
+    );
+    assert_says(&ran.stdout, &["program: mine: mine 3, in colour, reports"]);
+    let cells = fixture.text("r/cells.csv");
+    let known = cells.lines().filter(|line| line.contains(",0.9,")).count();
+    assert_eq!(known, 2, "{cells}");
+    let manifest: serde_json::Value =
+        serde_json::from_str(&fixture.text("r/manifest.json")).unwrap();
+    let program = &manifest["algorithms"][0]["program"];
+    assert_eq!(
+        (&program["name"], &program["color"]),
+        (&"mine".into(), &true.into())
+    );
+}
+
+#[test]
+fn svl_s_files_are_arrays_and_data_frames() {
+    let Some(python) = python_with("numpy, pandas, mcap, mcap_protobuf, mcap_ros2, PIL") else {
+        return;
+    };
+    let fixture = Fixture::new();
+    fixture.run(&["record", "--frames", "4", "-o", "a.mcap"]);
+    fixture.run(&[
+        "score", "a.mcap", "--algo", "v3", "--out", "r", "--rerun", "none",
+    ]);
+    let read = "import svl_matcher as s\n\
+                for p in s.read('a.mcap'): print(p.left.shape, p.right.dtype, p.depth_m.shape)\n\
+                t = s.report('r')\n\
+                print(sorted(t), len(t['rows']), t['summary'].algorithm[0])";
+    let output = Command::new(&python)
+        .args(["-c", read])
+        .env("PYTHONPATH", format!("{ROOT}/adapters/python"))
+        .current_dir(fixture.path(""))
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(
+        text.matches("(240, 320) uint8 (240, 320)").count(),
+        4,
+        "{text}"
+    );
+    assert_says(&text, &["'cells'", "'rows'", "'summary'", " 4 v3"]);
+}
+
+#[test]
+fn images_and_outputs_of_networks_have_many_forms() {
+    let Some(python) = python_with("numpy") else {
+        return;
+    };
+    let output = Command::new(&python)
+        .arg(format!("{ROOT}/tests/python/svl_matcher_test.py"))
+        .env("PYTHONPATH", format!("{ROOT}/adapters/python"))
+        .output()
+        .unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(
+        String::from_utf8_lossy(&output.stdout).trim(),
+        "well",
+        "{error}"
+    );
+}
+
+#[test]
+fn a_network_in_onnx_equals_its_twin_alone_and_in_batches() {
+    let Some(python) = python_with("numpy, onnx, onnxruntime") else {
+        return;
+    };
+    let fixture = Fixture::new();
+    fixture.run(&["record", "--frames", "5", "-o", "a.mcap"]);
+    fixture.write_pair("l.pgm", "r.pgm", (40, 20), 3);
+    let tiny = format!("{ROOT}/tests/python/tiny_network.py");
+    let wrote = Command::new(&python)
+        .args([&tiny, "tiny.onnx"])
+        .current_dir(fixture.path(""))
+        .status();
+    assert!(wrote.unwrap().success());
+    let adapter = format!("'{ROOT}/adapters/onnx.py' tiny.onnx --multiple 1");
+    let algorithms = [
+        format!("net={},max_disparity=16", program(&python, &adapter)),
+        format!(
+            "batch={},max_disparity=16",
+            program(&python, &(adapter + " --batch 2"))
+        ),
+        format!(
+            "twin={},max_disparity=16",
+            program(&python, &format!("'{tiny}'"))
+        ),
+    ];
+    let mut line = vec!["score", "a.mcap", "--out", "r", "--rerun", "none", "--json"];
+    for algorithm in &algorithms {
+        line.extend(["--algo", algorithm]);
+    }
+    let summary: serde_json::Value = serde_json::from_str(&fixture.run(&line)).unwrap();
+    let hash = |i: usize| summary["algorithms"][i]["results_hash"].as_str().unwrap();
+    assert_eq!((hash(0), hash(1)), (hash(2), hash(2)));
+    let programs = &summary["programs"];
+    assert_eq!(programs[0]["name"], "tiny");
+    assert_eq!(
+        (&programs[0]["batch"], &programs[1]["batch"]),
+        (&1.into(), &2.into())
+    );
+    assert_eq!(programs[0]["model"].as_str().unwrap().len(), 32);
+    assert_eq!(programs[0]["device"], "CPU");
+    let ask = "import onnxruntime as o\nprint(*o.get_available_providers())";
+    let providers = Command::new(&python).args(["-c", ask]).output().unwrap();
+    let on_cuda = format!("'{ROOT}/adapters/onnx.py' tiny.onnx --multiple 1 --device cuda");
+    let on_cuda = program(&python, &on_cuda);
+    let line = ["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--algo", &on_cuda];
+    match String::from_utf8_lossy(&providers.stdout).contains("CUDAExecutionProvider") {
+        true => drop(fixture.run(&line)),
+        false => {
+            let cure = "no CUDA here: pip install onnxruntime-gpu";
+            fixture.svl(&line).failed(1, &[cure]);
+        }
+    }
+    for (words, told) in [
+        ("none.onnx", "none.onnx: no such file"),
+        ("a.mcap", "a.mcap: "),
+        (
+            "tiny.onnx --output depth",
+            "no output depth; there are disparity",
+        ),
+    ] {
+        let net = program(&python, &format!("'{ROOT}/adapters/onnx.py' {words}"));
+        let ran = fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--algo", &net]);
+        ran.failed(1, &[told]);
+    }
+}
+
+/// A real network, at a quarter of its size of images for the test's sake.
+#[test]
+fn tinystereo_is_right_on_the_arena() {
+    let Some(shared) = datasets().and_then(|folder| folder.parent().map(PathBuf::from)) else {
+        return;
+    };
+    let model = shared.join("models/tinystereo.onnx");
+    let Some(python) = python_with("numpy, onnxruntime").filter(|_| model.exists()) else {
+        return;
+    };
+    let fixture = Fixture::new();
+    let net = format!(
+        "net={},max_disparity=127",
+        program(
+            &python,
+            &format!(
+                "'{ROOT}/adapters/onnx.py' '{}' --multiple 16",
+                model.display()
+            )
+        )
+    );
+    fixture.run(&["record", "--frames", "60", "-o", "a.mcap"]);
+    let line = [
+        "score", "a.mcap", "--every", "15", "--algo", &net, "--out", "r", "--json",
+    ];
+    let summary: serde_json::Value = serde_json::from_str(&fixture.run(&line)).unwrap();
+    let right = summary["algorithms"][0]["cells_right"].as_f64().unwrap();
+    assert!(right > 0.9, "{right}");
+}
+
+/// Also of a program in C++: colour, cells, an error, a name.
+const CPP: &str = r#"
+#include "svl_matcher.hpp"
+#include <stdexcept>
+
+int main() {
+  svl::Hello hello;
+  hello.name = "mine \"in\" C++";
+  hello.color = true;
+  return svl::serve(hello, [](const svl::Pair& pair, svl::Answer& answer) {
+    std::puts("a library prints");
+    if (pair.channels != 3 || pair.max_disparity != 80 || pair.rig.focal_px < 100)
+      throw std::runtime_error("wrong request");
+    static int calls = 0;
+    // The first two are of the first pair.
+    if (++calls == 4) throw std::runtime_error("no \"such\" texture");
+    for (int i = 0; i < pair.width * pair.height; i++)
+      if (pair.left[3 * i] % 2 == 0) answer.disparity[i] = 5;
+    answer.disparity[0] = NAN;
+    answer.cells.resize(pair.columns * pair.rows);
+    answer.cells[0] = {5.0f, 0.9f};
+  });
+}
+"#;
+
+#[test]
+fn a_header_makes_a_program_in_cpp() {
+    let fixture = Fixture::new();
+    fixture.write("mine.cpp", CPP);
+    let header = fixture.run("algos exec --example cpp");
+    fixture.write("svl_matcher.hpp", header);
+    let flags = [
+        "-std=c++17",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-O2",
+        "-o",
+        "mine",
+        "mine.cpp",
+    ];
+    let built = Command::new("c++")
+        .args(flags)
+        .current_dir(fixture.path(""))
+        .output();
+    let Ok(built) = built else {
+        println!("skipped: no C++ compiler");
+        return;
+    };
+    assert!(
+        built.status.success(),
+        "{}",
+        String::from_utf8_lossy(&built.stderr)
+    );
+    fixture.run(&["record", "--frames", "4", "-o", "a.mcap"]);
+    let mine = "mine=exec:command=./mine";
+    let ran = fixture.svl(&[
+        "score", "a.mcap", "--algo", mine, "--out", "r", "--rerun", "none",
+    ]);
+    assert_eq!(ran.code, Some(1), "{}", ran.stderr);
+    assert_says(&ran.stderr, &["answered: no \"such\" texture"]);
+    assert_says(
+        &ran.stdout,
+        &["mine: mine \"in\" C++, 1 thread, in colour, reports"],
+    );
+    let cells = fixture.text("r/cells.csv");
+    let known = cells.lines().filter(|line| line.contains(",0.9,")).count();
+    assert_eq!(known, 3, "{cells}");
+}
+
+#[test]
+fn torch_script_and_an_entry_are_matchers() {
+    let Some(python) = python_with("numpy, torch") else {
+        return;
+    };
+    let fixture = Fixture::new();
+    fixture.run(&["record", "--frames", "2", "-o", "a.mcap"]);
+    fixture.write(
+        "entry.py",
+        "import torch\n\
+         class Net(torch.nn.Module):\n    \
+             def forward(self, left, right):\n        \
+                 return [-0.125 * left[:, :1, ::2, ::2], -0.25 * left[:, :1]]\n\
+         def load(model=None): return Net()\n\
+         if __name__ == '__main__': torch.jit.script(Net()).save('net.pt')\n",
+    );
+    let wrote = Command::new(&python)
+        .arg("entry.py")
+        .current_dir(fixture.path(""))
+        .status();
+    assert!(wrote.unwrap().success());
+    let net = |words: &str| {
+        let words = format!("'{ROOT}/adapters/torch.py' {words} --channels grey --negative");
+        program(&python, &words)
+    };
+    let (script, entry) = (net("net.pt"), net("--entry entry:load"));
+    let line = [
+        "score", "a.mcap", "--algo", &script, "--algo", &entry, "--out", "r", "--json",
+    ];
+    let summary: serde_json::Value = serde_json::from_str(&fixture.run(&line)).unwrap();
+    let algorithms = summary["algorithms"].as_array().unwrap();
+    assert_eq!(algorithms.len(), 2, "{summary}");
+    assert_eq!(algorithms[0]["results_hash"], algorithms[1]["results_hash"]);
+    assert_eq!(summary["programs"][0]["device"], "CPU");
+}
+
+#[test]
+fn examples_are_the_files_of_adapters() {
+    let fixture = Fixture::new();
+    for (kind, file) in [
+        ("python", "python/svl_matcher.py"),
+        ("cpp", "cpp/svl_matcher.hpp"),
+        ("onnx", "onnx.py"),
+        ("torch", "torch.py"),
+    ] {
+        let text = std::fs::read_to_string(format!("{ROOT}/adapters/{file}")).unwrap();
+        let printed = fixture.run(&["algos", "exec", "--example", kind]);
+        assert_eq!(printed.trim_end(), text.trim_end(), "{kind}");
+    }
+    fixture.fails(
+        "algos v3 --example cpp => 2: --example is of programs | svl algos exec --example KIND\n\
+         algos exec --example java => 2: java | python",
+    );
+    // It is a slow matcher, too.
+    if let Some(python) = python_with("numpy") {
+        fixture.run(&["record", "--frames", "1", "-o", "a.mcap"]);
+        let printed = fixture.run(&["algos", "exec", "--example", "python"]);
+        fixture.write("svl_matcher.py", printed);
+        let example = format!("slow=exec:command='{python}' svl_matcher.py,max_disparity=40");
+        let text = fixture.run(&["replay", "a.mcap", "--algo", &example]);
+        assert_says(&text, &["program: slow: example 0.1.0"]);
+    }
+}

@@ -1,0 +1,70 @@
+"""What adapters/python/svl_matcher.py does between images and networks. Run by tests/bench/cli/exec."""
+
+import argparse
+import sys
+
+import numpy as np
+import svl_matcher
+
+
+def network(*words, channels=1):
+    parser = argparse.ArgumentParser()
+    svl_matcher.network_options(parser)
+    return svl_matcher.Network(parser.parse_args(words), channels)
+
+
+def there_and_back(net, images, outputs_of):
+    given = net.inputs(images)
+    outputs = outputs_of(given)
+    return given, net.disparities(outputs, given.shape[2:], images.shape[1:3])
+
+
+random = np.random.default_rng(1)
+grey = random.integers(0, 256, (2, 30, 50), np.uint8)
+color = random.integers(0, 256, (1, 30, 50, 3), np.uint8)
+
+# Padding repeats the last pixels, and goes again.
+given, found = there_and_back(network("--multiple", "16"), grey, lambda x: {"disp": x[:, 0]})
+assert given.shape == (2, 1, 32, 64) and given.dtype == np.float32
+assert (given[:, 0, 31, 63] == grey[:, 29, 49]).all()
+assert (found == grey).all()
+
+# Normalisation by channel; grey images are repeated for a network in colour, and the reverse.
+given = network("--normalise", "imagenet", "--multiple", "1", channels=3).inputs(color)
+assert np.allclose(given[0, 2, 4, 5], (color[0, 4, 5, 2] / 255 - 0.406) / 0.225, atol=1e-6)
+given = network("--normalise", "signed", "--multiple", "1", channels=3).inputs(grey)
+assert given.shape == (2, 3, 30, 50) and np.allclose(given[1, 2], grey[1] / 127.5 - 1, atol=1e-6)
+assert network("--channels", "grey", channels=3).inputs(color).shape[1] == 1
+
+# Resizing scales disparities back; so does a coarser level, of which the largest is taken.
+net = network("--size", "100x60", "--multiple", "1")
+pyramid = lambda x: [np.full((2, 1, 15, 25), 4.0), np.full((2, 1, 30, 50), 8.0)]
+given, found = there_and_back(net, grey, pyramid)
+assert given.shape == (2, 1, 60, 100) and found.shape == grey.shape and np.allclose(found, 8.0)
+_, found = there_and_back(network("--output", "0", "--multiple", "1"), grey, pyramid)
+assert np.allclose(found, 8.0)
+
+# Flow has two channels and the other sign; shares of the width; dictionaries; confidences.
+flow = lambda x: {"flow": np.stack([np.full((2, 30, 50), -3.0), np.full((2, 30, 50), 9.0)], 1)}
+assert (there_and_back(network("--negative", "--multiple", "1"), grey, flow)[1] == 3.0).all()
+share = lambda x: [{"a": np.full((2, 30, 50), 0.1)}]
+assert np.allclose(there_and_back(network("--scale", "width", "--multiple", "1"), grey, share)[1], 5)
+sure = lambda x: {"disparity": np.full((2, 30, 50), 7.0), "confidence": np.tile(np.arange(50) / 50, (2, 30, 1))}
+_, found = there_and_back(network("--confidence", "confidence", "--multiple", "1"), grey, sure)
+assert np.isinf(found[:, :, 24]).all() and (found[:, :, 25] == 7).all()
+try:
+    there_and_back(network("--output", "depth"), grey, sure)
+    sys.exit("an output that is not there was taken")
+except ValueError as error:
+    assert "no output depth; there are disparity, confidence" in str(error), error
+
+# Enlarged and shrunk again, a smooth image is as before.
+smooth = np.fromfunction(lambda n, c, y, x: x + 2.0 * y, (1, 1, 20, 30))
+again = svl_matcher.resized(svl_matcher.resized(smooth, (60, 90)), (20, 30))
+assert np.abs(again - smooth)[..., 1:-1, 1:-1].max() < 1e-3
+
+# Too little memory is told with the cure.
+told = svl_matcher.memory_error(RuntimeError("CUDA out of memory. Tried to allocate 2 GiB"))
+assert "a smaller --size" in str(told), told
+assert str(svl_matcher.memory_error(ValueError("else"))) == "else"
+print("well")
