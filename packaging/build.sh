@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# Builds the packages of the program into target/packages: a wheel, a Debian package, and a tar for any Linux with
+# glibc 2.31 or later (Debian 11, Ubuntu 20.04). Then packaging/check.sh tries them. On two cores it takes half an hour.
+#
+# Needs Rust, Python with venv, and the network for its tools: maturin and zig, which links against an old glibc, and
+# cargo-deb.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+target="$(cargo metadata --no-deps --format-version 1 | python3 -c 'import json, sys; print(json.load(sys.stdin)["target_directory"])')"
+tools="$target/packaging"
+out="$target/packages"
+version="$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)"
+triple="$(rustc -vV | sed -n 's/^host: //p')"
+mkdir -p "$tools" && rm -rf "$out" && mkdir -p "$out"
+
+if ! "$tools/bin/maturin" --version 2> /dev/null | grep -q 1.16.0; then
+  python3 -m venv "$tools"
+  "$tools/bin/pip" -q install maturin==1.16.0 ziglang==0.17.1
+fi
+if ! "$tools/bin/cargo-deb" --version 2> /dev/null | grep -q 3.8.0; then
+  cargo install --quiet --locked --root "$tools" --target-dir "$tools/cargo-deb" cargo-deb --version 3.8.0
+fi
+export PATH="$tools/bin:$PATH"
+
+# Man page and completions are the program's own, so it is built before the packages are.
+beside="$PWD/packaging/svl.data/data"
+rm -rf packaging/svl.data && mkdir -p "$beside"
+wheel() { (cd packaging && maturin build --quiet --locked --zig --compatibility manylinux_2_31 -o "$out"); }
+wheel
+program="$target/$triple/dist/svl"
+mkdir -p "$beside"/share/{man/man1,bash-completion/completions,zsh/site-functions,fish/vendor_completions.d}
+"$program" man > "$beside/share/man/man1/svl.1"
+"$program" completions bash > "$beside/share/bash-completion/completions/svl"
+"$program" completions zsh > "$beside/share/zsh/site-functions/_svl"
+"$program" completions fish > "$beside/share/fish/vendor_completions.d/svl.fish"
+wheel
+
+cargo deb --quiet --no-build --no-strip --profile dist --target "$triple" --output "$out/"
+
+tar="$tools/svl-$version-${triple%%-*}-linux"
+rm -rf "$tar" && mkdir -p "$tar/bin"
+cp "$program" "$tar/bin/"
+cp -r "$beside/share" "$tar/"
+cp README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$tar/"
+tar -C "$tools" -czf "$out/$(basename "$tar").tar.gz" "$(basename "$tar")"
+
+ls -l "$program" "$out"
+size="$(stat -c %s "$program")"
+[ "$size" -le 60000000 ] || { echo "the program has $size bytes, more than 60 MB" >&2; exit 1; }
+packaging/check.sh "$out"
