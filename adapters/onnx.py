@@ -70,6 +70,9 @@ class OnnxMatcher:
             self.options.size, self.options.multiple = tuple(fixed), 1
         self.kind = np.float16 if "float16" in self.inputs[0].type else np.float32
         device = "CPU" if session.get_providers()[0].startswith("CPU") else "CUDA"
+        # It falls back by itself where libraries or the device are missing.
+        if self.options.device == "cuda" and device == "CPU":
+            sys.exit("onnxruntime cannot use CUDA here: see its words above, or --device cpu")
         return {
             "color": self.network.channels == 3,
             "threads": request.threads,

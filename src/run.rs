@@ -625,7 +625,7 @@ impl RunMatcher {
         }
     }
 
-    /// Matches several pairs at once, so many times.
+    /// Matches several pairs at once, `rounds` times.
     fn match_ahead(&mut self, pairs: &[(RectifiedPair<'_>, MatchContext<'_>)], rounds: usize) {
         let mut ahead: Vec<_> = pairs.iter().map(|_| Ok(Vec::new())).collect();
         for _ in 0..rounds {

@@ -100,7 +100,7 @@ def serve(function, *, color=False, batch=1, start=None, **hello):
             is_first = False
             started = start(requests[0]) if start else None
             described = {"color": color, "batch": batch, "shared": batch == 1}
-            described.update(**hello, **(started or {}))
+            described = {**described, **hello, **(started or {})}
             _write(target, {"hello": {k: v for k, v in described.items() if v is not None}})
             continue
         lefts, rights = (np.stack(side) if batch > 1 else side[0] for side in zip(*pairs))

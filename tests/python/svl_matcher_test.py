@@ -1,7 +1,9 @@
 """What adapters/python/svl_matcher.py does between images and networks. Run by tests/bench/cli/exec."""
 
 import argparse
+import importlib.util
 import sys
+from pathlib import Path
 
 import numpy as np
 import svl_matcher
@@ -67,4 +69,33 @@ assert np.abs(again - smooth)[..., 1:-1, 1:-1].max() < 1e-3
 told = svl_matcher.memory_error(RuntimeError("CUDA out of memory. Tried to allocate 2 GiB"))
 assert "a smaller --size" in str(told), told
 assert str(svl_matcher.memory_error(ValueError("else"))) == "else"
+
+
+# onnxruntime falls back to the CPU by itself, which is not what was asked for.
+class Session:
+    get_inputs = lambda self: [argparse.Namespace(name=n, type="float", shape=[1, 1, "h", "w"]) for n in "lr"]
+    get_outputs = lambda self: []
+    get_providers = lambda self: ["CPUExecutionProvider"]
+
+
+class Settings:
+    add_session_config_entry = lambda self, *_: None
+
+
+onnxruntime = argparse.Namespace(
+    get_available_providers=lambda: ["CUDAExecutionProvider", "CPUExecutionProvider"],
+    SessionOptions=Settings,
+    InferenceSession=lambda *_, **__: Session(),
+)
+file = Path(__file__).parents[2] / "adapters/onnx.py"
+spec = importlib.util.spec_from_file_location("svl_onnx", file)
+adapter = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(adapter)
+options = network("--device", "cuda").options
+options.model = file
+try:
+    adapter.OnnxMatcher(options, onnxruntime).start(argparse.Namespace(threads=1))
+    sys.exit("the CPU was taken for CUDA")
+except SystemExit as error:
+    assert "cannot use CUDA here" in str(error), error
 print("well")

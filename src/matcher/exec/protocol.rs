@@ -193,7 +193,8 @@ pub(super) fn request(
     let images = bytes.len() - line;
     let disparities_at = images.next_multiple_of(SHARED_ALIGNMENT) as u64;
     if let Some(shared) = form.shared {
-        shared.write(&bytes[line..], disparities_at + 4 * (width * height) as u64)?;
+        let size = disparities_at + 4 * (width * height) as u64;
+        shared.write(&bytes[line..], disparities_at, size)?;
         bytes.truncate(line);
     }
     Ok(PairRequest {

@@ -22,15 +22,19 @@ impl SharedMemory {
         format!("/proc/{}/fd/{}", std::process::id(), self.0.as_raw_fd())
     }
 
-    /// Writes at its beginning; it has at least that many bytes afterwards.
-    pub(super) fn write(&self, bytes: &[u8], size: u64) -> Result<()> {
+    /// Writes `bytes` at offset 0, and NaN at the offset of the disparities, so that a program that
+    /// does not write them is noticed. The file has at least `size` bytes afterwards.
+    pub(super) fn write(&self, bytes: &[u8], disparities_at: u64, size: u64) -> Result<()> {
+        use std::os::unix::fs::FileExt;
         if self.0.metadata()?.len() < size {
             self.0.set_len(size)?;
         }
-        std::os::unix::fs::FileExt::write_all_at(&self.0, bytes, 0)
+        self.0.write_all_at(bytes, 0)?;
+        let nan = f32::NAN.to_le_bytes();
+        self.0.write_all_at(&nan, disparities_at)
     }
 
-    /// So many bytes from there on, in that memory.
+    /// Reads `count` bytes from the offset `at` on into `memory`.
     pub(super) fn read(&self, at: u64, count: usize, mut memory: Vec<u8>) -> Result<Vec<u8>> {
         memory.resize(count, 0);
         std::os::unix::fs::FileExt::read_exact_at(&self.0, &mut memory, at)?;
@@ -49,7 +53,7 @@ impl SharedMemory {
         String::new()
     }
 
-    pub(super) fn write(&self, _: &[u8], _: u64) -> Result<()> {
+    pub(super) fn write(&self, _: &[u8], _: u64, _: u64) -> Result<()> {
         Err(std::io::ErrorKind::Unsupported.into())
     }
 

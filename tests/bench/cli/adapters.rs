@@ -190,7 +190,7 @@ fn a_network_in_onnx_equals_its_twin_alone_and_in_batches() {
     }
 }
 
-/// A real network, at a quarter of its size of images for the test's sake.
+/// A real network on four pairs.
 #[test]
 fn tinystereo_is_right_on_the_arena() {
     let Some(shared) = datasets().and_then(|folder| folder.parent().map(PathBuf::from)) else {
@@ -220,7 +220,7 @@ fn tinystereo_is_right_on_the_arena() {
     assert!(right > 0.9, "{right}");
 }
 
-/// Also of a program in C++: colour, cells, an error, a name.
+/// A program in C++ with colour, cells, an error and a name.
 const CPP: &str = r#"
 #include "svl_matcher.hpp"
 #include <stdexcept>
