@@ -9,8 +9,8 @@
 //! data set                                                    tables ──▶ report
 //! ```
 //!
-//! Without default features this is what a robot links: [`stereo`], [`kernel`], [`matcher`],
-//! [`filter`], [`depth`], [`rectify`].
+//! This crate names the modules of its packages. A robot links `svl-core` ([`stereo`], [`kernel`],
+//! [`matcher`], [`filter`], [`depth`], [`rectify`]) and, for calibration files, `svl-calibrate`.
 //!
 //! ```
 //! use svl::depth::{self, GridSettings};
@@ -26,74 +26,23 @@
 //! # Ok::<(), svl::Error>(())
 //! ```
 
-#[cfg(feature = "bench")]
-pub mod arena;
-#[cfg(feature = "calibrate")]
-mod bounded;
-#[cfg(feature = "calibrate")]
-pub mod calibrate;
-pub mod depth;
-mod error;
-pub mod filter;
-pub mod interrupt;
-pub mod kernel;
-pub mod matcher;
-pub mod rectify;
-pub mod statistics;
-pub mod stereo;
-pub mod timing;
-
-#[cfg(feature = "bench")]
-pub mod drive;
-#[cfg(feature = "bench")]
-pub mod fetch;
-#[cfg(feature = "bench")]
-pub mod files;
-#[cfg(feature = "bench")]
-pub mod grab;
-#[cfg(feature = "bench")]
-pub mod manifest;
-#[cfg(feature = "bench")]
-pub mod overlay;
-#[cfg(feature = "bench")]
-mod pairing;
-#[cfg(feature = "bench")]
-pub mod record;
-#[cfg(feature = "bench")]
-pub mod recording;
-#[cfg(feature = "bench")]
-pub mod report;
-#[cfg(feature = "bench")]
-pub mod reproduce;
-#[cfg(feature = "bench")]
-pub mod run;
-#[cfg(feature = "bench")]
-pub mod scenario;
-#[cfg(feature = "bench")]
-pub mod score;
-#[cfg(feature = "bench")]
-pub mod sink;
-#[cfg(feature = "bench")]
-pub mod source;
-#[cfg(feature = "bench")]
-pub mod stress;
-#[cfg(feature = "bench")]
-pub mod train;
-#[cfg(feature = "bench")]
-pub mod tune;
-#[cfg(feature = "calibrate")]
-mod words;
-#[cfg(feature = "calibrate")]
-mod yaml;
+pub use svl_bench::{drive, record, report, run, sink, source, train, tune};
+pub use svl_calibrate as calibrate;
+pub use svl_core::{
+    Error, Result, counted, depth, filter, interrupt, kernel, matcher, rectify, statistics, stereo,
+    timing,
+};
+pub use svl_data::{
+    arena, fetch, files, grab, manifest, overlay, recording, scenario, score, stress,
+};
+pub use svl_thesis as reproduce;
+#[cfg(feature = "rerun")]
+pub use svl_viewer as viewer;
 
 /// The Rust examples of README and docs, as doctests.
-#[cfg(all(doctest, feature = "bench"))]
+#[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 #[doc = include_str!("../CONTRIBUTING.md")]
 #[doc = include_str!("../docs/architecture.md")]
 #[doc = include_str!("../docs/library.md")]
 mod documents {}
-
-pub use error::{Error, Result};
-#[cfg(feature = "calibrate")]
-pub use words::counted;

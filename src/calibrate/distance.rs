@@ -1,10 +1,10 @@
 //! Disparity of a target at a known distance (thesis, annex B): "each measure is the median of the
 //! values of at least three sectors where the target was present".
 
-use crate::counted;
-use crate::error::{Error, Result};
-use crate::statistics::midpoint_median;
-use crate::stereo::{Cell, DepthGrid, GridShape};
+use svl_core::counted;
+use svl_core::statistics::midpoint_median;
+use svl_core::stereo::{Cell, DepthGrid, GridShape};
+use svl_core::{Error, Result};
 
 /// Least cells that must show the target.
 pub const LEAST_CELLS: usize = 3;
@@ -138,7 +138,7 @@ fn agreeing(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::CellDepth;
+    use svl_core::stereo::CellDepth;
 
     /// A 5 x 3 grid of these medians, row by row; 0 is unknown.
     fn grid(medians: [f32; 15]) -> DepthGrid {

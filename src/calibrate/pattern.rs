@@ -1,8 +1,8 @@
 //! The chessboard, and its corners in a pair.
 
-use crate::error::{Error, Result};
-use crate::stereo::LengthUnit;
 use nalgebra::{Point2, Point3};
+use svl_core::stereo::LengthUnit;
+use svl_core::{Error, Result};
 
 /// A chessboard, described by its inner corners.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -13,4 +13,5 @@ mod grab;
 mod protocol;
 mod recording;
 mod report;
+#[cfg(feature = "rerun")]
 mod rerun;

@@ -11,12 +11,13 @@ use std::path::Path;
 use std::time::Duration;
 use svl::arena::WireObject;
 use svl::score::Judge;
-use svl::sink::{RerunDetail, RerunSink, RerunTarget, RunInfo, Sink, save_recording_layout};
+use svl::sink::{RerunDetail, RerunTarget, RunInfo, Viewer};
 use svl::stereo::{
     Cell, CellDepth, DepthGrid, DisparityMap, Estimate, Exposure, ExtraPlanes, Frame, Geometry,
     Gray, GridShape, Plane, Pose, Reason, Rig, StereoPair, Truth,
 };
 use svl::timing::{Stage, StageTimes};
+use svl::viewer::Rerun;
 
 const SIZE: (usize, usize) = (40, 30);
 const LABELS: [&str; 3] = ["v3", "bm:max_disparity=64", "v4"];
@@ -121,8 +122,9 @@ fn write_frames(path: &Path, rig: bool, frames: u64, detail: RerunDetail) {
             .into(),
         wireframe: if rig { vec![edges] } else { Vec::new() },
     };
-    let sink = RerunSink::new(RerunTarget::File(path.to_owned()), detail, &run).unwrap();
-    let mut sink = Box::new(sink.with_verdicts(|| Some("# all passed".to_owned())));
+    let target = RerunTarget::File(path.to_owned());
+    let verdicts = Box::new(|| Some("# all passed".to_owned()));
+    let mut sink = Rerun.run(target, detail, &run, Some(verdicts)).unwrap();
     let judge = Judge {
         grid: GridShape {
             columns: 2,
@@ -352,7 +354,8 @@ fn a_target_that_cannot_be_is_one_line() {
     ];
     for target in targets {
         let name = target.to_string();
-        let error = RerunSink::new(target, RerunDetail::Full, &RunInfo::default())
+        let error = Rerun
+            .run(target, RerunDetail::Full, &RunInfo::default(), None)
             .err()
             .expect("not a target")
             .to_string();
@@ -370,9 +373,17 @@ fn a_recording_of_ours_gets_a_layout_and_a_foreign_one_none() {
     let folder = tempfile::tempdir().unwrap();
     let layout = folder.path().join("layout.rbl");
     let recording = Path::new("recordings/arena.mcap");
-    assert!(!save_recording_layout(recording, &["/camera/image_raw".to_owned()], &layout).unwrap());
+    assert!(
+        !Rerun
+            .save_layout(recording, &["/camera/image_raw".to_owned()], &layout)
+            .unwrap()
+    );
     assert!(!layout.exists());
-    assert!(save_recording_layout(recording, &["/stereo/left/image".to_owned()], &layout).unwrap());
+    assert!(
+        Rerun
+            .save_layout(recording, &["/stereo/left/image".to_owned()], &layout)
+            .unwrap()
+    );
     let stores = Content::read(&layout).stores;
     let ours =
         |s: &StoreId| s.kind() == StoreKind::Blueprint && s.application_id().as_str() == "arena";
@@ -411,8 +422,7 @@ fn what_is_tuned_comes_again_and_the_rest_stays() {
         wireframe: Vec::new(),
     };
     let target = RerunTarget::File(path.clone());
-    let sink = RerunSink::new(target, RerunDetail::Full, &info).unwrap();
-    let mut sink = Box::new(sink.for_tuning());
+    let mut sink = Rerun.tuning(target, &info).unwrap();
     let judge = Judge::default();
     // Frame 7 with both, again with the first alone, then frame 3, on which the second failed.
     for (sequence, shown) in [(7, &labels[..]), (7, &labels[..1]), (3, &labels[..1])] {

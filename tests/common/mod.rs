@@ -3,17 +3,24 @@
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use svl::kernel::Isa;
-use svl::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
-use svl::stereo::{DisparityMap, Gray, RectifiedPair, Rgb, StereoPair};
+use svl_core::kernel::Isa;
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
+use svl_core::stereo::{DisparityMap, Gray, RectifiedPair, Rgb, StereoPair};
+
+/// The root of the repository, of whichever package the test program is.
+pub(crate) fn repository() -> &'static Path {
+    let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
+    folders
+        .find(|folder| folder.join("scenarios").is_dir())
+        .unwrap()
+}
 
 /// The data sets, from `SVL_DATASETS` or beside the repository; nothing, with a note, where there
 /// are none.
 #[allow(dead_code, reason = "each test binary uses its part of this module")]
 pub fn datasets() -> Option<PathBuf> {
-    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/datasets");
-    let folder =
-        std::env::var_os("SVL_DATASETS").map_or_else(|| PathBuf::from(default), PathBuf::from);
+    let folder = std::env::var_os("SVL_DATASETS")
+        .map_or_else(|| repository().join("../shared/datasets"), PathBuf::from);
     if folder.is_dir() {
         Some(folder)
     } else {
@@ -63,7 +70,7 @@ pub(crate) fn compute(
     matcher: &mut dyn Matcher,
     pair: &StereoPair,
     output: &mut MatchOutput,
-) -> svl::Result<()> {
+) -> svl_core::Result<()> {
     output.begin();
     matcher.compute(
         RectifiedPair::assume(pair),
@@ -95,7 +102,7 @@ pub fn python<A: AsRef<OsStr>>(
         println!("skipped: `{python} -c '{import}'` fails; name one that has them in SVL_PYTHON");
         return None;
     }
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python");
+    let folder = repository().join("tests/python");
     let mut command = Command::new(&python);
     let output = command
         .arg(folder.join(script))

@@ -4,7 +4,7 @@ use crate::oracle::bm::Bm;
 use crate::oracle::scenes::pairs;
 use crate::{common, contract};
 use proptest::prelude::*;
-use svl::kernel::Isa;
+use svl_core::kernel::Isa;
 
 impl Bm {
     fn text(&self) -> String {
@@ -90,7 +90,7 @@ proptest! {
 #[test]
 fn a_window_without_a_centre_is_refused() {
     let error = "bm:block_size=10"
-        .parse::<svl::matcher::Algorithm>()
+        .parse::<svl_core::matcher::Algorithm>()
         .unwrap()
         .build()
         .map(|_| ())

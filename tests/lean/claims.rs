@@ -4,9 +4,9 @@
 //! Thresholds were set after measuring, with some room, so that a change for the worse shows.
 
 use crate::common;
-use svl::depth::{self, CellDecision, GridSettings};
-use svl::kernel::Isa;
-use svl::stereo::{DisparityMap, Gray, Plane, Reason, StereoPair};
+use svl_core::depth::{self, CellDecision, GridSettings};
+use svl_core::kernel::Isa;
+use svl_core::stereo::{DisparityMap, Gray, Plane, Reason, StereoPair};
 
 /// Scene, file of the true disparities, and by what these are divided.
 const SCENES: [(&str, &str, f32); 8] = [

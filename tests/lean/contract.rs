@@ -4,9 +4,9 @@
 use crate::common;
 use crate::oracle::scenes::{Scene, difference, pair, pool};
 use proptest::prelude::*;
-use svl::kernel::Isa;
-use svl::matcher::MATCHERS;
-use svl::stereo::{DisparityMap, Reason, StereoPair};
+use svl_core::kernel::Isa;
+use svl_core::matcher::MATCHERS;
+use svl_core::stereo::{DisparityMap, Reason, StereoPair};
 
 /// `algorithm` gives the `expected` map on every instruction set, on one thread and on two.
 pub(crate) fn equals(

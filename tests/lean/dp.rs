@@ -5,9 +5,9 @@ use crate::oracle::dp::Dp;
 use crate::oracle::scenes::difference;
 use crate::{common, contract};
 use proptest::prelude::*;
-use svl::kernel::Isa;
-use svl::matcher::Algorithm;
-use svl::stereo::{DisparityMap, Gray, StereoPair};
+use svl_core::kernel::Isa;
+use svl_core::matcher::Algorithm;
+use svl_core::stereo::{DisparityMap, Gray, StereoPair};
 
 const DEFAULTS: Dp = Dp {
     max: 80,

@@ -1,8 +1,8 @@
 //! Real scenes: every disparity and reason equals that of the specification's own implementation.
 
 use crate::common;
-use svl::kernel::Isa;
-use svl::stereo::DisparityMap;
+use svl_core::kernel::Isa;
+use svl_core::stereo::DisparityMap;
 
 /// Pixels whose disparity or reason is not the expected one.
 fn differing(algorithm: &str, scene: &str, map: &DisparityMap) -> usize {

@@ -5,13 +5,17 @@ use crate::oracle::scenes::pool;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::Arc;
-use svl::filter::{CellFilter, Features, FilterKind, FilterModel, ModelFacts, Network, Scaling};
-use svl::kernel::Isa;
-use svl::matcher::{
+use svl_core::filter::{
+    CellFilter, Features, FilterKind, FilterModel, ModelFacts, Network, Scaling,
+};
+use svl_core::kernel::Isa;
+use svl_core::matcher::{
     Algorithm, MATCHERS, MatchOutput, Matcher, MatcherSpec, Parameters, Range, find,
 };
-use svl::rectify::Rectifier;
-use svl::stereo::{Gray, GridShape, Intrinsics, LengthUnit, Reason, StereoCalibration, StereoPair};
+use svl_core::rectify::Rectifier;
+use svl_core::stereo::{
+    Gray, GridShape, Intrinsics, LengthUnit, Reason, StereoCalibration, StereoPair,
+};
 
 /// Counts the allocations of each thread.
 struct Counting;

@@ -2,10 +2,10 @@
 
 use crate::common::{datasets, pair};
 use nalgebra::{Matrix3, Vector3};
-use svl::rectify::{
+use svl_core::rectify::{
     Alignment, AlignmentMeter, EpipolarGeometry, Framing, Rectifier, bouguet, matches, uncalibrated,
 };
-use svl::stereo::{Gray, Intrinsics, LengthUnit, StereoCalibration, StereoPair, motion};
+use svl_core::stereo::{Gray, Intrinsics, LengthUnit, StereoCalibration, StereoPair, motion};
 
 /// A calibration with the rotations of OpenCV 5.0.0's `stereoRectify`, and its focal length at
 /// `alpha` 0.

@@ -4,7 +4,7 @@ use crate::oracle::scenes::pairs;
 use crate::oracle::sgm::Sgm;
 use crate::{common, contract};
 use proptest::prelude::*;
-use svl::kernel::Isa;
+use svl_core::kernel::Isa;
 
 impl Sgm {
     fn text(&self) -> String {
@@ -76,7 +76,11 @@ proptest! {
 
 #[test]
 fn contradictions_are_one_clear_line() {
-    let build = |text: &str| text.parse::<svl::matcher::Algorithm>().unwrap().build();
+    let build = |text: &str| {
+        text.parse::<svl_core::matcher::Algorithm>()
+            .unwrap()
+            .build()
+    };
     let error = build("sgm:p1=20,p2=10")
         .map(|_| ())
         .unwrap_err()
@@ -86,10 +90,10 @@ fn contradictions_are_one_clear_line() {
         "{error}"
     );
 
-    let grey = svl::stereo::Gray::filled(16_000, 1_000, 0).unwrap();
-    let pair = svl::stereo::StereoPair::new(grey.clone(), grey).unwrap();
+    let grey = svl_core::stereo::Gray::filled(16_000, 1_000, 0).unwrap();
+    let pair = svl_core::stereo::StereoPair::new(grey.clone(), grey).unwrap();
     let mut matcher = build("sgm:max_disparity=255").unwrap();
-    let mut output = svl::matcher::MatchOutput::new().unwrap();
+    let mut output = svl_core::matcher::MatchOutput::new().unwrap();
     let error = common::compute(&mut *matcher, &pair, &mut output)
         .unwrap_err()
         .to_string();

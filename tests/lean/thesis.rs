@@ -6,8 +6,8 @@ use crate::oracle::symmetric::{Filter, Symmetric};
 use crate::oracle::v4::V4;
 use crate::{common, contract};
 use proptest::prelude::*;
-use svl::kernel::Isa;
-use svl::stereo::{ExtraPlanes, Gray, StereoPair};
+use svl_core::kernel::Isa;
+use svl_core::stereo::{ExtraPlanes, Gray, StereoPair};
 
 /// Disparity ranges: near zero, and beyond any image.
 fn ends() -> impl Strategy<Value = (i32, i32)> {
@@ -158,9 +158,9 @@ fn row_offsets_do_not_outlive_their_result() {
     let pair = pair(Scene::Noise, (60, 8), 5, 9, 42);
     let map = common::run("v4", Isa::PORTABLE, &pair);
     assert_eq!(map.extra(), ExtraPlanes::ALL);
-    let mut output = svl::matcher::MatchOutput::with_memory(map);
+    let mut output = svl_core::matcher::MatchOutput::with_memory(map);
     let mut v3 = "v3"
-        .parse::<svl::matcher::Algorithm>()
+        .parse::<svl_core::matcher::Algorithm>()
         .unwrap()
         .build()
         .unwrap();

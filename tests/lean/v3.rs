@@ -4,8 +4,8 @@
 use crate::oracle::scenes::{Scene, pair, scenes};
 use crate::{common, contract, oracle};
 use proptest::prelude::*;
-use svl::kernel::Isa;
-use svl::stereo::{Gray, Reason, StereoPair};
+use svl_core::kernel::Isa;
+use svl_core::stereo::{Gray, Reason, StereoPair};
 
 impl oracle::V3 {
     fn text(&self) -> String {

@@ -8,11 +8,11 @@ pub use coverage::MissingCoverage;
 
 use super::detect::{Detection, Edge, Sighting};
 use super::{Board, StereoView};
-use crate::stereo::Side;
 use coverage::ViewCoverage;
 use nalgebra::Point2;
 use pose::RoughPose;
 use std::fmt::{Display, Formatter};
+use svl_core::stereo::Side;
 
 /// Selects views of one board.
 pub struct Chooser {
@@ -195,7 +195,7 @@ impl Display for Refusal {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate::simulated::MovingBoard;
+    use crate::simulated::MovingBoard;
 
     fn sighting(corners: &[Point2<f64>]) -> Detection {
         Detection::Whole(Sighting {

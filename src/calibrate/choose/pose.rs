@@ -1,6 +1,6 @@
 //! Approximate pose of a board before the camera is calibrated.
 
-use crate::calibrate::Board;
+use crate::Board;
 use nalgebra::{Point2, Unit, Vector2, Vector3};
 
 /// Assumed focal length, in widths of the image: that of a field of view of 60°.
@@ -94,8 +94,8 @@ fn homography([p0, p1, p2, p3]: [Vector2<f64>; 4]) -> Option<[Vector3<f64>; 3]> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::Intrinsics;
     use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+    use svl_core::stereo::Intrinsics;
 
     #[test]
     fn tilt_and_distance_are_those_of_the_board() {

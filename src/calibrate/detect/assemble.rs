@@ -5,11 +5,11 @@ use super::grid::{Grid, GridIndex, NEIGHBOURS};
 use super::labelling::{diagonal, labellings};
 use super::refine::{Fitted, refine};
 use super::{Detection, Edge, Sighting};
-use crate::calibrate::Board;
-use crate::statistics::upper_median;
-use crate::stereo::Gray;
+use crate::Board;
 use nalgebra::{Point2, Vector2};
 use std::collections::{BTreeMap, BTreeSet};
+use svl_core::statistics::upper_median;
+use svl_core::stereo::Gray;
 
 /// Grids with fewer corners than this share of the board's are not part of it.
 const PART_PERCENT: usize = 40;

@@ -1,8 +1,8 @@
 //! Corner candidates from the ChESS detector, not yet assigned to a board.
 
-use crate::stereo::Gray;
 use chess_corners::{CornerDescriptor, Detector, DetectorConfig, ImageRefiner, UpscaleConfig};
 use nalgebra::{Point2, Vector2};
+use svl_core::stereo::Gray;
 
 /// A point where two dark and two bright fields meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,10 +25,10 @@ pub(super) struct Finder {
 }
 
 impl Finder {
-    pub(super) fn new() -> crate::Result<Self> {
+    pub(super) fn new() -> svl_core::Result<Self> {
         let config = DetectorConfig::chess().with_refiner(ImageRefiner::saddle_point());
         let detector =
-            |config| Detector::new(config).map_err(|e| crate::Error::Invalid(e.to_string()));
+            |config| Detector::new(config).map_err(|e| svl_core::Error::Invalid(e.to_string()));
         Ok(Self {
             plain: detector(config)?,
             enlarged: detector(config.with_upscale(UpscaleConfig::fixed(2)))?,

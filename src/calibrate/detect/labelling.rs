@@ -2,7 +2,7 @@
 
 use super::candidate::CornerCandidate;
 use super::grid::{Grid, GridIndex};
-use crate::calibrate::Board;
+use crate::Board;
 use nalgebra::{Point2, Vector2};
 
 /// A labelling of a grid: the first corner, the step along a row and the step along a column.

@@ -32,11 +32,11 @@ mod labelling;
 mod refine;
 
 use super::Board;
-use crate::error::Result;
-use crate::stereo::{Gray, StereoPair};
 use candidate::Finder;
 use nalgebra::{Point2, Vector2};
 use std::fmt::{Display, Formatter};
+use svl_core::Result;
+use svl_core::stereo::{Gray, StereoPair};
 
 /// A complete board detected in an image.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,8 +6,8 @@
 //! edge.
 
 use super::candidate::CornerCandidate;
-use crate::stereo::Gray;
 use nalgebra::{Point2, SMatrix, SVector, Vector2};
+use svl_core::stereo::Gray;
 
 /// A corner after the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 use super::*;
-use crate::calibrate::simulated::{Look, Rays, render};
-use crate::stereo::Intrinsics;
+use crate::simulated::{Look, Rays, render};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use svl_core::stereo::Intrinsics;
 
 fn camera() -> Intrinsics {
     let distortion = [-0.28, 0.09, 0.001, -0.0006, 0.01];

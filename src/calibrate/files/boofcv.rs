@@ -7,9 +7,9 @@ use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Writte
 use super::geometry::StereoParameters;
 use super::numbers::{number, rows};
 use super::unit::{self, FileUnit};
-use crate::error::Result;
-use crate::stereo::{Intrinsics, StereoCalibration, motion};
 use nalgebra::Vector3;
+use svl_core::Result;
+use svl_core::stereo::{Intrinsics, StereoCalibration, motion};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "boofcv",

@@ -1,13 +1,13 @@
 //! A calibration file as a tree of names and values, whatever its syntax.
 
 use super::markup;
-use crate::bounded::read_text;
-use crate::error::{Error, Result};
-use crate::stereo::{self, MAX_SIDE};
 use crate::yaml::{self, YamlNode as Node};
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use svl_core::bounded::read_text;
+use svl_core::stereo::{self, MAX_SIDE};
+use svl_core::{Error, Result};
 
 /// Largest calibration file that is read, bytes.
 const MAX_BYTES: u64 = 1 << 20;

@@ -4,9 +4,9 @@ use super::document::{Document, Syntax};
 use super::format::{CalibrationFormat, Hints, LoadedCalibration, both};
 use super::geometry::{StereoParameters, read_distortion};
 use super::unit::FileUnit;
-use crate::error::Result;
-use crate::stereo::{Intrinsics, motion};
 use nalgebra::{Isometry3, Matrix4};
+use svl_core::Result;
+use svl_core::stereo::{Intrinsics, motion};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "euroc",

@@ -2,8 +2,8 @@
 
 use super::document::{Document, Syntax};
 use super::unit::FileUnit;
-use crate::error::{Error, Result};
-use crate::stereo::StereoCalibration;
+use svl_core::stereo::StereoCalibration;
+use svl_core::{Error, Result};
 
 /// The file format in which a program keeps calibrations.
 #[derive(Debug)]

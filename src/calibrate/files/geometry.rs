@@ -3,9 +3,11 @@
 use super::document::Document;
 use super::format::{CalibrationFormat, LoadedCalibration};
 use super::unit::FileUnit;
-use crate::error::Result;
-use crate::stereo::{Intrinsics, LengthUnit, Rectification, Rig, Side, StereoCalibration, motion};
 use nalgebra::{Isometry3, Matrix3, Matrix3x4, Rotation3, Translation3, Vector3};
+use svl_core::Result;
+use svl_core::stereo::{
+    Intrinsics, LengthUnit, Rectification, Rig, Side, StereoCalibration, motion,
+};
 
 /// Rectified cameras count as one pinhole when they differ by no more than this share of the focal
 /// length.
@@ -30,7 +32,7 @@ impl StereoParameters {
     /// The calibration read from `document`, whose lengths are in `unit`.
     ///
     /// # Errors
-    /// [`crate::Error::Format`] for parameters no stereo camera has, and for a rectification that
+    /// [`svl_core::Error::Format`] for parameters no stereo camera has, and for a rectification that
     /// does not agree with the extrinsics.
     pub(super) fn loaded(
         self,
@@ -58,7 +60,7 @@ impl StereoParameters {
             return Err(document.error("has no extrinsics (R and T) and no rectification"));
         };
         let (scale, unit) = unit.in_calibration();
-        let error = |e: crate::Error| document.error(e);
+        let error = |e: svl_core::Error| document.error(e);
         let motion = Isometry3::from_parts(
             Translation3::from(stated.translation.vector * scale),
             stated.rotation,
@@ -95,7 +97,7 @@ impl StereoParameters {
 /// The camera of a matrix K under `key` and its distortion.
 ///
 /// # Errors
-/// [`crate::Error::Format`] naming `key`, for a skew and for a matrix that is not a camera's.
+/// [`svl_core::Error::Format`] naming `key`, for a skew and for a matrix that is not a camera's.
 pub(super) fn camera(
     document: &Document,
     key: &str,
@@ -128,7 +130,7 @@ pub(super) fn pinhole(
 /// Distortion k1, k2, p1, p2, k3, from fewer coefficients, or more of which the rest are 0.
 ///
 /// # Errors
-/// [`crate::Error::Format`] for coefficients that the model of [`Intrinsics`] does not have.
+/// [`svl_core::Error::Format`] for coefficients that the model of [`Intrinsics`] does not have.
 pub(super) fn read_distortion(document: &Document, key: &str) -> Result<[f64; 5]> {
     let numbers = document.numbers(key)?;
     let (first, rest) = numbers.split_at(numbers.len().min(5));
@@ -147,7 +149,7 @@ pub(super) fn read_distortion(document: &Document, key: &str) -> Result<[f64; 5]
 /// Extrinsics from R and T.
 ///
 /// # Errors
-/// [`crate::Error::Format`] naming the key.
+/// [`svl_core::Error::Format`] naming the key.
 pub(super) fn extrinsics(document: &Document, r: &str, t: &str) -> Result<Isometry3<f64>> {
     let translation = Vector3::from(document.array::<3>(t)?);
     motion(&document.matrix(r)?, translation).map_err(|e| document.error(format!("'{r}': {e}")))

@@ -9,10 +9,10 @@ use super::geometry::{
 };
 use super::numbers::{rows, spaced};
 use super::unit::FileUnit;
-use crate::error::Result;
-use crate::stereo::{Rectification, Rig, Side, StereoCalibration};
 use nalgebra::{Matrix3x4, Vector3};
 use std::path::Path;
+use svl_core::Result;
+use svl_core::stereo::{Rectification, Rig, Side, StereoCalibration};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "kitti",
@@ -49,7 +49,7 @@ pub(super) const RAW_FORMAT: CalibrationFormat = CalibrationFormat {
 /// `(P_left(0,3) − P_right(0,3)) / f` metres (KITTI development kit, readme).
 ///
 /// # Errors
-/// [`crate::Error::Io`]; [`crate::Error::Format`] naming the missing or malformed matrix.
+/// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] naming the missing or malformed matrix.
 pub fn read_projections(path: &Path, left: &str, right: &str) -> Result<Rig> {
     projections(
         &Document::parse(path, &text(path)?, FORMAT.syntax, FORMAT.title)?,

@@ -5,9 +5,9 @@ use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Writte
 use super::geometry::{beyond_rectified, only_rectified, rectified};
 use super::numbers::{number, rows, spaced};
 use super::unit::FileUnit;
-use crate::error::Result;
-use crate::stereo::{Rig, Side, StereoCalibration};
 use std::path::Path;
+use svl_core::Result;
+use svl_core::stereo::{Rig, Side, StereoCalibration};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "middlebury",
@@ -26,7 +26,7 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
 /// Reads the rig alone, for images of a size, which older files do not have.
 ///
 /// # Errors
-/// [`crate::Error::Io`]; [`crate::Error::Format`] naming the missing or malformed entry, and for a
+/// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] naming the missing or malformed entry, and for a
 /// file of images of another size.
 pub fn read_calib(path: &Path, (width, height): (usize, usize)) -> Result<Rig> {
     let document = Document::parse(path, &text(path)?, FORMAT.syntax, FORMAT.title)?;

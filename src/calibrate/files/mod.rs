@@ -25,11 +25,11 @@ pub use kitti::read_projections;
 pub use middlebury::read_calib;
 pub use unit::FileUnit;
 
-use crate::error::{Error, Result, did_you_mean};
-use crate::stereo::StereoCalibration;
 use document::Document;
 use format::Written;
 use std::path::{Path, PathBuf};
+use svl_core::stereo::StereoCalibration;
+use svl_core::{Error, Result, did_you_mean};
 
 /// All formats, in the order in which a file is tested for them.
 pub const FORMATS: &[CalibrationFormat] = &[

@@ -9,10 +9,10 @@ use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Writte
 use super::geometry::{StereoParameters, camera, extrinsics, read_distortion, rig};
 use super::numbers::{listed, rows};
 use super::unit::{self, FileUnit};
-use crate::error::Result;
-use crate::stereo::{Intrinsics, Rectification, Side, StereoCalibration};
 use nalgebra::{DMatrix, Vector3};
 use std::fmt::Write;
+use svl_core::Result;
+use svl_core::stereo::{Intrinsics, Rectification, Side, StereoCalibration};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "opencv",
@@ -33,7 +33,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let merged = documents
         .into_iter()
         .reduce(Document::completed_by)
-        .ok_or_else(|| crate::Error::Invalid("no file".into()))?;
+        .ok_or_else(|| svl_core::Error::Invalid("no file".into()))?;
     let document = &merged;
     if document.has("camera_matrix|cameraMatrix") {
         return Err(document.error("holds one camera; svl needs both, K1 D1 K2 D2, and R and T"));

@@ -6,9 +6,9 @@ use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Writte
 use super::geometry::{StereoParameters, camera, in_metres, read_distortion, rig};
 use super::numbers::{listed, rows};
 use super::unit::FileUnit;
-use crate::error::Result;
-use crate::stereo::{Intrinsics, Rectification, Side, StereoCalibration};
 use nalgebra::{Matrix3x4, Rotation3};
+use svl_core::Result;
+use svl_core::stereo::{Intrinsics, Rectification, Side, StereoCalibration};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "ros",

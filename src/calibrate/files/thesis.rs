@@ -23,10 +23,10 @@ use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Writte
 use super::geometry::{StereoParameters, pinhole};
 use super::numbers::number;
 use super::unit::{self, FileUnit};
-use crate::error::Result;
-use crate::stereo::{Intrinsics, Rectification, Rig, Side, StereoCalibration, motion};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::fmt::Write;
+use svl_core::Result;
+use svl_core::stereo::{Intrinsics, Rectification, Rig, Side, StereoCalibration, motion};
 
 pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "xml",

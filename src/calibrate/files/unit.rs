@@ -1,10 +1,10 @@
 //! Unit of length of a calibration file.
 
 use super::document::Document;
-use crate::error::{Error, Result};
-use crate::stereo::LengthUnit;
 use std::fmt;
 use std::str::FromStr;
+use svl_core::stereo::LengthUnit;
+use svl_core::{Error, Result};
 
 /// A unit of length, named `m`, `cm`, `mm`, `squares`, or `squares=0.025` for squares of that many
 /// metres.
@@ -23,7 +23,7 @@ impl FileUnit {
     pub(super) const METRE: Self = Self::Metres(1.0);
     pub(super) const MILLIMETRE: Self = Self::Metres(1e-3);
 
-    /// The factor to the unit of a [`crate::stereo::StereoCalibration`], and that unit.
+    /// The factor to the unit of a [`svl_core::stereo::StereoCalibration`], and that unit.
     pub(super) fn in_calibration(self) -> (f64, LengthUnit) {
         match self {
             Self::Metres(metres) => (metres, LengthUnit::Metres),

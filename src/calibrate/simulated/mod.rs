@@ -8,9 +8,9 @@ mod picture;
 pub use picture::{Look, Rays, render};
 
 use super::{Board, StereoView};
-use crate::error::Result;
-use crate::stereo::{Intrinsics, LengthUnit, StereoCalibration, StereoPair};
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, Vector3};
+use svl_core::Result;
+use svl_core::stereo::{Intrinsics, LengthUnit, StereoCalibration, StereoPair};
 
 /// Pairs per second.
 pub const RATE_HZ: f64 = 10.0;

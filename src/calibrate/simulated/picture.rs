@@ -1,10 +1,10 @@
 //! Renders a board as seen by a camera with lens distortion.
 
-use crate::calibrate::Board;
-use crate::error::Result;
-use crate::stereo::{Gray, Intrinsics};
+use crate::Board;
 use nalgebra::{Isometry3, Matrix3, Point2};
 use rayon::prelude::*;
+use svl_core::Result;
+use svl_core::stereo::{Gray, Intrinsics};
 
 /// Samples per pixel along each side.
 const SAMPLES: usize = 2;
@@ -73,7 +73,7 @@ pub struct Look {
 /// exposure.
 ///
 /// # Errors
-/// [`crate::Error::Dimensions`] for a size that no image may have.
+/// [`svl_core::Error::Dimensions`] for a size that no image may have.
 pub fn render(
     rays: &Rays,
     board: &Board,

@@ -1,11 +1,11 @@
 //! The bundle adjustment problem: observed corners, and the unknowns: intrinsics, extrinsics, and
 //! the board's pose in every view.
 
-use crate::stereo::Intrinsics;
 use nalgebra::{
     DMatrix, DVector, Isometry3, Matrix2x3, Matrix3, Matrix6, Point2, Point3, Rotation3, SMatrix,
     SVector, Vector2, Vector3, Vector6,
 };
+use svl_core::stereo::Intrinsics;
 
 /// Number of parameters of a camera's intrinsics, and of a rigid motion: rotation vector, then
 /// translation.

@@ -4,10 +4,10 @@ use super::bundle::{BundleProblem, INTRINSICS, LossFunction, MOTION, PosedCamera
 use super::solution::{
     self, CameraEstimate, Corner, Correlation, EpipolarError, Estimated, Fit, Solution, ViewFit,
 };
-use crate::calibrate::Board;
-use crate::error::{Error, Result};
-use crate::stereo::{Intrinsics, StereoCalibration};
+use crate::Board;
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point2, Rotation3, Vector2, Vector3};
+use svl_core::stereo::{Intrinsics, StereoCalibration};
+use svl_core::{Error, Result};
 
 /// A focal length whose standard deviation exceeds this share of it is undetermined.
 const UNCERTAIN: f64 = 0.03;

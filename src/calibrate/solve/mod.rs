@@ -20,11 +20,11 @@ pub use solution::{
 };
 
 use super::{Board, StereoView};
-use crate::error::{Error, Result};
-use crate::statistics::upper_median;
 use bundle::{BundleProblem, ImageCorners, PosedCamera, PosedView};
 use nalgebra::{Isometry3, Matrix3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
 use outliers::{RejectedView, adjust_robustly};
+use svl_core::statistics::upper_median;
+use svl_core::{Error, Result};
 
 /// Fewest views that determine all parameters (Zhang, section 3.1).
 pub const LEAST_VIEWS: usize = 3;

@@ -5,8 +5,8 @@
 
 use super::adjust::adjust;
 use super::bundle::{BundleProblem, LossFunction, PosedView};
-use crate::statistics::upper_median;
 use nalgebra::Vector2;
+use svl_core::statistics::upper_median;
 
 /// A view is refused whose corners scatter this many times as much as typical ...
 const VIEW: f64 = 1.5;

@@ -1,7 +1,7 @@
 //! The result of a calibration, with standard deviations.
 
-use crate::stereo::{LengthUnit, StereoCalibration};
 use serde::Serialize;
+use svl_core::stereo::{LengthUnit, StereoCalibration};
 
 /// An estimated value with its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -46,7 +46,7 @@ pub struct Solution {
     pub views: Vec<ViewFit>,
 }
 
-/// The intrinsics of one camera, [`crate::stereo::Intrinsics`]; lengths in pixels.
+/// The intrinsics of one camera, [`svl_core::stereo::Intrinsics`]; lengths in pixels.
 #[derive(Clone, Debug, Serialize)]
 pub struct CameraEstimate {
     pub fx: Estimated,
@@ -118,7 +118,7 @@ pub struct Corner {
 }
 
 impl CameraEstimate {
-    /// Names and estimates, in the order of [`crate::stereo::Intrinsics::parameters`].
+    /// Names and estimates, in the order of [`svl_core::stereo::Intrinsics::parameters`].
     pub fn parameters(&self) -> [(&'static str, Estimated); 9] {
         [
             ("fx", self.fx),

@@ -1,11 +1,11 @@
 //! Where the adjustment of one camera begins: homographies, intrinsics in closed form, poses
 //! (Zhang, A flexible new technique for camera calibration, PAMI 2000).
 
-use crate::stereo::Intrinsics;
 use nalgebra::{
     DMatrix, DVector, Isometry3, Matrix2, Matrix3, Point2, Point3, Rotation3, SMatrix, SVector,
     SymmetricEigen, Translation3, UnitQuaternion, Vector2, Vector3,
 };
+use svl_core::stereo::Intrinsics;
 
 /// Bound on the iterations of decompositions, which converge in a few or not at all.
 const ITERATIONS: usize = 200;

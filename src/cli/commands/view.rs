@@ -1,11 +1,11 @@
 //! `svl view`: a recording, a run or the run of a report in the Rerun viewer.
 
+use crate::cli::shared::viewer::viewer;
 use anyhow::{Context, bail};
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use svl::recording::{Recording, only_file};
-use svl::sink::{REPORT_RUN, VIEWER_HINT, save_recording_layout};
+use svl::sink::REPORT_RUN;
 
 /// Open a recording or a run in the Rerun viewer
 #[derive(clap::Args)]
@@ -41,7 +41,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
                 .into_iter()
                 .map(|topic| topic.name)
                 .collect();
-            if save_recording_layout(&file, &topics, &layout)? {
+            if viewer()?.save_layout(&file, &topics, &layout)? {
                 view(&[&file, &layout], args.web)
             } else {
                 view(&[&file], args.web)
@@ -56,6 +56,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Runs the viewer until its window is closed, or the server ended.
 fn view(files: &[&Path], web: bool) -> anyhow::Result<()> {
+    viewer()?.find()?;
     // Not to the whole network.
     let served: &[&str] = match web {
         true => &["--web-viewer", "--bind", "127.0.0.1"],
@@ -64,9 +65,6 @@ fn view(files: &[&Path], web: bool) -> anyhow::Result<()> {
     match Command::new("rerun").args(served).args(files).status() {
         Ok(status) if status.success() => Ok(()),
         Ok(status) => bail!("the Rerun viewer ended with {status}"),
-        Err(error) if error.kind() == ErrorKind::NotFound => {
-            bail!("no program `rerun` on the PATH; {VIEWER_HINT}")
-        }
         Err(error) => Err(error).context("rerun"),
     }
 }

@@ -1,4 +1,4 @@
-//! What subcommands share: sources, outputs, Rerun, progress, live tables, memory, frame stepping,
+//! What subcommands share: sources, outputs, the viewer, progress, live tables, memory, frame stepping,
 //! wrong usage.
 
 pub(crate) mod filters;
@@ -8,11 +8,11 @@ pub(crate) mod outputs;
 pub(crate) mod progress;
 pub(crate) mod recordings;
 pub(crate) mod report_folder;
-pub(crate) mod rerun;
 pub(crate) mod runner;
 pub(crate) mod scenario_runs;
 pub(crate) mod source;
 pub(crate) mod stepper;
 pub(crate) mod terminal;
 pub(crate) mod usage;
+pub(crate) mod viewer;
 pub(crate) mod windows;

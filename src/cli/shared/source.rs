@@ -389,7 +389,7 @@ pub(crate) fn list() -> anyhow::Result<()> {
             Err(cure) => line(driver.name, &format!("not built in; {cure}")),
         }
     }
-    for port in serial2::SerialPort::available_ports().unwrap_or_default() {
+    for port in grab::serial_ports() {
         line(&format!("serial:{}", port.display()), "serial port");
     }
     print(&text)

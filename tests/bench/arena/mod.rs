@@ -6,6 +6,7 @@ mod perturbed;
 mod pictures;
 mod scenario;
 mod truth;
+mod v5;
 
 use nalgebra::Vector3;
 use svl::arena::{ArenaConfig, Ball, Waypoint};

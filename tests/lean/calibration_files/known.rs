@@ -2,10 +2,9 @@
 
 use super::*;
 use crate::common::assert_says;
-use std::path::Path;
 
 fn dataset(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+    let path = crate::common::repository()
         .join("../shared/datasets")
         .join(name);
     if path.exists() {
@@ -77,7 +76,8 @@ fn annex_e_is_read_as_it_is_printed() {
         0.1545161158,
         -0.9863733053,
     );
-    let turned = svl::stereo::rotation(&(right * quarter.matrix() * left.transpose())).unwrap();
+    let turned =
+        svl_core::stereo::rotation(&(right * quarter.matrix() * left.transpose())).unwrap();
     let apart = c
         .right_from_left()
         .rotation

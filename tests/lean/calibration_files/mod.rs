@@ -6,8 +6,8 @@ mod round_trip;
 
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::path::PathBuf;
-use svl::calibrate::files::{self, Hints, LoadedCalibration};
-use svl::stereo::{Intrinsics, LengthUnit, Rectification, Rig, Side, StereoCalibration};
+use svl_calibrate::files::{self, Hints, LoadedCalibration};
+use svl_core::stereo::{Intrinsics, LengthUnit, Rectification, Rig, Side, StereoCalibration};
 
 /// A pair of raw cameras with their rectification.
 fn raw() -> StereoCalibration {
@@ -155,7 +155,7 @@ impl Folder {
         &self,
         format: &str,
         calibration: &StereoCalibration,
-    ) -> svl::Result<Vec<&'static str>> {
+    ) -> svl_core::Result<Vec<&'static str>> {
         files::write_as(
             &self.path(file_of(format)),
             files::format(format).unwrap(),
@@ -163,7 +163,7 @@ impl Folder {
         )
     }
 
-    fn read(&self, format: &str, hints: &Hints) -> svl::Result<LoadedCalibration> {
+    fn read(&self, format: &str, hints: &Hints) -> svl_core::Result<LoadedCalibration> {
         files::read_with(&self.path(file_of(format)), hints)
     }
 

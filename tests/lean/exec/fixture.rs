@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
-use svl::Error;
-use svl::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, ProgramRecord};
-use svl::stereo::{Gray, RectifiedPair, StereoPair};
-use svl::timing::Clock;
+use svl_core::Error;
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, ProgramRecord};
+use svl_core::stereo::{Gray, RectifiedPair, StereoPair};
+use svl_core::timing::Clock;
 
 /// What every program below begins with: it reads a pair as `line` and `images`.
 const PRELUDE: &str = r#"
@@ -72,7 +72,7 @@ pub(crate) fn pair(width: usize, height: usize) -> StereoPair {
 }
 
 impl Plugin {
-    pub(crate) fn compute(&mut self, pair: &StereoPair) -> svl::Result<Clock> {
+    pub(crate) fn compute(&mut self, pair: &StereoPair) -> svl_core::Result<Clock> {
         self.compute_with(pair, &MatchContext::default())
     }
 
@@ -80,7 +80,7 @@ impl Plugin {
         &mut self,
         pair: &StereoPair,
         context: &MatchContext,
-    ) -> svl::Result<Clock> {
+    ) -> svl_core::Result<Clock> {
         self.output.begin();
         self.matcher
             .compute(RectifiedPair::assume(pair), context, &mut self.output)?;

@@ -4,8 +4,8 @@ use super::fixture::{pair, python, start};
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
-use svl::matcher::{Algorithm, MatchContext, MatchOutput};
-use svl::stereo::{Gray, Reason, RectifiedPair, Rgb, Rig, StereoPair};
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl_core::stereo::{Gray, Reason, RectifiedPair, Rgb, Rig, StereoPair};
 
 #[test]
 fn pixels_go_and_disparities_come() {
@@ -127,7 +127,7 @@ fn the_example_adapter_matches() {
         |shift: usize| Gray::from_fn(160, 60, |x, y| (texture(x + shift, y) >> 56) as u8).unwrap();
     let pair = StereoPair::new(side(0), side(11)).unwrap();
     let rectified = RectifiedPair::assume(&pair);
-    let adapter = concat!(env!("CARGO_MANIFEST_DIR"), "/adapters/opencv.py");
+    let adapter = crate::common::repository().join("adapters/opencv.py");
     for method in [
         "bm",
         "bm --block 15 --uniqueness 5 --texture 0",
@@ -135,8 +135,9 @@ fn the_example_adapter_matches() {
         "sgbm --block 5 --speckle-window 50",
     ] {
         let text = format!(
-            "exec:command={} '{adapter}' {method},max_disparity=40",
-            python.display()
+            "exec:command={} '{}' {method},max_disparity=40",
+            python.display(),
+            adapter.display()
         );
         let mut output = MatchOutput::new().unwrap();
         let mut matcher = text.parse::<Algorithm>().unwrap().build().unwrap();
@@ -157,7 +158,11 @@ fn the_example_adapter_matches() {
             );
         }
     }
-    let text = format!("exec:command={} '{adapter}' bm --block 8", python.display());
+    let text = format!(
+        "exec:command={} '{}' bm --block 8",
+        python.display(),
+        adapter.display()
+    );
     let mut matcher = text.parse::<Algorithm>().unwrap().build().unwrap();
     let error = matcher
         .compute(

@@ -1,6 +1,6 @@
 //! The command of an exec algorithm: words and quotes.
 
-use svl::matcher::{Algorithm, Value};
+use svl_core::matcher::{Algorithm, Value};
 
 #[test]
 fn what_cannot_be_started_is_told_before_the_first_pair() {

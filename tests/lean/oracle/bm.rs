@@ -1,6 +1,6 @@
 //! Oracle of block matching and its optional checks: slow, sharing no code with the matcher.
 
-use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
+use svl_core::stereo::{DisparityMap, Gray, Reason, StereoPair};
 
 #[derive(Clone, Debug)]
 pub(crate) struct Bm {

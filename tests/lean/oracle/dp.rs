@@ -1,6 +1,6 @@
 //! Oracle of dp: slow, unoptimized, sharing no code with the matcher.
 
-use svl::stereo::{DisparityMap, Gray, StereoPair};
+use svl_core::stereo::{DisparityMap, Gray, StereoPair};
 
 #[derive(Clone, Debug)]
 pub(crate) struct Dp {

@@ -8,7 +8,7 @@ pub(crate) mod symmetric;
 pub(crate) mod v4;
 pub(crate) mod v5;
 
-use svl::stereo::{DisparityMap, ExtraPlanes, Gray, Reason, RowMut, StereoPair};
+use svl_core::stereo::{DisparityMap, ExtraPlanes, Gray, Reason, RowMut, StereoPair};
 
 #[derive(Clone, Debug)]
 pub(crate) struct V3 {

@@ -1,7 +1,7 @@
 //! Synthetic pairs for comparing a matcher with its oracle.
 
 use proptest::prelude::*;
-use svl::stereo::{DisparityMap, Gray, StereoPair};
+use svl_core::stereo::{DisparityMap, Gray, StereoPair};
 
 /// What images are made of. A pair made of each brings every reason about.
 #[derive(Clone, Copy, Debug)]

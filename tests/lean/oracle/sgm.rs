@@ -1,7 +1,7 @@
 //! Oracle of semi-global matching, from its equations: slow, in integers with an infinity, sharing
 //! no code with the matcher.
 
-use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
+use svl_core::stereo::{DisparityMap, Gray, Reason, StereoPair};
 
 #[derive(Clone, Debug)]
 pub(crate) struct Sgm {

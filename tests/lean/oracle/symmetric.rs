@@ -1,7 +1,7 @@
 //! Oracles of v1 and v2.
 
 use super::{Pixel, back_checked, by_pixel, refine};
-use svl::stereo::{DisparityMap, Gray, Reason, StereoPair};
+use svl_core::stereo::{DisparityMap, Gray, Reason, StereoPair};
 
 #[derive(Clone, Debug)]
 pub(crate) struct Symmetric {

@@ -1,7 +1,7 @@
 //! Oracle of v4.
 
 use super::{back_checked, refine, smooth, textured, write};
-use svl::stereo::{DisparityMap, ExtraPlanes, Plane, Reason, StereoPair};
+use svl_core::stereo::{DisparityMap, ExtraPlanes, Plane, Reason, StereoPair};
 
 #[derive(Clone, Debug)]
 pub(crate) struct V4 {

@@ -6,8 +6,8 @@
 
 use super::simulated::{Simulated, Spoil, turn_deg};
 use std::time::{Duration, Instant};
-use svl::calibrate::{CameraEstimate, Estimated, Solution, solve};
-use svl::stereo::Intrinsics;
+use svl_calibrate::{CameraEstimate, Estimated, Solution, solve};
+use svl_core::stereo::Intrinsics;
 
 /// Deviation of every parameter from the truth, in standard deviations.
 fn deviations(solution: &Solution, simulated: &Simulated) -> Vec<(String, f64)> {

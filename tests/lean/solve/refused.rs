@@ -3,7 +3,7 @@
 use super::simulated::{Simulated, Spoil};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use proptest::prelude::*;
-use svl::calibrate::{Board, StereoView, solve};
+use svl_calibrate::{Board, StereoView, solve};
 
 const SIZE: (usize, usize) = (640, 480);
 

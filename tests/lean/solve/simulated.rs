@@ -2,8 +2,8 @@
 
 use fastrand::Rng;
 use nalgebra::{Isometry3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use svl::calibrate::{Board, StereoView};
-use svl::stereo::{Intrinsics, LengthUnit, StereoCalibration};
+use svl_calibrate::{Board, StereoView};
+use svl_core::stereo::{Intrinsics, LengthUnit, StereoCalibration};
 
 pub struct Simulated {
     pub truth: StereoCalibration,

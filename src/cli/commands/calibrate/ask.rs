@@ -1,6 +1,7 @@
 //! Asks the user about each helpful pair: shown in Rerun or as a PNG, answered on the terminal.
 
 use crate::cli::shared::progress::interrupted;
+use crate::cli::shared::viewer::viewer;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
@@ -52,7 +53,7 @@ impl Answers {
 /// Shows pairs and asks whether to accept them.
 pub(super) struct ViewPrompt {
     answers: Answers,
-    viewer: Option<BoardView>,
+    viewer: Option<Box<dyn BoardView>>,
     /// File the pair is drawn in when there is no viewer.
     picture: PathBuf,
     columns: usize,
@@ -68,7 +69,7 @@ impl ViewPrompt {
         picture: PathBuf,
     ) -> anyhow::Result<Self> {
         // Without --rerun a viewer is only a convenience, and the machine may have none.
-        let viewer = match target.map(|target| BoardView::new(target, board.columns())) {
+        let viewer = match target.map(|target| viewer()?.board(target, board.columns())) {
             Some(Err(error)) if !required => {
                 tracing::warn!(
                     "{error}; each pair is drawn in {} instead",

@@ -8,6 +8,7 @@ use crate::cli::shared::progress::{Progress, listen_for_interrupt};
 use crate::cli::shared::recordings::{self, RECORDINGS};
 use crate::cli::shared::source::{self, RangeArgs, RectifyArgs, ReferenceArgs, TopicArgs};
 use crate::cli::shared::terminal::{print, print_error, print_json, width};
+use crate::cli::shared::viewer::viewer;
 use crate::cli::shared::{runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
@@ -20,7 +21,9 @@ use svl::report::Summary;
 use svl::run::{Matchers, Pace};
 use svl::scenario::Scenario;
 use svl::score::{Judge, Judged};
-use svl::sink::{CollectSink, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks};
+use svl::sink::{
+    CollectSink, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks, ViewerRequest,
+};
 use svl::source::Request;
 use verify::{Earlier, Verification};
 
@@ -172,21 +175,22 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     manifest.set_rule(Judge::default().cells);
     manifest.times = Some(args.rate.times());
     manifest.runs = vec![opened.record(&opened.source.name(), Path::new(&name))];
-    let rerun = args.rerun.clone().map(|target| {
+    let shown = args.rerun.clone().map(|target| {
         let scenario = opened.scenario.as_deref();
         let scenario = scenario.and_then(|text| Scenario::parse(text, Path::new(&name)).ok());
         let wireframe = scenario.map_or_else(Vec::new, |s| s.wireframe(seed));
-        (
+        svl::Result::Ok(ViewerRequest {
+            viewer: viewer()?,
             target,
-            args.rerun_detail,
-            RunInfo::new(&manifest, wireframe),
-        )
+            detail: args.rerun_detail,
+            info: RunInfo::new(&manifest, wireframe),
+        })
     });
     let result = |path: &PathBuf| opened.writer(path, ImageFormat::Raw, &manifest);
     let mut sinks = Sinks::open(SinkRequest {
         rows: args.rows.as_deref(),
         cells: args.cells.as_deref(),
-        rerun,
+        viewer: shown.transpose()?,
         recording: args.output.as_ref().map(result).transpose()?,
         ..SinkRequest::default()
     })?;

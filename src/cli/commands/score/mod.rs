@@ -10,11 +10,11 @@ use crate::cli::shared::live::LiveTable;
 use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::report_folder::{REPORT, ReportHead, ReportPart, ReportRun, Shard};
-use crate::cli::shared::rerun::RerunChoice;
 use crate::cli::shared::scenario_runs::{
     self, ScenarioSourceArgs, ScoredSource, runs as open_runs,
 };
 use crate::cli::shared::terminal::{print, print_json, width};
+use crate::cli::shared::viewer::{RerunChoice, viewer};
 use crate::cli::shared::{runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
@@ -257,8 +257,16 @@ fn score_runs(
             false => error,
         })?;
     let rerun = match &args.rerun {
-        None => Some(RerunTarget::File(folder.join(REPORT_RUN))),
-        Some(choice) => choice.target().cloned(),
+        // Without a viewer the report is whole but for its run.rrd.
+        None => viewer()
+            .ok()
+            .map(|viewer| (viewer, RerunTarget::File(folder.join(REPORT_RUN)))),
+        Some(choice) => {
+            let target = choice.target().cloned();
+            target
+                .map(|target| svl::Result::Ok((viewer()?, target)))
+                .transpose()?
+        }
     };
     let runs = open_runs(scenario, &args.source, quiet)?;
     args.source.reference.check(&scenario.algorithms);
@@ -303,7 +311,7 @@ fn score_runs(
         ReportPart::write(folder, scenario, shard, keys)?;
     }
     let mut report = {
-        let rerun = rerun.map(|target| (target, args.rerun_detail));
+        let rerun = rerun.map(|(viewer, target)| (viewer, target, args.rerun_detail));
         ScoreReport::begin(scenario, folder, rerun, (manifest, log), &live, pace)?
     };
     let mut total = Outcome::default();

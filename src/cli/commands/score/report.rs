@@ -11,7 +11,9 @@ use svl::report::{GateResult, ResultLog, Summary};
 use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::Scenario;
 use svl::score::Judge;
-use svl::sink::{RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks};
+use svl::sink::{
+    RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks, Viewer, ViewerRequest,
+};
 use svl::source::{RunSource, Source};
 
 /// Most algorithms that Rerun shows.
@@ -46,7 +48,7 @@ impl ScoreReport {
     pub(super) fn begin(
         scenario: &Scenario,
         folder: &Path,
-        rerun: Option<(RerunTarget, RerunDetail)>,
+        rerun: Option<(&'static dyn Viewer, RerunTarget, RerunDetail)>,
         (manifest, log): (Manifest, ResultLog),
         live: &LiveTable,
         pace: Pace,
@@ -56,9 +58,14 @@ impl ScoreReport {
         let mut sinks = Sinks::open(SinkRequest {
             report: Some(folder),
             // More have no room in a viewer, nor the file on a disk.
-            rerun: rerun
+            viewer: rerun
                 .filter(|_| scenario.algorithms.len() <= MAX_SHOWN)
-                .map(|(target, detail)| (target, detail, info)),
+                .map(|(viewer, target, detail)| ViewerRequest {
+                    viewer,
+                    target,
+                    detail,
+                    info,
+                }),
             ..SinkRequest::default()
         })?;
         sinks.push(live.clone());

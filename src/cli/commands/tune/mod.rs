@@ -7,12 +7,12 @@ mod worker;
 
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::outputs::{Outputs, write};
-use crate::cli::shared::rerun::RerunChoice;
 use crate::cli::shared::scenario_runs::{self, ScenarioSourceArgs, runs};
 use crate::cli::shared::source::{self, CameraArgs, SourceParser};
 use crate::cli::shared::stepper::{self, Ended, FrameStore, Keys, Open, Screen, Stepper};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
+use crate::cli::shared::viewer::{RerunChoice, viewer};
 use anyhow::{Context, bail};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -216,7 +216,7 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let filters = args.filters.models()?;
     let algorithms = args.algorithms()?;
     let tuned = open(args, name, quiet)?;
-    let (viewer, without) = viewer(args)?;
+    let (viewer, without) = destination(args)?;
     let settings = algorithms.into_iter().map(|algorithm| TunedSetting {
         algorithm: algorithm.filtered(&filters),
         grid: tuned.judge.grid,
@@ -329,22 +329,14 @@ fn open<'a>(args: &'a Args, name: &'a str, quiet: bool) -> anyhow::Result<Tuned<
 }
 
 /// Where pictures go, and why nowhere.
-fn viewer(args: &Args) -> anyhow::Result<(Option<RerunTarget>, Option<String>)> {
+fn destination(args: &Args) -> anyhow::Result<(Option<RerunTarget>, Option<String>)> {
     match &args.rerun {
         Some(choice) => Ok((choice.target().cloned(), None)),
         None if args.script.is_some() => Ok((None, None)),
-        None => {
-            let found = std::env::var_os("PATH").is_some_and(|path| {
-                std::env::split_paths(&path).any(|folder| folder.join("rerun").is_file())
-            });
-            Ok(match found {
-                true => (Some(RerunTarget::Spawn), None),
-                false => {
-                    let hint = svl::sink::VIEWER_HINT;
-                    (None, Some(format!("without pictures: {hint}")))
-                }
-            })
-        }
+        None => Ok(match viewer().and_then(|viewer| viewer.find()) {
+            Ok(()) => (Some(RerunTarget::Spawn), None),
+            Err(error) => (None, Some(format!("without pictures: {error}"))),
+        }),
     }
 }
 

@@ -1,6 +1,7 @@
 //! What runs while a person turns knobs: the frame that is shown first, for the screen and for
 //! Rerun, then a sample of the source, until something else is wanted.
 
+use crate::cli::shared::viewer;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -11,7 +12,7 @@ use svl::report::Row;
 use svl::report::compare::{Change, changes};
 use svl::run::{Matchers, Monitor, Pace};
 use svl::score::{Judge, Judged, Metric, MetricValues};
-use svl::sink::{Outbox, RerunDetail, RerunSink, RerunTarget, RunInfo, RunStart, Sink, TableSink};
+use svl::sink::{Outbox, RerunTarget, RunInfo, RunStart, Sink, TableSink};
 use svl::sink::{WatchSink, finish};
 use svl::stereo::{Frame, Gray, Reason};
 use svl::tune::{Sampler, TunedSetting, evaluate, spread_order};
@@ -139,8 +140,7 @@ impl TuneWorker {
                     .to_vec(),
                 ..RunInfo::new(&manifest, Vec::new())
             };
-            RerunSink::new(target, RerunDetail::Full, &info)
-                .map(|sink| Box::new(sink.for_tuning()) as Box<dyn Sink>)
+            viewer::viewer()?.tuning(target, &info)
         });
         let rerun = rerun.transpose()?;
         let shown = Shown {

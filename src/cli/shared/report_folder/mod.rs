@@ -17,7 +17,8 @@ use svl::manifest::{Manifest, PartRecord, hash};
 use svl::matcher::Algorithm;
 use svl::report::html::{PartLink, ReportPage};
 use svl::report::plot::CourseMap;
-use svl::report::{CheckpointRow, DriveRow, GateResult, Limit, Row, Summary};
+use svl::report::{CheckpointRow, DriveRow, GateResult, Row, Summary, limit_results};
+use svl::scenario::Limit;
 use svl::score::Metric;
 use svl::sink::{REPORT_RUN, ReportPictures};
 use svl::stereo::CellRule;
@@ -86,7 +87,7 @@ impl ReportContent {
         write_json(&folder.join(MANIFEST), &manifest)?;
         let gate = head.limits.iter();
         let gate: Vec<_> = gate
-            .flat_map(|limit| limit.judge(&summary, &manifest))
+            .flat_map(|limit| limit_results(limit, &summary, &manifest))
             .collect();
         let rulings = gate.iter();
         let page = ReportPage {

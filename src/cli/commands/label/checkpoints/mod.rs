@@ -8,13 +8,13 @@ mod tool;
 mod view;
 
 use super::input::LabelInput;
-use crate::cli::shared::rerun::RerunChoice;
 use crate::cli::shared::source;
 use crate::cli::shared::stepper::{
     self, Ended, FrameStore, Key, Keys, Open, Reaction, Screen, StepTool, Stepper,
 };
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
+use crate::cli::shared::viewer::{RerunChoice, viewer};
 use anyhow::bail;
 use draft::DraftFile;
 use ratatui::layout::Rect;
@@ -25,7 +25,6 @@ use std::path::{Path, PathBuf};
 use svl::counted;
 use svl::matcher::Algorithm;
 use svl::scenario::ScenarioSource;
-use svl::sink::StepView;
 use svl::source::{Request, run_request};
 use svl::stereo::GridShape;
 use tool::Labelling;
@@ -122,8 +121,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let run = file.run(opened.start_ns.unwrap_or(stepper.frame().stamp_ns));
     let (draft_file, found) = DraftFile::open(file.path(), name)?;
-    let viewer = args.rerun.target().cloned().map(StepView::new);
-    let viewer = viewer.transpose()?;
+    let shown = args.rerun.target().cloned();
+    let shown = shown.map(|target| viewer()?.steps(target)).transpose()?;
     let mut tool = Labelling {
         file,
         draft_file,
@@ -132,7 +131,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             .map(|(_, draft)| draft.clone())
             .unwrap_or_default(),
         reported: args.algo.as_ref().map(Reported::new).transpose()?,
-        viewer,
+        viewer: shown,
         run,
         picked: (0, 0),
         picture: Rect::ZERO,

@@ -30,7 +30,7 @@ pub(super) struct Labelling {
     pub(super) draft_file: DraftFile,
     pub(super) draft: Draft,
     pub(super) reported: Option<Reported>,
-    pub(super) viewer: Option<StepView>,
+    pub(super) viewer: Option<Box<dyn StepView>>,
     pub(super) run: RunPart,
     /// Column and row of the cell that is picked.
     pub(super) picked: (usize, usize),

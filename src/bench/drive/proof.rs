@@ -1,0 +1,102 @@
+//! Every course can be passed: a driver with perfect sight has done so before it is used. A layout
+//! in which it does not finish is thrown away, and the next one is drawn.
+
+use super::course::Course;
+use super::motion::{DriveEvent, RobotState};
+use super::source::Drive;
+use svl_core::depth::{GridSettings, grid};
+use svl_core::{Error, Result};
+use svl_data::arena::ArenaConfig;
+use svl_data::scenario::{DriveConfig, Scenario, ScenarioSource};
+
+/// Layouts that are drawn for a course at most.
+const ATTEMPTS: u32 = 30;
+
+impl Course {
+    /// The course with that seed. `arena` has the cameras, the gait and what the pictures are like.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where no layout can be passed, and for a number of `arena` out of its
+    /// range.
+    pub fn new(
+        arena: &ArenaConfig,
+        drive: &DriveConfig,
+        settings: GridSettings,
+        seed: u64,
+    ) -> Result<Self> {
+        for attempt in 0..ATTEMPTS {
+            let course = Self::draw(arena, drive, seed, attempt)?;
+            if let Some(route) = course.proof(settings)? {
+                return Ok(course.with_route(route));
+            }
+        }
+        Err(Error::Invalid(format!(
+            "course {seed}: none of {ATTEMPTS} layouts can be passed even with perfect sight; \
+             drive.gap_m = {} may be too narrow for the robot, or drive.steering unfit",
+            drive.gap_m
+        )))
+    }
+
+    /// A course of a scenario.
+    ///
+    /// # Errors
+    /// As [`Course::new`]; [`Error::Invalid`] for a scenario of another kind.
+    pub fn of_scenario(scenario: &Scenario, seed: u64) -> Result<Self> {
+        match &scenario.source {
+            ScenarioSource::Drive { config, drive, .. } => {
+                Self::new(config, drive, scenario.grid, seed)
+            }
+            _ => Err(Error::Invalid(format!(
+                "scenario '{}' has no courses",
+                scenario.name
+            ))),
+        }
+    }
+
+    /// The way of a driver who sees the exact grid, where it finishes.
+    fn proof(&self, settings: GridSettings) -> Result<Option<Vec<RobotState>>> {
+        let gait = self.gait();
+        let rig = self.world().rig();
+        let mut drive = Drive::new(self);
+        let mut route = Vec::new();
+        while drive.step(self) {
+            if drive.log.events().any(DriveEvent::ends_proof) {
+                return Ok(None);
+            }
+            route.push(drive.robot());
+            let (pose, _) = drive.view(&gait);
+            let disparity = self.world().disparity(&pose)?;
+            drive.decide(self, &grid(&disparity, settings, Some(&rig)));
+        }
+        Ok(drive.log.arrived.then_some(route))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn courses_differ_are_repeatable_and_can_be_passed() {
+        let mut arena = ArenaConfig {
+            frames: 400,
+            rate_hz: 6.0,
+            ..ArenaConfig::default()
+        };
+        (arena.rig.width_px, arena.rig.height_px) = (80, 60);
+        let course = |seed| {
+            let settings = GridSettings::default();
+            Course::new(&arena, &DriveConfig::default(), settings, seed).unwrap()
+        };
+        let (one, again, other) = (course(3), course(3), course(4));
+        assert_eq!(one.plan(), again.plan());
+        assert_ne!(one.plan().outlines, other.plan().outlines);
+        for course in [&one, &other] {
+            let route: Vec<_> = course.route().collect();
+            let last = route[route.len() - 1];
+            assert!(last[1] >= course.goal_m(), "{last:?}");
+            let clear = |at: &[f64; 2]| course.clearance_m((*at).into()) > 0.0;
+            assert!(route.iter().all(clear));
+        }
+    }
+}

@@ -1,0 +1,301 @@
+//! One drive: a course with an algorithm at the wheel, through the loop of [`crate::run`].
+
+use super::course::Course;
+use super::motion::{DriveEvent, DriveLog};
+use super::source::DriveSource;
+use crate::report::html::{CheckpointFigure, Rank};
+use crate::report::{CellRow, CoursePlan, DriveRow, Row, TrackRow};
+use crate::run::{Matchers, Monitor, Pace, run};
+use crate::sink::{Outbox, RunIdentity, RunStart, Sink, SinkRequest, Sinks, frame_shot};
+use crate::source::{ArenaSource, Source, StressedSource};
+use std::collections::VecDeque;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use svl_core::Result;
+use svl_core::matcher::Algorithm;
+use svl_data::manifest::{Manifest, hash};
+use svl_data::recording::{Header, SCENARIO, Writer};
+use svl_data::scenario::Scenario;
+use svl_data::score::{Judge, Judged, RunPart};
+use svl_data::stress::Stress;
+
+/// What a drive is of.
+pub struct DrivePlan<'a> {
+    pub scenario: &'a Scenario,
+    pub manifest: &'a Manifest,
+    pub course: &'a Arc<Course>,
+    pub algorithm: &'a Algorithm,
+    /// How its pairs are made worse, if they are.
+    pub stress: Option<Stress>,
+    /// Where it is recorded, if it is; the file is new.
+    pub recording: Option<&'a Path>,
+}
+
+/// What a drive leaves.
+#[derive(Default)]
+pub struct DriveResult {
+    pub drives: Vec<DriveRow>,
+    pub track: Vec<TrackRow>,
+    pub rows: Vec<Row>,
+    pub cells: Vec<CellRow>,
+    /// The last two seconds before the collision at the highest speed, with that speed, m/s.
+    pub worst: Option<(f64, CheckpointFigure)>,
+    /// Whether the monitor ended it: it counts for nothing.
+    pub interrupted: bool,
+    /// Why the algorithm failed last, if it did.
+    pub failure: Option<String>,
+}
+
+/// Time before a collision that is shown, and the frames of it.
+const SHOWN_S: f64 = 2.0;
+const SHOTS: usize = 5;
+
+impl DrivePlan<'_> {
+    /// Drives.
+    ///
+    /// # Errors
+    /// Those of the algorithm's build, of rendering, and of the recording.
+    pub fn drive(&self, monitor: &mut dyn Monitor) -> Result<DriveResult> {
+        let source = DriveSource::new(self.course);
+        let log = source.log();
+        let mut source: Box<dyn Source> = match self.stress {
+            None => Box::new(source),
+            Some(stress) => {
+                let seed = self.course.seed();
+                Box::new(StressedSource::new(Box::new(source), stress, seed))
+            }
+        };
+        let mut matchers = Matchers::new(std::slice::from_ref(self.algorithm))?;
+        let judge = Judge {
+            checkpoints: Vec::new(),
+            run: RunPart {
+                stress: self.stress_text(),
+                ..RunPart::default()
+            },
+            ..self.scenario.judge()
+        };
+        let start = RunStart {
+            manifest: self.manifest,
+            log: None,
+            seed: Some(self.course.seed()),
+            judge: &judge,
+        };
+        let mut sinks = match self.writer()? {
+            None => Vec::new(),
+            Some(writer) => Sinks::open(SinkRequest {
+                recording: Some(writer),
+                ..SinkRequest::default()
+            })?
+            .into_boxed(),
+        };
+        let kept = Outbox::default();
+        sinks.push(Box::new(DriveSink {
+            identity: RunIdentity::default(),
+            log: Arc::clone(&log),
+            last: VecDeque::new(),
+            kept: DriveResult::default(),
+            outbox: kept.clone(),
+        }));
+        let (outcome, ran) = run(
+            &mut *source,
+            &mut matchers,
+            &start,
+            Pace::Asap,
+            &mut sinks,
+            monitor,
+        );
+        ran.and(crate::sink::finish(sinks))?;
+        let log = log.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let mut result = kept.take();
+        result.interrupted = outcome.interrupted;
+        let mut manifest = self.manifest.clone();
+        matchers.complete(&mut manifest);
+        let label = self.algorithm.label();
+        let record = manifest.algorithms.into_iter().find(|a| a.label == label);
+        result.failure = record.and_then(|record| record.failure);
+        result.track = self.track(&log);
+        result.drives = vec![self.row(&log, outcome.failures, &result.track)];
+        Ok(result)
+    }
+
+    fn stress_text(&self) -> Option<String> {
+        self.stress.map(|stress| stress.to_string())
+    }
+
+    fn writer(&self) -> Result<Option<Writer>> {
+        let Some(path) = self.recording else {
+            return Ok(None);
+        };
+        let seed = self.course.seed();
+        let header = Header {
+            scenario: Some(self.scenario.name.clone()),
+            seed: Some(seed),
+            // Pairs that were made worse are none of the arena's.
+            hash: (self.stress.is_none())
+                .then(|| ArenaSource::hash(self.course.world().config(), seed)),
+            ..Header::new("drive")
+        };
+        let mut writer = Writer::create(path, &header, svl_data::recording::ImageFormat::Raw)?;
+        writer.identify(self.manifest)?;
+        let text = self.scenario.text.as_bytes();
+        writer.attach(SCENARIO, "application/toml", text)?;
+        Ok(Some(writer))
+    }
+
+    fn track(&self, log: &DriveLog) -> Vec<TrackRow> {
+        let row = |point: &super::motion::TrackPoint| {
+            let (event, with) = match &point.event {
+                None => (None, None),
+                Some(DriveEvent::Collision { with, .. }) => (Some("collision"), Some(with)),
+                Some(DriveEvent::NearMiss { to, .. }) => (Some("near_miss"), Some(to)),
+                Some(DriveEvent::Stuck { .. }) => (Some("stuck"), None),
+            };
+            TrackRow {
+                run_id: self.manifest.run_id.clone(),
+                scenario: self.manifest.scenario.clone(),
+                seed: self.course.seed(),
+                algorithm: self.algorithm.label().to_owned(),
+                sequence: point.sequence,
+                x_m: point.at_m[0],
+                y_m: point.at_m[1],
+                heading: point.heading,
+                speed_m_per_s: point.speed_m_per_s,
+                clearance_m: point.clearance_m,
+                placed: point.is_placed,
+                event: event.map(str::to_owned),
+                with: with.cloned(),
+                stress: self.stress_text(),
+            }
+        };
+        log.track.iter().map(row).collect()
+    }
+
+    fn row(&self, log: &DriveLog, failures: u64, track: &[TrackRow]) -> DriveRow {
+        let [collisions, near_misses, stuck] = log.counts();
+        let place = |row: &TrackRow| format!("{:?} {:?} {:?}", row.x_m, row.y_m, row.heading);
+        let places: Vec<_> = track.iter().map(place).collect();
+        let name = |path: &Path| Some(path.file_name()?.to_str()?.to_owned());
+        DriveRow {
+            run_id: self.manifest.run_id.clone(),
+            scenario: self.manifest.scenario.clone(),
+            seed: self.course.seed(),
+            algorithm: self.algorithm.label().to_owned(),
+            finished: log.finished(),
+            arrived: log.arrived,
+            collisions,
+            near_misses,
+            stuck,
+            driven_m: log.driven_m(),
+            first_collision_m: log.first_collision_m(),
+            duration_s: log.duration_s(),
+            stood_s: log.stood_s(),
+            frames: log.track.len() as u64,
+            failures,
+            track_hash: hash(&places.join("\n")),
+            recording: self.recording.and_then(name),
+            stress: self.stress_text(),
+        }
+    }
+}
+
+impl Course {
+    /// What a map shows of it.
+    pub fn plan(&self) -> CoursePlan {
+        let world = &self.world().config().world;
+        CoursePlan {
+            seed: self.seed(),
+            width_m: world.width_m,
+            length_m: world.length_m,
+            goal_m: self.goal_m(),
+            outlines: (self.outlines().iter())
+                .map(|outline| outline.iter().map(|at| rounded(*at)).collect())
+                .collect(),
+            route: self.route().map(rounded).collect(),
+            rejected: self.rejected(),
+        }
+    }
+}
+
+/// To a tenth of a millimetre, which a map does not show and a file writes short.
+fn rounded(at: [f64; 2]) -> [f64; 2] {
+    at.map(|v| (1.0e4 * v).round() / 1.0e4)
+}
+
+/// Keeps the rows of a drive, and the frames before its worst collision.
+struct DriveSink {
+    identity: RunIdentity,
+    log: Arc<Mutex<DriveLog>>,
+    /// The last frames, as long as they may be shown.
+    last: VecDeque<Judged>,
+    kept: DriveResult,
+    outbox: Outbox<DriveResult>,
+}
+
+impl Sink for DriveSink {
+    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
+        self.identity = RunIdentity::new(start);
+        Ok(())
+    }
+
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        for scored in &judged.estimates {
+            self.kept.cells.extend(self.identity.cells(judged, scored));
+            self.kept.rows.push(self.identity.row(judged, scored));
+        }
+        let (limit, hit) = {
+            let log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+            let limit = (SHOWN_S * log.rate_hz) as usize + 1;
+            let hit = log.track.last().and_then(|point| match &point.event {
+                Some(DriveEvent::Collision { with, .. }) => {
+                    Some((point.speed_m_per_s, with.clone()))
+                }
+                _ => None,
+            });
+            (limit, hit)
+        };
+        self.last.push_back(judged.clone());
+        while self.last.len() > limit {
+            self.last.pop_front();
+        }
+        let worst_so_far = self.kept.worst.as_ref().map_or(-1.0, |(speed, _)| *speed);
+        match hit {
+            Some((speed, with)) if speed > worst_so_far => {
+                self.kept.worst = Some((speed, self.figure(speed, &with)?));
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        self.outbox.put(self.kept);
+        Ok(())
+    }
+}
+
+impl DriveSink {
+    /// The last two seconds before a collision.
+    fn figure(&self, speed: f64, with: &str) -> Result<CheckpointFigure> {
+        let seed = self.identity.seed.unwrap_or_default();
+        let last = self.last.len().saturating_sub(1);
+        let mut places: Vec<_> = (0..SHOTS).map(|i| i * last / (SHOTS - 1)).collect();
+        places.dedup();
+        let algorithm = |judged: &Judged| {
+            let scored = judged.estimates.first()?;
+            Some(scored.estimate.algorithm.clone())
+        };
+        let name = self.last.back().and_then(algorithm).unwrap_or_default();
+        let shot = |place: usize| {
+            let judged = &self.last[place];
+            let scored = judged.estimates.first()?;
+            let shot = frame_shot(&self.identity, judged, scored);
+            Some(shot.map(|shot| (Rank::Sample, shot)))
+        };
+        let shots = places.into_iter().filter_map(shot);
+        Ok(CheckpointFigure {
+            title: format!("{name}, course {seed}: the two seconds before it hit '{with}'"),
+            about: format!("Its fastest collision, at {speed:.2} m/s."),
+            shots: shots.collect::<Result<_>>()?,
+        })
+    }
+}

@@ -1,0 +1,422 @@
+//! The steering rule: from the depth grid to a speed and a turn.
+//!
+//! Arcs of several curvatures are looked at, in the manner of the dynamic window approach (Fox,
+//! Burgard and Thrun, "The Dynamic Window Approach to Collision Avoidance", IEEE Robotics and
+//! Automation Magazine 1997): how far is each free of obstacles, and how well does it lead to the
+//! goal? Of the world the rule knows what the cells say, now and some seconds ago, and from its
+//! odometry where it was then; the goal is a direction.
+//!
+//! 1. A cell nearer than the lookahead is an obstacle as wide as its column. It is remembered,
+//!    until it is too old, or a cell sees through it.
+//! 2. The arc with the best sum of free distance and direction is taken, slower where it is free
+//!    for less.
+//! 3. Where no arc is free for `stop_m`, the robot turns on the spot, to the side that is free
+//!    farther, until the way straight on is free for `resume_m`. It keeps that direction for
+//!    `detour_m`, before it steers for the goal again; where it is blocked again on the way, it
+//!    turns to the same side. Each further stop within a metre of the first doubles the detour, up
+//!    to four times: so it leaves dead ends instead of circling in them.
+//!
+//! Departures from the paper: accelerations have no limit, and the arcs are a fixed set.
+
+use super::motion::{DriveCommand, GroundPoint, RobotState};
+use svl_core::stereo::{Cell, DepthGrid, Rig};
+use svl_data::scenario::{CellPart, CellStandsFor, DriveConfig};
+
+/// The rule with what it remembers.
+pub(super) struct Steering {
+    config: DriveConfig,
+    seen: Vec<Obstacle>,
+    curvature_per_m: f64,
+    avoidance: Avoidance,
+    /// Where it stopped first, and how often since within a metre.
+    stops: Option<(GroundPoint, i32)>,
+}
+
+/// A point of an obstacle in the world.
+#[derive(Clone, Copy)]
+struct Obstacle {
+    at: GroundPoint,
+    time_s: f64,
+}
+
+/// What the robot does about a blocked way.
+#[derive(Clone, Copy, PartialEq)]
+enum Avoidance {
+    None,
+    /// Turns on the spot, 1 to the left or -1 to the right.
+    Turning(f64),
+    /// Keeps the heading that it found, until it has come so far, having turned to that side.
+    Detour {
+        heading: f64,
+        from: GroundPoint,
+        side: f64,
+    },
+}
+
+/// Curvatures to each side, and the largest, 1/m.
+const ARCS: i32 = 8;
+const MAX_CURVATURE: f64 = 4.0;
+/// Distance between the places looked at along an arc.
+const STEP_M: f64 = 0.02;
+/// An arc is looked at until it has turned by this, radians.
+const MAX_TURN: f64 = 1.8;
+/// What is this much nearer than a cell says is seen through.
+const THROUGH_M: f64 = 0.15;
+/// Stops within this of the first are of the same dead end.
+const NEAR_M: f64 = 1.0;
+const MAX_DOUBLINGS: i32 = 2;
+/// Points across a column.
+const POINTS: i32 = 3;
+
+impl Steering {
+    pub(super) fn new(config: &DriveConfig) -> Self {
+        Self {
+            config: config.clone(),
+            seen: Vec::new(),
+            curvature_per_m: 0.0,
+            avoidance: Avoidance::None,
+            stops: None,
+        }
+    }
+
+    /// The command after a frame that was taken by `robot`. `rig` is that of the images, `width_px`
+    /// wide; `then` is where the robot will be when the command begins to hold, and `goal` the
+    /// direction to go, radians.
+    pub(super) fn decide(
+        &mut self,
+        grid: &DepthGrid,
+        (rig, width_px): (&Rig, usize),
+        [robot, then]: [&RobotState; 2],
+        goal: f64,
+    ) -> DriveCommand {
+        let rule = self.config.steering.clone();
+        let mut obstacles = Vec::new();
+        self.seen
+            .retain(|seen| robot.time_s - seen.time_s <= rule.memory_s);
+        for ((column, row), cell) in grid.iter() {
+            if rule.rows.contains(&row) {
+                let column = CellColumn::new(column, grid.shape().columns, rig, width_px);
+                let found = read(cell, rule.part, rig);
+                self.see(&column, found, cell, robot, &mut obstacles);
+            }
+        }
+        obstacles.extend(self.seen.iter().map(|seen| seen.at));
+        self.steer(&obstacles, then, goal)
+    }
+
+    /// Takes what a cell says: obstacles into memory, or only into `obstacles`.
+    fn see(
+        &mut self,
+        column: &CellColumn,
+        known_m: Option<f64>,
+        cell: &Cell,
+        robot: &RobotState,
+        obstacles: &mut Vec<GroundPoint>,
+    ) {
+        let rule = &self.config.steering;
+        let points = |distance_m: f64| {
+            (0..POINTS).map(move |i| {
+                let share = f64::from(i) / f64::from(POINTS - 1);
+                let slope = column.left + share * (column.right - column.left);
+                robot.to_world(distance_m, -slope * distance_m)
+            })
+        };
+        let stands_for = rule.stands_for(cell.state());
+        if let (Some(known_m), None) = (known_m, stands_for) {
+            self.seen.retain(|seen| {
+                let (ahead, left) = robot.to_robot(seen.at);
+                let is_in_column =
+                    ahead > 0.0 && (column.left..=column.right).contains(&(-left / ahead));
+                !is_in_column || ahead + THROUGH_M > known_m
+            });
+            if known_m <= rule.lookahead_m + self.config.radius_m {
+                let time_s = robot.time_s;
+                let points = points(known_m);
+                self.seen.extend(points.map(|at| Obstacle { at, time_s }));
+            }
+        } else if stands_for == Some(CellStandsFor::Obstacle) {
+            obstacles.extend(points(rule.assumed_m));
+        }
+    }
+
+    fn steer(&mut self, obstacles: &[GroundPoint], robot: &RobotState, goal: f64) -> DriveCommand {
+        let DriveConfig {
+            steering: rule,
+            max_speed_m_per_s: speed,
+            max_turn_deg_per_s: turn,
+            ..
+        } = &self.config;
+        let turn = turn.to_radians();
+        let free = |curvature| free_m(&self.config, obstacles, robot, curvature);
+        if let Avoidance::Turning(side) = self.avoidance {
+            if free(0.0) < rule.resume_m {
+                return DriveCommand {
+                    speed_m_per_s: 0.0,
+                    turn_rad_per_s: side * turn,
+                };
+            }
+            self.avoidance = Avoidance::Detour {
+                heading: robot.heading,
+                from: robot.at,
+                side,
+            };
+        }
+        let mut aim = goal;
+        let mut side = None;
+        if let Avoidance::Detour {
+            heading,
+            from,
+            side: turned,
+        } = self.avoidance
+        {
+            let stops = self.stops.map_or(0, |(_, stops)| stops.min(MAX_DOUBLINGS));
+            if (robot.at - from).norm() < rule.detour_m * 2f64.powi(stops) {
+                aim = heading;
+                side = Some(turned);
+            } else {
+                self.avoidance = Avoidance::None;
+            }
+        }
+        let candidates = (-ARCS..=ARCS).map(|i| {
+            let curvature = MAX_CURVATURE * f64::from(i) / f64::from(ARCS);
+            let free_m = free(curvature);
+            let end = robot.heading + curvature * free_m.min(0.5 * rule.lookahead_m);
+            let score = free_m / rule.lookahead_m + rule.goal_weight * (end - aim).cos()
+                // Of equal ones the one that changes least.
+                - 0.01 * (curvature - self.curvature_per_m).abs();
+            (score, curvature, free_m)
+        });
+        let candidates = candidates.filter(|(.., free_m)| *free_m >= rule.stop_m);
+        let best = candidates.max_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((_, curvature, free_m)) = best else {
+            let side = side.unwrap_or_else(|| freer_side(&self.config, obstacles, robot, goal));
+            self.avoidance = Avoidance::Turning(side);
+            self.stops = match self.stops {
+                Some((first, stops)) if (robot.at - first).norm() < NEAR_M => {
+                    Some((first, stops + 1))
+                }
+                _ => Some((robot.at, 0)),
+            };
+            self.curvature_per_m = 0.0;
+            return DriveCommand {
+                speed_m_per_s: 0.0,
+                turn_rad_per_s: side * turn,
+            };
+        };
+        self.curvature_per_m = curvature;
+        // Full speed where half of the lookahead is free, a fifth of it before an obstacle.
+        let share = (free_m - rule.stop_m) / (0.5 * rule.lookahead_m);
+        let speed = speed * share.clamp(0.2, 1.0);
+        let speed = match curvature == 0.0 {
+            true => speed,
+            false => speed.min(turn / curvature.abs()),
+        };
+        DriveCommand {
+            speed_m_per_s: speed,
+            turn_rad_per_s: curvature * speed,
+        }
+    }
+}
+
+/// How far an arc can be followed until the body with its margin would touch an obstacle, at
+/// most the lookahead.
+fn free_m(
+    config: &DriveConfig,
+    obstacles: &[GroundPoint],
+    robot: &RobotState,
+    curvature: f64,
+) -> f64 {
+    let rule = &config.steering;
+    let keep_m = config.radius_m + rule.margin_m;
+    // What is nearer already must not come nearer still.
+    let limits = obstacles.iter().map(|at| {
+        let now_m = (at - robot.at).norm();
+        (*at, keep_m.min(now_m - 1.0e-3))
+    });
+    let limits: Vec<_> = limits
+        .filter(|(at, _)| (at - robot.at).norm() <= rule.lookahead_m + keep_m)
+        .collect();
+    let mut along_m = 0.0;
+    while along_m < rule.lookahead_m && (curvature * along_m).abs() < MAX_TURN {
+        let next_m = along_m + STEP_M;
+        let at = robot.moved(next_m, curvature * next_m).at;
+        if limits.iter().any(|(other, m)| (other - at).norm() < *m) {
+            return along_m;
+        }
+        along_m = next_m;
+    }
+    rule.lookahead_m
+}
+
+/// The side with more room: 1 for the left, -1 for the right.
+fn freer_side(
+    config: &DriveConfig,
+    obstacles: &[GroundPoint],
+    robot: &RobotState,
+    goal: f64,
+) -> f64 {
+    let room = |side: f64| -> f64 {
+        let directions = (1..=6).map(|i| side * f64::from(i) * 0.3);
+        let free = |by: f64| free_m(config, obstacles, &robot.turned(by), 0.0);
+        directions.map(free).sum()
+    };
+    let (left, right) = (room(1.0), room(-1.0));
+    match (left - right).abs() < 0.1 {
+        false => (left - right).signum(),
+        // The side of the goal.
+        true if (goal - robot.heading).sin() < 0.0 => -1.0,
+        true => 1.0,
+    }
+}
+
+/// The slopes that a column of cells spans, to the right of the optical axis.
+struct CellColumn {
+    left: f64,
+    right: f64,
+}
+
+impl CellColumn {
+    fn new(column: usize, columns: usize, rig: &Rig, width_px: usize) -> Self {
+        let slope = |column: usize| {
+            let x = (column * width_px / columns) as f64 - 0.5;
+            (x - rig.center_px().0) / rig.focal_px()
+        };
+        Self {
+            left: slope(column),
+            right: slope(column + 1),
+        }
+    }
+}
+
+/// The distance that the rule reads of a cell; infinite for what has no disparity.
+fn read(cell: &Cell, part: CellPart, rig: &Rig) -> Option<f64> {
+    let depth = cell.depth?;
+    let px = match part {
+        CellPart::Median => depth.median_px,
+        CellPart::Near => depth.p80_px,
+    };
+    Some(rig.depth_m(f64::from(px)).unwrap_or(f64::INFINITY))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::{CellDepth, GridShape};
+
+    fn rig() -> Rig {
+        Rig::new(328.0, (159.5, 119.5), 0.044, 0.0).unwrap()
+    }
+
+    /// A grid with these distances in its middle row, metres; 0 is unknown.
+    fn grid(distances: [f64; 5]) -> DepthGrid {
+        let cell = |(column, row): (usize, usize)| {
+            let distance_m = distances[column];
+            let px = rig().disparity_px(distance_m) as f32;
+            Cell {
+                valid_share: 1.0,
+                depth: (row == 1 && distance_m > 0.0).then_some(CellDepth {
+                    median_px: px,
+                    p20_px: px,
+                    p80_px: px,
+                    distance_m: Some(distance_m),
+                }),
+                too_close: false,
+                probability: None,
+                evidence: None,
+            }
+        };
+        let shape = GridShape::default();
+        DepthGrid::new(shape, shape.iter().map(cell).collect()).unwrap()
+    }
+
+    fn at(time_s: f64) -> RobotState {
+        RobotState {
+            time_s,
+            at: GroundPoint::new(0.0, 0.0),
+            heading: 0.0,
+        }
+    }
+
+    fn decide(steering: &mut Steering, distances: [f64; 5], time_s: f64) -> DriveCommand {
+        let (rig, robot) = (rig(), at(time_s));
+        steering.decide(&grid(distances), (&rig, 320), [&robot, &robot], 0.0)
+    }
+
+    #[test]
+    fn a_free_way_is_taken_straight_at_full_speed() {
+        let mut steering = Steering::new(&DriveConfig::default());
+        let command = decide(&mut steering, [3.0; 5], 0.0);
+        assert_eq!((command.speed_m_per_s, command.turn_rad_per_s), (0.3, 0.0));
+    }
+
+    #[test]
+    fn it_turns_away_from_an_obstacle_on_one_side() {
+        for (distances, sign) in [
+            ([3.0, 3.0, 0.5, 0.4, 0.4], 1.0),
+            ([0.4, 0.4, 0.5, 3.0, 3.0], -1.0),
+        ] {
+            let mut steering = Steering::new(&DriveConfig::default());
+            let command = decide(&mut steering, distances, 0.0);
+            assert!(sign * command.turn_rad_per_s > 0.1, "{command:?}");
+            assert!(command.speed_m_per_s > 0.0);
+        }
+    }
+
+    #[test]
+    fn before_a_wall_it_turns_on_the_spot_until_the_way_is_free() {
+        let mut steering = Steering::new(&DriveConfig::default());
+        let command = decide(&mut steering, [0.2; 5], 0.0);
+        assert_eq!(command.speed_m_per_s, 0.0);
+        assert!(command.turn_rad_per_s.abs() > 1.0);
+        // Less is free than it takes to go on.
+        let again = decide(&mut steering, [0.4; 5], 0.1);
+        assert_eq!(again, command);
+        let on = decide(&mut steering, [3.0; 5], 0.2);
+        assert!(on.speed_m_per_s > 0.0, "{on:?}");
+    }
+
+    #[test]
+    fn obstacles_are_remembered_until_they_are_old_or_seen_through() {
+        let config = DriveConfig::default();
+        let blocked = |steering: &mut Steering, distances, time_s| {
+            decide(steering, distances, time_s).speed_m_per_s == 0.0
+        };
+        let mut steering = Steering::new(&config);
+        assert!(blocked(&mut steering, [0.2; 5], 0.0));
+        // Unknown cells say nothing.
+        assert!(blocked(&mut steering, [0.0; 5], 1.0));
+        assert!(!blocked(
+            &mut steering,
+            [0.0; 5],
+            1.0 + config.steering.memory_s
+        ));
+        let mut steering = Steering::new(&config);
+        assert!(blocked(&mut steering, [0.2; 5], 0.0));
+        assert!(!blocked(&mut steering, [3.0; 5], 0.1));
+    }
+
+    #[test]
+    fn unknown_and_too_close_cells_are_what_the_scenario_says() {
+        let mut config = DriveConfig::default();
+        assert!(decide(&mut Steering::new(&config), [0.0; 5], 0.0).speed_m_per_s > 0.0);
+        config.steering.unknown = CellStandsFor::Obstacle;
+        assert_eq!(
+            decide(&mut Steering::new(&config), [0.0; 5], 0.0).speed_m_per_s,
+            0.0
+        );
+        let mut close = grid([3.0, 3.0, 0.2, 3.0, 3.0]);
+        close
+            .cells_mut()
+            .for_each(|cell| cell.too_close = cell.depth.is_some());
+        for (stands_for, stops) in [
+            (CellStandsFor::Obstacle, true),
+            (CellStandsFor::Free, false),
+        ] {
+            config.steering.too_close = stands_for;
+            config.steering.unknown = CellStandsFor::Free;
+            let (rig, robot) = (rig(), at(0.0));
+            let command = Steering::new(&config).decide(&close, (&rig, 320), [&robot, &robot], 0.0);
+            assert_eq!(command.speed_m_per_s == 0.0, stops, "{stands_for:?}");
+        }
+    }
+}

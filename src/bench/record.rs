@@ -1,0 +1,131 @@
+//! Records a source into an MCAP file, and keeps a cache of simulated runs.
+
+use crate::run::{Matchers, Monitor, Outcome, Pace, run};
+use crate::sink::{RunStart, SinkRequest, Sinks};
+use crate::source::{Opened, RecordingSource, Source, open_arena};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+use svl_core::{Error, Result};
+use svl_data::manifest::Manifest;
+use svl_data::recording::RecordingFormat;
+use svl_data::scenario::Scenario;
+use svl_data::score::Judge;
+
+/// Records all of a source into `path`, which must not exist. A file without a pair is removed.
+///
+/// The outcome holds also for a run that failed; what came before the error is kept.
+pub fn record(
+    mut opened: Opened,
+    path: &Path,
+    format: RecordingFormat,
+    monitor: &mut dyn Monitor,
+) -> (Outcome, Result<()>) {
+    let begun = Manifest::new(opened.title(), opened.scenario.as_deref(), &[])
+        .map(|manifest| Manifest {
+            bits: opened.header.bits,
+            ..manifest
+        })
+        .and_then(|manifest| Ok((opened.writer(path, format, &manifest)?, manifest)));
+    let (writer, manifest) = match begun {
+        Ok(begun) => begun,
+        Err(error) => return (Outcome::default(), Err(error)),
+    };
+    let judge = Judge::default();
+    let start = RunStart {
+        manifest: &manifest,
+        log: None,
+        seed: opened.header.seed,
+        judge: &judge,
+    };
+    let request = SinkRequest {
+        recording: Some(writer),
+        ..SinkRequest::default()
+    };
+    let mut sinks = match Sinks::open(request) {
+        Ok(sinks) => sinks,
+        Err(error) => return (Outcome::default(), Err(error)),
+    };
+    let source = &mut *opened.source;
+    let mut matchers = Matchers::none();
+    let (outcome, ran) = run(
+        source,
+        &mut matchers,
+        &start,
+        Pace::Asap,
+        sinks.as_mut_slice(),
+        monitor,
+    );
+    // The file is completed first, then the error is returned.
+    let finished = sinks.finish().1;
+    if ran.is_err() && outcome.frames == 0 {
+        // A file without a pair is of no use, and would stand in the way of the next attempt.
+        let _ = std::fs::remove_file(path);
+    }
+    (outcome, ran.and(finished))
+}
+
+/// Age from which an unfinished recording in the cache counts as abandoned: a living writer
+/// modifies it about once a second.
+const ABANDONED: Duration = Duration::from_secs(60);
+
+/// The recording of an arena scenario with a seed in the cache `folder`, made first where the cache
+/// does not hold it.
+///
+/// Its file is named after everything that its pixels depend on, and gets that name only when it is
+/// complete.
+///
+/// # Errors
+/// Those of [`open_arena`] and [`record`]; [`Error::Invalid`] when the monitor ends the run.
+pub fn cached_run(
+    folder: &Path,
+    scenario: &Scenario,
+    seed: u64,
+    monitor: &mut dyn Monitor,
+) -> Result<PathBuf> {
+    let opened = open_arena(scenario, seed)?;
+    let hash = opened.header.hash.as_deref().unwrap_or_default();
+    let key: String = hash.chars().take(12).collect();
+    let path = folder.join(format!("{}-{key}.mcap", opened.stem));
+    remove_abandoned(folder);
+    match is_complete(&path, opened.source.pairs()) {
+        Ok(true) => return Ok(path),
+        Ok(false) if !path.exists() => {}
+        found => {
+            let reason = found.err().map_or("incomplete".into(), |e| e.to_string());
+            tracing::warn!("{}: {reason}; recorded again", path.display());
+            std::fs::remove_file(&path).map_err(|e| Error::io(&path, e))?;
+        }
+    }
+    // Two programs may record the same run at once: each has a file of its own until it is done.
+    let partial = path.with_extension(format!("{}.partial", std::process::id()));
+    let (outcome, ran) = record(opened, &partial, RecordingFormat::default(), monitor);
+    let stopped = || Error::Invalid(format!("stopped while recording {}", path.display()));
+    let complete = ran.and_then(|()| match outcome.interrupted {
+        true => Err(stopped()),
+        false => std::fs::rename(&partial, &path).map_err(|e| Error::io(&path, e)),
+    });
+    if complete.is_err() {
+        let _ = std::fs::remove_file(&partial);
+    }
+    complete.map(|()| path)
+}
+
+/// Whether a recording has its summary, and all pairs by it. Damage before that is met in reading.
+fn is_complete(path: &Path, pairs: Option<u64>) -> Result<bool> {
+    Ok(path.exists() && RecordingSource::open(path)?.pairs() == pairs)
+}
+
+/// Removes what killed programs left behind. Nothing depends on whether that works.
+fn remove_abandoned(folder: &Path) {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    for entry in entries {
+        let path = entry.path();
+        let age = || {
+            let modified = entry.metadata().ok()?.modified().ok()?;
+            SystemTime::now().duration_since(modified).ok()
+        };
+        if path.extension().is_some_and(|e| e == "partial") && age() > Some(ABANDONED) {
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! HTML report of a calibration: one file without scripts or external resources.
+
+mod view;
+
+use super::page::fill;
+use std::path::Path;
+use svl_calibrate::Solution;
+use svl_core::{Error, Result};
+
+/// Everything the page shows.
+pub struct CalibrationPage<'a> {
+    pub title: String,
+    pub solution: &'a Solution,
+    /// Names of the views, such as file or frame; where one is missing, its number.
+    pub names: Vec<String>,
+    /// Identity of the run: names and values.
+    pub identity: Vec<(String, String)>,
+}
+
+impl CalibrationPage<'_> {
+    /// Writes the page.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with the file.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        std::fs::write(path, self.render()?).map_err(|e| Error::io(path, e))
+    }
+
+    /// The page as HTML, all texts escaped.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the message of the template engine.
+    pub fn render(&self) -> Result<String> {
+        let view = view::CalibrationView::new(self);
+        fill(include_str!("page.html"), include_str!("page.css"), view)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Isometry3, Point2, Point3, Vector3};
+    use svl_calibrate::{Board, StereoView, solve};
+
+    /// Six views by two cameras without noise; the last one's corners are counted backwards on the
+    /// right.
+    fn solution() -> Solution {
+        let board = Board::new((5, 4), Some(0.03)).unwrap();
+        let image = |pose: &Isometry3<f64>, x: f64| {
+            let pixel = |point: Point3<f64>| {
+                let point = pose * point;
+                Point2::new(
+                    500.0 * (point.x - x) / point.z + 320.0,
+                    500.0 * point.y / point.z + 240.0,
+                )
+            };
+            board.corners().map(pixel).collect::<Vec<_>>()
+        };
+        let turns = [
+            (0.5, 0.0),
+            (-0.5, 0.1),
+            (0.0, 0.6),
+            (0.1, -0.6),
+            (0.4, 0.4),
+            (-0.4, 0.3),
+        ];
+        let mut views: Vec<StereoView> = turns
+            .iter()
+            .map(|(x, y)| {
+                Isometry3::new(Vector3::new(-0.03, -0.04, 0.5), Vector3::new(*x, *y, 0.1))
+            })
+            .map(|pose| StereoView {
+                left: image(&pose, 0.0),
+                right: image(&pose, 0.1),
+            })
+            .collect();
+        views[5].right.reverse();
+        solve(&board, (640, 480), &views).unwrap()
+    }
+
+    #[test]
+    fn everything_is_there_and_escaped() {
+        let solution = solution();
+        let names = (0..5).map(|i| format!("{i}.png <&>")).collect();
+        let identity = vec![("svl".to_owned(), "<i>".to_owned())];
+        let page = CalibrationPage {
+            title: "rig <b>".into(),
+            solution: &solution,
+            names,
+            identity,
+        }
+        .render()
+        .unwrap();
+        for text in [
+            "rig &lt;b&gt;",
+            "4.png &lt;&amp;&gt;",
+            "&lt;i&gt;",
+            "counted from another end",
+            "5 of 6",
+            "T x, m",
+        ] {
+            assert!(page.contains(text), "{text}");
+        }
+        let count = |text: &str| page.matches(text).count();
+        // Five views in two images, twice.
+        assert_eq!(
+            (
+                count("class=\"residuals\""),
+                count("class=\"board\""),
+                count("class=\"key\"")
+            ),
+            (10, 10, 5)
+        );
+        assert!(!page.contains("http") && !page.contains("<script"));
+    }
+}

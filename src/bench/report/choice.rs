@@ -1,0 +1,153 @@
+//! Which of many algorithms to look at: sorted by a metric, the best by each, and the Pareto front.
+
+use super::summary::{AlgorithmSummary, Summary};
+use std::cmp::Ordering;
+use svl_data::score::{Better, METRICS, Metric};
+
+/// From so many algorithms on a table's notes name the best ones: fewer are seen at a glance.
+const MANY: usize = 8;
+
+impl Summary {
+    /// Sorts the algorithms by a metric, the best first, those without a value last. Of a metric
+    /// that has no better direction the largest is first.
+    pub fn sort_by(&mut self, metric: &Metric) {
+        self.algorithms
+            .sort_by(|a, b| better_first(metric, a.value(metric), b.value(metric)));
+    }
+
+    /// The metrics that the run measures, each with the best algorithms by it.
+    pub fn best(&self) -> Vec<(&'static Metric, Vec<&str>)> {
+        let directed = METRICS.iter().filter(|m| m.better != Better::Neither);
+        let best = directed.filter_map(|metric| {
+            let algorithms = || self.algorithms.iter();
+            let values = algorithms().map(|a| a.value(metric));
+            let best = values.min_by(|a, b| better_first(metric, *a, *b))??;
+            let names = algorithms().filter(|a| a.value(metric) == Some(best));
+            Some((metric, names.map(|a| a.algorithm.as_str()).collect()))
+        });
+        best.collect()
+    }
+
+    /// The objectives of a robot that the run measures, and the algorithms that no other one
+    /// dominates: at least as good by all of them, and better by one.
+    pub fn front(&self) -> (Vec<&'static Metric>, Vec<&str>) {
+        let (objectives, front) = pareto_front(&self.algorithms, AlgorithmSummary::value);
+        (
+            objectives,
+            front.iter().map(|a| a.algorithm.as_str()).collect(),
+        )
+    }
+
+    /// The best and the front in words, where there are many algorithms: term and text.
+    pub(super) fn choices(&self) -> Vec<(&'static str, String)> {
+        if self.algorithms.len() < MANY {
+            return Vec::new();
+        }
+        let best = self.best().into_iter().map(|(metric, names)| {
+            let more = match names.len() {
+                1 => String::new(),
+                n => format!(" and {} more", n - 1),
+            };
+            format!("{} {}{more}", metric.words, names[0])
+        });
+        let (objectives, front) = self.front();
+        let objectives: Vec<_> = objectives.iter().map(|metric| metric.words).collect();
+        let front = format!(
+            "no other is as good by {} and better by one: {}",
+            objectives.join(", "),
+            front.join(", ")
+        );
+        vec![
+            ("best by", best.collect::<Vec<_>>().join("; ")),
+            ("Pareto front", front),
+        ]
+    }
+}
+
+/// The objectives of a robot that any of the items has a value for, and the items that no other one
+/// dominates: at least as good by all of them, and better by one.
+pub fn pareto_front<T>(
+    items: &[T],
+    value: impl Fn(&T, &Metric) -> Option<f64>,
+) -> (Vec<&'static Metric>, Vec<&T>) {
+    let objectives = ["right", "wrong", "unrivalled", "time"].map(Metric::find);
+    let is_measured = |metric: &&Metric| items.iter().any(|item| value(item, metric).is_some());
+    let objectives: Vec<_> = objectives
+        .into_iter()
+        .flatten()
+        .filter(is_measured)
+        .collect();
+    let dominates = |a: &T, b: &T| {
+        let orders = || {
+            let values = objectives.iter().map(|m| (m, value(a, m), value(b, m)));
+            values.map(|(m, a, b)| better_first(m, a, b))
+        };
+        orders().all(Ordering::is_le) && orders().any(Ordering::is_lt)
+    };
+    let is_free = |b: &&T| !items.iter().any(|a| dominates(a, b));
+    let front = items.iter().filter(is_free).collect();
+    (objectives, front)
+}
+
+/// The better value first, none last.
+pub fn better_first(metric: &Metric, a: Option<f64>, b: Option<f64>) -> Ordering {
+    match (a, b) {
+        (Some(a), Some(b)) if metric.better == Better::Less => a.total_cmp(&b),
+        (Some(a), Some(b)) => b.total_cmp(&a),
+        (a, b) => b.is_some().cmp(&a.is_some()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::Row;
+    use crate::report::speed::tests::row;
+
+    /// Rows of one pair: the label, the time and the share of right and of wrong cells in tenths.
+    fn summary(of: &[(&str, u64, f64, f64)]) -> Summary {
+        let rows: Vec<_> = of
+            .iter()
+            .map(|&(label, us, right, wrong)| {
+                let mut row = Row {
+                    algorithm: label.into(),
+                    ..row(us, (64, 48), None)
+                };
+                let cells = [
+                    ("right", right),
+                    ("wrong", wrong),
+                    ("unknown", 10.0 - right - wrong),
+                ];
+                for (name, value) in cells {
+                    row.metrics.set(name, Some(value));
+                }
+                row
+            })
+            .collect();
+        Summary::from_rows(&rows, &[]).unwrap()
+    }
+
+    #[test]
+    fn the_front_holds_what_no_other_dominates() {
+        let mut summary = summary(&[
+            ("slow and good", 9000, 9.0, 0.0),
+            ("dominated", 9000, 8.0, 1.0),
+            ("quick", 1000, 4.0, 1.0),
+            ("as quick and worse", 1000, 4.0, 2.0),
+        ]);
+        assert_eq!(summary.front().1, ["slow and good", "quick"]);
+        let best = summary.best();
+        let by = |name: &str| best.iter().find(|(m, _)| m.name == name).unwrap().1.clone();
+        assert_eq!(by("right"), ["slow and good"]);
+        assert_eq!(by("time"), ["quick", "as quick and worse"]);
+        assert!(best.iter().all(|(metric, _)| metric.name != "bad2"));
+        summary.sort_by(Metric::find("wrong").unwrap());
+        let order: Vec<_> = summary
+            .algorithms
+            .iter()
+            .map(|a| a.algorithm.as_str())
+            .collect();
+        assert_eq!(order[..1], ["slow and good"]);
+        assert_eq!(order[3], "as quick and worse");
+    }
+}

@@ -1,0 +1,170 @@
+//! Bootstrap confidence intervals of a run's numbers.
+//!
+//! Efron, "Bootstrap Methods: Another Look at the Jackknife", 1979, percentile intervals. Pairs of
+//! one drive resemble their neighbours, so they are drawn in blocks: Politis and Romano, "A
+//! Circular Block-Resampling Procedure for Stationary Data", 1992, with blocks of twice the cube
+//! root of the drive's length, in which the arena's pairs forget each other.
+
+use svl_core::statistics::upper_rank;
+
+/// Resamples drawn. Equal data give equal intervals: the generator begins with a fixed number.
+const DRAWS: usize = 1000;
+const SEED: u64 = 2007;
+
+/// Fewest blocks for an interval.
+const FEWEST: usize = 8;
+
+/// The middle 95 % of the resamples.
+pub type Interval = (f64, f64);
+
+/// Resamples of the items `0..n`.
+pub struct Resamples {
+    draws: Vec<Vec<usize>>,
+    /// Number of blocks in each.
+    blocks: usize,
+}
+
+/// Length of the blocks that are drawn from a stretch of `length`.
+fn block(length: usize) -> usize {
+    (2.0 * (length as f64).cbrt()).ceil() as usize
+}
+
+impl Resamples {
+    /// `stretches`: lengths of the drives that stand one after another; `independent` when items do
+    /// not resemble their neighbours, as scenes do not.
+    pub fn draw(stretches: &[usize], independent: bool) -> Self {
+        let mut random = fastrand::Rng::with_seed(SEED);
+        let mut draw = || {
+            let mut items = Vec::with_capacity(stretches.iter().sum());
+            let mut begin = 0;
+            for &length in stretches {
+                let block = if independent { 1 } else { block(length) };
+                let end = begin + length;
+                while items.len() < end {
+                    let first = random.usize(0..length);
+                    let left = end - items.len();
+                    // Circular: a block that begins near the end goes on at the beginning, so all
+                    // items are drawn equally often.
+                    items.extend((0..block.min(left)).map(|i| begin + (first + i) % length));
+                }
+                begin = end;
+            }
+            items
+        };
+        let blocks = |&length: &usize| {
+            if independent {
+                length
+            } else {
+                length.div_ceil(block(length).max(1))
+            }
+        };
+        Self {
+            draws: (0..DRAWS).map(|_| draw()).collect(),
+            blocks: stretches.iter().map(blocks).sum(),
+        }
+    }
+
+    /// The interval of a statistic of the items; nothing for too few blocks, or where some resample
+    /// does not have it.
+    pub fn interval(&self, statistic: impl Fn(&[usize]) -> Option<f64>) -> Option<Interval> {
+        if self.blocks < FEWEST {
+            return None;
+        }
+        middle(
+            self.draws
+                .iter()
+                .map(|items| statistic(items))
+                .collect::<Option<_>>()?,
+        )
+    }
+}
+
+/// The interval of the difference of two shares, each of `passed` of `frames`, drawn independently.
+///
+/// Only sums are known, so as many frames are drawn as there are blocks of neighbours, from a share
+/// that half a frame on either side keeps from certainty.
+pub(super) fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
+    let mut random = fastrand::Rng::with_seed(SEED);
+    let mut share = |(passed, frames): (u64, u64)| {
+        let blocks = (frames as usize).div_ceil(block(frames as usize)) as f64;
+        // Half a block added on either side: a share of 0 or 1 of few frames is not certain.
+        let expected = (blocks * passed as f64 / frames as f64 + 0.5) / (blocks + 1.0);
+        (0..blocks as usize)
+            .filter(|_| random.f64() < expected)
+            .count() as f64
+            / blocks
+    };
+    (a.1 > 0 && b.1 > 0)
+        .then(|| (0..DRAWS).map(|_| share(b) - share(a)).collect())
+        .and_then(middle)
+}
+
+fn middle(mut values: Vec<f64>) -> Option<Interval> {
+    values.sort_by(f64::total_cmp);
+    Some((upper_rank(&values, 0.025)?, upper_rank(&values, 0.975)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mean(values: &[f64]) -> impl Fn(&[usize]) -> Option<f64> {
+        |items| Some(items.iter().map(|&i| values[i]).sum::<f64>() / items.len() as f64)
+    }
+
+    #[test]
+    fn resamples_stay_in_their_stretch() {
+        let Resamples { draws, blocks } = Resamples::draw(&[3, 1, 10], false);
+        assert_eq!(blocks, 1 + 1 + 2);
+        assert_eq!(draws.len(), DRAWS);
+        for draw in draws {
+            assert!(
+                draw[..3].iter().all(|&i| i < 3)
+                    && draw[3] == 3
+                    && draw[4..].iter().all(|&i| (4..14).contains(&i))
+            );
+            assert_eq!(draw.len(), 14);
+        }
+    }
+
+    #[test]
+    fn as_wide_as_the_theory_says() {
+        // 400 independent values of standard deviation 0.5: the mean's is 0.025, its interval ±
+        // 0.049.
+        let values: Vec<f64> = (0..400).map(|i| f64::from(i % 2)).collect();
+        let (low, high) = Resamples::draw(&[400], true)
+            .interval(mean(&values))
+            .unwrap();
+        assert!(
+            (0.43..0.47).contains(&low) && (0.53..0.57).contains(&high),
+            "{low} {high}"
+        );
+        // The same values where neighbours are equal say less.
+        let alike: Vec<f64> = (0..400).map(|i| f64::from(i / 40 % 2)).collect();
+        let (low, high) = Resamples::draw(&[400], false)
+            .interval(mean(&alike))
+            .unwrap();
+        assert!(high - low > 0.15, "{low} {high}");
+    }
+
+    #[test]
+    fn too_little_says_nothing() {
+        assert_eq!(Resamples::draw(&[7], true).interval(|_| Some(1.0)), None);
+        assert_eq!(Resamples::draw(&[20], false).interval(|_| Some(1.0)), None);
+        assert!(
+            Resamples::draw(&[8], true)
+                .interval(|_| Some(1.0))
+                .is_some()
+        );
+    }
+
+    #[test]
+    fn shares_of_few_frames_are_uncertain() {
+        let (low, high) = shares((10, 20), (12, 20)).unwrap();
+        assert!(low < -0.3 && high > 0.3, "{low} {high}");
+        // Few frames that all agree may still be chance.
+        let (low, high) = shares((5, 5), (0, 5)).unwrap();
+        assert!(low == -1.0 && high > -0.5, "{low} {high}");
+        assert_eq!(shares((0, 0), (1, 2)), None);
+    }
+}

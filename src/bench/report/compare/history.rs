@@ -1,0 +1,329 @@
+//! Reports in the order of their dates: each metric over svl's revisions.
+
+use super::ScoredRun;
+use crate::report::Summary;
+use crate::report::page::fill;
+use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
+use serde::Serialize;
+use std::fmt::{Display, Formatter};
+use std::path::PathBuf;
+use svl_core::{Error, Result};
+use svl_data::score::{METRICS, Metric, MetricUnit};
+
+/// Every metric of the reports of equal scenarios, over their dates.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct History {
+    /// By scenario, in the order of their first reports.
+    pub scenarios: Vec<ScenarioHistory>,
+    /// What of the named is left out: reports that a later one replaced, and whatever is not a
+    /// report.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Something that is no part of a history.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct LeftOut {
+    pub path: PathBuf,
+    pub reason: &'static str,
+}
+
+/// The reports of one scenario.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ScenarioHistory {
+    pub scenario: String,
+    /// By date.
+    pub reports: Vec<HistoryReport>,
+    pub lines: Vec<HistoryLine>,
+}
+
+/// What made a report.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct HistoryReport {
+    pub folder: PathBuf,
+    /// RFC 3339, UTC.
+    pub began: String,
+    /// Git revision of svl, where its build knew it.
+    pub revision: Option<String>,
+    pub processor: String,
+    /// Why it is incomplete.
+    pub incomplete: Option<String>,
+}
+
+/// A metric of an algorithm in each report, absent where that does not have it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HistoryLine {
+    pub algorithm: String,
+    pub metric: &'static Metric,
+    pub values: Vec<Option<f64>>,
+}
+
+impl History {
+    /// Puts reports in order. Folders whose names end with `.earlier-N` hold what a later report
+    /// replaced, and are left out, as is what is no report of `svl score`: a shell's `reports/*`
+    /// names that too.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where there is no report; as [`ScoredRun::named`] and
+    /// [`Summary::from_rows`].
+    pub fn from_reports(names: &[String]) -> Result<Self> {
+        let (mut runs, mut left_out) = (Vec::new(), Vec::new());
+        for name in names {
+            let folder = PathBuf::from(name);
+            let file = folder.file_name().unwrap_or_default().to_string_lossy();
+            let reason = if file.contains(".earlier-") {
+                Some("a later report replaced it")
+            } else if folder.exists() && !folder.join("manifest.json").is_file() {
+                Some("no report of `svl score`")
+            } else {
+                None
+            };
+            match reason {
+                Some(reason) => left_out.push(LeftOut {
+                    path: folder,
+                    reason,
+                }),
+                None => runs.push(ScoredRun::named(name)?),
+            }
+        }
+        if runs.is_empty() {
+            let what = "none of these is a report of `svl score`; name some, or reports/*";
+            return Err(Error::Invalid(what.to_owned()));
+        }
+        runs.sort_by(|a, b| a.manifest.began.cmp(&b.manifest.began));
+        let mut scenarios: Vec<Vec<ScoredRun>> = Vec::new();
+        for run in runs {
+            let hash = |run: &ScoredRun| run.manifest.scenario_hash.clone();
+            match scenarios.iter_mut().find(|of| hash(&of[0]) == hash(&run)) {
+                Some(of) => of.push(run),
+                None => scenarios.push(vec![run]),
+            }
+        }
+        let scenarios = scenarios.iter().map(|runs| ScenarioHistory::new(runs));
+        Ok(Self {
+            scenarios: scenarios.collect::<Result<_>>()?,
+            left_out,
+        })
+    }
+
+    /// The page with a plot per metric: one file without scripts, all texts escaped.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Invalid`] with what the template engine or the plotting library says.
+    pub fn page(&self) -> Result<String> {
+        let scenarios = self.scenarios.iter().map(|scenario| {
+            Ok(ScenarioView {
+                scenario,
+                plots: scenario.plots()?,
+            })
+        });
+        let view = HistoryView {
+            scenarios: scenarios.collect::<Result<_>>()?,
+            left_out: &self.left_out,
+            images: [],
+            identity: [],
+            incomplete: None,
+        };
+        fill(include_str!("history.html"), "", view)
+    }
+}
+
+impl ScenarioHistory {
+    fn new(runs: &[ScoredRun]) -> Result<Self> {
+        let summaries = runs.iter().map(|run| {
+            let mut summary = Summary::from_rows(&run.rows, &run.checkpoints)?;
+            summary.add_drives(&run.drives);
+            Ok(summary)
+        });
+        let summaries = summaries.collect::<Result<Vec<_>>>()?;
+        let mut algorithms: Vec<&str> = Vec::new();
+        for summary in summaries.iter().flat_map(|summary| &summary.algorithms) {
+            if !algorithms.contains(&summary.algorithm.as_str()) {
+                algorithms.push(&summary.algorithm);
+            }
+        }
+        let line = |algorithm: &&str, metric: &'static Metric| HistoryLine {
+            algorithm: (*algorithm).to_owned(),
+            metric,
+            values: summaries
+                .iter()
+                .map(|summary| summary.value(algorithm, metric, None))
+                .collect(),
+        };
+        let lines = algorithms
+            .iter()
+            .flat_map(|algorithm| METRICS.iter().map(move |metric| line(algorithm, metric)))
+            .filter(|line| line.values.iter().any(Option::is_some));
+        let report = |run: &ScoredRun| HistoryReport {
+            folder: run.folder.clone(),
+            began: run.manifest.began.clone(),
+            revision: run.manifest.git_revision.clone(),
+            processor: run.manifest.machine.processor.clone(),
+            incomplete: run.incomplete.clone(),
+        };
+        Ok(Self {
+            scenario: runs[0].manifest.scenario.clone(),
+            reports: runs.iter().map(report).collect(),
+            lines: lines.collect(),
+        })
+    }
+
+    fn plots(&self) -> Result<Vec<HistoryPlotView>> {
+        let plot = |metric: &'static Metric| {
+            let own = self.lines.iter().filter(|line| line.metric == metric);
+            let series: Vec<_> = own
+                .map(|line| Series {
+                    name: line.algorithm.clone(),
+                    form: SeriesStyle::Both,
+                    points: (1..)
+                        .zip(&line.values)
+                        .map(|(i, value)| (f64::from(i), shown(metric, *value)))
+                        .collect(),
+                })
+                .collect();
+            let y = match metric.unit {
+                MetricUnit::Share => Axis::share(format!("{}, %", metric.name)),
+                MetricUnit::Count => Axis::new(metric.name),
+                MetricUnit::Px => Axis::new(format!("{}, px", metric.name)),
+                MetricUnit::Ms => Axis::new(format!("{}, ms", metric.name)),
+                MetricUnit::Per100M => Axis::new(format!("{} per 100 m", metric.name)),
+            };
+            let chart = Chart {
+                title: String::new(),
+                x: Axis {
+                    range: Some((0.5, self.reports.len() as f64 + 0.5)),
+                    ..Axis::new("report")
+                },
+                y,
+                series,
+            };
+            (!chart.series.is_empty()).then(|| {
+                Ok(HistoryPlotView {
+                    title: metric.name,
+                    about: metric.words,
+                    svg: chart.svg()?,
+                })
+            })
+        };
+        METRICS.iter().filter_map(plot).collect()
+    }
+}
+
+/// The value of a metric as a plot has it; not finite where there is none.
+fn shown(metric: &Metric, value: Option<f64>) -> f64 {
+    let scale = match metric.unit {
+        MetricUnit::Share => 100.0,
+        MetricUnit::Count | MetricUnit::Px | MetricUnit::Ms | MetricUnit::Per100M => 1.0,
+    };
+    value.map_or(f64::NAN, |value| scale * value)
+}
+
+impl HistoryReport {
+    /// Day, revision and folder.
+    fn words(&self) -> String {
+        let day = self.began.get(..10).unwrap_or(&self.began);
+        let revision = self.revision.as_deref().unwrap_or("revision unknown");
+        let incomplete = self.incomplete.as_ref();
+        let incomplete = incomplete.map_or_else(String::new, |why| format!(", incomplete: {why}"));
+        format!("{day}  {revision}  {}{incomplete}", self.folder.display())
+    }
+}
+
+impl Display for History {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        for (i, scenario) in self.scenarios.iter().enumerate() {
+            if i > 0 {
+                writeln!(f)?;
+            }
+            scenario.fmt(f)?;
+        }
+        for LeftOut { path, reason } in &self.left_out {
+            writeln!(f, "{}: left out, {reason}", path.display())?;
+        }
+        Ok(())
+    }
+}
+
+impl Display for ScenarioHistory {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        writeln!(f, "{}", self.scenario)?;
+        for (i, report) in (1..).zip(&self.reports) {
+            writeln!(f, "{i:>4}  {}", report.words())?;
+        }
+        let names = self.lines.iter().map(|line| line.algorithm.chars().count());
+        let width = names.max().unwrap_or(0).clamp(9, 19);
+        writeln!(
+            f,
+            "\n{:<width$}  {:<13}  {:<20}  {:>9}  {:>9}",
+            "algorithm", "metric", "over the reports", "first", "last"
+        )?;
+        for line in &self.lines {
+            let show = |value: Option<&Option<f64>>| match value {
+                Some(Some(value)) => line.metric.show(*value),
+                _ => "–".to_owned(),
+            };
+            writeln!(
+                f,
+                "{:<width$}  {:<13}  {:<20}  {:>9}  {:>9}",
+                line.algorithm,
+                line.metric.name,
+                sparkline(&line.values),
+                show(line.values.first()),
+                show(line.values.last()),
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// A block per report, from the least value to the greatest: the last twenty.
+fn sparkline(values: &[Option<f64>]) -> String {
+    let last = &values[values.len().saturating_sub(20)..];
+    let finite = || last.iter().flatten();
+    let low = finite().copied().fold(f64::INFINITY, f64::min);
+    let high = finite().copied().fold(f64::NEG_INFINITY, f64::max);
+    let block = |value: &Option<f64>| match value {
+        None => ' ',
+        // All equal: in the middle.
+        Some(_) if high <= low => '▄',
+        Some(value) => {
+            let level = 7.0 * (value - low) / (high - low);
+            ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'][level.round() as usize]
+        }
+    };
+    last.iter().map(block).collect()
+}
+
+#[derive(Serialize)]
+struct HistoryView<'a> {
+    scenarios: Vec<ScenarioView<'a>>,
+    left_out: &'a [LeftOut],
+    images: [(); 0],
+    identity: [(); 0],
+    incomplete: Option<&'a str>,
+}
+
+#[derive(Serialize)]
+struct ScenarioView<'a> {
+    scenario: &'a ScenarioHistory,
+    plots: Vec<HistoryPlotView>,
+}
+
+#[derive(Serialize)]
+struct HistoryPlotView {
+    title: &'static str,
+    about: &'static str,
+    svg: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sparklines_span_their_values() {
+        let line = |values: &[Option<f64>]| sparkline(values);
+        assert_eq!(line(&[Some(1.0), None, Some(2.0), Some(1.5)]), "▁ █▅");
+        assert_eq!(line(&[Some(3.0), Some(3.0)]), "▄▄");
+        assert_eq!(line(&[Some(0.0); 30]).chars().count(), 20);
+    }
+}

@@ -1,0 +1,546 @@
+//! Comparison of two runs: changes of metrics with confidence intervals.
+
+pub(super) mod bootstrap;
+mod history;
+mod markdown;
+mod sample;
+mod text;
+
+use super::drives::DriveRow;
+use super::read_rows;
+use super::rows::{CheckpointRow, Row};
+pub use bootstrap::{Interval, Resamples};
+pub use history::{History, HistoryLine, HistoryReport, LeftOut, ScenarioHistory};
+use sample::Sample;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use svl_core::{Error, Result};
+use svl_data::manifest::Manifest;
+use svl_data::score::{Better, METRICS, Metric, MetricUnit};
+pub use text::{signed, verdict};
+
+/// A report of `svl score` as its folder holds it.
+pub struct ScoredRun {
+    pub folder: PathBuf,
+    pub manifest: Manifest,
+    /// Why it is incomplete, if it is.
+    incomplete: Option<String>,
+    /// Of the pairs as they are, without stress.
+    rows: Vec<Row>,
+    checkpoints: Vec<CheckpointRow>,
+    drives: Vec<DriveRow>,
+}
+
+/// The part of `summary.json` that is read.
+#[derive(Deserialize)]
+struct Whole {
+    incomplete: Option<String>,
+}
+
+/// The differences of the second run from the first.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    pub base: PathBuf,
+    pub other: PathBuf,
+    pub scenario: String,
+    /// Whether both have the same scenario; otherwise nothing is called better or worse.
+    pub same_scenario: bool,
+    /// Where the truths of the two come from, as their manifests have it; where that is not the
+    /// same, nothing is called better or worse either.
+    pub truths: [Vec<String>; 2],
+    /// How the two were made; times depend on it.
+    pub origins: [ReportOrigin; 2],
+    /// Folders of the incomplete reports, and why.
+    pub incomplete: Vec<(PathBuf, String)>,
+    /// Algorithms that both runs have, in the order of the first.
+    pub algorithms: Vec<AlgorithmChange>,
+    /// Algorithms that only one run has, which are not compared.
+    pub only_in_base: Vec<String>,
+    pub only_in_other: Vec<String>,
+}
+
+/// What made a report, and on which machine.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ReportOrigin {
+    /// Version and revision.
+    pub svl: String,
+    pub processor: String,
+    pub isa: String,
+    pub threads: usize,
+    /// What its times are of, in words, where that is known.
+    pub times: Option<String>,
+}
+
+/// One algorithm in both runs, over the pairs that both took.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AlgorithmChange {
+    pub algorithm: String,
+    /// As the second run calls it, where each run has just one algorithm and they differ.
+    pub other_algorithm: String,
+    pub same_parameters: bool,
+    pub pairs: usize,
+    /// Pairs of either run that the other does not have, or not with the same pixels.
+    pub unmatched: usize,
+    /// Pairs whose results are equal to the bit.
+    pub equal_results: usize,
+    pub metrics: Vec<Change>,
+    /// Share of frames passed, per checkpoint.
+    pub checkpoints: Vec<CheckpointChange>,
+}
+
+/// A number in both runs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Change {
+    pub metric: &'static Metric,
+    pub base: f64,
+    pub other: f64,
+    /// `other - base`; of times `other / base`.
+    pub difference: f64,
+    /// 95 % bootstrap interval of the difference.
+    pub interval: Option<Interval>,
+    pub judgement: Judgement,
+}
+
+/// A checkpoint in both runs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CheckpointChange {
+    pub checkpoint: u32,
+    pub name: String,
+    #[serde(flatten)]
+    pub change: Change,
+}
+
+/// Whether a difference is significant, and which way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Judgement {
+    /// There is none.
+    Equal,
+    /// The interval holds no difference, too.
+    Unclear,
+    Better,
+    Worse,
+    /// Surely, but neither way is better.
+    Differs,
+}
+
+impl ReportOrigin {
+    fn of(manifest: &Manifest) -> Self {
+        let revision = manifest
+            .git_revision
+            .as_deref()
+            .unwrap_or("revision unknown");
+        Self {
+            svl: format!("{} ({revision})", manifest.svl),
+            processor: manifest.machine.processor.clone(),
+            isa: manifest.machine.isa.clone(),
+            threads: manifest.machine.threads,
+            times: manifest.times.clone(),
+        }
+    }
+}
+
+impl ScoredRun {
+    /// Reads a report, `FOLDER`, or one algorithm of it, `FOLDER#LABEL`.
+    ///
+    /// # Errors
+    /// As [`ScoredRun::read`]; [`Error::Invalid`] for a label that the report does not have.
+    pub fn named(text: &str) -> Result<Self> {
+        let whole = Path::new(text);
+        let Some((folder, label)) = text.rsplit_once('#').filter(|_| !whole.exists()) else {
+            return Self::read(whole);
+        };
+        let mut run = Self::read(Path::new(folder))?;
+        if !run.labels().contains(&label) {
+            let labels = run.labels().join(", ");
+            return Err(Error::Invalid(format!(
+                "{text}: the report has no algorithm '{label}'; it has {labels}"
+            )));
+        }
+        run.manifest.algorithms.retain(|a| a.label == label);
+        run.folder = text.into();
+        Ok(run)
+    }
+
+    /// Reads a report.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`] with the file that is missing or is no part of a report.
+    pub fn read(folder: &Path) -> Result<Self> {
+        // The manifest is written first, so an interrupted report has one too.
+        if !folder.join("manifest.json").is_file() {
+            return Err(Error::format(
+                folder,
+                "is not a report of `svl score`: it has no manifest.json",
+            ));
+        }
+        let manifest = Manifest::read(folder)?;
+        let summary = folder.join("summary.json");
+        let incomplete = match summary.is_file() {
+            true => read_json::<Whole>(&summary)?.incomplete,
+            false => Some("it was never finished".to_owned()),
+        };
+        let mut rows: Vec<Row> = read_rows(&folder.join("rows.csv"))?;
+        rows.retain(|row| row.stress.is_none());
+        let drives = folder.join("drives.csv");
+        let (drives, checkpoints) = match drives.is_file() {
+            true => (read_rows(&drives)?, Vec::new()),
+            false => (Vec::new(), read_rows(&folder.join("checkpoints.csv"))?),
+        };
+        let mut checkpoints: Vec<CheckpointRow> = checkpoints;
+        checkpoints.retain(|row| row.stress.is_none());
+        Ok(Self {
+            folder: folder.to_owned(),
+            manifest,
+            incomplete,
+            rows,
+            checkpoints,
+            drives,
+        })
+    }
+
+    fn labels(&self) -> Vec<&str> {
+        self.manifest
+            .algorithms
+            .iter()
+            .map(|a| a.label.as_str())
+            .collect()
+    }
+
+    fn parameters_hash(&self, label: &str) -> Option<&str> {
+        self.manifest
+            .algorithms
+            .iter()
+            .find(|a| a.label == label)
+            .map(|a| a.parameters_hash.as_str())
+    }
+
+    /// The rows of an algorithm by run, sequence and name of their pairs.
+    fn rows(&self, label: &str) -> BTreeMap<(RunKey<'_>, u64, &str), &Row> {
+        let own = self.rows.iter().filter(|row| row.algorithm == label);
+        own.map(|row| ((run_key(row), row.sequence, row.name.as_str()), row))
+            .collect()
+    }
+
+    /// Frames and passed frames per checkpoint over those runs, with its name.
+    fn checkpoints(&self, label: &str, runs: &[RunKey<'_>]) -> BTreeMap<u32, (&str, u64, u64)> {
+        let mut sums = BTreeMap::new();
+        let own = self
+            .checkpoints
+            .iter()
+            .filter(|row| row.algorithm == label)
+            .filter(|row| runs.contains(&(row.seed, row.run.as_deref())));
+        for row in own {
+            let (_, frames, passed) =
+                sums.entry(row.checkpoint)
+                    .or_insert((row.name.as_str(), 0, 0));
+            *frames += row.frames;
+            *passed += row.passed;
+        }
+        sums
+    }
+}
+
+/// What tells the runs of a report apart: the seed, and the recording.
+type RunKey<'a> = (Option<u64>, Option<&'a str>);
+
+fn run_key(row: &Row) -> RunKey<'_> {
+    (row.seed, row.run.as_deref())
+}
+
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+    serde_json::from_str(&text).map_err(|e| Error::format(path, e.to_string()))
+}
+
+impl Comparison {
+    /// Compares the algorithms of equal labels; where each run has just one, these two; and those
+    /// that `map` names, as `BASE=OTHER`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when the runs have no algorithm or no pair in common, for drives, and for
+    /// a map of what is not in them.
+    pub fn from_runs(base: &ScoredRun, other: &ScoredRun, map: &[String]) -> Result<Self> {
+        if let Some(driven) = [base, other].iter().find(|run| !run.drives.is_empty()) {
+            return Err(Error::Invalid(format!(
+                "{}: is of drives, which have no pairs in common with others; --history plots \
+                 their collisions, and [[gate]] limits them",
+                driven.folder.display()
+            )));
+        }
+        let (ours, theirs) = (base.labels(), other.labels());
+        // With one algorithm each, two different algorithms can be compared: v1 with v3.
+        let mapped = map.iter().map(|text| pair(text, &ours, &theirs));
+        let mapped = mapped.collect::<Result<Vec<_>>>()?;
+        let shared: Vec<_> = match (&ours[..], &theirs[..]) {
+            _ if !mapped.is_empty() => mapped,
+            ([one], [another]) => vec![(*one, *another)],
+            // Labels are compared as written, so `v3` and `v3:max_disparity=80` differ even where
+            // their parameters are equal.
+            _ => ours
+                .iter()
+                .filter(|label| theirs.contains(label))
+                .map(|label| (*label, *label))
+                .collect(),
+        };
+        let shown = || format!("{} and {}", base.folder.display(), other.folder.display());
+        if shared.is_empty() {
+            let (ours, theirs) = (ours.join(", "), theirs.join(", "));
+            return Err(Error::Invalid(format!(
+                "{}: no algorithm in common ({ours}; {theirs})",
+                shown()
+            )));
+        }
+        let algorithms: Vec<_> = shared
+            .iter()
+            .map(|labels| AlgorithmChange::from_runs(base, other, *labels))
+            .collect();
+        let same_scenario = base.manifest.scenario_hash == other.manifest.scenario_hash;
+        let truths = [base, other].map(|run| run.manifest.truth.clone());
+        if algorithms.iter().all(|a| a.pairs == 0) {
+            let cure =
+                "they took other pairs, as other scenarios, seeds or versions of the arena do";
+            return Err(Error::Invalid(format!(
+                "{}: no pair in common: {cure}",
+                shown()
+            )));
+        }
+        let left = |labels: &[&str], side: fn(&(&str, &str)) -> String| {
+            let taken: Vec<_> = shared.iter().map(side).collect();
+            labels
+                .iter()
+                .filter(|label| !taken.contains(&(**label).to_owned()))
+                .map(|l| (*l).to_owned())
+                .collect()
+        };
+        let mut comparison = Self {
+            base: base.folder.clone(),
+            other: other.folder.clone(),
+            scenario: base.manifest.scenario.clone(),
+            same_scenario,
+            truths,
+            origins: [base, other].map(|run| ReportOrigin::of(&run.manifest)),
+            incomplete: [base, other]
+                .into_iter()
+                .filter_map(|run| Some((run.folder.clone(), run.incomplete.clone()?)))
+                .collect(),
+            algorithms,
+            only_in_base: left(&ours, |pair| pair.0.to_owned()),
+            only_in_other: left(&theirs, |pair| pair.1.to_owned()),
+        };
+        if !comparison.is_judged() {
+            let algorithms = &mut comparison.algorithms;
+            let metrics = algorithms.iter_mut().flat_map(|a| &mut a.metrics);
+            metrics.for_each(Change::withdraw);
+            let checkpoints = algorithms.iter_mut().flat_map(|a| &mut a.checkpoints);
+            checkpoints.for_each(|checkpoint| checkpoint.change.withdraw());
+        }
+        Ok(comparison)
+    }
+
+    /// Whether anything may be called better or worse: other tolerances or cells give other scores
+    /// of equal results.
+    pub fn is_judged(&self) -> bool {
+        self.same_scenario && !self.other_truths()
+    }
+
+    /// Reports of before say nothing of their truths.
+    fn other_truths(&self) -> bool {
+        let [base, other] = &self.truths;
+        base != other && !base.is_empty() && !other.is_empty()
+    }
+}
+
+/// The labels of `BASE=OTHER`, either of which may hold `=`.
+fn pair<'a>(text: &str, ours: &[&'a str], theirs: &[&'a str]) -> Result<(&'a str, &'a str)> {
+    let splits = text
+        .match_indices('=')
+        .map(|(i, _)| (&text[..i], &text[i + 1..]));
+    let find = |labels: &[&'a str], label| labels.iter().find(|l| **l == label).copied();
+    let mut found = splits.filter_map(|(a, b)| Some((find(ours, a)?, find(theirs, b)?)));
+    found.next().ok_or_else(|| {
+        let (ours, theirs) = (ours.join(", "), theirs.join(", "));
+        Error::Invalid(format!(
+            "--map {text}: expected BASE=OTHER, an algorithm of the first report ({ours}) and one \
+             of the other ({theirs})"
+        ))
+    })
+}
+
+/// A metric over all rows of an algorithm: a share or a mean, a sum, or of the times the median.
+pub fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
+    let all: Vec<_> = (0..rows.len()).collect();
+    Sample::from_rows(metric, rows)?.value(&all)
+}
+
+/// The changes of the metrics from rows to other rows of the same pairs, one to one, those of a run
+/// beside each other.
+pub fn changes(base: &[&Row], other: &[&Row]) -> Vec<Change> {
+    let stretches: Vec<_> = base
+        .chunk_by(|a, b| run_key(a) == run_key(b))
+        .map(<[_]>::len)
+        .collect();
+    // Scenes have names and are independent of each other; frames of a run are not.
+    let independent = base.iter().all(|row| !row.name.is_empty());
+    let resamples = Resamples::draw(&stretches, independent);
+    // Metrics that no pair has, and checkpoints, have no sample.
+    let change = |metric: &'static Metric| {
+        let samples = [base, other].map(|rows| Sample::from_rows(metric, rows));
+        let [Some(a), Some(b)] = samples else {
+            return None;
+        };
+        Change::from_samples(metric, &a, &b, &resamples)
+    };
+    METRICS.iter().filter_map(change).collect()
+}
+
+impl AlgorithmChange {
+    /// What is compared: one algorithm, or two.
+    pub fn title(&self) -> String {
+        match self.other_algorithm == self.algorithm {
+            true if self.same_parameters => self.algorithm.clone(),
+            true => format!("{} (other parameters)", self.algorithm),
+            false => format!("{} → {}", self.algorithm, self.other_algorithm),
+        }
+    }
+
+    /// All changes with what they are called.
+    pub fn changes(&self) -> impl Iterator<Item = (String, &Change)> {
+        let metrics = self.metrics.iter();
+        let metrics = metrics.map(|change| (change.metric.words.to_owned(), change));
+        let checkpoints = self.checkpoints.iter();
+        metrics.chain(checkpoints.map(|c| {
+            let name = format!("checkpoint {} {}", c.checkpoint, c.name);
+            (name, &c.change)
+        }))
+    }
+
+    fn from_runs(base: &ScoredRun, other: &ScoredRun, (label, other_label): (&str, &str)) -> Self {
+        let (ours, theirs) = (base.rows(label), other.rows(other_label));
+        let pairs: Vec<_> = ours
+            .iter()
+            .filter_map(|(key, row)| Some((*row, *theirs.get(key)?)))
+            .collect();
+        let pairs: Vec<_> = pairs
+            .into_iter()
+            // Equal numbers are not enough: another seed or version of the arena renders other
+            // pixels.
+            .filter(|(a, b)| a.pair_hash == b.pair_hash)
+            .collect();
+        let (a, b): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
+        // Checkpoint tables hold sums only, so runs count whose pairs both reports have completely.
+        let count = |rows: &[&Row], run| rows.iter().filter(|row| run_key(row) == run).count();
+        let (all_ours, all_theirs): (Vec<_>, Vec<_>) = (
+            ours.values().copied().collect(),
+            theirs.values().copied().collect(),
+        );
+        let mut runs: Vec<_> = a.iter().map(|row| run_key(row)).collect();
+        // The rows of a run are neighbours.
+        runs.dedup();
+        runs.retain(|&run| {
+            count(&a, run) == count(&all_ours, run) && count(&b, run) == count(&all_theirs, run)
+        });
+        let visits = other.checkpoints(other_label, &runs);
+        let checkpoint = |(number, (name, frames, passed)): (u32, (&str, u64, u64))| {
+            let (_, other_frames, other_passed) = *visits.get(&number)?;
+            let change = Change::from_shares((passed, frames), (other_passed, other_frames))?;
+            Some(CheckpointChange {
+                checkpoint: number,
+                name: name.to_owned(),
+                change,
+            })
+        };
+        Self {
+            algorithm: label.to_owned(),
+            other_algorithm: other_label.to_owned(),
+            same_parameters: base.parameters_hash(label) == other.parameters_hash(other_label),
+            pairs: pairs.len(),
+            unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
+            equal_results: pairs
+                .iter()
+                .filter(|(a, b)| a.result_hash == b.result_hash)
+                .count(),
+            metrics: changes(&a, &b),
+            checkpoints: base
+                .checkpoints(label, &runs)
+                .into_iter()
+                .filter_map(checkpoint)
+                .collect(),
+        }
+    }
+}
+
+impl Change {
+    fn from_samples(
+        metric: &'static Metric,
+        base: &Sample,
+        other: &Sample,
+        resamples: &Resamples,
+    ) -> Option<Self> {
+        // Times scale with the machine, so their change is a factor.
+        let difference = |a: f64, b: f64| {
+            if metric.unit == MetricUnit::Ms {
+                b / a
+            } else {
+                b - a
+            }
+        };
+        let all: Vec<_> = (0..base.len()).collect();
+        let (a, b) = (base.value(&all)?, other.value(&all)?);
+        let interval =
+            resamples.interval(|items| Some(difference(base.value(items)?, other.value(items)?)));
+        Some(Self::new(metric, (a, b), difference(a, b), interval))
+    }
+
+    fn from_shares(base: (u64, u64), other: (u64, u64)) -> Option<Self> {
+        let share =
+            |(passed, frames): (u64, u64)| (frames > 0).then(|| passed as f64 / frames as f64);
+        let (a, b) = (share(base)?, share(other)?);
+        Some(Self::new(
+            Metric::find("passed")?,
+            (a, b),
+            b - a,
+            bootstrap::shares(base, other),
+        ))
+    }
+
+    /// Takes better and worse back: the two runs have different scenarios.
+    fn withdraw(&mut self) {
+        if self.judgement != Judgement::Equal {
+            self.judgement = Judgement::Unclear;
+        }
+    }
+
+    fn new(
+        metric: &'static Metric,
+        (base, other): (f64, f64),
+        difference: f64,
+        interval: Option<Interval>,
+    ) -> Self {
+        let judgement = match interval {
+            // Equal on these pairs: the interval is empty and says nothing.
+            _ if base == other => Judgement::Equal,
+            // All pairs of a run are of one moment: their spread does not include how the machine
+            // varies between runs.
+            _ if metric.unit == MetricUnit::Ms => Judgement::Unclear,
+            Some((low, high)) if low > 0.0 || high < 0.0 => {
+                match (metric.better, difference > 0.0) {
+                    (Better::Neither, _) => Judgement::Differs,
+                    (Better::More, true) | (Better::Less, false) => Judgement::Better,
+                    _ => Judgement::Worse,
+                }
+            }
+            _ => Judgement::Unclear,
+        };
+        Self {
+            metric,
+            base,
+            other,
+            difference,
+            interval,
+            judgement,
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Rows read from the CSV files of a report.
+
+use super::rows::{CsvCells, Record};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use svl_core::{Error, Result};
+
+/// The rows of a CSV file that [`super::Table`] wrote, read one after the other.
+pub struct RowReader<R> {
+    path: PathBuf,
+    heads: csv::StringRecord,
+    reader: csv::Reader<BufReader<File>>,
+    line: csv::StringRecord,
+    row: std::marker::PhantomData<R>,
+}
+
+impl<R: Record> RowReader<R> {
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for a file that is no table.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let mut reader = csv::Reader::from_reader(BufReader::new(file));
+        let heads = reader.headers().map_err(|e| csv_error(path, e))?.clone();
+        Ok(Self {
+            path: path.to_owned(),
+            heads,
+            reader,
+            line: csv::StringRecord::new(),
+            row: std::marker::PhantomData,
+        })
+    }
+
+    fn read(&mut self) -> Result<Option<R>> {
+        let read = self.reader.read_record(&mut self.line);
+        if !read.map_err(|e| csv_error(&self.path, e))? {
+            return Ok(None);
+        }
+        let cells = CsvCells {
+            heads: &self.heads,
+            line: &self.line,
+        };
+        R::parse(cells).map(Some).map_err(|why| {
+            let line = self.line.position().map_or(0, csv::Position::line);
+            Error::format(&self.path, format!("line {line}: {why}"))
+        })
+    }
+}
+
+impl<R: Record> Iterator for RowReader<R> {
+    type Item = Result<R>;
+
+    fn next(&mut self) -> Option<Result<R>> {
+        self.read().transpose()
+    }
+}
+
+/// Largest table that is read, bytes: a hundred times a run of 1000 pairs and seven algorithms with
+/// all cells.
+const MAX_BYTES: u64 = 1 << 31;
+
+/// The rows of a CSV file that [`super::Table`] wrote.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Format`] with the line for a file that is no such table.
+pub fn read_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
+    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
+    // A device or a pipe might never end.
+    if !metadata.is_file() || metadata.len() > MAX_BYTES {
+        return Err(Error::format(
+            path,
+            format!("is not a table: expected a CSV file of at most {MAX_BYTES} bytes"),
+        ));
+    }
+    RowReader::open(path)?.collect()
+}
+
+pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {
+    let reason = error.to_string();
+    match error.into_kind() {
+        csv::ErrorKind::Io(source) => Error::io(path, source),
+        _ => Error::format(path, reason),
+    }
+}

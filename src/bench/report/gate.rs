@@ -1,0 +1,156 @@
+//! Limits of a run's metrics, and the gate result of a run: `svl score --gate`.
+
+use super::junit::{TestCase, TestResult};
+use super::summary::Summary;
+use serde::Serialize;
+use svl_data::manifest::{AlgorithmRecord, Manifest};
+use svl_data::scenario::Limit;
+use svl_data::score::MetricUnit;
+
+/// The result of a limit for one algorithm.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GateResult {
+    pub limit: Limit,
+    /// Label of the algorithm; absent when no algorithm of the run matches the limit.
+    pub algorithm: Option<String>,
+    /// Absent where the run does not measure it.
+    pub value: Option<f64>,
+    /// Whether the limit is kept; absent when an algorithm is not in the run.
+    pub kept: Option<bool>,
+    /// What must be said of the value, where its truth is not exact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub caution: Option<String>,
+}
+
+/// Results of a run, one for every algorithm that matches the limit.
+pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> Vec<GateResult> {
+    // A bare name matches the algorithm with any parameters.
+    let is = |a: &&AlgorithmRecord, name: &str| a.label == name || a.name == name;
+    let unit = limit
+        .relative_to
+        .as_deref()
+        .map(|name| manifest.algorithms.iter().find(|a| is(a, name)));
+    let result = |algorithm: &AlgorithmRecord| {
+        let found = |algorithm: &AlgorithmRecord| {
+            summary
+                .algorithms
+                .iter()
+                .find(|a| a.algorithm == algorithm.label)
+        };
+        let value = match unit {
+            None => summary.value(&algorithm.label, limit.metric, limit.checkpoint),
+            Some(None) => None,
+            Some(Some(unit)) => found(algorithm)
+                .zip(found(unit))
+                // Both medians are of one run and machine, so their ratio carries over to other
+                // machines.
+                .map(|(of, unit)| of.p50_ms / unit.p50_ms),
+        };
+        let keeps =
+            |v: f64| limit.min.is_none_or(|min| v >= min) && limit.max.is_none_or(|max| v <= max);
+        // The unit of the ratio is named but not in this run.
+        let absent = matches!(unit, Some(None));
+        let kept = (!absent).then(|| value.is_some_and(keeps));
+        GateResult {
+            limit: limit.clone(),
+            algorithm: Some(algorithm.label.clone()),
+            value,
+            kept,
+            caution: summary.caution().filter(|_| limit.metric.against_truth),
+        }
+    };
+    // A limit for a bare name has a result per variant of the algorithm.
+    let results: Vec<_> = manifest
+        .algorithms
+        .iter()
+        .filter(|a| is(a, &limit.algorithm))
+        .map(result)
+        .collect();
+    let unmatched = || {
+        vec![GateResult {
+            limit: limit.clone(),
+            algorithm: None,
+            value: None,
+            kept: None,
+            caution: None,
+        }]
+    };
+    if results.is_empty() {
+        unmatched()
+    } else {
+        results
+    }
+}
+
+impl GateResult {
+    /// The verdict in a word; a dash where there is none.
+    pub fn word(&self) -> &'static str {
+        match self.kept {
+            Some(true) => "kept",
+            Some(false) => "BROKEN",
+            None => "–",
+        }
+    }
+
+    /// For JUnit: a limit that has no verdict was skipped.
+    pub fn test_case(&self) -> TestCase {
+        TestCase {
+            name: self.to_string(),
+            result: match self.kept {
+                Some(true) => TestResult::Passed,
+                Some(false) => TestResult::Failed(self.to_string()),
+                None => TestResult::Skipped(self.to_string()),
+            },
+        }
+    }
+}
+
+impl std::fmt::Display for GateResult {
+    /// One line: algorithm, metric, value and limits.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Limit {
+            algorithm,
+            metric,
+            checkpoint,
+            relative_to,
+            min,
+            max,
+            line,
+        } = &self.limit;
+        write!(
+            f,
+            "{}: {}",
+            self.algorithm.as_ref().unwrap_or(algorithm),
+            metric.words
+        )?;
+        if let Some(number) = checkpoint {
+            write!(f, " at checkpoint {number}")?;
+        }
+        if let Some(other) = relative_to {
+            write!(f, " in units of {other}'s")?;
+        }
+        match (self.kept, self.value) {
+            (None, _) => f.write_str(" has no result, as an algorithm is not in the run")?,
+            (_, None) => f.write_str(" is not measured in this run")?,
+            (_, Some(value)) => {
+                // A value that rounds to the bound would look as if it kept it.
+                let hidden = [min, max].into_iter().flatten().any(|b| {
+                    *b != value && metric.show_relative(*b) == metric.show_relative(value)
+                });
+                match (hidden, metric.unit == MetricUnit::Share) {
+                    (true, true) => write!(f, " {:.4} %", 100.0 * value)?,
+                    _ => write!(f, " {}", metric.show_relative(value))?,
+                }
+            }
+        }
+        let bounds = [("at least", min), ("at most", max)]
+            .map(|(words, bound)| bound.map(|b| (words, metric.show_relative(b))));
+        for (i, (words, bound)) in bounds.into_iter().flatten().enumerate() {
+            write!(f, "{} {words} {bound}", if i == 0 { "," } else { " and" })?;
+        }
+        if let Some(caution) = &self.caution {
+            write!(f, ", {caution}")?;
+        }
+        write!(f, " (line {line})")
+    }
+}

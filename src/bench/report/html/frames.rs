@@ -1,0 +1,199 @@
+//! The checkpoints' frames: worst and best frame of every algorithm, as in the thesis's figure 7.3.
+
+use super::super::rows::{CellRow, Row};
+use super::super::words::ms;
+use super::{CheckpointFigure, FrameShot, Rank};
+use crate::report::page::{MarkView, PageImages, PictureView};
+use serde::Serialize;
+use svl_core::stereo::CellState;
+use svl_data::overlay::Mark;
+use svl_data::score::{CellFinding, METRICS, Metric, MetricTotal, Verdict};
+
+#[derive(Serialize)]
+pub(super) struct FigureView<'a> {
+    title: &'a str,
+    about: &'a str,
+    shots: Vec<ShotView<'a>>,
+}
+
+#[derive(Serialize)]
+struct ShotView<'a> {
+    algorithm: &'a str,
+    rank: &'static str,
+    passed: Option<bool>,
+    origin: String,
+    cells: String,
+    wrong: Vec<String>,
+    missing: Vec<&'a str>,
+    numbers: String,
+    pictures: Vec<PictureView<'a>>,
+}
+
+impl<'a> FigureView<'a> {
+    pub(super) fn new(figure: &'a CheckpointFigure, images: &mut PageImages<'a>) -> Self {
+        let shots = figure
+            .shots
+            .iter()
+            .map(|(rank, shot)| shot_view(*rank, shot, images))
+            .collect();
+        Self {
+            title: &figure.title,
+            about: &figure.about,
+            shots,
+        }
+    }
+}
+
+fn shot_view<'a>(rank: Rank, shot: &'a FrameShot, images: &mut PageImages<'a>) -> ShotView<'a> {
+    let estimate = |cell: &CellRow| match cell.verdict {
+        Verdict::Unknown => format!("unknown{}", probability(cell)),
+        Verdict::Wrong => format!("{}, wrong", estimated(cell)),
+        _ => estimated(cell),
+    };
+    let truth = |cell: &CellRow| depth(cell.true_distance_m, cell.true_median_px);
+    let mut picture = |label, file, marks| images.picture(label, file, shot.size, marks);
+    let marks = mark_views(shot, &shot.estimate, estimate, true);
+    let mut pictures = vec![picture("estimate", &shot.left, marks)];
+    if let Some(marks) = &shot.truth {
+        pictures.push(picture(
+            "truth",
+            &shot.left,
+            mark_views(shot, marks, truth, false),
+        ));
+    }
+    pictures.push(picture("disparity", &shot.preview, Vec::new()));
+    let missing = shot.findings.iter().filter(|finding| !finding.is_wrong);
+    ShotView {
+        algorithm: &shot.row.algorithm,
+        rank: match rank {
+            Rank::Worst => "worst frame",
+            Rank::Best => "best frame",
+            Rank::Sample => "",
+        },
+        passed: shot.passed,
+        origin: origin(&shot.row),
+        cells: cells(&shot.row),
+        wrong: wrong_cells(shot),
+        missing: missing.map(|finding| finding.words.as_str()).collect(),
+        numbers: numbers(&shot.row),
+        pictures,
+    }
+}
+
+fn mark_views(
+    shot: &FrameShot,
+    marks: &[Mark],
+    words: impl Fn(&CellRow) -> String,
+    judged: bool,
+) -> Vec<MarkView> {
+    let view = |mark: &Mark| {
+        let at = (mark.column, mark.row);
+        let cell = shot
+            .cells
+            .iter()
+            .find(|c| (c.column as usize, c.row as usize) == at);
+        let words = cell.map_or_else(|| "unknown".to_owned(), &words);
+        let contradicts = |finding: &CellFinding| finding.is_wrong && finding.at == [at.0, at.1];
+        let wrong = judged
+            && (cell.is_some_and(|c| c.verdict == Verdict::Wrong)
+                || shot.findings.iter().any(contradicts));
+        MarkView::new(*mark, format!("({}, {}): {words}", at.0, at.1), wrong)
+    };
+    marks.iter().map(view).collect()
+}
+
+fn origin(row: &Row) -> String {
+    let seed = row.seed.map(|seed| format!("seed {seed}, "));
+    let run = row.run.as_ref().map(|run| format!("{run}, "));
+    let run = seed.or(run).unwrap_or_default();
+    format!("{run}frame {}", row.sequence)
+}
+
+/// What says nothing of a single frame.
+fn of_filters(metric: &Metric) -> bool {
+    metric.group == "filters"
+}
+
+/// How many cells of each kind.
+pub(super) fn cells(row: &Row) -> String {
+    let is_share = |metric: &&Metric| {
+        !of_filters(metric) && matches!(metric.column(), Some((_, MetricTotal::ShareOf(_))))
+    };
+    let count =
+        |metric: &Metric| Some(format!("{} {}", row.metrics.get(metric.name)?, metric.head));
+    let counts: Vec<_> = METRICS.iter().filter(is_share).filter_map(count).collect();
+    match counts[..] {
+        [] => String::new(),
+        _ => format!("cells: {}", counts.join(", ")),
+    }
+}
+
+/// The first wrong cells in words; the crosses show all.
+fn wrong_cells(shot: &FrameShot) -> Vec<String> {
+    const TOLD: usize = 3;
+    let expected = shot.findings.iter().filter(|finding| finding.is_wrong);
+    let expected = expected.map(|finding| finding.words.clone());
+    let cells = shot.cells.iter().filter(|c| c.verdict == Verdict::Wrong);
+    let mut all: Vec<_> = expected.chain(cells.map(wrong)).collect();
+    let more = all.len().saturating_sub(TOLD);
+    all.truncate(TOLD);
+    all.extend((more > 0).then(|| format!("{more} more")));
+    all
+}
+
+fn wrong(cell: &CellRow) -> String {
+    let obstacle = match (cell.missed_obstacle, cell.false_obstacle) {
+        (true, _) => ", obstacle missed",
+        (_, true) => ", false obstacle",
+        _ => "",
+    };
+    let truth = depth(cell.true_distance_m, cell.true_median_px);
+    format!(
+        "({}, {}) {}, truly {truth}{obstacle}",
+        cell.column,
+        cell.row,
+        estimated(cell)
+    )
+}
+
+/// What is reported of a cell, and how probably it is right, where the algorithm says so.
+fn estimated(cell: &CellRow) -> String {
+    let depth = depth(cell.distance_m, cell.median_px);
+    match cell.state {
+        Some(CellState::TooClose) => format!("too close, nearer than {depth}"),
+        _ => format!("{depth}{}", probability(cell)),
+    }
+}
+
+fn probability(cell: &CellRow) -> String {
+    let words = |p: f64| format!(" ({:.0} % probable)", 100.0 * p);
+    cell.probability.map_or_else(String::new, words)
+}
+
+/// What is measured of the frame's pixels, and the time.
+pub(super) fn numbers(row: &Row) -> String {
+    let is_mean = |metric: &&Metric| {
+        !of_filters(metric) && matches!(metric.column(), Some((_, MetricTotal::Mean)))
+    };
+    let words = |metric: &Metric| {
+        let value = metric.show(row.metrics.get(metric.name)?);
+        Some(format!("{value} {}", metric.head))
+    };
+    let time = format!("{} ms", ms(row.total_us as f64 / 1000.0));
+    let numbers = METRICS
+        .iter()
+        .filter(is_mean)
+        .filter_map(words)
+        .chain([time]);
+    let unbroken = numbers.map(|words| words.replace(' ', "\u{a0}"));
+    unbroken.collect::<Vec<_>>().join(", ")
+}
+
+/// A distance where there is one, else the disparity.
+fn depth(distance_m: Option<f64>, median_px: Option<f64>) -> String {
+    match (distance_m, median_px) {
+        (Some(distance_m), _) => format!("{distance_m:.2} m"),
+        (None, Some(median_px)) => format!("{median_px:.1} px"),
+        (None, None) => "nothing".to_owned(),
+    }
+}

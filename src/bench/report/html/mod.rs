@@ -1,0 +1,137 @@
+//! `index.html`: one file without scripts or anything to fetch, with the thesis's figure 7.3 as
+//! vector graphics.
+
+mod frames;
+mod plots;
+mod scenes;
+mod tables;
+mod view;
+
+use super::page::fill;
+use super::plot::CourseMap;
+use super::rows::{CellRow, Row};
+use super::summary::Summary;
+use serde::Serialize;
+use std::path::Path;
+use svl_core::{Error, Result};
+use svl_data::overlay::Mark;
+use svl_data::score::CellFinding;
+
+/// Everything the page shows.
+pub struct ReportPage {
+    pub title: String,
+    /// The scenario's prose; an empty line begins a paragraph.
+    pub description: String,
+    /// Names and values of the run's manifest.
+    pub identity: Vec<(String, String)>,
+    pub summary: Summary,
+    /// Per algorithm the time of each pair, ms.
+    pub times_ms: Vec<(String, Vec<f64>)>,
+    /// The limits of the scenario's gate, where it was asked for: a word, and what it is about.
+    pub gate: Vec<(&'static str, String)>,
+    pub sweeps: Vec<ParameterSweep>,
+    /// One per checkpoint, or per frame that is shown of a recording.
+    pub figures: Vec<CheckpointFigure>,
+    /// Where the frames are scenes of a data set.
+    pub scenes: Vec<SceneFigure>,
+    /// Courses that algorithms drove through.
+    pub maps: Vec<CourseMap>,
+    /// The parts that it was merged of.
+    pub parts: Vec<PartLink>,
+}
+
+/// A part of a merged report.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PartLink {
+    pub shard: String,
+    pub machine: String,
+    /// Its page, from the merged one.
+    pub page: String,
+    /// Its run for Rerun, where it has one.
+    pub run: Option<String>,
+}
+
+/// Algorithms that differ in one parameter alone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterSweep {
+    /// What is swept, e.g. `v3: texture_sigma`.
+    pub name: String,
+    /// Values of the parameter, ascending, and the algorithms' labels.
+    pub points: Vec<(String, String)>,
+}
+
+/// A row of shots under one heading.
+pub struct CheckpointFigure {
+    /// The checkpoint's name.
+    pub title: String,
+    /// Description, may be empty.
+    pub about: String,
+    pub shots: Vec<(Rank, FrameShot)>,
+}
+
+/// One frame through one algorithm: its overlay, beside it the truth's, and the disparities.
+#[derive(Clone)]
+pub struct FrameShot {
+    pub row: Row,
+    /// The frame's cells, of which the caption lists the wrong ones.
+    pub cells: Vec<CellRow>,
+    /// Whether the checkpoint passes in this frame; nothing where it is of none.
+    pub passed: Option<bool>,
+    /// Cells that are not as the checkpoint expects them.
+    pub findings: Vec<CellFinding>,
+    /// The left image as a PNG or JPEG file. The page holds it once, however many shots show it.
+    pub left: Vec<u8>,
+    /// Width and height that the marks are made for, pixels.
+    pub size: (usize, usize),
+    pub estimate: Vec<Mark>,
+    pub truth: Option<Vec<Mark>>,
+    /// The disparities as colours, an image file likewise.
+    pub preview: Vec<u8>,
+}
+
+/// A scene with what each algorithm makes of it. Pictures are PNG or JPEG files.
+pub struct SceneFigure {
+    pub title: String,
+    /// Width and height of the scene, to whose proportions the pictures are.
+    pub size: (usize, usize),
+    pub left: Vec<u8>,
+    /// The disparity at the end of the colours' scale, which truth and algorithms share, pixels.
+    pub max_px: f64,
+    pub truth: Option<Vec<u8>>,
+    pub shots: Vec<SceneResult>,
+}
+
+/// A scene through one algorithm.
+pub struct SceneResult {
+    pub row: Row,
+    pub disparities: Vec<u8>,
+    pub errors: Option<Vec<u8>>,
+}
+
+/// Place of a frame among those of its figure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rank {
+    Worst,
+    Best,
+    /// One of those spread over a recording.
+    Sample,
+}
+
+impl ReportPage {
+    /// The page as a file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] with the file.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        std::fs::write(path, self.render()?).map_err(|e| Error::io(path, e))
+    }
+
+    /// The page. All texts are escaped.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with what the template engine or the plotting library says.
+    pub fn render(&self) -> Result<String> {
+        let view = view::ReportPageView::new(self)?;
+        fill(include_str!("index.html"), "", view)
+    }
+}

@@ -1,0 +1,92 @@
+//! Scenes of data sets: left image, truth, and every algorithm's disparities and errors.
+
+use super::frames::{cells, numbers};
+use super::{SceneFigure, SceneResult};
+use crate::report::page::data_url;
+use serde::Serialize;
+use svl_data::overlay::errors::{BINS, HIDDEN, SILENT, UNKNOWN};
+
+#[derive(Serialize)]
+pub(super) struct SceneView<'a> {
+    title: &'a str,
+    width: usize,
+    height: usize,
+    left: String,
+    truth: Option<String>,
+    max_px: String,
+    shots: Vec<SceneShotView<'a>>,
+}
+
+#[derive(Serialize)]
+struct SceneShotView<'a> {
+    algorithm: &'a str,
+    disparities: String,
+    errors: Option<String>,
+    cells: String,
+    numbers: String,
+}
+
+impl<'a> SceneView<'a> {
+    pub(super) fn new(scene: &'a SceneFigure) -> Self {
+        let shot = |shot: &'a SceneResult| SceneShotView {
+            algorithm: &shot.row.algorithm,
+            disparities: data_url(&shot.disparities),
+            errors: shot.errors.as_deref().map(data_url),
+            cells: cells(&shot.row),
+            numbers: numbers(&shot.row),
+        };
+        let (width, height) = scene.size;
+        Self {
+            title: &scene.title,
+            width,
+            height,
+            left: data_url(&scene.left),
+            truth: scene.truth.as_deref().map(data_url),
+            max_px: format!("{:.0}", scene.max_px),
+            shots: scene.shots.iter().map(shot).collect(),
+        }
+    }
+}
+
+/// A colour of the error maps and its meaning.
+#[derive(Serialize)]
+pub(super) struct Swatch {
+    color: String,
+    words: String,
+}
+
+/// The colours of the error maps: errors, and pixels without one.
+#[derive(Serialize)]
+pub(super) struct ErrorKey {
+    errors: Vec<Swatch>,
+    others: Vec<Swatch>,
+}
+
+impl ErrorKey {
+    pub(super) fn new() -> Self {
+        let swatch = |[r, g, b]: [u8; 3], words: &str| Swatch {
+            color: format!("rgb({r} {g} {b})"),
+            words: words.into(),
+        };
+        let errors = BINS.iter().enumerate().map(|(i, (end, color))| {
+            // Of an error size of 1 at 3 px.
+            let px = |size: f32| match 3.0 * size {
+                px if px < 1.0 => format!("{px:.2}"),
+                px => format!("{px}"),
+            };
+            match i {
+                _ if end.is_finite() => swatch(*color, &format!("<\u{202f}{}", px(*end))),
+                _ => swatch(*color, &format!("≥\u{202f}{} px", px(BINS[i - 1].0))),
+            }
+        });
+        let others = [
+            swatch(SILENT, "no estimate"),
+            swatch(HIDDEN, "not known to be seen by both cameras, not scored"),
+            swatch(UNKNOWN, "truth unknown, not scored"),
+        ];
+        Self {
+            errors: errors.collect(),
+            others: others.into(),
+        }
+    }
+}

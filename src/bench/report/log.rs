@@ -1,0 +1,247 @@
+//! The rows of an unfinished report as a log: what `svl score --resume` need not match again.
+
+use super::rows::{CellRow, CsvCells, Record, Row, hash_words};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use svl_core::depth::GridSettings;
+use svl_core::stereo::{Cell, CellDepth, CellState, DepthGrid, Frame};
+use svl_core::timing::{Stage, StageTimes};
+use svl_core::{Error, Result};
+use svl_data::manifest::Manifest;
+use svl_data::score::RunPart;
+
+/// Results of an earlier run, by run, seed, pair and algorithm.
+#[derive(Default)]
+pub struct ResultLog {
+    results: HashMap<PairKey, HashMap<String, LoggedResult>>,
+    /// The manifest that the report had.
+    manifest: Option<Manifest>,
+    /// The folders that it stands in besides the report's own.
+    others: Vec<PathBuf>,
+}
+
+/// A pair: name of its recording, seed of its arena, its number, what made it worse.
+type PairKey = (Option<String>, Option<u64>, u64, Option<String>);
+
+/// What the algorithms made of a pair.
+pub struct LoggedPair<'a> {
+    results: Option<&'a HashMap<String, LoggedResult>>,
+    hash: String,
+    truth: Option<String>,
+}
+
+impl<'a> LoggedPair<'a> {
+    /// What that one made of it, if it was the same pair with the same kind of truth.
+    pub fn get(&self, algorithm: &str) -> Option<&'a LoggedResult> {
+        let is_same = |row: &Row| row.pair_hash == self.hash && row.truth == self.truth;
+        let result = self.results?.get(algorithm)?;
+        is_same(&result.row).then_some(result)
+    }
+}
+
+/// What an algorithm made of a pair.
+pub struct LoggedResult {
+    pub row: Row,
+    pub grid: DepthGrid,
+    /// Of the disparity map, and of own cells.
+    pub hash: u128,
+}
+
+impl ResultLog {
+    /// Reads what a killed or interrupted `svl score` left in `folder`, and in the folders
+    /// `folder.earlier-N` that the same run left when it was resumed and killed again. Lines that
+    /// were not written whole are left out, and results without all their cells. Without a report
+    /// there the log is empty.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with what differs, when the report there is not of the same run as
+    /// `manifest`: its times and results would not be comparable. [`Error::Io`],
+    /// [`Error::Format`].
+    pub fn read(folder: &Path, manifest: &Manifest, grid: GridSettings) -> Result<Self> {
+        if !folder.join("manifest.json").is_file() {
+            return Ok(Self::default());
+        }
+        let earlier = Manifest::read(folder)?;
+        if let Some(what) = earlier.difference(manifest) {
+            return Err(Error::Invalid(format!(
+                "{}: cannot be resumed: {what}; without --resume it is scored anew",
+                folder.display()
+            )));
+        }
+        let mut log = Self::default();
+        log.take(folder, grid)?;
+        for other in set_aside(folder) {
+            if Manifest::read(&other).is_ok_and(|of| of.run_id == earlier.run_id) {
+                log.take(&other, grid)?;
+                log.others.push(other);
+            }
+        }
+        log.manifest = Some(earlier);
+        Ok(log)
+    }
+
+    fn take(&mut self, folder: &Path, grid: GridSettings) -> Result<()> {
+        let mut cells: HashMap<(PairKey, String), Vec<CellRow>> = HashMap::new();
+        for cell in whole_rows::<CellRow>(&folder.join("cells.csv"))? {
+            let pair = pair_key(&cell.run, cell.seed, cell.sequence, &cell.stress);
+            cells
+                .entry((pair, cell.algorithm.clone()))
+                .or_default()
+                .push(cell);
+        }
+        for row in whole_rows::<Row>(&folder.join("rows.csv"))? {
+            let pair = pair_key(&row.run, row.seed, row.sequence, &row.stress);
+            let algorithm = row.algorithm.clone();
+            let own = cells.remove(&(pair.clone(), algorithm.clone()));
+            let grid = own.and_then(|own| depth_grid(&own, grid));
+            let hash = u128::from_str_radix(&row.result_hash, 16).ok();
+            if let Some((grid, hash)) = grid.zip(hash) {
+                let of_pair = self.results.entry(pair).or_default();
+                of_pair.insert(algorithm, LoggedResult { row, grid, hash });
+            }
+        }
+        Ok(())
+    }
+
+    /// What is known of a frame of that run and seed.
+    pub fn pair(&self, run: &RunPart, seed: Option<u64>, frame: &Frame) -> LoggedPair<'_> {
+        let name = Some(run.name.clone()).filter(|name| !name.is_empty());
+        let key = pair_key(&name, seed, frame.sequence, &run.stress);
+        let results = self.results.get(&key);
+        LoggedPair {
+            results,
+            hash: results.map_or_else(String::new, |_| hash_words(frame.pair.hash())),
+            truth: frame
+                .truth
+                .as_ref()
+                .map(|truth| truth.kind.origin.to_string()),
+        }
+    }
+
+    /// The number of results.
+    pub fn len(&self) -> usize {
+        self.results.values().map(HashMap::len).sum()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.results.is_empty()
+    }
+
+    /// Run id and beginning are those of the run that goes on.
+    pub fn continue_in(&self, manifest: &mut Manifest) {
+        if let Some(earlier) = &self.manifest {
+            let resumed = std::mem::replace(&mut manifest.began, earlier.began.clone());
+            manifest.run_id.clone_from(&earlier.run_id);
+            manifest.resumed.clone_from(&earlier.resumed);
+            manifest.resumed.push(resumed);
+        }
+    }
+
+    /// The folders that the log was read from besides the report's own.
+    pub fn others(&self) -> &[PathBuf] {
+        &self.others
+    }
+}
+
+impl LoggedResult {
+    /// The times, to the microseconds of the row.
+    pub fn times(&self) -> StageTimes {
+        let row = &self.row;
+        let stages = [
+            (Stage::Smoothing, row.smoothing_us),
+            (Stage::Texture, row.texture_us),
+            (Stage::Matching, row.matching_us),
+            (Stage::Checks, row.checks_us),
+            (Stage::Filters, row.filters_us.unwrap_or_default()),
+        ];
+        let whole: u64 = stages.iter().map(|(_, us)| us).sum();
+        // What was cut off each stage, at most 1 us, is in their sum.
+        let cut_ns = row.total_us.saturating_sub(whole) * 1000 / stages.len() as u64;
+        let mut times = StageTimes::default();
+        for (stage, us) in stages {
+            times.add(
+                stage,
+                Duration::from_micros(us) + Duration::from_nanos(cut_ns),
+            );
+        }
+        times
+    }
+}
+
+fn pair_key(
+    run: &Option<String>,
+    seed: Option<u64>,
+    sequence: u64,
+    stress: &Option<String>,
+) -> PairKey {
+    (run.clone(), seed, sequence, stress.clone())
+}
+
+/// The grid that these rows are of; nothing unless all its cells are there.
+fn depth_grid(rows: &[CellRow], settings: GridSettings) -> Option<DepthGrid> {
+    let shape = settings.shape();
+    let mut cells = vec![None; shape.cells()];
+    for row in rows {
+        let (column, line) = (row.column as usize, row.row as usize);
+        if column >= shape.columns || line >= shape.rows {
+            return None;
+        }
+        let depth = match (row.median_px, row.p20_px, row.p80_px) {
+            (Some(median_px), Some(p20_px), Some(p80_px)) => Some(CellDepth {
+                median_px: median_px as f32,
+                p20_px: p20_px as f32,
+                p80_px: p80_px as f32,
+                distance_m: row.distance_m,
+            }),
+            _ => None,
+        };
+        cells[line * shape.columns + column] = Some(Cell {
+            valid_share: row.valid_share,
+            depth,
+            probability: row.probability,
+            evidence: None,
+            too_close: row.state == Some(CellState::TooClose),
+        });
+    }
+    let cells = cells.into_iter().collect::<Option<Vec<_>>>()?;
+    DepthGrid::new(shape, cells).ok()
+}
+
+/// The rows of a CSV file up to the first that is not whole; none where there is no file.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn whole_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
+    let bytes = match std::fs::read(path) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => return Err(Error::io(path, error)),
+    };
+    let whole = bytes.iter().rposition(|&b| b == b'\n').map_or(0, |i| i + 1);
+    let mut reader = csv::Reader::from_reader(&bytes[..whole]);
+    let Ok(heads) = reader.headers().cloned() else {
+        return Ok(Vec::new());
+    };
+    let parse = |line: csv::Result<csv::StringRecord>| {
+        let line = line.ok()?;
+        let heads = &heads;
+        R::parse(CsvCells { heads, line: &line }).ok()
+    };
+    Ok(reader.records().map_while(parse).collect())
+}
+
+/// The folders that earlier reports of this folder were set aside in.
+fn set_aside(folder: &Path) -> Vec<PathBuf> {
+    let parent = folder.parent().filter(|parent| *parent != Path::new(""));
+    let mut name = folder.file_name().unwrap_or_default().to_os_string();
+    name.push(".earlier-");
+    let entries = std::fs::read_dir(parent.unwrap_or(Path::new(".")));
+    let entries = entries.into_iter().flatten().flatten();
+    let is_earlier = |path: &PathBuf| {
+        let file = path.file_name().unwrap_or_default();
+        file.as_encoded_bytes().starts_with(name.as_encoded_bytes())
+    };
+    let paths = entries.map(|entry| entry.path());
+    paths.filter(is_earlier).collect()
+}

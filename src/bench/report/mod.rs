@@ -1,0 +1,46 @@
+//! The reports of a run: rows → CSV and Parquet → summary → terminal, Markdown, HTML.
+//!
+//! ```text
+//! Row, CellRow, CheckpointRow ──▶ Table ──▶ .csv during the run, .parquet at its end
+//!      │
+//!      └──▶ Summary ──▶ Display, markdown, JSON, html::ReportPage,
+//!                       summary and verdicts as .csv and .parquet
+//! ```
+
+pub mod calibration;
+mod choice;
+pub mod compare;
+mod csv_rows;
+mod drives;
+pub mod evidence;
+mod gate;
+pub mod html;
+mod junit;
+mod log;
+mod markdown;
+mod merge;
+pub mod page;
+pub mod plot;
+mod rows;
+mod side_table;
+mod speed;
+mod stress;
+mod summary;
+mod tables;
+mod text;
+mod totals;
+mod words;
+
+pub use choice::{better_first, pareto_front};
+pub use csv_rows::{RowReader, read_rows};
+pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
+pub use gate::{GateResult, limit_results};
+pub use junit::{TestCase, TestResult, junit};
+pub use log::{LoggedPair, LoggedResult, ResultLog, whole_rows};
+pub use merge::merge_rows;
+pub use rows::{
+    CellRow, CheckpointRow, ColumnValue, CsvCells, MetricTotals, Record, Row, hash_words,
+};
+pub use stress::StressSummary;
+pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary};
+pub use tables::Table;

@@ -1,0 +1,135 @@
+//! What all HTML pages share: each is one file without scripts or anything to fetch.
+//!
+//! A page extends `base.html` (head, style, images, identity of the run) and fills its blocks
+//! `title`, `style`, `header` and `main`.
+
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use serde::Serialize;
+use svl_core::{Error, Result};
+use svl_data::overlay::Mark;
+
+const PARTS: [(&str, &str); 4] = [
+    ("base.html", include_str!("base.html")),
+    ("kit.html", include_str!("kit.html")),
+    ("tables.html", include_str!("tables.html")),
+    ("style.css", include_str!("style.css")),
+];
+
+/// The template `page` with the values of `view`; `style` is its own CSS, `page.css`. All texts are
+/// escaped, and a name that `view` does not have is an error.
+///
+/// # Errors
+/// [`Error::Invalid`] with what the template engine says.
+pub fn fill(page: &'static str, style: &'static str, view: impl Serialize) -> Result<String> {
+    let filled = || {
+        let mut templates = minijinja::Environment::new();
+        templates.set_trim_blocks(true);
+        templates.set_lstrip_blocks(true);
+        // A misspelt name in a template fails the tests instead of leaving a gap in a page.
+        templates.set_undefined_behavior(minijinja::UndefinedBehavior::Strict);
+        // The ending .html makes the engine escape texts.
+        for (name, part) in PARTS
+            .into_iter()
+            .chain([("page.css", style), ("page.html", page)])
+        {
+            templates.add_template(name, part)?;
+        }
+        templates.get_template("page.html")?.render(view)
+    };
+    filled().map_err(|e: minijinja::Error| Error::Invalid(format!("HTML page: {e:#}")))
+}
+
+/// An image file, PNG or JPEG, as a URL that holds it.
+pub(crate) fn data_url(file: &[u8]) -> String {
+    let kind = if file.starts_with(&[0xff, 0xd8]) {
+        "jpeg"
+    } else {
+        "png"
+    };
+    format!("data:image/{kind};base64,{}", STANDARD.encode(file))
+}
+
+/// The image files of a page, each held once however often it is shown.
+#[derive(Default)]
+pub struct PageImages<'a>(Vec<(&'a [u8], (usize, usize))>);
+
+/// An image file as the template sees it.
+#[derive(Serialize)]
+pub struct ImageView {
+    url: String,
+    width: usize,
+    height: usize,
+}
+
+/// An image shown with marks over it.
+#[derive(Serialize)]
+pub struct PictureView<'a> {
+    label: &'a str,
+    image: usize,
+    width: usize,
+    height: usize,
+    marks: Vec<MarkView>,
+}
+
+/// A cell of a depth grid, drawn.
+#[derive(Serialize)]
+pub struct MarkView {
+    #[serde(flatten)]
+    mark: Mark,
+    center: (f64, f64),
+    radius: f64,
+    /// What the cell says, for pointer and screen reader; may be empty.
+    words: String,
+    /// Whether it is crossed out.
+    wrong: bool,
+}
+
+impl<'a> PageImages<'a> {
+    /// The file, drawn at `size`, with marks over it.
+    pub fn picture(
+        &mut self,
+        label: &'a str,
+        file: &'a [u8],
+        size: (usize, usize),
+        marks: Vec<MarkView>,
+    ) -> PictureView<'a> {
+        let known = self.0.iter().position(|image| *image == (file, size));
+        let image = known.unwrap_or_else(|| {
+            self.0.push((file, size));
+            self.0.len() - 1
+        });
+        let (width, height) = size;
+        PictureView {
+            label,
+            image,
+            width,
+            height,
+            marks,
+        }
+    }
+
+    pub fn into_views(self) -> Vec<ImageView> {
+        let view = |(file, (width, height))| ImageView {
+            url: data_url(file),
+            width,
+            height,
+        };
+        self.0.into_iter().map(view).collect()
+    }
+}
+
+impl MarkView {
+    pub fn new(mark: Mark, words: String, wrong: bool) -> Self {
+        let (center, radius) = (
+            mark.cell.center(),
+            mark.cell.width.min(mark.cell.height) / 16.0,
+        );
+        Self {
+            mark,
+            center,
+            radius,
+            words,
+            wrong,
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! A course from above, with the ways that algorithms took through it.
+
+use super::{AXIS, DrawError, PlotCanvas, TEXT, WIDTH, color, svg, text, text_width};
+use plotters::prelude::*;
+use svl_core::Result;
+
+/// What a map shows. The course's `y` runs to the right. Points are metres.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CourseMap {
+    pub title: String,
+    /// Extent in x and in y.
+    pub size_m: (f64, f64),
+    pub goal_m: f64,
+    /// Closed outlines of what stands in the course.
+    pub outlines: Vec<Vec<[f64; 2]>>,
+    pub ways: Vec<MapWay>,
+}
+
+/// A way through a course.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MapWay {
+    pub name: String,
+    /// One more for each time that the robot was set back.
+    pub stretches: Vec<Vec<[f64; 2]>>,
+    pub collisions: Vec<[f64; 2]>,
+    pub stuck: Vec<[f64; 2]>,
+}
+
+const MARGIN: i32 = 12;
+/// Half the size of a cross.
+const CROSS: i32 = 9;
+
+impl CourseMap {
+    /// The map as an SVG element: what stands there in grey, a cross for each collision, a ring
+    /// where the robot was stuck.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Invalid`] with what the plotting library says.
+    pub fn svg(&self) -> Result<String> {
+        let scale = f64::from(WIDTH as i32 - 2 * MARGIN) / self.size_m.1;
+        let bottom = self.top() + (scale * self.size_m.0) as i32;
+        let height = bottom + TEXT as i32 + 2 * MARGIN;
+        svg(height as u32, &self.title, |canvas| {
+            self.draw(canvas, scale, bottom)
+        })
+    }
+
+    fn top(&self) -> i32 {
+        TEXT as i32 + 2 * MARGIN
+    }
+
+    fn draw(
+        &self,
+        canvas: &PlotCanvas,
+        scale: f64,
+        bottom: i32,
+    ) -> std::result::Result<(), DrawError> {
+        let place = |[x, y]: [f64; 2]| {
+            let across = MARGIN + (scale * y).round() as i32;
+            (
+                across,
+                self.top() + (scale * (self.size_m.0 - x)).round() as i32,
+            )
+        };
+        let places = |points: &[[f64; 2]]| points.iter().map(|p| place(*p)).collect::<Vec<_>>();
+        canvas.draw(&Text::new(self.title.clone(), (MARGIN, MARGIN), text(TEXT)))?;
+        for outline in &self.outlines {
+            canvas.draw(&Polygon::new(places(outline), AXIS.filled()))?;
+        }
+        let goal = [[0.0, self.goal_m], [self.size_m.0, self.goal_m]];
+        canvas.draw(&PathElement::new(places(&goal), AXIS.stroke_width(2)))?;
+        let mut key = MARGIN;
+        for (i, way) in self.ways.iter().enumerate() {
+            let color = color(i);
+            for stretch in &way.stretches {
+                canvas.draw(&PathElement::new(places(stretch), color.stroke_width(3)))?;
+            }
+            for at in &way.collisions {
+                let (x, y) = place(*at);
+                for down in [CROSS, -CROSS] {
+                    let line = vec![(x - CROSS, y - down), (x + CROSS, y + down)];
+                    canvas.draw(&PathElement::new(line, color.stroke_width(5)))?;
+                }
+            }
+            for at in &way.stuck {
+                canvas.draw(&Circle::new(place(*at), CROSS, color.stroke_width(3)))?;
+            }
+            let count = |sign: char, places: &[[f64; 2]]| match places.len() {
+                0 => String::new(),
+                n => format!(" {sign}{n}"),
+            };
+            let marks = count('×', &way.collisions) + &count('○', &way.stuck);
+            let name = format!("{}{marks}", way.name);
+            let (top, side) = (bottom + MARGIN, TEXT as i32 - 8);
+            let swatch = [(key, top + 6), (key + side, top + 6 + side)];
+            canvas.draw(&Rectangle::new(swatch, color.filled()))?;
+            key += side + 8;
+            canvas.draw(&Text::new(name.clone(), (key, top), text(TEXT)))?;
+            key += text_width(&name, TEXT) + 2 * MARGIN;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,413 @@
+//! The rows of the tables and their columns, as CSV, JSON and polars have them.
+//!
+//! Shares are 0..=1, cells and sequences count from 0, distances are along the optical axis. A
+//! number that needs truth is absent where there is none.
+
+use polars::prelude::{Column, DataFrame, PolarsResult};
+use std::str::FromStr;
+use svl_core::stereo::CellState;
+use svl_data::score::{METRICS, Metric, MetricValues, Verdict};
+
+/// A row of a table: named columns, each of one type.
+pub trait Record: Sized {
+    /// Names of the columns, in their order.
+    fn columns() -> Vec<&'static str>;
+
+    /// A value per column.
+    fn values(&self) -> Vec<ColumnValue<'_>>;
+
+    /// The row with the text that `cells` has in each column.
+    ///
+    /// # Errors
+    /// The column that is missing or holds no value of its type, in words.
+    fn parse(cells: CsvCells<'_>) -> Result<Self, String>;
+
+    /// The rows as a data frame, typed also when there are none.
+    ///
+    /// # Errors
+    /// What polars says.
+    fn frame(rows: &[Self]) -> PolarsResult<DataFrame>;
+}
+
+/// What stands in a column of a row.
+#[derive(serde::Serialize)]
+#[serde(untagged)]
+pub enum ColumnValue<'a> {
+    Text(&'a str),
+    Whole(Option<u64>),
+    Real(Option<f64>),
+    Flag(Option<bool>),
+}
+
+/// A line of a CSV file.
+#[derive(Clone, Copy)]
+pub struct CsvCells<'a> {
+    pub(super) heads: &'a csv::StringRecord,
+    pub(super) line: &'a csv::StringRecord,
+}
+
+impl<'a> CsvCells<'a> {
+    fn get(self, column: &str) -> Option<&'a str> {
+        // By name: older reports have fewer columns, and users may reorder them.
+        let place = self.heads.iter().position(|head| head == column)?;
+        self.line.get(place)
+    }
+}
+
+/// Declares a row of one list of fields, each a column or several.
+macro_rules! record {
+    ($(#[$about:meta])* $name:ident { $($(#[$doc:meta])* $field:ident: $kind:ty,)* }) => {
+        $(#[$about])*
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct $name { $($(#[$doc])* pub $field: $kind,)* }
+
+        impl $crate::report::rows::Record for $name {
+            fn columns() -> Vec<&'static str> {
+                let mut columns = Vec::new();
+                $(<$kind as $crate::report::rows::RowField>::columns(
+                    stringify!($field),
+                    &mut columns,
+                );)*
+                columns
+            }
+
+            fn values(&self) -> Vec<$crate::report::rows::ColumnValue<'_>> {
+                let mut values = Vec::new();
+                $($crate::report::rows::RowField::values(&self.$field, &mut values);)*
+                values
+            }
+
+            fn parse(
+                cells: $crate::report::rows::CsvCells<'_>,
+            ) -> std::result::Result<Self, String> {
+                Ok(Self {$(
+                    $field: $crate::report::rows::RowField::parse(stringify!($field), cells)?,
+                )*})
+            }
+
+            fn frame(rows: &[Self]) -> polars::prelude::PolarsResult<polars::prelude::DataFrame> {
+                let mut columns = Vec::new();
+                $(
+                    let fields: Vec<_> = rows.iter().map(|row| &row.$field).collect();
+                    columns.extend($crate::report::rows::RowField::stored(
+                        stringify!($field),
+                        &fields,
+                    ));
+                )*
+                polars::prelude::DataFrame::new(rows.len(), columns)
+            }
+        }
+
+        impl serde::Serialize for $name {
+            fn serialize<S: serde::Serializer>(
+                &self,
+                serializer: S,
+            ) -> std::result::Result<S::Ok, S::Error> {
+                use $crate::report::rows::Record as _;
+                serializer.collect_map(Self::columns().into_iter().zip(self.values()))
+            }
+        }
+    };
+}
+pub(super) use record;
+
+/// A hash of pixels or of a result as rows have it.
+pub fn hash_words(hash: u128) -> String {
+    format!("{hash:032x}")
+}
+
+record! {
+    /// One pair through one algorithm.
+    Row {
+        run_id: String,
+        scenario: String,
+        sequence: u64,
+        stamp_ns: u64,
+        /// The scene's name, empty where frames have none.
+        name: String,
+        /// Seed of the arena.
+        seed: Option<u64>,
+        /// Hash of the pair's pixels, hexadecimal.
+        pair_hash: String,
+        /// Its label, e.g. `v3:max_disparity=64`.
+        algorithm: String,
+        parameters_hash: String,
+        width: u32,
+        height: u32,
+        /// Number of disparities that the algorithm tries per pixel, where its parameters say.
+        disparities: Option<u32>,
+        smoothing_us: u64,
+        texture_us: u64,
+        matching_us: u64,
+        checks_us: u64,
+        total_us: u64,
+        /// A column per metric of frames.
+        metrics: MetricValues,
+        /// Hash of the disparity map, hexadecimal.
+        result_hash: String,
+        /// Where the truth comes from, as [`svl_core::stereo::TruthOrigin`] writes it; absent without
+        /// truth.
+        truth: Option<String>,
+        /// The recording, where the scenario has some.
+        run: Option<String>,
+        /// Of algorithms behind filters.
+        filters_us: Option<u64>,
+        /// What made the pair worse, as `row_offset=0.5`; absent for the pair as it is.
+        stress: Option<String>,
+    }
+}
+
+record! {
+    /// One cell of the obstacle grid in one pair through one algorithm.
+    CellRow {
+        run_id: String,
+        scenario: String,
+        sequence: u64,
+        /// Seed of the arena.
+        seed: Option<u64>,
+        algorithm: String,
+        column: u32,
+        row: u32,
+        /// Share of the cell's pixels with a disparity.
+        valid_share: f64,
+        median_px: Option<f64>,
+        p20_px: Option<f64>,
+        p80_px: Option<f64>,
+        distance_m: Option<f64>,
+        /// Median true disparity.
+        true_median_px: Option<f64>,
+        true_distance_m: Option<f64>,
+        verdict: Verdict,
+        /// Truly nearer than the scenario's `obstacle_m`, reported farther than its `clear_m`.
+        missed_obstacle: bool,
+        /// The reverse.
+        false_obstacle: bool,
+        /// The recording, where the scenario has some.
+        run: Option<String>,
+        /// Whether the algorithm knows the cell.
+        state: Option<CellState>,
+        /// How probably it is right, where the algorithm says so.
+        probability: Option<f64>,
+        /// What made the pair worse, if anything did.
+        stress: Option<String>,
+    }
+}
+
+record! {
+    /// One checkpoint of one run through one algorithm.
+    CheckpointRow {
+        run_id: String,
+        scenario: String,
+        seed: Option<u64>,
+        /// The checkpoint's number in the scenario.
+        checkpoint: u32,
+        name: String,
+        algorithm: String,
+        /// Frames that show the checkpoint.
+        frames: u64,
+        /// Frames of these in which it passes.
+        passed: u64,
+        /// `passed / frames`; absent when no frame shows it.
+        share: Option<f64>,
+        best_sequence: Option<u64>,
+        best_passed: Option<bool>,
+        worst_sequence: Option<u64>,
+        worst_passed: Option<bool>,
+        /// The recording, where the scenario has some.
+        run: Option<String>,
+        /// What made the pairs worse, if anything did.
+        stress: Option<String>,
+    }
+}
+
+/// A field of a row: one column of its name, or several.
+pub(super) trait RowField: Sized {
+    fn columns(name: &'static str, columns: &mut Vec<&'static str>) {
+        columns.push(name);
+    }
+
+    fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>);
+
+    fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String>;
+
+    fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column>;
+}
+
+/// Types that are one column: how it is written, read, kept by polars, and what stands for it where
+/// a file of before does not have it.
+macro_rules! columns {
+    ($($kind:ty: |$field:ident| $value:expr, $read:expr, $stored:expr, $absent:expr;)*) => {$(
+        impl RowField for $kind {
+            fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
+                let $field = self;
+                values.push($value);
+            }
+
+            fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+                let read: fn(&str) -> Option<Self> = $read;
+                let text = match (cells.get(name), $absent) {
+                    (Some(text), _) => text,
+                    (None, Some(absent)) => return Ok(absent),
+                    (None, None) => return Err(format!("has no column '{name}'")),
+                };
+                read(text).ok_or_else(|| format!("'{text}' in column '{name}' cannot be read"))
+            }
+
+            fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column> {
+                let values: Vec<_> = fields.iter().copied().map($stored).collect();
+                vec![Column::new(name.into(), values)]
+            }
+        }
+    )*};
+}
+
+columns! {
+    String: |text| ColumnValue::Text(text), |text| Some(text.to_owned()), String::clone, None;
+    Verdict: |v| ColumnValue::Text(v.name()), Verdict::from_name, |v| v.name(), None;
+    u32: |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone, None;
+    u64: |n| ColumnValue::Whole(Some(*n)), read, u64::clone, None;
+    f64: |v| ColumnValue::Real(Some(*v)), read, f64::clone, None;
+    bool: |flag| ColumnValue::Flag(Some(*flag)), read, bool::clone, None;
+    Option<u32>: |n| ColumnValue::Whole(n.map(Into::into)), optional, Option::clone, None;
+    Option<u64>: |n| ColumnValue::Whole(*n), optional, Option::clone, Some(None);
+    Option<f64>: |v| ColumnValue::Real(*v), optional, Option::clone, None;
+    Option<bool>: |flag| ColumnValue::Flag(*flag), optional, Option::clone, None;
+}
+
+fn read<T: FromStr>(text: &str) -> Option<T> {
+    text.parse().ok()
+}
+
+fn optional<T: FromStr>(text: &str) -> Option<Option<T>> {
+    match text {
+        "" => Some(None),
+        _ => text.parse().ok().map(Some),
+    }
+}
+
+/// Columns that files of before do not have: an absent one is that of no row.
+macro_rules! younger_columns {
+    ($($kind:ty: $text:expr, $read:expr;)*) => {$(
+        impl RowField for Option<$kind> {
+            fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
+                let text: fn(&$kind) -> &str = $text;
+                values.push(ColumnValue::Text(self.as_ref().map_or("", text)));
+            }
+
+            fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+                let read: fn(&str) -> Option<$kind> = $read;
+                match cells.get(name) {
+                    None | Some("") => Ok(None),
+                    Some(text) => match read(text) {
+                        Some(value) => Ok(Some(value)),
+                        None => Err(format!("'{text}' in column '{name}' cannot be read")),
+                    },
+                }
+            }
+
+            fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column> {
+                let text: fn(&$kind) -> &str = $text;
+                let values: Vec<_> = fields.iter().map(|field| field.as_ref().map(text)).collect();
+                vec![Column::new(name.into(), values)]
+            }
+        }
+    )*};
+}
+
+younger_columns! {
+    String: |text| text, |text| Some(text.to_owned());
+    CellState: |state| state.name(), CellState::from_name;
+}
+
+/// The metrics whose columns come first in rows; the others follow as [`METRICS`] has them.
+const FIRST_IN_ROWS: [&str; 10] = [
+    "coverage",
+    "bad1",
+    "bad2",
+    "invalid",
+    "right",
+    "wrong",
+    "unknown",
+    "missed",
+    "false",
+    "row_offset",
+];
+
+fn metrics_in_rows() -> Vec<(&'static Metric, &'static str)> {
+    let first = FIRST_IN_ROWS.iter().filter_map(|name| Metric::find(name));
+    // New metrics are appended, so that scripts that read columns by position go on working.
+    let rest = METRICS
+        .iter()
+        .filter(|metric| !FIRST_IN_ROWS.contains(&metric.name));
+    first
+        .chain(rest)
+        .filter_map(|metric| Some((metric, metric.column()?.0)))
+        .collect()
+}
+
+fn metrics_in_summaries() -> Vec<(&'static Metric, &'static str)> {
+    METRICS
+        .iter()
+        .filter_map(|metric| Some((metric, metric.column()?.0)))
+        .collect()
+}
+
+/// The metrics' columns of all frames of an algorithm.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MetricTotals(pub MetricValues);
+
+impl std::ops::Deref for MetricTotals {
+    type Target = MetricValues;
+
+    fn deref(&self) -> &MetricValues {
+        &self.0
+    }
+}
+
+/// The values of metrics: a column each, whole numbers where the metric counts.
+macro_rules! metric_columns {
+    ($($kind:ident, $order:ident, $new:expr;)*) => {$(
+        impl RowField for $kind {
+            fn columns(_: &'static str, columns: &mut Vec<&'static str>) {
+                columns.extend($order().into_iter().map(|(_, column)| column));
+            }
+
+            fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
+                values.extend($order().into_iter().map(|(metric, _)| match self.get(metric.name) {
+                    value if metric.counts() => ColumnValue::Whole(value.map(|n| n as u64)),
+                    value => ColumnValue::Real(value),
+                }));
+            }
+
+            /// A column that is missing is that of a metric younger than the file.
+            fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+                let mut metrics = MetricValues::default();
+                for (metric, column) in $order() {
+                    if cells.get(column).is_some() {
+                        metrics.set(metric.name, RowField::parse(column, cells)?);
+                    }
+                }
+                Ok($new(metrics))
+            }
+
+            fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
+                let column = |(metric, column): (&'static Metric, &'static str)| {
+                    let values = fields.iter().map(|field| field.get(metric.name));
+                    match metric.counts() {
+                        true => {
+                            let counts: Vec<_> = values.map(|v| v.map(|n| n as u64)).collect();
+                            Column::new(column.into(), counts)
+                        }
+                        false => Column::new(column.into(), values.collect::<Vec<_>>()),
+                    }
+                };
+                $order().into_iter().map(column).collect()
+            }
+        }
+    )*};
+}
+
+metric_columns! {
+    MetricValues, metrics_in_rows, std::convert::identity;
+    MetricTotals, metrics_in_summaries, MetricTotals;
+}

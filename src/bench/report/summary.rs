@@ -1,0 +1,392 @@
+//! A run in numbers: per algorithm, and per checkpoint and algorithm.
+
+use super::drives::{self, DriveRow, DriveSummary};
+use super::rows::{CheckpointRow, MetricTotals, Record, Row, record};
+use super::speed::Speed;
+use super::stress::StressSummary;
+use polars::prelude::{DataFrame, PolarsResult};
+use serde::Serialize;
+use svl_core::matcher::ProgramRecord;
+use svl_core::stereo::{CellRule, TruthOrigin};
+use svl_core::{Error, Result};
+use svl_data::manifest::{Manifest, hash};
+use svl_data::score::{DriveNumber, METRICS, Metric, MetricOrigin, MetricTotal, MetricValues};
+
+/// The results of a run. `Display` is a table for the terminal.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Summary {
+    /// Why the run is incomplete: it stopped early, pairs could not be read, or algorithms failed.
+    pub incomplete: Option<String>,
+    /// Digest of the pairs' hashes in their order; absent when there are none.
+    pub pairs_hash: Option<String>,
+    /// Where the truths come from: each [`svl_core::stereo::TruthOrigin`] of the rows, once.
+    pub truth: Vec<String>,
+    /// In the order in which they first appear in the rows.
+    pub algorithms: Vec<AlgorithmSummary>,
+    /// By number of the checkpoint, then as the algorithms.
+    pub checkpoints: Vec<CheckpointSummary>,
+    /// Algorithms that failed on every pair.
+    pub failed: Vec<FailedAlgorithm>,
+    /// What matched as a program of its own.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub programs: Vec<ProgramSummary>,
+    /// Where the algorithms steered a robot, in their order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub drives: Vec<DriveSummary>,
+    /// Per perturbation, level and algorithm, where pairs were made worse.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub stress: Vec<StressSummary>,
+    /// How cells were scored.
+    #[serde(skip)]
+    pub rule: CellRule,
+    /// What the times are of, where that is known.
+    #[serde(skip)]
+    pub times: Option<String>,
+    /// Whether they are of matching alone.
+    #[serde(skip)]
+    pub measured: bool,
+}
+
+/// An algorithm without a result.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FailedAlgorithm {
+    pub algorithm: String,
+    /// Why it failed on the last pair.
+    pub reason: String,
+}
+
+/// A program behind an algorithm.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ProgramSummary {
+    pub algorithm: String,
+    #[serde(flatten)]
+    pub program: ProgramRecord,
+}
+
+record! {
+    /// One algorithm over all pairs. A number is absent when no pair has it.
+    AlgorithmSummary {
+        algorithm: String,
+        pairs: u64,
+        /// Per metric of frames the sum of what it counts, or its mean.
+        totals: MetricTotals,
+        /// Median time a pair by nearest rank.
+        p50_ms: f64,
+        /// Percentiles by nearest rank: the 99th is the slowest pair when there are fewer than a
+        /// hundred.
+        p95_ms: f64,
+        p99_ms: f64,
+        max_ms: f64,
+        /// Median seconds per million pixels.
+        time_per_mp_s: f64,
+        /// Median seconds per 10⁹ pixels times disparities.
+        time_per_gd_s: Option<f64>,
+        /// Million pixels times disparities a second, of the median pair.
+        mde_per_s: Option<f64>,
+        /// Mean over the half of the pairs whose total is nearest to the median, so that the stages
+        /// add up and an outlier does not count; as are the next four.
+        smoothing_ms: f64,
+        texture_ms: f64,
+        matching_ms: f64,
+        checks_ms: f64,
+        /// What belongs to no stage.
+        other_ms: f64,
+        /// Digest of the hashes of its results in their order.
+        results_hash: String,
+        /// Pairs whose time per pixel is an outlier: a modified Z-score above 14.26.
+        outliers: u64,
+        /// The memory that it took for its largest pair, 10⁶ bytes, where it was measured.
+        memory_mb: Option<f64>,
+        /// What filters take, as the stages.
+        filters_ms: f64,
+    }
+}
+
+record! {
+    /// One checkpoint through one algorithm over all runs.
+    CheckpointSummary {
+        checkpoint: u32,
+        name: String,
+        algorithm: String,
+        /// Frames that show the checkpoint.
+        frames: u64,
+        passed: u64,
+        /// Whether the best frame of all runs passes; absent when no frame shows the checkpoint.
+        best_passed: Option<bool>,
+        /// Whether the worst frame of all runs passes.
+        worst_passed: Option<bool>,
+    }
+}
+
+impl AlgorithmSummary {
+    /// The value of a metric of frames, absent where the run does not measure it; of the others see
+    /// [`Summary::value`].
+    pub fn value(&self, metric: &Metric) -> Option<f64> {
+        match metric.origin {
+            MetricOrigin::Frame { .. } => self.totals.value(metric),
+            MetricOrigin::Time => Some(self.p50_ms),
+            MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
+        }
+    }
+}
+
+impl CheckpointSummary {
+    /// Share of frames in which the checkpoint passes.
+    pub fn share(&self) -> Option<f64> {
+        (self.frames > 0).then(|| self.passed as f64 / self.frames as f64)
+    }
+}
+
+impl Summary {
+    /// Sums up rows, whatever made their pairs worse.
+    pub(super) fn from_frames_of(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
+        let summary = Row::frame(rows).and_then(|rows| {
+            let checkpoints = CheckpointRow::frame(checkpoints)?;
+            Self::from_frames(&rows, &checkpoints)
+        });
+        summary.map_err(|e| Error::Invalid(format!("summary of {} rows: {e}", rows.len())))
+    }
+
+    /// Completes the manifest with the digests of pairs and results, and the summary with what only
+    /// the manifest has.
+    pub fn complete(&mut self, manifest: &mut Manifest) {
+        self.times.clone_from(&manifest.times);
+        for record in &manifest.algorithms {
+            let program = record.program.clone();
+            self.programs.extend(program.map(|program| ProgramSummary {
+                algorithm: record.label.clone(),
+                program,
+            }));
+            let mut summaries = self.algorithms.iter_mut();
+            let summary = summaries.find(|a| a.algorithm == record.label);
+            match (summary, &record.failure) {
+                (Some(summary), _) => {
+                    summary.memory_mb = record.memory_bytes.map(|bytes| bytes as f64 / 1e6);
+                }
+                (None, Some(reason)) => self.failed.push(FailedAlgorithm {
+                    algorithm: record.label.clone(),
+                    reason: reason.clone(),
+                }),
+                (None, None) => {}
+            }
+        }
+        manifest.pairs_hash.clone_from(&self.pairs_hash);
+        manifest.truth.clone_from(&self.truth);
+        for record in &mut manifest.algorithms {
+            let summary = self.algorithms.iter().find(|a| a.algorithm == record.label);
+            record.results_hash = summary.map(|a| a.results_hash.clone());
+        }
+    }
+
+    /// The value of any metric, absent where the run does not measure it. `checkpoint`: the one
+    /// that counts, in place of all.
+    pub fn value(&self, label: &str, metric: &Metric, checkpoint: Option<u32>) -> Option<f64> {
+        match metric.origin {
+            MetricOrigin::Frame { .. } | MetricOrigin::Time => {
+                let own = self.algorithms.iter().find(|a| a.algorithm == label)?;
+                own.value(metric)
+            }
+            MetricOrigin::Checkpoints => {
+                let own = self.checkpoints.iter().filter(|c| {
+                    c.algorithm == label && checkpoint.is_none_or(|number| c.checkpoint == number)
+                });
+                let (frames, passed) = own.fold((0, 0), |(frames, passed), c| {
+                    (frames + c.frames, passed + c.passed)
+                });
+                (frames > 0).then(|| passed as f64 / frames as f64)
+            }
+            MetricOrigin::Drives(number) => {
+                let own = self.drives.iter().find(|d| d.algorithm == label)?;
+                Some(match number {
+                    DriveNumber::Finished => own.finished_share(),
+                    DriveNumber::Collisions => own.collisions_per_100m,
+                    DriveNumber::NearMisses => own.near_misses_per_100m,
+                })
+            }
+        }
+    }
+
+    /// Adds what became of drives.
+    pub fn add_drives(&mut self, rows: &[DriveRow]) {
+        self.drives = drives::summarize(rows, None);
+        super::stress::add_drives(&mut self.stress, &self.drives, rows);
+    }
+
+    /// What must be said above every table that needs a truth; nothing where that is exact.
+    pub fn caution(&self) -> Option<String> {
+        caution(&self.truth)
+    }
+
+    /// Sums up the tables of [`super::Row`] and [`super::CheckpointRow`].
+    fn from_frames(rows: &DataFrame, checkpoints: &DataFrame) -> PolarsResult<Self> {
+        let algorithms: Vec<_> = groups(rows, &["algorithm"])?
+            .iter()
+            .map(algorithm)
+            .collect::<PolarsResult<_>>()?;
+        let mut checkpoints: Vec<_> = groups(checkpoints, &["checkpoint", "algorithm"])?
+            .iter()
+            .map(checkpoint)
+            .collect::<PolarsResult<_>>()?;
+        let order = |name: &str| algorithms.iter().position(|a| a.algorithm == name);
+        // Stable: equal checkpoints of several algorithms follow the order of the rows.
+        checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
+        Ok(Self {
+            incomplete: None,
+            pairs_hash: pairs_hash(rows)?,
+            truth: truths(rows)?,
+            algorithms,
+            checkpoints,
+            failed: Vec::new(),
+            programs: Vec::new(),
+            drives: Vec::new(),
+            stress: Vec::new(),
+            rule: CellRule::default(),
+            times: None,
+            measured: false,
+        })
+    }
+}
+
+/// What must be said beside numbers that come of these origins of truths.
+pub(super) fn caution(truths: &[String]) -> Option<String> {
+    let origins = truths
+        .iter()
+        .map(|truth| TruthOrigin::try_from(truth.clone()));
+    let cautions: Vec<_> = origins
+        .filter_map(|origin| origin.ok()?.caution())
+        .collect();
+    let exact = truths.len() > cautions.len() && !cautions.is_empty();
+    let exact = exact.then(|| "partly against exact truth".to_owned());
+    let words: Vec<_> = cautions.into_iter().chain(exact).collect();
+    (!words.is_empty()).then(|| words.join("; "))
+}
+
+fn truths(rows: &DataFrame) -> PolarsResult<Vec<String>> {
+    let mut truths: Vec<String> = Vec::new();
+    for truth in rows.column("truth")?.str()?.iter().flatten() {
+        if !truths.iter().any(|known| known == truth) {
+            truths.push(truth.to_owned());
+        }
+    }
+    Ok(truths)
+}
+
+/// The groups in order of appearance, none empty.
+fn groups(frame: &DataFrame, by: &[&str]) -> PolarsResult<Vec<DataFrame>> {
+    if frame.height() == 0 {
+        Ok(Vec::new())
+    } else {
+        // Polars cannot partition an empty frame without columns.
+        frame.partition_by_stable(by.iter().copied(), true)
+    }
+}
+
+fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
+    let speed = Speed::from_rows(rows)?;
+    let [
+        smoothing_ms,
+        texture_ms,
+        matching_ms,
+        checks_ms,
+        filters_ms,
+        other_ms,
+    ] = speed.stages_ms;
+    let time_per_gd_s = speed.time_per_gd_s();
+    Ok(AlgorithmSummary {
+        algorithm: first(rows, "algorithm")?,
+        pairs: rows.height() as u64,
+        totals: totals(rows)?,
+        p50_ms: speed.rank_ms(0.50),
+        p95_ms: speed.rank_ms(0.95),
+        p99_ms: speed.rank_ms(0.99),
+        max_ms: speed.rank_ms(1.0),
+        time_per_mp_s: speed.time_per_mp_s(),
+        time_per_gd_s,
+        mde_per_s: time_per_gd_s.filter(|t| *t > 0.0).map(|t| 1e3 / t),
+        smoothing_ms,
+        texture_ms,
+        matching_ms,
+        checks_ms,
+        filters_ms,
+        other_ms,
+        results_hash: digest(rows.column("result_hash")?.str()?.iter().flatten()),
+        outliers: speed.outliers(),
+        memory_mb: None,
+    })
+}
+
+fn totals(rows: &DataFrame) -> PolarsResult<MetricTotals> {
+    let mut totals = MetricValues::default();
+    for metric in METRICS {
+        let value = match metric.column() {
+            Some((column, MetricTotal::Mean)) => mean(rows, column)?,
+            Some((column, _)) => sum(rows, column)?.map(|count| count as f64),
+            None => continue,
+        };
+        // Polars sums in blocks; the digits of earlier reports depend on its order of addition.
+        totals.set(metric.name, value);
+    }
+    Ok(MetricTotals(totals))
+}
+
+fn checkpoint(runs: &DataFrame) -> PolarsResult<CheckpointSummary> {
+    let best = flags(runs, "best_passed")?;
+    let worst = flags(runs, "worst_passed")?;
+    Ok(CheckpointSummary {
+        checkpoint: runs
+            .column("checkpoint")?
+            .u32()?
+            .first()
+            .unwrap_or_default(),
+        name: first(runs, "name")?,
+        algorithm: first(runs, "algorithm")?,
+        frames: sum(runs, "frames")?.unwrap_or_default(),
+        passed: sum(runs, "passed")?.unwrap_or_default(),
+        // The best frame of all runs passes when the best frame of any run does.
+        best_passed: (!best.is_empty()).then(|| best.contains(&true)),
+        worst_passed: (!worst.is_empty()).then(|| !worst.contains(&false)),
+    })
+}
+
+/// A pair's rows stand one after another.
+fn pairs_hash(rows: &DataFrame) -> PolarsResult<Option<String>> {
+    if rows.height() == 0 {
+        return Ok(None);
+    }
+    let (seeds, sequences) = (rows.column("seed")?.u64()?, rows.column("sequence")?.u64()?);
+    let (runs, hashes) = (rows.column("run")?.str()?, rows.column("pair_hash")?.str()?);
+    let mut pairs: Vec<_> = seeds
+        .iter()
+        .zip(runs.iter().zip(sequences.iter()))
+        .zip(hashes.iter())
+        .collect();
+    // Each algorithm has a row per pair; dedup leaves one per pair, as they are neighbours.
+    pairs.dedup();
+    Ok(Some(digest(pairs.into_iter().filter_map(|(_, hash)| hash))))
+}
+
+fn digest<'a>(hashes: impl Iterator<Item = &'a str>) -> String {
+    hash(&hashes.collect::<Vec<_>>().join("\n"))
+}
+
+fn first(group: &DataFrame, column: &str) -> PolarsResult<String> {
+    Ok(group
+        .column(column)?
+        .str()?
+        .first()
+        .unwrap_or_default()
+        .to_owned())
+}
+
+fn sum(group: &DataFrame, column: &str) -> PolarsResult<Option<u64>> {
+    let column = group.column(column)?.u64()?;
+    Ok(column.iter().flatten().reduce(|a, b| a + b))
+}
+
+fn mean(group: &DataFrame, column: &str) -> PolarsResult<Option<f64>> {
+    Ok(group.column(column)?.as_materialized_series().mean())
+}
+
+fn flags(group: &DataFrame, column: &str) -> PolarsResult<Vec<bool>> {
+    Ok(group.column(column)?.bool()?.iter().flatten().collect())
+}

@@ -1,0 +1,274 @@
+//! Sinks: tables, checkpoints, pictures, viewer, recordings. [`Sinks::open`] builds them.
+
+mod checkpoints;
+mod collect;
+mod pictures;
+mod recording;
+mod table;
+mod viewer;
+
+pub use checkpoints::CheckpointSink;
+pub use collect::{CollectSink, WatchSink};
+pub(crate) use pictures::frame_shot;
+pub use pictures::{PictureSink, ReportPictures};
+pub use recording::RecordingSink;
+pub(crate) use table::RunIdentity;
+pub use table::TableSink;
+pub use viewer::{
+    BoardView, CellNote, RerunDetail, RerunTarget, RunInfo, StepView, Verdicts, Viewer,
+};
+
+use crate::report::{CheckpointRow, ResultLog, Row, Summary};
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use svl_core::stereo::{Frame, Losses};
+use svl_core::{Error, Result};
+use svl_data::manifest::Manifest;
+use svl_data::recording::Writer;
+use svl_data::score::{Judge, Judged};
+
+/// The run for Rerun in the folder of a report.
+pub const REPORT_RUN: &str = "run.rrd";
+
+/// Takes the frames of one run after the other.
+pub trait Sink: Send {
+    /// A run begins.
+    ///
+    /// # Errors
+    /// As [`Sink::take`].
+    fn begin_run(&mut self, _: &RunStart<'_>) -> Result<()> {
+        Ok(())
+    }
+
+    /// Takes a frame with its scored estimates.
+    ///
+    /// # Errors
+    /// What keeps it from being kept. What was taken before stays readable.
+    fn take(&mut self, judged: &Judged) -> Result<()>;
+
+    /// Whose disparity maps it will show of a frame that comes later: sets in `needed` those of the
+    /// run's algorithms. Asked for every frame in order, before any of them is taken,
+    /// where results of an earlier run stand in for matching: they have none.
+    fn ask_for_maps(&mut self, _frame: &Frame, _shows_checkpoint: bool, _needed: &mut [bool]) {}
+
+    /// Waits until its threads have done what it gave them: measured matching begins.
+    ///
+    /// # Errors
+    /// As [`Sink::take`].
+    fn settle(&mut self) -> Result<()> {
+        Ok(())
+    }
+
+    /// The run is over, complete or not.
+    ///
+    /// # Errors
+    /// As [`Sink::take`].
+    fn end_run(&mut self, _: &RunEnd<'_>) -> Result<()> {
+        Ok(())
+    }
+
+    /// Completes the output, after the last run.
+    ///
+    /// # Errors
+    /// As [`Sink::take`].
+    fn finish(self: Box<Self>) -> Result<()>;
+}
+
+/// What holds for a run.
+#[derive(Clone, Copy)]
+pub struct RunStart<'a> {
+    pub manifest: &'a Manifest,
+    /// Results of an earlier part of the same run, which a measured run takes in place of matching.
+    pub log: Option<&'a ResultLog>,
+    /// Seed of the arena's run.
+    pub seed: Option<u64>,
+    pub judge: &'a Judge,
+}
+
+/// How a run ended.
+#[derive(Clone, Copy)]
+pub struct RunEnd<'a> {
+    /// What of the source is in no frame.
+    pub losses: &'a Losses,
+    /// Why the run ended before its end.
+    pub error: Option<&'a str>,
+}
+
+/// What a run is to write.
+#[derive(Default)]
+pub struct SinkRequest<'a> {
+    /// A file for the rows, `.csv` or `.parquet`.
+    pub rows: Option<&'a Path>,
+    /// A file for the cells, likewise.
+    pub cells: Option<&'a Path>,
+    /// A folder for all tables; the pictures of a report page are collected too.
+    pub report: Option<&'a Path>,
+    pub viewer: Option<ViewerRequest>,
+    /// A recording of the pairs and of every algorithm's disparities.
+    pub recording: Option<Writer>,
+}
+
+/// How a viewer shows a run.
+pub struct ViewerRequest {
+    pub viewer: &'static dyn Viewer,
+    pub target: RerunTarget,
+    pub detail: RerunDetail,
+    pub info: RunInfo,
+}
+
+/// The sinks of one or several runs.
+pub struct Sinks {
+    sinks: Vec<Box<dyn Sink>>,
+    /// How many of them write tables; they come first.
+    tables: usize,
+    rows: Outbox<Vec<Row>>,
+    checkpoints: Outbox<Vec<CheckpointRow>>,
+    pictures: Outbox<ReportPictures>,
+}
+
+/// What the sinks collected over all runs.
+#[derive(Default)]
+pub struct RunResults {
+    pub rows: Vec<Row>,
+    pub checkpoints: Vec<CheckpointRow>,
+    pub pictures: ReportPictures,
+}
+
+impl Sinks {
+    /// Opens the sinks: the one place that builds them.
+    ///
+    /// # Errors
+    /// A file that cannot be made, a viewer that does not answer.
+    pub fn open(request: SinkRequest<'_>) -> Result<Self> {
+        let rows = Outbox::default();
+        let checkpoints = Outbox::default();
+        let pictures = Outbox::default();
+        let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
+        match request.report {
+            None => sinks.push(Box::new(TableSink::new(
+                request.rows,
+                request.cells,
+                &rows,
+            )?)),
+            Some(folder) => {
+                std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+                sinks.push(Box::new(TableSink::in_folder(folder, &rows)?));
+                sinks.push(Box::new(CheckpointSink::in_folder(folder, &checkpoints)?));
+                sinks.push(Box::new(PictureSink::new(&pictures)));
+            }
+        }
+        let tables = match request.report {
+            None => 1,
+            Some(_) => 2,
+        };
+        if let Some(ViewerRequest {
+            viewer,
+            target,
+            detail,
+            info,
+        }) = request.viewer
+        {
+            // It is finished after the tables, which then have the verdicts.
+            let (rows, checkpoints) = (rows.clone(), checkpoints.clone());
+            let scenario = info.scenario.clone();
+            let verdicts: Verdicts = Box::new(move || {
+                let summary = rows.with(|rows| {
+                    checkpoints.with(|checkpoints| Summary::from_rows(rows, checkpoints))
+                });
+                Some(summary.ok()?.verdicts_markdown(&scenario))
+            });
+            let verdicts = request.report.map(|_| verdicts);
+            sinks.push(viewer.run(target, detail, &info, verdicts)?);
+        }
+        if let Some(writer) = request.recording {
+            sinks.push(Box::new(RecordingSink::new(writer)));
+        }
+        Ok(Self {
+            sinks,
+            tables,
+            rows,
+            checkpoints,
+            pictures,
+        })
+    }
+
+    /// Adds a sink of the caller's.
+    pub fn push(&mut self, sink: impl Sink + 'static) {
+        self.sinks.push(Box::new(sink));
+    }
+
+    /// For [`crate::run::run`].
+    pub fn as_mut_slice(&mut self) -> &mut [Box<dyn Sink>] {
+        &mut self.sinks
+    }
+
+    /// Those that write tables: what is perturbed is shown in no picture.
+    pub fn tables_mut(&mut self) -> &mut [Box<dyn Sink>] {
+        &mut self.sinks[..self.tables]
+    }
+
+    /// The sinks alone: nothing of what they collect is of interest.
+    pub fn into_boxed(self) -> Vec<Box<dyn Sink>> {
+        self.sinks
+    }
+
+    /// Finishes all sinks in their order, also after one that fails. The results hold also then.
+    pub fn finish(self) -> (RunResults, Result<()>) {
+        let finished = finish(self.sinks);
+        let results = RunResults {
+            rows: self.rows.take(),
+            checkpoints: self.checkpoints.take(),
+            pictures: self.pictures.take(),
+        };
+        (results, finished)
+    }
+}
+
+/// Finishes all sinks in their order, also after one that fails.
+///
+/// # Errors
+/// The first of them.
+pub fn finish(sinks: Vec<Box<dyn Sink>>) -> Result<()> {
+    sinks
+        .into_iter()
+        .map(Sink::finish)
+        .fold(Ok(()), Result::and)
+}
+
+/// What a sink leaves when it is finished, for its maker and for the sinks that finish after it.
+pub struct Outbox<T>(Arc<Mutex<T>>);
+
+impl<T: Default> Default for Outbox<T> {
+    fn default() -> Self {
+        Self(Arc::default())
+    }
+}
+
+impl<T> Clone for Outbox<T> {
+    fn clone(&self) -> Self {
+        Self(Arc::clone(&self.0))
+    }
+}
+
+impl<T> Outbox<T> {
+    /// Leaves the value, for who holds a copy of the outbox.
+    pub fn put(&self, value: T) {
+        *self.lock() = value;
+    }
+
+    /// Looks at what was left; the default before the sink is finished.
+    pub fn with<R>(&self, look: impl FnOnce(&T) -> R) -> R {
+        look(&self.lock())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, T> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<T: Default> Outbox<T> {
+    /// Takes what was left.
+    pub fn take(&self) -> T {
+        std::mem::take(&mut *self.lock())
+    }
+}

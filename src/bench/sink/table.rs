@@ -1,0 +1,193 @@
+//! Rows of the tables: one per pair and algorithm, one per cell.
+
+use super::{Outbox, RunStart, Sink};
+use crate::report::{CellRow, Row, Table, hash_words};
+use std::path::Path;
+use std::time::Duration;
+use svl_core::Result;
+use svl_core::timing::Stage;
+use svl_data::manifest::AlgorithmRecord;
+use svl_data::score::{CellJudgement, Judged, JudgedEstimate};
+
+/// Writes the rows of a run, and keeps them for its summary.
+pub struct TableSink {
+    rows: Table<Row>,
+    cells: Option<Table<CellRow>>,
+    identity: RunIdentity,
+    kept: Vec<Row>,
+    outbox: Outbox<Vec<Row>>,
+}
+
+impl TableSink {
+    /// Writes rows and cells to a file where one is given, `.csv` or `.parquet`, and leaves all
+    /// rows in `outbox`.
+    ///
+    /// # Errors
+    /// As [`Table::create`].
+    pub fn new(
+        rows: Option<&Path>,
+        cells: Option<&Path>,
+        outbox: &Outbox<Vec<Row>>,
+    ) -> Result<Self> {
+        let rows = rows.map_or_else(|| Ok(Table::in_memory()), Table::create)?;
+        let cells = cells.map(Table::create).transpose()?;
+        Ok(Self::with_tables(rows, cells, outbox))
+    }
+
+    /// Writes `rows` and `cells` into a folder, each as `.csv` and `.parquet`, and leaves all rows
+    /// in `outbox`.
+    ///
+    /// # Errors
+    /// As [`Table::create`].
+    pub fn in_folder(folder: &Path, outbox: &Outbox<Vec<Row>>) -> Result<Self> {
+        let rows = Table::create_both(folder, "rows")?;
+        let cells = Table::create_both(folder, "cells")?;
+        Ok(Self::with_tables(rows, Some(cells), outbox))
+    }
+
+    fn with_tables(
+        rows: Table<Row>,
+        cells: Option<Table<CellRow>>,
+        outbox: &Outbox<Vec<Row>>,
+    ) -> Self {
+        Self {
+            rows,
+            cells,
+            identity: RunIdentity::default(),
+            kept: Vec::new(),
+            outbox: outbox.clone(),
+        }
+    }
+}
+
+impl Sink for TableSink {
+    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
+        self.identity = RunIdentity::new(start);
+        Ok(())
+    }
+
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        for estimate in &judged.estimates {
+            // The cells first: a row in the file means that its cells are there too.
+            if let Some(cells) = &mut self.cells {
+                cells.push(self.identity.cells(judged, estimate))?;
+            }
+            let row = self.identity.row(judged, estimate);
+            self.rows.push([row.clone()])?;
+            self.kept.push(row);
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        // Also of an incomplete table the rows are known.
+        self.outbox.put(self.kept);
+        let cells = self.cells.map_or(Ok(()), Table::finish);
+        self.rows.finish().and(cells)
+    }
+}
+
+/// What all rows of a run share.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct RunIdentity {
+    pub run_id: String,
+    pub scenario: String,
+    pub seed: Option<u64>,
+    /// The recording, where the scenario has some.
+    pub run: Option<String>,
+    /// What made the pairs worse.
+    pub stress: Option<String>,
+    algorithms: Vec<AlgorithmRecord>,
+}
+
+impl RunIdentity {
+    pub(crate) fn new(start: &RunStart<'_>) -> Self {
+        Self {
+            run_id: start.manifest.run_id.clone(),
+            scenario: start.manifest.scenario.clone(),
+            seed: start.seed,
+            run: Some(&start.judge.run.name)
+                .filter(|name| !name.is_empty())
+                .cloned(),
+            stress: start.judge.run.stress.clone(),
+            algorithms: start.manifest.algorithms.clone(),
+        }
+    }
+
+    /// An estimate as a row.
+    pub(crate) fn row(&self, judged: &Judged, scored: &JudgedEstimate) -> Row {
+        let (frame, estimate) = (&judged.frame, &scored.estimate);
+        let algorithm = self
+            .algorithms
+            .iter()
+            .find(|algorithm| algorithm.label == estimate.algorithm);
+        let (width, height) = frame.pair.size();
+        let us = |time: Duration| time.as_micros() as u64;
+        let stage = |stage| us(estimate.times.get(stage));
+        Row {
+            run_id: self.run_id.clone(),
+            scenario: self.scenario.clone(),
+            sequence: frame.sequence,
+            stamp_ns: frame.stamp_ns,
+            name: frame.name.clone().unwrap_or_default(),
+            seed: self.seed,
+            pair_hash: hash_words(judged.pair_hash()),
+            algorithm: estimate.algorithm.clone(),
+            parameters_hash: algorithm.map_or_else(String::new, |a| a.parameters_hash.clone()),
+            width: width as u32,
+            height: height as u32,
+            disparities: algorithm.and_then(|a| a.disparities),
+            smoothing_us: stage(Stage::Smoothing),
+            texture_us: stage(Stage::Texture),
+            matching_us: stage(Stage::Matching),
+            checks_us: stage(Stage::Checks),
+            total_us: us(estimate.times.total()),
+            metrics: scored.metrics,
+            result_hash: hash_words(scored.hash),
+            truth: frame
+                .truth
+                .as_ref()
+                .map(|truth| truth.kind.origin.to_string()),
+            run: self.run.clone(),
+            filters_us: estimate.unfiltered.as_ref().map(|_| stage(Stage::Filters)),
+            stress: self.stress.clone(),
+        }
+    }
+
+    /// The cells of an estimate as rows, in raster order.
+    pub(crate) fn cells(&self, judged: &Judged, scored: &JudgedEstimate) -> Vec<CellRow> {
+        let estimate = &scored.estimate;
+        let judgement = |i: usize| {
+            let cells = scored.cells.as_ref();
+            cells.map_or(CellJudgement::NO_TRUTH, |cells| cells[i])
+        };
+        let row =
+            |(i, ((column, row), cell)): (usize, ((usize, usize), &svl_core::stereo::Cell))| {
+                let judgement = judgement(i);
+                CellRow {
+                    run_id: self.run_id.clone(),
+                    scenario: self.scenario.clone(),
+                    sequence: judged.frame.sequence,
+                    seed: self.seed,
+                    algorithm: estimate.algorithm.clone(),
+                    column: column as u32,
+                    row: row as u32,
+                    valid_share: cell.valid_share,
+                    median_px: cell.depth.map(|d| d.median_px.into()),
+                    p20_px: cell.depth.map(|d| d.p20_px.into()),
+                    p80_px: cell.depth.map(|d| d.p80_px.into()),
+                    distance_m: cell.depth.and_then(|d| d.distance_m),
+                    true_median_px: judgement.true_px,
+                    true_distance_m: judgement.true_m,
+                    verdict: judgement.verdict,
+                    missed_obstacle: judgement.missed_obstacle,
+                    false_obstacle: judgement.false_obstacle,
+                    run: self.run.clone(),
+                    state: Some(cell.state()),
+                    probability: cell.probability,
+                    stress: self.stress.clone(),
+                }
+            };
+        estimate.grid.iter().enumerate().map(row).collect()
+    }
+}

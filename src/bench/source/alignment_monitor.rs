@@ -1,0 +1,83 @@
+//! Monitors the vertical misalignment of a source's pairs.
+
+use super::Source;
+use svl_core::Result;
+use svl_core::counted;
+use svl_core::rectify::AlignmentMeter;
+use svl_core::stereo::{Frame, Losses};
+use svl_data::score::Judged;
+
+/// A source that measures a few of its pairs, and warns once when they are vertically misaligned.
+pub struct AlignmentMonitor<'a> {
+    source: &'a mut dyn Source,
+    meter: AlignmentMeter,
+    taken: u64,
+    measured: u64,
+}
+
+/// One in this many pairs is measured, up to this many in all: enough for a result, at little cost.
+const EVERY: u64 = 8;
+const MEASURED: u64 = 5;
+
+impl<'a> AlignmentMonitor<'a> {
+    pub fn new(source: &'a mut dyn Source) -> Self {
+        Self {
+            source,
+            meter: AlignmentMeter::new(),
+            taken: 0,
+            measured: 0,
+        }
+    }
+
+    fn measure(&mut self, frame: Option<&Frame>) {
+        let due = self.taken.is_multiple_of(EVERY) && self.measured < MEASURED;
+        self.taken += 1;
+        let last = match frame {
+            Some(frame) if due => {
+                self.meter.add(&frame.pair);
+                self.measured += 1;
+                self.measured == MEASURED
+            }
+            Some(_) => false,
+            None => std::mem::replace(&mut self.measured, MEASURED) < MEASURED,
+        };
+        if last && let Some(found) = self.meter.alignment().filter(|found| found.is_off()) {
+            tracing::warn!(
+                "{}: vertical misalignment of {:.1} px (median of {} points in {}), which \
+                 costs matches: rectify with --calib; `svl calibrate check` says more",
+                self.source.name(),
+                found.median_abs_px,
+                found.matches,
+                counted(found.pairs as u64, "pair")
+            );
+        }
+    }
+}
+
+impl Source for AlignmentMonitor<'_> {
+    fn name(&self) -> String {
+        self.source.name()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        let frame = self.source.next()?;
+        self.measure(frame.as_ref());
+        Ok(frame)
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        self.source.pairs()
+    }
+
+    fn finish(&mut self, taken: u64) -> Losses {
+        self.source.finish(taken)
+    }
+
+    fn listens(&self) -> bool {
+        self.source.listens()
+    }
+
+    fn hear(&mut self, judged: &Judged) {
+        self.source.hear(judged);
+    }
+}

@@ -1,0 +1,68 @@
+//! Scenes of stereo data sets, as users have them on disk.
+//!
+//! [`DATASETS`] says all there is to say of a data set: whence it is fetched, under which terms,
+//! and how its files are called. One more is one more entry there.
+
+mod entry;
+mod eth3d;
+mod kitti;
+mod middlebury;
+mod scene;
+mod truth;
+
+pub use entry::{Dataset, Part};
+pub use scene::{Scene, SceneSource};
+
+use entry::{FileNames, PairFiles, Seen, TruthFile};
+use svl_core::did_you_mean;
+
+/// The data sets svl knows. Where a folder could be of several, the first is taken.
+pub const DATASETS: &[Dataset] = &[
+    middlebury::MIDDEVAL3,
+    middlebury::MIDDLEBURY2021,
+    middlebury::MIDDLEBURY2014,
+    middlebury::MIDDLEBURY2006,
+    middlebury::MIDDLEBURY2005,
+    middlebury::MIDDLEBURY2003,
+    middlebury::MIDDLEBURY2001,
+    kitti::KITTI2015,
+    kitti::KITTI2012,
+    eth3d::ETH3D,
+];
+
+/// Names that stand in nobody's archives but on many a disk.
+const OTHERS: FileNames = FileNames {
+    pairs: &[
+        PairFiles::beside("left", "right"),
+        PairFiles::beside("imL", "imR"),
+    ],
+    truths: &[
+        TruthFile {
+            name: "truedisp.pgm",
+            form: middlebury::SIXTEENTHS,
+            seen: Seen::Unknown,
+        },
+        TruthFile {
+            name: "disp_occ.png",
+            form: kitti::KITTI_PNG,
+            seen: Seen::Alone("disp_noc.png"),
+        },
+    ],
+    masks: &["mask_nonocc.png"],
+};
+
+/// The data set of that name.
+///
+/// # Errors
+/// One line that suggests the nearest name.
+pub fn find(name: &str) -> Result<&'static Dataset, String> {
+    DATASETS.iter().find(|d| d.name == name).ok_or_else(|| {
+        let hint = did_you_mean(name, DATASETS.iter().map(|d| d.name));
+        format!("unknown data set '{name}'{hint}; `svl datasets` lists them")
+    })
+}
+
+/// All names svl knows, in the order in which they are looked for.
+fn files() -> impl Iterator<Item = &'static FileNames> {
+    DATASETS.iter().map(|d| &d.files).chain([&OTHERS])
+}

@@ -1,0 +1,350 @@
+//! One scene of a data set: a pair, and what is known of its truth and its camera.
+
+use super::entry::{CalibFile, PairFiles};
+use super::{files, find, truth};
+use crate::source::Source;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use svl_calibrate::files::{read_calib, read_projections};
+use svl_core::stereo::{Exposure, Frame, Geometry, Rig};
+use svl_core::{Error, Result};
+use svl_data::files::{BitDepth, DECIDING_PAIRS, DecodedImage, IMAGE_ENDINGS, read_image};
+use svl_data::recording::StampOrigin;
+
+/// A left and a right image, and where they exist, truth, mask and calibration: a folder of its
+/// own, or one of many numbered scenes that share a folder, as in KITTI.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Scene {
+    name: String,
+    folder: PathBuf,
+    number: Option<String>,
+    pair: &'static PairFiles,
+    left: PathBuf,
+    right: PathBuf,
+}
+
+impl Scene {
+    /// The scene in `folder`, called `name`; nothing when the folder holds no pair by a name svl
+    /// knows.
+    pub fn find(folder: &Path, name: &str) -> Option<Self> {
+        let image = |name| image(folder, name, "");
+        files()
+            .flat_map(|f| f.pairs)
+            .filter(|pair| !pair.numbered())
+            .find_map(|pair| {
+                let (left, right) = (image(pair.left)?, image(pair.right)?);
+                Some(Self {
+                    name: name.to_owned(),
+                    folder: folder.to_owned(),
+                    number: None,
+                    pair,
+                    left,
+                    right,
+                })
+            })
+    }
+
+    /// What it is called.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// All scenes in `folder`, each called `prefix` and its own name: the numbered ones that share
+    /// it, or those in its subfolders, in the order of their names; none when it holds neither.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for a numbered image without a partner.
+    pub fn all_in(folder: &Path, prefix: &str) -> Result<Vec<Self>> {
+        for pair in files().flat_map(|f| f.pairs).filter(|pair| pair.numbered()) {
+            let numbers = numbers(folder, pair.left)?;
+            let scene = |number: String| Self::numbered(folder, pair, prefix, number);
+            if !numbers.is_empty() {
+                return numbers.into_iter().map(scene).collect();
+            }
+        }
+        let names = names(folder)?
+            .into_iter()
+            .filter(|name| folder.join(name).is_dir());
+        Ok(names
+            .filter_map(|name| Self::find(&folder.join(&name), &format!("{prefix}{name}")))
+            .collect())
+    }
+
+    fn numbered(
+        folder: &Path,
+        pair: &'static PairFiles,
+        prefix: &str,
+        number: String,
+    ) -> Result<Self> {
+        let image = |name: &str| {
+            let missing = || {
+                Error::format(
+                    folder.join(name.replace('*', &number)),
+                    "no such image; its partner exists",
+                )
+            };
+            image(folder, name, &number).ok_or_else(missing)
+        };
+        let (left, right) = (image(pair.left)?, image(pair.right)?);
+        Ok(Self {
+            name: format!("{prefix}{number}"),
+            folder: folder.to_owned(),
+            number: Some(number),
+            pair,
+            left,
+            right,
+        })
+    }
+
+    /// Scenes `names` below `root`: `cones`, a folder; `kitti2015/training/000000`, a numbered
+    /// scene; `kitti2015/training/*`, all scenes in that folder.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] naming the folder that is missing or holds no pair.
+    pub fn find_all(root: &Path, names: &[String]) -> Result<Vec<Self>> {
+        let mut scenes = Vec::new();
+        for name in names {
+            let found = match name.rsplit_once('/').unwrap_or(("", name)) {
+                (folder, "*") => {
+                    let below = root.join(folder);
+                    if below.is_dir() {
+                        Self::all_in(&below, &prefix(folder))?
+                    } else {
+                        Vec::new()
+                    }
+                }
+                (folder, own) => Self::find(&root.join(name), name).map_or_else(
+                    || Self::of_number(&root.join(folder), &prefix(folder), own),
+                    |scene| Ok(vec![scene]),
+                )?,
+            };
+            if found.is_empty() {
+                return Err(nothing(root, name));
+            }
+            // A scene counts once, however often it is named.
+            scenes.extend(
+                found
+                    .into_iter()
+                    .filter(|scene| !scenes.contains(scene))
+                    .collect::<Vec<_>>(),
+            );
+        }
+        Ok(scenes)
+    }
+
+    /// A scene by its number, or by its frame's name as KITTI's results have it, `000000_10`.
+    fn of_number(folder: &Path, prefix: &str, name: &str) -> Result<Vec<Self>> {
+        let numbers = [Some(name), name.strip_suffix("_10")].into_iter().flatten();
+        let pairs = files().flat_map(|f| f.pairs).filter(|pair| pair.numbered());
+        let mut named = pairs.flat_map(|pair| numbers.clone().map(move |number| (pair, number)));
+        let found = named.find(|(pair, number)| image(folder, pair.left, number).is_some());
+        found
+            .map(|(pair, number)| Self::numbered(folder, pair, prefix, number.to_owned()))
+            .into_iter()
+            .collect()
+    }
+
+    /// The file of the scene that a data set calls so, where it exists.
+    pub(super) fn file(&self, name: &str) -> Option<PathBuf> {
+        let own = self
+            .folder
+            .file_name()
+            .and_then(|n| n.to_str())
+            .unwrap_or(&self.name);
+        let name = match &self.number {
+            Some(number) => name.replace('*', number),
+            None => name.replace("{}", own),
+        };
+        Some(self.folder.join(name)).filter(|p| p.is_file())
+    }
+
+    fn images(&self) -> Result<[DecodedImage; 2]> {
+        Ok([read_image(&self.left)?, read_image(&self.right)?])
+    }
+
+    /// Reads it as frame number `sequence`; of 16 bits the upper 8 remain.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`], [`Error::PairSize`], each naming the file.
+    pub fn read(&self, sequence: u64) -> Result<Frame> {
+        self.read_with(sequence, &mut BitDepth::FULL.clone())
+    }
+
+    fn read_with(&self, sequence: u64, depth: &mut BitDepth) -> Result<Frame> {
+        let (pair, color) = depth
+            .pair(self.images()?)
+            .map_err(|e| Error::format(&self.left, e.to_string()))?;
+        Ok(Frame {
+            sequence,
+            stamp_ns: SceneSource::STAMPS.stamp_ns(sequence),
+            name: Some(self.name.clone()),
+            truth: truth::read(|name| self.file(name), pair.size())?,
+            geometry: Geometry::Rectified(self.rig(pair.size())?),
+            pair,
+            color,
+            pose: None,
+            exposure: Exposure {
+                trigger_id: sequence,
+                ..Exposure::default()
+            },
+        })
+    }
+
+    fn rig(&self, size: (usize, usize)) -> Result<Option<Rig>> {
+        match self.pair.calib {
+            CalibFile::Middlebury => self
+                .file("calib.txt")
+                .map(|path| read_calib(&path, size))
+                .transpose(),
+            CalibFile::Projections { file, left, right } => self
+                .file(file)
+                .map(|path| read_projections(&path, left, right))
+                .transpose(),
+        }
+    }
+}
+
+/// What stands before the names of a folder's scenes.
+fn prefix(folder: &str) -> String {
+    if folder.is_empty() {
+        String::new()
+    } else {
+        format!("{folder}/")
+    }
+}
+
+/// The image of that name, whatever its format.
+fn image(folder: &Path, name: &str, number: &str) -> Option<PathBuf> {
+    let name = name.replace('*', number);
+    IMAGE_ENDINGS
+        .iter()
+        .map(|ending| folder.join(format!("{name}.{ending}")))
+        .find(|p| p.is_file())
+}
+
+/// What stands for `*` in the images that `pattern` names, in order.
+fn numbers(folder: &Path, pattern: &str) -> Result<BTreeSet<String>> {
+    let Some((subfolder, (before, after))) = pattern
+        .rsplit_once('/')
+        .and_then(|(folder, name)| Some((folder, name.split_once('*')?)))
+    else {
+        return Ok(BTreeSet::new());
+    };
+    let subfolder = folder.join(subfolder);
+    if !subfolder.is_dir() {
+        return Ok(BTreeSet::new());
+    }
+    let number = |name: String| {
+        let (stem, ending) = name.rsplit_once('.')?;
+        let number = stem.strip_prefix(before)?.strip_suffix(after)?;
+        (IMAGE_ENDINGS.contains(&ending) && !number.is_empty()).then(|| number.to_owned())
+    };
+    Ok(names(&subfolder)?.into_iter().filter_map(number).collect())
+}
+
+/// The names in a folder, in order; names that are not UTF-8 belong to no data set.
+fn names(folder: &Path) -> Result<BTreeSet<String>> {
+    let io = |e| Error::io(folder, e);
+    let entries = std::fs::read_dir(folder)
+        .map_err(io)?
+        .collect::<std::io::Result<Vec<_>>>()
+        .map_err(io)?;
+    Ok(entries
+        .into_iter()
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .collect())
+}
+
+/// Why there is no scene `name` below `root`, with the cure.
+fn nothing(root: &Path, name: &str) -> Error {
+    let path = root.join(name);
+    let shown = root.display();
+    if path.is_dir() && Scene::all_in(&path, "").is_ok_and(|scenes| !scenes.is_empty()) {
+        let words = format!("is a folder of scenes; '{name}/*' names all of them");
+        return Error::format(path, words);
+    }
+    let what = if path.is_dir() || name.ends_with('*') && path.parent().is_some_and(Path::is_dir) {
+        "holds no stereo pair (im0.png and im1.png, say)"
+    } else {
+        "no such scene"
+    };
+    let cure = match name.split('/').next().map(find) {
+        Some(Ok(dataset)) => format!(
+            "`svl datasets fetch {} --data {shown}` gets it",
+            dataset.name
+        ),
+        _ => format!("is '{shown}' the folder of the data sets?"),
+    };
+    Error::format(path, format!("{what}; {cure}"))
+}
+
+/// Scenes, one frame each.
+///
+/// Nothing is known of when they were taken: a second apart stands for it.
+pub struct SceneSource {
+    scenes: Vec<Scene>,
+    depth: BitDepth,
+    next: usize,
+}
+
+impl SceneSource {
+    /// Stamps of scenes.
+    pub const STAMPS: StampOrigin = StampOrigin::Nominal(1.0);
+
+    pub fn new(scenes: Vec<Scene>) -> Self {
+        Self::with_bits(scenes, None).expect("only bits that are asked for can be wrong")
+    }
+
+    /// `bits`: how many of 16 are used [default: decided by the first pairs].
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for `bits` of 8-bit images.
+    pub fn with_bits(scenes: Vec<Scene>, bits: Option<u8>) -> Result<Self> {
+        let first = scenes.iter().take(DECIDING_PAIRS);
+        // One that cannot be read is reported in its turn.
+        let readable = first.filter_map(|scene| scene.images().ok());
+        let depth = BitDepth::decide(bits, readable.map(|pair| DecodedImage::largest_of(&pair)))?;
+        Ok(Self {
+            scenes,
+            depth,
+            next: 0,
+        })
+    }
+
+    /// How many bits the 16-bit images use.
+    pub fn bits(&self) -> Option<u8> {
+        self.depth.bits()
+    }
+
+    /// What the user should know of the images that is no warning.
+    pub fn note(&self) -> Option<String> {
+        self.depth.note()
+    }
+}
+
+impl Source for SceneSource {
+    fn name(&self) -> String {
+        match &self.scenes[..] {
+            [scene] => scene.name.clone(),
+            scenes => format!("{} scenes", scenes.len()),
+        }
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        let Some(scene) = self.scenes.get(self.next) else {
+            return Ok(None);
+        };
+        self.next += 1;
+        let sequence = self.next as u64 - 1;
+        scene.read_with(sequence, &mut self.depth).map(Some)
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        Some(self.scenes.len() as u64)
+    }
+
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        self.next = (index as usize).min(self.scenes.len());
+        Ok(true)
+    }
+}

@@ -1,0 +1,293 @@
+//! How folders of image pairs lie on disk: [`LAYOUTS`].
+
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use svl_core::{Error, Result};
+use svl_data::files::IMAGE_ENDINGS;
+
+/// A folder of many pairs.
+pub(super) struct Layout {
+    /// Whose it is.
+    pub name: &'static str,
+    /// The left and the right images: patterns as [`find`] takes them.
+    pub images: [&'static str; 2],
+    /// Files with the stamps of the left and the right images.
+    pub stamps: Option<[&'static str; 2]>,
+    pub cameras: Cameras,
+}
+
+/// What a layout says of its cameras, besides a `calib.txt` of Middlebury's.
+pub(super) enum Cameras {
+    /// Nothing: the images count as rectified.
+    Rectified,
+    /// A `sensor.yaml` of each camera in these folders: the images are raw where it is there.
+    Sensors([&'static str; 2]),
+    /// As `Sensors`, and raw without one too.
+    RawSensors([&'static str; 2]),
+    /// Named projections in `calib.txt`.
+    Projections([&'static str; 2]),
+    /// Named projections in `calib_cam_to_cam.txt`, here or in the folder of the day above: the
+    /// images are rectified where they have its rectified size.
+    CamToCam([&'static str; 2]),
+}
+
+/// All layouts; of several that fit the first is taken. A new one is one entry here.
+pub(super) const LAYOUTS: &[Layout] = &[
+    Layout {
+        name: "EuRoC",
+        images: ["cam0/data/*", "cam1/data/*"],
+        stamps: Some(["cam0/data.csv", "cam1/data.csv"]),
+        cameras: Cameras::RawSensors(["cam0", "cam1"]),
+    },
+    Layout {
+        name: "EuRoC",
+        images: ["mav0/cam0/data/*", "mav0/cam1/data/*"],
+        stamps: Some(["mav0/cam0/data.csv", "mav0/cam1/data.csv"]),
+        cameras: Cameras::RawSensors(["mav0/cam0", "mav0/cam1"]),
+    },
+    Layout {
+        name: "KITTI raw, grey",
+        images: ["image_00/data/*", "image_01/data/*"],
+        stamps: Some(["image_00/timestamps.txt", "image_01/timestamps.txt"]),
+        cameras: Cameras::CamToCam(["P_rect_00", "P_rect_01"]),
+    },
+    Layout {
+        name: "KITTI raw, colour",
+        images: ["image_02/data/*", "image_03/data/*"],
+        stamps: Some(["image_02/timestamps.txt", "image_03/timestamps.txt"]),
+        cameras: Cameras::CamToCam(["P_rect_02", "P_rect_03"]),
+    },
+    Layout {
+        name: "KITTI, colour",
+        images: ["image_2/*", "image_3/*"],
+        stamps: Some(["times.txt", "times.txt"]),
+        cameras: Cameras::Projections(["P2", "P3"]),
+    },
+    Layout {
+        name: "KITTI 2012, colour",
+        images: ["colored_0/*", "colored_1/*"],
+        stamps: None,
+        cameras: Cameras::Projections(["P2", "P3"]),
+    },
+    Layout {
+        name: "KITTI, grey",
+        images: ["image_0/*", "image_1/*"],
+        stamps: Some(["times.txt", "times.txt"]),
+        cameras: Cameras::Projections(["P0", "P1"]),
+    },
+    plain(["left/*", "right/*"]),
+    plain(["left/left*", "right/right*"]),
+    plain(["left/*left", "right/*right"]),
+    plain(["left/*_l", "right/*_r"]),
+    Layout {
+        name: "two cameras",
+        images: ["cam0/*", "cam1/*"],
+        stamps: Some(["cam0/data.csv", "cam1/data.csv"]),
+        cameras: Cameras::Sensors(["cam0", "cam1"]),
+    },
+    plain(["left*", "right*"]),
+    // MRPT's 0_left.jpg, and 00_left.png.
+    plain(["*left", "*right"]),
+    plain(["*_l", "*_r"]),
+];
+
+const fn plain(images: [&'static str; 2]) -> Layout {
+    Layout {
+        name: "left and right",
+        images,
+        stamps: None,
+        cameras: Cameras::Rectified,
+    }
+}
+
+/// All layouts, in a line.
+pub(super) fn known() -> String {
+    let patterns = |layout: &Layout| format!("{} ({})", layout.images.join(" and "), layout.name);
+    let known: Vec<_> = LAYOUTS.iter().map(patterns).collect();
+    known.join("; ")
+}
+
+/// Image files by what stands for `*` in their pattern: bytes, as names need not be UTF-8.
+pub(super) type Images = BTreeMap<Vec<u8>, PathBuf>;
+
+/// The images below `folder` that a pattern names: a path with one `*` in one of its parts, in
+/// whatever case; without an ending it is that of any image. None where folders are missing.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Format`] where two files have one name, but for their endings.
+pub(super) fn find(folder: &Path, pattern: &str) -> Result<Images> {
+    let mut parts = pattern.split('/').filter(|part| !["", "."].contains(part));
+    let mut folder = folder.to_owned();
+    let mut images = Images::new();
+    while let Some(part) = parts.next() {
+        if !part.contains('*') {
+            match child(&folder, part)? {
+                Some(found) => folder = found,
+                None => return Ok(images),
+            }
+            continue;
+        }
+        let rest: Vec<_> = parts.collect();
+        for entry in entries(&folder)? {
+            let Some(key) = key(&entry, part, rest.is_empty()) else {
+                continue;
+            };
+            let Some(image) = below(entry, &rest)? else {
+                continue;
+            };
+            if let Some(other) = images.insert(key, image.clone()) {
+                let both = format!("and {} have one name; leave one of them", other.display());
+                return Err(Error::format(image, both));
+            }
+        }
+        return Ok(images);
+    }
+    // Without a `*` it is one image.
+    if folder.is_file() {
+        images.insert(Vec::new(), folder);
+    }
+    Ok(images)
+}
+
+/// The file below `path` at the parts of a path.
+fn below(mut path: PathBuf, parts: &[&str]) -> Result<Option<PathBuf>> {
+    for part in parts {
+        match path.is_dir().then(|| child(&path, part)).transpose()? {
+            Some(Some(found)) => path = found,
+            _ => return Ok(None),
+        }
+    }
+    Ok(path.is_file().then_some(path))
+}
+
+/// The entry of that name, in whatever case, an image also without its ending.
+fn child(folder: &Path, name: &str) -> Result<Option<PathBuf>> {
+    let exact = folder.join(name);
+    if exact.exists() {
+        return Ok(Some(exact));
+    }
+    if !folder.is_dir() {
+        return Ok(None);
+    }
+    let fits = |path: &PathBuf| {
+        let found = path.file_name().unwrap_or_default().as_encoded_bytes();
+        found.eq_ignore_ascii_case(name.as_bytes())
+            || stem(found).is_some_and(|stem| stem.eq_ignore_ascii_case(name.as_bytes()))
+    };
+    Ok(entries(folder)?.into_iter().find(fits))
+}
+
+/// What stands for `*`, where the name of `path` fits `part`: without its ending, unless `part` has
+/// one or names a folder.
+fn key(path: &Path, part: &str, is_file: bool) -> Option<Vec<u8>> {
+    let name = path.file_name()?.as_encoded_bytes();
+    let name = match is_file {
+        // Only images, whatever the pattern.
+        true if stem(part.as_bytes()).is_some() => stem(name).map(|_| name)?,
+        true => stem(name)?,
+        false => name,
+    };
+    let (before, after) = part.split_once('*')?;
+    let (before, after) = (before.as_bytes(), after.as_bytes());
+    let end = name.len().checked_sub(after.len())?;
+    let key = name.get(before.len()..end)?;
+    let fits = name[..before.len()].eq_ignore_ascii_case(before)
+        && name[end..].eq_ignore_ascii_case(after);
+    fits.then(|| key.to_owned())
+}
+
+/// The name of an image file without its ending.
+pub(super) fn stem(name: &[u8]) -> Option<&[u8]> {
+    let dot = name.iter().rposition(|&byte| byte == b'.')?;
+    let ending = &name[dot + 1..];
+    let is_image = |known: &&str| known.as_bytes().eq_ignore_ascii_case(ending);
+    // A name that begins with a dot is hidden: macOS has a `._left.png` beside each left.png.
+    (IMAGE_ENDINGS.iter().any(is_image) && !name.starts_with(b".")).then(|| &name[..dot])
+}
+
+/// What is in a folder, in the order of the names.
+pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
+    let io = |e| Error::io(folder, e);
+    let entries = std::fs::read_dir(folder).map_err(io)?;
+    let mut paths: Vec<_> = entries
+        .map(|entry| entry.map(|entry| entry.path()).map_err(io))
+        .collect::<Result<_>>()?;
+    // Names of one case before the other: read_dir has no order of its own.
+    paths.sort_unstable();
+    Ok(paths)
+}
+
+/// The order in which a person counts: runs of digits by their number, 8 before 13.
+pub(super) fn natural(a: &[u8], b: &[u8]) -> Ordering {
+    let (mut i, mut j) = (0, 0);
+    while i < a.len() && j < b.len() {
+        let (x, y) = (digits(&a[i..]), digits(&b[j..]));
+        let order = match (x.is_empty(), y.is_empty()) {
+            (false, false) => {
+                let [x, y] = [x, y].map(significant);
+                x.len().cmp(&y.len()).then(x.cmp(y))
+            }
+            _ => a[i].cmp(&b[j]),
+        };
+        if order.is_ne() {
+            return order;
+        }
+        i += x.len().max(1);
+        j += y.len().max(1);
+    }
+    // Equal but for leading zeros: by their bytes, so that the order is total.
+    (a.len() - i).cmp(&(b.len() - j)).then_with(|| a.cmp(b))
+}
+
+fn digits(text: &[u8]) -> &[u8] {
+    let end = text.iter().position(|byte| !byte.is_ascii_digit());
+    &text[..end.unwrap_or(text.len())]
+}
+
+fn significant(digits: &[u8]) -> &[u8] {
+    let zeros = digits.iter().take_while(|&&digit| digit == b'0').count();
+    &digits[zeros..]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_counted() {
+        let mut names = ["18", "8", "013", "a10", "a9", "a", "8b2", "8b10", "0", ""];
+        names.sort_by(|a, b| natural(a.as_bytes(), b.as_bytes()));
+        assert_eq!(
+            names,
+            ["", "0", "8", "8b2", "8b10", "013", "18", "a", "a9", "a10"]
+        );
+        assert_eq!(natural(b"1", b"01"), Ordering::Greater);
+        assert_eq!(
+            natural(b"99999999999999999999999", b"100000000000000000000000"),
+            Ordering::Less
+        );
+    }
+
+    #[test]
+    fn a_pattern_is_matched_in_any_case() {
+        let key = |name: &str, part: &str, is_file| {
+            let key = key(Path::new(name), part, is_file)?;
+            Some(String::from_utf8(key).unwrap())
+        };
+        assert_eq!(key("Left_07.PNG", "left*", true).unwrap(), "_07");
+        assert_eq!(key("00_L.png", "*_l", true).unwrap(), "00");
+        assert_eq!(key("7.png", "*.png", true).unwrap(), "7");
+        assert_eq!(key("seq7", "seq*", false).unwrap(), "7");
+        for (name, part) in [
+            ("7.jpg", "*.png"),
+            ("left.txt", "left*"),
+            ("._left1.png", "*left1"),
+            ("l.png", "*_l"),
+            ("le.png", "left*"),
+            ("abba.png", "abb*bba"),
+        ] {
+            assert_eq!(key(name, part, true), None, "{name} {part}");
+        }
+    }
+}

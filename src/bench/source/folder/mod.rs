@@ -1,0 +1,237 @@
+//! A folder of many pairs as a source.
+
+mod cameras;
+mod layout;
+mod pairs;
+mod stamps;
+
+use super::Source;
+use cameras::{cameras, of_another_size};
+use pairs::{PairFiles, pairs};
+use stamps::{Stamp, stamps};
+use std::path::{Path, PathBuf};
+use svl_core::stereo::{Exposure, Frame, Geometry, Losses, StereoCalibration};
+use svl_core::{Error, Result};
+use svl_data::files::{BitDepth, DECIDING_PAIRS, DecodedImage, read_image};
+use svl_data::recording::StampOrigin;
+
+/// How to read a folder.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FolderRequest {
+    /// Patterns of the left and the right images below the folder, with one `*` for what is equal
+    /// in both [default: as one of the layouts that svl knows].
+    pub images: [Option<String>; 2],
+    /// Whether each image is a pair side by side, left and right half.
+    pub side_by_side: bool,
+    /// Pairs per second [default: by the stamps that are there].
+    pub fps: Option<f64>,
+    /// How many of 16 bits are used [default: decided by the first pairs].
+    pub bits: Option<u8>,
+}
+
+/// The rate that stands for one that nobody knows.
+const NOMINAL_HZ: f64 = 10.0;
+
+/// The pairs of a folder, in the natural order of their names.
+///
+/// Pairs that cannot be read are dropped and counted, and the first one is reported.
+pub struct FolderSource {
+    folder: PathBuf,
+    pairs: Vec<(PairFiles, Stamp)>,
+    stamps: Option<StampOrigin>,
+    unpaired: u64,
+    unreadable: u64,
+    depth: BitDepth,
+    geometry: Geometry,
+    calibration: std::result::Result<Option<StereoCalibration>, String>,
+    /// Size of the first pair that can be read.
+    size: (usize, usize),
+    /// Whether a pair of another size was met.
+    sizes_differ: bool,
+    next: usize,
+}
+
+impl FolderSource {
+    /// The pairs in `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Usage`] for a request that contradicts itself; [`Error::Format`]
+    /// when it holds no pair, with what it holds, or none that can be read.
+    pub fn new(folder: &Path, request: &FolderRequest) -> Result<Self> {
+        let found = pairs(folder, request)?;
+        let (origin, stamps) = match (request.fps, stamps(folder, found.layout, &found.pairs)?) {
+            (None, Some(stamps)) => (None, stamps),
+            (hz, _) => {
+                let origin = match hz {
+                    Some(hz) => StampOrigin::Given(hz),
+                    None => StampOrigin::Nominal(NOMINAL_HZ),
+                };
+                let numbers = 0..found.pairs.len() as u64;
+                let stamps = numbers.map(|i| (origin.stamp_ns(i), None)).collect();
+                (Some(origin), stamps)
+            }
+        };
+        let size = size(&found.pairs)?;
+        let of_cameras = cameras(folder, found.layout, size)?;
+        // One that cannot be read is reported in its turn.
+        let readable = found
+            .pairs
+            .iter()
+            .take(DECIDING_PAIRS)
+            .filter_map(|pair| read(pair).ok());
+        let depth = BitDepth::decide(
+            request.bits,
+            readable.map(|pair| DecodedImage::largest_of(&pair)),
+        )?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            pairs: found.pairs.into_iter().zip(stamps).collect(),
+            stamps: origin,
+            unpaired: found.unpaired,
+            unreadable: 0,
+            depth,
+            geometry: of_cameras.geometry,
+            calibration: of_cameras.calibration,
+            size,
+            sizes_differ: false,
+            next: 0,
+        })
+    }
+
+    /// Where the stamps come from, if not from the cameras.
+    pub fn stamps(&self) -> Option<StampOrigin> {
+        self.stamps
+    }
+
+    /// How many bits the 16-bit images use.
+    pub fn bits(&self) -> Option<u8> {
+        self.depth.bits()
+    }
+
+    /// What the user should know of the pairs that is no warning.
+    pub fn note(&self) -> Option<String> {
+        self.depth.note()
+    }
+
+    /// The calibration that rectifies raw pairs, where the folder holds one, or why that cannot be
+    /// read.
+    pub fn calibration(&self) -> &std::result::Result<Option<StereoCalibration>, String> {
+        &self.calibration
+    }
+
+    /// Warns once of a pair that is not of the first one's size, as a camera's are.
+    fn compare_size(&mut self, frame: &Frame) {
+        let ((width, height), (first_width, first_height)) = (frame.pair.size(), self.size);
+        if (width, height) != self.size && !std::mem::replace(&mut self.sizes_differ, true) {
+            tracing::warn!(
+                "{}: pair {} has {width}x{height} pixels, the first {first_width}x{first_height}; \
+                 a camera's are all of one size",
+                self.folder.display(),
+                frame.name.as_deref().unwrap_or_default()
+            );
+        }
+    }
+
+    fn read(&mut self, number: usize) -> Result<Frame> {
+        let (files, (stamp_ns, skew_ns)) = &self.pairs[number];
+        let wrong = |reason: String| Error::format(&files.left, reason);
+        let pair = self.depth.pair(read(files)?);
+        let (pair, color) = pair.map_err(|e| wrong(e.to_string()))?;
+        if self.geometry.rig().is_some() && pair.size() != self.size {
+            return Err(wrong(of_another_size(self.size, pair.size())));
+        }
+        let sequence = number as u64;
+        Ok(Frame {
+            sequence,
+            stamp_ns: *stamp_ns,
+            name: Some(String::from_utf8_lossy(&files.key).into_owned()),
+            pair,
+            geometry: self.geometry,
+            pose: None,
+            truth: None,
+            color,
+            exposure: Exposure {
+                trigger_id: sequence,
+                skew_ns: *skew_ns,
+                drops: self.unpaired,
+                ..Exposure::default()
+            },
+        })
+    }
+}
+
+fn read(files: &PairFiles) -> Result<[DecodedImage; 2]> {
+    let left = read_image(&files.left)?;
+    match &files.right {
+        Some(right) => Ok([left, read_image(right)?]),
+        None => left
+            .halves()
+            .map_err(|reason| Error::format(&files.left, reason.to_string())),
+    }
+}
+
+/// The size of the first pair that can be read.
+///
+/// # Errors
+/// That of the first one, where none can.
+fn size(pairs: &[PairFiles]) -> Result<(usize, usize)> {
+    let mut first = None;
+    for files in pairs {
+        match read(files) {
+            Ok([left, right]) if left.size() == right.size() => return Ok(left.size()),
+            Ok([left, right]) => {
+                let (left, right) = (left.size(), right.size());
+                let unlike = Error::PairSize { left, right }.to_string();
+                first = first.or(Some(Error::format(&files.left, unlike)));
+            }
+            Err(error) => first = first.or(Some(error)),
+        }
+    }
+    Err(first.unwrap_or_else(|| Error::Invalid("there are no pairs".to_owned())))
+}
+
+impl Source for FolderSource {
+    fn name(&self) -> String {
+        self.folder.display().to_string()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        while self.next < self.pairs.len() {
+            self.next += 1;
+            match self.read(self.next - 1) {
+                Ok(frame) => {
+                    self.compare_size(&frame);
+                    return Ok(Some(frame));
+                }
+                Err(error) => {
+                    // As in recordings: one line in the log; the number follows at the end.
+                    if self.unreadable == 0 {
+                        tracing::warn!("{error}; this pair is left out");
+                    }
+                    self.unreadable += 1;
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        Some(self.pairs.len() as u64)
+    }
+
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        self.next = (index as usize).min(self.pairs.len());
+        Ok(true)
+    }
+
+    fn finish(&mut self, _: u64) -> Losses {
+        Losses {
+            unpaired: self.unpaired,
+            unreadable: self.unreadable,
+            ..Losses::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

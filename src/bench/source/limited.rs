@@ -1,0 +1,272 @@
+//! Some of the pairs of another source: a range of its time, every n-th, or so many.
+
+use super::Source;
+use svl_core::stereo::{Frame, Losses};
+use svl_core::{Error, Result};
+use svl_data::scenario::PairRange;
+use svl_data::score::Judged;
+
+/// A source of which a range of pairs is taken, and of these at most so many. Frames keep their
+/// sequence numbers and stamps.
+pub struct Limited {
+    source: Box<dyn Source>,
+    every: u64,
+    from_ns: u64,
+    to_ns: Option<u64>,
+    frames: Option<u64>,
+    /// The first pair's stamp, once it was read.
+    start_ns: Option<u64>,
+    /// What was read ahead: a frame to give out next, or why there is none.
+    ahead: Option<Result<Option<Frame>>>,
+    /// Pairs in the range that were read.
+    in_range: u64,
+    taken: u64,
+    skipped: u64,
+}
+
+impl Limited {
+    pub fn new(source: Box<dyn Source>, range: PairRange, frames: Option<u64>) -> Self {
+        let ns = |seconds: f64| (seconds * 1e9) as u64;
+        Self {
+            source,
+            every: range.every.unwrap_or(1).max(1),
+            from_ns: range.from_s.map_or(0, ns),
+            to_ns: range.to_s.map(ns),
+            frames,
+            start_ns: None,
+            ahead: None,
+            in_range: 0,
+            taken: 0,
+            skipped: 0,
+        }
+    }
+
+    /// The frame that comes first, read ahead; nothing where there is none. An error is left to
+    /// [`Source::next`].
+    pub fn first(&mut self) -> Option<&Frame> {
+        if self.ahead.is_none() {
+            self.ahead = Some(self.read());
+        }
+        self.ahead.as_ref()?.as_ref().ok()?.as_ref()
+    }
+
+    /// Stamp of the source's first pair, which may be before the range, once it was read.
+    pub fn start_ns(&self) -> Option<u64> {
+        self.start_ns
+    }
+
+    fn read(&mut self) -> Result<Option<Frame>> {
+        if self.frames.is_some_and(|frames| self.taken >= frames) {
+            return Ok(None);
+        }
+        while let Some(frame) = self.source.next()? {
+            let start_ns = *self.start_ns.get_or_insert(frame.stamp_ns);
+            let time_ns = frame.stamp_ns.saturating_sub(start_ns);
+            if self.to_ns.is_some_and(|to_ns| time_ns >= to_ns) {
+                return Ok(None);
+            }
+            if time_ns >= self.from_ns {
+                self.in_range += 1;
+                if (self.in_range - 1).is_multiple_of(self.every) {
+                    self.taken += 1;
+                    return Ok(Some(frame));
+                }
+            }
+            self.skipped += 1;
+        }
+        let end_s = self.from_ns as f64 / 1e9;
+        if self.start_ns.is_some() && self.in_range == 0 {
+            let name = self.source.name();
+            return Err(Error::Invalid(format!(
+                "{name}: has no pair after {end_s} s"
+            )));
+        }
+        Ok(None)
+    }
+}
+
+impl Source for Limited {
+    fn name(&self) -> String {
+        self.source.name()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        match self.ahead.take() {
+            Some(ahead) => ahead,
+            None => self.read(),
+        }
+    }
+
+    /// Where no range of time is asked for, which only reading on finds.
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        if self.from_ns > 0 || self.to_ns.is_some() || self.frames.is_some() {
+            return Ok(false);
+        }
+        let of_source = index * self.every;
+        let sought = self.source.seek(of_source)?;
+        if sought {
+            self.ahead = None;
+            self.in_range = of_source;
+        }
+        Ok(sought)
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        // How many pairs a range of time holds is known only at its end.
+        let timed = self.from_ns > 0 || self.to_ns.is_some();
+        let all = self.source.pairs().filter(|_| !timed);
+        let all = all.map(|all| all.div_ceil(self.every));
+        match (all, self.frames) {
+            (Some(all), Some(frames)) => Some(all.min(frames)),
+            (all, frames) if !timed => frames.or(all),
+            _ => None,
+        }
+    }
+
+    /// Pairs that nobody asked for are no losses.
+    fn finish(&mut self, taken: u64) -> Losses {
+        self.source.finish(taken + self.skipped)
+    }
+
+    fn listens(&self) -> bool {
+        self.source.listens()
+    }
+
+    fn hear(&mut self, judged: &Judged) {
+        self.source.hear(judged);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::{Exposure, Geometry, Gray, StereoPair};
+
+    /// Ten pairs a second, from stamp 5 s and number 3 on; says in its losses how many were taken.
+    struct Steady(u64);
+
+    impl Source for Steady {
+        fn name(&self) -> String {
+            "steady".into()
+        }
+
+        fn next(&mut self) -> Result<Option<Frame>> {
+            let n = self.0;
+            self.0 += 1;
+            let image = Gray::filled(2, 1, 0)?;
+            Ok((n < 20).then(|| Frame {
+                sequence: 3 + n,
+                stamp_ns: 5_000_000_000 + 100_000_000 * n,
+                name: None,
+                pair: StereoPair::new(image.clone(), image).unwrap(),
+                color: None,
+                geometry: Geometry::Rectified(None),
+                pose: None,
+                truth: None,
+                exposure: Exposure::default(),
+            }))
+        }
+
+        fn pairs(&self) -> Option<u64> {
+            Some(20)
+        }
+
+        fn seek(&mut self, index: u64) -> Result<bool> {
+            self.0 = index;
+            Ok(true)
+        }
+
+        fn finish(&mut self, taken: u64) -> Losses {
+            Losses {
+                unreadable: taken,
+                ..Losses::default()
+            }
+        }
+    }
+
+    fn taken(range: (Option<u64>, Option<f64>, Option<f64>), frames: Option<u64>) -> Vec<u64> {
+        let (every, from_s, to_s) = range;
+        let range = PairRange {
+            every,
+            from_s,
+            to_s,
+        };
+        let mut source = Limited::new(Box::new(Steady(0)), range, frames);
+        std::iter::from_fn(|| source.next().unwrap())
+            .map(|frame| frame.sequence)
+            .collect()
+    }
+
+    #[test]
+    fn a_range_begins_at_its_second_and_ends_before_the_other() {
+        assert_eq!(taken((None, Some(0.5), Some(0.8)), None), [8, 9, 10]);
+        assert_eq!(taken((Some(8), None, None), None), [3, 11, 19]);
+        assert_eq!(taken((Some(2), Some(0.5), Some(1.0)), Some(2)), [8, 10]);
+        assert_eq!(taken((None, None, Some(0.2)), None), [3, 4]);
+    }
+
+    #[test]
+    fn it_looks_ahead_and_knows_where_the_source_began() {
+        let range = PairRange {
+            from_s: Some(1.0),
+            ..PairRange::default()
+        };
+        let mut source = Limited::new(Box::new(Steady(0)), range, None);
+        assert_eq!(source.first().unwrap().sequence, 13);
+        assert_eq!(source.start_ns(), Some(5_000_000_000));
+        assert_eq!(source.next().unwrap().unwrap().sequence, 13);
+        assert_eq!(source.next().unwrap().unwrap().sequence, 14);
+        assert_eq!(
+            source.finish(2).unreadable,
+            12,
+            "ten were skipped on purpose"
+        );
+    }
+
+    #[test]
+    fn every_third_is_sought_by_its_own_index() {
+        let of = |every, to_s| {
+            let range = PairRange {
+                every,
+                to_s,
+                ..PairRange::default()
+            };
+            let mut source = Limited::new(Box::new(Steady(0)), range, None);
+            source.first();
+            let sought = source.seek(2).unwrap();
+            let rest = std::iter::from_fn(|| source.next().unwrap());
+            (sought, rest.map(|frame| frame.sequence).collect::<Vec<_>>())
+        };
+        assert_eq!(of(Some(3), None), (true, vec![9, 12, 15, 18, 21]));
+        // Where a range ends is known by reading.
+        assert_eq!(of(None, Some(0.2)), (false, vec![3, 4]));
+    }
+
+    #[test]
+    fn how_many_there_are_is_known_where_it_can_be() {
+        let pairs = |every, to_s, frames| {
+            let range = PairRange {
+                every,
+                to_s,
+                ..PairRange::default()
+            };
+            Limited::new(Box::new(Steady(0)), range, frames).pairs()
+        };
+        assert_eq!(pairs(Some(3), None, None), Some(7));
+        assert_eq!(pairs(None, None, Some(5)), Some(5));
+        assert_eq!(pairs(Some(2), None, Some(50)), Some(10));
+        assert_eq!(pairs(None, Some(1.0), None), None);
+    }
+
+    #[test]
+    fn a_range_behind_the_end_is_an_error_not_an_empty_run() {
+        let range = PairRange {
+            from_s: Some(60.0),
+            ..PairRange::default()
+        };
+        let mut source = Limited::new(Box::new(Steady(0)), range, None);
+        assert!(source.first().is_none());
+        let error = source.next().unwrap_err().to_string();
+        assert_eq!(error, "steady: has no pair after 60 s");
+    }
+}

@@ -1,0 +1,740 @@
+//! [`open`]: from what a user names to a source of frames, by the table [`SOURCES`].
+
+use super::calibration::{self, Calib, CalibrationFiles};
+use super::dataset::{Scene, SceneSource};
+use super::video::is_video;
+use super::{
+    ArenaSource, BoardSource, FolderRequest, FolderSource, Limited, LiveSource, MeasuredSource,
+    RecordingSource, RectifiedSource, Resized, Source, VideoSource,
+};
+use std::path::Path;
+use svl_core::rectify::Rectifier;
+use svl_core::stereo::StereoCalibration;
+use svl_core::{Error, Result};
+use svl_data::arena::Arena;
+use svl_data::grab::{self, DRIVERS, Driver, GrabRequest, Host};
+use svl_data::manifest::{Manifest, RunRecord};
+use svl_data::recording::{
+    CALIBRATION, Header, RawCamera, Recording, RecordingFormat, SCENARIO, Selection,
+    TruthSelection, TruthTopic, Writer, is_bag,
+};
+use svl_data::scenario::{CropScale, PairRange, Scenario, ScenarioSource};
+
+/// What to open, and how.
+#[derive(Clone)]
+pub struct Request<'a> {
+    /// As [`SOURCES`] writes it, or a path.
+    pub name: &'a str,
+    /// Seed of a simulated source [default: 1].
+    pub seed: Option<u64>,
+    /// Topics of the left and right images in a recording that svl did not write, patterns of the
+    /// images in a folder, or two videos there [default: found by type and name].
+    pub topics: [Option<String>; 2],
+    /// Whether each image holds the left and the right one, side by side.
+    pub side_by_side: bool,
+    /// Pairs per second of images or videos [default: by their stamps].
+    pub fps: Option<f64>,
+    /// How many of 16 bits the images use [default: decided by the first pairs].
+    pub bits: Option<u8>,
+    /// Largest skew of a pair that is made by stamp [default: 5 ms in a recording; see
+    /// [`GrabRequest`] for cameras].
+    pub max_skew_ns: Option<u64>,
+    /// The topic of another sensor in a recording that measures the truth.
+    pub truth: Option<TruthSelection>,
+    /// What rectifies the pairs.
+    pub calib: Calib,
+    /// Share of the raw images that is kept, as OpenCV's alpha [default: as the calibration file
+    /// has it, else 0].
+    pub alpha: Option<f64>,
+    /// Which pairs are taken.
+    pub range: PairRange,
+    /// Which part of the rectified images is taken, and how much it is shrunk.
+    pub window: CropScale,
+    /// How to grab from cameras; its skew and its seed are those of this request.
+    pub grab: GrabRequest,
+    pub host: Host<'a>,
+}
+
+impl<'a> Request<'a> {
+    /// Opens `name` with all defaults.
+    pub fn new(name: &'a str) -> Self {
+        Self {
+            name,
+            seed: None,
+            topics: [None, None],
+            side_by_side: false,
+            fps: None,
+            bits: None,
+            max_skew_ns: None,
+            truth: None,
+            calib: Calib::default(),
+            alpha: None,
+            range: PairRange::default(),
+            window: CropScale::default(),
+            grab: GrabRequest::default(),
+            host: Host::default(),
+        }
+    }
+
+    fn selection(&self) -> Selection {
+        let [left, right] = self.topics.clone();
+        Selection {
+            left,
+            right,
+            max_skew_ns: self.max_skew_ns.unwrap_or(Selection::MAX_SKEW_NS),
+            bits: self.bits,
+        }
+    }
+
+    fn of_folder(&self) -> FolderRequest {
+        FolderRequest {
+            images: self.topics.clone(),
+            side_by_side: self.side_by_side,
+            fps: self.fps,
+            bits: self.bits,
+        }
+    }
+}
+
+/// A source, and what a recording of it holds besides its pairs.
+pub struct Opened {
+    pub source: Box<dyn Source>,
+    pub header: Header,
+    /// Text of the scenario file it came from.
+    pub scenario: Option<String>,
+    /// Names and contents of the calibration files by which its pairs were rectified, or can be.
+    pub calibration: CalibrationFiles,
+    /// A file stem for its recording.
+    pub stem: String,
+    /// Whether frames come in real time.
+    pub is_live: bool,
+    /// The recording that it reads.
+    pub recording: Option<Recording>,
+    /// Stamp of the first pair, where pairs before the first frame were left out.
+    pub start_ns: Option<u64>,
+    /// What the user should know that is no warning.
+    pub notes: Vec<String>,
+    /// What a recording or folder of raw images says of its cameras.
+    own_calibration: Option<StereoCalibration>,
+    /// The truth of another sensor, where one was asked for.
+    truth: Option<TruthTopic>,
+    /// The left camera before svl rectified the pairs.
+    raw: Option<RawCamera>,
+    /// What a recording that svl did not write, or a folder, lacks.
+    remarks: Vec<String>,
+}
+
+impl Opened {
+    fn new(source: impl Source + 'static, header: Header, stem: impl Into<String>) -> Self {
+        Self {
+            source: Box::new(source),
+            header,
+            scenario: None,
+            calibration: CalibrationFiles::new(),
+            stem: stem.into(),
+            is_live: false,
+            recording: None,
+            start_ns: None,
+            notes: Vec::new(),
+            own_calibration: None,
+            truth: None,
+            raw: None,
+            remarks: Vec::new(),
+        }
+    }
+
+    /// The pairs that the request asks for, rectified, cropped and shrunk as it says.
+    fn prepared(mut self, request: &Request<'_>) -> Result<Self> {
+        let usage = |e: Error| Error::Usage(e.to_string());
+        request.range.validate().map_err(usage)?;
+        request.window.validate().map_err(usage)?;
+        let changes = [request.range.words(), request.window.words()];
+        let changes: Vec<_> = changes.into_iter().flatten().collect();
+        if !changes.is_empty() {
+            self.header.changes = Some(changes.join(", "));
+        }
+        if request.range != PairRange::default() {
+            let mut limited = Limited::new(self.source, request.range, None);
+            // Read now: what lies before the range is known only then.
+            limited.first();
+            self.start_ns = limited.start_ns();
+            self.source = Box::new(limited);
+        }
+        self = self.rectified(request)?.measured();
+        if request.window != CropScale::default() {
+            self.source = Box::new(Resized::new(self.source, request.window));
+        }
+        Ok(self)
+    }
+
+    /// Rectifies the pairs as the request says.
+    fn rectified(mut self, request: &Request<'_>) -> Result<Self> {
+        let name = self.source.name();
+        let (rectifier, by, files) = match (&request.calib, &self.own_calibration) {
+            (Calib::File(path), _) => {
+                let (calibration, files) = calibration::read(path)?;
+                let calibration = calibration::framed(calibration, request.alpha)?;
+                let rectifier = Rectifier::new(&calibration)?;
+                self.raw = raw_camera(&calibration, &rectifier);
+                if rectifier.rig().is_none() {
+                    let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` says how \
+                                large they are";
+                    tracing::warn!(
+                        "{}: is in squares of its board, so there are no distances; {cure}",
+                        path.display()
+                    );
+                }
+                let names: Vec<_> = files.iter().map(|(name, _)| name.as_str()).collect();
+                (Some(rectifier), names.join(", "), files)
+            }
+            (Calib::Estimate, _) => {
+                let by = "an estimate from its pictures".to_owned();
+                (None, by, CalibrationFiles::new())
+            }
+            (Calib::Own, Some(own)) => {
+                self.notes.push(format!(
+                    "{name}: raw images, rectified by what it says of its cameras; --calib none \
+                     leaves them"
+                ));
+                let by = match self.recording {
+                    Some(_) => "what the recording says of its cameras",
+                    None => "what the folder says of its cameras",
+                };
+                let by = by.to_owned();
+                let rectifier = Rectifier::new(own)?;
+                self.raw = raw_camera(own, &rectifier);
+                (Some(rectifier), by, CalibrationFiles::new())
+            }
+            (Calib::None, _) if request.alpha.is_some() => {
+                return Err(Error::Usage(
+                    "--alpha is for pairs that are rectified; omit it or --calib none".into(),
+                ));
+            }
+            (Calib::Own | Calib::None | Calib::Raw, own) => {
+                if request.calib != Calib::Raw {
+                    let remarks = self.remarks.iter();
+                    remarks.for_each(|remark| tracing::warn!("{name}: {remark}"));
+                }
+                // A recording of raw pairs keeps what would rectify them.
+                let own = own.as_ref().map(calibration::written).transpose()?;
+                self.calibration.extend(own.unwrap_or_default());
+                return Ok(self);
+            }
+        };
+        self.source = Box::new(match rectifier {
+            Some(rectifier) => RectifiedSource::new(self.source, rectifier)?,
+            None => {
+                let framing = calibration::framing(request.alpha.unwrap_or(0.0));
+                RectifiedSource::estimated(self.source, &framing)?
+            }
+        });
+        self.header.calibration = Some(by);
+        self.calibration = files;
+        Ok(self)
+    }
+
+    /// Gives the pairs the truth of another sensor, where one was asked for.
+    fn measured(mut self) -> Self {
+        if let Some(truth) = self.truth.take() {
+            self.source = Box::new(MeasuredSource::new(self.source, truth, self.raw));
+        }
+        self
+    }
+
+    /// The recording at that path, which rows call `name`, as it was opened.
+    pub fn record(&self, name: &str, path: &Path) -> RunRecord {
+        let by = self.header.calibration.as_ref();
+        let rectified = by.map(|by| format!("rectified by {by}"));
+        let changes: Vec<_> = rectified
+            .into_iter()
+            .chain(self.header.changes.clone())
+            .collect();
+        RunRecord::new(
+            name,
+            path,
+            (!changes.is_empty()).then(|| changes.join(", ")),
+        )
+    }
+
+    /// Name of the scenario, or of the source.
+    pub fn title(&self) -> &str {
+        self.header.scenario.as_deref().unwrap_or(&self.stem)
+    }
+
+    /// Creates a recording of this source: header, manifest, scenario and calibration.
+    ///
+    /// # Errors
+    /// Those of [`Writer::create`] and [`Writer::attach`].
+    pub fn writer(
+        &self,
+        path: &Path,
+        format: impl Into<RecordingFormat>,
+        manifest: &Manifest,
+    ) -> Result<Writer> {
+        let mut writer = Writer::create(path, &self.header, format)?;
+        writer.identify(manifest)?;
+        if let Some(text) = &self.scenario {
+            writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
+        }
+        for (name, bytes) in &self.calibration {
+            let name = format!("{CALIBRATION}{name}");
+            writer.attach(&name, "application/octet-stream", bytes)?;
+        }
+        Ok(writer)
+    }
+}
+
+fn raw_camera(calibration: &StereoCalibration, rectifier: &Rectifier) -> Option<RawCamera> {
+    Some(RawCamera {
+        intrinsics: *calibration.left(),
+        rotation: rectifier.rotation()?,
+    })
+}
+
+/// A kind of source that a user can name.
+pub struct SourceKind {
+    /// How it is written.
+    pub name: &'static str,
+    /// What it is called in a sentence.
+    pub noun: &'static str,
+    /// What it is, for help texts.
+    pub help: &'static str,
+    /// The options that it takes, beside those that all take.
+    pub options: &'static [SourceOption],
+    /// Whether it is named by a path, which must exist.
+    is_path: bool,
+    recognizes: fn(&str) -> bool,
+    open: fn(&Request<'_>) -> Result<Opened>,
+}
+
+impl SourceKind {
+    /// Whether it needs neither file nor camera.
+    pub fn is_simulated(&self) -> bool {
+        !self.is_path && self.name != CAMERAS
+    }
+}
+
+/// An option that only some sources take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SourceOption {
+    Seed,
+    /// Topics, patterns or videos of left and right.
+    Sides,
+    SideBySide,
+    Fps,
+    Bits,
+    MaxSkew,
+    /// The topic of another sensor.
+    Truth,
+    /// Trigger, rate, pairing, queue and watchdog.
+    Grab,
+}
+
+/// All sources, in the order in which a name is looked for. A new one is one entry here.
+pub const SOURCES: &[SourceKind] = &[
+    SourceKind {
+        name: "arena",
+        noun: "the arena",
+        help: "the simulated arena of scenarios/arena.toml",
+        options: &[SourceOption::Seed],
+        is_path: false,
+        recognizes: |name| name == "arena",
+        open: |request| open_arena(&Scenario::arena()?, request.seed.unwrap_or(1)),
+    },
+    SourceKind {
+        name: "board",
+        noun: "the board",
+        help: "a simulated chessboard that is moved before two cameras with distortion: for `svl \
+               calibrate board`",
+        options: &[SourceOption::Seed],
+        is_path: false,
+        recognizes: |name| name == "board",
+        open: board,
+    },
+    // Written as the rows of DRIVERS say.
+    SourceKind {
+        name: CAMERAS,
+        noun: "cameras",
+        help: "two cameras",
+        options: &[
+            SourceOption::Seed,
+            SourceOption::MaxSkew,
+            SourceOption::Grab,
+        ],
+        is_path: false,
+        recognizes: |name| grab::driver(name).is_some(),
+        open: cameras,
+    },
+    SourceKind {
+        name: "SCENARIO.toml",
+        noun: "a scenario",
+        help: "the arena with other parameters",
+        options: &[SourceOption::Seed],
+        is_path: true,
+        recognizes: |name| is_file(name, &["toml"]),
+        open: |request| {
+            let scenario = Scenario::read(Path::new(request.name))?;
+            open_arena(&scenario, request.seed.unwrap_or(1))
+        },
+    },
+    SourceKind {
+        name: RECORDING,
+        noun: "a recording",
+        help: "a recording: svl's, a ROS 2 bag (its folder or a file of it), Foxglove's; raw, \
+               compressed or Bayer images of two topics",
+        options: &[
+            SourceOption::Sides,
+            SourceOption::Bits,
+            SourceOption::MaxSkew,
+            SourceOption::Truth,
+        ],
+        is_path: true,
+        // Bags in other containers are among them: their reader says which it reads.
+        recognizes: |name| {
+            let path = Path::new(name);
+            // A scene may have a recording beside its images.
+            is_file(name, &["mcap", "db3", "zstd", "zst", "bag"])
+                || is_bag(path) && Scene::find(path, name).is_none()
+        },
+        open: recorded,
+    },
+    SourceKind {
+        name: "FILE.mp4",
+        noun: "a video",
+        help: "a video of both images, with --side-by-side; two are named by their folder: svl \
+               record . --left a.mp4 --right b.mp4; the program ffmpeg decodes them",
+        options: &[SourceOption::SideBySide, SourceOption::Fps],
+        is_path: true,
+        recognizes: |name| is_video(name) && !Path::new(name).is_dir(),
+        open: video,
+    },
+    SourceKind {
+        name: FOLDER,
+        noun: "a folder",
+        help: "a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, \
+               KITTI's training/ (the pairs with truth), or many pairs: left/ and right/ with \
+               images of equal names, EuRoC's and KITTI's sequences, 00_left.png and 00_right.png, \
+               or as --left and --right name them",
+        options: &[
+            SourceOption::Sides,
+            SourceOption::SideBySide,
+            SourceOption::Fps,
+            SourceOption::Bits,
+        ],
+        is_path: true,
+        recognizes: |name| Path::new(name).is_dir(),
+        open: folder,
+    },
+];
+
+/// The row of [`SOURCES`] that stands for all [`DRIVERS`].
+pub const CAMERAS: &str = "cameras";
+
+/// The row of [`SOURCES`] that recordings are opened by.
+const RECORDING: &str = "FILE.mcap, BAG";
+const FOLDER: &str = "FOLDER";
+
+/// What [`open`] takes, in a line.
+pub fn expected() -> String {
+    let kinds = SOURCES.iter().filter(|kind| kind.name != CAMERAS);
+    let kinds: Vec<_> = kinds.map(|kind| kind.name).collect();
+    let drivers: Vec<_> = DRIVERS.iter().map(Driver::source).collect();
+    format!("{}, or cameras: {}", kinds.join(", "), drivers.join(" or "))
+}
+
+/// Opens what a user names; its pairs are rectified as the request says.
+///
+/// # Errors
+/// [`Error::Usage`] for a request that contradicts itself, or an option that the source does not
+/// take; [`Error::Invalid`] for a name of nothing, with what there is; those of the source.
+pub fn open(request: &Request<'_>) -> Result<Opened> {
+    let (name, path) = (request.name, Path::new(request.name));
+    if name.starts_with("/dev/video") {
+        let cure = "name the left and the right camera, as v4l2:/dev/video0,/dev/video2";
+        return Err(Error::Usage(format!("{name}: is no source; {cure}")));
+    }
+    // Recordings may lie in a folder of images or videos.
+    let are_files = |side: &String| side.contains('*') || is_video(side);
+    let of_files = request.side_by_side || request.topics.iter().flatten().any(are_files);
+    let is_bag = |kind: &SourceKind| kind.name == RECORDING && path.is_dir();
+    let mut kinds = SOURCES.iter().filter(|kind| !(of_files && is_bag(kind)));
+    let kind = kinds.find(|kind| (kind.recognizes)(name));
+    let Some(kind) = kind.filter(|kind| !kind.is_path || path.exists()) else {
+        let what = match path.exists() {
+            true => "not a source",
+            false => "no such source",
+        };
+        let expected = expected();
+        return Err(Error::Invalid(format!(
+            "{name}: {what}; expected {expected}"
+        )));
+    };
+    refuse_options(request, kind)?;
+    (kind.open)(request)?.prepared(request)
+}
+
+/// Opens a recording; its pairs are rectified as the request says.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
+    let name = request.name;
+    let exists = Path::new(name).exists();
+    let kind = SOURCES.iter().find(|kind| (kind.recognizes)(name));
+    // A folder may hold no images either; then what it lacks as a bag is reported.
+    let is_other = kind.is_some_and(|kind| match kind.name {
+        RECORDING => false,
+        FOLDER => folder(request).is_ok(),
+        _ => exists == kind.is_path,
+    });
+    if is_other {
+        let cure = format!("make one first, svl record {name} -o run.mcap");
+        return Err(Error::Usage(format!("{name}: is no recording; {cure}")));
+    }
+    if let Some(kind) = SOURCES.iter().find(|kind| kind.name == RECORDING) {
+        refuse_options(request, kind)?;
+    }
+    recorded(request)?.prepared(request)
+}
+
+/// Opens a run of the arena in a scenario.
+///
+/// # Errors
+/// [`Error::Invalid`] for a scenario that reads scenes.
+pub fn open_arena(scenario: &Scenario, seed: u64) -> Result<Opened> {
+    if let ScenarioSource::Drive { .. } = &scenario.source {
+        return Err(Error::Invalid(format!(
+            "scenario '{}' is driven by algorithms: `svl score` drives and records it",
+            scenario.name
+        )));
+    }
+    let ScenarioSource::Arena { config, .. } = &scenario.source else {
+        return Err(Error::Invalid(format!(
+            "scenario '{}' reads files; name one of them to record it",
+            scenario.name
+        )));
+    };
+    let source = ArenaSource::new(Arena::new(config, seed)?, seed);
+    let header = Header {
+        scenario: Some(scenario.name.clone()),
+        seed: Some(seed),
+        hash: Some(ArenaSource::hash(config, seed)),
+        ..Header::new("arena")
+    };
+    Ok(Opened {
+        scenario: Some(scenario.text.clone()),
+        ..Opened::new(source, header, format!("{}-seed{seed}", scenario.name))
+    })
+}
+
+fn board(request: &Request<'_>) -> Result<Opened> {
+    let seed = request.seed.unwrap_or(1);
+    let header = Header {
+        seed: Some(seed),
+        ..Header::new("board")
+    };
+    let stem = format!("board-seed{seed}");
+    Ok(Opened::new(BoardSource::new(seed)?, header, stem))
+}
+
+fn cameras(request: &Request<'_>) -> Result<Opened> {
+    let name = request.name;
+    let grab = GrabRequest {
+        seed: request.seed,
+        max_skew_ns: request.max_skew_ns,
+        ..request.grab.clone()
+    };
+    let source = LiveSource::open(name, &grab, request.host)?;
+    let header = Header {
+        seed: source.seed(),
+        ..Header::new(name)
+    };
+    let driver = name.split(':').next().unwrap_or(name);
+    Ok(Opened {
+        is_live: true,
+        ..Opened::new(source, header, driver)
+    })
+}
+
+fn recorded(request: &Request<'_>) -> Result<Opened> {
+    let path = Path::new(request.name);
+    let source = RecordingSource::new(Recording::open(path)?, &request.selection())?;
+    let reader = source.reader();
+    let truth = request.truth.as_ref();
+    let truth = truth.map(|truth| reader.truth(truth)).transpose()?;
+    let calibration = match reader.recording().calibration_files() {
+        // Damage is reported with the pairs.
+        Err(Error::Damaged { .. }) => CalibrationFiles::new(),
+        files => files?,
+    };
+    let header = reader.header().cloned();
+    let header = header.unwrap_or_else(|| Header {
+        bits: reader.bits(),
+        ..Header::new(path.display().to_string())
+    });
+    let note = reader
+        .note()
+        .map(|note| format!("{}: {note}", request.name));
+    let stem = path.file_stem().and_then(|stem| stem.to_str());
+    Ok(Opened {
+        scenario: source.scenario()?,
+        recording: Some(reader.recording().clone()),
+        calibration,
+        own_calibration: reader.calibration(),
+        truth,
+        remarks: reader.remarks(),
+        notes: note.into_iter().collect(),
+        ..Opened::new(source, header, stem.unwrap_or("recording"))
+    })
+}
+
+fn video(request: &Request<'_>) -> Result<Opened> {
+    let path = Path::new(request.name);
+    if !request.side_by_side {
+        return Err(Error::Usage(format!(
+            "{}: is one video: --side-by-side if it holds both images, or name the folder of two, \
+             with --left and --right",
+            request.name
+        )));
+    }
+    let source = VideoSource::side_by_side(path, request.fps)?;
+    let stem = path.file_stem().and_then(|stem| stem.to_str());
+    Ok(of_video(source, request, stem.unwrap_or("video")))
+}
+
+fn of_video(source: VideoSource, request: &Request<'_>, stem: &str) -> Opened {
+    let header = Header {
+        stamps: source.stamps(),
+        ..Header::new(request.name)
+    };
+    Opened::new(source, header, stem)
+}
+
+fn folder(request: &Request<'_>) -> Result<Opened> {
+    let path = Path::new(request.name);
+    // The folder's own name, also of `.` and `..`.
+    let real = path.canonicalize().map_err(|e| Error::io(path, e))?;
+    let stem = real.file_name().and_then(|name| name.to_str());
+    let stem = stem.unwrap_or("pairs");
+    let header = Header {
+        scenario: Some(stem.to_owned()),
+        ..Header::new(path.display().to_string())
+    };
+    let folder = request.of_folder();
+    if let [Some(left), Some(right)] = &folder.images
+        && is_video(left)
+        && is_video(right)
+    {
+        if folder.bits.is_some() || folder.side_by_side {
+            let why = "is not for two videos, which are decoded to 8 bits, one for each camera";
+            return Err(Error::Usage(format!("--bits or --side-by-side {why}")));
+        }
+        let source = VideoSource::pair(&path.join(left), &path.join(right), request.fps)?;
+        return Ok(of_video(source, request, stem));
+    }
+    // Who says how its images are called, means no data set's scene.
+    let scenes = match folder.images == [None, None] && !folder.side_by_side {
+        true => match Scene::find(path, stem) {
+            Some(scene) => vec![scene],
+            None => Scene::all_in(path, "")?,
+        },
+        false => Vec::new(),
+    };
+    if !scenes.is_empty() {
+        if request.fps.is_some() {
+            let cure = "--fps is for pairs one after the other; leave it out";
+            return Err(Error::Usage(format!(
+                "{}: holds scenes of a data set; {cure}",
+                request.name
+            )));
+        }
+        let source = SceneSource::with_bits(scenes, request.bits)?;
+        let header = Header {
+            stamps: Some(SceneSource::STAMPS),
+            bits: source.bits(),
+            ..header
+        };
+        return Ok(Opened {
+            notes: source.note().into_iter().collect(),
+            ..Opened::new(source, header, stem)
+        });
+    }
+    let source = FolderSource::new(path, &folder)?;
+    let header = Header {
+        stamps: source.stamps(),
+        bits: source.bits(),
+        ..header
+    };
+    let (own_calibration, unread) = match source.calibration() {
+        Ok(own) => (own.clone(), None),
+        Err(reason) => (None, Some(reason)),
+    };
+    let lacks = |reason| format!("raw images, which cannot be rectified: {reason}");
+    let note = source
+        .note()
+        .map(|note| format!("{}: {note}", request.name));
+    Ok(Opened {
+        own_calibration,
+        remarks: unread.map(lacks).into_iter().collect(),
+        notes: note.into_iter().collect(),
+        ..Opened::new(source, header, stem)
+    })
+}
+
+fn is_file(name: &str, extensions: &[&str]) -> bool {
+    let path = Path::new(name);
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    extension.is_some_and(|extension| extensions.contains(&extension)) && !path.is_dir()
+}
+
+/// Refuses options that the source does not take: they would have no effect.
+fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
+    let GrabRequest {
+        trigger,
+        rate_hz,
+        pairing,
+        queue,
+        when_full,
+        timeout,
+        ..
+    } = &request.grab;
+    let [left, right] = &request.topics;
+    let given = [
+        (SourceOption::Seed, request.seed.is_some(), "--seed"),
+        (SourceOption::Sides, left.is_some(), "--left"),
+        (SourceOption::Sides, right.is_some(), "--right"),
+        (
+            SourceOption::SideBySide,
+            request.side_by_side,
+            "--side-by-side",
+        ),
+        (SourceOption::Fps, request.fps.is_some(), "--fps"),
+        (SourceOption::Bits, request.bits.is_some(), "--bits"),
+        (
+            SourceOption::MaxSkew,
+            request.max_skew_ns.is_some(),
+            "--max-skew-ms",
+        ),
+        (SourceOption::Truth, request.truth.is_some(), "--truth"),
+        (SourceOption::Grab, trigger.is_some(), "--trigger"),
+        (SourceOption::Grab, rate_hz.is_some(), "--rate"),
+        (SourceOption::Grab, pairing.is_some(), "--pairing"),
+        (SourceOption::Grab, queue.is_some(), "--queue"),
+        (SourceOption::Grab, when_full.is_some(), "--when-full"),
+        (SourceOption::Grab, timeout.is_some(), "--timeout"),
+    ];
+    let wrong = given
+        .iter()
+        .find(|(option, given, _)| *given && !kind.options.contains(option));
+    let Some((option, _, text)) = wrong else {
+        return Ok(());
+    };
+    let takers = SOURCES.iter().filter(|kind| kind.options.contains(option));
+    let takers: Vec<_> = takers.map(|kind| kind.noun).collect();
+    Err(Error::Usage(format!(
+        "{text} is for {}, and '{}' is {}",
+        takers.join(", "),
+        request.name,
+        kind.noun
+    )))
+}

@@ -1,0 +1,95 @@
+//! Frames from a recording.
+
+use super::Source;
+use std::path::PathBuf;
+use svl_core::stereo::{Frame, Losses};
+use svl_core::{Error, Result};
+use svl_data::recording::{Reader, Recording, SCENARIO, Selection};
+
+/// A recording as a source.
+///
+/// Unreadable pairs are dropped and counted, and the first one is reported.
+///
+/// A damaged recording ends with one [`svl_core::Error::Damaged`], after which there are no more
+/// frames: a run may show it and go on to score the frames that came before.
+pub struct RecordingSource {
+    reader: Reader,
+    unreadable: u64,
+}
+
+impl RecordingSource {
+    /// Opens a recording.
+    ///
+    /// # Errors
+    /// As [`Reader::open`].
+    pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
+        Self::new(Recording::open(path)?, &Selection::default())
+    }
+
+    /// The pairs of an open recording, of the selected topics where svl did not write it.
+    ///
+    /// # Errors
+    /// As [`Reader::new`].
+    pub fn new(recording: Recording, selection: &Selection) -> Result<Self> {
+        Reader::new(recording, selection).map(|reader| Self {
+            reader,
+            unreadable: 0,
+        })
+    }
+
+    /// The attached scenario file, if any. Damage is reported with the pairs, not here.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn scenario(&self) -> Result<Option<String>> {
+        match self.reader.recording().attachment(SCENARIO) {
+            Err(Error::Damaged { .. }) => Ok(None),
+            found => Ok(found?.and_then(|bytes| String::from_utf8(bytes).ok())),
+        }
+    }
+
+    /// The reader, for its header, remarks and losses.
+    pub fn reader(&self) -> &Reader {
+        &self.reader
+    }
+}
+
+impl Source for RecordingSource {
+    fn name(&self) -> String {
+        self.reader.path().display().to_string()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        loop {
+            match self.reader.next_pair() {
+                // Of one pair alone: the file goes on.
+                Err(error @ Error::Format { .. }) => {
+                    // One line in the log; the number follows at the end.
+                    if self.unreadable == 0 {
+                        tracing::warn!("{error}; this pair is dropped");
+                    }
+                    self.unreadable += 1;
+                }
+                next => return next,
+            }
+        }
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        self.reader.pairs()
+    }
+
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        self.reader.seek(index)
+    }
+
+    fn finish(&mut self, _: u64) -> Losses {
+        Losses {
+            // The partner of an image that cannot be read is told with it.
+            unpaired: self.reader.unpaired().saturating_sub(self.unreadable),
+            late: self.reader.late(),
+            unreadable: self.unreadable,
+            ..Losses::default()
+        }
+    }
+}

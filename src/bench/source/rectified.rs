@@ -1,0 +1,192 @@
+//! Rectification of a source's raw pairs.
+
+use super::Source;
+use std::collections::VecDeque;
+use svl_core::rectify::{EpipolarGeometry, Framing, Rectifier, matches, uncalibrated};
+use svl_core::stereo::{Frame, Geometry, Gray, Losses, StereoPair};
+use svl_core::{Error, Result};
+use svl_data::score::Judged;
+
+/// A source whose raw pairs are rectified: its frames are [`Geometry::Rectified`].
+pub struct RectifiedSource {
+    source: Box<dyn Source>,
+    rectifier: Rectifier,
+    /// Frames read ahead for the estimate, still raw.
+    ahead: VecDeque<Frame>,
+    /// Buffers that the next pair is rectified into: the raw images of the last one.
+    spare: [Gray; 2],
+}
+
+/// Pairs from which an uncalibrated rectification is estimated.
+const ESTIMATED_FROM: usize = 8;
+/// Largest distance of an inlier from the epipolar geometry: as far as distortion moves points.
+const TOLERANCE_PX: f64 = 2.0;
+
+impl RectifiedSource {
+    /// Rectifies the raw pairs of `source` with a calibration.
+    ///
+    /// # Errors
+    /// [`Error::Dimensions`].
+    pub fn new(source: Box<dyn Source>, rectifier: Rectifier) -> Result<Self> {
+        Self::ahead(source, rectifier, VecDeque::new())
+    }
+
+    /// Rectifies the raw pairs of `source` without a calibration, by matches in its first ones:
+    /// rows correspond, but there is no rig.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for too few matches; those of the source.
+    pub fn estimated(mut source: Box<dyn Source>, framing: &Framing) -> Result<Self> {
+        let mut ahead: VecDeque<Frame> = VecDeque::new();
+        while ahead.len() < ESTIMATED_FROM
+            && let Some(frame) = source.next()?
+        {
+            ahead.push_back(frame);
+        }
+        let size = ahead.front().map_or((0, 0), |frame| frame.pair.size());
+        let alike = ahead.iter().filter(|frame| frame.pair.size() == size);
+        let pooled: Vec<_> = alike.flat_map(|frame| matches(&frame.pair)).collect();
+        let agreeing = EpipolarGeometry::estimate(&pooled, TOLERANCE_PX)
+            .map(|found| found.inliers)
+            .unwrap_or_default();
+        let context = |e: Error| {
+            Error::Invalid(format!(
+                "{}: cannot be rectified from its images: {e}",
+                source.name()
+            ))
+        };
+        let homographies = uncalibrated(&agreeing, size, framing).map_err(context)?;
+        let rectifier = Rectifier::uncalibrated(&homographies, size)?;
+        Self::ahead(source, rectifier, ahead)
+    }
+
+    fn ahead(
+        source: Box<dyn Source>,
+        rectifier: Rectifier,
+        ahead: VecDeque<Frame>,
+    ) -> Result<Self> {
+        let (width, height) = rectifier.size();
+        let blank = || Gray::filled(width, height, 0);
+        Ok(Self {
+            source,
+            rectifier,
+            ahead,
+            spare: [blank()?, blank()?],
+        })
+    }
+
+    fn rectified(&mut self, frame: Frame) -> Result<Frame> {
+        // A rig and a truth belong to rectified images, so a calibration cannot apply to them. A
+        // pair that is only declared rectified is raw if its user gives a calibration.
+        if frame.rig().is_some() || frame.truth.is_some() {
+            let why = "its pairs are rectified already, with rig or truth: omit --calib";
+            return Err(Error::Invalid(format!("{}: {why}", self.source.name())));
+        }
+        let [left, right] = &mut self.spare;
+        let context = |e: Error| {
+            Error::Invalid(format!(
+                "{}: pair {}: {e}",
+                self.source.name(),
+                frame.sequence
+            ))
+        };
+        self.rectifier
+            .apply(&frame.pair, left, right)
+            .map_err(context)?;
+        let color = frame
+            .color
+            .as_ref()
+            .map(|color| self.rectifier.apply_color(color));
+        let color = color.transpose().map_err(context)?;
+        let [left, right] = std::mem::replace(&mut self.spare, frame.pair.into_images());
+        Ok(Frame {
+            pair: StereoPair::new(left, right)?,
+            color,
+            geometry: Geometry::Rectified(self.rectifier.rig().copied()),
+            // The pose is that of the left camera, which rectification rotates.
+            pose: frame
+                .pose
+                .and_then(|pose| Some(pose * self.rectifier.rotation()?.inverse())),
+            ..frame
+        })
+    }
+}
+
+impl Source for RectifiedSource {
+    fn name(&self) -> String {
+        self.source.name()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        let frame = match self.ahead.pop_front() {
+            Some(frame) => Some(frame),
+            None => self.source.next()?,
+        };
+        frame.map(|frame| self.rectified(frame)).transpose()
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        self.source.pairs()
+    }
+
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        let seeks = self.source.seek(index)?;
+        if seeks {
+            self.ahead.clear();
+        }
+        Ok(seeks)
+    }
+
+    fn finish(&mut self, taken: u64) -> Losses {
+        self.source.finish(taken)
+    }
+
+    fn listens(&self) -> bool {
+        self.source.listens()
+    }
+
+    fn hear(&mut self, judged: &Judged) {
+        self.source.hear(judged);
+    }
+}
+
+/// A source whose raw pairs are declared rectified by the user (`--calib none`).
+pub struct AssumeRectified<'a>(&'a mut dyn Source);
+
+impl<'a> AssumeRectified<'a> {
+    pub fn new(source: &'a mut dyn Source) -> Self {
+        Self(source)
+    }
+}
+
+impl Source for AssumeRectified<'_> {
+    fn name(&self) -> String {
+        self.0.name()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        let mut frame = self.0.next()?;
+        if let Some(Frame { geometry, .. }) = &mut frame
+            && *geometry == Geometry::Raw
+        {
+            *geometry = Geometry::Rectified(None);
+        }
+        Ok(frame)
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        self.0.pairs()
+    }
+
+    fn finish(&mut self, taken: u64) -> Losses {
+        self.0.finish(taken)
+    }
+
+    fn listens(&self) -> bool {
+        self.0.listens()
+    }
+
+    fn hear(&mut self, judged: &Judged) {
+        self.0.hear(judged);
+    }
+}

@@ -1,0 +1,164 @@
+//! The runs of a scenario: sources with what identifies them.
+
+use super::open::{Opened, Request};
+use super::{Calib, Limited, Source, StressedSource};
+use std::io::ErrorKind;
+use svl_core::stereo::{Frame, Losses};
+use svl_core::{Error, Result};
+use svl_data::manifest::RunRecord;
+use svl_data::recording::TruthSelection;
+use svl_data::scenario::{PairRange, RecordingRun, RecordingRuns};
+use svl_data::score::{Judge, RunPart};
+use svl_data::stress::Stress;
+
+/// What a scenario of recordings asks for of one of its files.
+///
+/// # Errors
+/// [`Error::Io`] where it does not exist; [`Error::Usage`] for a scenario among recordings.
+pub fn run_request<'a>(runs: &RecordingRuns, run: &'a RecordingRun) -> Result<Request<'a>> {
+    let path = &run.path;
+    if !path.exists() {
+        return Err(Error::io(path, ErrorKind::NotFound.into()));
+    }
+    let shown = path.display();
+    if path
+        .extension()
+        .is_some_and(|extension| extension == "toml")
+    {
+        let cure = "name either a scenario or recordings";
+        return Err(Error::Usage(format!("{shown}: is a scenario; {cure}")));
+    }
+    let name = path.to_str();
+    let name = name.ok_or_else(|| Error::Invalid(format!("{shown}: its name is not in UTF-8")))?;
+    let ns = |ms: f64| (ms * 1e6) as u64;
+    let Ok(calib) = runs.calib.as_deref().unwrap_or("own").parse();
+    Ok(Request {
+        topics: runs.topics.clone(),
+        calib: match calib {
+            // Two files have a comma between them.
+            Calib::File(_) => {
+                let files = runs.calib.iter().flat_map(|files| files.split(','));
+                let files = files.map(|file| runs.folder.join(file).display().to_string());
+                Calib::File(files.collect::<Vec<_>>().join(",").into())
+            }
+            other => other,
+        },
+        side_by_side: runs.side_by_side,
+        fps: runs.fps,
+        bits: runs.bits,
+        max_skew_ns: runs.max_skew_ms.map(ns),
+        truth: runs.truth.clone().map(|topic| TruthSelection {
+            topic,
+            max_skew_ns: runs.truth_skew_ms.map_or(TruthSelection::MAX_SKEW_NS, ns),
+        }),
+        range: runs.range,
+        window: runs.window,
+        ..Request::new(name)
+    })
+}
+
+/// A run of a scenario. Its first frame is read ahead, so that what no frame could ever pass is
+/// found before the run.
+pub struct RunSource {
+    source: Limited,
+    /// Seed of an arena's run.
+    pub seed: Option<u64>,
+    /// The recording that it reads, where it is one.
+    pub record: Option<RunRecord>,
+    start_ns: u64,
+    stress: Option<Stress>,
+}
+
+impl RunSource {
+    /// Frames that belong to no recording of the user's.
+    pub fn new(source: Box<dyn Source>, seed: Option<u64>) -> Self {
+        Self::ahead(source, seed, None, None)
+    }
+
+    /// A recording.
+    pub fn of_recording(run: &RecordingRun, opened: Opened) -> Self {
+        let record = opened.record(&run.name, &run.path);
+        Self::ahead(opened.source, None, Some(record), opened.start_ns)
+    }
+
+    fn ahead(
+        source: Box<dyn Source>,
+        seed: Option<u64>,
+        record: Option<RunRecord>,
+        start_ns: Option<u64>,
+    ) -> Self {
+        let mut source = Limited::new(source, PairRange::default(), None);
+        source.first();
+        let first_ns = source.start_ns().unwrap_or_default();
+        Self {
+            source,
+            seed,
+            record,
+            start_ns: start_ns.unwrap_or(first_ns),
+            stress: None,
+        }
+    }
+
+    /// The run with pairs that are made worse.
+    #[must_use]
+    pub fn stressed(self, stress: Stress) -> Self {
+        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+        let name = self.record.as_ref().map_or("", |record| &record.name);
+        hasher.update(name.as_bytes());
+        let seed = self.seed.unwrap_or(hasher.digest());
+        let source = StressedSource::new(Box::new(self.source), stress, seed);
+        let start_ns = Some(self.start_ns);
+        Self {
+            stress: Some(stress),
+            ..Self::ahead(Box::new(source), self.seed, self.record, start_ns)
+        }
+    }
+
+    /// The judge of its frames.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a checkpoint that no frame of it could pass, with the cure; why its
+    /// first frame cannot be read.
+    pub fn judge(&mut self, judge: &Judge) -> Result<Judge> {
+        let name = self.record.as_ref().map(|record| record.name.clone());
+        let run = RunPart {
+            name: name.unwrap_or_default(),
+            start_ns: self.start_ns,
+            stress: self.stress.map(|stress| stress.to_string()),
+        };
+        match self.source.first() {
+            Some(frame) => {
+                let mut checkpoints = judge.checkpoints.iter();
+                checkpoints.try_for_each(|checkpoint| checkpoint.check_frame(frame, &run))?;
+            }
+            // Nothing can be scored: why is said before a report is begun.
+            None => drop(self.source.next()?),
+        }
+        Ok(Judge {
+            run,
+            ..judge.clone()
+        })
+    }
+}
+
+impl Source for RunSource {
+    fn name(&self) -> String {
+        self.source.name()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        self.source.next()
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        self.source.pairs()
+    }
+
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        self.source.seek(index)
+    }
+
+    fn finish(&mut self, taken: u64) -> Losses {
+        self.source.finish(taken)
+    }
+}

@@ -1,0 +1,135 @@
+//! A source whose pairs are made worse in one way ([`svl_data::stress`]).
+
+use super::Source;
+use std::collections::VecDeque;
+use svl_core::stereo::{Frame, Gray, Losses, StereoPair};
+use svl_core::{Error, Result};
+use svl_data::score::Judged;
+use svl_data::stress::Stress;
+
+/// Perturbs the pairs of another source. Sequence numbers, stamps and truth stay.
+pub struct StressedSource {
+    source: Box<dyn Source>,
+    stress: Stress,
+    seed: u64,
+    /// Right images of the last pairs, where a pair takes an earlier one.
+    earlier: VecDeque<Gray>,
+    given: u64,
+}
+
+impl StressedSource {
+    /// `seed`: that of the run, or any number that stands for it.
+    pub fn new(source: Box<dyn Source>, stress: Stress, seed: u64) -> Self {
+        Self {
+            source,
+            stress,
+            seed,
+            earlier: VecDeque::new(),
+            given: 0,
+        }
+    }
+
+    /// The pair with the right image of an earlier one; nothing where there is none.
+    fn skewed(&mut self, pair: StereoPair) -> Result<Option<StereoPair>> {
+        let [left, right] = pair.into_images();
+        self.earlier.push_back(right.clone());
+        let is_full = self.earlier.len() > self.stress.earlier_frames();
+        let earlier = match is_full {
+            true => self.earlier.pop_front(),
+            // The world that listens goes on: its first pairs have the oldest image there is.
+            false if self.source.listens() => self.earlier.front().cloned(),
+            false => return Ok(None),
+        };
+        StereoPair::new(left, earlier.unwrap_or(right)).map(Some)
+    }
+}
+
+impl Source for StressedSource {
+    fn name(&self) -> String {
+        format!("{}, {}", self.source.name(), self.stress)
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        let frames = self.stress.earlier_frames();
+        while let Some(frame) = self.source.next()? {
+            if frames > 0 && frame.name.is_some() {
+                return Err(Error::Usage(format!(
+                    "stress {}: takes images of neighbouring pairs, and scenes of a data set have \
+                     none",
+                    self.stress
+                )));
+            }
+            let pair = match frames {
+                0 => Some(self.stress.apply(frame.pair, self.seed, frame.sequence)?),
+                _ => self.skewed(frame.pair)?,
+            };
+            if let Some(pair) = pair {
+                self.given += 1;
+                // Colours would still be those of the pair as it was.
+                return Ok(Some(Frame {
+                    pair,
+                    color: None,
+                    ..frame
+                }));
+            }
+        }
+        match self.given {
+            0 if !self.earlier.is_empty() => Err(Error::Usage(format!(
+                "stress {}: {} has only {} pairs, which have no such neighbour",
+                self.stress,
+                self.source.name(),
+                self.earlier.len()
+            ))),
+            _ => Ok(None),
+        }
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        let frames = self.stress.earlier_frames() as u64;
+        self.source
+            .pairs()
+            .map(|pairs| pairs.saturating_sub(frames))
+    }
+
+    fn finish(&mut self, taken: u64) -> Losses {
+        self.source.finish(taken)
+    }
+
+    fn listens(&self) -> bool {
+        self.source.listens()
+    }
+
+    fn hear(&mut self, judged: &Judged) {
+        self.source.hear(judged);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::source::ArenaSource;
+    use svl_data::arena::{Arena, ArenaConfig};
+
+    #[test]
+    fn skew_takes_the_right_image_of_an_earlier_pair() {
+        let mut config = ArenaConfig {
+            frames: 5,
+            ..ArenaConfig::default()
+        };
+        (config.rig.width_px, config.rig.height_px) = (40, 30);
+        let all = |source: &mut dyn Source| -> Vec<Frame> {
+            std::iter::from_fn(|| source.next().unwrap()).collect()
+        };
+        let arena = || ArenaSource::new(Arena::new(&config, 1).unwrap(), 1);
+        let plain = all(&mut arena());
+        let stress = "skew=2".parse().unwrap();
+        let skewed = all(&mut StressedSource::new(Box::new(arena()), stress, 1));
+        assert_eq!(skewed.len(), 3);
+        for (frame, (own, earlier)) in skewed.iter().zip(plain[2..].iter().zip(&plain)) {
+            assert_eq!(frame.sequence, own.sequence);
+            assert_eq!(frame.pair.left(), own.pair.left());
+            assert_eq!(frame.pair.right(), earlier.pair.right());
+            assert_eq!(frame.truth, own.truth);
+        }
+    }
+}

@@ -1,0 +1,320 @@
+//! The frames of one video, by way of the programs `ffprobe` and `ffmpeg`.
+
+use std::ffi::OsString;
+use std::io::{ErrorKind, Read, Seek};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use svl_core::stereo::{Gray, MAX_SIDE};
+use svl_core::{Error, Result};
+use svl_data::files::DecodedImage;
+
+/// Limit of what ffprobe may say: a line for each frame of some days.
+const MAX_PROBE_BYTES: u64 = 1 << 30;
+
+/// What is known of a video before its frames.
+#[derive(Debug, PartialEq)]
+pub(super) struct VideoInfo {
+    pub size: (usize, usize),
+    pub is_grey: bool,
+    /// Frames per second.
+    pub rate_hz: Option<f64>,
+    /// Stamps of its frames, nanoseconds from the first; empty where the file has none.
+    pub stamps_ns: Vec<u64>,
+    /// How many frames it says it has.
+    pub frames: Option<u64>,
+}
+
+#[derive(serde::Deserialize)]
+struct Probe {
+    #[serde(default)]
+    streams: Vec<ProbeStream>,
+    #[serde(default)]
+    packets: Vec<ProbePacket>,
+    #[serde(default)]
+    format: ProbeFormat,
+}
+
+#[derive(serde::Deserialize)]
+struct ProbeStream {
+    width: Option<usize>,
+    height: Option<usize>,
+    pix_fmt: Option<String>,
+    avg_frame_rate: Option<String>,
+    nb_frames: Option<String>,
+}
+
+#[derive(serde::Deserialize)]
+struct ProbePacket {
+    pts_time: Option<String>,
+}
+
+#[derive(Default, serde::Deserialize)]
+struct ProbeFormat {
+    duration: Option<String>,
+}
+
+impl VideoInfo {
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Program`] where ffprobe is missing; [`Error::Format`] for what it
+    /// cannot read.
+    fn read(path: &Path) -> Result<Self> {
+        let entries = "stream=width,height,pix_fmt,avg_frame_rate,nb_frames:packet=pts_time:\
+                       format=duration";
+        let mut command = Command::new("ffprobe");
+        command
+            .args(["-v", "error", "-select_streams", "v:0", "-of", "json"])
+            .args(["-show_entries", entries])
+            .arg(named(path));
+        let (mut child, mut said) = spawn("ffprobe", &mut command)?;
+        let mut json = Vec::new();
+        let out = child.stdout.take().into_iter();
+        for out in out {
+            let read = out.take(MAX_PROBE_BYTES).read_to_end(&mut json);
+            read.map_err(|e| Error::io(path, e))?;
+        }
+        let _ = child.wait();
+        let wrong = |reason: String| Error::format(path, reason);
+        let mut unread = || match last_line(&mut said) {
+            Some(line) => wrong(format!("ffprobe cannot read it as a video: {line}")),
+            None => wrong("holds no video".to_owned()),
+        };
+        let probe: Probe = serde_json::from_slice(&json).map_err(|_| unread())?;
+        Self::new(probe).map_err(wrong)?.ok_or_else(unread)
+    }
+
+    fn new(probe: Probe) -> std::result::Result<Option<Self>, String> {
+        let Some(stream) = probe.streams.into_iter().next() else {
+            return Ok(None);
+        };
+        let (Some(width), Some(height)) = (stream.width, stream.height) else {
+            return Ok(None);
+        };
+        if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
+            return Err(format!(
+                "has frames of {width}x{height} pixels, svl takes {MAX_SIDE}"
+            ));
+        }
+        let rate_hz = stream.avg_frame_rate.and_then(|rate| {
+            let (frames, seconds) = rate.split_once('/')?;
+            let hz = frames.parse::<f64>().ok()? / seconds.parse::<f64>().ok()?;
+            (hz.is_finite() && hz > 0.0).then_some(hz)
+        });
+        // In the order of decoding; shown they are in that of their stamps.
+        let seconds = |packet: &ProbePacket| packet.pts_time.as_ref()?.parse::<f64>().ok();
+        let stamps: Option<Vec<f64>> = probe.packets.iter().map(seconds).collect();
+        let mut stamps = stamps.unwrap_or_default();
+        stamps.sort_unstable_by(f64::total_cmp);
+        let first = stamps.first().copied().unwrap_or(0.0);
+        let ns = stamps.iter().map(|s| ((s - first) * 1e9).round() as u64);
+        let duration = probe
+            .format
+            .duration
+            .and_then(|text| text.parse::<f64>().ok());
+        let by_duration = duration.zip(rate_hz).map(|(s, hz)| (s * hz).round() as u64);
+        let listed = probe.packets.len() as u64;
+        let frames = match stream.nb_frames.and_then(|text| text.parse().ok()) {
+            Some(frames) => Some(frames),
+            // A duration ends anywhere in the last frame: one more or less is no loss.
+            None => by_duration
+                .filter(|frames| *frames > listed + 1)
+                .or(Some(listed)),
+        };
+        Ok(Some(Self {
+            size: (width, height),
+            is_grey: stream
+                .pix_fmt
+                .is_some_and(|format| format.starts_with("gray")),
+            rate_hz,
+            stamps_ns: ns.collect(),
+            frames: frames.filter(|frames| *frames > 0),
+        }))
+    }
+}
+
+/// A video that is being decoded.
+pub(super) struct VideoStream {
+    pub path: PathBuf,
+    pub info: VideoInfo,
+    /// Frames decoded.
+    pub got: u64,
+    pub has_ended: bool,
+    decoder: Child,
+    said: std::fs::File,
+    bytes: Vec<u8>,
+}
+
+impl VideoStream {
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Program`] where ffmpeg is missing; [`Error::Format`] for what it
+    /// cannot read.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+        let info = VideoInfo::read(path)?;
+        let (width, height) = info.size;
+        let (pixels, bytes) = if info.is_grey {
+            ("gray", 1)
+        } else {
+            ("rgb24", 3)
+        };
+        let mut command = Command::new("ffmpeg");
+        command
+            // As the camera took it: a rotated frame would have another size.
+            .args(["-v", "error", "-nostdin", "-noautorotate", "-i"])
+            .arg(named(path))
+            // Each frame once, and the same bytes on every machine.
+            .args(["-map", "0:v:0", "-vsync", "passthrough"])
+            .args([
+                "-sws_flags",
+                "bicubic+accurate_rnd+full_chroma_int+bitexact",
+            ])
+            .args(["-f", "rawvideo", "-pix_fmt", pixels, "pipe:1"]);
+        let (decoder, said) = spawn("ffmpeg", &mut command)?;
+        Ok(Self {
+            path: path.to_owned(),
+            info,
+            got: 0,
+            has_ended: false,
+            decoder,
+            said,
+            bytes: vec![0; width * height * bytes],
+        })
+    }
+
+    /// The next frame; nothing at the end, also of one that is cut off.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(super) fn next(&mut self) -> Result<Option<DecodedImage>> {
+        let Some(out) = self.decoder.stdout.as_mut().filter(|_| !self.has_ended) else {
+            return Ok(None);
+        };
+        match out.read_exact(&mut self.bytes) {
+            Ok(()) => {}
+            Err(e) if e.kind() == ErrorKind::UnexpectedEof => {
+                self.has_ended = true;
+                let _ = self.decoder.wait();
+                if let Some(line) = last_line(&mut self.said) {
+                    tracing::warn!("{}: ffmpeg: {line}", self.path.display());
+                }
+                return Ok(None);
+            }
+            Err(e) => return Err(Error::io(&self.path, e)),
+        }
+        self.got += 1;
+        let (width, height) = self.info.size;
+        let image = match self.info.is_grey {
+            true => Gray::from_vec(width, height, self.bytes.clone()).map(DecodedImage::Gray),
+            false => DecodedImage::from_rgb(width, height, &self.bytes),
+        };
+        image.map(Some)
+    }
+
+    /// Frames that it says it has and that were not decoded, once it has ended.
+    pub(super) fn missing(&self) -> u64 {
+        let frames = self.info.frames.unwrap_or(0);
+        if self.has_ended {
+            frames.saturating_sub(self.got)
+        } else {
+            0
+        }
+    }
+}
+
+impl Drop for VideoStream {
+    fn drop(&mut self) {
+        // Its frames are of no more use; it may have ended already.
+        let _ = self.decoder.kill();
+        let _ = self.decoder.wait();
+    }
+}
+
+/// As a file, whatever its name looks like.
+fn named(path: &Path) -> OsString {
+    let mut name = OsString::from("file:");
+    name.push(path);
+    name
+}
+
+/// Starts a program of ffmpeg. Its standard error goes to a file, so that it never waits for a
+/// reader.
+fn spawn(program: &'static str, command: &mut Command) -> Result<(Child, std::fs::File)> {
+    let temporary = |e| Error::io(std::env::temp_dir(), e);
+    let said = tempfile::tempfile().map_err(temporary)?;
+    let stderr = said.try_clone().map_err(temporary)?;
+    command
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(stderr);
+    let child = command.spawn().map_err(|e| Error::Program {
+        command: program.to_owned(),
+        reason: match e.kind() {
+            ErrorKind::NotFound => "reads videos and is not installed; `apt install ffmpeg`, or \
+                                    https://ffmpeg.org"
+                .to_owned(),
+            _ => format!("cannot be started: {e}"),
+        },
+        stderr: String::new(),
+    })?;
+    Ok((child, said))
+}
+
+/// Limit of what is read of a program's standard error, from its end.
+const MAX_SAID: u64 = 4096;
+
+fn last_line(said: &mut std::fs::File) -> Option<String> {
+    let length = said.seek(std::io::SeekFrom::End(0)).ok()?;
+    let from = length.saturating_sub(MAX_SAID);
+    said.seek(std::io::SeekFrom::Start(from)).ok()?;
+    let mut bytes = Vec::new();
+    said.take(MAX_SAID).read_to_end(&mut bytes).ok()?;
+    let text = String::from_utf8_lossy(&bytes);
+    let line = text.lines().rfind(|line| !line.trim().is_empty())?;
+    Some(line.trim().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn info(json: &str) -> std::result::Result<Option<VideoInfo>, String> {
+        VideoInfo::new(serde_json::from_str(json).unwrap())
+    }
+
+    #[test]
+    fn what_ffprobe_says() {
+        let stream = r#""width":4,"height":2,"pix_fmt":"gray","avg_frame_rate":"30000/1001""#;
+        let packets = r#""packets":[{"pts_time":"1.1"},{"pts_time":"1.3"},{"pts_time":"1.2"}]"#;
+        let found = info(&format!(
+            r#"{{"streams":[{{{stream},"nb_frames":"9"}}],{packets}}}"#
+        ));
+        let found = found.unwrap().unwrap();
+        assert_eq!(
+            (found.size, found.is_grey, found.frames),
+            ((4, 2), true, Some(9))
+        );
+        assert_eq!(found.stamps_ns, [0, 100_000_000, 200_000_000]);
+        assert!((found.rate_hz.unwrap() - 29.97).abs() < 0.001);
+        // Without a count the duration tells, but for a part of a frame.
+        for (duration, frames) in [("0.1", 3), ("0.134", 3), ("0.5", 15)] {
+            let format = format!(r#""format":{{"duration":"{duration}"}}"#);
+            let json = format!(r#"{{"streams":[{{{stream}}}],{packets},{format}}}"#);
+            assert_eq!(
+                info(&json).unwrap().unwrap().frames,
+                Some(frames),
+                "{duration}"
+            );
+        }
+        assert_eq!(info("{}"), Ok(None));
+        let huge = info(r#"{"streams":[{"width":99999,"height":2}]}"#);
+        assert!(huge.unwrap_err().contains("99999x2"));
+        let odd = info(
+            r#"{"streams":[{"width":4,"height":2,"avg_frame_rate":"0/0"}],
+            "packets":[{}]}"#,
+        );
+        let odd = odd.unwrap().unwrap();
+        assert_eq!(
+            (odd.rate_hz, odd.stamps_ns, odd.frames),
+            (None, vec![], Some(1))
+        );
+    }
+}

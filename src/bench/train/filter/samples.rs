@@ -1,0 +1,251 @@
+//! Labelled windows with their features.
+
+use super::{FrameLabels, SamplePart};
+use svl_core::Result;
+use svl_core::filter::{Features, FilterKind, FilterWindows, Spectrum};
+use svl_core::stereo::{Frame, GridShape, Surface, Truth, Visibility};
+
+/// A labelled window.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WindowSample {
+    /// The recording or run that it is of: samples of one are never parted.
+    pub group: usize,
+    /// The frame's sequence number.
+    pub sequence: u64,
+    /// Number of the window in its frame.
+    pub window: usize,
+    /// Whether it shows what the filter detects.
+    pub is: bool,
+    /// Its grey values, of samples of the test set.
+    pub pixels: Vec<u8>,
+}
+
+/// Labelled windows with their features, a row each.
+#[derive(Clone, Debug)]
+pub struct WindowSamples {
+    pub kind: FilterKind,
+    pub features: Features,
+    /// Rows of [`Features::stride`] values.
+    pub inputs: Vec<f32>,
+    pub samples: Vec<WindowSample>,
+    /// The part of each group.
+    pub parts: Vec<SamplePart>,
+}
+
+/// Where the labels of windows come from.
+#[derive(Clone, Debug)]
+pub enum WindowLabels<'a> {
+    /// A person's.
+    Given(&'a FrameLabels),
+    /// The frame's truth; of *too close* with the range of disparities, pixels.
+    Truth { range_px: f64 },
+}
+
+/// A window is floor when more than this share of its pixels is, and not when less than the rest.
+const MOST: f64 = 0.9;
+
+impl WindowSamples {
+    pub fn new(kind: FilterKind, features: Features, parts: Vec<SamplePart>) -> Self {
+        Self {
+            kind,
+            features,
+            inputs: Vec::new(),
+            samples: Vec::new(),
+            parts,
+        }
+    }
+
+    /// Of the same filter and parts, without samples.
+    #[must_use]
+    pub fn empty(&self) -> Self {
+        Self::new(self.kind, self.features, self.parts.clone())
+    }
+
+    /// Adds the samples of others of the same filter and parts.
+    pub fn append(&mut self, mut others: Self) {
+        self.inputs.append(&mut others.inputs);
+        self.samples.append(&mut others.samples);
+    }
+
+    /// The samples with these numbers.
+    #[must_use]
+    pub fn select(&self, numbers: impl IntoIterator<Item = usize>) -> Self {
+        let (mut fewer, stride) = (self.empty(), self.features.stride());
+        for i in numbers {
+            fewer.samples.push(self.samples[i].clone());
+            fewer
+                .inputs
+                .extend_from_slice(&self.inputs[i * stride..][..stride]);
+        }
+        fewer
+    }
+
+    /// All samples, but of each category of the parts that are named at most so many, spread
+    /// evenly.
+    #[must_use]
+    pub fn limited(&self, limits: &[(SamplePart, usize)]) -> Self {
+        let mut numbers = Vec::new();
+        for part in SamplePart::ALL {
+            let limit = limits.iter().find(|(of, _)| *of == part);
+            for is in [true, false] {
+                let of = self.of(part).filter(|&i| self.samples[i].is == is);
+                let of: Vec<_> = of.collect();
+                let most = limit.map_or(of.len(), |(_, most)| of.len().min(*most));
+                numbers.extend((0..most).map(|i| of[i * of.len() / most]));
+            }
+        }
+        self.select(numbers)
+    }
+
+    /// Adds the windows of a frame of a group that have a label.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Invalid`] for images that are smaller than a window.
+    pub fn add(
+        &mut self,
+        spectrum: &mut Spectrum,
+        frame: &Frame,
+        group: usize,
+        labels: &WindowLabels<'_>,
+    ) -> Result<()> {
+        let (features, left) = (self.features, frame.pair.left());
+        let side = features.window;
+        let windows = FilterWindows::new(self.kind, side, left.size(), GridShape::default())?;
+        for (window, &at) in windows.corners().iter().enumerate() {
+            let is = match labels {
+                WindowLabels::Given(labels) => labels.of(frame.sequence, window),
+                WindowLabels::Truth { range_px } => frame
+                    .truth
+                    .as_ref()
+                    .and_then(|truth| true_label(self.kind, truth, at, side, *range_px)),
+            };
+            let Some(is) = is else {
+                continue;
+            };
+            let first = self.inputs.len();
+            self.inputs.resize(first + features.stride(), 0.0);
+            spectrum.features(features, left, at, &mut self.inputs[first..]);
+            let row = |y: usize| left.row(at[1] + y)[at[0]..at[0] + side].iter().copied();
+            let is_shown = self.parts[group] == SamplePart::Test;
+            self.samples.push(WindowSample {
+                group,
+                sequence: frame.sequence,
+                window,
+                is,
+                pixels: match is_shown {
+                    true => (0..side).flat_map(row).collect(),
+                    false => Vec::new(),
+                },
+            });
+        }
+        Ok(())
+    }
+
+    /// The samples of a part.
+    pub fn of(&self, part: SamplePart) -> impl Iterator<Item = usize> + '_ {
+        let is_of = move |i: &usize| self.parts[self.samples[*i].group] == part;
+        (0..self.samples.len()).filter(is_of)
+    }
+
+    /// Copies the rows of samples into `batch`; the part of it that they fill.
+    pub(super) fn gather<'a>(&self, of: &[usize], batch: &'a mut [f32]) -> &'a [f32] {
+        let stride = self.features.stride();
+        for (to, &i) in batch.chunks_exact_mut(stride).zip(of) {
+            to.copy_from_slice(&self.inputs[i * stride..][..stride]);
+        }
+        &batch[..of.len() * stride]
+    }
+}
+
+/// What a window shows, by the truth of a simulation, which alone knows every pixel; nothing for
+/// another truth, or where the window shows both.
+pub fn true_label(
+    kind: FilterKind,
+    truth: &Truth,
+    [x, y]: [usize; 2],
+    side: usize,
+    range_px: f64,
+) -> Option<bool> {
+    let places = (y..y + side).flat_map(|y| (x..x + side).map(move |x| (x, y)));
+    let share = |is: &dyn Fn(usize, usize) -> bool| {
+        let count = places.clone().filter(|&(x, y)| is(x, y)).count();
+        count as f64 / (side * side) as f64
+    };
+    let surface = truth.surface.as_ref()?;
+    match kind {
+        FilterKind::Floor => {
+            let floor = share(&|x, y| surface.get(x, y) == Surface::Floor);
+            match floor {
+                floor if floor > MOST => Some(true),
+                floor if floor < 1.0 - MOST => Some(false),
+                _ => None,
+            }
+        }
+        FilterKind::TooClose => {
+            let one_camera = |x, y| {
+                let seen = truth.visibility.as_ref().map(|seen| seen.get(x, y));
+                seen == Some(Visibility::Occluded)
+            };
+            let too_near = |x, y| {
+                let disparity = truth.disparity.get(x, y);
+                disparity.is_finite() && f64::from(disparity) > range_px
+            };
+            Some(share(&|x, y| too_near(x, y) || one_camera(x, y)) > 0.5)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::Plane;
+
+    /// A truth of 100x10 whose first columns are floor, too near, or seen by the left camera alone.
+    fn truth(floor: usize, near: usize, hidden: usize) -> Truth {
+        let plane = |first: f32, columns: usize, rest: f32| {
+            Plane::from_fn(100, 10, |x, _| if x < columns { first } else { rest }).unwrap()
+        };
+        let surface = plane(0.0, floor, 1.0).map(|v| match v {
+            0.0 => Surface::Floor,
+            _ => Surface::Wall,
+        });
+        let visibility = plane(0.0, near + hidden, 1.0).map(|v| match v {
+            0.0 => Visibility::Occluded,
+            _ => Visibility::Visible,
+        });
+        let disparity = plane(90.0, near, 20.0);
+        Truth {
+            surface: Some(surface),
+            ..Truth::exact(disparity, (hidden > 0).then_some(visibility))
+        }
+    }
+
+    #[test]
+    fn truth_labels_windows_that_show_one_thing() {
+        let floor = |columns| {
+            let truth = truth(columns, 0, 0);
+            true_label(FilterKind::Floor, &truth, [0, 0], 10, 80.0)
+        };
+        // Of ten columns.
+        assert_eq!(
+            [0, 1, 5, 9, 10].map(floor),
+            [Some(false), None, None, None, Some(true)]
+        );
+        let close = |near, hidden| {
+            let truth = truth(0, near, hidden);
+            true_label(FilterKind::TooClose, &truth, [0, 0], 10, 80.0)
+        };
+        assert_eq!(
+            [close(5, 0), close(6, 0), close(3, 3)],
+            [Some(false), Some(true), Some(true)]
+        );
+        let unknown = Truth::exact(Plane::filled(100, 10, 5.0).unwrap(), None);
+        assert_eq!(
+            true_label(FilterKind::Floor, &unknown, [0, 0], 10, 80.0),
+            None
+        );
+        // Pixels without a truth are not far.
+        let label = true_label(FilterKind::TooClose, &unknown, [0, 0], 10, 80.0);
+        assert_eq!(label, None);
+    }
+}

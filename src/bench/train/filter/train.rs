@@ -1,0 +1,215 @@
+//! From labelled windows to a filter and its figures.
+
+use super::{
+    EpochError, FilterTraining, FitSettings, FittedNetwork, HiddenTrial, RocCurve, SamplePart,
+    Standard, WindowErrors, WindowSample, WindowSamples, fit_network,
+};
+use std::collections::BTreeMap;
+use svl_core::filter::{FilterKind, FilterModel, Network};
+use svl_core::kernel::Isa;
+use svl_core::{Error, Result};
+
+/// Raised when equal samples and settings come to give other weights, so that filters in the cache
+/// are trained anew.
+pub const REVISION: u32 = 1;
+
+/// What is trained.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainSettings {
+    /// Numbers of hidden neurons to try; the one with the least validation error is kept.
+    pub hidden: Vec<usize>,
+    /// Seeds of each.
+    pub seeds: Vec<u64>,
+    pub most_epochs: usize,
+    /// Of *too close*, pixels.
+    pub range_px: f64,
+}
+
+impl TrainSettings {
+    /// Epochs at most, by default.
+    pub const EPOCHS: usize = 60;
+
+    /// The defaults of a filter.
+    pub fn default_of(kind: FilterKind) -> Self {
+        Self {
+            hidden: vec![kind.spec().hidden],
+            seeds: vec![1],
+            most_epochs: Self::EPOCHS,
+            range_px: Self::RANGE_PX,
+        }
+    }
+
+    /// The range of disparities by default, pixels.
+    pub const RANGE_PX: f64 = 80.0;
+}
+
+/// Fewest samples of a category in any part.
+const FEWEST: usize = 20;
+
+/// What training calls after every epoch: hidden neurons, seed, epoch, errors; whether to go on.
+pub type EpochProgress<'a> = &'a mut dyn FnMut(FitSettings, usize, EpochError) -> bool;
+
+/// Trains a filter on samples, whose features are standardized in place.
+///
+/// # Errors
+/// [`Error::Invalid`] for too few samples, or of one category.
+pub fn train_filter(
+    samples: &mut WindowSamples,
+    settings: &TrainSettings,
+    isa: Isa,
+    progress: EpochProgress<'_>,
+) -> Result<(FilterModel, FilterTraining)> {
+    check(samples)?;
+    let data = samples.hash();
+    let standard = Standard::apply(samples);
+    let validation = samples.labels(SamplePart::Validation);
+    let mut trials = Vec::new();
+    let mut best: Option<(f64, FitSettings, FittedNetwork, Network)> = None;
+    'trials: for &hidden in &settings.hidden {
+        for &seed in &settings.seeds {
+            let fit = FitSettings {
+                hidden,
+                seed,
+                most_epochs: settings.most_epochs,
+            };
+            let mut after = |epoch, errors| progress(fit, epoch, errors);
+            let mut fitted = fit_network(samples, fit, isa, &mut after)?;
+            let error = fitted.epochs[fitted.best_epoch.max(1) - 1].validation;
+            let scores = fitted.scores(samples, SamplePart::Validation, isa);
+            let cost = samples.kind.spec().acceptance_cost;
+            let roc = RocCurve::new(&zip(&scores, &validation), cost);
+            fitted.shift(-roc.threshold)?;
+            let test = fitted.scores(samples, SamplePart::Test, isa);
+            trials.push(HiddenTrial {
+                hidden,
+                seed,
+                validation_error: error,
+                errors: WindowErrors::new(&zip(&test, &samples.labels(SamplePart::Test)), 0.0),
+            });
+            let interrupted = fitted.interrupted;
+            if best.as_ref().is_none_or(|(least, ..)| error < *least) {
+                let network = fitted.network(&standard)?;
+                best = Some((error, fit, fitted, network));
+            }
+            if interrupted {
+                break 'trials;
+            }
+        }
+    }
+    let Some((_, fit, fitted, network)) = best else {
+        return Err(Error::Invalid(
+            "no number of hidden neurons to train".into(),
+        ));
+    };
+    let test = zip(
+        &fitted.scores(samples, SamplePart::Test, isa),
+        &samples.labels(SamplePart::Test),
+    );
+    let training = FilterTraining::new(samples, fit, &fitted, trials, &test, data);
+    let range_px = (samples.kind == FilterKind::TooClose).then_some(settings.range_px);
+    let model = FilterModel {
+        kind: samples.kind,
+        features: samples.features,
+        network,
+        range_px,
+        facts: training.facts(),
+    };
+    Ok((model, training))
+}
+
+fn zip(scores: &[f32], labels: &[bool]) -> Vec<(f32, bool)> {
+    scores.iter().copied().zip(labels.iter().copied()).collect()
+}
+
+fn check(samples: &WindowSamples) -> Result<()> {
+    let wrong = |what: String| Err(Error::Invalid(what));
+    if samples.parts.len() < 3 {
+        return wrong(format!(
+            "{} cannot be split into training, validation and test, which never share one; take \
+             three or more",
+            svl_core::counted(samples.parts.len() as u64, "recording")
+        ));
+    }
+    for (part, name) in [
+        (SamplePart::Training, "training"),
+        (SamplePart::Validation, "validation"),
+        (SamplePart::Test, "test"),
+    ] {
+        for (is, category) in [true, false]
+            .into_iter()
+            .zip(samples.kind.spec().categories)
+        {
+            let labels = samples.labels(part);
+            let count = labels.iter().filter(|&&label| label == is).count();
+            if count < FEWEST {
+                return wrong(format!(
+                    "{} labelled '{category}' in the {name} set: at least {FEWEST} are needed; \
+                     label more, or take more recordings",
+                    svl_core::counted(count as u64, "window")
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+impl WindowSamples {
+    /// The labels of a part's samples.
+    fn labels(&self, part: SamplePart) -> Vec<bool> {
+        self.of(part).map(|i| self.samples[i].is).collect()
+    }
+
+    /// Hash of all features and labels.
+    fn hash(&self) -> u128 {
+        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+        self.inputs
+            .iter()
+            .for_each(|value| hasher.update(&value.to_le_bytes()));
+        for sample in &self.samples {
+            hasher.update(&[u8::from(sample.is), self.parts[sample.group] as u8]);
+        }
+        hasher.digest128()
+    }
+
+    /// How many windows of a part show what the filter detects, and how many do not.
+    pub fn counts(&self) -> BTreeMap<&'static str, [usize; 2]> {
+        let parts = [
+            ("training", SamplePart::Training),
+            ("validation", SamplePart::Validation),
+            ("test", SamplePart::Test),
+        ];
+        let count = |part| {
+            let labels = self.labels(part);
+            let is = labels.iter().filter(|&&is| is).count();
+            [is, labels.len() - is]
+        };
+        parts.map(|(name, part)| (name, count(part))).into()
+    }
+
+    /// The test samples with the worst scores of a category, worst first.
+    pub(super) fn worst(
+        &self,
+        scores: &[(f32, bool)],
+        is: bool,
+        most: usize,
+    ) -> Vec<(&WindowSample, f32)> {
+        let samples = self
+            .of(SamplePart::Test)
+            .map(|i| &self.samples[i])
+            .zip(scores);
+        let wrong = samples.filter(|(_, (score, label))| *label == is && (*score > 0.0) != is);
+        let mut wrong: Vec<_> = wrong.map(|(sample, (score, _))| (sample, *score)).collect();
+        wrong.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        // One of each frame: windows of neighbours resemble each other.
+        let mut shown = Vec::<(&WindowSample, f32)>::new();
+        for (sample, score) in wrong {
+            let near = |other: &&WindowSample| {
+                other.group == sample.group && other.sequence.abs_diff(sample.sequence) < 5
+            };
+            if shown.len() < most && !shown.iter().map(|(sample, _)| sample).any(near) {
+                shown.push((sample, score));
+            }
+        }
+        shown
+    }
+}

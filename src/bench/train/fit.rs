@@ -1,0 +1,397 @@
+//! Fits a [`VerdictTable`] to samples: a logistic regression on steps, chosen forward.
+//!
+//! A step is worth a score to all cells whose feature exceeds its value. The step that explains
+//! most of what is left is added, and the scores of all are fitted again by Newton's method
+//! (iteratively reweighted least squares, with a small ridge), up to [`MOST_STEPS`]. How many steps
+//! to take is decided by cross-validation: whole groups are held out, never single cells, as the
+//! cells of a run resemble each other.
+
+use super::CellSample;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::borrow::Cow;
+use svl_core::depth::decision::{Feature, VerdictTable};
+use svl_core::stereo::CellEvidence;
+
+/// A fitted table, and what the samples say of it.
+#[derive(Clone, Debug)]
+pub struct CellFit {
+    pub table: VerdictTable,
+    /// Per sample, in their order, the log odds in thousandths that a table gives it which was
+    /// fitted without the sample's fold; the least number where there is nothing to report.
+    pub held_out: Vec<i64>,
+    /// Mean logistic loss of held-out samples by the number of steps, from none on.
+    pub losses: Vec<f64>,
+}
+
+/// Most steps of a table.
+pub const MOST_STEPS: usize = 32;
+
+/// Parts that the groups are dealt into for the cross-validation.
+pub const FOLDS: usize = 5;
+
+/// Values of a feature between which steps are tried.
+const CANDIDATES: usize = 48;
+
+/// Weight of the ridge (L2) penalty on each score.
+const RIDGE: f64 = 1.0;
+
+/// A candidate: its feature, and its place among the feature's values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Step {
+    feature: usize,
+    place: usize,
+}
+
+/// Steps with their scores in log odds.
+#[derive(Clone, Debug, Default)]
+struct Model {
+    base: f64,
+    steps: Vec<(Step, f64)>,
+    /// Steps that would lead the wrong way ([`direction`]).
+    refused: Vec<Step>,
+}
+
+/// The samples with their features as places among candidate values.
+struct Data {
+    values: [Vec<i64>; CellEvidence::FEATURES],
+    places: Vec<[u8; CellEvidence::FEATURES]>,
+    right: Vec<bool>,
+    weights: Vec<f64>,
+}
+
+/// Fits a table for reports of the `rank`th percentile to samples with those weights. Samples with
+/// nothing to report are left out.
+///
+/// The result depends on nothing but the samples and their order.
+///
+/// `progress` is called after each of the [`FOLDS`] and of the final fit; `false` ends it with
+/// nothing.
+pub fn fit_cells(
+    samples: &[CellSample],
+    weights: &[f64],
+    rank: i64,
+    progress: impl Fn() -> bool + Sync,
+) -> Option<CellFit> {
+    let data = Data::new(samples, weights);
+    let fold = |group: usize| group % FOLDS;
+    let reportable: Vec<_> = (0..samples.len())
+        .filter(|&i| samples[i].is_reportable())
+        .collect();
+    let folds: Vec<_> = (0..FOLDS)
+        .into_par_iter()
+        .map(|held_out| {
+            let part = |held| {
+                let is_held = |i: &usize| (fold(samples[*i].group) == held_out) == held;
+                reportable
+                    .iter()
+                    .copied()
+                    .filter(is_held)
+                    .collect::<Vec<_>>()
+            };
+            let (train, test) = (part(false), part(true));
+            let path = match train.is_empty() || test.is_empty() {
+                true => vec![Model::default(); MOST_STEPS + 1],
+                false => data.path(&train, MOST_STEPS),
+            };
+            progress().then_some((path, test))
+        })
+        .collect::<Option<_>>()?;
+    let loss = |steps: usize| {
+        let of_fold = |(path, test): &(Vec<Model>, Vec<usize>)| {
+            let model = &path[steps.min(path.len() - 1)];
+            let losses = test.iter().map(|&i| data.weights[i] * data.loss(model, i));
+            losses.sum::<f64>()
+        };
+        folds.iter().map(of_fold).sum::<f64>() / data.weights.iter().sum::<f64>()
+    };
+    let losses: Vec<_> = (0..=MOST_STEPS).map(loss).collect();
+    let best = losses.iter().copied().fold(f64::INFINITY, f64::min);
+    // The fewest steps that are as good as the best by a thousandth.
+    let steps = losses.iter().position(|loss| *loss <= 1.001 * best);
+    let steps = steps.unwrap_or_default();
+    let mut held_out = vec![i64::MIN; samples.len()];
+    for (path, test) in &folds {
+        let table = data.table(&path[steps.min(path.len() - 1)], rank);
+        for &i in test {
+            held_out[i] = table.score(&samples[i].evidence.unwrap_or_default());
+        }
+    }
+    let path = data.path(&reportable, steps);
+    progress().then(|| CellFit {
+        table: data.table(&path[path.len() - 1], rank),
+        held_out,
+        losses,
+    })
+}
+
+impl Data {
+    fn new(samples: &[CellSample], weights: &[f64]) -> Self {
+        let features = samples.iter().map(|sample| {
+            let evidence = sample.evidence.unwrap_or_default();
+            evidence.features
+        });
+        let features: Vec<_> = features.collect();
+        let values = std::array::from_fn(|f| candidates(features.iter().map(|of| of[f])));
+        let place = |of: &[i64; CellEvidence::FEATURES]| {
+            std::array::from_fn(|f| {
+                let values: &Vec<i64> = &values[f];
+                values.partition_point(|value| of[f] > *value) as u8
+            })
+        };
+        Self {
+            places: features.iter().map(place).collect(),
+            right: samples.iter().map(|sample| sample.right).collect(),
+            weights: weights.to_vec(),
+            values,
+        }
+    }
+
+    fn reaches(&self, step: Step, i: usize) -> bool {
+        usize::from(self.places[i][step.feature]) > step.place
+    }
+
+    fn score(&self, model: &Model, i: usize) -> f64 {
+        let reached = model
+            .steps
+            .iter()
+            .filter(|(step, _)| self.reaches(*step, i));
+        model.base + reached.map(|(_, score)| score).sum::<f64>()
+    }
+
+    fn loss(&self, model: &Model, i: usize) -> f64 {
+        let score = self.score(model, i);
+        let signed = if self.right[i] { -score } else { score };
+        // ln(1 + e^x) without overflow.
+        signed.max(0.0) + (-signed.abs()).exp().ln_1p()
+    }
+
+    /// Models of the samples `of` with no step, one, and so on up to `most`.
+    fn path(&self, of: &[usize], most: usize) -> Vec<Model> {
+        let mut model = Model::default();
+        self.refit(of, &mut model);
+        let mut path = vec![model.clone()];
+        while model.steps.len() < most {
+            let Some(step) = self.next_step(of, &model) else {
+                break;
+            };
+            model.steps.push((step, 0.0));
+            self.refit(of, &mut model);
+            // Others may turn when one comes.
+            while let Some(wrong) = model
+                .steps
+                .iter()
+                .position(|(step, score)| score * direction(step.feature) < 0.0)
+            {
+                let (wrong, _) = model.steps.remove(wrong);
+                model.refused.push(wrong);
+                self.refit(of, &mut model);
+            }
+            path.truncate(model.steps.len());
+            path.push(model.clone());
+        }
+        path
+    }
+
+    /// The step that, by a Newton step of its own, lowers the loss most.
+    fn next_step(&self, of: &[usize], model: &Model) -> Option<Step> {
+        // Slopes and curvatures of the loss by the features' places.
+        let mut sums: [Vec<[f64; 2]>; CellEvidence::FEATURES] =
+            std::array::from_fn(|f| vec![[0.0; 2]; self.values[f].len() + 1]);
+        for &i in of {
+            let [slope, curvature] = self.slope(model, i);
+            for (f, sums) in sums.iter_mut().enumerate() {
+                let sums = &mut sums[usize::from(self.places[i][f])];
+                sums[0] += slope;
+                sums[1] += curvature;
+            }
+        }
+        let mut best = None;
+        for (feature, sums) in sums.iter().enumerate() {
+            let (mut slope, mut curvature) = (0.0, 0.0);
+            let all: f64 = sums.iter().map(|sum| sum[1]).sum();
+            for place in (0..self.values[feature].len()).rev() {
+                slope += sums[place + 1][0];
+                curvature += sums[place + 1][1];
+                let step = Step { feature, place };
+                let taken = model.steps.iter().any(|(taken, _)| *taken == step);
+                if taken || model.refused.contains(&step) || slope * direction(feature) < 0.0 {
+                    continue;
+                }
+                // Splits off no handful of samples.
+                if curvature.min(all - curvature) < 2.0 * RIDGE {
+                    continue;
+                }
+                let gain = slope * slope / (curvature + RIDGE);
+                if best.is_none_or(|(most, _)| gain > most) {
+                    best = Some((gain, step));
+                }
+            }
+        }
+        best.map(|(_, step)| step)
+    }
+
+    /// Slope and curvature of the negative loss by the score.
+    fn slope(&self, model: &Model, i: usize) -> [f64; 2] {
+        let probability = 1.0 / (1.0 + (-self.score(model, i)).exp());
+        let target = f64::from(u8::from(self.right[i]));
+        [
+            self.weights[i] * (target - probability),
+            self.weights[i] * probability * (1.0 - probability),
+        ]
+    }
+
+    /// Newton's method on the base and all scores.
+    fn refit(&self, of: &[usize], model: &mut Model) {
+        let n = model.steps.len() + 1;
+        for _ in 0..8 {
+            let mut slopes = DVector::<f64>::zeros(n);
+            let mut curvatures = DMatrix::<f64>::identity(n, n) * RIDGE;
+            curvatures[(0, 0)] = 1e-9;
+            for (k, (_, score)) in model.steps.iter().enumerate() {
+                slopes[k + 1] = -RIDGE * score;
+            }
+            let mut reached = Vec::with_capacity(n);
+            for &i in of {
+                let [slope, curvature] = self.slope(model, i);
+                reached.clear();
+                reached.push(0);
+                let steps = model.steps.iter().enumerate();
+                reached.extend(
+                    steps
+                        .filter(|(_, (step, _))| self.reaches(*step, i))
+                        .map(|(k, _)| k + 1),
+                );
+                for (at, &a) in reached.iter().enumerate() {
+                    slopes[a] += slope;
+                    for &b in &reached[..=at] {
+                        curvatures[(a, b)] += curvature;
+                    }
+                }
+            }
+            curvatures.fill_upper_triangle_with_lower_triangle();
+            let Some(change) = curvatures.cholesky().map(|c| c.solve(&slopes)) else {
+                return;
+            };
+            // Steps of more than four in log odds overshoot.
+            let largest = change.amax();
+            let change = change * (4.0 / largest.max(4.0));
+            model.base += change[0];
+            for (k, (_, score)) in model.steps.iter_mut().enumerate() {
+                *score += change[k + 1];
+            }
+            if largest < 1e-4 {
+                return;
+            }
+        }
+    }
+
+    /// The model as a table, in thousandths.
+    fn table(&self, model: &Model, rank: i64) -> VerdictTable {
+        let thousandths = |score: f64| (1000.0 * score).round() as i64;
+        let steps = Feature::ALL.map(|feature| {
+            let of_feature = model
+                .steps
+                .iter()
+                .filter(|(step, _)| step.feature == feature as usize);
+            let mut steps: Vec<_> = of_feature
+                .map(|(step, score)| (self.values[step.feature][step.place], *score))
+                .collect();
+            steps.sort_by_key(|(above, _)| *above);
+            let mut sum = 0.0;
+            let steps = steps.into_iter().map(|(above, score)| {
+                sum += score;
+                (above, thousandths(sum))
+            });
+            Cow::Owned(steps.collect::<Vec<_>>())
+        });
+        VerdictTable {
+            rank,
+            base: thousandths(model.base),
+            steps,
+        }
+    }
+}
+
+/// Which way a feature may lead: more room, support and seen pixels never make a report less
+/// probable, nor do a greater shift and cost make it more so. So a fit says little that is true of
+/// its samples alone.
+fn direction(feature: usize) -> f64 {
+    match Feature::ALL[feature] {
+        Feature::Margin | Feature::Support | Feature::Seen => 1.0,
+        Feature::Shift | Feature::Cost => -1.0,
+        Feature::Texture | Feature::Span => 0.0,
+    }
+}
+
+/// Values that part the given ones into as equal parts as they allow.
+fn candidates(values: impl Iterator<Item = i64>) -> Vec<i64> {
+    let mut values: Vec<_> = values.collect();
+    values.sort_unstable();
+    let Some(last) = values.last().copied() else {
+        return Vec::new();
+    };
+    let at = |k: usize| values[k * values.len() / (CANDIDATES + 1)];
+    let mut parts: Vec<_> = (1..=CANDIDATES).map(at).collect();
+    parts.dedup();
+    parts.retain(|value| *value < last);
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Cells whose margin and cost decide, with that many groups.
+    fn samples(count: usize, groups: usize) -> Vec<CellSample> {
+        let mut random = fastrand::Rng::with_seed(7);
+        let sample = |i: usize| {
+            let mut features = [0; CellEvidence::FEATURES];
+            features.fill_with(|| random.i64(0..1000));
+            let odds = -1.0 + 3.0 * f64::from(features[Feature::Margin as usize] > 400)
+                - 2.0 * f64::from(features[Feature::Cost as usize] > 700);
+            CellSample {
+                group: i % groups,
+                evidence: Some(CellEvidence {
+                    report: 40,
+                    target: 40,
+                    features,
+                }),
+                right: random.f64() < 1.0 / (1.0 + (-odds).exp()),
+                known: false,
+            }
+        };
+        (0..count).map(sample).collect()
+    }
+
+    #[test]
+    fn known_steps_are_found() {
+        let samples = samples(20_000, 10);
+        let fit = fit_cells(&samples, &vec![1.0; samples.len()], 50, || true).unwrap();
+        let steps = |feature: Feature| &fit.table.steps[feature as usize];
+        let score_at = |feature, value: i64| {
+            let reached = steps(feature)
+                .iter()
+                .rev()
+                .find(|(above, _)| value > *above);
+            reached.map_or(0, |(_, score)| *score)
+        };
+        let difference = score_at(Feature::Margin, 600) - score_at(Feature::Margin, 200);
+        assert!((2700..3300).contains(&difference), "{:?}", fit.table);
+        let difference = score_at(Feature::Cost, 900) - score_at(Feature::Cost, 500);
+        assert!((-2300..-1700).contains(&difference), "{:?}", fit.table);
+        // What decides nothing has next to no steps.
+        assert!(score_at(Feature::Shift, 999).abs() < 200, "{:?}", fit.table);
+        assert!(fit.losses[2] < 0.9 * fit.losses[0]);
+    }
+
+    #[test]
+    fn it_is_repeatable_and_can_be_ended() {
+        let samples = samples(2000, 3);
+        let weights = vec![1.0; samples.len()];
+        let fit = || fit_cells(&samples, &weights, 75, || true).unwrap();
+        let (one, two) = (fit(), fit());
+        assert_eq!((one.table, one.held_out), (two.table, two.held_out));
+        assert!(fit_cells(&samples, &weights, 75, || false).is_none());
+    }
+}

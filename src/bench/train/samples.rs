@@ -1,0 +1,106 @@
+//! Cells of frames with a truth, as the verdict table sees them.
+
+use svl_core::matcher::Algorithm;
+use svl_core::stereo::{CellDepth, CellEvidence};
+use svl_core::{Error, Result};
+use svl_data::score::{Judge, Judged, TrueQuarters, is_right};
+
+/// A cell that could be reported, or not.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellSample {
+    /// The scene, the recording or the seed that it is of: samples of one are never parted.
+    pub group: usize,
+    /// Absent where nothing was seen.
+    pub evidence: Option<CellEvidence>,
+    /// Whether the report would be right, by the scenario's rule.
+    pub right: bool,
+    /// Whether the algorithm reported it.
+    pub known: bool,
+}
+
+impl CellSample {
+    /// Whether there is something to report.
+    pub fn is_reportable(&self) -> bool {
+        self.evidence.is_some_and(|evidence| evidence.report > 0)
+    }
+}
+
+/// What of a cell is asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CellTarget {
+    #[default]
+    Median,
+    /// Its nearest quarter.
+    Near,
+}
+
+impl CellTarget {
+    /// What the cells of an algorithm are to report.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for another percentile than a target's; what is wrong with a table's file.
+    pub fn of(algorithm: &Algorithm) -> Result<Self> {
+        let choice = algorithm.safe_choice()?;
+        match choice.map_or(50, |choice| choice.decision.rank) {
+            50 => Ok(Self::Median),
+            75 => Ok(Self::Near),
+            rank => {
+                let label = algorithm.label();
+                let cure = "leave rank out; target=near asks for the nearest quarter";
+                Err(Error::Usage(format!(
+                    "{label}: nothing is judged at rank {rank}: {cure}"
+                )))
+            }
+        }
+    }
+
+    /// The percentile of the disparities.
+    pub fn rank(self) -> i64 {
+        match self {
+            Self::Median => 50,
+            Self::Near => 75,
+        }
+    }
+}
+
+/// The cells of a frame that have a truth, as the first algorithm of the run sees them.
+pub fn cell_samples(
+    judge: &Judge,
+    judged: &Judged,
+    target: CellTarget,
+    group: usize,
+) -> Vec<CellSample> {
+    let (Some(truth), Some(grid)) = (&judged.frame.truth, &judged.true_grid) else {
+        return Vec::new();
+    };
+    let Some(estimate) = judged.estimates.first() else {
+        return Vec::new();
+    };
+    let rig = judged.frame.rig();
+    let rule = judge.cells.for_rig(rig.is_some());
+    let wanted: Vec<_> = match target {
+        CellTarget::Median => grid.iter().map(|(_, cell)| cell.depth).collect(),
+        CellTarget::Near => TrueQuarters::new(truth, grid, rule, rig).depths().collect(),
+    };
+    let cells = estimate.estimate.grid.iter().zip(wanted);
+    let sample = |((_, cell), truth): ((_, &svl_core::stereo::Cell), Option<CellDepth>)| {
+        let reported = cell.evidence.map(|evidence| {
+            let median_px = evidence.report as f32 / svl_core::depth::decision::BINS_PER_PX as f32;
+            CellDepth {
+                median_px,
+                p20_px: median_px,
+                p80_px: median_px,
+                distance_m: rig.and_then(|rig| rig.depth_m(f64::from(median_px))),
+            }
+        });
+        let reported = reported.as_ref().filter(|depth| depth.median_px > 0.0);
+        Some(CellSample {
+            group,
+            evidence: cell.evidence,
+            // Nothing where the rule finds no truth, as at infinity.
+            right: is_right(&truth?, reported, rule)?,
+            known: cell.depth.is_some(),
+        })
+    };
+    cells.filter_map(sample).collect()
+}

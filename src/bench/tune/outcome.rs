@@ -1,0 +1,447 @@
+//! What a search found: for the terminal, as Markdown and as the TOML of a scenario.
+
+use super::goal::Goal;
+use super::search::Evaluated;
+use super::values::TrialValues;
+use crate::report::compare::{Change, Judgement, signed, verdict};
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use svl_core::counted;
+use svl_core::filter::FilterKind;
+use svl_core::{Error, Result};
+use svl_data::scenario::{Scenario, ScenarioSource};
+use svl_data::score::{METRICS, Metric};
+
+/// Where a search looked, and how.
+#[derive(Clone, Debug, Serialize)]
+pub struct TuneFacts {
+    /// In words, as [`Goal::words`].
+    pub goal: String,
+    /// Names of the runs or scenes that were searched on, and pairs of them.
+    pub training: Vec<String>,
+    pub training_pairs: usize,
+    /// Those that judge what was found.
+    pub test: Vec<String>,
+    /// Why the test says less than it could.
+    pub caution: Option<String>,
+    pub interrupted: bool,
+    /// Names and values of the manifest.
+    pub made: Vec<(String, String)>,
+}
+
+/// What was found of one algorithm.
+#[derive(Clone, Debug, Serialize)]
+pub struct TunedAlgorithm {
+    /// The reference and the best, as `--algo` takes them.
+    pub reference: String,
+    pub best: String,
+    /// Name of the metric that was sought.
+    pub objective: &'static str,
+    /// What varied.
+    pub axes: Vec<String>,
+    /// Settings that were tried, and those that were looked at on all training pairs.
+    pub tried: usize,
+    pub finalists: usize,
+    /// The settings that no other one dominates, with what they reached on the training pairs.
+    pub front: Vec<FrontEntry>,
+    /// From the reference to the best.
+    pub training: Vec<Change>,
+    /// The same on the test pairs, and how many these are.
+    pub test: Vec<Change>,
+    pub test_pairs: usize,
+}
+
+/// A setting of the Pareto front.
+#[derive(Clone, Debug, Serialize)]
+pub struct FrontEntry {
+    pub setting: String,
+    /// Whether it keeps the constraints.
+    pub is_allowed: bool,
+    /// In the order of METRICS.
+    pub values: Vec<(&'static str, f64)>,
+}
+
+/// All of it.
+#[derive(Clone, Debug, Serialize)]
+pub struct TuneOutcome {
+    #[serde(flatten)]
+    pub facts: TuneFacts,
+    pub algorithms: Vec<TunedAlgorithm>,
+}
+
+impl FrontEntry {
+    pub fn new(of: &Evaluated, goal: &Goal, reference: &TrialValues) -> Self {
+        let values = METRICS.iter();
+        let values = values.filter_map(|metric| Some((metric.name, of.values.get(metric)?)));
+        Self {
+            setting: of.algorithm.written(),
+            is_allowed: goal.violation(&of.values, reference) == 0.0,
+            values: values.collect(),
+        }
+    }
+
+    fn show(&self, metric: &Metric) -> String {
+        let mut values = self.values.iter();
+        let found = values.find(|(name, _)| *name == metric.name);
+        found.map_or("-".to_owned(), |(_, value)| metric.show(*value))
+    }
+}
+
+impl TunedAlgorithm {
+    /// Whether the reference is the best that was found.
+    pub fn is_unchanged(&self) -> bool {
+        self.best == self.reference
+    }
+
+    /// What the test says of the best, where it was tested: better in what was sought or not.
+    pub fn verdict(&self) -> Option<String> {
+        let sought = Metric::find(self.objective)?;
+        let change = self.test.iter().find(|change| change.metric == sought)?;
+        let words = sought.words;
+        Some(match change.judgement {
+            Judgement::Better => {
+                format!("the test confirms it: {words} {}", change_words(change)[2])
+            }
+            Judgement::Worse => {
+                let change = &change_words(change)[2];
+                format!("the test refutes it: {words} {change}; keep the reference")
+            }
+            _ => format!("the test does not confirm it: {words} are as before; keep the reference"),
+        })
+    }
+
+    /// The metrics of the front that were measured.
+    fn objectives(&self) -> Vec<&'static Metric> {
+        let names = ["right", "wrong", "unrivalled", "coverage", "time"];
+        let is_measured = |metric: &&Metric| {
+            let mut front = self.front.iter();
+            front.any(|entry| entry.values.iter().any(|(name, _)| *name == metric.name))
+        };
+        let metrics = names.into_iter().filter_map(Metric::find);
+        metrics.filter(is_measured).collect()
+    }
+}
+
+/// A change with its interval and what it is called.
+fn change_words(change: &Change) -> [String; 4] {
+    let metric = change.metric;
+    let interval = change.interval.map_or("-".to_owned(), |(low, high)| {
+        format!("{} to {}", signed(metric, low), signed(metric, high))
+    });
+    [
+        metric.show(change.base),
+        metric.show(change.other),
+        signed(metric, change.difference),
+        format!("{interval} {}", verdict(change.judgement))
+            .trim()
+            .to_owned(),
+    ]
+}
+
+impl TuneOutcome {
+    fn parts(&self, of: &TunedAlgorithm) -> [(String, Vec<Change>); 2] {
+        let TuneFacts {
+            training,
+            training_pairs,
+            test,
+            ..
+        } = &self.facts;
+        let names = |names: &[String]| match names {
+            [first, .., last] if names.len() > 4 => {
+                format!("{first} to {last}, {} runs", names.len())
+            }
+            names => names.join(", "),
+        };
+        let words = |what: &str, pairs: usize, of: &[String]| {
+            format!("{what}: {} of {}", counted(pairs as u64, "pair"), names(of))
+        };
+        [
+            (
+                words("training", *training_pairs, training),
+                of.training.clone(),
+            ),
+            (words("test", of.test_pairs, test), of.test.clone()),
+        ]
+    }
+
+    /// As Markdown, titled.
+    pub fn markdown(&self, title: &str) -> String {
+        let facts = &self.facts;
+        let mut text = format!("# {title}\n\nSought: {}.\n", facts.goal);
+        for note in self.notes() {
+            let _ = write!(text, "\n**{note}**\n");
+        }
+        for of in &self.algorithms {
+            let _ = write!(text, "\n## {}\n\n", of.reference);
+            let _ = writeln!(text, "Best: `{}`\n", of.best);
+            if let Some(verdict) = of.verdict() {
+                let _ = writeln!(text, "**{verdict}**\n");
+            }
+            let _ = writeln!(
+                text,
+                "{} tried, {} of them on all training pairs. Varied: `{}`.",
+                counted(of.tried as u64, "setting"),
+                of.finalists,
+                of.axes.join(" ")
+            );
+            for (words, changes) in self.parts(of) {
+                if changes.is_empty() {
+                    continue;
+                }
+                let _ = write!(
+                    text,
+                    "\nOn the {words}:\n\n| | {} | best | change | 95 % | |\n\
+                     |---|---:|---:|---:|---|---|\n",
+                    of.reference
+                );
+                for change in &changes {
+                    text += &change.markdown_row(change.metric.words);
+                }
+            }
+            let objectives = of.objectives();
+            let heads = objectives
+                .iter()
+                .map(|metric| format!(" {} |", metric.words));
+            let lines = objectives.iter().map(|_| "--:|");
+            let _ = write!(
+                text,
+                "\nSettings that no other is as good as by all of these and better by one, on the \
+                 training pairs:\n\n| setting |{} |\n|---|{}---|\n",
+                heads.collect::<String>(),
+                lines.collect::<String>()
+            );
+            for entry in &of.front {
+                let values = objectives
+                    .iter()
+                    .map(|metric| format!(" {} |", entry.show(metric)));
+                let note = if entry.is_allowed {
+                    ""
+                } else {
+                    "breaks a bound"
+                };
+                let _ = writeln!(
+                    text,
+                    "| `{}` |{} {note} |",
+                    entry.setting,
+                    values.collect::<String>()
+                );
+            }
+        }
+        text += "\n## How it was made\n\n";
+        for (name, value) in &facts.made {
+            let _ = writeln!(text, "- {name}: {value}");
+        }
+        text
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let interrupted = self.facts.interrupted;
+        let interrupted = interrupted.then(|| "Interrupted: the best so far.".to_owned());
+        interrupted
+            .into_iter()
+            .chain(self.facts.caution.clone())
+            .collect()
+    }
+}
+
+impl std::fmt::Display for TuneOutcome {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        writeln!(f, "sought: {}", self.facts.goal)?;
+        self.notes()
+            .iter()
+            .try_for_each(|note| writeln!(f, "{note}"))?;
+        for of in &self.algorithms {
+            writeln!(f, "\n{}", of.reference)?;
+            match of.is_unchanged() {
+                true => writeln!(f, "  best is the reference itself, of {} tried", of.tried)?,
+                false => writeln!(f, "  best of {} tried: {}", of.tried, of.best)?,
+            }
+            if let Some(verdict) = of.verdict() {
+                writeln!(f, "  {verdict}")?;
+            }
+            // Of the training pairs only where nothing judged: the file beside the output has both.
+            let parts = self.parts(of).into_iter();
+            let parts: Vec<_> = parts.filter(|(_, changes)| !changes.is_empty()).collect();
+            if let Some((words, changes)) = parts.last().filter(|_| !of.is_unchanged()) {
+                writeln!(f, "\n  {words}")?;
+                for change in changes {
+                    let [base, other, difference, interval] = change_words(change);
+                    let name = change.metric.name;
+                    writeln!(
+                        f,
+                        "  {name:<11} {base:>9} {other:>9} {difference:>9}  {interval}"
+                    )?;
+                }
+            }
+            if of.front.is_empty() {
+                continue;
+            }
+            let objectives = of.objectives();
+            let heads = objectives
+                .iter()
+                .map(|metric| format!("{:>10}", metric.name));
+            writeln!(f, "\n  Pareto front {}", heads.collect::<String>())?;
+            for entry in &of.front {
+                let values = objectives.iter().map(|m| format!("{:>10}", entry.show(m)));
+                let note = if entry.is_allowed {
+                    ""
+                } else {
+                    "  breaks a bound"
+                };
+                writeln!(f, "  {}", entry.setting)?;
+                writeln!(f, "               {}{note}", values.collect::<String>())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The scenario with these algorithms, and filters, if any, with their files, in place of its own,
+/// as TOML that can lie in any folder: paths in it become absolute. `folder` is that of the
+/// scenario's file.
+///
+/// # Errors
+/// [`Error::Invalid`] for a scenario that cannot be read again, which is a slip of svl's own.
+pub fn scenario_toml(
+    scenario: &Scenario,
+    algorithms: &[String],
+    filters: &[(FilterKind, PathBuf)],
+    folder: &Path,
+) -> Result<String> {
+    let slip = |why: String| Error::Invalid(format!("{}: {why}", scenario.name));
+    let mut table: toml::Table = scenario.text.parse().map_err(|e| slip(format!("{e}")))?;
+    let list = |values: &[String]| values.iter().cloned().map(toml::Value::from).collect();
+    table.insert("algorithms".into(), toml::Value::Array(list(algorithms)));
+    // What its limits are of is no longer in it.
+    table.remove("gate");
+    let absolute = |path: &Path| -> String {
+        let path = std::path::absolute(path).unwrap_or(path.to_owned());
+        path.display().to_string()
+    };
+    if let ScenarioSource::Recording(_) = &scenario.source {
+        let runs = scenario.recordings()?;
+        let files: Vec<_> = runs.iter().map(|run| absolute(&run.path)).collect();
+        if let Some(source) = table.get_mut("source").and_then(toml::Value::as_table_mut) {
+            source.insert("files".into(), toml::Value::Array(list(&files)));
+            if let Some(calib) = source.get("calib").and_then(toml::Value::as_str)
+                && folder.join(calib).exists()
+            {
+                let calib = absolute(&folder.join(calib));
+                source.insert("calib".into(), calib.into());
+            }
+        }
+    }
+    if let ScenarioSource::Arena { seeds, .. } = &scenario.source
+        && let Some(source) = table.get_mut("source").and_then(toml::Value::as_table_mut)
+    {
+        let seeds = seeds.iter().map(|seed| toml::Value::from(*seed as i64));
+        source.insert("seeds".into(), toml::Value::Array(seeds.collect()));
+    }
+    let of_scenario = table.get_mut("filter").and_then(toml::Value::as_array_mut);
+    for filter in of_scenario
+        .into_iter()
+        .flatten()
+        .filter_map(toml::Value::as_table_mut)
+    {
+        for key in ["file", "scenario"] {
+            let path = |path: &toml::Value| Some(absolute(&folder.join(path.as_str()?)));
+            let replaced = filter.get(key).and_then(path);
+            let many = filter
+                .get(key)
+                .and_then(toml::Value::as_array)
+                .map(|paths| {
+                    let paths: Vec<_> = paths.iter().filter_map(path).collect();
+                    toml::Value::Array(list(&paths))
+                });
+            if let Some(value) = replaced.map(toml::Value::from).or(many) {
+                filter.insert(key.into(), value);
+            }
+        }
+    }
+    if !filters.is_empty() {
+        let entry = |(kind, file): &(FilterKind, PathBuf)| {
+            let mut entry = toml::Table::new();
+            entry.insert("detects".into(), kind.to_string().into());
+            entry.insert("file".into(), absolute(file).into());
+            toml::Value::from(entry)
+        };
+        let entries = filters.iter().map(entry).collect();
+        table.insert("filter".into(), toml::Value::Array(entries));
+    }
+    let grid = scenario.grid;
+    let cells = toml::Value::try_from(scenario.cells).map_err(|e| slip(e.to_string()))?;
+    table.insert("cells".into(), cells);
+    let mut of_grid = toml::Table::new();
+    of_grid.insert("columns".into(), (grid.columns as i64).into());
+    of_grid.insert("rows".into(), (grid.rows as i64).into());
+    of_grid.insert("min_valid".into(), grid.min_valid.into());
+    let decision = match grid.decision {
+        svl_core::depth::CellDecision::Median => "median",
+        svl_core::depth::CellDecision::Safe => "safe",
+    };
+    of_grid.insert("decision".into(), decision.into());
+    table.insert("grid".into(), of_grid.into());
+    toml::to_string(&table).map_err(|e| slip(e.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scenario_can_lie_elsewhere_with_its_filters() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+        let scenario = Scenario::read(&folder.join("floor.toml")).unwrap();
+        let algorithms = ["v3:max_disparity=64", "v3"].map(str::to_owned);
+        let written = |filters: &[(FilterKind, PathBuf)]| {
+            let toml = scenario_toml(&scenario, &algorithms, filters, &folder).unwrap();
+            Scenario::parse(&toml, Path::new("/elsewhere/best.toml")).unwrap()
+        };
+        let moved = written(&[]);
+        assert_eq!(moved.labels(), ["v3:max_disparity=64", "v3"]);
+        assert_eq!(
+            (moved.grid, moved.cells, &moved.source),
+            (scenario.grid, scenario.cells, &scenario.source)
+        );
+        assert_eq!(moved.filters, scenario.filters);
+        assert!(moved.gate.is_empty());
+        let kind = scenario.filters[0].detects;
+        let other = written(&[(kind, "/filters/own.safetensors".into())]);
+        let file = other.filters[0].file.as_deref();
+        assert_eq!(file, Some(Path::new("/filters/own.safetensors")));
+    }
+
+    #[test]
+    fn the_test_has_the_last_word() {
+        let mut of = TunedAlgorithm {
+            reference: "v3".into(),
+            best: "v3:max_disparity=64".into(),
+            objective: "right",
+            axes: Vec::new(),
+            tried: 9,
+            finalists: 3,
+            front: Vec::new(),
+            training: Vec::new(),
+            test: Vec::new(),
+            test_pairs: 9,
+        };
+        assert_eq!(of.verdict(), None);
+        for (judgement, words) in [
+            (Judgement::Better, "confirms it: right cells +10.0 %"),
+            (Judgement::Unclear, "does not confirm it"),
+            (Judgement::Worse, "refutes it"),
+        ] {
+            of.test = vec![Change {
+                metric: Metric::find("right").unwrap(),
+                base: 0.5,
+                other: 0.6,
+                difference: 0.1,
+                interval: None,
+                judgement,
+            }];
+            let verdict = of.verdict().unwrap();
+            assert!(verdict.contains(words), "{verdict}");
+        }
+    }
+}

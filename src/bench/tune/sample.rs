@@ -1,0 +1,267 @@
+//! Frames spread over a source, kept in memory, and what algorithms make of them.
+
+use crate::run::{Matchers, Monitor, Outcome, Pace, run};
+use crate::sink::{RunStart, Sink};
+use crate::source::{AssumeRectified, Source};
+use std::sync::Arc;
+use svl_core::stereo::Frame;
+use svl_core::{Error, Result};
+
+/// Frames that cannot be read, one after the other, after which a source is given up.
+const UNREADABLE: u64 = 16;
+
+/// Reads frames that are spread evenly over a source, a step at a time.
+pub struct Sampler {
+    source: Box<dyn Source>,
+    /// How many are wanted, as far as there is memory for them.
+    wanted: u64,
+    limit_bytes: usize,
+    /// How many frames the source has, where that is known.
+    count: Option<u64>,
+    /// Index of the frame that the source gives next.
+    next: u64,
+    /// Where the count is not known: one of this number is kept.
+    stride: u64,
+    frames: Vec<Arc<Frame>>,
+    done: bool,
+}
+
+impl Sampler {
+    /// At most `wanted` frames that take at most `limit_bytes`, but at least one.
+    pub fn new(source: Box<dyn Source>, wanted: usize, limit_bytes: usize) -> Self {
+        Self {
+            count: source.pairs(),
+            source,
+            wanted: wanted.max(1) as u64,
+            limit_bytes,
+            next: 0,
+            stride: 1,
+            frames: Vec::new(),
+            done: false,
+        }
+    }
+
+    /// The frames so far, in their order; all of them once [`Sampler::step`] says so.
+    pub fn frames(&self) -> &[Arc<Frame>] {
+        &self.frames
+    }
+
+    /// Reads a frame; false when there is nothing more to read. A frame that cannot be read is
+    /// passed over.
+    ///
+    /// # Errors
+    /// Why the source ends before its end; the frames before that are there.
+    pub fn step(&mut self) -> Result<bool> {
+        if self.done {
+            return Ok(false);
+        }
+        let read = match self.count {
+            Some(count) => self.read_spread(count),
+            None => self.read_on(),
+        };
+        match read {
+            Ok(goes_on) => self.done = !goes_on,
+            Err(Error::Damaged { .. }) if !self.frames.is_empty() => self.done = true,
+            Err(error @ Error::Damaged { .. }) => {
+                self.done = true;
+                return Err(error);
+            }
+            Err(error) if self.frames.is_empty() && self.next > UNREADABLE => {
+                self.done = true;
+                return Err(error);
+            }
+            Err(_) => {}
+        }
+        Ok(!self.done)
+    }
+
+    /// All frames, once they are read.
+    ///
+    /// # Errors
+    /// As [`Sampler::step`].
+    pub fn read_all(mut self, mut go_on: impl FnMut() -> bool) -> Result<Vec<Arc<Frame>>> {
+        while self.step()? && go_on() {}
+        Ok(self.frames)
+    }
+
+    /// The next of `wanted` out of `count` frames.
+    fn read_spread(&mut self, count: u64) -> Result<bool> {
+        let wanted = self.wanted.min(count);
+        let at = |i: u64| i * count / wanted.max(1);
+        // Of those that are still to come, the first: others may not have been readable.
+        let Some(index) = (0..wanted).map(at).find(|index| *index >= self.next) else {
+            return Ok(false);
+        };
+        if index > self.next && self.source.seek(index)? {
+            self.next = index;
+        }
+        let is_wanted = self.next == index;
+        self.next += 1;
+        let Some(frame) = self.source.next()? else {
+            return Ok(false);
+        };
+        if is_wanted {
+            self.keep(frame);
+        }
+        Ok(true)
+    }
+
+    /// The next frame of a source whose end is not known: when there are too many, every second one
+    /// is dropped.
+    fn read_on(&mut self) -> Result<bool> {
+        let index = self.next;
+        self.next += 1;
+        let Some(frame) = self.source.next()? else {
+            return Ok(false);
+        };
+        if index.is_multiple_of(self.stride) {
+            self.keep(frame);
+            if self.frames.len() as u64 > self.wanted {
+                let mut even = false;
+                self.frames.retain(|_| {
+                    even = !even;
+                    even
+                });
+                self.stride *= 2;
+            }
+        }
+        Ok(true)
+    }
+
+    fn keep(&mut self, frame: Frame) {
+        if self.frames.is_empty() {
+            let fits = self.limit_bytes / frame.memory_bytes().max(1);
+            self.wanted = self.wanted.min(fits as u64).max(1);
+        }
+        self.frames.push(Arc::new(frame));
+    }
+}
+
+/// Frames in memory as a source.
+struct HeldFrames<'a>(std::slice::Iter<'a, Arc<Frame>>);
+
+impl Source for HeldFrames<'_> {
+    fn name(&self) -> String {
+        "sample".into()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        Ok(self.0.next().map(|frame| Frame::clone(frame)))
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        Some(self.0.len() as u64)
+    }
+}
+
+/// Runs frames through the algorithms into the sinks.
+///
+/// # Errors
+/// As [`run`].
+pub fn evaluate(
+    frames: &[Arc<Frame>],
+    matchers: &mut Matchers,
+    start: &RunStart<'_>,
+    pace: Pace,
+    sinks: &mut [Box<dyn Sink>],
+    monitor: &mut dyn Monitor,
+) -> Result<Outcome> {
+    let mut held = HeldFrames(frames.iter());
+    let mut source = AssumeRectified::new(&mut held);
+    let (outcome, ran) = run(&mut source, matchers, start, pace, sinks, monitor);
+    ran.map(|()| outcome)
+}
+
+/// `0..count`, so that the first of them are spread over all: by the bits of the index, mirrored.
+pub fn spread_order(count: usize) -> Vec<usize> {
+    let bits = usize::BITS - count.next_power_of_two().leading_zeros() - 1;
+    let mirrored = |i: usize| match bits {
+        0 => 0,
+        bits => i.reverse_bits() >> (usize::BITS - bits),
+    };
+    let all = 0..count.next_power_of_two();
+    all.map(mirrored).filter(|i| *i < count).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::{Exposure, Geometry, Gray, StereoPair};
+
+    struct Numbered {
+        next: u64,
+        of: u64,
+        seeks: bool,
+        counted: bool,
+    }
+
+    impl Source for Numbered {
+        fn name(&self) -> String {
+            "numbered".into()
+        }
+
+        fn next(&mut self) -> Result<Option<Frame>> {
+            let sequence = self.next;
+            self.next += 1;
+            if sequence >= self.of {
+                return Ok(None);
+            }
+            if sequence == 7 {
+                return Err(Error::Invalid("frame 7 is a cat".into()));
+            }
+            let image = Gray::filled(10, 10, 0)?;
+            Ok(Some(Frame {
+                sequence,
+                stamp_ns: 0,
+                name: None,
+                pair: StereoPair::new(image.clone(), image)?,
+                color: None,
+                geometry: Geometry::Raw,
+                pose: None,
+                truth: None,
+                exposure: Exposure::default(),
+            }))
+        }
+
+        fn pairs(&self) -> Option<u64> {
+            self.counted.then_some(self.of)
+        }
+
+        fn seek(&mut self, index: u64) -> Result<bool> {
+            self.next = if self.seeks { index } else { self.next };
+            Ok(self.seeks)
+        }
+    }
+
+    fn sampled(of: u64, seeks: bool, counted: bool, wanted: usize, limit: usize) -> Vec<u64> {
+        let source = Box::new(Numbered {
+            next: 0,
+            of,
+            seeks,
+            counted,
+        });
+        let frames = Sampler::new(source, wanted, limit).read_all(|| true);
+        frames.unwrap().iter().map(|frame| frame.sequence).collect()
+    }
+
+    #[test]
+    fn the_first_of_the_order_are_spread() {
+        assert_eq!(spread_order(8), [0, 4, 2, 6, 1, 5, 3, 7]);
+        assert_eq!(spread_order(5), [0, 4, 2, 1, 3]);
+        assert_eq!(spread_order(1), [0]);
+        assert!(spread_order(0).is_empty());
+    }
+
+    #[test]
+    fn frames_are_spread_whatever_the_source_can() {
+        for seeks in [true, false] {
+            assert_eq!(sampled(40, seeks, true, 4, 10_000), [0, 10, 20, 30]);
+            assert_eq!(sampled(3, seeks, true, 4, 10_000), [0, 1, 2]);
+            // A frame that cannot be read is missing; memory limits the number.
+            assert_eq!(sampled(14, seeks, true, 2, 10_000), [0]);
+            assert_eq!(sampled(40, seeks, true, 4, 450), [0, 20]);
+        }
+        assert_eq!(sampled(40, false, false, 4, 10_000), [0, 16, 32]);
+        assert!(sampled(0, false, false, 4, 10_000).is_empty());
+    }
+}

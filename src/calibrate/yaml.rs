@@ -1,0 +1,148 @@
+//! A subset of YAML for calibrations and bags: aliases and deep nesting are refused, tags are
+//! ignored.
+
+use saphyr_parser::{Event, Parser};
+use std::collections::BTreeMap;
+
+/// Limit of nesting; bags have up to nine levels, calibrations four.
+pub const MAX_DEPTH: usize = 16;
+
+/// A scalar as text, a sequence, or a mapping.
+#[derive(Clone, Debug, PartialEq)]
+pub enum YamlNode {
+    Value(String),
+    List(Vec<YamlNode>),
+    Table(BTreeMap<String, YamlNode>),
+}
+
+/// # Errors
+/// What is wrong, with the line.
+pub fn parse(text: &str) -> Result<YamlNode, String> {
+    // OpenCV's first line, `%YAML:1.0`, is not a YAML directive; it becomes a comment.
+    let text = match text.strip_prefix('%') {
+        Some(rest) => format!("#{rest}"),
+        None => text.to_owned(),
+    };
+    let mut tree = Tree::default();
+    for event in Parser::new_from_str(&text) {
+        let (event, span) =
+            event.map_err(|e| format!("line {}: is no YAML: {}", e.marker().line(), e.info()))?;
+        tree.add(event)
+            .map_err(|reason| format!("line {}: {reason}", span.start.line()))?;
+    }
+    tree.root.ok_or_else(|| "holds no YAML".into())
+}
+
+/// The tree built so far from parser events.
+#[derive(Default)]
+struct Tree {
+    root: Option<YamlNode>,
+    open: Vec<OpenNode>,
+}
+
+/// A sequence or mapping that is not closed yet, with the key that waits for its value.
+enum OpenNode {
+    List(Vec<YamlNode>),
+    Table(BTreeMap<String, YamlNode>, Option<String>),
+}
+
+impl Tree {
+    fn add(&mut self, event: Event<'_>) -> Result<(), String> {
+        match event {
+            Event::Alias(_) => {
+                Err("an alias (*), which is not read; write the value itself".into())
+            }
+            Event::Scalar(text, ..) => self.put(YamlNode::Value(text.into_owned())),
+            Event::SequenceStart(..) => self.open(OpenNode::List(Vec::new())),
+            Event::MappingStart(..) => self.open(OpenNode::Table(BTreeMap::new(), None)),
+            Event::SequenceEnd | Event::MappingEnd => match self.open.pop() {
+                Some(OpenNode::List(list)) => self.put(YamlNode::List(list)),
+                Some(OpenNode::Table(table, _)) => self.put(YamlNode::Table(table)),
+                None => Ok(()),
+            },
+            Event::Nothing | Event::StreamStart | Event::StreamEnd => Ok(()),
+            Event::DocumentStart(_) | Event::DocumentEnd => Ok(()),
+        }
+    }
+
+    fn open(&mut self, open: OpenNode) -> Result<(), String> {
+        // Bounded before nodes are built: recursion on drop would overflow the stack.
+        if self.open.len() == MAX_DEPTH {
+            return Err(format!(
+                "more than {MAX_DEPTH} levels, which no file that svl reads has"
+            ));
+        }
+        self.open.push(open);
+        Ok(())
+    }
+
+    fn put(&mut self, node: YamlNode) -> Result<(), String> {
+        match self.open.last_mut() {
+            None if self.root.is_some() => return Err("a second document, expected one".into()),
+            None => self.root = Some(node),
+            Some(OpenNode::List(list)) => list.push(node),
+            Some(OpenNode::Table(table, key)) => match (key.take(), node) {
+                (None, YamlNode::Value(name)) => *key = Some(name),
+                (None, _) => return Err("a key that is a list or a table".into()),
+                (Some(name), node) => {
+                    // YAML forbids duplicate keys; most parsers silently take the last.
+                    if table.insert(name.clone(), node).is_some() {
+                        return Err(format!("'{name}' stands twice"));
+                    }
+                }
+            },
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headers_and_tags_of_opencv_are_passed_over() {
+        for header in [
+            "%YAML:1.0\n",
+            "%YAML:1.0\n---\n",
+            "%YAML 1.2\n---\n# said\n",
+            "",
+        ] {
+            let text = format!(
+                "{header}K: !!opencv-matrix\n   rows: 1\n   data: [ 1., -2.5e-01,\n       .5 ]\n"
+            );
+            let YamlNode::Table(root) = parse(&text).unwrap() else {
+                panic!()
+            };
+            let YamlNode::Table(matrix) = &root["K"] else {
+                panic!()
+            };
+            let values = ["1.", "-2.5e-01", ".5"].map(|v| YamlNode::Value(v.into()));
+            assert_eq!(matrix["data"], YamlNode::List(values.into()), "{header:?}");
+        }
+    }
+
+    #[test]
+    fn what_no_file_needs_is_refused_with_its_line() {
+        let bomb = "a: &a [1, 1]\nb: &b [*a, *a]\n";
+        assert!(parse(bomb).unwrap_err().starts_with("line 2: an alias"));
+        for (open, close) in [("[", "]"), ("{a: ", "}")] {
+            let nested = |levels| format!("{}1{}", open.repeat(levels), close.repeat(levels));
+            assert!(parse(&nested(16)).is_ok());
+            assert!(parse(&nested(17)).unwrap_err().contains("levels"));
+            assert!(parse(&nested(100_000)).is_err());
+        }
+        assert!(
+            parse("a: 1\na: 2")
+                .unwrap_err()
+                .contains("'a' stands twice")
+        );
+        assert!(parse("a: [1, 2").unwrap_err().starts_with("line "));
+        assert!(parse("").unwrap_err().contains("no YAML"));
+        assert!(
+            parse("---\na: 1\n---\nb: 2\n")
+                .unwrap_err()
+                .contains("second")
+        );
+    }
+}

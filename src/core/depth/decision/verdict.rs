@@ -1,0 +1,338 @@
+//! What is measured of a cell as log odds that its report is right.
+
+use crate::stereo::CellEvidence;
+use std::borrow::Cow;
+
+/// A number of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Feature {
+    /// Share of the cell that may be on the wrong side before the report is wrong, ‰.
+    Margin,
+    /// Share of pixels that were seen and agree with the report, ‰.
+    Support,
+    /// Share of pixels that were seen, ‰.
+    Seen,
+    /// How far the report is from the percentile, in tolerances, ‰.
+    Shift,
+    /// Mean matching cost, hundredths.
+    Cost,
+    /// Mean difference of left neighbours, hundredths of a grey level.
+    Texture,
+    /// For how many bins of true disparities the report is right.
+    Span,
+}
+
+impl Feature {
+    /// Unit of its values, empty for a plain number.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Margin | Self::Support | Self::Seen | Self::Shift => "‰",
+            Self::Cost => "bits/100",
+            Self::Texture => "grey levels/100",
+            Self::Span => "px/8",
+        }
+    }
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Margin => "margin",
+            Self::Support => "support",
+            Self::Seen => "seen",
+            Self::Shift => "shift",
+            Self::Cost => "cost",
+            Self::Texture => "texture",
+            Self::Span => "span",
+        }
+    }
+
+    pub const ALL: [Self; CellEvidence::FEATURES] = [
+        Self::Margin,
+        Self::Support,
+        Self::Seen,
+        Self::Shift,
+        Self::Cost,
+        Self::Texture,
+        Self::Span,
+    ];
+}
+
+/// Greatest number of a table's file.
+const MAX_VALUE: u64 = 1_000_000_000;
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TableFile {
+    rank: i64,
+    base: i64,
+    #[serde(default)]
+    steps: std::collections::BTreeMap<String, Vec<(i64, i64)>>,
+}
+
+impl TableFile {
+    #[cfg(feature = "tables")]
+    fn parse(text: &str) -> Result<Self, String> {
+        toml::from_str(text).map_err(|error| {
+            let message = error.message().lines().next().unwrap_or_default();
+            format!("is no table of cells ({message}); `svl train cells` makes one")
+        })
+    }
+
+    #[cfg(not(feature = "tables"))]
+    fn parse(_: &str) -> Result<Self, String> {
+        Err("svl-core reads tables of cells with its feature `tables`".to_owned())
+    }
+}
+
+/// Log odds of a cell, in thousandths: a base, and per feature the score of the last of its steps
+/// that it exceeds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct VerdictTable {
+    /// The percentile of a cell's disparities that it is for.
+    pub rank: i64,
+    pub base: i64,
+    /// By feature: above which value, what score.
+    pub steps: [Cow<'static, [(i64, i64)]>; Feature::ALL.len()],
+}
+
+impl VerdictTable {
+    /// For the median of a cell (specification of v5, section 3.10).
+    pub const MEDIAN: Self = Self {
+        rank: 50,
+        base: -131,
+        steps: [
+            Cow::Borrowed(&[
+                (26, 226),
+                (49, 829),
+                (67, 1678),
+                (83, 2336),
+                (98, 2648),
+                (127, 2897),
+                (157, 3564),
+                (239, 4278),
+            ]),
+            Cow::Borrowed(&[(84, 321), (215, 451), (528, 758)]),
+            Cow::Borrowed(&[(314, 610), (364, 743), (509, 947), (640, 997)]),
+            Cow::Borrowed(&[(315, -630)]),
+            Cow::Borrowed(&[
+                (313, -59),
+                (325, -434),
+                (359, -510),
+                (372, -578),
+                (412, -747),
+            ]),
+            Cow::Borrowed(&[(181, -669), (326, -727)]),
+            Cow::Borrowed(&[]),
+        ],
+    };
+
+    /// For the nearest quarter of a cell (specification of v5, near table).
+    pub const NEAR: Self = Self {
+        rank: 75,
+        base: -1066,
+        steps: [
+            Cow::Borrowed(&[
+                (10, 128),
+                (28, 525),
+                (44, 1142),
+                (57, 1486),
+                (87, 1562),
+                (100, 1925),
+                (153, 2438),
+                (171, 2993),
+                (194, 3295),
+                (221, 3569),
+                (240, 4390),
+            ]),
+            Cow::Borrowed(&[
+                (108, 66),
+                (177, 571),
+                (207, 763),
+                (236, 1029),
+                (264, 1178),
+                (592, 1419),
+            ]),
+            Cow::Borrowed(&[(493, 282), (578, 507), (597, 753)]),
+            Cow::Borrowed(&[(150, -75), (358, -773)]),
+            Cow::Borrowed(&[(404, -131), (414, -275), (445, -561), (460, -703)]),
+            Cow::Borrowed(&[(563, 154)]),
+            Cow::Borrowed(&[]),
+        ],
+    };
+
+    /// For the median of a cell, revision 2 (docs/v5.md: made by `svl train cells`).
+    pub const MEDIAN_2: Self = Self {
+        rank: 50,
+        base: 2561,
+        steps: [
+            Cow::Borrowed(&[
+                (42, 969),
+                (60, 1565),
+                (91, 2338),
+                (127, 2887),
+                (160, 3453),
+                (235, 4328),
+                (485, 5907),
+            ]),
+            Cow::Borrowed(&[
+                (69, 644),
+                (121, 1426),
+                (183, 2526),
+                (485, 3255),
+                (524, 4598),
+                (575, 6935),
+            ]),
+            Cow::Borrowed(&[(638, 310)]),
+            Cow::Borrowed(&[(168, -430), (350, -1388)]),
+            Cow::Borrowed(&[(357, -838), (413, -1464), (465, -2091), (500, -2729)]),
+            Cow::Borrowed(&[(183, -460), (476, -1202), (897, -788), (1080, -1243)]),
+            Cow::Borrowed(&[
+                (9, -1567),
+                (13, -2490),
+                (47, -3544),
+                (59, -4433),
+                (83, -2650),
+                (201, -1062),
+                (238, 331),
+            ]),
+        ],
+    };
+
+    /// For the nearest quarter of a cell, revision 2.
+    pub const NEAR_2: Self = Self {
+        rank: 75,
+        base: 1175,
+        steps: [
+            Cow::Borrowed(&[
+                (28, 1013),
+                (50, 1691),
+                (99, 2177),
+                (127, 2534),
+                (173, 3051),
+                (249, 6373),
+            ]),
+            Cow::Borrowed(&[
+                (101, 560),
+                (167, 889),
+                (250, 1318),
+                (558, 1772),
+                (666, 4007),
+            ]),
+            Cow::Borrowed(&[(480, 409), (556, 812), (638, 1340), (746, 2141)]),
+            Cow::Borrowed(&[(155, -508), (516, -1882)]),
+            Cow::Borrowed(&[(413, -859), (473, -1699), (516, -2135), (582, -2662)]),
+            Cow::Borrowed(&[(550, 460), (1001, -456)]),
+            Cow::Borrowed(&[
+                (9, -1816),
+                (11, -2633),
+                (13, -4488),
+                (25, -3250),
+                (35, -1845),
+                (49, -2520),
+                (65, -1506),
+                (400, 378),
+            ]),
+        ],
+    };
+
+    /// Reads the table of a file: TOML with `rank`, `base`, and under `[steps]` per feature a list
+    /// of `[above, score]`, which rises.
+    ///
+    /// # Errors
+    /// What is wrong with the text, in one line.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let file = TableFile::parse(text)?;
+        if !(1..=99).contains(&file.rank) {
+            return Err(format!("rank is {}; it is a percentile, 1..=99", file.rank));
+        }
+        let known = |name: &String| Feature::ALL.iter().any(|feature| feature.name() == name);
+        if let Some(name) = file.steps.keys().find(|name| !known(name)) {
+            let names = Feature::ALL.map(Feature::name).join(", ");
+            return Err(format!("[steps] has '{name}'; expected {names}"));
+        }
+        for (name, steps) in &file.steps {
+            if !steps.is_sorted_by(|a, b| a.0 < b.0) {
+                return Err(format!("the steps of '{name}' do not rise"));
+            }
+            let is_large = |value: i64| value.unsigned_abs() > MAX_VALUE;
+            if steps
+                .iter()
+                .any(|step| is_large(step.0) || is_large(step.1))
+            {
+                return Err(format!("'{name}' has a step beyond {MAX_VALUE}"));
+            }
+        }
+        if file.base.unsigned_abs() > MAX_VALUE {
+            return Err(format!("base is beyond {MAX_VALUE}"));
+        }
+        let mut steps = file.steps;
+        Ok(Self {
+            rank: file.rank,
+            base: file.base,
+            steps: Feature::ALL
+                .map(|feature| Cow::Owned(steps.remove(feature.name()).unwrap_or_default())),
+        })
+    }
+
+    /// The table as [`VerdictTable::parse`] reads it.
+    pub fn to_toml(&self) -> String {
+        use std::fmt::Write;
+        let mut text = format!("rank = {}\nbase = {}\n\n[steps]\n", self.rank, self.base);
+        for (feature, steps) in Feature::ALL.into_iter().zip(&self.steps) {
+            let steps: Vec<_> = steps.iter().map(|(a, s)| format!("[{a}, {s}]")).collect();
+            // Writing to a text cannot fail.
+            let _ = writeln!(text, "{} = [{}]", feature.name(), steps.join(", "));
+        }
+        text
+    }
+
+    /// The log odds that the cell's report is right, thousandths.
+    pub fn score(&self, evidence: &CellEvidence) -> i64 {
+        let parts = self
+            .steps
+            .iter()
+            .zip(evidence.features)
+            .map(|(steps, value)| {
+                let reached = steps.iter().rev().find(|(above, _)| value > *above);
+                reached.map_or(0, |(_, score)| *score)
+            });
+        self.base + parts.sum::<i64>()
+    }
+}
+
+#[cfg(all(test, feature = "tables"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_comes_back_from_its_file() {
+        for table in [VerdictTable::MEDIAN, VerdictTable::NEAR] {
+            assert_eq!(VerdictTable::parse(&table.to_toml()), Ok(table));
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_file_is_one_line() {
+        let cases = [
+            ("", "missing field"),
+            ("rank = 50\nbase = 1\nother = 2", "unknown field"),
+            ("rank = 0\nbase = 1", "rank is 0"),
+            (
+                "rank = 50\nbase = 1\n[steps]\nmargins = [[1, 2]]",
+                "'margins'",
+            ),
+            (
+                "rank = 50\nbase = 1\n[steps]\ncost = [[2, 2], [1, 3]]",
+                "do not rise",
+            ),
+            (
+                "rank = 50\nbase = 1\n[steps]\ncost = [[2, 9999999999]]",
+                "beyond",
+            ),
+            ("rank = 50\nbase = 9999999999", "base is beyond"),
+        ];
+        for (text, expected) in cases {
+            let error = VerdictTable::parse(text).unwrap_err();
+            assert!(error.contains(expected) && !error.contains('\n'), "{error}");
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! The library's error type: every variant has what was read, what was expected and what to do.
+
+use std::path::PathBuf;
+
+/// Result of everything in svl that can fail.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// What went wrong, with the numbers. `Display` is one line, fit to show a user.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A buffer does not hold the image its size promises.
+    #[error("a {width}x{height} image needs {expected} bytes, got {got}")]
+    Size {
+        width: usize,
+        height: usize,
+        expected: usize,
+        got: usize,
+    },
+    /// An image has no pixels or more than the library accepts.
+    #[error("an image of {width}x{height} pixels is outside 1x1 ..= {max}x{max}")]
+    Dimensions {
+        width: usize,
+        height: usize,
+        max: usize,
+    },
+    /// Left and right of a pair differ in size.
+    #[error(
+        "left image is {}x{}, right image is {}x{}: a rectified pair has equal sizes",
+        left.0, left.1, right.0, right.1
+    )]
+    PairSize {
+        left: (usize, usize),
+        right: (usize, usize),
+    },
+    /// No algorithm of that name.
+    #[error("unknown algorithm '{name}'{}; `svl algos` lists them", hint(.nearest))]
+    UnknownAlgorithm {
+        name: String,
+        nearest: Option<String>,
+    },
+    /// The algorithm has no such parameter.
+    #[error(
+        "{algorithm} has no parameter '{name}'{}; `svl algos {algorithm}` lists them",
+        hint(.nearest)
+    )]
+    UnknownParameter {
+        algorithm: &'static str,
+        name: String,
+        nearest: Option<String>,
+    },
+    /// A parameter value that cannot be read or lies outside its range.
+    #[error("{algorithm}: {name}={value} is not {expected}")]
+    ParameterValue {
+        algorithm: &'static str,
+        name: String,
+        value: String,
+        expected: String,
+    },
+    /// A rig whose numbers are not those of a stereo camera.
+    #[error("not a stereo rig: {0}")]
+    Rig(String),
+    /// A file could not be opened, read or written.
+    #[error("{}: {}", path.display(), words(cause))]
+    Io {
+        path: PathBuf,
+        cause: std::io::Error,
+    },
+    /// A file is not what it should be.
+    #[error("{}: {reason}", path.display())]
+    Format { path: PathBuf, reason: String },
+    /// A truncated or corrupt recording. What was read of it before is good.
+    #[error(
+        "{}: {reason}; `svl recover {} -o OUT.mcap` keeps what is intact",
+        path.display(), path.display()
+    )]
+    Damaged { path: PathBuf, reason: String },
+    /// The work was asked to end ([`crate::interrupt`]).
+    #[error("interrupted")]
+    Interrupted,
+    /// A program that matches pairs failed; `stderr` is the end of its standard error.
+    #[error("program `{command}` {reason}{}", stderr_note(.stderr))]
+    Program {
+        command: String,
+        reason: String,
+        stderr: String,
+    },
+    /// A download failed.
+    #[error("{url}: {reason}")]
+    Download { url: String, reason: String },
+    /// A camera or its trigger failed during the recording. The frames before are good.
+    #[error("{camera}: {reason}")]
+    Camera { camera: String, reason: String },
+    /// A request that contradicts itself, or an option that what is named does not take.
+    #[error("{0}")]
+    Usage(String),
+    /// A scenario or setting that contradicts itself.
+    #[error("{0}")]
+    Invalid(String),
+}
+
+impl Error {
+    /// Whether the request is wrong, whatever files and machines there are. A program exits with
+    /// its code for wrong usage.
+    pub fn is_usage(&self) -> bool {
+        use Error::{ParameterValue, UnknownAlgorithm, UnknownParameter, Usage};
+        matches!(
+            self,
+            Usage(_) | ParameterValue { .. } | UnknownAlgorithm { .. } | UnknownParameter { .. }
+        )
+    }
+
+    /// An I/O error at `path`.
+    pub fn io(path: impl Into<PathBuf>, cause: std::io::Error) -> Self {
+        Self::Io {
+            path: path.into(),
+            cause,
+        }
+    }
+
+    /// A malformed file at `path`.
+    pub fn format(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
+        Self::Format {
+            path: path.into(),
+            reason: reason.into(),
+        }
+    }
+
+    /// A download of `url` that failed.
+    pub fn download(url: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Download {
+            url: url.into(),
+            reason: reason.into(),
+        }
+    }
+
+    /// A camera or trigger that failed.
+    pub fn camera(camera: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Camera {
+            camera: camera.into(),
+            reason: reason.into(),
+        }
+    }
+
+    /// A recording at `path` that is good only up to here.
+    pub fn damaged(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
+        Self::Damaged {
+            path: path.into(),
+            reason: reason.into(),
+        }
+    }
+}
+
+fn stderr_note(stderr: &str) -> String {
+    if stderr.is_empty() {
+        String::new()
+    } else {
+        format!("; it said: {stderr}")
+    }
+}
+
+/// The cause of an I/O error, with the cure where there is one.
+fn words(cause: &std::io::Error) -> String {
+    use std::io::ErrorKind::{
+        AlreadyExists, IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem,
+        StorageFull,
+    };
+    let words = match cause.kind() {
+        NotFound => "no such file or folder; check the name",
+        AlreadyExists if cause.raw_os_error().is_some() => {
+            "exists already, as something else; name another"
+        }
+        IsADirectory => "is a folder; name a file",
+        NotADirectory => "part of it is a file, not a folder; check the name",
+        PermissionDenied => "permission denied; name another place or change its permissions",
+        ReadOnlyFilesystem => "cannot be written on a read-only file system; name another place",
+        StorageFull => "no space left on the device; free some or name another place",
+        // Rarer causes: the system's own message, without its number.
+        _ => {
+            let words = cause.to_string();
+            let words = words.split(" (os error").next().unwrap_or_default();
+            return words.to_lowercase();
+        }
+    };
+    words.to_owned()
+}
+
+/// A hint to the candidate nearest to an unknown `name`, to follow it in a message; empty without
+/// one.
+pub fn did_you_mean<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> String {
+    hint(&nearest(name, candidates))
+}
+
+fn hint(nearest: &Option<String>) -> String {
+    nearest
+        .as_ref()
+        .map(|n| format!(" (did you mean '{n}'?)"))
+        .unwrap_or_default()
+}
+
+/// The candidate nearest to `name` by edit distance, if it is near enough to be a typing error.
+pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    candidates
+        .into_iter()
+        .map(|c| (strsim::damerau_levenshtein(&name.to_lowercase(), c), c))
+        // With more than half of its letters changed it is another word.
+        .filter(|(distance, c)| *distance <= (c.len() / 2).max(1))
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, c)| c.to_owned())
+}

@@ -1,0 +1,296 @@
+//! The file of a trained filter: safetensors with what it detects, its features and its figures.
+
+use super::{Features, FilterKind, Network, Scaling};
+use crate::error::{Error, Result};
+use safetensors::tensor::TensorView;
+use safetensors::{Dtype, SafeTensors};
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::Path;
+
+/// A trained filter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilterModel {
+    pub kind: FilterKind,
+    pub features: Features,
+    pub network: Network,
+    /// Of *too close*: disparities from this on are out of range, pixels.
+    pub range_px: Option<f64>,
+    /// What its maker says of it: version, data, figures.
+    pub facts: ModelFacts,
+}
+
+/// Names and texts.
+pub type ModelFacts = BTreeMap<String, String>;
+
+/// Largest file that is read, bytes.
+const MAX_BYTES: u64 = 256 << 20;
+
+/// Largest side of a window.
+const MAX_WINDOW: usize = 512;
+
+/// Names of the tensors: weights and biases of the hidden layer and of the output, in PyTorch's
+/// shapes.
+const HIDDEN_WEIGHT: &str = "hidden.weight";
+const HIDDEN_BIAS: &str = "hidden.bias";
+const OUTPUT_WEIGHT: &str = "output.weight";
+const OUTPUT_BIAS: &str = "output.bias";
+
+impl FilterModel {
+    /// Reads a file that `svl train filter` wrote.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] with what is wrong with it.
+    pub fn read(path: &Path) -> Result<Self> {
+        let file = std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
+        let mut bytes = Vec::new();
+        let read = file.take(MAX_BYTES + 1).read_to_end(&mut bytes);
+        read.map_err(|e| Error::io(path, e))?;
+        if bytes.len() as u64 > MAX_BYTES {
+            let most = MAX_BYTES >> 20;
+            return Err(Error::format(path, format!("is larger than {most} MiB")));
+        }
+        Self::from_bytes(&bytes).map_err(|reason| Error::format(path, reason))
+    }
+
+    /// Reads the bytes of such a file.
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    pub fn from_bytes(bytes: &[u8]) -> std::result::Result<Self, String> {
+        let damaged = |e| format!("is no safetensors file, or damaged: {e}");
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(damaged)?;
+        let tensors = SafeTensors::deserialize(bytes).map_err(damaged)?;
+        let said = header.metadata().iter().flatten();
+        let mut facts: ModelFacts = said
+            .map(|(key, text)| (key.clone(), text.clone()))
+            .collect();
+        let mut take = |key: &str| {
+            let text = facts.remove(key);
+            text.ok_or_else(|| {
+                format!(
+                    "is no filter of svl: its metadata has no '{key}'; `svl train filter` makes one"
+                )
+            })
+        };
+        let kind = take("filter")?;
+        let kind: FilterKind = kind.parse().map_err(|e: Error| e.to_string())?;
+        let window = take("window")?;
+        let window = window.parse().ok().filter(|side| {
+            let side: &usize = side;
+            (2..=MAX_WINDOW).contains(side) && side.is_multiple_of(2)
+        });
+        let window = window.ok_or(format!("its window is no even number up to {MAX_WINDOW}"))?;
+        let scaling = take("scaling")?;
+        let scaling = Scaling::from_name(&scaling);
+        let features = Features {
+            window,
+            scaling: scaling.ok_or("its scaling is neither 'amplitude' nor 'log'")?,
+            mean: match take("mean")?.as_str() {
+                "kept" => true,
+                "removed" => false,
+                _ => return Err("its mean is neither 'kept' nor 'removed'".into()),
+            },
+        };
+        let range_px = match kind {
+            FilterKind::Floor => None,
+            FilterKind::TooClose => {
+                let range = take("range_px")?.parse().ok();
+                let range = range.filter(|px: &f64| px.is_finite() && *px > 0.0);
+                Some(range.ok_or("its range_px is no positive number")?)
+            }
+        };
+        let weights = floats(&tensors, HIDDEN_WEIGHT)?;
+        let inputs = match weights.shape[..] {
+            [_, inputs] if inputs == features.count() => inputs,
+            _ => {
+                return Err(format!(
+                    "its '{HIDDEN_WEIGHT}' is {:?}, but windows of {window} have {} features",
+                    weights.shape,
+                    features.count()
+                ));
+            }
+        };
+        let bias = floats(&tensors, HIDDEN_BIAS)?.values;
+        let out_weights = floats(&tensors, OUTPUT_WEIGHT)?.values;
+        let out_bias = floats(&tensors, OUTPUT_BIAS)?.values;
+        let [out_bias] = out_bias[..] else {
+            return Err(format!("'{OUTPUT_BIAS}' is not one number"));
+        };
+        let network = Network::new(inputs, &weights.values, bias, out_weights, out_bias);
+        Ok(Self {
+            kind,
+            features,
+            network: network.map_err(|e| e.to_string())?,
+            range_px,
+            facts,
+        })
+    }
+
+    /// The bytes of its file; the same for the same model.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        use serde_json::{Value, json};
+
+        let Self {
+            kind,
+            features,
+            network,
+            range_px,
+            facts,
+        } = self;
+        let mut said = facts.clone();
+        let mut say = |key: &str, text: String| said.insert(key.to_owned(), text);
+        say("filter", kind.name().to_owned());
+        say("window", features.window.to_string());
+        say("scaling", features.scaling.name().to_owned());
+        let mean = if features.mean { "kept" } else { "removed" };
+        say("mean", mean.to_owned());
+        say("hidden", network.hidden().to_string());
+        if let Some(px) = range_px {
+            say("range_px", px.to_string());
+        }
+        let (out_weights, out_bias) = network.output();
+        let (inputs, hidden) = (network.inputs(), network.hidden());
+        let tensors: [(&str, Vec<usize>, Vec<f32>); 4] = [
+            (
+                HIDDEN_WEIGHT,
+                vec![hidden, inputs],
+                network.rows().flatten().copied().collect(),
+            ),
+            (HIDDEN_BIAS, vec![hidden], network.bias().to_vec()),
+            (OUTPUT_WEIGHT, vec![1, hidden], out_weights.to_vec()),
+            (OUTPUT_BIAS, vec![1], vec![out_bias]),
+        ];
+        // Written here, as the crate orders metadata by chance: equal models are equal files.
+        let (mut header, mut data) = (serde_json::Map::new(), Vec::new());
+        header.insert("__metadata__".into(), json!(said));
+        for (name, shape, values) in tensors {
+            let begin = data.len();
+            data.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+            let place =
+                json!({ "dtype": "F32", "shape": shape, "data_offsets": [begin, data.len()] });
+            header.insert(name.to_owned(), place);
+        }
+        let mut header = Value::Object(header).to_string().into_bytes();
+        header.resize(header.len().next_multiple_of(8), b' ');
+        let length = (header.len() as u64).to_le_bytes();
+        [&length[..], &header, &data].concat()
+    }
+
+    /// Hash of what it decides by.
+    pub fn hash(&self) -> u128 {
+        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+        let Features {
+            window,
+            scaling,
+            mean,
+        } = self.features;
+        let range_px = self.range_px.unwrap_or_default();
+        let text = format!(
+            "{} {window} {} {mean} {range_px}",
+            self.kind,
+            scaling.name()
+        );
+        hasher.update(text.as_bytes());
+        let (out_weights, out_bias) = self.network.output();
+        let rows = self.network.rows().flatten();
+        let weights = rows.chain(self.network.bias()).chain(out_weights);
+        weights
+            .chain([&out_bias])
+            .for_each(|weight| hasher.update(&weight.to_le_bytes()));
+        hasher.digest128()
+    }
+}
+
+struct Floats {
+    shape: Vec<usize>,
+    values: Vec<f32>,
+}
+
+fn floats(tensors: &SafeTensors<'_>, name: &str) -> std::result::Result<Floats, String> {
+    let missing = |_| format!("is no filter of svl: it has no tensor '{name}'");
+    let tensor: TensorView<'_> = tensors.tensor(name).map_err(missing)?;
+    if tensor.dtype() != Dtype::F32 {
+        return Err(format!("'{name}' is of {:?}, not F32", tensor.dtype()));
+    }
+    let values = tensor.data().as_chunks().0.iter();
+    Ok(Floats {
+        shape: tensor.shape().to_vec(),
+        values: values.map(|bytes| f32::from_le_bytes(*bytes)).collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn model() -> FilterModel {
+        let features = Features {
+            window: 8,
+            scaling: Scaling::Log,
+            mean: false,
+        };
+        let weights: Vec<_> = (0..66).map(|i| i as f32 * 0.1).collect();
+        let network = Network::new(33, &weights, vec![0.5, -1.0], vec![2.0, 3.0], 0.25);
+        FilterModel {
+            kind: FilterKind::TooClose,
+            features,
+            network: network.unwrap(),
+            range_px: Some(80.0),
+            facts: [("svl".to_owned(), "0.1.0 \"x\"".to_owned())].into(),
+        }
+    }
+
+    #[test]
+    fn a_file_holds_the_model() {
+        let bytes = model().to_bytes();
+        let mut read = FilterModel::from_bytes(&bytes).unwrap();
+        assert_eq!(read.facts.remove("hidden").as_deref(), Some("2"));
+        assert_eq!(read, model());
+        assert_eq!(read.hash(), model().hash());
+        assert_eq!(bytes, model().to_bytes());
+    }
+
+    #[test]
+    fn every_truncation_and_foreign_files_are_refused() {
+        let bytes = model().to_bytes();
+        for length in 0..bytes.len() {
+            assert!(
+                FilterModel::from_bytes(&bytes[..length]).is_err(),
+                "{length}"
+            );
+        }
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        let changed = |from: &str, to: &str| {
+            assert!(from.len() == to.len() && text.contains(from), "{from}");
+            let at = bytes.windows(from.len()).position(|w| w == from.as_bytes());
+            let mut bytes = bytes.clone();
+            bytes[at.unwrap()..][..to.len()].copy_from_slice(to.as_bytes());
+            FilterModel::from_bytes(&bytes).unwrap_err()
+        };
+        for (from, to, reason) in [
+            (
+                "\"filter\"",
+                "\"folter\"",
+                "no filter of svl: its metadata has no 'filter'",
+            ),
+            ("too-close", "tooclosed", "there is no filter 'tooclosed'"),
+            (
+                "\"window\":\"8\"",
+                "\"window\":\"6\"",
+                "windows of 6 have 19 features",
+            ),
+            ("\"window\":\"8\"", "\"window\":\"7\"", "no even number"),
+            ("\"80\"", "\"-1\"", "range_px"),
+            ("output.bias", "output.byas", "no tensor 'output.bias'"),
+        ] {
+            let error = changed(from, to);
+            assert!(error.contains(reason), "{error}");
+        }
+        let mut nan = bytes.clone();
+        let end = nan.len();
+        nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
+        let error = FilterModel::from_bytes(&nan).unwrap_err();
+        assert!(error.contains("not a finite number"), "{error}");
+    }
+}

@@ -1,0 +1,363 @@
+//! v5: what may be said of a cell.
+//!
+//! svl's own algorithm. Not the disparity of a pixel is asked for, but the distance of a cell of
+//! the depth grid, and whether it may be told. SGM (Hirschmüller 2008) of small censuses at half
+//! size along four paths; then gaps are filled as hidden surfaces are, and each cell reports
+//! what is right whatever its uncertain pixels are ([`crate::depth::decision`]).
+
+mod census;
+mod half_map;
+mod sums;
+
+use super::stage::both;
+use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
+use crate::depth::decision::{CellPixels, Decision, SafeChoice, Tolerance, VerdictTable};
+use crate::error::{Error, Result};
+use crate::kernel::{Isa, STEPS, WinnerTest};
+use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, Reason, RectifiedPair, Rig};
+use crate::timing::Stage;
+use census::{HalfImage, StepCosts};
+use half_map::HalfMap;
+use rayon::prelude::*;
+use sums::StripSums;
+
+pub(super) const SPEC: MatcherSpec = MatcherSpec {
+    name: "v5",
+    aliases: &[],
+    summary: "svl's own: cells that are safe to report, from semi-global matching at half size; \
+              says how probably each is right",
+    about: "v5 asks what may be said of a cell of the depth grid, not which disparity a \
+            pixel has. 1. Both images are halved by a low-pass, which averages noise and halves a \
+            misalignment. 2. The census of 5x5 pixels and semi-global matching along four paths \
+            give each pixel a disparity; what leads out of the image costs less than a random \
+            match. 3. A pixel is seen when it is unique, the right image agrees, and most of its \
+            neighbours are seen, too. 4. Gaps between seen pixels belong to the farther surface, \
+            as hidden pixels do. 5. A cell reports the disparity that stays right, by the rule of \
+            the scenario, whatever its uncertain pixels are: the one whose tolerance leaves the \
+            least of the cell on either side. 6. That margin, how much was seen and supports the \
+            report, matching costs and texture become the probability that the report is right; \
+            below `confidence` the cell is unknown. docs/v5.md shows it.",
+    paper: "svl, docs/v5.md; after Hirschmüller, Stereo Processing by Semiglobal Matching and \
+            Mutual Information, PAMI 30(2), 2008",
+    parameters: &[
+        Parameter {
+            name: "revision",
+            unit: "",
+            range: Range::int(2, 1..=2),
+            description: "of the algorithm; results of a revision never change",
+        },
+        Parameter {
+            name: "max_disparity",
+            unit: "px",
+            range: Range::int(80, 0..=255),
+            description: "largest disparity; half as many are tried, at half size",
+        },
+        Parameter {
+            name: "out",
+            unit: "bits",
+            range: Range::int(7, 0..=24),
+            description: "cost of a disparity that leads out of the right image; random is 12",
+        },
+        Parameter {
+            name: "p1",
+            unit: "bits",
+            range: Range::int(6, 0..=39),
+            description: "cost of a step of disparity by one: slopes",
+        },
+        Parameter {
+            name: "p2",
+            unit: "bits",
+            range: Range::int(32, 0..=39),
+            description: "cost of any other step, at least p1: edges of objects",
+        },
+        Parameter {
+            name: "edge",
+            unit: "1/4 grey level",
+            range: Range::int(40, 1..=1020),
+            description: "difference of neighbours beyond which p2 falls in proportion",
+        },
+        Parameter {
+            name: "unique",
+            unit: "",
+            range: Range::int(20, 0..=65_535),
+            description: "a pixel is seen when its second best sum is greater by 1/unique",
+        },
+        Parameter {
+            name: "jump",
+            unit: "1/8 px",
+            range: Range::int(16, 0..=4096),
+            description: "gaps between disparities that differ by more belong to the farther one",
+        },
+        Parameter {
+            name: "slack",
+            unit: "‰",
+            range: Range::int(10, 0..=500),
+            description: "of nearly equally safe disparities the one nearest to the median",
+        },
+        Parameter {
+            name: "target",
+            unit: "",
+            range: Range::Choice {
+                default: "median",
+                options: &["median", "near"],
+            },
+            description: "what a cell reports: its median, or its nearest quarter",
+        },
+        Parameter {
+            name: "table",
+            unit: "",
+            range: Range::File,
+            description: "steps of the probability, of `svl train cells`, in place of the target's",
+        },
+        Parameter {
+            name: "rank",
+            unit: "%",
+            range: Range::int(0, 0..=99),
+            description: "percentile of the cell that is reported, 0 = the target's: 50, near 75",
+        },
+        Parameter {
+            name: "allowance_px",
+            unit: "px",
+            range: Range::real(0.25, 0.0..=16.0),
+            description: "part of the tolerance that is kept for the matcher's own error",
+        },
+        Parameter {
+            name: "confidence",
+            unit: "",
+            range: Range::real(0.0, 0.0..=0.999),
+            description: "least probability of a cell that is reported, 0 = the revision's: 0.75, \
+                          from 2 on 0.85",
+        },
+    ],
+    cells: Some(safe_choice),
+    build: |parameters, isa| Ok(Box::new(V5::new(parameters, isa)?)),
+};
+
+struct V5 {
+    isa: Isa,
+    /// Disparities at half size.
+    count: usize,
+    /// Of a disparity that leads out of the right image, and of a change by one.
+    out_and_small: [u8; 2],
+    /// What a jump of disparity costs, by the difference of the pixels.
+    jumps: [u8; STEPS],
+    test: WinnerTest,
+    choice: SafeChoice,
+    /// Whether a cell needs the grid's least share of seen pixels to be known. From revision 2 on
+    /// the probability alone decides, which counts that share among its evidence.
+    needs_valid: bool,
+    scratch: Option<Scratch>,
+    tolerance: Option<(CellRule, Option<Rig>, Tolerance)>,
+    cells: Vec<CellPixels>,
+}
+
+/// Memory for pairs of one size.
+struct Scratch {
+    size: (usize, usize),
+    images: [HalfImage; 2],
+    steps: StepCosts,
+    sums: StripSums,
+    map: HalfMap,
+}
+
+impl V5 {
+    fn new(parameters: &Parameters, isa: Isa) -> Result<Self> {
+        let byte = |name| parameters.int(name) as u8;
+        let [p1, p2, out] = ["p1", "p2", "out"].map(byte);
+        if p2 < p1 {
+            return Err(Error::Usage(format!(
+                "v5: p2={p2} is below p1={p1}: a large step costs at least a small one"
+            )));
+        }
+        let edge = parameters.int("edge");
+        let count = parameters.int("max_disparity") as usize / 2 + 1;
+        Ok(Self {
+            isa,
+            count,
+            out_and_small: [out, p1],
+            jumps: std::array::from_fn(|difference| {
+                p1.max((i32::from(p2) * edge / edge.max(difference as i32)) as u8)
+            }),
+            test: WinnerTest {
+                unique: parameters.int("unique") as u32,
+                out,
+            },
+            choice: safe_choice(parameters)?,
+            needs_valid: parameters.int("revision") == 1,
+            scratch: None,
+            tolerance: None,
+            cells: Vec::new(),
+        })
+    }
+
+    /// Disparities are told apart by so many bins.
+    fn bins(&self) -> usize {
+        16 * self.count
+    }
+
+    /// Decides on the cells of the half image, in raster order.
+    fn decide(&mut self, context: &MatchContext, cells: &mut Vec<Cell>) {
+        let bins = self.bins();
+        let rule = context.cells.for_rig(context.rig.is_some());
+        let known = self.tolerance.take();
+        let known = known.filter(|(of, rig, _)| *of == rule && *rig == context.rig);
+        let (_, _, tolerance) = self.tolerance.insert(known.unwrap_or_else(|| {
+            let made = Tolerance::new(rule, context.rig.as_ref(), self.choice.allowance_px, bins);
+            (rule, context.rig, made)
+        }));
+        let shape = context.grid.shape();
+        let unknown = Cell {
+            valid_share: 0.0,
+            depth: None,
+            probability: None,
+            evidence: None,
+            too_close: false,
+        };
+        cells.clear();
+        cells.resize(shape.cells(), unknown);
+        let Some(Scratch { images, map, .. }) = &self.scratch else {
+            return;
+        };
+        if !map.sees() {
+            return;
+        }
+        self.cells
+            .resize_with(shape.cells(), || CellPixels::new(bins));
+        let min_valid = match self.needs_valid {
+            true => context.grid.min_valid,
+            false => 0.0,
+        };
+        let decide = |(i, (cell, pixels)): (usize, (&mut Cell, &mut CellPixels))| {
+            let place = (i % shape.columns, i / shape.columns);
+            let (columns, rows) = shape.pixels(place, map.size());
+            if columns.is_empty() || rows.is_empty() {
+                return;
+            }
+            pixels.clear();
+            for y in rows {
+                let (bins, seen, cost) = map.part(y, &columns);
+                pixels.add(bins, seen, cost, images[0].texture(y, &columns));
+            }
+            let evidence = self.choice.decision.evidence(pixels, tolerance);
+            let rig = context.rig.as_ref();
+            *cell = self.choice.decision.cell(pixels, &evidence, min_valid, rig);
+        };
+        let cells = cells.par_iter_mut().zip(&mut self.cells);
+        cells.enumerate().for_each(decide);
+    }
+}
+
+/// How the parameters ask to decide on cells.
+fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
+    let table = table(parameters)?;
+    let rank = match parameters.int("rank") {
+        0 => table.rank,
+        rank => i64::from(rank),
+    };
+    let confidence = match (parameters.real("confidence"), parameters.int("revision")) {
+        (0.0, 1) => 0.75,
+        (0.0, _) => 0.85,
+        (confidence, _) => confidence,
+    };
+    Ok(SafeChoice {
+        decision: Decision {
+            rank,
+            slack: i64::from(parameters.int("slack")),
+            least_score: Decision::least_score(confidence),
+            table,
+        },
+        jump: parameters.int("jump"),
+        allowance_px: parameters.real("allowance_px"),
+    })
+}
+
+/// The steps of the probability that the parameters ask for.
+fn table(parameters: &Parameters) -> Result<VerdictTable> {
+    let target = parameters.choice("target");
+    if let Some(file) = parameters.file("table") {
+        if target != "median" {
+            return Err(Error::Usage(format!(
+                "v5: target={target} and table={}: a table is for the target it was made for; \
+                 leave one out",
+                file.path
+            )));
+        }
+        return VerdictTable::parse(&file.text)
+            .map_err(|why| Error::Usage(format!("{}: {why}", file.path)));
+    }
+    Ok(match (target, parameters.int("revision")) {
+        ("near", 1) => VerdictTable::NEAR,
+        ("near", _) => VerdictTable::NEAR_2,
+        (_, 1) => VerdictTable::MEDIAN,
+        _ => VerdictTable::MEDIAN_2,
+    })
+}
+
+impl Matcher for V5 {
+    fn compute(
+        &mut self,
+        pair: RectifiedPair<'_>,
+        context: &MatchContext,
+        output: &mut MatchOutput,
+    ) -> Result<()> {
+        let (width, height) = pair.size();
+        output.disparity.resize(width, height, ExtraPlanes::NONE)?;
+        let size = (width / 2, height / 2);
+        if size.0 == 0 || size.1 == 0 {
+            // There is no half image.
+            self.scratch = None;
+            let rows = output.disparity.rows_mut();
+            rows.for_each(|mut row| row.clear(Reason::Border));
+        } else {
+            // Freed before the new memory is allocated, so that both sizes are never held at once.
+            self.scratch.take_if(|scratch| scratch.size != size);
+            let count = self.count;
+            let scratch = self
+                .scratch
+                .get_or_insert_with(|| Scratch::new(size, count));
+            let Scratch {
+                images,
+                steps,
+                sums,
+                map,
+                ..
+            } = scratch;
+            let isa = self.isa;
+
+            let [left, right] = images;
+            both(
+                || {
+                    left.load(isa, pair.left());
+                    steps.load(isa, left, &self.jumps);
+                },
+                || right.load(isa, pair.right()),
+            );
+            output.clock.lap(Stage::Smoothing);
+
+            sums.follow(isa, images, steps, self.out_and_small);
+            map.choose(isa, sums, images, &self.test);
+            output.clock.lap(Stage::Matching);
+
+            map.fill(self.choice.jump);
+            map.write(&mut output.disparity);
+        }
+        let mut cells = output.take_cells();
+        self.decide(context, &mut cells);
+        output.grid = Some(DepthGrid::new(context.grid.shape(), cells)?);
+        output.clock.lap(Stage::Checks);
+        Ok(())
+    }
+}
+
+impl Scratch {
+    fn new(size: (usize, usize), count: usize) -> Self {
+        let images = [HalfImage::new(size, 0), HalfImage::new(size, count - 1)];
+        Self {
+            size,
+            steps: StepCosts::new(size),
+            sums: StripSums::new(size, count, images[1].margin),
+            map: HalfMap::new(size, count),
+            images,
+        }
+    }
+}

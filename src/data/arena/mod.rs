@@ -1,0 +1,308 @@
+//! The simulated arena of the thesis's tests (chapter 7): a world with exact truth, a robot that
+//! crawls through it, and the stereo head that it carries.
+//!
+//! ```text
+//! config ─▶ objects, scene (geometry, pictures) ─┐
+//!        └▶ path (robot, gait) ─▶ view ─▶ render (rays, truth) ─▶ sensor (grey values) ─▶ Frame
+//! ```
+//!
+//! Not simulated: lens distortion, since pairs are rectified; gloss, and shadows other than those
+//! at the foot of objects; defocus of outlines (surfaces do blur) and exact motion blur at them;
+//! fixed-pattern noise.
+//!
+//! Every frame is a pure function of (configuration, seed, index): it can be rendered in any order
+//! and on any thread.
+
+mod check;
+mod config;
+mod defaults;
+mod noise;
+mod objects;
+mod path;
+mod render;
+mod scene;
+mod sensor;
+mod solid;
+mod texture;
+mod view;
+mod wireframe;
+
+pub use config::{
+    ArenaConfig, Ball, Block, FloorPattern, RigConfig, RobotConfig, SensorConfig, Waypoint,
+    WorldConfig,
+};
+pub use path::{Gait, Twist};
+pub use wireframe::WireObject;
+
+use nalgebra::{Translation3, Vector3};
+use noise::{Dice, NoiseStream, mix};
+use objects::Objects;
+use path::Walk;
+use render::{Lens, SharpImage};
+use scene::ArenaScene;
+use svl_core::stereo::{Exposure, Frame, Geometry, Plane, Pose, Rig, StereoPair};
+use svl_core::{Error, Result};
+use view::{ImageSkew, PinholeView};
+
+/// Raised when the same configuration and seed come to give other pixels or another truth, so that
+/// cached recordings are made anew.
+pub const REVISION: u32 = 3;
+
+/// One run of the robot through the arena.
+pub struct Arena {
+    world: ArenaWorld,
+    walk: Walk,
+}
+
+/// The world of a run and the cameras in it, wherever they are.
+pub struct ArenaWorld {
+    config: ArenaConfig,
+    rig: Rig,
+    scene: ArenaScene,
+    seed: u64,
+    /// Key of the sensor noise of this run.
+    noise: u64,
+}
+
+impl Arena {
+    /// Builds the world and paints its pictures. The seed sets the pictures, the gait's phases, the
+    /// deviation from the path and the noise; the same configuration and seed give the same bytes
+    /// on every machine.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the key of a number out of its range, or with the place where the
+    /// robot would touch something.
+    pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
+        config.check()?;
+        let walk = Walk::new(config, seed)?;
+        check_clearance(config, &walk, &Objects::new(&config.world))?;
+        let world = ArenaWorld::new(config, seed)?;
+        Ok(Self { world, walk })
+    }
+
+    pub fn config(&self) -> &ArenaConfig {
+        &self.world.config
+    }
+
+    /// The rectified stereo head, as the truth sees it.
+    pub fn rig(&self) -> Rig {
+        self.world.rig
+    }
+
+    /// Number of frames in the run.
+    pub fn frames(&self) -> u64 {
+        self.world.config.frames
+    }
+
+    /// Pose of the left camera in the middle of the exposure of frame `index`.
+    pub fn pose(&self, index: u64) -> Pose {
+        self.walk.pose(self.world.time_s(index))
+    }
+
+    /// Renders frame `index`: pair, rig, pose, truth.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] at or beyond [`Arena::frames`].
+    pub fn frame(&self, index: u64) -> Result<Frame> {
+        if index >= self.frames() {
+            return Err(Error::Invalid(format!(
+                "arena: frame {index} of a run of {}",
+                self.frames()
+            )));
+        }
+        let twist = self.walk.twist(self.world.time_s(index));
+        self.world.frame(index, self.pose(index), &twist)
+    }
+
+    /// The true geometry and the middle of the robot's way, as line strips for a 3D viewer.
+    pub fn wireframe(&self) -> Vec<WireObject> {
+        let world = &self.world.config.world;
+        wireframe::wires(&self.world.scene.objects, &self.walk, world)
+    }
+}
+
+impl ArenaWorld {
+    /// Builds the world and paints its pictures, as [`Arena::new`]. The path is not looked at.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the key of a number out of its range.
+    pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
+        let mut world = Self::unpainted(config, seed)?;
+        world.paint();
+        Ok(world)
+    }
+
+    /// The geometry alone: before [`ArenaWorld::paint`] it renders no frame.
+    ///
+    /// # Errors
+    /// As [`ArenaWorld::new`].
+    pub fn unpainted(config: &ArenaConfig, seed: u64) -> Result<Self> {
+        config.check()?;
+        let (width, height) = (config.rig.width_px as f64, config.rig.height_px as f64);
+        let focal_px = 0.5 * width / (0.5 * config.rig.field_of_view_deg.to_radians()).tan();
+        let rig = Rig::new(
+            focal_px,
+            (0.5 * (width - 1.0), 0.5 * (height - 1.0)),
+            config.rig.baseline_m,
+            0.0,
+        )?;
+        Ok(Self {
+            config: config.clone(),
+            rig,
+            scene: ArenaScene::new(&config.world, Objects::new(&config.world)),
+            seed,
+            noise: Dice::new(seed, NoiseStream::Sensor).bits(),
+        })
+    }
+
+    /// Paints the pictures.
+    pub fn paint(&mut self) {
+        self.scene.paint(&self.config.world, self.seed);
+    }
+
+    pub fn config(&self) -> &ArenaConfig {
+        &self.config
+    }
+
+    /// The rectified stereo head, as the truth sees it.
+    pub fn rig(&self) -> Rig {
+        self.rig
+    }
+
+    /// The middle of the exposure of frame `index`, seconds after the start.
+    pub fn time_s(&self, index: u64) -> f64 {
+        index as f64 / self.config.rate_hz
+    }
+
+    /// The true disparities of a left camera at `pose`; nothing of the images is rendered.
+    ///
+    /// # Errors
+    /// None: the plane has the size of the images.
+    pub fn disparity(&self, pose: &Pose) -> Result<Plane<f32>> {
+        let size = (self.config.rig.width_px, self.config.rig.height_px);
+        let view = PinholeView::new(pose, &self.rig, ImageSkew::NONE);
+        render::disparity(&self.scene, &view, &self.rig, size)
+    }
+
+    /// Renders frame `index` of a left camera at `pose` that moves by `twist`: pair, rig, pose,
+    /// truth.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] before it is painted.
+    pub fn frame(&self, index: u64, pose: Pose, twist: &Twist) -> Result<Frame> {
+        if !self.scene.is_painted() {
+            return Err(Error::Invalid("arena: it has no pictures yet".into()));
+        }
+        let ArenaConfig { rig, sensor, .. } = &self.config;
+        let size = (rig.width_px, rig.height_px);
+        let lens = Lens {
+            focal_px: self.rig.focal_px() as f32,
+            aperture_m: (sensor.aperture_mm * 1.0e-3) as f32,
+            focus_m: sensor.focus_m as f32,
+        };
+        let beside = Vector3::x() * rig.baseline_m;
+        let right_pose = pose * Translation3::from(beside);
+        // The right camera moves as a point of the same rigid body.
+        let right_twist = Twist {
+            linear_m_per_s: twist.linear_m_per_s + twist.angular_rad_per_s.cross(&beside),
+            angular_rad_per_s: twist.angular_rad_per_s,
+        };
+        let skew = ImageSkew {
+            sin_roll: rig.right_roll_deg.to_radians().sin() as f32,
+            row_offset_px: rig.right_row_offset_px as f32,
+        };
+        let left_view = PinholeView::new(&pose, &self.rig, ImageSkew::NONE);
+        let right_view = PinholeView::new(&right_pose, &self.rig, skew);
+
+        let expose = |view: &PinholeView, twist: &Twist, gain_db: f64, camera: u64| {
+            let shot = SharpImage::take(&self.scene, view, &lens, size);
+            let key = mix(self.noise ^ mix(2 * index + camera));
+            sensor::expose(sensor, gain_db, &shot, view, twist, key).map(|image| (shot, image))
+        };
+        // One image per thread; each renders its rows in parallel too.
+        let (left, right) = rayon::join(
+            || {
+                let (shot, image) = expose(&left_view, twist, sensor.gain_db, 0)?;
+                // The truth is of the rectified rig, without the skew of the right image.
+                let exact_right = PinholeView::new(&right_pose, &self.rig, ImageSkew::NONE);
+                let truth =
+                    render::truth(&self.scene, &shot, [&left_view, &exact_right], &self.rig)?;
+                Ok::<_, Error>((image, truth))
+            },
+            || {
+                expose(
+                    &right_view,
+                    &right_twist,
+                    sensor.gain_db + sensor.right_gain_db,
+                    1,
+                )
+                .map(|(_, image)| image)
+            },
+        );
+        let (left, truth) = left?;
+        Ok(Frame {
+            sequence: index,
+            stamp_ns: (self.time_s(index) * 1.0e9).round() as u64,
+            name: None,
+            pair: StereoPair::new(left, right?)?,
+            geometry: Geometry::Rectified(Some(self.rig)),
+            pose: Some(pose),
+            truth: Some(truth),
+            color: None,
+            exposure: Exposure {
+                trigger_id: index,
+                skew_ns: Some(0),
+                shutter_us: sensor.shutter_us,
+                gain_mdb: (sensor.gain_db * 1.0e3).round() as i32,
+                drops: 0,
+            },
+        })
+    }
+
+    /// The room of a body of that height that stands on the floor at `at_m`: the distance of its
+    /// axis from the nearest thing, and what that is. Negative inside of a wall.
+    pub fn clearance(&self, at_m: [f64; 2], height_m: f64) -> (f64, &str) {
+        let objects = self.scene.objects.named();
+        let distances = objects.map(|(name, solid)| (solid.distance_below(at_m, height_m), name));
+        let nearest = distances.min_by(|a, b| a.0.total_cmp(&b.0));
+        // The walls are always there.
+        nearest.unwrap_or((f64::INFINITY, ""))
+    }
+
+    /// Outlines in the plane of what stands lower than `height_m`, walls included: closed strips of
+    /// points, metres.
+    pub fn plan(&self, height_m: f64) -> Vec<Vec<[f64; 2]>> {
+        let solids = self.scene.objects.solids().iter();
+        solids
+            .filter_map(|solid| solid.outline_below(height_m))
+            .collect()
+    }
+}
+
+/// The robot's head keeps half its width from every object and stays inside the arena.
+fn check_clearance(config: &ArenaConfig, walk: &Walk, objects: &Objects) -> Result<()> {
+    let half_width_m = config.robot.half_width_m;
+    // Every centimetre: half-widths are several.
+    let steps = (walk.length_m() / 0.01).ceil() as u64;
+    for step in 0..=steps {
+        let middle = walk.middle(walk.length_m() * step as f64 / steps as f64);
+        let head = Vector3::new(middle.x, middle.y, config.rig.above_floor_m).cast();
+        let place = format!("({:.2}, {:.2})", middle.x, middle.y);
+        if let Some((name, _)) = objects
+            .named()
+            .find(|(_, solid)| f64::from(solid.distance(&head)) < half_width_m)
+        {
+            return Err(Error::Invalid(format!(
+                "arena: robot.path comes nearer than robot.half_width_m = {half_width_m} to \
+                 '{name}' at {place}"
+            )));
+        }
+        let (x, y) = (0.0..=config.world.width_m, 0.0..=config.world.length_m);
+        if !x.contains(&middle.x) || !y.contains(&middle.y) {
+            return Err(Error::Invalid(format!(
+                "arena: robot.path leaves the arena at {place}"
+            )));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,68 @@
+//! Image and disparity files. Input is untrusted: sizes are checked before memory is allocated.
+
+mod decoded;
+mod disparity;
+mod image;
+mod jpeg;
+mod npz;
+mod pfm;
+mod picture;
+mod rvl;
+
+pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage};
+pub use disparity::{
+    has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why,
+};
+pub use image::{IMAGE_ENDINGS, decode_bytes, gray_of, read_image};
+pub use image::{encode_png, read_gray, read_mask, read_object_map, read_pair, write_png};
+#[cfg(target_os = "linux")]
+pub(crate) use jpeg::brightness;
+pub use npz::read_npz;
+pub use pfm::{read_pfm, write_pfm};
+pub use picture::{
+    encode_classes_png, encode_color_jpeg, encode_jpeg, encode_palette_png, through_jpeg,
+};
+pub use rvl::{InverseDepth, encode_rvl};
+pub(crate) use svl_core::bounded::read_bounded;
+pub use svl_core::bounded::read_text;
+
+use svl_core::stereo::Plane;
+
+/// Limit of the size of an image or map file, in bytes.
+const MAX_BYTES: u64 = 1 << 30;
+
+/// The rows of an image in memory: `height` rows of `row_bytes` bytes, each `stride` bytes after
+/// the one before it. The padding of the last row may be missing.
+///
+/// # Errors
+/// How many bytes it takes, where `data` has fewer, or rows overlap or are empty.
+pub(crate) fn strided_rows(
+    data: &[u8],
+    row_bytes: usize,
+    height: usize,
+    stride: usize,
+) -> Result<impl Iterator<Item = &[u8]>, usize> {
+    let before_last = stride.saturating_mul(height.saturating_sub(1));
+    let expected = before_last.saturating_add(row_bytes);
+    if row_bytes == 0 || stride < row_bytes || data.len() < expected {
+        return Err(expected);
+    }
+    let rows = data.chunks(stride).take(height);
+    Ok(rows.map(move |row| &row[..row_bytes]))
+}
+
+/// Byte `at` of every `bytes` of the rows.
+pub(crate) fn every_byte<'a>(
+    rows: impl Iterator<Item = &'a [u8]>,
+    bytes: usize,
+    at: usize,
+) -> Vec<u8> {
+    rows.flat_map(|row| row.chunks_exact(bytes))
+        .map(|pixel| pixel[at])
+        .collect()
+}
+
+/// The values with `+∞`, "unknown", for all that is not finite.
+fn known(values: &Plane<f32>) -> Plane<f32> {
+    values.map(|v| if v.is_finite() { v } else { f32::INFINITY })
+}

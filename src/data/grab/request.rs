@@ -1,0 +1,130 @@
+//! What a user asks of the grabber, and what that means for the cameras of a driver.
+
+use super::driver::Driver;
+use super::pairing::Rule;
+use super::queue::WhenFull;
+use super::trigger::TriggerSource;
+use std::time::Duration;
+use svl_core::{Error, Result};
+
+/// How to grab. `None` stands for the default.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GrabRequest {
+    /// [`TriggerSource::Software`] where the driver can trigger, else free-running.
+    pub trigger: Option<TriggerSource>,
+    /// Pairs per second: at most with a trigger, exactly without one. 30 unless the trigger source
+    /// has a rate of its own.
+    pub rate_hz: Option<f64>,
+    /// By pulse where svl triggers and the driver knows the pulses, else by stamp.
+    pub pairing: Option<PairBy>,
+    /// Largest skew of a pair that is made by stamp: a quarter of the period, half of it when
+    /// cameras run free.
+    pub max_skew_ns: Option<u64>,
+    /// Pairs that may wait for the writer: 64.
+    pub queue: Option<usize>,
+    /// [`WhenFull::Drop`].
+    pub when_full: Option<WhenFull>,
+    /// See [`super::Setup::timeout`]: a second.
+    pub timeout: Option<Duration>,
+    /// The driver's own.
+    pub seed: Option<u64>,
+}
+
+/// What makes two images a pair; [`Rule`] has the numbers that go with it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PairBy {
+    Pulse,
+    Stamp,
+    Order,
+}
+
+const RATE_HZ: f64 = 30.0;
+const QUEUE: usize = 64;
+const TIMEOUT: Duration = Duration::from_secs(1);
+
+impl GrabRequest {
+    pub(super) fn queue(&self) -> usize {
+        self.queue.unwrap_or(QUEUE)
+    }
+
+    pub(super) fn when_full(&self) -> WhenFull {
+        self.when_full.unwrap_or(WhenFull::Drop)
+    }
+
+    pub(super) fn timeout(&self) -> Duration {
+        self.timeout.unwrap_or(TIMEOUT)
+    }
+
+    /// The trigger source for cameras of a driver.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when the request contradicts itself, or asks for what the driver cannot
+    /// do.
+    pub(super) fn trigger_source(&self, driver: &Driver, source: &str) -> Result<TriggerSource> {
+        let trigger = self
+            .trigger
+            .clone()
+            .unwrap_or(match driver.can_be_triggered {
+                true => TriggerSource::Software,
+                false => TriggerSource::FreeRunning,
+            });
+        let by_command = matches!(
+            trigger,
+            TriggerSource::Software | TriggerSource::FixedRate(_)
+        );
+        let by_pulse = self.pairing == Some(PairBy::Pulse);
+        let name = driver.name;
+        let wrong = if by_command && !driver.can_be_triggered {
+            format!(
+                "svl cannot trigger {name} cameras; omit --trigger, or use serial:DEVICE if a \
+                 controller triggers both"
+            )
+        } else if by_pulse && trigger == TriggerSource::FreeRunning {
+            "free-running cameras have no pulse to be paired by; use --pairing stamp".to_owned()
+        } else if by_pulse && !driver.can_be_triggered {
+            format!("{name} cameras do not report the pulse of an image; use --pairing stamp")
+        } else if matches!(trigger, TriggerSource::FixedRate(_)) && self.rate_hz.is_some() {
+            "--trigger fixed:HZ has the rate already; omit --rate".to_owned()
+        } else if self.max_skew_ns.is_some() && self.pair_by(driver, &trigger) != PairBy::Stamp {
+            "--max-skew-ms is for --pairing stamp".to_owned()
+        } else if self.seed.is_some() && driver.default_seed.is_none() {
+            format!("{source}: its images depend on no seed; omit --seed")
+        } else {
+            return Ok(trigger);
+        };
+        Err(Error::Usage(wrong))
+    }
+
+    pub(super) fn rate_hz(&self, trigger: &TriggerSource) -> f64 {
+        match trigger {
+            TriggerSource::FixedRate(hz) => *hz,
+            _ => self.rate_hz.unwrap_or(RATE_HZ),
+        }
+    }
+
+    /// The pairing rule for cameras that expose once in `period_ns`.
+    pub(super) fn rule(&self, driver: &Driver, trigger: &TriggerSource, period_ns: u64) -> Rule {
+        let default_ns = match trigger {
+            // The phase of free-running cameras is arbitrary: every phase has to make pairs.
+            TriggerSource::FreeRunning => period_ns / 2,
+            _ => period_ns / 4,
+        };
+        match self.pair_by(driver, trigger) {
+            PairBy::Pulse => Rule::Trigger,
+            PairBy::Order => Rule::Arrival,
+            PairBy::Stamp => Rule::Stamp {
+                max_skew_ns: self.max_skew_ns.unwrap_or(default_ns),
+                period_ns,
+            },
+        }
+    }
+
+    fn pair_by(&self, driver: &Driver, trigger: &TriggerSource) -> PairBy {
+        let when_armed = matches!(trigger, TriggerSource::Software | TriggerSource::Serial(_));
+        self.pairing
+            .unwrap_or(match when_armed && driver.can_be_triggered {
+                true => PairBy::Pulse,
+                false => PairBy::Stamp,
+            })
+    }
+}

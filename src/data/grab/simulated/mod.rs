@@ -1,0 +1,89 @@
+//! Two simulated cameras in the arena, with delays and faults that can be set for each.
+
+mod cable;
+mod camera;
+mod config;
+mod pictures;
+mod sensor;
+
+pub use cable::{CabledTrigger, SimulatedTrigger, TriggerCable};
+pub use camera::{CameraBehavior, SimulatedCamera, TriggerInput};
+pub use config::SimulatedConfig;
+pub use pictures::RenderedPictures;
+
+use super::camera::Camera;
+use super::driver::{self, CameraPair, CameraRequest, Driver, DriverFunctions, ListedCamera};
+use super::trigger::{Trigger, TriggerSource};
+use std::sync::Arc;
+use svl_core::stereo::Side;
+use svl_core::{Error, Result};
+
+pub const DRIVER: Driver = Driver {
+    name: "sim",
+    cameras: "",
+    help: "two simulated cameras that see the arena, in real time",
+    options: config::OPTIONS,
+    camera_options: config::CAMERA_OPTIONS,
+    can_be_triggered: true,
+    default_seed: Some(1),
+    functions: Ok(DriverFunctions { open, list }),
+};
+
+fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
+    let config = SimulatedConfig::parse(request.driver, request.text)?;
+    // The board decides itself how many pictures it has.
+    let count = (!config.board).then_some(config.pictures as u64);
+    let (rate_hz, seed, host) = (request.rate_hz, request.seed, request.host);
+    let go_on = || {
+        (host.progress)(count);
+        !(host.stopped)()
+    };
+    let pictures = match config.board {
+        true => RenderedPictures::render_board(config.size, seed, go_on)?,
+        false => RenderedPictures::render(config.size, rate_hz, config.pictures, seed, go_on)?,
+    };
+    let pictures =
+        Arc::new(pictures.ok_or_else(|| Error::camera("sim", "stopped before the cameras began"))?);
+    let cable = TriggerCable::new(request.clock);
+    let trigger: Option<Box<dyn Trigger>> = match request.trigger {
+        TriggerSource::FreeRunning => None,
+        TriggerSource::Software | TriggerSource::FixedRate(_) => {
+            Some(Box::new(SimulatedTrigger::new(&cable)))
+        }
+        TriggerSource::Serial(_) => request
+            .controller()?
+            .map(|controller| Box::new(CabledTrigger::new(Box::new(controller), &cable)) as _),
+    };
+    let camera = |side: Side| -> Box<dyn Camera> {
+        let input = match trigger {
+            None => TriggerInput::FreeRunning {
+                period_ns: driver::period_ns(rate_hz),
+            },
+            Some(_) => TriggerInput::Cable(cable.clone()),
+        };
+        let behavior = config.behaviors[side as usize].clone();
+        let camera = SimulatedCamera::new(
+            side,
+            request.clock,
+            input,
+            &pictures,
+            config.light,
+            behavior,
+        );
+        Box::new(camera)
+    };
+    Ok(CameraPair {
+        cameras: Side::BOTH.map(camera),
+        trigger,
+        rate_hz,
+        rig: pictures.rig(),
+    })
+}
+
+fn list() -> Vec<ListedCamera> {
+    vec![ListedCamera {
+        name: DRIVER.name.to_owned(),
+        description: DRIVER.help.to_owned(),
+        modes: Vec::new(),
+    }]
+}

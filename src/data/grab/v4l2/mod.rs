@@ -1,0 +1,53 @@
+//! Cameras of a Linux machine, by V4L2: webcams, and sensors on a board's camera port.
+//!
+//! ```text
+//! device ── modes, format, rate ──▶ stream ── filled buffer ──▶ pixels ─▶ Gray ─┐
+//!   ▲                                  │                                        ├─▶ Capture
+//! control: shutter, gain               └── driver's stamp ──▶ stamp ────────────┘
+//! ```
+//!
+//! V4L2 cannot trigger a camera. These cameras run free, and their images are paired by the
+//! driver's stamps; or a controller triggers both, and each delivers its next image after it was
+//! armed. `abi.rs` holds the kernel's structures: the crates that have them need libclang, or give
+//! no stamps.
+
+#[cfg(target_os = "linux")]
+mod linux;
+
+use super::driver::{Driver, DriverFunctions};
+use svl_core::matcher::{Parameter, Range};
+
+pub const DRIVER: Driver = Driver {
+    name: "v4l2",
+    cameras: "LEFT,RIGHT",
+    help: "two cameras of this machine, as /dev/video0,/dev/video2",
+    options: &[
+        Parameter {
+            name: "size",
+            unit: "px",
+            range: Range::Text { default: "auto" },
+            description: "width and height; auto: nearest to 640x480 of those that hold the rate",
+        },
+        Parameter {
+            name: "format",
+            unit: "",
+            range: Range::Choice {
+                default: "auto",
+                options: &["auto", "GREY", "YUYV", "MJPG"],
+            },
+            description: "pixel format; auto: the plainest",
+        },
+    ],
+    camera_options: &[],
+    can_be_triggered: false,
+    default_seed: None,
+    functions: FUNCTIONS,
+};
+
+#[cfg(target_os = "linux")]
+const FUNCTIONS: Result<DriverFunctions, &str> = Ok(DriverFunctions {
+    open: linux::open,
+    list: linux::list,
+});
+#[cfg(not(target_os = "linux"))]
+const FUNCTIONS: Result<DriverFunctions, &str> = Err("V4L2 is part of Linux alone");

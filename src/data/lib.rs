@@ -1,0 +1,17 @@
+//! Frames as data: images and recordings on disk, cameras, the simulated arena, perturbations,
+//! scores, scenarios, and the manifest of a run.
+//!
+//! Everything here that touches each pixel or byte of a run is compiled for speed. `svl` re-exports
+//! its modules; the bench opens sources and runs matchers over them.
+
+pub mod arena;
+pub mod fetch;
+pub mod files;
+pub mod grab;
+pub mod manifest;
+pub mod overlay;
+pub mod pairing;
+pub mod recording;
+pub mod scenario;
+pub mod score;
+pub mod stress;

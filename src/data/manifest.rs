@@ -1,0 +1,395 @@
+//! The manifest of a run: version, scenario, algorithms with parameters, hashes, machine.
+
+use serde::{Deserialize, Serialize};
+use std::fs::read_to_string;
+use std::path::Path;
+use svl_core::kernel;
+use svl_core::matcher::{self, Algorithm, ProgramRecord};
+use svl_core::stereo::CellRule;
+use svl_core::{Error, Result};
+
+/// The identity of a run, in every report (`manifest.json`) and in every result recording (metadata
+/// `svl.run`).
+///
+/// Equal pairs, algorithms and parameters have equal result hashes, whatever else stands here.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// No other run has it.
+    pub run_id: String,
+    /// RFC 3339, UTC.
+    pub began: String,
+    /// Version of svl.
+    pub svl: String,
+    /// Git revision of svl, where its build knew it.
+    pub git_revision: Option<String>,
+    pub scenario: String,
+    /// Hash of the scenario's text, where there is one.
+    pub scenario_hash: Option<String>,
+    /// How many bits the 16-bit images used that the pairs were made of.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bits: Option<u8>,
+    /// Digest of all pairs' pixels in their order, once the run is over.
+    pub pairs_hash: Option<String>,
+    /// Where the truths come from, as [`svl_core::stereo::TruthOrigin`] writes it, once the run is
+    /// over.
+    #[serde(default)]
+    pub truth: Vec<String>,
+    pub algorithms: Vec<AlgorithmRecord>,
+    /// The recordings of the run; none where a scenario makes its frames itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub runs: Vec<RunRecord>,
+    pub machine: Machine,
+    /// What its times are of, in words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<String>,
+    /// Which share of the run this is, as `3/16`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shard: Option<String>,
+    /// The parts that a merged report was made of.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<PartRecord>,
+    /// When the run went on after it was killed or interrupted, as `began`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub resumed: Vec<String>,
+}
+
+/// A part of a merged report.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PartRecord {
+    pub shard: String,
+    pub run_id: String,
+    pub began: String,
+    /// Its folder, from that of the merged report.
+    pub folder: String,
+    pub machine: Machine,
+}
+
+/// A recording, bag or folder of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunRecord {
+    /// As the rows call it.
+    pub name: String,
+    /// Where it was.
+    pub path: String,
+    /// Size of a file.
+    pub bytes: Option<u64>,
+    /// What rectified its pairs, which of them were taken, and what was done to their images.
+    pub changes: Option<String>,
+    /// Digest of the pixels of the pairs taken, once the run is over: equal for equal images, read
+    /// from wherever.
+    pub pairs_hash: Option<String>,
+}
+
+/// An algorithm of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AlgorithmRecord {
+    /// Its name in the registry.
+    pub name: String,
+    /// As the user wrote it.
+    pub label: String,
+    /// All its parameters, `key=value,...`.
+    pub parameters: String,
+    pub parameters_hash: String,
+    /// How many disparities it tries for a pixel, where its parameters determine it.
+    pub disparities: Option<u32>,
+    /// Digest of all its results in their order, once the run is over.
+    pub results_hash: Option<String>,
+    /// The memory that it took for its largest pair, where it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub memory_bytes: Option<usize>,
+    /// Why it failed on its last pair, if it did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failure: Option<String>,
+    /// Of a program of its own, what it is and how it did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub program: Option<ProgramRecord>,
+}
+
+/// The machine. Times depend on it, results do not.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Machine {
+    pub processor: String,
+    /// Instruction set that the kernels run on.
+    pub isa: String,
+    pub threads: usize,
+    /// Frequency governor of the first core, where the system reports it.
+    pub governor: Option<String>,
+}
+
+impl Manifest {
+    /// The labels of the algorithms.
+    pub fn labels(&self) -> impl Iterator<Item = &str> {
+        self.algorithms.iter().map(|a| a.label.as_str())
+    }
+
+    /// A run of `algorithms` on `scenario` that begins now, on this machine.
+    ///
+    /// # Errors
+    /// When `SVL_ISA` names an instruction set that this CPU does not have.
+    pub fn new(
+        scenario: &str,
+        scenario_text: Option<&str>,
+        algorithms: &[Algorithm],
+    ) -> Result<Self> {
+        let now = jiff::Timestamp::now();
+        // The process id distinguishes two runs that begin within one tick of the clock.
+        let run_id = hash(&format!(
+            "{scenario} {} {}",
+            now.as_nanosecond(),
+            std::process::id()
+        ))[..12]
+            .to_owned();
+        Ok(Self {
+            run_id,
+            began: format!("{now:.0}"),
+            svl: env!("CARGO_PKG_VERSION").to_owned(),
+            git_revision: option_env!("SVL_GIT_REVISION").map(str::to_owned),
+            scenario: scenario.to_owned(),
+            scenario_hash: scenario_text.map(hash),
+            bits: None,
+            pairs_hash: None,
+            truth: Vec::new(),
+            algorithms: algorithms.iter().map(AlgorithmRecord::new).collect(),
+            runs: Vec::new(),
+            machine: Machine::this()?,
+            times: None,
+            shard: None,
+            parts: Vec::new(),
+            resumed: Vec::new(),
+        })
+    }
+
+    /// Reads that of a report.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for what is no manifest.
+    pub fn read(report: &Path) -> Result<Self> {
+        let path = report.join("manifest.json");
+        let text = read_to_string(&path).map_err(|e| Error::io(&path, e))?;
+        serde_json::from_str(&text).map_err(|e| Error::format(&path, e.to_string()))
+    }
+
+    /// What keeps two from being parts of one run, in words.
+    pub fn difference(&self, other: &Self) -> Option<&'static str> {
+        let algorithms = |of: &Self| {
+            let of = of.algorithms.iter();
+            of.map(|a| (a.label.clone(), a.parameters_hash.clone()))
+                .collect::<Vec<_>>()
+        };
+        let runs = |of: &Self| {
+            let of = of.runs.iter().cloned();
+            of.map(|run| RunRecord {
+                pairs_hash: None,
+                ..run
+            })
+            .collect::<Vec<_>>()
+        };
+        let svl = |of: &Self| (of.svl.clone(), of.git_revision.clone());
+        let scenario = |of: &Self| (of.scenario.clone(), of.scenario_hash.clone());
+        [
+            ("another svl made it", svl(self) == svl(other)),
+            (
+                "its scenario was another",
+                scenario(self) == scenario(other),
+            ),
+            (
+                "its algorithms were others",
+                algorithms(self) == algorithms(other),
+            ),
+            ("its recordings were others", runs(self) == runs(other)),
+            ("another machine made it", self.machine == other.machine),
+            ("its times are of another kind", self.times == other.times),
+            ("it is another shard", self.shard == other.shard),
+        ]
+        .into_iter()
+        .find_map(|(what, is_equal)| (!is_equal).then_some(what))
+    }
+
+    /// Says by which rule cells are judged: it is a parameter of the algorithms that answer them.
+    pub fn set_rule(&mut self, rule: CellRule) {
+        for record in &mut self.algorithms {
+            let answers = matcher::find(&record.name).is_ok_and(|spec| spec.cells.is_some());
+            if answers {
+                let of = format!("{}:{}", record.name, record.parameters);
+                record.parameters_hash = hash(&format!("{of};{}", rule.right_words()))[..16].into();
+            }
+        }
+    }
+
+    /// Names and values for people. Names are unique, and no value is empty.
+    pub fn entries(&self) -> Vec<(String, String)> {
+        let Machine {
+            processor,
+            isa,
+            threads,
+            governor,
+        } = &self.machine;
+        let revision = self.git_revision.as_deref().unwrap_or("revision unknown");
+        let truth = (!self.truth.is_empty()).then(|| self.truth.join(", "));
+        let fixed = [
+            ("run", Some(self.run_id.clone())),
+            ("began", Some(self.began.clone())),
+            ("svl", Some(format!("{} ({revision})", self.svl))),
+            ("scenario", Some(self.scenario.clone())),
+            ("scenario hash", self.scenario_hash.clone()),
+            ("bits of 16", self.bits.map(|bits| bits.to_string())),
+            ("pairs hash", self.pairs_hash.clone()),
+            ("truth", truth),
+            ("processor", Some(processor.clone())),
+            ("instruction set", Some(isa.clone())),
+            ("threads", Some(threads.to_string())),
+            ("governor", governor.clone()),
+            ("times", self.times.clone()),
+            ("shard", self.shard.clone()),
+            (
+                "resumed",
+                (!self.resumed.is_empty()).then(|| self.resumed.join(", ")),
+            ),
+        ];
+        let fixed = fixed
+            .into_iter()
+            .filter_map(|(name, value)| Some((name.to_owned(), value?)));
+        let parts = self.parts.iter().map(PartRecord::entry);
+        fixed
+            .chain(parts)
+            .chain(self.runs.iter().map(RunRecord::entry))
+            .chain(self.algorithms.iter().flat_map(AlgorithmRecord::entries))
+            .collect()
+    }
+}
+
+impl PartRecord {
+    fn entry(&self) -> (String, String) {
+        let Machine {
+            processor,
+            isa,
+            threads,
+            ..
+        } = &self.machine;
+        let machine = format!("{processor}, {isa}, {threads} threads");
+        let words = format!(
+            "{}, run {}, {}, {machine}",
+            self.folder, self.run_id, self.began
+        );
+        (format!("part {}", self.shard), words)
+    }
+}
+
+impl RunRecord {
+    /// The recording at that path, which the rows call `name`.
+    pub fn new(name: &str, path: &Path, changes: Option<String>) -> Self {
+        let file = path.metadata().ok().filter(|metadata| metadata.is_file());
+        Self {
+            name: name.to_owned(),
+            path: path.display().to_string(),
+            bytes: file.map(|file| file.len()),
+            changes,
+            pairs_hash: None,
+        }
+    }
+
+    fn entry(&self) -> (String, String) {
+        let bytes = self.bytes.map(|bytes| format!("{bytes} bytes"));
+        let hash = self
+            .pairs_hash
+            .as_ref()
+            .map(|hash| format!("pairs hash {hash}"));
+        let parts = [Some(self.path.clone()), bytes, self.changes.clone(), hash];
+        let parts: Vec<_> = parts.into_iter().flatten().collect();
+        (format!("recording {}", self.name), parts.join(", "))
+    }
+}
+
+impl AlgorithmRecord {
+    fn new(algorithm: &Algorithm) -> Self {
+        // Complete and in the order of the table, so that defaults written out hash alike.
+        let filters = algorithm.filters().iter();
+        let filters = filters.map(|filter| format!("+{}={:032x}", filter.kind, filter.hash()));
+        let parameters = algorithm.parameters().to_string() + &filters.collect::<String>();
+        let parameters_hash =
+            hash(&format!("{}:{parameters}", algorithm.spec().name))[..16].to_owned();
+        let (name, label) = (
+            algorithm.spec().name.to_owned(),
+            algorithm.label().to_owned(),
+        );
+        let disparities = algorithm.disparities();
+        Self {
+            name,
+            label,
+            parameters,
+            parameters_hash,
+            disparities,
+            results_hash: None,
+            memory_bytes: None,
+            failure: None,
+            program: None,
+        }
+    }
+
+    fn entries(&self) -> impl Iterator<Item = (String, String)> {
+        let results = self
+            .results_hash
+            .clone()
+            .map(|hash| (format!("{} results hash", self.label), hash));
+        let program = self
+            .program
+            .as_ref()
+            .map(|program| (format!("{} program", self.label), program.words()));
+        std::iter::once((self.label.clone(), self.parameters.clone()))
+            .chain(program)
+            .chain(results)
+    }
+}
+
+impl Machine {
+    fn this() -> Result<Self> {
+        let cpuinfo = read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let model = cpuinfo
+            .lines()
+            .find_map(|line| line.strip_prefix("model name")?.split_once(": "));
+        let governor = read_to_string("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor").ok();
+        Ok(Self {
+            processor: model
+                .map_or(std::env::consts::ARCH, |(_, name)| name)
+                .to_owned(),
+            isa: kernel::isa()?.name().to_owned(),
+            threads: rayon::current_num_threads(),
+            governor: governor.map(|text| text.trim().to_owned()),
+        })
+    }
+}
+
+/// Hash of a text: XXH3, 128 bits, hexadecimal.
+pub fn hash(text: &str) -> String {
+    format!("{:032x}", xxhash_rust::xxh3::xxh3_128(text.as_bytes()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_decide_not_how_they_were_asked_for() {
+        let algorithms: Vec<Algorithm> = ["v3", "v3:max_disparity=80", "v3:max_disparity=64", "v1"]
+            .map(|a| a.parse().unwrap())
+            .into();
+        let manifest = Manifest::new("s", Some("text"), &algorithms).unwrap();
+        let [plain, spelled, other, v1] = &manifest.algorithms[..] else {
+            panic!()
+        };
+        assert_eq!(plain.parameters_hash, spelled.parameters_hash);
+        assert_ne!(plain.parameters_hash, other.parameters_hash);
+        assert_ne!(plain.parameters_hash, v1.parameters_hash);
+        assert_ne!(
+            manifest.run_id,
+            Manifest::new("s", None, &[]).unwrap().run_id
+        );
+    }
+
+    #[test]
+    fn json_round_trip() {
+        let manifest = Manifest::new("s", None, &["v3".parse().unwrap()]).unwrap();
+        let json = serde_json::to_string(&manifest).unwrap();
+        assert_eq!(serde_json::from_str::<Manifest>(&json).unwrap(), manifest);
+    }
+}

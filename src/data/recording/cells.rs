@@ -1,0 +1,126 @@
+//! The depth grid of an algorithm for one pair, as data.
+
+use super::{Encoded, Recording};
+use serde::{Deserialize, Serialize};
+use svl_core::Result;
+use svl_core::stereo::{Cell, CellState, DepthGrid, Estimate};
+
+const SCHEMA: &str = "svl.Cells";
+const DEFINITION: &str = include_str!("cells.schema.json");
+
+/// The message of `/algo/<name>/cells`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AlgorithmCells {
+    /// Number of the pair in its source, from 0.
+    pub sequence: u64,
+    /// The algorithm as the user wrote it.
+    pub algorithm: String,
+    pub columns: usize,
+    pub rows: usize,
+    /// In raster order.
+    pub cells: Vec<CellReport>,
+}
+
+/// What an algorithm reports of a cell. Distance and probability are rounded to a millionth, so
+/// that they read back exactly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CellReport {
+    pub column: usize,
+    /// 0 on top.
+    pub row: usize,
+    pub state: CellState,
+    /// Of the median disparity, metres; absent where unknown, at infinity, or without a rig.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance_m: Option<f64>,
+    /// Median disparity, pixels; absent where unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub disparity_px: Option<f32>,
+    /// How probably it is right, 0..=1; absent where the algorithm does not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probability: Option<f64>,
+}
+
+impl CellReport {
+    /// The cells of a grid in raster order.
+    pub fn of_grid(grid: &DepthGrid) -> Vec<Self> {
+        let rounded = |value: f64| (value * 1e6).round() / 1e6;
+        let report = |((column, row), cell): ((usize, usize), &Cell)| Self {
+            column,
+            row,
+            state: cell.state(),
+            distance_m: cell.depth.and_then(|depth| depth.distance_m).map(rounded),
+            disparity_px: cell.depth.map(|depth| depth.median_px),
+            probability: cell.probability.map(rounded),
+        };
+        grid.iter().map(report).collect()
+    }
+}
+
+impl AlgorithmCells {
+    /// The cells of pair `sequence`.
+    pub fn new(sequence: u64, estimate: &Estimate) -> Self {
+        let shape = estimate.grid.shape();
+        Self {
+            sequence,
+            algorithm: estimate.algorithm.clone(),
+            columns: shape.columns,
+            rows: shape.rows,
+            cells: CellReport::of_grid(&estimate.grid),
+        }
+    }
+
+    pub(super) fn encode(&self) -> Encoded {
+        Encoded::json(SCHEMA, DEFINITION, self)
+    }
+}
+
+impl Recording {
+    /// The cells of all algorithms, in the order of the recording; none in one that no replay
+    /// wrote, or that of an earlier version.
+    ///
+    /// # Errors
+    /// As [`Recording::results`].
+    pub fn cells(&self) -> Result<Vec<AlgorithmCells>> {
+        self.json_messages(SCHEMA)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::{CellDepth, GridShape};
+
+    #[test]
+    fn cells_are_rounded_and_say_only_what_is_known() {
+        let depth = CellDepth {
+            median_px: 12.3,
+            p20_px: 12.0,
+            p80_px: 13.0,
+            distance_m: Some(1.0 / 3.0),
+        };
+        let cell = |depth, probability| Cell {
+            valid_share: 1.0,
+            depth,
+            probability,
+            evidence: None,
+            too_close: false,
+        };
+        let shape = GridShape {
+            columns: 2,
+            rows: 1,
+        };
+        let cells = vec![cell(Some(depth), Some(0.25)), cell(None, None)];
+        let grid = DepthGrid::new(shape, cells).unwrap();
+        let json = serde_json::to_string(&CellReport::of_grid(&grid)).unwrap();
+        assert_eq!(
+            json,
+            concat!(
+                r#"[{"column":0,"row":0,"state":"known","distance_m":0.333333,"#,
+                r#""disparity_px":12.3,"probability":0.25},"#,
+                r#"{"column":1,"row":0,"state":"unknown"}]"#
+            )
+        );
+        let back: Vec<CellReport> = serde_json::from_str(&json).unwrap();
+        assert_eq!(back, CellReport::of_grid(&grid));
+    }
+}

@@ -1,0 +1,154 @@
+//! One file of a recording: MCAP or SQLite, as it is or compressed as a whole.
+
+use super::file::McapFile;
+use super::messages::{EventReader, Messages};
+use super::sqlite::{self, SqliteFile};
+use std::io::{Read, Write};
+use std::path::Path;
+use svl_core::{Error, Result};
+use tempfile::NamedTempFile;
+
+/// What zstd frames begin with.
+const ZSTD: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
+/// Limit of the bytes of an unpacked file, and of a message.
+const MAX_FILE: u64 = 64 << 30;
+const MAX_MESSAGE: u64 = 1 << 30;
+
+/// One file of a recording.
+pub(super) enum Container {
+    Mcap(McapFile),
+    Sqlite(SqliteFile),
+}
+
+impl Container {
+    /// Opens a file by how it begins. One that is compressed as a whole is unpacked into a
+    /// temporary file.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for a folder, an empty file, and one that cannot be
+    /// unpacked.
+    pub(super) fn open(path: &Path, keep: bool) -> Result<Self> {
+        let file = McapFile::open(path, keep)?;
+        let start = start(&file)?;
+        if !start.starts_with(&ZSTD) {
+            return Ok(match start == sqlite::MAGIC {
+                true => Self::Sqlite(SqliteFile::new(path, file.len(), None)),
+                false => Self::Mcap(file),
+            });
+        }
+        let unpacked = unpack(&file)?;
+        let io = |e| Error::io(path, e);
+        let handle = unpacked.reopen().map_err(io)?;
+        let inside = McapFile::from_handle(path, handle)?;
+        Ok(match self::start(&inside)? == sqlite::MAGIC {
+            true => {
+                let (len, file) = (inside.len(), unpacked.into_temp_path());
+                Self::Sqlite(SqliteFile::new(path, len, Some(file)))
+            }
+            // The handle keeps what is unpacked, though its name goes.
+            false => Self::Mcap(inside),
+        })
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        match self {
+            Self::Mcap(file) => file.path(),
+            Self::Sqlite(file) => file.path(),
+        }
+    }
+
+    /// Its messages from the start.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for what is neither MCAP nor a bag.
+    pub(super) fn messages(&self) -> Result<Box<dyn EventReader>> {
+        Ok(match self {
+            Self::Mcap(file) => Box::new(Messages::open(file)?),
+            Self::Sqlite(file) => Box::new(file.messages()?),
+        })
+    }
+}
+
+fn start(file: &McapFile) -> Result<Vec<u8>> {
+    let mut start = Vec::new();
+    let reader = file.reader()?.take(sqlite::MAGIC.len() as u64);
+    let read = { reader }.read_to_end(&mut start);
+    read.map_err(|e| Error::io(file.path(), e))?;
+    Ok(start)
+}
+
+/// Unpacks a whole file. Of one that is cut off the beginning is kept, whose reader finds the rest
+/// missing.
+fn unpack(file: &McapFile) -> Result<NamedTempFile> {
+    let path = file.path();
+    let wrong = |reason: String| Error::format(path, reason);
+    let io = |e| Error::io(path, e);
+    let decoder = zstd::stream::read::Decoder::new(file.reader()?).map_err(io)?;
+    let mut decoder = decoder.take(MAX_FILE + 1);
+    let mut unpacked = NamedTempFile::new().map_err(|e| Error::io(std::env::temp_dir(), e))?;
+    let (mut piece, mut length) = (vec![0; 1 << 20], 0);
+    loop {
+        match decoder.read(&mut piece) {
+            Ok(0) => break,
+            Ok(read) => {
+                let written = unpacked.write_all(&piece[..read]);
+                written.map_err(|e| Error::io(unpacked.path(), e))?;
+                length += read as u64;
+            }
+            Err(e) if length == 0 => {
+                return Err(wrong(format!(
+                    "is compressed with zstd and cannot be unpacked: {e}"
+                )));
+            }
+            Err(e) => {
+                tracing::warn!("{}: unpacked up to byte {length}: {e}", path.display());
+                break;
+            }
+        }
+    }
+    if length > MAX_FILE {
+        let cure = "unpack it with zstd -d first";
+        return Err(wrong(format!(
+            "unpacks to more than {MAX_FILE} bytes; {cure}"
+        )));
+    }
+    Ok(unpacked)
+}
+
+/// The data of a message that rosbag2 compressed by itself; other data as they are.
+///
+/// # Errors
+/// Why they cannot be unpacked.
+pub(super) fn unpack_message(data: &[u8]) -> std::result::Result<Option<Vec<u8>>, String> {
+    // No encoding of messages begins so: CDR's first byte is 0.
+    if !data.starts_with(&ZSTD) {
+        return Ok(None);
+    }
+    let mut unpacked = Vec::new();
+    let read = zstd::stream::read::Decoder::with_buffer(data)
+        .and_then(|decoder| decoder.take(MAX_MESSAGE + 1).read_to_end(&mut unpacked));
+    match read {
+        Ok(length) if length as u64 > MAX_MESSAGE => {
+            Err(format!("it unpacks to more than {MAX_MESSAGE} bytes"))
+        }
+        Ok(_) => Ok(Some(unpacked)),
+        Err(e) => Err(format!(
+            "it is compressed with zstd and cannot be unpacked: {e}"
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_are_unpacked_by_how_they_begin() {
+        let data = [0, 1, 0, 0].repeat(100);
+        assert_eq!(unpack_message(&data), Ok(None));
+        let packed = zstd::bulk::compress(&data, 3).unwrap();
+        assert_eq!(unpack_message(&packed), Ok(Some(data)));
+        let cut = unpack_message(&packed[..packed.len() - 3]);
+        assert!(cut.unwrap_err().contains("cannot be unpacked"));
+    }
+}

@@ -1,0 +1,207 @@
+//! The message types of a recording: svl's own or ROS 2's.
+
+use super::{Encoded, ImageFormat, PROFILE, RosStamp, TopicKind, frame_id, geometry, images, ros};
+use images::Pixel;
+use std::borrow::Cow;
+use svl_core::Result;
+use svl_core::stereo::{Gray, Plane, Pose, Rgb, Rig, Side};
+
+/// The message types of a recording. Both dialects hold the same data.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Dialect {
+    /// Foxglove messages, JSON, and ROS 2's float images: svl reads back everything.
+    #[default]
+    Svl,
+    /// ROS 2 messages only, in CDR: a bag for its tools and for rosbags.
+    ///
+    /// | topic | message |
+    /// |---|---|
+    /// | `/stereo/{left,right}/image_rect`, raw `image_raw` | sensor_msgs/msg/Image mono8 |
+    /// | `…/image_rect_color`, raw `image_raw_color`, of a source in colour | Image rgb8 |
+    /// | the same with `/compressed` | sensor_msgs/msg/CompressedImage |
+    /// | `/stereo/{left,right}/camera_info` | sensor_msgs/msg/CameraInfo: rectified K, R = I, P |
+    /// | `/tf` | tf2_msgs/msg/TFMessage: world → left camera |
+    /// | `/truth/{depth,disparity}`, `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1 |
+    /// | `/truth/{visibility,surface}` | sensor_msgs/msg/Image mono8 |
+    /// | `/stereo/sync`, `/algo/<name>/{cells,result}` | std_msgs/msg/String: their JSON |
+    ///
+    /// svl reads it as any other bag: its images and calibrations, paired by their stamps.
+    Ros2,
+}
+
+/// Message types and image compression of a recording.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RecordingFormat {
+    pub dialect: Dialect,
+    pub images: ImageFormat,
+}
+
+impl From<ImageFormat> for RecordingFormat {
+    fn from(images: ImageFormat) -> Self {
+        Self {
+            images,
+            ..Self::default()
+        }
+    }
+}
+
+/// A topic and one message of it.
+pub(super) type TopicMessage = (Cow<'static, str>, Encoded);
+
+impl Dialect {
+    /// MCAP's profile.
+    pub(super) fn profile(self) -> &'static str {
+        match self {
+            Self::Svl => PROFILE,
+            Self::Ros2 => "ros2",
+        }
+    }
+
+    pub(super) fn calibration(
+        self,
+        rig: &Rig,
+        size: (usize, usize),
+        camera: Side,
+        stamp: RosStamp,
+    ) -> TopicMessage {
+        match self {
+            Self::Svl => {
+                let message = geometry::encode_calibration(rig, size, camera, stamp);
+                (TopicKind::Calibration(camera).topic().into(), message)
+            }
+            Self::Ros2 => {
+                let topic = format!("/stereo/{}/camera_info", camera.name());
+                (
+                    topic.into(),
+                    ros::encode_camera_info(rig, size, camera, stamp),
+                )
+            }
+        }
+    }
+
+    /// The right camera in the frame of the left one; nothing in ROS 2, where P has the baseline.
+    pub(super) fn baseline(self, rig: &Rig, stamp: RosStamp) -> Option<TopicMessage> {
+        // Rectified cameras differ by a translation along x alone.
+        let right = Pose::translation(rig.baseline_m(), 0.0, 0.0);
+        let frames = [frame_id(Side::Left), frame_id(Side::Right)];
+        let message = || {
+            (
+                TopicKind::Baseline.topic().into(),
+                geometry::encode_transform(&right, frames, stamp),
+            )
+        };
+        (self == Self::Svl).then(message)
+    }
+
+    /// The pose of the left camera in the world.
+    pub(super) fn pose(self, pose: &Pose, stamp: RosStamp) -> TopicMessage {
+        let frames = [geometry::WORLD, frame_id(Side::Left)];
+        match self {
+            Self::Svl => (
+                TopicKind::Pose.topic().into(),
+                geometry::encode_transform(pose, frames, stamp),
+            ),
+            // ROS tools look for transforms on /tf, whatever the frames are.
+            Self::Ros2 => ("/tf".into(), ros::encode_transform(pose, frames, stamp)),
+        }
+    }
+
+    /// The colours of a camera's image. svl's own readers take the image itself, which is their
+    /// luma.
+    pub(super) fn color(
+        self,
+        image: &Rgb,
+        camera: Side,
+        rectified: bool,
+        format: ImageFormat,
+        stamp: RosStamp,
+    ) -> Result<TopicMessage> {
+        if self == Self::Svl {
+            let message = images::encode_image(image, format, stamp, frame_id(camera))?;
+            return Ok((TopicKind::Color(camera).topic().into(), message));
+        }
+        self.ros_image(
+            image,
+            camera,
+            [rectified_name(rectified), "_color"].concat(),
+            format,
+            stamp,
+        )
+    }
+
+    /// The image of a camera. In ROS its topic says whether the pair is rectified.
+    pub(super) fn image(
+        self,
+        image: &Gray,
+        camera: Side,
+        rectified: bool,
+        format: ImageFormat,
+        stamp: RosStamp,
+    ) -> Result<TopicMessage> {
+        if self == Self::Svl {
+            let message = images::encode_image(image, format, stamp, frame_id(camera))?;
+            return Ok((TopicKind::Image(camera).topic().into(), message));
+        }
+        self.ros_image(
+            image,
+            camera,
+            rectified_name(rectified).to_owned(),
+            format,
+            stamp,
+        )
+    }
+
+    fn ros_image<P: Pixel>(
+        self,
+        image: &Plane<P>,
+        camera: Side,
+        name: String,
+        format: ImageFormat,
+        stamp: RosStamp,
+    ) -> Result<TopicMessage> {
+        // The frame of both calibrations.
+        let frame_id = frame_id(Side::Left);
+        let topic = format!("/stereo/{}/{name}", camera.name());
+        Ok(match format {
+            // ROS viewers take mono8 for grey; Rerun shows it as depth, which is why svl's own
+            // dialect has RawImage.
+            ImageFormat::Raw => (topic.into(), ros::encode_8bit(image, stamp, frame_id)),
+            ImageFormat::Png => {
+                let png = images::png(image)?;
+                (
+                    format!("{topic}/compressed").into(),
+                    ros::encode_png(&png, P::ENCODING, stamp, frame_id),
+                )
+            }
+        })
+    }
+
+    /// Codes of the left image's pixels, on the topic of their kind.
+    pub(super) fn codes(
+        self,
+        kind: TopicKind,
+        codes: &Gray,
+        stamp: RosStamp,
+    ) -> Result<TopicMessage> {
+        let frame_id = frame_id(Side::Left);
+        let message = match self {
+            Self::Svl => images::encode_image(codes, ImageFormat::Raw, stamp, frame_id)?,
+            Self::Ros2 => ros::encode_8bit(codes, stamp, frame_id),
+        };
+        Ok((kind.topic().into(), message))
+    }
+
+    /// A message of JSON.
+    pub(super) fn json(self, message: Encoded) -> Encoded {
+        match self {
+            Self::Svl => message,
+            // serde_json writes nothing but UTF-8.
+            Self::Ros2 => ros::encode_string(&String::from_utf8_lossy(&message.data)),
+        }
+    }
+}
+
+/// The last part of an image's topic.
+fn rectified_name(rectified: bool) -> &'static str {
+    if rectified { "image_rect" } else { "image_raw" }
+}

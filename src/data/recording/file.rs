@@ -1,0 +1,112 @@
+//! One MCAP file of a recording, opened once and read from several places.
+
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use svl_core::{Error, Result};
+
+/// A file that is open. Clones share its handle.
+#[derive(Clone)]
+pub(super) struct McapFile {
+    path: PathBuf,
+    /// Bytes in the file when it was opened.
+    len: u64,
+    /// Not kept where a recording has more files than a process may hold open.
+    handle: Option<Arc<File>>,
+}
+
+impl McapFile {
+    /// Opens a file, and keeps it open where `keep` says so; otherwise each reader opens it again.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for what is no regular file and for an empty one.
+    pub(super) fn open(path: &Path, keep: bool) -> Result<Self> {
+        let io = |e| Error::io(path, e);
+        // Before opening: to open a pipe would wait for its writer, and Linux opens folders.
+        let metadata = std::fs::metadata(path).map_err(io)?;
+        if metadata.is_dir() {
+            return Err(Error::format(path, "is a folder, not a recording"));
+        }
+        if !metadata.is_file() {
+            // Summary and index are read from the end of the file.
+            let reason = "is a pipe or a device, not a file; copy it into a file first";
+            return Err(Error::format(path, reason));
+        }
+        let file = Self::from_handle(path, File::open(path).map_err(io)?)?;
+        Ok(Self {
+            // Beyond the limit a handle per file would hit the process's limit of open files.
+            handle: file.handle.filter(|_| keep),
+            ..file
+        })
+    }
+
+    /// A regular file that is open and called `path`.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for an empty file.
+    pub(super) fn from_handle(path: &Path, handle: File) -> Result<Self> {
+        let len = handle.metadata().map_err(|e| Error::io(path, e))?.len();
+        if len == 0 {
+            let reason = "is empty: nothing was recorded, or not yet";
+            return Err(Error::format(path, reason));
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            len,
+            handle: Some(Arc::new(handle)),
+        })
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(super) fn len(&self) -> u64 {
+        self.len
+    }
+
+    /// A reader with a position of its own, at the start of the file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the handle was not kept.
+    pub(super) fn reader(&self) -> Result<FileReader> {
+        let file = match &self.handle {
+            Some(handle) => Arc::clone(handle),
+            None => Arc::new(File::open(&self.path).map_err(|e| Error::io(&self.path, e))?),
+        };
+        let (len, at) = (self.len, 0);
+        Ok(FileReader { file, len, at })
+    }
+}
+
+/// Reads a file at a position of its own.
+pub(super) struct FileReader {
+    file: Arc<File>,
+    len: u64,
+    at: u64,
+}
+
+impl Read for FileReader {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        // Positioned reads: the readers of one file share its handle, and so would share a cursor.
+        #[cfg(unix)]
+        let read = std::os::unix::fs::FileExt::read_at(&*self.file, bytes, self.at)?;
+        #[cfg(windows)]
+        let read = std::os::windows::fs::FileExt::seek_read(&*self.file, bytes, self.at)?;
+        self.at += read as u64;
+        Ok(read)
+    }
+}
+
+impl Seek for FileReader {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let at = match to {
+            SeekFrom::Start(at) => Some(at),
+            SeekFrom::Current(by) => self.at.checked_add_signed(by),
+            SeekFrom::End(by) => self.len.checked_add_signed(by),
+        };
+        self.at = at.ok_or(io::ErrorKind::InvalidInput)?;
+        Ok(self.at)
+    }
+}

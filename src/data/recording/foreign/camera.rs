@@ -1,0 +1,423 @@
+//! Camera calibrations in messages of ROS 2 and Foxglove, and the rig of two of them.
+
+use super::json;
+use crate::recording::messages::Channel;
+use crate::recording::{decode_protobuf, ros};
+use nalgebra::{Matrix3, Matrix3x4, Rotation3};
+use svl_core::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration, rotation};
+
+/// Schemas of calibration messages.
+pub(super) const SCHEMAS: [&str; 2] = ["sensor_msgs/msg/CameraInfo", "foxglove.CameraCalibration"];
+
+/// Tolerances of rectified cameras, for rounding in calibration files: relative difference of the
+/// focal lengths, difference of the principal points' rows.
+const FOCAL_TOLERANCE: f64 = 1e-4;
+const ROW_TOLERANCE_PX: f64 = 0.1;
+
+/// One camera's calibration.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Calibration {
+    /// Width and height of its images, pixels.
+    size: (u32, u32),
+    /// Name of the distortion model.
+    model: String,
+    /// Intrinsics before rectification, row-major 3x3.
+    k: Vec<f64>,
+    /// Distortion coefficients.
+    d: Vec<f64>,
+    /// Rotation into the rectified frame, row-major 3x3.
+    r: Vec<f64>,
+    /// Projection of the rectified camera, row-major 3x4.
+    p: Vec<f64>,
+}
+
+pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, String> {
+    match (channel.schema.as_str(), channel.encoding.as_str()) {
+        ("sensor_msgs/msg/CameraInfo", "cdr") => {
+            Ok(from_camera_info(ros::read(data, ros::camera_info)?))
+        }
+        ("foxglove.CameraCalibration", "protobuf") => {
+            let m: foxglove::messages::CameraCalibration = decode_protobuf(data)?;
+            Ok(Calibration {
+                size: (m.width, m.height),
+                model: m.distortion_model,
+                k: m.k,
+                d: m.d,
+                r: m.r,
+                p: m.p,
+            })
+        }
+        ("foxglove.CameraCalibration", "json") => {
+            let m: json::JsonCalibration = json::read(data)?;
+            Ok(Calibration {
+                size: (m.width, m.height),
+                model: m.distortion_model,
+                k: m.k,
+                d: m.d,
+                r: m.r,
+                p: m.p,
+            })
+        }
+        (schema, encoding) => Err(format!(
+            "its {schema} is in '{encoding}', svl reads cdr, protobuf and json"
+        )),
+    }
+}
+
+/// The calibration of the published images, which may be a binned region of the sensor (as
+/// image_geometry's PinholeCameraModel).
+fn from_camera_info(info: ros::CameraInfo) -> Calibration {
+    let ros::CameraInfo {
+        width,
+        height,
+        model,
+        distortion: d,
+        mut k,
+        r,
+        mut p,
+        binning,
+        roi,
+    } = info;
+    // ROS leaves binning at 0 where nobody set it.
+    let [columns, rows] = binning.map(|pixels| pixels.max(1));
+    let side = |roi: u32, whole: u32| if roi == 0 { whole } else { roi };
+    let size = (
+        side(roi.width, width) / columns,
+        side(roi.height, height) / rows,
+    );
+    for matrix in [&mut k[..], &mut p[..]] {
+        let row = matrix.len() / 3;
+        // First the offset, in pixels of the sensor, then the binning: the order of image_geometry.
+        matrix[2] -= f64::from(roi.x);
+        matrix[row + 2] -= f64::from(roi.y);
+        matrix[..row]
+            .iter_mut()
+            // The whole row, so that P[0][3] = -f·B scales with f and the baseline stays.
+            .for_each(|v| *v /= f64::from(columns));
+        matrix[row..2 * row]
+            .iter_mut()
+            .for_each(|v| *v /= f64::from(rows));
+    }
+    Calibration {
+        size,
+        model,
+        k: k.to_vec(),
+        d,
+        r: r.to_vec(),
+        p: p.to_vec(),
+    }
+}
+
+impl Calibration {
+    /// Checks that it is for images of that size; a size of 0x0 is unknown and passes.
+    ///
+    /// # Errors
+    /// The size it is for.
+    pub(super) fn check_size(&self, (width, height): (usize, usize)) -> Result<(), String> {
+        let (w, h) = self.size;
+        if [(0, 0), (width, height)].contains(&(w as usize, h as usize)) {
+            return Ok(());
+        }
+        Err(format!(
+            "the calibration is of images of {w}x{h} pixels, these have {width}x{height}"
+        ))
+    }
+
+    /// Whether images of this camera have to be rectified: it has distortion or a rotation.
+    pub(super) fn is_of_raw_camera(&self) -> bool {
+        let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        // All zeros are those of a camera that was never calibrated.
+        // The identity, up to the rounding of a product of rotations.
+        let turned = self.r.iter().any(|v| *v != 0.0)
+            && self
+                .r
+                .iter()
+                .zip(identity)
+                .any(|(a, b)| (a - b).abs() > 1e-9);
+        turned || self.d.iter().any(|coefficient| *coefficient != 0.0)
+    }
+
+    pub(super) fn camera(&self) -> Result<Intrinsics, String> {
+        // Models with more coefficients equal plumb_bob where the rest are 0.
+        let (lens, rest) = self.d.split_at(self.d.len().min(5));
+        if !["", "plumb_bob", "rational_polynomial"].contains(&self.model.as_str())
+            || rest.iter().any(|c| *c != 0.0)
+        {
+            return Err(format!(
+                "its lens model '{}' is not one that svl knows (plumb_bob)",
+                self.model
+            ));
+        }
+        let mut distortion = [0.0; 5];
+        distortion[..lens.len()].copy_from_slice(lens);
+        let [fx, _, cx, _, fy, cy, ..] = self.k[..] else {
+            return Err(format!(
+                "its K has {} numbers, 9 make a camera",
+                self.k.len()
+            ));
+        };
+        let size = (self.size.0 as usize, self.size.1 as usize);
+        Intrinsics::new(size, (fx, fy), (cx, cy), distortion).map_err(|e| e.to_string())
+    }
+
+    pub(super) fn projection(&self) -> Result<Matrix3x4<f64>, String> {
+        match <[f64; 12]>::try_from(&self.p[..]) {
+            // Uncalibrated cameras publish P of zeros; NaN fails too.
+            Ok(p) if p[0] > 0.0 => Ok(Matrix3x4::from_row_slice(&p)),
+            _ => Err("a camera is not calibrated: its projection matrix is empty".to_owned()),
+        }
+    }
+
+    pub(super) fn rotation(&self) -> Result<Rotation3<f64>, String> {
+        let r = <[f64; 9]>::try_from(&self.r[..])
+            .map_err(|_| format!("its R has {} numbers, not 9", self.r.len()))?;
+        rotation(&Matrix3::from_row_slice(&r)).map_err(|e| e.to_string())
+    }
+}
+
+/// The rig of two rectified cameras.
+///
+/// # Errors
+/// Why there is none.
+pub(super) fn rig(left: &Calibration, right: &Calibration) -> Result<Rig, String> {
+    let (left, right) = (left.projection()?, right.projection()?);
+    let rig = Rig::from_projections(&left, &right, FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
+    rig.map_err(|e| match left[(0, 3)] < right[(0, 3)] {
+        // Swapped topics are the usual cause of a negative baseline.
+        true => format!("{e}: --left and --right name their topics"),
+        false => e.to_string(),
+    })
+}
+
+/// The calibration of raw images: intrinsics and distortion, R and P of both cameras.
+///
+/// # Errors
+/// What is missing.
+pub(super) fn calibration(
+    left: &Calibration,
+    right: &Calibration,
+) -> Result<StereoCalibration, String> {
+    let (rig, cameras) = (rig(left, right)?, [left.camera()?, right.camera()?]);
+    let rectification = Rectification {
+        size: cameras[0].size(),
+        left: left.rotation()?,
+        right: right.rotation()?,
+        rig,
+    };
+    let [left, right] = cameras;
+    let calibration =
+        StereoCalibration::new(left, right, rectification.motion(), LengthUnit::Metres);
+    Ok(calibration
+        .map_err(|e| e.to_string())?
+        .with_rectification(rectification))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(focal: f64, cy: f64, tx: f64) -> Calibration {
+        let p = vec![
+            focal, 0.0, 160.0, tx, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0,
+        ];
+        let k = vec![focal, 0.0, 160.0, 0.0, focal, cy, 0.0, 0.0, 1.0];
+        let (d, r) = (
+            vec![0.0; 5],
+            vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        );
+        Calibration {
+            size: (320, 240),
+            model: "plumb_bob".into(),
+            k,
+            d,
+            r,
+            p,
+        }
+    }
+
+    #[test]
+    fn the_baseline_is_between_the_cameras() {
+        // As of KITTI's colour cameras, both of which are beside the origin.
+        let found = rig(&camera(500.0, 120.0, 30.0), &camera(500.0, 120.0, -20.0)).unwrap();
+        assert!((found.baseline_m() - 0.1).abs() < 1e-12);
+        let says = |left: &Calibration, right: &Calibration, what: &str| {
+            let error = rig(left, right).unwrap_err();
+            assert!(error.contains(what), "{error}");
+        };
+        let left = camera(500.0, 120.0, 0.0);
+        says(&left, &camera(500.0, 120.0, 50.0), "--left and --right");
+        says(&left, &left, "baseline");
+        says(
+            &left,
+            &camera(510.0, 120.0, -50.0),
+            "not rectified to each other",
+        );
+        says(
+            &left,
+            &camera(500.0, 122.0, -50.0),
+            "not rectified to each other",
+        );
+        says(
+            &left,
+            &Calibration {
+                p: vec![0.0; 12],
+                ..left.clone()
+            },
+            "not calibrated",
+        );
+        says(
+            &left,
+            &Calibration {
+                p: vec![],
+                ..left.clone()
+            },
+            "not calibrated",
+        );
+        says(&left, &camera(f64::NAN, 120.0, -50.0), "not calibrated");
+    }
+
+    #[test]
+    fn a_part_of_the_sensor_and_binned_pixels_are_what_the_calibration_is_of() {
+        let info = |binning, (x, y, width, height)| ros::CameraInfo {
+            width: 640,
+            height: 480,
+            model: "plumb_bob".into(),
+            distortion: vec![],
+            k: [600.0, 0.0, 320.0, 0.0, 602.0, 240.0, 0.0, 0.0, 1.0],
+            r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            p: [
+                600.0, 0.0, 322.0, -60.0, 0.0, 600.0, 242.0, 0.0, 0.0, 0.0, 1.0, 0.0,
+            ],
+            binning,
+            roi: ros::RegionOfInterest {
+                x,
+                y,
+                height,
+                width,
+            },
+        };
+        let whole = from_camera_info(info([0, 1], (0, 0, 0, 0)));
+        assert_eq!(
+            (whole.size, whole.k[0], whole.p[3]),
+            ((640, 480), 600.0, -60.0)
+        );
+        // As image_geometry's PinholeCameraModel: first the offset, then the binning; Tx with it,
+        // so the baseline stays.
+        let binned = from_camera_info(info([2, 2], (0, 0, 0, 0)));
+        assert_eq!(
+            (binned.size, &binned.p[..4], &binned.p[4..8]),
+            (
+                (320, 240),
+                &[300.0, 0.0, 161.0, -30.0][..],
+                &[0.0, 300.0, 121.0, 0.0][..]
+            )
+        );
+        let part = from_camera_info(info([2, 1], (100, 40, 320, 240)));
+        assert_eq!(
+            (part.size, &part.k[..6]),
+            ((160, 240), &[300.0, 0.0, 110.0, 0.0, 602.0, 200.0][..])
+        );
+        assert_eq!(
+            (&part.p[..4], part.p[6]),
+            (&[300.0, 0.0, 111.0, -30.0][..], 202.0)
+        );
+        assert!(part.check_size((160, 240)).is_ok());
+        assert!(
+            part.check_size((320, 240))
+                .unwrap_err()
+                .contains("of 160x240 pixels, these have 320x240")
+        );
+        assert!(
+            Calibration {
+                size: (0, 0),
+                ..part
+            }
+            .check_size((320, 240))
+            .is_ok(),
+            "it does not say"
+        );
+    }
+
+    #[test]
+    fn raw_cameras_with_all_their_numbers_can_be_rectified() {
+        let left = Calibration {
+            d: vec![-0.28, 0.07],
+            ..camera(500.0, 120.0, 0.0)
+        };
+        let right = camera(500.0, 120.0, -50.0);
+        let found = calibration(&left, &right).unwrap();
+        assert_eq!(
+            (found.left().distortion(), found.rig().unwrap().baseline_m()),
+            ([-0.28, 0.07, 0.0, 0.0, 0.0], 0.1)
+        );
+        let fisheye = Calibration {
+            model: "equidistant".into(),
+            ..left.clone()
+        };
+        assert!(
+            calibration(&fisheye, &right)
+                .unwrap_err()
+                .contains("'equidistant'")
+        );
+        let rational = Calibration {
+            model: "rational_polynomial".into(),
+            d: vec![0.1; 8],
+            ..left.clone()
+        };
+        assert!(
+            calibration(&rational, &right)
+                .unwrap_err()
+                .contains("rational_polynomial")
+        );
+        let zeros = Calibration {
+            model: "rational_polynomial".into(),
+            d: vec![0.0; 8],
+            ..left.clone()
+        };
+        assert!(calibration(&zeros, &right).is_ok());
+        for (k, r) in [
+            (vec![], left.r.clone()),
+            (left.k.clone(), vec![]),
+            (left.k.clone(), vec![0.0; 9]),
+        ] {
+            assert!(
+                calibration(
+                    &Calibration {
+                        k,
+                        r,
+                        ..left.clone()
+                    },
+                    &right
+                )
+                .is_err()
+            );
+        }
+    }
+
+    #[test]
+    fn raw_cameras_are_known() {
+        let rectified = camera(500.0, 120.0, 0.0);
+        assert!(!rectified.is_of_raw_camera());
+        assert!(
+            !Calibration {
+                r: vec![0.0; 9],
+                ..rectified.clone()
+            }
+            .is_of_raw_camera()
+        );
+        assert!(
+            Calibration {
+                d: vec![-0.28],
+                ..rectified.clone()
+            }
+            .is_of_raw_camera()
+        );
+        assert!(
+            Calibration {
+                r: vec![0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+                ..rectified
+            }
+            .is_of_raw_camera()
+        );
+    }
+}

@@ -1,0 +1,330 @@
+//! Recordings that svl did not write: ROS 2 bags and Foxglove recordings in MCAP.
+
+mod bayer;
+mod camera;
+mod image;
+mod json;
+mod pixels;
+mod sensor;
+mod stamp_pairing;
+mod topics;
+
+pub use sensor::{RawCamera, TruthSelection, TruthTopic};
+pub use topics::Selection;
+pub(super) use topics::{choose, is_image};
+
+use super::container::unpack_message;
+use super::messages::{Channel, FileEvent};
+use super::{PairSource, Recording};
+use crate::files::{BitDepth, DECIDING_PAIRS};
+use camera::Calibration;
+use pixels::MessageImage;
+use stamp_pairing::StampPairing;
+use svl_core::counted;
+use svl_core::stereo::{Exposure, Frame, Geometry, Rig, Side, StereoCalibration};
+use svl_core::{Error, Result};
+
+/// Pairs the images of two topics by their stamps.
+pub(super) struct Foreign {
+    images: [String; 2],
+    calibrations: [Option<String>; 2],
+    /// The last calibration of each camera so far; before there is one, the first in the recording.
+    cameras: [Option<Calibration>; 2],
+    partners: StampPairing<std::result::Result<MessageImage, String>>,
+    depth: BitDepth,
+    max_skew_ns: u64,
+    /// Images of each camera.
+    counts: [u64; 2],
+    /// Pairs so far, and those of them that could be read.
+    sequence: u64,
+    pairs: u64,
+    /// Width and height of the last pair's images.
+    size: (usize, usize),
+}
+
+impl Foreign {
+    /// Chooses the topics of a recording and looks for the first calibration of each camera.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] where no two topics are, or more than two may be, the
+    /// cameras.
+    pub(super) fn open(recording: &Recording, selection: &Selection) -> Result<Self> {
+        let channels = recording.channels()?;
+        let images = choose(&channels, selection)
+            .map_err(|reason| Error::format(recording.path(), reason))?;
+        let calibrations = images
+            .each_ref()
+            .map(|topic| topics::calibration(&channels, topic));
+        let mut foreign = Self {
+            images,
+            calibrations,
+            cameras: [None, None],
+            partners: StampPairing::new(selection.max_skew_ns),
+            depth: BitDepth::FULL,
+            max_skew_ns: selection.max_skew_ns,
+            counts: [0, 0],
+            sequence: 0,
+            pairs: 0,
+            size: (0, 0),
+        };
+        let mut first = FirstImages::default();
+        for file in recording.files() {
+            let mut messages = file.messages()?;
+            // Pairs may come before the first CameraInfo; with it from the start, all of them get a
+            // rig. The bit depth too is decided before the first pair.
+            while foreign.lacks_calibration() || !first.are_enough() {
+                match messages.next() {
+                    // An unreadable one is reported when it is read in its turn.
+                    Ok(Some(FileEvent::Message { channel, data, .. })) => {
+                        let unpacked = unpack_message(&data).ok().flatten();
+                        let data = unpacked.as_deref().unwrap_or(&data);
+                        drop(foreign.calibrate(channel, data));
+                        first.take_in(&foreign.images, channel, data);
+                    }
+                    Ok(Some(_)) => {}
+                    Ok(None) | Err(_) => break,
+                }
+            }
+        }
+        foreign.depth = BitDepth::decide(selection.bits, first.largest())?;
+        Ok(foreign)
+    }
+
+    /// Whether the images are raw by the calibration. On a rectified topic its distortion does not
+    /// count: ROS has one CameraInfo for the raw and the rectified image.
+    fn are_raw(&self) -> bool {
+        let is_raw = |(topic, camera): (&String, &Option<Calibration>)| {
+            !topics::is_of_rectified(topic)
+                && camera.as_ref().is_some_and(Calibration::is_of_raw_camera)
+        };
+        self.images.iter().zip(&self.cameras).any(is_raw)
+    }
+
+    /// Raw, unless topics or calibrations say that the images are rectified.
+    fn geometry(&self) -> Geometry {
+        // `image_rect` without CameraInfo: rows correspond, distances are unknown.
+        let named_rectified = self
+            .images
+            .iter()
+            .all(|topic| topics::is_of_rectified(topic));
+        match self.rig() {
+            Ok(rig) => Geometry::Rectified(Some(rig)),
+            Err(_) if named_rectified => Geometry::Rectified(None),
+            Err(_) => Geometry::Raw,
+        }
+    }
+
+    fn rig(&self) -> std::result::Result<Rig, String> {
+        if self.are_raw() {
+            return Err("the images are not rectified".to_owned());
+        }
+        self.both()
+            .and_then(|[left, right]| camera::rig(left, right))
+    }
+
+    /// The calibrations of both cameras, for images of the current size.
+    fn both(&self) -> std::result::Result<[&Calibration; 2], String> {
+        match &self.cameras {
+            // One topic for both cameras cannot have two projections.
+            [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => {
+                [left, right]
+                    .into_iter()
+                    .try_for_each(|camera| camera.check_size(self.size))?;
+                Ok([left, right])
+            }
+            _ => Err("it has no calibration of both cameras".to_owned()),
+        }
+    }
+
+    fn lacks_calibration(&self) -> bool {
+        self.calibrations
+            .iter()
+            .zip(&self.cameras)
+            .any(|(topic, camera)| topic.is_some() && camera.is_none())
+    }
+
+    fn calibrate(&mut self, channel: &Channel, data: &[u8]) -> std::result::Result<(), String> {
+        for (topic, camera) in self.calibrations.iter().zip(&mut self.cameras) {
+            if topic.as_ref() == Some(&channel.topic) {
+                *camera = Some(camera::decode(channel, data)?);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl PairSource for Foreign {
+    fn take_in(
+        &mut self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+    ) -> std::result::Result<Option<Frame>, String> {
+        let is_of_use = self.images.contains(&channel.topic)
+            || self
+                .calibrations
+                .iter()
+                .flatten()
+                .any(|topic| *topic == channel.topic);
+        if !is_of_use {
+            return Ok(None);
+        }
+        let unpacked = unpack_message(data)?;
+        let data = unpacked.as_deref().unwrap_or(data);
+        for side in Side::BOTH {
+            if channel.topic == self.images[side as usize] {
+                self.counts[side as usize] += 1;
+                let (stamp, image) = image::decode(channel, data)?;
+                let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
+                let bytes = image.as_ref().map_or(0, |image| image.image.bytes());
+                self.partners
+                    .push(side, stamp.unwrap_or(log_time), image, bytes);
+            }
+        }
+        self.calibrate(channel, data).map(|()| None)
+    }
+
+    fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
+        let [(left_ns, left), (right_ns, right)] = self.partners.pop()?;
+        let sequence = self.sequence;
+        self.sequence += 1;
+        let exposure = Exposure {
+            trigger_id: sequence,
+            // Stamps above 2⁶³ ns are damage; wrapping keeps their difference right all the same.
+            skew_ns: Some(right_ns.wrapping_sub(left_ns).cast_signed()),
+            drops: self.unpaired(),
+            ..Exposure::default()
+        };
+        let pair = match (left, right) {
+            (Ok(left), Ok(right)) => {
+                let images = [left, right].map(|image| image.demosaiced(&mut self.depth));
+                self.depth.pair(images).map_err(|e| e.to_string())
+            }
+            (Err(reason), _) | (_, Err(reason)) => Err(reason),
+        };
+        // The size is known from the first pair on; calibrations are checked against it.
+        if let Ok((pair, _)) = &pair {
+            self.pairs += 1;
+            self.size = pair.size();
+        }
+        let geometry = self.geometry();
+        let frame = pair.map(|(pair, color)| Frame {
+            sequence,
+            stamp_ns: left_ns,
+            name: None,
+            pair,
+            geometry,
+            pose: None,
+            truth: None,
+            color,
+            exposure,
+        });
+        Some(frame.map_err(|e| format!("the pair at {left_ns} ns: {e}")))
+    }
+
+    fn end(&mut self) {
+        self.partners.end();
+    }
+
+    fn pairs(&self) -> u64 {
+        self.pairs
+    }
+
+    fn unpaired(&self) -> u64 {
+        self.partners.unpaired()
+    }
+
+    fn late(&self) -> u64 {
+        self.partners.late()
+    }
+
+    fn left_topic(&self) -> &str {
+        &self.images[0]
+    }
+
+    fn depth(&self) -> BitDepth {
+        self.depth.clone()
+    }
+
+    fn why_none(&self) -> String {
+        let [left, right] = &self.images;
+        let [lefts, rights] = self.counts;
+        let milliseconds = |ns: u64| ns as f64 / 1e6;
+        let skew = milliseconds(self.max_skew_ns);
+        let miss = match self.partners.nearest_miss_ns() {
+            Some(ns) => format!(": at best {} ms, see --max-skew-ms", milliseconds(ns)),
+            None => String::new(),
+        };
+        format!(
+            "has no stereo pairs: of {} of {left} and {rights} of {right} none are within {skew} \
+             ms of each other{miss}",
+            counted(lefts, "image")
+        )
+    }
+
+    fn remarks(&self) -> Vec<String> {
+        let [left, right] = &self.images;
+        if self.are_raw() {
+            let why = "by their calibration they are not rectified";
+            let so = "rows of left and right do not agree, and there are no distances";
+            let cure = match self.calibration() {
+                Some(Err(reason)) => {
+                    format!("it does not say how to rectify them ({reason}): --calib FILE does")
+                }
+                _ => "it says how to rectify them".to_owned(),
+            };
+            return vec![format!("{left} and {right}: {why}, so {so}; {cure}")];
+        }
+        let no_rig = self.rig().err();
+        no_rig
+            .map(|reason| format!("disparities but no distances: {reason}"))
+            .into_iter()
+            .collect()
+    }
+
+    fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
+        self.are_raw().then(|| {
+            self.both()
+                .and_then(|[left, right]| camera::calibration(left, right))
+        })
+    }
+}
+
+/// The largest values of the first 16-bit images of both cameras.
+#[derive(Default)]
+struct FirstImages {
+    largest: [Vec<u16>; 2],
+    /// Whether they are of 8 bits: then nothing is to be decided.
+    are_of_8_bits: bool,
+}
+
+impl FirstImages {
+    fn are_enough(&self) -> bool {
+        let enough = |largest: &Vec<u16>| largest.len() >= DECIDING_PAIRS;
+        self.are_of_8_bits || self.largest.iter().all(enough)
+    }
+
+    fn take_in(&mut self, topics: &[String; 2], channel: &Channel, data: &[u8]) {
+        let Some(side) = topics.iter().position(|topic| *topic == channel.topic) else {
+            return;
+        };
+        if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
+            return;
+        }
+        // One that cannot be read is reported in its turn.
+        if let Ok((_, Ok(image))) = image::decode(channel, data) {
+            match image.image.largest() {
+                Some(largest) => self.largest[side].push(largest),
+                None => self.are_of_8_bits = true,
+            }
+        }
+    }
+
+    /// Of all together; nothing of 8 bits.
+    fn largest(self) -> Option<Option<u16>> {
+        match self.are_of_8_bits {
+            true => Some(None),
+            false => self.largest.into_iter().flatten().max().map(Some),
+        }
+    }
+}

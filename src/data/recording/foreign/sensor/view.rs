@@ -1,0 +1,301 @@
+//! How the left camera sees what another sensor measured.
+
+use super::kind::{self, Measured, MeasuredKind};
+use super::transforms::{Transforms, plain};
+use super::{Channel, FileEvent, Plane, Recording, Rig, TruthDensity};
+use super::{topics, truth};
+use crate::recording::foreign::camera::{self, Calibration};
+use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
+use svl_core::Result;
+use svl_core::depth::project;
+use svl_core::stereo::Intrinsics;
+
+/// A depth image's camera is the left one when their focal lengths and principal points differ by
+/// less.
+const SAME_CAMERA_PX: f64 = 0.5;
+
+/// The left camera of pairs that svl rectified: as it was, and the rotation of its rectification,
+/// `X_rectified = rotation · X`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RawCamera {
+    pub intrinsics: Intrinsics,
+    pub rotation: UnitQuaternion<f64>,
+}
+
+/// Where the sensor is, and the cameras of the recording.
+pub(super) struct Setup {
+    /// Pose of the sensor in the left camera's frame.
+    left_from_sensor: Isometry3<f64>,
+    /// Whether it measures in the left camera's frame.
+    is_left: bool,
+    left: Option<Calibration>,
+    /// Of a depth image.
+    own: Option<Calibration>,
+}
+
+/// What is looked for before the first pair.
+#[derive(Default)]
+struct Found {
+    left_frame: Option<String>,
+    left: Option<Calibration>,
+    frame: Option<std::result::Result<String, String>>,
+    own: Option<Calibration>,
+    transforms: Transforms,
+}
+
+impl Setup {
+    /// Reads until all is found; transforms are at the beginning of most recordings.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`]. Inner: what is missing.
+    pub(super) fn find(
+        recording: &Recording,
+        channels: &[&Channel],
+        left: &str,
+        topic: &str,
+        kind: &MeasuredKind,
+    ) -> Result<std::result::Result<Self, String>> {
+        let left_info = topics::calibration(channels, left);
+        // The calibration nearest in the tree of topics may be another camera's.
+        let own_info = topics::calibration(channels, topic)
+            .filter(|info| kind.is_depth() && Some(info) != left_info.as_ref());
+        let mut found = Found::default();
+        for file in recording.files() {
+            let mut messages = file.messages()?;
+            let is_found = |found: &Found| {
+                (left_info.is_none() || found.left.is_some())
+                    && (own_info.is_none() || found.own.is_some())
+                    && found.pose().is_ok()
+            };
+            // Damage is reported with the pairs.
+            while !is_found(&found)
+                && let Ok(Some(event)) = messages.next()
+            {
+                let FileEvent::Message {
+                    channel,
+                    log_time,
+                    data,
+                } = event
+                else {
+                    continue;
+                };
+                let of = |name: &Option<String>| name.as_ref() == Some(&channel.topic);
+                if channel.topic == left && found.left_frame.is_none() {
+                    found.left_frame = kind::head(channel, &data).ok().map(|head| head.1);
+                }
+                if channel.topic == topic && found.frame.is_none() {
+                    let read = kind.read(channel, log_time, &data);
+                    found.frame = Some(read.and_then(|_| Ok(kind::head(channel, &data)?.1)));
+                }
+                if of(&left_info) && found.left.is_none() {
+                    found.left = camera::decode(channel, &data).ok();
+                }
+                if of(&own_info) && found.own.is_none() {
+                    found.own = camera::decode(channel, &data).ok();
+                }
+                if Transforms::reads(channel)
+                    && let Err(reason) = found.transforms.add(channel, &data)
+                {
+                    return Ok(Err(format!("{} at {log_time} ns: {reason}", channel.topic)));
+                }
+            }
+        }
+        Ok(found.pose().map(|left_from_sensor| Self {
+            left_from_sensor,
+            is_left: left_from_sensor == Isometry3::identity(),
+            left: found.left,
+            own: found.own,
+        }))
+    }
+
+    /// How the left camera of pairs of `size` sees measurements like `measured`.
+    ///
+    /// # Errors
+    /// What is missing.
+    pub(super) fn view(
+        &self,
+        topic: &str,
+        measured: &Measured,
+        rig: &Rig,
+        size: (usize, usize),
+        raw: Option<&RawCamera>,
+    ) -> std::result::Result<View, String> {
+        // Pairs that were rectified before they were recorded have the rotation in their
+        // CameraInfo; an uncalibrated camera's is all zeros.
+        let own_rotation = || {
+            let rotation = self.left.as_ref()?.rotation().ok()?;
+            Some(UnitQuaternion::from_rotation_matrix(&rotation))
+        };
+        let rotation = match raw {
+            Some(raw) => raw.rotation,
+            None => own_rotation().unwrap_or_else(UnitQuaternion::identity),
+        };
+        let left_from_sensor = rotation * self.left_from_sensor;
+        let Measured::Depth(depth) = measured else {
+            return Ok(View::Points(left_from_sensor));
+        };
+        let (width, height) = depth.size();
+        let own = self.own.as_ref();
+        let own = own.map(|own| {
+            own.check_size((width, height))
+                .and_then(|()| pinhole(own, topic, depth.size()))
+        });
+        let own = own.transpose()?;
+        if self.is_left && raw.is_none() && own.is_none_or(|(own, _)| is_same(&own, rig)) {
+            if depth.size() == size {
+                return Ok(View::Aligned);
+            }
+            if own.is_none() {
+                return Err(format!(
+                    "its depth images are {width}x{height}, the left images {}x{}, and no \
+                     camera_info beside it says how that camera sees",
+                    size.0, size.1
+                ));
+            }
+        }
+        let (camera, back) = match (own, raw) {
+            (Some(own), _) => own,
+            (None, Some(raw)) if self.is_left && raw.intrinsics.size() == depth.size() => {
+                (raw.intrinsics, UnitQuaternion::identity())
+            }
+            _ => {
+                return Err(
+                    "its depth images are of another camera, and no camera_info beside it says \
+                     how that sees"
+                        .to_owned(),
+                );
+            }
+        };
+        let turn = left_from_sensor.rotation * back;
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let ray = |(x, y): (usize, usize)| {
+            // Nothing where the lens model folds back: no ray, no point.
+            let direction = camera.direction(Point2::new(x as f64, y as f64));
+            direction.map_or_else(
+                || Vector3::repeat(f64::NAN),
+                |d| turn * Vector3::new(d.x, d.y, 1.0),
+            )
+        };
+        Ok(View::Camera {
+            size: depth.size(),
+            rays: pixels.map(ray).collect(),
+            origin: left_from_sensor.translation.vector,
+        })
+    }
+}
+
+impl Found {
+    /// The pose of the sensor in the left camera's frame.
+    fn pose(&self) -> std::result::Result<Isometry3<f64>, String> {
+        let frame = self.frame.as_ref().ok_or("has no message")?;
+        let frame = plain(frame.as_ref().map_err(String::clone)?);
+        let left = self
+            .left_frame
+            .as_deref()
+            .map(plain)
+            .ok_or("no left image has a frame_id")?;
+        if frame == left {
+            return Ok(Isometry3::identity());
+        }
+        self.transforms.between(left, frame).ok_or_else(|| {
+            let listed = self.transforms.listed();
+            format!(
+                "no transform leads from its frame '{frame}' to '{left}' of the left images; \
+                 /tf_static has {listed}"
+            )
+        })
+    }
+}
+
+/// The camera of a depth image and the rotation from its pixels' frame into its own: by P and R
+/// where the images are rectified, else by K and the distortion.
+fn pinhole(
+    calibration: &Calibration,
+    topic: &str,
+    size: (usize, usize),
+) -> std::result::Result<(Intrinsics, UnitQuaternion<f64>), String> {
+    let raw = calibration.camera();
+    if let (Ok(camera), false) = (&raw, topics::is_of_rectified(topic)) {
+        return Ok((*camera, UnitQuaternion::identity()));
+    }
+    let p = calibration.projection()?;
+    let camera = Intrinsics::new(
+        size,
+        (p[(0, 0)], p[(1, 1)]),
+        (p[(0, 2)], p[(1, 2)]),
+        [0.0; 5],
+    );
+    let rotation = calibration.rotation().ok();
+    let rotation = rotation.map(|r| UnitQuaternion::from_rotation_matrix(&r).inverse());
+    let rotation = rotation.unwrap_or_else(UnitQuaternion::identity);
+    Ok((camera.map_err(|e| e.to_string())?, rotation))
+}
+
+fn is_same(camera: &Intrinsics, rig: &Rig) -> bool {
+    let ((fx, fy), (cx, cy)) = (camera.focal_px(), camera.center_px());
+    let f = rig.focal_px();
+    let apart = [
+        fx - f,
+        fy - f,
+        cx - rig.center_px().0,
+        cy - rig.center_px().1,
+    ];
+    apart.iter().all(|px| px.abs() < SAME_CAMERA_PX)
+}
+
+/// How the left camera sees the measurements.
+pub(super) enum View {
+    /// Depth images of its own pixels.
+    Aligned,
+    /// Depth images of another camera: per pixel the ray for a depth of 1, and where the camera is,
+    /// in the rectified left camera's frame.
+    Camera {
+        size: (usize, usize),
+        rays: Vec<Vector3<f64>>,
+        origin: Vector3<f64>,
+    },
+    /// Points of a sensor with that pose in the rectified left camera's frame.
+    Points(Isometry3<f64>),
+}
+
+impl View {
+    pub(super) fn density(&self) -> TruthDensity {
+        match self {
+            Self::Aligned => TruthDensity::Dense,
+            Self::Camera { .. } | Self::Points(_) => TruthDensity::Sparse,
+        }
+    }
+
+    /// # Errors
+    /// For a depth image of another size than the first.
+    pub(super) fn disparities(
+        &self,
+        measured: &Measured,
+        rig: &Rig,
+        size: (usize, usize),
+    ) -> std::result::Result<Plane<f32>, String> {
+        let expected = match self {
+            Self::Camera { size, .. } => *size,
+            _ => size,
+        };
+        match (self, measured) {
+            (_, Measured::Depth(depth)) if depth.size() != expected => {
+                let ((w, h), (width, height)) = (depth.size(), expected);
+                Err(format!(
+                    "a depth image is {w}x{h}, the first was {width}x{height}"
+                ))
+            }
+            (Self::Camera { rays, origin, .. }, Measured::Depth(depth)) => {
+                let depths = depth.rows().flatten().zip(rays);
+                let point =
+                    |(&z, ray): (&f32, &Vector3<f64>)| Point3::from(ray * f64::from(z) + origin);
+                Ok(project(depths.map(point), rig, size))
+            }
+            (_, Measured::Depth(depth)) => Ok(truth::disparities(depth, rig)),
+            (Self::Points(pose), Measured::Points(points)) => {
+                Ok(project(points.iter().map(|point| pose * point), rig, size))
+            }
+            (_, Measured::Points(_)) => Err("points where depth images were".to_owned()),
+        }
+    }
+}

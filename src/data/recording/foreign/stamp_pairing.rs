@@ -1,0 +1,338 @@
+//! Pairs the images of two topics by their nearest stamps, in whatever order they come.
+
+use crate::pairing::{Nearest, WaitingStamps};
+use std::collections::BTreeMap;
+use std::ops::Bound;
+use svl_core::stereo::Side;
+
+/// Limit of the bytes of waiting images: half a minute and more of two cameras, in a file that has
+/// all images of one camera before those of the other.
+const WAITING_BYTES: usize = 1 << 30;
+/// Memory that a waiting image takes besides its pixels, at least.
+const ENTRY_BYTES: usize = 128;
+/// Number of later images of the other camera after which an image is unpaired: a file that is not
+/// in order does not have that many in order by chance.
+const LATER: usize = 8;
+/// Factor by which an image may be farther out of order than any before it.
+const FARTHER: usize = 8;
+
+/// Images of two cameras that wait for their partners.
+pub(super) struct StampPairing<T> {
+    max_skew_ns: u64,
+    waiting: [BTreeMap<u64, (T, usize)>; 2],
+    /// Number of later images of each camera after which no earlier one can come: 0 where all came
+    /// in order.
+    slack: [usize; 2],
+    bytes: usize,
+    ended: bool,
+    unpaired: u64,
+    /// The smallest skew above the limit.
+    nearest_miss_ns: Option<u64>,
+    /// Stamp of the latest image of each camera that was dropped for lack of memory.
+    crowded_out: [Option<u64>; 2],
+    late: u64,
+}
+
+impl<T> StampPairing<T> {
+    pub(super) fn new(max_skew_ns: u64) -> Self {
+        Self {
+            max_skew_ns,
+            waiting: [BTreeMap::new(), BTreeMap::new()],
+            slack: [0; 2],
+            bytes: 0,
+            ended: false,
+            unpaired: 0,
+            nearest_miss_ns: None,
+            crowded_out: [None; 2],
+            late: 0,
+        }
+    }
+
+    /// Images without a partner.
+    pub(super) fn unpaired(&self) -> u64 {
+        self.unpaired
+    }
+
+    /// Images that came after those of their time had been dropped for lack of memory.
+    pub(super) fn late(&self) -> u64 {
+        self.late
+    }
+
+    pub(super) fn nearest_miss_ns(&self) -> Option<u64> {
+        self.nearest_miss_ns
+    }
+
+    /// Adds an image of `bytes` bytes; a second one with the same stamp replaces the first.
+    pub(super) fn push(&mut self, camera: Side, stamp: u64, image: T, bytes: usize) {
+        let bytes = bytes.saturating_add(ENTRY_BYTES);
+        let camera = camera as usize;
+        let given_up = self.crowded_out[1 - camera];
+        self.late += u64::from(
+            given_up.is_some_and(|given_up| given_up >= stamp.saturating_sub(self.max_skew_ns)),
+        );
+        // Overtaken by that many, the file has no order at all, and everything waits for the end.
+        let overtaken = self.waiting[camera]
+            .range((Bound::Excluded(stamp), Bound::Unbounded))
+            .take(4 * LATER)
+            .count();
+        let slack = if overtaken < 4 * LATER {
+            // Jitter seen once may be larger the next time; waiting longer costs memory, not pairs.
+            FARTHER * overtaken
+        } else {
+            usize::MAX
+        };
+        self.slack[camera] = self.slack[camera].max(slack);
+        self.bytes += bytes;
+        if let Some((_, replaced)) = self.waiting[camera].insert(stamp, (image, bytes)) {
+            self.bytes -= replaced;
+            self.unpaired += 1;
+        }
+    }
+
+    /// Ends the recording: there are no more images.
+    pub(super) fn end(&mut self) {
+        self.ended = true;
+    }
+
+    /// The next pair that no later image can change, with both stamps, left and right.
+    ///
+    /// Two images are a pair when each is the nearest to the other and they are at most the maximal
+    /// skew apart.
+    pub(super) fn pop(&mut self) -> Option<[(u64, T); 2]> {
+        loop {
+            let (camera, stamp) = self.earliest()?;
+            let (own, other) = (&self.waiting[camera], &self.waiting[1 - camera]);
+            let forced = self.ended || self.bytes > WAITING_BYTES;
+            let Some(&partner) = other.keys().next() else {
+                if !forced {
+                    return None;
+                }
+                self.give_up(camera, stamp);
+                continue;
+            };
+            let settled = own.len() > self.slack[camera] && other.len() > self.slack[1 - camera];
+            if !settled && !forced {
+                return None;
+            }
+            let waiting = WaitingStamps {
+                earliest_ns: stamp,
+                next_ns: own.keys().nth(1).copied(),
+                other_ns: partner,
+            };
+            match waiting.nearest(self.max_skew_ns, 0) {
+                // A nearer one may still come out of order, until enough later ones prove that it
+                // does not.
+                Nearest::TooFar if !forced && other.len() < LATER => return None,
+                Nearest::TooFar => {
+                    let skew = waiting.skew_ns();
+                    self.nearest_miss_ns =
+                        Some(self.nearest_miss_ns.map_or(skew, |miss| miss.min(skew)));
+                    self.give_up(camera, stamp);
+                }
+                Nearest::Overtaken => self.give_up(camera, stamp),
+                Nearest::Unknown if !forced => return None,
+                Nearest::Pair | Nearest::Unknown => {
+                    let first = (stamp, self.take(camera, stamp)?);
+                    let second = (partner, self.take(1 - camera, partner)?);
+                    return Some(match camera {
+                        0 => [first, second],
+                        _ => [second, first],
+                    });
+                }
+            }
+        }
+    }
+
+    /// The earliest waiting image of both cameras.
+    fn earliest(&self) -> Option<(usize, u64)> {
+        let first = |camera: usize| {
+            self.waiting[camera]
+                .keys()
+                .next()
+                .map(|&stamp| (stamp, camera))
+        };
+        [first(0), first(1)]
+            .into_iter()
+            .flatten()
+            .min()
+            .map(|(stamp, camera)| (camera, stamp))
+    }
+
+    fn take(&mut self, camera: usize, stamp: u64) -> Option<T> {
+        let (image, bytes) = self.waiting[camera].remove(&stamp)?;
+        self.bytes -= bytes;
+        Some(image)
+    }
+
+    fn give_up(&mut self, camera: usize, stamp: u64) {
+        // At the end of a file images are unpaired, not dropped for lack of memory.
+        if !self.ended && self.bytes > WAITING_BYTES {
+            self.crowded_out[camera] = self.crowded_out[camera].max(Some(stamp));
+        }
+        self.unpaired += u64::from(self.take(camera, stamp).is_some());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Side::{Left, Right};
+
+    /// The stamps of the pairs made of images that come in this order, and how many are left over.
+    fn pairs(max_skew_ns: u64, images: &[(Side, u64)]) -> (Vec<(u64, u64)>, u64) {
+        let mut partners = StampPairing::new(max_skew_ns);
+        let mut pairs = Vec::new();
+        let mut collect = |partners: &mut StampPairing<()>| {
+            while let Some([(left, ()), (right, ())]) = partners.pop() {
+                pairs.push((left, right));
+            }
+        };
+        for &(camera, stamp) in images {
+            partners.push(camera, stamp, (), 1);
+            collect(&mut partners);
+        }
+        partners.end();
+        collect(&mut partners);
+        (pairs, partners.unpaired())
+    }
+
+    #[test]
+    fn the_nearest_within_the_skew_is_the_partner() {
+        let images = [
+            (Left, 100),
+            (Right, 103),
+            (Left, 200),
+            (Right, 196),
+            (Right, 306),
+            (Left, 300),
+        ];
+        assert_eq!(pairs(5, &images), (vec![(100, 103), (200, 196)], 2));
+        assert_eq!(
+            pairs(6, &images),
+            (vec![(100, 103), (200, 196), (300, 306)], 0)
+        );
+    }
+
+    #[test]
+    fn an_image_is_left_to_a_nearer_one() {
+        let images = [
+            (Left, 100),
+            (Right, 120),
+            (Left, 133),
+            (Right, 153),
+            (Left, 166),
+        ];
+        assert_eq!(pairs(30, &images), (vec![(133, 120), (166, 153)], 1));
+    }
+
+    #[test]
+    fn a_missing_image_costs_its_partner_alone() {
+        let lefts = (0..20).map(|i| (Left, i * 100));
+        let rights = (0..20).filter(|i| i % 7 != 3).map(|i| (Right, i * 100 + 1));
+        let mut images: Vec<_> = lefts.chain(rights).collect();
+        images.sort_by_key(|&(_, stamp)| stamp);
+        let (found, unpaired) = pairs(5, &images);
+        assert_eq!((found.len(), unpaired), (17, 3));
+        assert!(found.iter().all(|(left, right)| left + 1 == *right));
+    }
+
+    #[test]
+    fn messages_may_come_out_of_order() {
+        let images = [
+            (Right, 200),
+            (Right, 100),
+            (Left, 200),
+            (Left, 300),
+            (Left, 100),
+            (Right, 300),
+        ];
+        assert_eq!(
+            pairs(0, &images),
+            (vec![(100, 100), (200, 200), (300, 300)], 0)
+        );
+    }
+
+    #[test]
+    fn as_many_wait_as_there_is_room_for() {
+        let mut partners = StampPairing::new(5);
+        let mut push = |camera, stamps: std::ops::Range<u64>| {
+            let mut found = 0;
+            for stamp in stamps.step_by(10) {
+                partners.push(camera, stamp, (), WAITING_BYTES / 100 - ENTRY_BYTES);
+                found += std::iter::from_fn(|| partners.pop()).count();
+            }
+            (
+                found,
+                partners.waiting[0].len(),
+                partners.unpaired(),
+                partners.late(),
+            )
+        };
+        assert_eq!(push(Left, 0..1500), (0, 100, 50, 0));
+        // The first fifty are reported as what they are: late.
+        assert_eq!(push(Right, 0..1500), (100, 0, 100, 50));
+        assert_eq!(
+            push(Left, 5000..6500),
+            (0, 100, 150, 50),
+            "nobody is late where no partner comes"
+        );
+        assert_eq!(push(Right, 6500..6510), (0, 99, 151, 50));
+    }
+
+    #[test]
+    fn one_camera_after_the_other_and_no_order_at_all_lose_no_pair() {
+        let mut random = fastrand::Rng::with_seed(3);
+        let lefts = (0..300).map(|i| (Left, 100 * i));
+        let rights = (0..300).map(|i| (Right, 100 * i + i % 4));
+        let mut images: Vec<_> = lefts.chain(rights).collect();
+        let all: Vec<_> = (0..300).map(|i| (100 * i, 100 * i + i % 4)).collect();
+        assert_eq!(pairs(5, &images), (all.clone(), 0));
+        for _ in 0..100 {
+            random.shuffle(&mut images);
+            assert_eq!(pairs(5, &images), (all.clone(), 0));
+            images.reverse();
+            assert_eq!(pairs(5, &images).1, 0);
+        }
+    }
+
+    #[test]
+    fn what_is_in_order_waits_for_few() {
+        // Every third right image is missing, and messages come up to three out of their turn, as
+        // in bags.
+        for jitter in [0, 25] {
+            let lefts = (0..1000).map(|i| (Left, i * 10, i * 10 + i * 7 % (jitter + 1)));
+            let rights = (0..1000)
+                .filter(|i| i % 3 > 0)
+                .map(|i| (Right, i * 10 + 1, i * 10 + 1 + i * 11 % (jitter + 1)));
+            let mut images: Vec<_> = lefts.chain(rights).collect();
+            images.sort_by_key(|&(_, _, logged)| logged);
+            let (mut partners, mut found, mut most) = (StampPairing::new(2), 0, 0);
+            for (camera, stamp, _) in images {
+                partners.push(camera, stamp, (), 1);
+                found += std::iter::from_fn(|| partners.pop()).count();
+                most = most.max(partners.waiting[0].len());
+            }
+            partners.end();
+            found += std::iter::from_fn(|| partners.pop()).count();
+            assert_eq!((found, partners.unpaired()), (666, 334));
+            assert!(most < 20 + 40 * usize::from(jitter > 0), "{most}");
+        }
+    }
+
+    #[test]
+    fn any_order_and_any_stamps_lose_no_image() {
+        let mut random = fastrand::Rng::with_seed(7);
+        for _ in 0..200 {
+            let camera = |left| if left { Left } else { Right };
+            let images: Vec<_> = (0..60)
+                .map(|_| (camera(random.bool()), random.u64(0..500)))
+                .collect();
+            let (found, unpaired) = pairs(random.u64(0..40), &images);
+            assert_eq!(2 * found.len() as u64 + unpaired, 60);
+        }
+        assert_eq!(
+            pairs(u64::MAX, &[(Left, 0), (Right, u64::MAX), (Left, u64::MAX)]).0,
+            [(u64::MAX, u64::MAX)]
+        );
+    }
+}

@@ -1,0 +1,167 @@
+//! The rig as two foxglove.CameraCalibration, and rig and pose as foxglove.FrameTransform.
+
+use super::{Encoded, RosStamp, decode_protobuf, frame_id};
+use foxglove::messages::{CameraCalibration, FrameTransform, Quaternion, Vector3};
+use nalgebra::{Matrix3x4, Translation3, UnitQuaternion};
+use svl_core::stereo::{Pose, Rig, Side};
+
+const CALIBRATION: &str = "foxglove.CameraCalibration";
+const TRANSFORM: &str = "foxglove.FrameTransform";
+/// Parent frame of poses.
+pub(super) const WORLD: &str = "world";
+
+pub(super) fn encode_calibration(
+    rig: &Rig,
+    (width, height): (usize, usize),
+    camera: Side,
+    stamp: RosStamp,
+) -> Encoded {
+    let message = CameraCalibration {
+        timestamp: stamp.foxglove(),
+        frame_id: frame_id(camera).to_owned(),
+        width: width as u32,
+        height: height as u32,
+        distortion_model: "plumb_bob".to_owned(),
+        // Foxglove requires all five coefficients of plumb_bob.
+        d: vec![0.0; 5],
+        // Row-major in the message, column-major in nalgebra.
+        k: rig.intrinsics(camera).transpose().as_slice().to_vec(),
+        r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p: rig.projection(camera).transpose().as_slice().to_vec(),
+    };
+    Encoded::protobuf(CALIBRATION, &message)
+}
+
+/// The projection matrix P of a camera.
+pub(super) fn decode_calibration(schema: &str, data: &[u8]) -> Result<Matrix3x4<f64>, String> {
+    check_schema(schema, CALIBRATION)?;
+    let CameraCalibration { p, .. } = decode_protobuf(data)?;
+    let p = <[f64; 12]>::try_from(&p[..]);
+    p.map(|p| Matrix3x4::from_row_slice(&p))
+        .map_err(|_| "its P is not a projection matrix of 12 numbers".to_owned())
+}
+
+/// The rig that has exactly these projection matrices, so that rigs survive the round trip.
+pub(super) fn rig(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> Result<Rig, String> {
+    let rig = Rig::from_projections(left, right, 0.0, 0.0).map_err(|e| e.to_string())?;
+    let (focal, center) = (rig.focal_px(), rig.center_px());
+    let (shift, cx) = (right[(0, 3)], right[(0, 2)]);
+    let baseline_m = plainest(rig.baseline_m(), |b| -focal * b == shift);
+    let doffs_px = plainest(rig.doffs_px(), |doffs| center.0 + doffs == cx);
+    Rig::new(focal, center, baseline_m, doffs_px).map_err(|e| e.to_string())
+}
+
+/// The decimal number with the fewest digits near `value` that `fits`: several doubles give the
+/// same product, and the one in the calibration file is the shortest.
+fn plainest(value: f64, fits: impl Fn(f64) -> bool) -> f64 {
+    (0..17)
+        .filter_map(|digits| format!("{value:.digits$e}").parse().ok())
+        .find(|&v| fits(v))
+        .unwrap_or(value)
+}
+
+/// The pose of the second frame in the first.
+pub(super) fn encode_transform(
+    pose: &Pose,
+    [parent, child]: [&str; 2],
+    stamp: RosStamp,
+) -> Encoded {
+    let (t, q) = (pose.translation.vector, pose.rotation.coords);
+    let message = FrameTransform {
+        timestamp: stamp.foxglove(),
+        parent_frame_id: parent.to_owned(),
+        child_frame_id: child.to_owned(),
+        translation: Some(Vector3 {
+            x: t.x,
+            y: t.y,
+            z: t.z,
+        }),
+        rotation: Some(Quaternion {
+            x: q.x,
+            y: q.y,
+            z: q.z,
+            w: q.w,
+        }),
+    };
+    Encoded::protobuf(TRANSFORM, &message)
+}
+
+pub(super) fn decode_pose(schema: &str, data: &[u8]) -> Result<Pose, String> {
+    check_schema(schema, TRANSFORM)?;
+    let FrameTransform {
+        translation: Some(t),
+        rotation: Some(q),
+        ..
+    } = decode_protobuf(data)?
+    else {
+        return Err("it has no translation or no rotation".to_owned());
+    };
+    let rotation = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
+    // A damaged quaternion is refused; a unit one is kept with its last bits.
+    if (rotation.norm() - 1.0).abs() < 1e-6 && [t.x, t.y, t.z].iter().all(|v| v.is_finite()) {
+        // Not normalized again, which would change its last bits.
+        Ok(Pose::from_parts(
+            Translation3::new(t.x, t.y, t.z),
+            UnitQuaternion::new_unchecked(rotation),
+        ))
+    } else {
+        Err(format!(
+            "translation {t:?} and rotation {q:?} are not a pose"
+        ))
+    }
+}
+
+fn check_schema(schema: &str, expected: &str) -> Result<(), String> {
+    if schema == expected {
+        Ok(())
+    } else {
+        Err(format!("it is a {schema}, svl reads {expected}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn back(rig: &Rig) -> Rig {
+        let projection = |camera| {
+            let message = encode_calibration(rig, (640, 480), camera, RosStamp(0));
+            decode_calibration(message.schema, &message.data).unwrap()
+        };
+        super::rig(&projection(Side::Left), &projection(Side::Right)).unwrap()
+    }
+
+    #[test]
+    fn rigs_come_back_as_they_were_written() {
+        for (focal, center, baseline, doffs) in [
+            (328.0, (159.5, 119.5), 0.044, 0.0),
+            (3979.911, (1244.772, 1019.507), 0.193001, 124.343),
+            (721.5377, (609.5593, 172.854), 0.53271, -0.1),
+        ] {
+            let rig = Rig::new(focal, center, baseline, doffs).unwrap();
+            assert_eq!(back(&rig), rig);
+        }
+    }
+
+    #[test]
+    fn any_rig_keeps_its_projection() {
+        for i in 1..1000 {
+            let x = f64::from(i).sqrt();
+            let rig = Rig::new(300.0 * x, (100.0 * x, 50.0 * x), 0.1 / x, 7.0 / x).unwrap();
+            assert_eq!(
+                back(&rig).projection(Side::Right),
+                rig.projection(Side::Right)
+            );
+        }
+    }
+
+    #[test]
+    fn cameras_that_are_not_a_pair_are_refused() {
+        let good = Rig::new(300.0, (160.0, 120.0), 0.1, 0.0).unwrap();
+        let (left, mut right) = (good.projection(Side::Left), good.projection(Side::Right));
+        assert_eq!(rig(&left, &right), Ok(good));
+        right[(0, 0)] = 301.0;
+        assert!(rig(&left, &right).is_err());
+        assert!(rig(&left, &left).is_err(), "no baseline");
+    }
+}

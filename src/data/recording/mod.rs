@@ -1,0 +1,311 @@
+//! Recordings: stereo pairs in MCAP files that Rerun, Foxglove and every MCAP library open without
+//! svl.
+//!
+//! | topic | message | written when |
+//! |---|---|---|
+//! | `/stereo/{left,right}/image` | foxglove.RawImage mono8, or CompressedImage png | always |
+//! | `/stereo/{left,right}/color` | RawImage rgb8, or CompressedImage png | source in colour |
+//! | `/stereo/{left,right}/calibration` | foxglove.CameraCalibration: K, R = I, P | rig known |
+//! | `/rig/baseline` | foxglove.FrameTransform, left camera → right camera | rig known |
+//! | `/rig/pose` | foxglove.FrameTransform, world → left camera | pose known |
+//! | `/truth/depth` | sensor_msgs/msg/Image 32FC1, metres | truth and rig known |
+//! | `/truth/disparity` | sensor_msgs/msg/Image 32FC1, pixels | truth beyond infinity, or no rig |
+//! | `/truth/visibility` | foxglove.RawImage mono8: [`svl_core::stereo::Visibility`] | truth known |
+//! | `/truth/surface` | foxglove.RawImage mono8: [`svl_core::stereo::Surface`] | truth of the arena |
+//! | `/stereo/sync` | JSON with schema (sync.schema.json) | always, last of the pair |
+//! | `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1, pixels | a result of a replay |
+//! | `/algo/<name>/cells` | JSON with schema (cells.schema.json) | a result of a replay |
+//! | `/algo/<name>/result` | JSON with schema (result.schema.json): hash | a result of a replay |
+//!
+//! log_time and publish_time are the exposure stamp; the right camera's messages carry the right
+//! stamp. Calibration and baseline are repeated with every pair (200 bytes after compression), so
+//! that a truncated recording still has them. Pixels without depth or disparity are NaN in float
+//! images (REP 118), and a point at infinity has depth +∞. The metadata record `svl` is the
+//! [`Header`], `grabber` has the counts of a synchronized grabber; scenario, calibration files and
+//! the manifest of the run that wrote the recording are attachments.
+//!
+//! [`Dialect::Ros2`] is the same in ROS 2 messages only.
+//!
+//! ROS 2 bags, in MCAP and SQLite, and Foxglove recordings of other programs are read too: image
+//! topics are found by their types, and images are paired by their stamps; see [`Selection`]. A bag
+//! may be the folder of its files.
+
+mod append_file;
+mod assembly;
+mod bag;
+mod cells;
+mod chunk;
+mod container;
+mod dialect;
+mod file;
+mod foreign;
+mod geometry;
+mod header;
+mod images;
+mod index;
+mod layout;
+mod messages;
+mod opened;
+mod pair_index;
+mod reader;
+mod records;
+mod recovery;
+mod result;
+mod ros;
+mod salvage;
+mod search;
+mod skew;
+mod sqlite;
+mod summary;
+mod sync;
+mod synced_file;
+mod truth;
+mod writer;
+
+pub use bag::{files, is_bag, only_file};
+pub use cells::{AlgorithmCells, CellReport};
+pub use dialect::{Dialect, RecordingFormat};
+pub use foreign::{RawCamera, Selection, TruthSelection, TruthTopic};
+pub use header::{Header, StampOrigin};
+pub use images::ImageFormat;
+pub use opened::Recording;
+pub use reader::Reader;
+pub use recovery::Recovery;
+pub use result::AlgorithmResult;
+pub use salvage::DamagedPart;
+pub use skew::{SkewBin, SkewSummary};
+pub use summary::{Gap, Misalignment, RecordingSummary, Topic};
+pub use sync::PairGeometry;
+pub use writer::Writer;
+
+use crate::files::BitDepth;
+use messages::Channel;
+use std::borrow::Cow;
+use svl_core::stereo::{Frame, Side, StereoCalibration};
+use svl_core::{Error, Result};
+
+/// Name of the attachment that is the scenario file.
+pub const SCENARIO: &str = "scenario.toml";
+
+/// Prefix of the names of attached calibration files, by which the pairs were rectified or, if they
+/// are raw, can be.
+pub const CALIBRATION: &str = "calibration/";
+
+/// Name of the attachment that is the manifest of the run which wrote the recording.
+pub const MANIFEST: &str = "manifest.json";
+
+/// Name of the metadata record with the counts of a synchronized grabber.
+pub const GRABBER: &str = "grabber";
+
+/// The MCAP profile of svl's own recordings.
+const PROFILE: &str = "svl";
+
+/// The library named in MCAP files that svl writes.
+const LIBRARY: &str = concat!("svl ", env!("CARGO_PKG_VERSION"));
+
+/// The camera's optical frame. Two frames, because Rerun ties an image plane to each.
+fn frame_id(side: Side) -> &'static str {
+    match side {
+        Side::Left => "stereo_left",
+        Side::Right => "stereo_right",
+    }
+}
+
+/// The kind of data on a topic of svl's own recordings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum TopicKind {
+    Image(Side),
+    Color(Side),
+    Calibration(Side),
+    Baseline,
+    Pose,
+    Depth,
+    Disparity,
+    Visibility,
+    Surface,
+    Sync,
+}
+
+impl TopicKind {
+    const ALL: [TopicKind; 13] = [
+        TopicKind::Image(Side::Left),
+        TopicKind::Image(Side::Right),
+        TopicKind::Color(Side::Left),
+        TopicKind::Color(Side::Right),
+        TopicKind::Calibration(Side::Left),
+        TopicKind::Calibration(Side::Right),
+        TopicKind::Baseline,
+        TopicKind::Pose,
+        TopicKind::Depth,
+        TopicKind::Disparity,
+        TopicKind::Visibility,
+        TopicKind::Surface,
+        TopicKind::Sync,
+    ];
+
+    fn topic(self) -> &'static str {
+        match self {
+            TopicKind::Image(Side::Left) => "/stereo/left/image",
+            TopicKind::Image(Side::Right) => "/stereo/right/image",
+            TopicKind::Color(Side::Left) => "/stereo/left/color",
+            TopicKind::Color(Side::Right) => "/stereo/right/color",
+            TopicKind::Calibration(Side::Left) => "/stereo/left/calibration",
+            TopicKind::Calibration(Side::Right) => "/stereo/right/calibration",
+            TopicKind::Baseline => "/rig/baseline",
+            TopicKind::Pose => "/rig/pose",
+            TopicKind::Depth => "/truth/depth",
+            TopicKind::Disparity => "/truth/disparity",
+            TopicKind::Visibility => "/truth/visibility",
+            TopicKind::Surface => "/truth/surface",
+            TopicKind::Sync => "/stereo/sync",
+        }
+    }
+
+    fn from_topic(topic: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.topic() == topic)
+    }
+}
+
+/// How messages become pairs: by svl's own topics, or by the stamps of other programs' images.
+trait PairSource: Send {
+    /// Adds one message and returns the pair that it completes.
+    ///
+    /// # Errors
+    /// Why the message cannot be read, or the two images are not a pair.
+    fn take_in(
+        &mut self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+    ) -> std::result::Result<Option<Frame>, String>;
+
+    /// The next pair that is ready without another message.
+    ///
+    /// # Errors
+    /// Why two images that belong together cannot be a pair.
+    fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
+        None
+    }
+
+    /// Ends the recording: there are no more messages.
+    fn end(&mut self);
+
+    /// Pairs that could be read.
+    fn pairs(&self) -> u64;
+
+    /// Images without a partner.
+    fn unpaired(&self) -> u64;
+
+    /// Images that came too far out of order to find a partner.
+    fn late(&self) -> u64 {
+        0
+    }
+
+    /// Topic of the left images.
+    fn left_topic(&self) -> &str;
+
+    /// How many bits the 16-bit images use.
+    fn depth(&self) -> BitDepth {
+        BitDepth::FULL
+    }
+
+    /// Why there was no pair.
+    fn why_none(&self) -> String;
+
+    /// Warnings about the pairs, a line each.
+    fn remarks(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// The calibration of raw images; nothing for rectified ones.
+    ///
+    /// # Errors
+    /// What is missing in the calibrations.
+    fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
+        None
+    }
+}
+
+/// An encoded message and its schema.
+struct Encoded {
+    schema: &'static str,
+    schema_encoding: &'static str,
+    definition: Cow<'static, [u8]>,
+    encoding: &'static str,
+    data: Vec<u8>,
+}
+
+impl Encoded {
+    fn protobuf<T: foxglove::Encode>(schema: &'static str, message: &T) -> Self {
+        let mut data = Vec::with_capacity(message.encoded_len().unwrap_or(0));
+        // Encoding fails only when the buffer is too small, and a vector grows.
+        let _ = message.encode(&mut data);
+        let definition = T::get_schema().map(|s| s.data).unwrap_or_default();
+        Self {
+            schema,
+            schema_encoding: "protobuf",
+            definition,
+            encoding: "protobuf",
+            data,
+        }
+    }
+}
+
+impl Encoded {
+    /// A value whose keys are strings and whose numbers are finite, which always serialises.
+    fn json<T: serde::Serialize>(
+        schema: &'static str,
+        definition: &'static str,
+        value: &T,
+    ) -> Self {
+        Self {
+            schema,
+            schema_encoding: "jsonschema",
+            definition: Cow::Borrowed(definition.as_bytes()),
+            encoding: "json",
+            data: serde_json::to_vec(value).expect("plain data"),
+        }
+    }
+}
+
+fn decode_protobuf<T: foxglove::Decode>(data: &[u8]) -> std::result::Result<T, String> {
+    T::decode(data).map_err(|e| e.to_string())
+}
+
+/// A stamp that fits into ROS 2 messages, whose seconds are signed 32-bit: up to January 2038.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct RosStamp(u64);
+
+impl RosStamp {
+    const SECOND_NS: u64 = 1_000_000_000;
+    const MAX_NS: u64 = i32::MAX as u64 * Self::SECOND_NS;
+
+    fn new(ns: u64) -> Result<Self> {
+        // Refused on writing: a bag that ROS cannot read would be found out too late.
+        if ns <= Self::MAX_NS {
+            Ok(Self(ns))
+        } else {
+            Err(Error::Invalid(format!(
+                "stamp {ns} ns is above {} ns, the last that ROS 2 messages can say",
+                Self::MAX_NS
+            )))
+        }
+    }
+
+    fn ns(self) -> u64 {
+        self.0
+    }
+
+    /// Whole seconds, and the nanoseconds above them; both fit by construction.
+    fn parts(self) -> (u32, u32) {
+        (
+            (self.0 / Self::SECOND_NS) as u32,
+            (self.0 % Self::SECOND_NS) as u32,
+        )
+    }
+
+    fn foxglove(self) -> Option<foxglove::messages::Timestamp> {
+        let (seconds, nanoseconds) = self.parts();
+        foxglove::messages::Timestamp::new_checked(seconds, nanoseconds)
+    }
+}

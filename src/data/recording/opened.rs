@@ -1,0 +1,249 @@
+//! A recording, opened once: all readers share one handle per file.
+
+use super::CALIBRATION;
+use super::bag::{files, several_files};
+use super::container::Container;
+use super::header::{Header, RECORD};
+use super::index::Index;
+use super::messages::{Channel, Messages};
+use super::records::Records;
+use mcap::records::Record;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+use svl_core::{Error, Result};
+
+/// Limit of files of a bag that are all kept open. A process may hold 1024 on most systems.
+const MAX_OPEN: usize = 256;
+
+/// A recording that is open: one file, or those of a ROS 2 bag. Clones share the open files.
+#[derive(Clone)]
+pub struct Recording {
+    path: PathBuf,
+    parts: Arc<[RecordingFile]>,
+}
+
+/// One file, with its index once it was needed.
+struct RecordingFile {
+    file: Container,
+    index: OnceLock<Index>,
+    channels: OnceLock<Vec<Channel>>,
+}
+
+impl Recording {
+    /// Opens the file, or the files of the bag, at `path`. Reads nothing yet, so that a damaged
+    /// file opens too.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for a folder that is not a bag, for what is no regular
+    /// file, and for an empty one.
+    pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
+        let path = path.into();
+        let files = files(&path)?;
+        // Bags of a day in pieces of a minute have 1440 files.
+        let keep = files.len() <= MAX_OPEN;
+        let open = |file: &PathBuf| {
+            Container::open(file, keep).map(|file| RecordingFile {
+                file,
+                index: OnceLock::new(),
+                channels: OnceLock::new(),
+            })
+        };
+        let parts = files.iter().map(open).collect::<Result<_>>()?;
+        Ok(Self { path, parts })
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The metadata record `svl`, which precedes the first pair.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for a recording that svl did not write;
+    /// [`Error::Damaged`].
+    pub fn header(&self) -> Result<Header> {
+        for part in self.parts.iter() {
+            let index = part.index()?;
+            if let Some(header) = index.metadata.iter().find_map(Header::from_record) {
+                return Ok(header);
+            }
+            // Behind the damage there may be one; absent is known only of a complete index.
+            index.check_complete(part.file.path())?;
+        }
+        let reason = format!("is not a recording of svl: it has no metadata record '{RECORD}'");
+        Err(Error::format(&self.path, reason))
+    }
+
+    /// The attachment `name`, if there is one.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
+    pub fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        for part in self.parts.iter() {
+            let index = part.index()?;
+            if let Some((_, start)) = index.attachments.iter().find(|(known, _)| known == name) {
+                return part.attachment(*start).map(Some);
+            }
+            index.check_complete(part.file.path())?;
+        }
+        Ok(None)
+    }
+
+    /// Names and contents of the attached calibration files, by which the pairs were rectified or
+    /// can be.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
+    pub fn calibration_files(&self) -> Result<Vec<(String, Vec<u8>)>> {
+        let mut found = Vec::new();
+        for part in self.parts.iter() {
+            let index = part.index()?;
+            for (name, start) in &index.attachments {
+                if let Some(name) = name.strip_prefix(CALIBRATION) {
+                    found.push((name.to_owned(), part.attachment(*start)?));
+                }
+            }
+            index.check_complete(part.file.path())?;
+        }
+        Ok(found)
+    }
+
+    /// The path of the only file.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for a bag of several, which names them.
+    pub fn only_path(&self) -> Result<&Path> {
+        self.only_part().map(|part| part.file.path())
+    }
+
+    /// The files, in the order of the recording.
+    pub(super) fn files(&self) -> impl Iterator<Item = &Container> {
+        self.parts.iter().map(|part| &part.file)
+    }
+
+    /// The only file.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for a bag of several, which names them.
+    pub(super) fn only_file(&self) -> Result<&Container> {
+        self.only_part().map(|part| &part.file)
+    }
+
+    fn only_part(&self) -> Result<&RecordingFile> {
+        match &*self.parts {
+            [part] => Ok(part),
+            _ => {
+                let paths: Vec<_> = self.files().map(|file| file.path().to_owned()).collect();
+                Err(several_files(&self.path, &paths))
+            }
+        }
+    }
+
+    /// The error for damage as `svl info` and `svl recover` report it. They resynchronize, and so
+    /// know where it begins also where a damaged length leads far behind it. Reads a damaged file
+    /// once more.
+    pub(super) fn located(&self, error: Error) -> Error {
+        let Error::Damaged { path, .. } = &error else {
+            return error;
+        };
+        let file = self.files().find_map(|file| match file {
+            Container::Mcap(file) if file.path() == path => Some(file),
+            _ => None,
+        });
+        let first = file.map(|file| -> Result<_> {
+            let mut messages = Messages::salvage(file)?;
+            while messages.advance()?.is_some() {}
+            Ok(messages.take_losses().0.into_iter().next())
+        });
+        match first {
+            Some(Ok(Some(loss))) => Error::damaged(path, loss.to_string()),
+            _ => error,
+        }
+    }
+
+    /// MCAP's profile, as the header of the first file has it; nothing where that cannot be read.
+    pub(super) fn profile(&self) -> Result<Option<&str>> {
+        let Some(first) = self.parts.first() else {
+            return Ok(None);
+        };
+        Ok(first
+            .index()?
+            .header
+            .as_ref()
+            .map(|header| header.profile.as_str()))
+    }
+
+    /// The channels of all files: those that the summary names, or else those met in reading the
+    /// file up to its end or damage.
+    pub(super) fn channels(&self) -> Result<Vec<&Channel>> {
+        let mut channels = Vec::new();
+        for part in self.parts.iter() {
+            channels.extend(part.channels()?);
+        }
+        Ok(channels)
+    }
+
+    /// Messages of `topic`; nothing where a file has no intact summary that counts them.
+    pub(super) fn count(&self, topic: &str) -> Result<Option<u64>> {
+        let mut sum = 0_u64;
+        for part in self.parts.iter() {
+            match part.index()?.declared.count(topic) {
+                Some(count) => sum = sum.saturating_add(count),
+                None => return Ok(None),
+            }
+        }
+        Ok(Some(sum))
+    }
+}
+
+impl RecordingFile {
+    fn index(&self) -> Result<&Index> {
+        match self.index.get() {
+            Some(index) => Ok(index),
+            None => {
+                let index = match &self.file {
+                    Container::Mcap(file) => Index::read(file)?,
+                    Container::Sqlite(_) => Index::default(),
+                };
+                // Another thread may have been first; both read the same.
+                Ok(self.index.get_or_init(|| index))
+            }
+        }
+    }
+
+    fn channels(&self) -> Result<&[Channel]> {
+        if let Some(channels) = self.channels.get() {
+            return Ok(channels);
+        }
+        let channels = match &self.file {
+            Container::Sqlite(file) => file.channels()?,
+            Container::Mcap(file) => match self.index()?.declared.channels() {
+                none if none.is_empty() => {
+                    let mut messages = Messages::open(file)?;
+                    // Channels are declared inside chunks, so all of the file has to be read.
+                    while let Ok(Some(_)) = messages.advance() {}
+                    messages.channels()
+                }
+                channels => channels,
+            },
+        };
+        Ok(self.channels.get_or_init(|| channels))
+    }
+
+    /// The contents of the attachment whose record begins at `start`.
+    fn attachment(&self, start: u64) -> Result<Vec<u8>> {
+        let record = match &self.file {
+            Container::Mcap(file) => Records::open(file)?
+                .record_at(start)?
+                .map(Record::into_owned),
+            Container::Sqlite(_) => None,
+        };
+        match record {
+            Some(Record::Attachment { data, .. }) => Ok(data.into_owned()),
+            _ => {
+                let reason = format!("the attachment at byte {start} cannot be read");
+                Err(Error::damaged(self.file.path(), reason))
+            }
+        }
+    }
+}

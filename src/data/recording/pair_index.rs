@@ -1,0 +1,71 @@
+//! Where in a recording of svl's a pair is, by MCAP's index of chunks and messages.
+
+use super::TopicKind;
+use super::file::McapFile;
+use super::messages::{Declared, Messages, Section};
+use super::records::Records;
+use mcap::records::Record;
+use svl_core::Result;
+
+/// The pairs of a file in their order.
+pub(super) struct PairIndex {
+    declared: Declared,
+    pairs: Vec<PairPlace>,
+}
+
+/// Where a pair is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct PairPlace {
+    pub(super) stamp_ns: u64,
+    /// Where the chunk begins from which on all of its messages are.
+    chunk: u64,
+}
+
+impl PairIndex {
+    /// Nothing where the file has no intact index of all its pairs.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`].
+    pub(super) fn read(file: &McapFile) -> Result<Option<Self>> {
+        let Section::Intact(contents) = Messages::summary(file)? else {
+            return Ok(None);
+        };
+        let topic = TopicKind::Sync.topic();
+        let channels = contents.declared.ids(topic);
+        let mut records = Records::open(file)?;
+        let mut pairs = Vec::new();
+        let mut before = None;
+        for chunk in &contents.chunks {
+            let start = chunk.chunk_start_offset;
+            // Its images may be in the chunk before the one that ends it.
+            let from = before.replace(start).unwrap_or(start);
+            for id in &channels {
+                let Some(&offset) = chunk.message_index_offsets.get(id) else {
+                    continue;
+                };
+                let Some(Record::MessageIndex(index)) = records.record_at(offset)? else {
+                    return Ok(None);
+                };
+                pairs.extend(index.records.iter().map(|message| PairPlace {
+                    stamp_ns: message.log_time,
+                    chunk: from,
+                }));
+            }
+        }
+        let is_whole = contents.declared.count(topic) == Some(pairs.len() as u64);
+        let declared = contents.declared;
+        Ok(is_whole.then_some(Self { declared, pairs }))
+    }
+
+    pub(super) fn get(&self, index: u64) -> Option<PairPlace> {
+        self.pairs.get(usize::try_from(index).ok()?).copied()
+    }
+
+    /// The messages of the file from before a pair on.
+    ///
+    /// # Errors
+    /// As [`Messages::open`].
+    pub(super) fn messages(&self, file: &McapFile, place: PairPlace) -> Result<Messages> {
+        Messages::from(file, place.chunk, self.declared.clone())
+    }
+}

@@ -1,0 +1,300 @@
+//! Reads the pairs of a recording.
+
+use super::assembly::PairAssembler;
+use super::container::Container;
+use super::foreign::{Foreign, Selection, TruthSelection, TruthTopic};
+use super::messages::{EventReader, FileEvent};
+use super::pair_index::PairIndex;
+use super::{Header, PROFILE, PairSource, Recording, TopicKind, sync};
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use svl_core::stereo::{Frame, StereoCalibration};
+use svl_core::{Error, Result};
+
+/// Reads the pairs of one recording, a file or the folder of a ROS 2 bag, in the order of the file,
+/// with few in memory at a time.
+///
+/// Left and right are paired by `/stereo/sync` in svl's own recordings, by their stamps in others.
+pub struct Reader {
+    recording: Recording,
+    messages: Box<dyn EventReader>,
+    /// Index of the file that is read next.
+    next_file: usize,
+    source: Box<dyn PairSource>,
+    header: Option<Header>,
+    pairs: Option<u64>,
+    /// Where the pairs are, once that was asked for.
+    index: Option<Option<PairIndex>>,
+    /// The first pair, read when the file was opened, after the errors of unreadable pairs before
+    /// it.
+    ahead: VecDeque<Result<Frame>>,
+    /// Damage found, reported after the pairs before it.
+    damage: Option<Error>,
+}
+
+/// Limit of unreadable pairs before the first readable one.
+const UNREADABLE: usize = 1000;
+
+impl Reader {
+    /// Opens a recording and reads its first pair.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for a file that is not a recording or has no readable pair;
+    /// [`Error::Damaged`] when it ends before its first pair is complete.
+    pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
+        Self::new(Recording::open(path)?, &Selection::default())
+    }
+
+    /// Reads the first pair of an open recording, of the selected topics where svl did not write
+    /// it.
+    ///
+    /// # Errors
+    /// As [`Reader::open`]; [`Error::Format`] also where the topics of the cameras are missing or
+    /// ambiguous.
+    pub fn new(recording: Recording, selection: &Selection) -> Result<Self> {
+        let first = recording.files().next();
+        let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
+        let messages = first.messages()?;
+        let is_own = !selection.names_topics() && is_own(&recording)?;
+        if is_own && selection.bits.is_some() {
+            let why = "is for 16-bit images; recordings of svl have 8 bits";
+            return Err(Error::Usage(format!("--bits {why}")));
+        }
+        let mut reader = Self {
+            messages,
+            next_file: 1,
+            // Without an intact summary the length is unknown.
+            pairs: match is_own {
+                true => recording.count(TopicKind::Sync.topic())?,
+                false => None,
+            },
+            source: match is_own {
+                true => Box::new(PairAssembler::default()),
+                false => Box::new(Foreign::open(&recording, selection)?),
+            },
+            index: None,
+            header: recording.header().ok(),
+            ahead: VecDeque::new(),
+            damage: None,
+            recording,
+        };
+        reader.read_first()?;
+        Ok(reader)
+    }
+
+    /// # Errors
+    /// Why there is no first pair.
+    fn read_first(&mut self) -> Result<()> {
+        // Errors before the first pair are kept, so that they are reported in order, once.
+        while self.ahead.len() < UNREADABLE {
+            match self.read() {
+                Ok(Some(first)) => {
+                    self.ahead.push_back(Ok(first));
+                    return Ok(());
+                }
+                Err(error @ Error::Format { .. }) => self.ahead.push_back(Err(error)),
+                Err(error) => return Err(error),
+                Ok(None) => break,
+            }
+        }
+        if let Some(Err(unreadable)) = self.ahead.pop_front() {
+            return Err(unreadable);
+        }
+        Err(Error::format(self.recording.path(), self.source.why_none()))
+    }
+
+    /// The recording that is read.
+    pub fn recording(&self) -> &Recording {
+        &self.recording
+    }
+
+    pub fn path(&self) -> &Path {
+        self.recording.path()
+    }
+
+    /// The metadata record `svl`; nothing when svl did not write the recording.
+    pub fn header(&self) -> Option<&Header> {
+        self.header.as_ref()
+    }
+
+    /// Number of pairs by the file's summary; nothing without a summary, as in a truncated file.
+    pub fn pairs(&self) -> Option<u64> {
+        self.pairs
+    }
+
+    /// Unpaired images so far; final at the end of the recording.
+    pub fn unpaired(&self) -> u64 {
+        self.source.unpaired()
+    }
+
+    /// Images so far that came after the images of their time had been dropped for lack of memory:
+    /// the file is not in the order of its stamps.
+    pub fn late(&self) -> u64 {
+        self.source.late()
+    }
+
+    /// Warnings about the pairs of a recording that svl did not write, a line each.
+    pub fn remarks(&self) -> Vec<String> {
+        self.source.remarks()
+    }
+
+    /// The truth of another sensor in the recording.
+    ///
+    /// # Errors
+    /// Those of [`TruthTopic::open`].
+    pub fn truth(&self, selection: &TruthSelection) -> Result<TruthTopic> {
+        TruthTopic::open(&self.recording, self.source.left_topic(), selection)
+    }
+
+    /// How many bits the 16-bit images use of a recording that svl did not write.
+    pub fn bits(&self) -> Option<u8> {
+        self.source.depth().bits()
+    }
+
+    /// What the user should know of the images that is no warning.
+    pub fn note(&self) -> Option<String> {
+        self.source.depth().note()
+    }
+
+    /// The calibration that rectifies raw pairs of a recording that svl did not write, where it
+    /// holds one. Where that is incomplete, a remark says why.
+    pub fn calibration(&self) -> Option<StereoCalibration> {
+        self.source.calibration()?.ok()
+    }
+
+    /// Makes [`Reader::next_pair`] give the pair at `index`, counted from 0. False, and nothing is
+    /// changed, where the recording has no index of its pairs: svl did not write it, or not to its
+    /// end.
+    ///
+    /// # Errors
+    /// [`Error::Format`] where the pair is not where the index says: the file has to be opened
+    /// again.
+    pub fn seek(&mut self, index: u64) -> Result<bool> {
+        // Only of its own recordings the number of pairs is known.
+        if self.pairs.is_none() {
+            return Ok(false);
+        }
+        let Container::Mcap(file) = self.recording.only_file()? else {
+            return Ok(false);
+        };
+        if self.index.is_none() {
+            self.index = Some(PairIndex::read(file)?);
+        }
+        let Some(Some(pairs)) = &self.index else {
+            return Ok(false);
+        };
+        let Some(place) = pairs.get(index) else {
+            return Ok(false);
+        };
+        self.messages = Box::new(pairs.messages(file, place)?);
+        self.source = Box::new(PairAssembler::default());
+        self.ahead.clear();
+        self.damage = None;
+        loop {
+            match self.read() {
+                Ok(Some(frame)) if frame.stamp_ns == place.stamp_ns => {
+                    self.ahead.push_back(Ok(frame));
+                    return Ok(true);
+                }
+                // Pairs before it, also such whose beginning was passed over.
+                Ok(Some(frame)) if frame.stamp_ns < place.stamp_ns => {}
+                Err(Error::Format { .. }) => {}
+                Ok(_) => {
+                    let reason = format!("pair {index} is not where its index says");
+                    return Err(Error::format(self.recording.path(), reason));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// The next pair, or nothing at the end.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for an unreadable pair, after which reading may go on. [`Error::Damaged`],
+    /// once, where the file is truncated or corrupt: all pairs before it are good, and there are no
+    /// more.
+    pub fn next_pair(&mut self) -> Result<Option<Frame>> {
+        match self.ahead.pop_front() {
+            Some(next) => next.map(Some),
+            None => self.read(),
+        }
+    }
+
+    fn read(&mut self) -> Result<Option<Frame>> {
+        let mut ended = false;
+        loop {
+            if let Some(frame) = self.source.pop() {
+                return frame
+                    .map(Some)
+                    .map_err(|reason| Error::format(self.recording.path(), reason));
+            }
+            if ended {
+                return self
+                    .damage
+                    .take()
+                    .map_or(Ok(None), |damage| Err(self.counted(damage)));
+            }
+            match self.messages.next() {
+                Ok(Some(FileEvent::Message {
+                    channel,
+                    log_time,
+                    data,
+                })) => {
+                    let taken = self.source.take_in(channel, log_time, &data);
+                    let bad = |reason| {
+                        let reason = format!("{} at {log_time} ns: {reason}", channel.topic);
+                        Error::format(self.recording.path(), reason)
+                    };
+                    if let Some(frame) = taken.map_err(bad)? {
+                        return Ok(Some(frame));
+                    }
+                }
+                Ok(Some(_)) => {}
+                // The pairing goes on over the border: left and right may be in different files.
+                Ok(None) => match self.recording.files().nth(self.next_file) {
+                    Some(next) => {
+                        self.messages = next.messages()?;
+                        self.next_file += 1;
+                    }
+                    None => ended = true,
+                },
+                // This file ends here, but a bag may have others.
+                // Only the first damage is reported: its cure is svl recover, whatever follows.
+                Err(error) => self.damage = self.damage.take().or(Some(error)),
+            }
+            if ended {
+                self.source.end();
+            }
+        }
+    }
+
+    /// The error, with the number of pairs read before it.
+    fn counted(&self, error: Error) -> Error {
+        let (path, reason) = match self.recording.located(error) {
+            Error::Damaged { path, reason } => (path, reason),
+            other => return other,
+        };
+        let pairs = self.source.pairs();
+        Error::damaged(path, format!("{reason}; intact pairs read: {pairs}"))
+    }
+}
+
+/// Whether svl wrote the recording in its own dialect, which is always one file.
+fn is_own(recording: &Recording) -> Result<bool> {
+    if recording.only_file().is_err() {
+        return Ok(false);
+    }
+    let profile = recording.profile()?;
+    if profile == Some(PROFILE) {
+        return Ok(true);
+    }
+    // Other programs copy svl's messages into files of another profile, and the header may be
+    // damaged. A ROS 2 bag of svl's has no such message.
+    let channels = recording.channels()?;
+    // Where nothing at all can be read, the damage is reported, not the absence of topics.
+    Ok(channels
+        .iter()
+        .any(|channel| channel.schema == sync::SCHEMA)
+        || channels.is_empty() && profile.is_none())
+}

@@ -1,0 +1,188 @@
+//! Recovers the intact records of a truncated or corrupt file.
+
+use super::append_file::AppendFile;
+use super::container::Container;
+use super::messages::{Messages, Schema};
+use super::salvage::DamagedPart;
+use super::{LIBRARY, Recording, TopicKind};
+use mcap::Attachment;
+use mcap::records::{AttachmentHeader, Channel, MessageHeader, Record, op};
+use std::borrow::Cow;
+use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+use svl_core::{Error, Result};
+
+/// What was recovered, and what was lost.
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Recovery {
+    /// Messages recovered, by topic.
+    pub messages: BTreeMap<String, u64>,
+    /// Complete pairs of svl's own recordings.
+    pub pairs: u64,
+    pub attachments: u64,
+    pub metadata: u64,
+    /// The damaged parts, in the order of the file.
+    pub losses: Vec<DamagedPart>,
+    /// Messages that the file's own summary counts and that were not found, by topic. Empty where
+    /// it has no summary.
+    pub missing: BTreeMap<String, u64>,
+    /// Whether CRCs cover all messages recovered. Otherwise they may hold changed bytes.
+    pub checksums: bool,
+}
+
+impl Recording {
+    /// Copies everything intact, whoever wrote it, into the new file `to`: chunk by chunk, schemas,
+    /// topics, messages, attachments and metadata. What does not match its CRC is passed over and
+    /// noted. Where the length of a record is damaged, the copy resynchronizes at the next record
+    /// that proves to be one; MCAP files appended to the file are copied too.
+    ///
+    /// # Errors
+    /// [`Error::Io`], also when `to` exists; [`Error::Format`] for what is not an MCAP file or
+    /// holds nothing to save, of which no file is left, and for a bag of several files.
+    pub fn recover(&self, to: &Path) -> Result<Recovery> {
+        let from = match self.only_file()? {
+            Container::Mcap(file) => file,
+            Container::Sqlite(file) => {
+                let cure = "`sqlite3 FILE .recover` does it for SQLite";
+                return Err(Error::format(
+                    file.path(),
+                    format!("is no MCAP file; {cure}"),
+                ));
+            }
+        };
+        let mut messages = Messages::salvage(from)?;
+        let first = messages.advance()?;
+        let (profile, library) = match first.map(|opcode| messages.record(opcode)).transpose()? {
+            Some(Record::Header(header)) => (header.profile, header.library),
+            _ => Default::default(),
+        };
+        // Tells a recovered file from an original, also for other programs.
+        let library = format!("{LIBRARY}, recovered from {library}");
+        let mut copy = Copier {
+            file: AppendFile::create(to.to_owned(), &profile, &library)?,
+            channels: HashMap::new(),
+            recovery: Recovery::default(),
+        };
+        let saved = copy.all(&mut messages, first);
+        if matches!(saved, Ok(true)) {
+            copy.file.finish()?;
+        } else {
+            drop(copy.file);
+            // An empty file is of no use, and would block the next attempt.
+            let _ = std::fs::remove_file(to);
+        }
+        match saved? {
+            true => Ok(copy.recovery),
+            false => {
+                let reason = "holds nothing that could be saved";
+                Err(Error::format(from.path(), reason))
+            }
+        }
+    }
+}
+
+struct Copier {
+    file: AppendFile,
+    /// Channel ids in the new file, by file and channel id in the old one.
+    channels: HashMap<(usize, u16), u16>,
+    recovery: Recovery,
+}
+
+impl Copier {
+    /// Copies everything from the first record on; returns whether there was anything.
+    fn all(&mut self, messages: &mut Messages, first: Option<u8>) -> Result<bool> {
+        let mut next = first;
+        while let Some(opcode) = next {
+            self.take_in(messages, opcode)?;
+            next = messages.advance()?;
+        }
+        // Topics without messages too.
+        for (channel, schema) in messages.declarations() {
+            declare(&mut self.file, channel, schema)?;
+        }
+        let recovery = &mut self.recovery;
+        (recovery.losses, recovery.missing) = messages.take_losses();
+        recovery.checksums = messages.is_checked();
+        recovery.pairs = recovery
+            .messages
+            .get(TopicKind::Sync.topic())
+            .copied()
+            .unwrap_or(0);
+        Ok(!recovery.messages.is_empty() || recovery.attachments + recovery.metadata > 0)
+    }
+
+    /// Copies the current record.
+    fn take_in(&mut self, messages: &Messages, opcode: u8) -> Result<()> {
+        match opcode {
+            op::MESSAGE | op::ATTACHMENT | op::METADATA => {}
+            _ => return Ok(()),
+        }
+        match messages.record(opcode)? {
+            Record::Message { header, data } => {
+                let Some((channel, schema)) = messages.declaration(header.channel_id) else {
+                    return Ok(());
+                };
+                // Appended files number their channels anew; equal topics become one channel.
+                let channel_id = match self.channels.entry((messages.part(), header.channel_id)) {
+                    Entry::Occupied(number) => *number.get(),
+                    Entry::Vacant(number) => {
+                        *number.insert(declare(&mut self.file, channel, schema)?)
+                    }
+                };
+                self.file.message(
+                    &MessageHeader {
+                        channel_id,
+                        ..header
+                    },
+                    &data,
+                )?;
+                *self
+                    .recovery
+                    .messages
+                    .entry(channel.topic.clone())
+                    .or_default() += 1;
+            }
+            Record::Attachment { header, data, .. } => {
+                let AttachmentHeader {
+                    log_time,
+                    create_time,
+                    name,
+                    media_type,
+                } = header;
+                let data = Cow::Borrowed(&*data);
+                self.file.attach(&Attachment {
+                    log_time,
+                    create_time,
+                    name,
+                    media_type,
+                    data,
+                })?;
+                self.recovery.attachments += 1;
+            }
+            Record::Metadata(metadata) => {
+                self.file.metadata(&metadata)?;
+                self.recovery.metadata += 1;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// Declares a channel of the old file in the new one.
+fn declare(file: &mut AppendFile, channel: &Channel, schema: Option<&Schema>) -> Result<u16> {
+    let schema = schema.map(|(header, data)| {
+        (
+            header.name.as_str(),
+            header.encoding.as_str(),
+            data.as_slice(),
+        )
+    });
+    file.channel(
+        &channel.topic,
+        schema,
+        &channel.message_encoding,
+        &channel.metadata,
+    )
+}

@@ -1,0 +1,198 @@
+//! ROS 2 bags in SQLite (`.db3`): rosbag2's tables `topics` and `messages`.
+
+use super::messages::{Channel, EventReader, FileEvent};
+use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension, params};
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use svl_core::{Error, Result};
+use tempfile::TempPath;
+
+/// What such a file begins with.
+pub(super) const MAGIC: &[u8] = b"SQLite format 3\0";
+
+/// One SQLite file of a bag.
+pub(super) struct SqliteFile {
+    path: PathBuf,
+    len: u64,
+    /// Where it was unpacked to.
+    unpacked: Option<Arc<TempPath>>,
+}
+
+impl SqliteFile {
+    pub(super) fn new(path: &Path, len: u64, unpacked: Option<TempPath>) -> Self {
+        Self {
+            path: path.to_owned(),
+            len,
+            unpacked: unpacked.map(Arc::new),
+        }
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(super) fn len(&self) -> u64 {
+        self.len
+    }
+
+    /// The channels in the order of their topics.
+    ///
+    /// # Errors
+    /// As [`SqliteFile::messages`].
+    pub(super) fn channels(&self) -> Result<Vec<Channel>> {
+        let mut channels: Vec<_> = self.messages()?.channels.into_values().collect();
+        channels.sort_unstable_by(|a, b| a.topic.cmp(&b.topic));
+        Ok(channels)
+    }
+
+    /// # Errors
+    /// [`Error::Format`] for a file that is not a bag, or damaged where its topics are.
+    pub(super) fn messages(&self) -> Result<SqliteMessages> {
+        let file = self.unpacked.as_ref().map_or(&*self.path, |file| &***file);
+        // Without a mutex: a connection has one owner.
+        let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let wrong = |e: rusqlite::Error| {
+            Error::format(&self.path, format!("is no bag of rosbag2 in SQLite: {e}"))
+        };
+        let connection = Connection::open_with_flags(file, flags).map_err(wrong)?;
+        // SQLite refuses a file that is cut off as a whole, but for those who would repair it.
+        let lenient = connection.execute_batch("PRAGMA writable_schema = ON");
+        let channels = lenient
+            .and_then(|()| channels(&connection))
+            .map_err(wrong)?;
+        Ok(SqliteMessages {
+            path: self.path.clone(),
+            connection,
+            channels,
+            last: i64::MIN,
+            data: Vec::new(),
+            ended: false,
+        })
+    }
+}
+
+fn channels(connection: &Connection) -> rusqlite::Result<HashMap<i64, Channel>> {
+    let mut topics =
+        connection.prepare("SELECT id, name, type, serialization_format FROM topics")?;
+    let channels = topics.query_map([], |row| {
+        let channel = Channel {
+            topic: row.get(1)?,
+            schema: row.get(2)?,
+            encoding: row.get(3)?,
+        };
+        Ok((row.get(0)?, channel))
+    })?;
+    channels.collect()
+}
+
+/// The messages of a file in the order in which they were recorded.
+pub(super) struct SqliteMessages {
+    path: PathBuf,
+    connection: Connection,
+    channels: HashMap<i64, Channel>,
+    /// Of the last message.
+    last: i64,
+    data: Vec<u8>,
+    ended: bool,
+}
+
+/// One message a time: the bag may be larger than memory. SQLite itself limits one to 10⁹ bytes.
+const NEXT: &str = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ?1 ORDER BY id \
+                    LIMIT 1";
+
+impl EventReader for SqliteMessages {
+    fn next(&mut self) -> Result<Option<FileEvent<'_>>> {
+        while !self.ended {
+            let data = &mut self.data;
+            let read = |row: &rusqlite::Row<'_>| {
+                data.clear();
+                data.extend_from_slice(row.get_ref(3)?.as_blob()?);
+                Ok((row.get(0)?, row.get(1)?, row.get(2)?))
+            };
+            let next = self.connection.prepare(NEXT);
+            let next =
+                next.and_then(|mut next| next.query_row(params![self.last], read).optional());
+            let (id, topic, stamp): (i64, i64, i64) = match next {
+                Ok(Some(message)) => message,
+                Ok(None) => {
+                    self.ended = true;
+                    break;
+                }
+                Err(error) => {
+                    self.ended = true;
+                    let code = error.sqlite_error_code();
+                    let reason = match code {
+                        Some(ErrorCode::DatabaseCorrupt) => "its SQLite pages are damaged".into(),
+                        _ => error.to_string(),
+                    };
+                    let after = format!("after message {}: {reason}", self.last.max(0));
+                    return Err(Error::damaged(&self.path, after));
+                }
+            };
+            self.last = id;
+            // A message of no topic can be nobody's image.
+            if let Some(channel) = self.channels.get(&topic) {
+                return Ok(Some(FileEvent::Message {
+                    channel,
+                    log_time: u64::try_from(stamp).unwrap_or(0),
+                    data: Cow::Borrowed(&self.data),
+                }));
+            }
+        }
+        Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_come_in_their_order_up_to_the_damage() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("bag_0.db3");
+        let connection = Connection::open(&path).unwrap();
+        let schema =
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT \
+                      NULL, serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);
+                      CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, \
+                      timestamp INTEGER NOT NULL, data BLOB NOT NULL);
+                      INSERT INTO topics VALUES(7, '/a', 'std_msgs/msg/String', 'cdr', '');";
+        connection.execute_batch(schema).unwrap();
+        for (id, topic) in [(3, 7), (1, 7), (2, 99)] {
+            let insert = "INSERT INTO messages VALUES(?1, ?2, ?3, ?4)";
+            let data = vec![id as u8; 5000];
+            connection
+                .execute(insert, params![id, topic, 10 * id, data])
+                .unwrap();
+        }
+        drop(connection);
+        let read = || {
+            let file = SqliteFile::new(&path, 1, None);
+            assert_eq!(file.channels().unwrap()[0].topic, "/a");
+            let (mut messages, mut found) = (file.messages().unwrap(), Vec::new());
+            loop {
+                match messages.next() {
+                    Ok(Some(FileEvent::Message { log_time, data, .. })) => {
+                        found.push((log_time, data[0], data.len()))
+                    }
+                    Ok(_) => return (found, None),
+                    Err(error) => return (found, Some(error.to_string())),
+                }
+            }
+        };
+        assert_eq!(read(), (vec![(10, 1, 5000), (30, 3, 5000)], None));
+        // Overwritten where the last message lies.
+        let mut bytes = std::fs::read(&path).unwrap();
+        let length = bytes.len();
+        bytes.truncate(length - 4096);
+        std::fs::write(&path, bytes).unwrap();
+        let (found, error) = read();
+        assert!(found.len() < 2 && error.unwrap().contains("bag_0.db3: after message"));
+        std::fs::write(&path, [MAGIC, b"no database"].concat()).unwrap();
+        let error = SqliteFile::new(&path, 1, None).messages().err().unwrap();
+        assert!(error.to_string().contains("no bag of rosbag2"), "{error}");
+    }
+}

@@ -1,0 +1,367 @@
+//! Summarizes a recording: topics, pairs, gaps, skew, damage.
+
+use super::container::Container;
+use super::foreign::{Selection, choose, is_image};
+use super::messages::{Channel, EventReader, FileEvent, Messages};
+use super::salvage::DamagedPart;
+use super::skew::SkewSummary;
+use super::sync::{PairGeometry, StereoSync};
+use super::{
+    AlgorithmResult, GRABBER, Header, MANIFEST, PROFILE, Reader, Recording, StampOrigin, TopicKind,
+};
+use crate::manifest::Manifest;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use svl_core::Result;
+use svl_core::statistics::upper_rank;
+use svl_core::stereo::Side;
+
+/// Two pairs more than this many median periods apart are separated by a gap.
+const GAP_PERIODS: f64 = 1.5;
+
+/// The contents of an MCAP file, found by reading all of it. Works for any MCAP file, intact or
+/// damaged.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct RecordingSummary {
+    pub path: PathBuf,
+    pub bytes: u64,
+    /// Why the file is not intact, where it is not.
+    pub damage: Option<String>,
+    /// Whether CRCs cover all messages. Otherwise bytes changed inside messages go unnoticed.
+    pub checksums: bool,
+    /// The damaged parts, in the order of the file.
+    pub losses: Vec<DamagedPart>,
+    /// Messages that the file's own summary counts and that were not found, by topic.
+    pub missing: BTreeMap<String, u64>,
+    /// Missing numbers in the sequence of pairs: lost by damage, or dropped by the recorder.
+    pub missing_pairs: u64,
+    /// Image topics that `svl replay` would take for left and right, in a recording that svl did
+    /// not write.
+    pub stereo: Option<[String; 2]>,
+    /// Whether its pairs are raw or rectified; those of other programs as `svl replay` takes them.
+    /// Both only where recordings were appended to each other; none without a pair.
+    pub geometry: BTreeSet<PairGeometry>,
+    /// Vertical misalignment by the results in the recording, in the order of the algorithms.
+    pub misalignment: Vec<Misalignment>,
+    /// The library that wrote the file, and its MCAP profile.
+    pub library: String,
+    pub profile: String,
+    /// Nothing when svl did not write it.
+    pub header: Option<Header>,
+    /// The counts of a synchronized grabber, in a finished recording of cameras.
+    pub grabber: BTreeMap<String, String>,
+    /// The manifest of the run that wrote the recording.
+    pub manifest: Option<Manifest>,
+    /// Names and sizes in bytes.
+    pub attachments: Vec<(String, u64)>,
+    /// In the order of their names.
+    pub topics: Vec<Topic>,
+    /// First and last stamp of any message.
+    pub start_ns: u64,
+    pub end_ns: u64,
+    /// Complete pairs of svl's own recordings.
+    pub pairs: u64,
+    /// Median period of the left images; nothing where their topic or their rate is unknown.
+    pub period_ns: Option<u64>,
+    /// Intervals of more than 1.5 median periods between left images.
+    pub gaps: Vec<Gap>,
+    /// Right stamp minus left stamp, over all pairs; nothing where it is not known.
+    pub skew: Option<SkewSummary>,
+    /// Unpaired images, as the recorder counted them.
+    pub drops: u64,
+}
+
+/// A topic and its messages.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Topic {
+    pub name: String,
+    pub schema: String,
+    pub encoding: String,
+    pub messages: u64,
+    /// Bytes before compression.
+    pub bytes: u64,
+    pub start_ns: u64,
+    pub end_ns: u64,
+    /// Messages per second; nothing for fewer than two.
+    pub rate_hz: Option<f64>,
+}
+
+/// Vertical misalignment of the pairs, as an algorithm measured it: how many pixels the right image
+/// is lower.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Misalignment {
+    pub algorithm: String,
+    /// Pairs of which it is known.
+    pub pairs: u64,
+    /// Median of the pairs; of an even number the upper of the two in the middle.
+    pub median_px: i8,
+    pub min_px: i8,
+    pub max_px: i8,
+}
+
+/// An interval without pairs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Gap {
+    /// Stamp of the last pair before it.
+    pub after_ns: u64,
+    pub length_ns: u64,
+}
+
+impl Recording {
+    /// Reads all of the recording and summarizes it. Damage is no error but part of the summary.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for what is not an MCAP file, and for a bag
+    /// of several.
+    pub fn summary(&self) -> Result<RecordingSummary> {
+        let mut seen = SummaryScan::default();
+        let file = match self.only_file()? {
+            Container::Mcap(file) => file,
+            Container::Sqlite(file) => {
+                let mut messages = file.messages()?;
+                loop {
+                    match messages.next() {
+                        Ok(Some(event)) => seen.take_in(event),
+                        Ok(None) => break,
+                        Err(error) => {
+                            seen.losses.push(DamagedPart {
+                                at_byte: 0,
+                                bytes: 0,
+                                reason: error.to_string(),
+                            });
+                        }
+                    }
+                }
+                (seen.library, seen.profile) = ("rosbag2, in SQLite".into(), "ros2".into());
+                let channels = file.channels()?;
+                let channels: Vec<_> = channels.iter().collect();
+                seen.stereo = choose(&channels, &Selection::default()).ok();
+                return Ok(seen.summary(file.path(), file.len()));
+            }
+        };
+        let mut messages = Messages::salvage(file)?;
+        while let Some(event) = messages.next()? {
+            seen.take_in(event);
+        }
+        (seen.losses, seen.missing) = messages.take_losses();
+        seen.checksums = messages.is_checked();
+        // Neither the profile nor a sync message: svl did not write it.
+        if seen.profile != PROFILE && seen.sequences.is_empty() {
+            let channels = messages.channels();
+            seen.stereo = choose(&channels.iter().collect::<Vec<_>>(), &Selection::default()).ok();
+            // Calibrations hold for images of one size, so their geometry is known with a pair.
+            seen.geometry = Reader::new(self.clone(), &Selection::default())
+                .and_then(|mut reader| reader.next_pair())
+                .ok()
+                .flatten()
+                .map(|frame| PairGeometry::from(&frame.geometry))
+                .into_iter()
+                .collect();
+        }
+        Ok(seen.summary(file.path(), file.len()))
+    }
+}
+
+impl RecordingSummary {
+    /// Whether the file is complete and undamaged.
+    pub fn is_intact(&self) -> bool {
+        self.damage.is_none()
+    }
+
+    /// From the first to the last stamp.
+    pub fn duration_ns(&self) -> u64 {
+        self.end_ns.saturating_sub(self.start_ns)
+    }
+}
+
+/// What was found so far in reading a file.
+#[derive(Default)]
+struct SummaryScan {
+    library: String,
+    profile: String,
+    header: Option<Header>,
+    grabber: BTreeMap<String, String>,
+    manifest: Option<Manifest>,
+    attachments: Vec<(String, u64)>,
+    topics: BTreeMap<String, Topic>,
+    /// Stamps of the images, by topic.
+    stamps: BTreeMap<String, Vec<u64>>,
+    pairs: u64,
+    skews: Vec<i64>,
+    sequences: BTreeSet<u64>,
+    geometry: BTreeSet<PairGeometry>,
+    /// Row offsets of the results, by algorithm.
+    row_offsets: BTreeMap<String, Vec<i8>>,
+    drops: u64,
+    losses: Vec<DamagedPart>,
+    missing: BTreeMap<String, u64>,
+    checksums: bool,
+    stereo: Option<[String; 2]>,
+}
+
+impl SummaryScan {
+    fn take_in(&mut self, event: FileEvent<'_>) {
+        match event {
+            // Where files are appended, the header of the first one counts.
+            FileEvent::Library(header) if self.library.is_empty() => {
+                (self.library, self.profile) = (header.library, header.profile);
+            }
+            FileEvent::Library(_) => {}
+            FileEvent::Metadata(metadata) if metadata.name == GRABBER => {
+                self.grabber = metadata.metadata
+            }
+            FileEvent::Metadata(metadata) => {
+                self.header = self
+                    .header
+                    .take()
+                    .or_else(|| Header::from_record(&metadata))
+            }
+            FileEvent::Attachment { name, data, .. } => {
+                if name == MANIFEST && self.manifest.is_none() {
+                    self.manifest = serde_json::from_slice(&data).ok();
+                }
+                self.attachments.push((name, data.len() as u64));
+            }
+            FileEvent::Message {
+                channel,
+                log_time,
+                data,
+            } => self.count(channel, log_time, &data),
+        }
+    }
+
+    fn count(&mut self, channel: &Channel, stamp_ns: u64, data: &[u8]) {
+        let Channel {
+            topic,
+            schema,
+            encoding,
+        } = channel;
+        let topic = self.topics.entry(topic.clone()).or_insert_with(|| Topic {
+            name: topic.clone(),
+            schema: schema.clone(),
+            encoding: encoding.clone(),
+            messages: 0,
+            bytes: 0,
+            start_ns: stamp_ns,
+            end_ns: stamp_ns,
+            rate_hz: None,
+        });
+        topic.messages += 1;
+        topic.bytes += data.len() as u64;
+        topic.start_ns = topic.start_ns.min(stamp_ns);
+        topic.end_ns = topic.end_ns.max(stamp_ns);
+        let seconds = (topic.end_ns - topic.start_ns) as f64 / 1e9;
+        topic.rate_hz = (seconds > 0.0).then(|| (topic.messages - 1) as f64 / seconds);
+        if is_image(channel) {
+            match self.stamps.get_mut(&channel.topic) {
+                Some(stamps) => stamps.push(stamp_ns),
+                None => drop(self.stamps.insert(channel.topic.clone(), vec![stamp_ns])),
+            }
+        }
+        if TopicKind::from_topic(&channel.topic) == Some(TopicKind::Sync)
+            && let Ok(sync) = StereoSync::decode(&channel.schema, data)
+        {
+            self.pairs += 1;
+            self.skews.extend(sync.exposure.skew_ns);
+            self.sequences.insert(sync.sequence);
+            self.geometry.insert(sync.geometry);
+            // The counter of the recorder never falls; after damage the last one read holds.
+            self.drops = self.drops.max(sync.exposure.drops);
+        }
+        if let Some(Ok(result)) = AlgorithmResult::decode(&channel.schema, data)
+            && let Some(row_offset_px) = result.row_offset_px
+        {
+            let offsets = self.row_offsets.entry(result.algorithm).or_default();
+            offsets.push(row_offset_px);
+        }
+    }
+
+    fn summary(mut self, path: &Path, bytes: u64) -> RecordingSummary {
+        let left = self
+            .stereo
+            .as_ref()
+            .map_or(TopicKind::Image(Side::Left).topic(), |[left, _]| left);
+        let mut left_stamps = self.stamps.remove(left).unwrap_or_default();
+        left_stamps.sort_unstable();
+        // A duplicate would count as a period of 0.
+        left_stamps.dedup();
+        let steps: Vec<_> = left_stamps
+            .windows(2)
+            .map(|pair| (pair[0], pair[1] - pair[0]))
+            .collect();
+        let mut periods: Vec<_> = steps.iter().map(|&(_, step)| step).collect();
+        periods.sort_unstable();
+        // Nominal stamps say nothing of the rate.
+        let is_nominal = self
+            .header
+            .as_ref()
+            .is_some_and(|header| matches!(header.stamps, Some(StampOrigin::Nominal(_))));
+        let period_ns = upper_rank(&periods, 0.5).filter(|_| !is_nominal);
+        let is_gap =
+            |step: u64| period_ns.is_some_and(|period| step as f64 > GAP_PERIODS * period as f64);
+        let gaps = steps.into_iter().filter(|&(_, step)| is_gap(step));
+        let skew = SkewSummary::from_skews(&mut self.skews);
+        // Numbers need not start at 0: a part of a recording keeps them.
+        let numbers = match (self.sequences.first(), self.sequences.last()) {
+            (Some(first), Some(last)) => (last - first).saturating_add(1),
+            _ => 0,
+        };
+        RecordingSummary {
+            path: path.to_owned(),
+            bytes,
+            damage: self.losses.first().map(DamagedPart::to_string),
+            checksums: self.checksums,
+            missing: self.missing,
+            missing_pairs: numbers - self.sequences.len() as u64,
+            losses: self.losses,
+            stereo: self.stereo,
+            geometry: self.geometry,
+            misalignment: self
+                .row_offsets
+                .into_iter()
+                .filter_map(misalignment)
+                .collect(),
+            library: self.library,
+            profile: self.profile,
+            header: self.header,
+            grabber: self.grabber,
+            manifest: self.manifest,
+            attachments: self.attachments,
+            start_ns: self
+                .topics
+                .values()
+                .map(|topic| topic.start_ns)
+                .min()
+                .unwrap_or(0),
+            end_ns: self
+                .topics
+                .values()
+                .map(|topic| topic.end_ns)
+                .max()
+                .unwrap_or(0),
+            topics: self.topics.into_values().collect(),
+            pairs: self.pairs,
+            period_ns,
+            gaps: gaps
+                .map(|(after_ns, length_ns)| Gap {
+                    after_ns,
+                    length_ns,
+                })
+                .collect(),
+            skew,
+            drops: self.drops,
+        }
+    }
+}
+
+/// Sums up the row offsets of an algorithm's results; nothing without one.
+fn misalignment((algorithm, mut offsets): (String, Vec<i8>)) -> Option<Misalignment> {
+    offsets.sort_unstable();
+    Some(Misalignment {
+        algorithm,
+        pairs: offsets.len() as u64,
+        median_px: upper_rank(&offsets, 0.5)?,
+        min_px: *offsets.first()?,
+        max_px: *offsets.last()?,
+    })
+}

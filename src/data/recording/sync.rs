@@ -1,0 +1,114 @@
+//! The JSON message of a pair: its stamps, geometry and exposure.
+
+use super::Encoded;
+use std::borrow::Cow;
+use svl_core::stereo::{Exposure, Frame, Geometry, Truth, TruthKind};
+
+pub(super) const SCHEMA: &str = "svl.StereoSync";
+const DEFINITION: &str = include_str!("sync.schema.json");
+
+/// The message of `/stereo/sync`. The stamps in it say which two images are a pair.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub(super) struct StereoSync {
+    /// Number of the pair in its source, from 0.
+    pub(super) sequence: u64,
+    /// Name of the pair in its source, where it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) name: Option<String>,
+    /// Middle of the left exposure.
+    pub(super) left_stamp_ns: u64,
+    /// Middle of the right exposure.
+    pub(super) right_stamp_ns: u64,
+    #[serde(default)]
+    pub(super) geometry: PairGeometry,
+    /// How the pair's truth was measured, where it has one.
+    #[serde(default, skip_serializing_if = "TruthKind::is_default")]
+    pub(super) truth: TruthKind,
+    // Flat, as recordings have always had it.
+    #[serde(flatten)]
+    pub(super) exposure: Exposure,
+}
+
+/// Whether a pair is raw or rectified.
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    serde::Serialize,
+    serde::Deserialize,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum PairGeometry {
+    Raw,
+    /// The default, for recordings of earlier svl, which have no geometry.
+    #[default]
+    Rectified,
+}
+
+impl PairGeometry {
+    /// `raw` or `rectified`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Raw => "raw",
+            Self::Rectified => "rectified",
+        }
+    }
+}
+
+impl From<&Geometry> for PairGeometry {
+    fn from(geometry: &Geometry) -> Self {
+        match geometry {
+            Geometry::Raw => Self::Raw,
+            Geometry::Rectified(_) => Self::Rectified,
+        }
+    }
+}
+
+impl StereoSync {
+    pub(super) fn new(frame: &Frame, right_stamp_ns: u64) -> Self {
+        let Frame {
+            sequence,
+            stamp_ns,
+            name,
+            geometry,
+            truth,
+            exposure,
+            ..
+        } = frame;
+        let kind = |truth: &Truth| truth.kind.clone();
+        Self {
+            sequence: *sequence,
+            name: name.clone(),
+            left_stamp_ns: *stamp_ns,
+            right_stamp_ns,
+            geometry: geometry.into(),
+            truth: truth.as_ref().map(kind).unwrap_or_default(),
+            exposure: *exposure,
+        }
+    }
+
+    pub(super) fn encode(&self) -> Encoded {
+        let definition = Cow::Borrowed(DEFINITION.as_bytes());
+        // Numbers and a string under fixed keys always serialise.
+        let data = serde_json::to_vec(self).expect("plain data");
+        Encoded {
+            schema: SCHEMA,
+            schema_encoding: "jsonschema",
+            definition,
+            encoding: "json",
+            data,
+        }
+    }
+
+    pub(super) fn decode(schema: &str, data: &[u8]) -> Result<Self, String> {
+        if schema != SCHEMA {
+            return Err(format!("it is a {schema}, svl reads {SCHEMA}"));
+        }
+        serde_json::from_slice(data).map_err(|e| e.to_string())
+    }
+}

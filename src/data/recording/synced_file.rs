@@ -1,0 +1,73 @@
+//! Syncs a file (fsync) about once a second, from a thread of its own.
+
+use super::append_file::AppendFile;
+use std::io;
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+use svl_core::Result;
+
+/// The part of a recording that a crash may cost.
+const SYNC_PERIOD: Duration = Duration::from_secs(1);
+
+/// A file that a background thread syncs. Dropping it ends the thread, then finishes the file.
+pub(super) struct SyncedFile {
+    shared: Arc<Mutex<Shared>>,
+    /// Dropping it ends the thread.
+    life: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+struct Shared {
+    file: AppendFile,
+    /// Outcome of the thread's last sync.
+    synced: Result<()>,
+}
+
+impl SyncedFile {
+    /// # Errors
+    /// When no thread can be started.
+    pub(super) fn new(file: AppendFile) -> io::Result<Self> {
+        let shared = Arc::new(Mutex::new(Shared {
+            file,
+            synced: Ok(()),
+        }));
+        let (life, ended) = mpsc::channel();
+        let threads = Arc::clone(&shared);
+        let keep = move || {
+            // The timeout is the period; a closed channel ends the loop at once.
+            while let Err(RecvTimeoutError::Timeout) = ended.recv_timeout(SYNC_PERIOD) {
+                let mut shared = threads.lock().unwrap_or_else(PoisonError::into_inner);
+                // After an error the file is closed; the writer gets the error with its next call.
+                if shared.synced.is_ok() {
+                    shared.synced = shared.file.sync();
+                }
+            }
+        };
+        let thread = thread::Builder::new().spawn(keep)?;
+        Ok(Self {
+            shared,
+            life: Some(life),
+            thread: Some(thread),
+        })
+    }
+
+    /// Locks the file for `act`.
+    ///
+    /// # Errors
+    /// Those of `act`; the error of the thread's last sync, once.
+    pub(super) fn with<T>(&self, act: impl FnOnce(&mut AppendFile) -> Result<T>) -> Result<T> {
+        let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        std::mem::replace(&mut shared.synced, Ok(()))?;
+        act(&mut shared.file)
+    }
+}
+
+impl Drop for SyncedFile {
+    fn drop(&mut self) {
+        drop(self.life.take());
+        // The thread does not panic; if it did, the file would still be finished.
+        self.thread.take().map(JoinHandle::join);
+    }
+}

@@ -1,0 +1,198 @@
+//! A scenario's `[drive]` table: the robot that an algorithm steers, the courses, and the steering
+//! rule.
+
+use serde::{Deserialize, Serialize};
+use svl_core::stereo::{CellState, GridShape};
+use svl_core::{Error, Result};
+
+/// The robot, its courses and its steering rule.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DriveConfig {
+    /// The robot's body is an upright cylinder of this radius about the middle of the stereo head,
+    pub radius_m: f64,
+    /// this high: it passes below what hangs higher.
+    pub height_m: f64,
+    pub max_speed_m_per_s: f64,
+    pub max_turn_deg_per_s: f64,
+    /// The narrowest gap of a course.
+    pub gap_m: f64,
+    /// A clearance below this is a near miss.
+    pub near_miss_m: f64,
+    /// A robot that comes no farther than 0.1 m in this time is set back on the route.
+    pub stuck_s: f64,
+    pub steering: SteeringRule,
+}
+
+/// The parameters of the steering rule, `drive/steering.rs`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SteeringRule {
+    /// Rows of the depth grid that it reads, from 0 at the top.
+    pub rows: Vec<usize>,
+    /// Which part of a cell it reads.
+    pub part: CellPart,
+    /// What an unknown cell stands for.
+    pub unknown: CellStandsFor,
+    /// What a cell stands for that a filter says is too close.
+    pub too_close: CellStandsFor,
+    /// Distance of the obstacle that such cells stand for.
+    pub assumed_m: f64,
+    /// How far ahead paths are looked at.
+    pub lookahead_m: f64,
+    /// Distance kept from obstacles besides the radius.
+    pub margin_m: f64,
+    /// The robot stops where its path is free for less than this,
+    pub stop_m: f64,
+    /// and turns until it is free for this.
+    pub resume_m: f64,
+    /// How far it keeps the direction found so before it steers for the goal again.
+    pub detour_m: f64,
+    /// Obstacles that were seen are remembered for this long.
+    pub memory_s: f64,
+    /// Weight of the direction to the goal beside the free distance.
+    pub goal_weight: f64,
+}
+
+/// The part of a cell that the rule reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CellPart {
+    /// The median of its disparities.
+    Median,
+    /// Their 80th percentile: a nearer part.
+    Near,
+}
+
+/// What a cell without a distance stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CellStandsFor {
+    /// Nothing is there.
+    Free,
+    /// An obstacle `assumed_m` away, which is not remembered.
+    Obstacle,
+}
+
+impl Default for DriveConfig {
+    fn default() -> Self {
+        Self {
+            radius_m: 0.08,
+            height_m: 0.12,
+            max_speed_m_per_s: 0.3,
+            max_turn_deg_per_s: 90.0,
+            gap_m: 0.45,
+            near_miss_m: 0.02,
+            stuck_s: 6.0,
+            steering: SteeringRule::default(),
+        }
+    }
+}
+
+impl Default for SteeringRule {
+    fn default() -> Self {
+        Self {
+            rows: vec![1],
+            part: CellPart::Median,
+            unknown: CellStandsFor::Free,
+            too_close: CellStandsFor::Obstacle,
+            assumed_m: 0.2,
+            lookahead_m: 0.8,
+            margin_m: 0.05,
+            stop_m: 0.12,
+            resume_m: 0.5,
+            detour_m: 0.4,
+            memory_s: 6.0,
+            goal_weight: 0.5,
+        }
+    }
+}
+
+impl SteeringRule {
+    /// What a cell in that state stands for; nothing for a known one.
+    pub fn stands_for(&self, state: CellState) -> Option<CellStandsFor> {
+        match state {
+            CellState::Known => None,
+            CellState::Unknown => Some(self.unknown),
+            CellState::TooClose => Some(self.too_close),
+        }
+    }
+}
+
+impl DriveConfig {
+    /// Most pairs of a drive.
+    pub const MAX_FRAMES: u64 = 400;
+    /// From the start of a course to its goal line.
+    pub const LENGTH_M: f64 = 6.0;
+
+    /// # Errors
+    /// [`Error::Invalid`] with the first key whose number is out of its range, or that contradicts
+    /// another.
+    pub fn validate(&self, grid: GridShape, frames: u64, rate_hz: f64) -> Result<()> {
+        let SteeringRule {
+            rows,
+            assumed_m,
+            lookahead_m,
+            margin_m,
+            stop_m,
+            resume_m,
+            detour_m,
+            memory_s,
+            goal_weight,
+            ..
+        } = &self.steering;
+        let within = |key: &str, value: f64, from: f64, to: f64| match (from..=to).contains(&value)
+        {
+            true => Ok(()),
+            false => Err(Error::Invalid(format!(
+                "drive.{key} = {value} is outside {from} ..= {to}"
+            ))),
+        };
+        within("radius_m", self.radius_m, 0.01, 0.5)?;
+        within("height_m", self.height_m, 0.01, 1.0)?;
+        within("max_speed_m_per_s", self.max_speed_m_per_s, 0.01, 5.0)?;
+        within("max_turn_deg_per_s", self.max_turn_deg_per_s, 1.0, 720.0)?;
+        within("gap_m", self.gap_m, 0.05, 0.6)?;
+        within("near_miss_m", self.near_miss_m, 0.0, 0.5)?;
+        within("stuck_s", self.stuck_s, 0.5, 60.0)?;
+        within("steering.assumed_m", *assumed_m, 0.01, 5.0)?;
+        within("steering.lookahead_m", *lookahead_m, 0.1, 5.0)?;
+        within("steering.margin_m", *margin_m, 0.0, 0.5)?;
+        within("steering.stop_m", *stop_m, 0.0, *lookahead_m)?;
+        within("steering.resume_m", *resume_m, *stop_m, *lookahead_m)?;
+        within("steering.detour_m", *detour_m, 0.0, 5.0)?;
+        within("steering.memory_s", *memory_s, 0.0, 60.0)?;
+        within("steering.goal_weight", *goal_weight, 0.0, 10.0)?;
+        if rows.is_empty() || rows.iter().any(|row| *row >= grid.rows) {
+            return Err(Error::Invalid(format!(
+                "drive.steering.rows = {rows:?}: needs rows of the grid, 0 to {}",
+                grid.rows - 1
+            )));
+        }
+        let width_m = 2.0 * (self.radius_m + margin_m);
+        if width_m > self.gap_m {
+            return Err(Error::Invalid(format!(
+                "drive: the robot with its margin is {width_m:.2} m wide, and the gaps of a course \
+                 are {} m: make drive.radius_m or drive.steering.margin_m smaller, or drive.gap_m \
+                 larger",
+                self.gap_m
+            )));
+        }
+        let reach_m = self.max_speed_m_per_s * frames as f64 / rate_hz;
+        if reach_m < Self::LENGTH_M {
+            return Err(Error::Invalid(format!(
+                "drive: at drive.max_speed_m_per_s = {} the robot comes {reach_m:.1} m far in \
+                 arena.frames = {frames} at arena.rate_hz = {rate_hz}, and a course has {} m",
+                self.max_speed_m_per_s,
+                Self::LENGTH_M
+            )));
+        }
+        if frames > Self::MAX_FRAMES {
+            return Err(Error::Invalid(format!(
+                "arena.frames = {frames}: a drive has at most {}",
+                Self::MAX_FRAMES
+            )));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,352 @@
+//! Scores cells of the depth grid against the truth: right, wrong, unknown, obstacles.
+
+use svl_core::depth::{self, CellDecision, GridSettings};
+use svl_core::stereo::{
+    Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, TruthDensity, TruthOrigin,
+};
+
+/// The score of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    Right,
+    Wrong,
+    /// The algorithm leaves the cell unknown, which is not wrong: the thesis's red dot.
+    Unknown,
+    /// The truth is unknown there.
+    NoTruth,
+}
+
+impl Verdict {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Right => "right",
+            Self::Wrong => "wrong",
+            Self::Unknown => "unknown",
+            Self::NoTruth => "no-truth",
+        }
+    }
+
+    pub fn from_name(name: &str) -> Option<Self> {
+        let all = [Self::Right, Self::Wrong, Self::Unknown, Self::NoTruth];
+        all.into_iter().find(|verdict| verdict.name() == name)
+    }
+}
+
+/// The score of a cell, with its truth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellJudgement {
+    pub verdict: Verdict,
+    /// Median true disparity, pixels; nothing without truth.
+    pub true_px: Option<f64>,
+    /// True distance, metres; nothing without truth, without a rig, or at infinity.
+    pub true_m: Option<f64>,
+    /// Truly nearer than the rule's `obstacle_m`, reported farther than its `clear_m`.
+    pub missed_obstacle: bool,
+    /// Reported nearer than `obstacle_m`, truly farther than `clear_m`.
+    pub false_obstacle: bool,
+}
+
+impl CellJudgement {
+    /// Of a frame without truth.
+    pub const NO_TRUTH: Self = Self {
+        verdict: Verdict::NoTruth,
+        true_px: None,
+        true_m: None,
+        missed_obstacle: false,
+        false_obstacle: false,
+    };
+}
+
+/// Counts over the cells of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CellTally {
+    pub right: usize,
+    pub wrong: usize,
+    pub unknown: usize,
+    pub missed_obstacles: usize,
+    pub false_obstacles: usize,
+}
+
+impl CellTally {
+    pub fn from_judgements(judgements: &[CellJudgement]) -> Self {
+        let count = |f: fn(&CellJudgement) -> bool| judgements.iter().filter(|j| f(j)).count();
+        Self {
+            right: count(|j| j.verdict == Verdict::Right),
+            wrong: count(|j| j.verdict == Verdict::Wrong),
+            unknown: count(|j| j.verdict == Verdict::Unknown),
+            missed_obstacles: count(|j| j.missed_obstacle),
+            false_obstacles: count(|j| j.false_obstacle),
+        }
+    }
+}
+
+/// Least share of a cell's pixels whose truth must be known for the cell to have a dense truth.
+const MIN_KNOWN: f64 = 0.5;
+
+/// Least number of a cell's pixels whose truth must be known for the cell to have a sparse truth.
+const MIN_SAMPLES: usize = 10;
+
+/// The true grid of a frame: per cell the median true disparity of its pixels, and its distance. A
+/// cell has a truth when at least half of its pixels do; of a sparse truth, when at least ten do;
+/// of a reference's disparities, when as many are sure as make an algorithm's cell known
+/// ([`depth::MIN_VALID`]). Nothing for a frame without truth.
+pub fn true_grid(frame: &Frame, shape: GridShape) -> Option<DepthGrid> {
+    let truth = frame.truth.as_ref()?;
+    let min_valid = match (truth.kind.density, &truth.kind.origin) {
+        (TruthDensity::Sparse, _) => 0.0,
+        (TruthDensity::Dense, TruthOrigin::Reference(_)) => depth::MIN_VALID,
+        (TruthDensity::Dense, _) => MIN_KNOWN,
+    };
+    let settings = GridSettings {
+        min_valid,
+        decision: CellDecision::Median,
+        ..shape.into()
+    };
+    let grid = depth::grid(&truth.disparity, settings, frame.rig());
+    Some(match truth.kind.density {
+        TruthDensity::Dense => grid,
+        TruthDensity::Sparse => with_samples(&grid, truth.disparity.size()),
+    })
+}
+
+/// The cells that have enough samples.
+fn with_samples(grid: &DepthGrid, size: (usize, usize)) -> DepthGrid {
+    let shape = grid.shape();
+    let cell = |(place, cell): ((usize, usize), &Cell)| {
+        let (columns, rows) = shape.pixels(place, size);
+        let samples = (cell.valid_share * (columns.len() * rows.len()) as f64).round();
+        Cell {
+            depth: cell.depth.filter(|_| samples >= MIN_SAMPLES as f64),
+            ..*cell
+        }
+    };
+    let cells = grid.iter().map(cell).collect();
+    DepthGrid::new(shape, cells).expect("as many cells as before")
+}
+
+/// Scores every cell of `reported` by the true grid, which has the same shape, in raster order.
+pub fn judge_cells(truth: &DepthGrid, reported: &DepthGrid, rule: CellRule) -> Vec<CellJudgement> {
+    debug_assert_eq!(truth.shape(), reported.shape());
+    let pairs = truth.iter().zip(reported.iter());
+    pairs
+        .map(|((_, truth), (_, reported))| {
+            let truth = truth.depth.as_ref();
+            judge_cell(truth, claimed(reported, truth), rule)
+        })
+        .collect()
+}
+
+/// The report of a cell. One that is too close claims no more than to be nearer than the range of
+/// disparities: where the truth is, the report is the truth.
+fn claimed<'a>(reported: &'a Cell, truth: Option<&'a CellDepth>) -> Option<&'a CellDepth> {
+    let report = reported.depth.as_ref()?;
+    let nearer = truth.filter(|truth| reported.too_close && truth.median_px > report.median_px);
+    Some(nearer.unwrap_or(report))
+}
+
+/// Whether a report is right by the rule; an unknown cell is not. Nothing where the rule finds no
+/// truth, as a distance at infinity.
+pub fn is_right(truth: &CellDepth, reported: Option<&CellDepth>, rule: CellRule) -> Option<bool> {
+    match judge_cell(Some(truth), reported, rule).verdict {
+        Verdict::NoTruth => None,
+        verdict => Some(verdict == Verdict::Right),
+    }
+}
+
+fn judge_cell(
+    truth: Option<&CellDepth>,
+    reported: Option<&CellDepth>,
+    rule: CellRule,
+) -> CellJudgement {
+    let true_m = truth.and_then(|t| t.distance_m);
+    let distances = true_m.zip(reported.and_then(|r| r.distance_m));
+    let (has_truth, within) = match rule {
+        CellRule::Distance {
+            tolerance_m,
+            tolerance_percent,
+            ..
+        } => {
+            // The larger of the two: near things need centimetres, far ones a share of the
+            // distance.
+            let tolerance = |z_true: f64| (tolerance_percent / 100.0 * z_true).max(tolerance_m);
+            let within = distances.map(|(z_true, z)| (z - z_true).abs() <= tolerance(z_true));
+            (true_m.is_some(), within)
+        }
+        CellRule::Disparity { tolerance_px } => {
+            let disparities = truth.zip(reported);
+            let error = |(t, r): (&CellDepth, &CellDepth)| {
+                (f64::from(r.median_px) - f64::from(t.median_px)).abs()
+            };
+            (
+                truth.is_some(),
+                disparities.map(|both| error(both) <= tolerance_px),
+            )
+        }
+    };
+    let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+    let verdict = match (has_truth, reported, within) {
+        (false, ..) => Verdict::NoTruth,
+        (true, None, _) => Verdict::Unknown,
+        (true, Some(_), Some(true)) => Verdict::Right,
+        // A reported cell without a distance claims infinity: there is a truth, and that is not it.
+        (true, Some(_), _) => Verdict::Wrong,
+    };
+    CellJudgement {
+        verdict,
+        true_px: truth.map(|t| t.median_px.into()),
+        true_m,
+        missed_obstacle: true_m.is_some_and(|t| t < obstacle_m)
+            && reported.is_some_and(|r| r.distance_m.is_none_or(|z| z > clear_m)),
+        false_obstacle: distances.is_some_and(|(z_true, z)| z < obstacle_m && z_true > clear_m),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::{Exposure, Geometry, Gray, Plane, StereoPair, Truth, TruthKind};
+
+    fn reported(distance_m: f64) -> CellDepth {
+        CellDepth {
+            median_px: 10.0,
+            p20_px: 10.0,
+            p80_px: 10.0,
+            distance_m: Some(distance_m),
+        }
+    }
+
+    fn judged(true_m: f64, reported_m: f64) -> CellJudgement {
+        judge_cell(
+            Some(&reported(true_m)),
+            Some(&reported(reported_m)),
+            CellRule::default(),
+        )
+    }
+
+    #[test]
+    fn ten_centimetres_or_a_fifth() {
+        assert_eq!(judged(0.30, 0.39).verdict, Verdict::Right);
+        assert_eq!(judged(0.30, 0.41).verdict, Verdict::Wrong);
+        assert_eq!(judged(2.00, 1.61).verdict, Verdict::Right);
+        assert_eq!(judged(2.00, 2.41).verdict, Verdict::Wrong);
+    }
+
+    #[test]
+    fn the_scenario_sets_tolerances_and_distances() {
+        let rule = CellRule::Distance {
+            tolerance_m: 0.02,
+            tolerance_percent: 5.0,
+            obstacle_m: 0.4,
+            clear_m: 0.9,
+        };
+        let judged = |true_m, reported_m| {
+            judge_cell(Some(&reported(true_m)), Some(&reported(reported_m)), rule)
+        };
+        assert_eq!(judged(0.30, 0.319).verdict, Verdict::Right);
+        assert_eq!(judged(0.30, 0.321).verdict, Verdict::Wrong);
+        assert_eq!(judged(2.00, 2.09).verdict, Verdict::Right);
+        assert_eq!(judged(2.00, 2.11).verdict, Verdict::Wrong);
+        assert!(judged(0.39, 0.91).missed_obstacle && !judged(0.39, 0.89).missed_obstacle);
+        assert!(!judged(0.41, 0.91).missed_obstacle);
+        assert!(judged(0.91, 0.39).false_obstacle && !judged(0.89, 0.39).false_obstacle);
+    }
+
+    #[test]
+    fn obstacles_missed_and_invented() {
+        assert!(judged(0.4, 0.8).missed_obstacle && !judged(0.4, 0.7).missed_obstacle);
+        assert!(judged(0.8, 0.4).false_obstacle && !judged(0.7, 0.4).false_obstacle);
+        assert!(!judged(0.6, 2.0).missed_obstacle);
+    }
+
+    #[test]
+    fn unknown_is_not_wrong_and_infinity_is() {
+        let truth = reported(0.48);
+        assert_eq!(
+            judge_cell(Some(&truth), None, CellRule::default()).verdict,
+            Verdict::Unknown
+        );
+        let infinity = CellDepth {
+            distance_m: None,
+            ..reported(1.0)
+        };
+        let judgement = judge_cell(Some(&truth), Some(&infinity), CellRule::default());
+        assert_eq!(
+            (judgement.verdict, judgement.missed_obstacle),
+            (Verdict::Wrong, true)
+        );
+        assert_eq!(
+            judge_cell(None, Some(&reported(1.0)), CellRule::default()).verdict,
+            Verdict::NoTruth
+        );
+    }
+
+    #[test]
+    fn sparse_truth_is_judged_from_ten_samples_on() {
+        let shape = GridShape {
+            columns: 2,
+            rows: 1,
+        };
+        // Ten samples in the left cell, nine in the right one.
+        let plane = |known: fn(usize) -> bool| {
+            Plane::from_fn(
+                80,
+                1,
+                |x, _| if known(x) { x as f32 } else { f32::INFINITY },
+            )
+            .unwrap()
+        };
+        let frame = |disparity, density| {
+            let image = Gray::filled(80, 1, 0).unwrap();
+            Frame {
+                sequence: 0,
+                stamp_ns: 0,
+                name: None,
+                pair: StereoPair::new(image.clone(), image).unwrap(),
+                geometry: Geometry::Rectified(None),
+                pose: None,
+                truth: Some(Truth {
+                    kind: TruthKind {
+                        density,
+                        ..TruthKind::default()
+                    },
+                    ..Truth::exact(disparity, None)
+                }),
+                color: None,
+                exposure: Exposure::default(),
+            }
+        };
+        let known = |frame: &Frame| {
+            let grid = true_grid(frame, shape).unwrap();
+            [0, 1].map(|column| grid.cell(column, 0).depth.map(|depth| depth.median_px))
+        };
+        let sparse = plane(|x| x % 4 == 0 && x < 76);
+        assert_eq!(
+            known(&frame(sparse.clone(), TruthDensity::Sparse)),
+            [Some(16.0), None]
+        );
+        assert_eq!(known(&frame(sparse, TruthDensity::Dense)), [None, None]);
+    }
+
+    #[test]
+    fn disparity_rule() {
+        let of = |median_px| CellDepth {
+            median_px,
+            distance_m: None,
+            ..reported(1.0)
+        };
+        let rule = CellRule::Disparity { tolerance_px: 2.0 };
+        assert_eq!(
+            judge_cell(Some(&of(12.0)), Some(&of(10.0)), rule).verdict,
+            Verdict::Right
+        );
+        assert_eq!(
+            judge_cell(Some(&of(12.5)), Some(&of(10.0)), rule).verdict,
+            Verdict::Wrong
+        );
+        assert_eq!(
+            judge_cell(Some(&of(12.5)), Some(&of(10.0)), CellRule::default()).verdict,
+            Verdict::NoTruth
+        );
+    }
+}

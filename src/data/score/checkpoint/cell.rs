@@ -1,0 +1,244 @@
+//! What a cell must show, as a person measured it or judged it by eye.
+
+use crate::score::Verdict;
+use svl_core::stereo::{CellDepth, CellRule};
+
+/// A cell of a checkpoint and what it must show, `[[checkpoint.cell]]` of a scenario.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
+#[serde(try_from = "CellTable")]
+pub struct ExpectedCell {
+    /// `[column, row]`, row 0 on top.
+    pub at: [usize; 2],
+    pub expectation: CellExpectation,
+}
+
+/// What a cell must show.
+///
+/// | | right | wrong | missing |
+/// |---|---|---|---|
+/// | `distance_m` | reported within the tolerance | reported outside | unknown |
+/// | `nearer_m` | reported nearer | reported there or beyond | unknown |
+/// | `farther_m` | reported farther | reported there or nearer | unknown |
+/// | `free` | unknown, or beyond the rule's `clear_m` | reported at `clear_m` or nearer | – |
+///
+/// A cell that is reported at infinity is farther than everything.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CellExpectation {
+    /// Something at that distance, metres. Where one tolerance is given, it alone counts; of two
+    /// the larger; without any those of the cell rule.
+    Distance {
+        distance_m: f64,
+        tolerance_m: Option<f64>,
+        tolerance_percent: Option<f64>,
+    },
+    Nearer(f64),
+    Farther(f64),
+    Free,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CellTable {
+    at: [usize; 2],
+    distance_m: Option<f64>,
+    tolerance_m: Option<f64>,
+    tolerance_percent: Option<f64>,
+    nearer_m: Option<f64>,
+    farther_m: Option<f64>,
+    free: Option<bool>,
+}
+
+impl TryFrom<CellTable> for ExpectedCell {
+    type Error = String;
+
+    fn try_from(table: CellTable) -> Result<Self, String> {
+        let CellTable {
+            at,
+            tolerance_m,
+            tolerance_percent,
+            ..
+        } = table;
+        let [column, row] = at;
+        let wrong = |what: &str| Err(format!("cell [{column}, {row}]: {what}"));
+        let found = [
+            table
+                .distance_m
+                .map(|distance_m| CellExpectation::Distance {
+                    distance_m,
+                    tolerance_m,
+                    tolerance_percent,
+                }),
+            table.nearer_m.map(CellExpectation::Nearer),
+            table.farther_m.map(CellExpectation::Farther),
+            table.free.map(|_| CellExpectation::Free),
+        ];
+        let mut found = found.into_iter().flatten();
+        let (Some(expectation), None) = (found.next(), found.next()) else {
+            return wrong("give exactly one of distance_m, nearer_m, farther_m and free");
+        };
+        if table.free == Some(false) {
+            return wrong("free = false says nothing: give nearer_m or distance_m");
+        }
+        let tolerances = tolerance_m.is_some() || tolerance_percent.is_some();
+        if tolerances && table.distance_m.is_none() {
+            return wrong("a tolerance belongs to distance_m");
+        }
+        Ok(Self { at, expectation })
+    }
+}
+
+impl ExpectedCell {
+    pub(super) fn validate(&self) -> Result<(), String> {
+        let [column, row] = self.at;
+        let (limit_m, tolerances) = match self.expectation {
+            CellExpectation::Distance {
+                distance_m,
+                tolerance_m,
+                tolerance_percent,
+            } => (distance_m, [tolerance_m, tolerance_percent]),
+            CellExpectation::Nearer(m) | CellExpectation::Farther(m) => (m, [None; 2]),
+            CellExpectation::Free => return Ok(()),
+        };
+        let mut numbers = tolerances.into_iter().flatten().chain([limit_m]);
+        match numbers.all(|v| v.is_finite() && v > 0.0) {
+            true => Ok(()),
+            false => Err(format!(
+                "cell [{column}, {row}]: distances and tolerances must be positive numbers"
+            )),
+        }
+    }
+
+    /// The distance that was measured.
+    pub fn distance_m(&self) -> Option<f64> {
+        match self.expectation {
+            CellExpectation::Distance { distance_m, .. } => Some(distance_m),
+            _ => None,
+        }
+    }
+
+    /// Right, wrong, or unknown where something must be seen: missing.
+    pub fn judge(&self, reported: Option<CellDepth>, rule: CellRule) -> Verdict {
+        let Some(depth) = reported else {
+            return match self.expectation {
+                CellExpectation::Free => Verdict::Right,
+                _ => Verdict::Unknown,
+            };
+        };
+        let z = depth.distance_m.unwrap_or(f64::INFINITY);
+        let right = match self.expectation {
+            CellExpectation::Distance { distance_m, .. } => {
+                (z - distance_m).abs() <= self.tolerance_m(distance_m, rule)
+            }
+            CellExpectation::Nearer(m) => z < m,
+            CellExpectation::Farther(m) => z > m,
+            CellExpectation::Free => z > rule.obstacle_and_clear_m().1,
+        };
+        if right {
+            Verdict::Right
+        } else {
+            Verdict::Wrong
+        }
+    }
+
+    fn tolerance_m(&self, distance_m: f64, rule: CellRule) -> f64 {
+        let own = match self.expectation {
+            CellExpectation::Distance {
+                tolerance_m,
+                tolerance_percent,
+                ..
+            } if tolerance_m.is_some() || tolerance_percent.is_some() => {
+                Some((tolerance_m.unwrap_or(0.0), tolerance_percent.unwrap_or(0.0)))
+            }
+            _ => None,
+        };
+        let (metres, percent) = own.unwrap_or_else(|| rule.tolerances());
+        (percent / 100.0 * distance_m).max(metres)
+    }
+
+    /// What is expected, in words.
+    pub fn words(&self, rule: CellRule) -> String {
+        match self.expectation {
+            CellExpectation::Distance { distance_m, .. } => {
+                let tolerance_m = self.tolerance_m(distance_m, rule);
+                format!("{distance_m} m ± {tolerance_m:.2} m")
+            }
+            CellExpectation::Nearer(m) => format!("something nearer than {m} m"),
+            CellExpectation::Farther(m) => format!("something beyond {m} m"),
+            CellExpectation::Free => {
+                format!("nothing nearer than {} m", rule.obstacle_and_clear_m().1)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Verdict::{Right, Unknown, Wrong};
+
+    fn cell(toml: &str) -> Result<ExpectedCell, String> {
+        let cell: ExpectedCell =
+            toml::from_str(&format!("at = [1, 0]\n{toml}")).map_err(|e| e.message().to_owned())?;
+        cell.validate().map(|()| cell)
+    }
+
+    /// At 1.4 m, 0.6 m, at infinity, unknown.
+    fn verdicts(toml: &str) -> [Verdict; 4] {
+        let at = |distance_m| CellDepth {
+            median_px: 9.0,
+            p20_px: 9.0,
+            p80_px: 9.0,
+            distance_m,
+        };
+        let cell = cell(toml).unwrap();
+        [
+            Some(at(Some(1.4))),
+            Some(at(Some(0.6))),
+            Some(at(None)),
+            None,
+        ]
+        .map(|reported| cell.judge(reported, CellRule::default()))
+    }
+
+    #[test]
+    fn a_contradiction_is_wrong_and_an_unknown_is_missing() {
+        let of_1_4_m = verdicts("distance_m = 1.25");
+        assert_eq!(of_1_4_m, [Right, Wrong, Wrong, Unknown]);
+        assert_eq!(verdicts("nearer_m = 1.0"), [Wrong, Right, Wrong, Unknown]);
+        assert_eq!(verdicts("farther_m = 1.0"), [Right, Wrong, Right, Unknown]);
+        assert_eq!(verdicts("free = true"), [Right, Wrong, Right, Right]);
+        assert_eq!(verdicts("nearer_m = 1.4")[0], Wrong, "there, not nearer");
+        assert_eq!(verdicts("farther_m = 1.4")[0], Wrong, "there, not farther");
+    }
+
+    #[test]
+    fn a_tolerance_replaces_both_of_the_rule() {
+        assert_eq!(verdicts("distance_m = 1.5\ntolerance_m = 0.05")[0], Wrong);
+        assert_eq!(
+            verdicts("distance_m = 1.5\ntolerance_percent = 5")[0],
+            Wrong
+        );
+        let both = "distance_m = 1.5\ntolerance_m = 0.05\ntolerance_percent = 10";
+        assert_eq!(verdicts(both)[0], Right);
+        let words = |toml: &str| cell(toml).unwrap().words(CellRule::default());
+        assert_eq!(words("distance_m = 1.5"), "1.5 m ± 0.30 m");
+        assert_eq!(words("free = true"), "nothing nearer than 0.75 m");
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        for (toml, words) in [
+            ("", "cell [1, 0]: give exactly one of"),
+            ("distance_m = 1\nfree = true", "exactly one of"),
+            ("free = false", "says nothing"),
+            ("nearer_m = 1\ntolerance_m = 1", "belongs to distance_m"),
+            ("distance_m = 0", "positive"),
+            ("distance_m = 1\ntolerance_m = nan", "positive"),
+            ("farther_m = inf", "positive"),
+            ("farther = 1", "unknown field"),
+        ] {
+            let error = cell(toml).unwrap_err();
+            assert!(error.contains(words), "{toml}: {error}");
+        }
+    }
+}

@@ -1,0 +1,475 @@
+//! Checkpoints: situations in which the robot has to see one thing, as in the thesis's arena
+//! (chapter 7), or as a person measured it in a recording.
+
+mod cell;
+mod place;
+mod tally;
+
+pub use cell::{CellExpectation, ExpectedCell};
+pub use place::{CheckpointPlace, RunPart};
+pub use tally::CheckpointTally;
+
+use super::{CellJudgement, Verdict};
+use place::PlaceTable;
+use std::cmp::Ordering;
+use svl_core::counted;
+use svl_core::stereo::{CellRule, DepthGrid, Frame, GridShape};
+use svl_core::{Error, Result};
+
+/// Frames of a run, and what has to be seen in them.
+///
+/// Cells are `[column, row]`, row 0 on top.
+#[derive(Clone, Debug, PartialEq, serde::Deserialize)]
+#[serde(try_from = "CheckpointTable")]
+pub struct Checkpoint {
+    pub number: u32,
+    pub name: String,
+    pub description: String,
+    /// The frames that show it.
+    pub place: CheckpointPlace,
+    /// The run that they belong to, of a scenario of recordings: the end of its file's path.
+    pub file: Option<String>,
+    /// None of these may be wrong; needs truth.
+    pub cells: Vec<[usize; 2]>,
+    /// All of these must be right; needs truth.
+    pub must: Vec<[usize; 2]>,
+    /// Each list: cells from the nearest to the farthest, by reported distance, strictly.
+    pub order: Vec<Vec<[usize; 2]>>,
+    /// What was measured or judged by eye; needs no truth.
+    pub expected: Vec<ExpectedCell>,
+}
+
+/// A checkpoint as it stands in a file.
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CheckpointTable {
+    number: u32,
+    name: String,
+    #[serde(default)]
+    description: String,
+    at_m: Option<[f64; 2]>,
+    radius_m: Option<f64>,
+    heading_deg: Option<f64>,
+    heading_tolerance_deg: Option<f64>,
+    frames: Option<[u64; 2]>,
+    seconds: Option<[f64; 2]>,
+    file: Option<String>,
+    #[serde(default)]
+    cells: Vec<[usize; 2]>,
+    #[serde(default)]
+    must: Vec<[usize; 2]>,
+    #[serde(default)]
+    order: Vec<Vec<[usize; 2]>>,
+    #[serde(default)]
+    cell: Vec<ExpectedCell>,
+}
+
+impl TryFrom<CheckpointTable> for Checkpoint {
+    type Error = Error;
+
+    fn try_from(table: CheckpointTable) -> Result<Self> {
+        let CheckpointTable { number, name, .. } = &table;
+        let place = PlaceTable {
+            at_m: table.at_m,
+            radius_m: table.radius_m,
+            heading_deg: table.heading_deg,
+            heading_tolerance_deg: table.heading_tolerance_deg,
+            frames: table.frames,
+            seconds: table.seconds,
+        };
+        let place = CheckpointPlace::try_from(place)
+            .map_err(|what| Error::Invalid(format!("checkpoint {number} ({name}): {what}")))?;
+        Ok(Self {
+            number: table.number,
+            name: table.name,
+            description: table.description,
+            place,
+            file: table.file,
+            cells: table.cells,
+            must: table.must,
+            order: table.order,
+            expected: table.cell,
+        })
+    }
+}
+
+impl Checkpoint {
+    /// # Errors
+    /// [`Error::Invalid`] naming the checkpoint and what contradicts itself.
+    pub fn validate(&self, shape: GridShape) -> Result<()> {
+        self.place.validate().or_else(|what| self.wrong(what))?;
+        let all = self.cells.iter().chain(&self.must);
+        let all = all.chain(self.order.iter().flatten());
+        let all = all.chain(self.expected.iter().map(|cell| &cell.at));
+        if let Some([column, row]) = all
+            .copied()
+            .find(|[c, r]| *c >= shape.columns || *r >= shape.rows)
+        {
+            let (columns, rows) = (shape.columns, shape.rows);
+            return self.wrong(format!(
+                "cell [{column}, {row}] is outside the grid of {columns}x{rows}"
+            ));
+        }
+        for (i, cell) in self.expected.iter().enumerate() {
+            cell.validate().or_else(|what| self.wrong(what))?;
+            let [column, row] = cell.at;
+            if self.expected[..i].iter().any(|other| other.at == cell.at) {
+                let what = format!("cell [{column}, {row}] is expected twice; say it once");
+                return self.wrong(what);
+            }
+        }
+        if self.must.is_empty() && self.order.is_empty() && self.expected.is_empty() {
+            return self.wrong(
+                "names no cell in must, order or [[checkpoint.cell]], so nothing would be tested"
+                    .into(),
+            );
+        }
+        Ok(())
+    }
+
+    fn wrong<T>(&self, what: String) -> Result<T> {
+        let Self { number, name, .. } = self;
+        Err(Error::Invalid(format!(
+            "checkpoint {number} ({name}): {what}"
+        )))
+    }
+
+    /// Whether what it says of cells can be compared with nothing but true distances.
+    pub fn needs_truth(&self) -> bool {
+        !(self.cells.is_empty() && self.must.is_empty())
+    }
+
+    /// Whether it needs reported distances, which only a calibrated pair has.
+    pub fn needs_rig(&self) -> bool {
+        !(self.order.is_empty() && self.expected.is_empty())
+    }
+
+    /// Refuses a run by its first frame where nothing could ever pass.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with what is missing, and the cure.
+    pub fn check_frame(&self, frame: &Frame, run: &RunPart) -> Result<()> {
+        if !run.is_in(self.file.as_deref()) {
+            return Ok(());
+        }
+        let of = if run.name.is_empty() {
+            "the source"
+        } else {
+            &run.name
+        };
+        if self.needs_rig() && frame.rig().is_none() {
+            return self.wrong(format!(
+                "expects distances, and {of} has no calibration: name one with source.calib or \
+                 --calib"
+            ));
+        }
+        if self.needs_truth() && frame.truth.is_none() {
+            return self.wrong(format!(
+                "`cells` and `must` are compared with true distances, and {of} has none: say what \
+                 was measured in [[checkpoint.cell]]"
+            ));
+        }
+        if matches!(self.place, CheckpointPlace::Pose { .. }) && frame.pose.is_none() {
+            return self.wrong(format!(
+                "at_m needs poses, and {of} has none: name its frames by frames or seconds"
+            ));
+        }
+        Ok(())
+    }
+
+    /// Whether a frame of that run shows this checkpoint.
+    pub fn covers(&self, frame: &Frame, run: &RunPart) -> bool {
+        run.is_in(self.file.as_deref()) && self.place.covers(frame, run)
+    }
+
+    /// The expected cells that are wrong or missing in a frame, in words.
+    pub fn findings(&self, grid: &DepthGrid, rule: CellRule) -> Vec<CellFinding> {
+        let finding = |cell: &ExpectedCell| {
+            let [column, row] = cell.at;
+            let reported = grid.cell(column, row).depth;
+            let is_wrong = match cell.judge(reported, rule) {
+                Verdict::Wrong => true,
+                Verdict::Unknown => false,
+                Verdict::Right | Verdict::NoTruth => return None,
+            };
+            let said = match reported.map(|depth| depth.distance_m) {
+                Some(Some(z)) => format!("{z:.2} m"),
+                Some(None) => "infinitely far".to_owned(),
+                None => "unknown".to_owned(),
+            };
+            let expected = cell.words(rule);
+            Some(CellFinding {
+                at: cell.at,
+                is_wrong,
+                words: format!("({column}, {row}) {said}, expected {expected}"),
+            })
+        };
+        self.expected.iter().filter_map(finding).collect()
+    }
+
+    /// Judges one of its frames from the reported grid and the cells' judgements, which are in
+    /// raster order; without judgements no cell of `must` is right.
+    pub fn judge(
+        &self,
+        grid: &DepthGrid,
+        judgements: Option<&[CellJudgement]>,
+        rule: CellRule,
+    ) -> CheckpointFrame {
+        let judgement = |[column, row]: [usize; 2]| {
+            let place = row * grid.shape().columns + column;
+            judgements.map_or(&CellJudgement::NO_TRUTH, |judgements| &judgements[place])
+        };
+        let count = |cells: &[[usize; 2]], v: Verdict| {
+            cells.iter().filter(|&&c| judgement(c).verdict == v).count()
+        };
+        let depth = |[column, row]: [usize; 2]| grid.cell(column, row).depth;
+        let expected = |v: Verdict| {
+            let verdicts = self
+                .expected
+                .iter()
+                .map(|cell| cell.judge(depth(cell.at), rule));
+            verdicts.filter(|verdict| *verdict == v).count()
+        };
+        let must_right = count(&self.must, Verdict::Right);
+        let missing = self.must.len() - must_right + expected(Verdict::Unknown);
+        let wrong = count(&self.cells, Verdict::Wrong) + expected(Verdict::Wrong);
+        let distance = |cell: &[usize; 2]| depth(*cell).and_then(|d| d.distance_m);
+        let order_holds = self.order.iter().all(|cells| {
+            let distances: Vec<_> = cells.iter().map(distance).collect();
+            // An unknown cell has no place in an order.
+            distances.iter().all(Option::is_some)
+                && distances.is_sorted_by(|nearer, farther| nearer < farther)
+        });
+        let error = |true_m: Option<f64>, cell: &[usize; 2]| match (true_m, distance(cell)) {
+            (Some(z_true), Some(z)) => (z - z_true).abs() / z_true,
+            _ => f64::INFINITY,
+        };
+        let must = self
+            .must
+            .iter()
+            .map(|cell| error(judgement(*cell).true_m, cell));
+        let measured = self
+            .expected
+            .iter()
+            .filter(|cell| cell.distance_m().is_some());
+        let measured = measured.map(|cell| error(cell.distance_m(), &cell.at));
+        CheckpointFrame {
+            passed: missing == 0 && wrong == 0 && order_holds,
+            missing,
+            wrong,
+            order_holds,
+            error: must.chain(measured).fold(0.0, f64::max),
+        }
+    }
+}
+
+/// An expected cell that is not as it must be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CellFinding {
+    pub at: [usize; 2],
+    /// Whether it is wrong, not only missing.
+    pub is_wrong: bool,
+    /// What is reported and what was expected.
+    pub words: String,
+}
+
+/// A checkpoint's verdict in one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CheckpointFrame {
+    pub passed: bool,
+    /// Cells that must be right and are not, or where something must be seen and nothing is known.
+    pub missing: usize,
+    /// Cells that are wrong.
+    pub wrong: usize,
+    /// Whether the reported distances are in the order they must be in.
+    pub order_holds: bool,
+    /// The largest relative error of distance among the cells whose distance is known; infinite
+    /// when one is not reported.
+    pub error: f64,
+}
+
+impl CheckpointFrame {
+    /// Orders frames from the best to the worst: by what fails, and where that is equal by the
+    /// error of distance.
+    fn badness(&self, other: &Self) -> Ordering {
+        // In the order of severity: a wrong cell may make the robot hit something, a missing one
+        // makes it stop.
+        let failures = |f: &Self| (!f.passed, f.wrong, f.missing, !f.order_holds);
+        failures(self)
+            .cmp(&failures(other))
+            .then(self.error.total_cmp(&other.error))
+    }
+
+    /// What is amiss, in words; nothing when it passed.
+    pub fn reasons(&self) -> Option<String> {
+        let cells = |n: usize| counted(n, "cell");
+        let amiss = [
+            (self.wrong > 0).then(|| format!("{} wrong", cells(self.wrong))),
+            (self.missing > 0)
+                .then(|| format!("{} missing: not right, or not seen", cells(self.missing))),
+            (!self.order_holds).then(|| "order of distances not seen".to_owned()),
+        ];
+        (!self.passed).then(|| amiss.into_iter().flatten().collect::<Vec<_>>().join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::{Cell, CellDepth};
+
+    const SHAPE: GridShape = GridShape {
+        columns: 3,
+        rows: 1,
+    };
+
+    fn opening() -> Checkpoint {
+        Checkpoint {
+            number: 1,
+            name: "opening".into(),
+            description: String::new(),
+            place: CheckpointPlace::Pose {
+                at_m: [1.0, 0.5],
+                radius_m: 0.1,
+                heading_deg: 90.0,
+                heading_tolerance_deg: 5.0,
+            },
+            file: None,
+            cells: vec![[0, 0], [1, 0], [2, 0]],
+            must: vec![[1, 0]],
+            order: vec![vec![[0, 0], [1, 0]], vec![[2, 0], [1, 0]]],
+            expected: Vec::new(),
+        }
+    }
+
+    fn judged(cells: [(Option<f64>, Verdict); 3]) -> CheckpointFrame {
+        let cell = |distance_m: Option<f64>| Cell {
+            valid_share: 0.5,
+            probability: None,
+            evidence: None,
+            too_close: false,
+            depth: distance_m.map(|z| CellDepth {
+                median_px: 1.0,
+                p20_px: 1.0,
+                p80_px: 1.0,
+                distance_m: Some(z),
+            }),
+        };
+        let grid = DepthGrid::new(SHAPE, cells.iter().map(|(z, _)| cell(*z)).collect()).unwrap();
+        let judgement = |verdict| CellJudgement {
+            verdict,
+            true_px: Some(9.0),
+            true_m: Some(1.0),
+            missed_obstacle: false,
+            false_obstacle: false,
+        };
+        let judgements = cells.map(|(_, verdict)| judgement(verdict));
+        opening().judge(&grid, Some(&judgements), CellRule::default())
+    }
+
+    #[test]
+    fn passes_when_right_and_in_order() {
+        use Verdict::{Right, Unknown, Wrong};
+        assert!(judged([(Some(0.5), Right), (Some(1.5), Right), (Some(0.5), Right)]).passed);
+        let wrong = judged([(Some(0.5), Wrong), (Some(1.5), Right), (Some(0.5), Right)]);
+        assert_eq!(wrong.reasons().unwrap(), "1 cell wrong");
+        let unknown = judged([(Some(0.5), Right), (None, Unknown), (Some(0.5), Right)]);
+        assert!(!unknown.passed && !unknown.order_holds && unknown.wrong == 0);
+        let level = judged([(Some(1.5), Right), (Some(1.5), Right), (Some(0.5), Right)]);
+        assert_eq!(level.reasons().unwrap(), "order of distances not seen");
+    }
+
+    #[test]
+    fn what_was_measured_needs_no_truth() {
+        let checkpoint: Checkpoint = toml::from_str(
+            "number = 2\nname = \"shelf\"\nframes = [3, 5]\nfile = \"day/own.mcap\"\n\
+             cell = [{ at = [0, 0], distance_m = 1.0 }, { at = [1, 0], nearer_m = 0.8 }]",
+        )
+        .unwrap();
+        checkpoint.validate(SHAPE).unwrap();
+        assert!(checkpoint.needs_rig() && !checkpoint.needs_truth());
+        let judged = |distances: [Option<f64>; 3]| {
+            let cell = |distance_m: Option<f64>| Cell {
+                valid_share: 1.0,
+                probability: None,
+                evidence: None,
+                too_close: false,
+                depth: distance_m.map(|z| CellDepth {
+                    median_px: 1.0,
+                    p20_px: 1.0,
+                    p80_px: 1.0,
+                    distance_m: Some(z),
+                }),
+            };
+            let grid = DepthGrid::new(SHAPE, distances.map(cell).to_vec()).unwrap();
+            let findings = checkpoint.findings(&grid, CellRule::default());
+            (checkpoint.judge(&grid, None, CellRule::default()), findings)
+        };
+        let (right, findings) = judged([Some(1.1), Some(0.7), None]);
+        assert!(right.passed && findings.is_empty());
+        assert!((right.error - 0.1).abs() < 1e-9);
+        let (off, findings) = judged([Some(1.5), None, None]);
+        assert_eq!((off.wrong, off.missing, off.passed), (1, 1, false));
+        assert_eq!(
+            off.reasons().unwrap(),
+            "1 cell wrong, 1 cell missing: not right, or not seen"
+        );
+        let words: Vec<_> = findings
+            .iter()
+            .map(|finding| finding.words.as_str())
+            .collect();
+        assert_eq!(
+            words,
+            [
+                "(0, 0) 1.50 m, expected 1 m ± 0.20 m",
+                "(1, 0) unknown, expected something nearer than 0.8 m"
+            ]
+        );
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        let place = |radius_m, heading_deg| CheckpointPlace::Pose {
+            at_m: [1.0, 0.5],
+            radius_m,
+            heading_deg,
+            heading_tolerance_deg: 5.0,
+        };
+        for broken in [
+            Checkpoint {
+                cells: vec![[3, 0]],
+                ..opening()
+            },
+            Checkpoint {
+                must: vec![],
+                order: vec![],
+                ..opening()
+            },
+            Checkpoint {
+                place: place(0.0, 90.0),
+                ..opening()
+            },
+            Checkpoint {
+                place: place(0.1, f64::NAN),
+                ..opening()
+            },
+            Checkpoint {
+                place: CheckpointPlace::Frames([5, 4]),
+                ..opening()
+            },
+            Checkpoint {
+                place: CheckpointPlace::Seconds([0.0, f64::NAN]),
+                ..opening()
+            },
+        ] {
+            assert!(
+                broken
+                    .validate(SHAPE)
+                    .unwrap_err()
+                    .to_string()
+                    .starts_with("checkpoint 1 (opening): ")
+            );
+        }
+        opening().validate(SHAPE).unwrap();
+    }
+}

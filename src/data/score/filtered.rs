@@ -1,0 +1,222 @@
+//! What filters are for: obstacles that are floor, obstacles that a filter takes away, and what is
+//! nearer than the range of disparities.
+
+use super::{CellJudgement, Verdict, judge_cells};
+use svl_core::stereo::{CellRule, DepthGrid, Estimate, Frame, Surface};
+
+/// Counts over the cells of a frame with exact truth and a rig.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FilterTally {
+    /// Cells known as an obstacle in which nothing but floor is nearer than what is clear; absent
+    /// where the truth does not know surfaces.
+    pub floor: Option<usize>,
+    /// Cells with an obstacle that are right with and without filters; absent without filters, and
+    /// as `floor`.
+    pub kept: Option<usize>,
+    /// Those that are right without filters alone.
+    pub lost: Option<usize>,
+    /// Cells nearer than the range of disparities that are reported as such, or right; absent where
+    /// the range is not known.
+    pub close: Option<usize>,
+    /// Those that are not.
+    pub blind: Option<usize>,
+    /// Whether cells are too close and none of them has an obstacle; absent without filters.
+    pub alarm: Option<bool>,
+}
+
+/// Least share of a cell's pixels that makes something an obstacle in it: as for missed near
+/// obstacles, a quarter.
+const LEAST: f64 = 0.25;
+
+impl FilterTally {
+    /// `cells` are the judgements of the estimate's grid.
+    pub fn new(
+        frame: &Frame,
+        true_grid: &DepthGrid,
+        estimate: &Estimate,
+        cells: &[CellJudgement],
+        rule: CellRule,
+    ) -> Self {
+        let (Some(truth), Some(rig), CellRule::Distance { .. }) = (&frame.truth, frame.rig(), rule)
+        else {
+            return Self::default();
+        };
+        let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+        let px = |distance_m| rig.disparity_px(distance_m) as f32;
+        let (obstacle_px, clear_px) = (px(obstacle_m), px(clear_m));
+        let (shape, size) = (true_grid.shape(), truth.disparity.size());
+        // Share of a cell's pixels that a function of disparity and surface is true for.
+        let share = |place, is: &dyn Fn(f32, Surface) -> bool| {
+            let (columns, rows) = shape.pixels(place, size);
+            let pixels = columns.len() * rows.len();
+            let surfaces = truth.surface.as_ref();
+            let of_row = |y: usize| {
+                let columns = columns.clone();
+                let is = |x: &usize| {
+                    let surface = surfaces.map_or(Surface::Unknown, |s| s.get(*x, y));
+                    is(truth.disparity.get(*x, y), surface)
+                };
+                columns.filter(is).count()
+            };
+            rows.map(of_row).sum::<usize>() as f64 / pixels as f64
+        };
+        let stands = |surface| surface != Surface::Floor;
+        let knows_surfaces = truth.surface.is_some();
+        let count = |is: &dyn Fn(usize, (usize, usize)) -> bool| {
+            shape
+                .iter()
+                .enumerate()
+                .filter(|(i, place)| is(*i, *place))
+                .count()
+        };
+        let reported: Vec<_> = estimate.grid.iter().map(|(_, cell)| *cell).collect();
+        let is_near = |i: usize| {
+            let depth = reported[i].depth;
+            depth
+                .and_then(|depth| depth.distance_m)
+                .is_some_and(|z| z < obstacle_m)
+        };
+        let floor = knows_surfaces.then(|| {
+            count(&|i, place| {
+                is_near(i) && share(place, &|d, of| stands(of) && d > clear_px) == 0.0
+            })
+        });
+        let before = estimate.unfiltered.as_ref();
+        let before = before.map(|grid| judge_cells(true_grid, grid, rule));
+        let right_before = |with_filter: bool| {
+            let before = before.as_ref().filter(|_| knows_surfaces)?;
+            Some(count(&|i, place| {
+                before[i].verdict == Verdict::Right
+                    && (cells[i].verdict == Verdict::Right) == with_filter
+                    && share(place, &|d, of| stands(of) && d > obstacle_px) >= LEAST
+            }))
+        };
+        let true_px = |i: usize| cells[i].true_px.unwrap_or_default();
+        let out_of_range = |said: bool| {
+            let range_px = estimate.range_px?;
+            Some(count(&|i, _| {
+                let is_said = reported[i].too_close || cells[i].verdict == Verdict::Right;
+                true_px(i) > range_px && is_said == said
+            }))
+        };
+        let alarm = before.as_ref().map(|_| {
+            let is_close = |i: usize, _| reported[i].too_close;
+            let is_rightly = |i: usize, place| {
+                reported[i].too_close
+                    && share(place, &|d, of| stands(of) && d > obstacle_px) >= LEAST
+            };
+            count(&is_close) > 0 && count(&is_rightly) == 0
+        });
+        Self {
+            floor,
+            kept: right_before(true),
+            lost: right_before(false),
+            close: out_of_range(true),
+            blind: out_of_range(false),
+            alarm,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::score::true_grid;
+    use svl_core::depth::{GridSettings, grid};
+    use svl_core::stereo::{
+        DisparityMap, Exposure, Geometry, Gray, GridShape, Plane, Rig, StereoPair, Truth,
+    };
+
+    /// Four cells of ten pixels, at 25 px per 0.4 m: floor; floor with 3 pixels of a wall; a wall;
+    /// a wall nearer than the range of 40 px.
+    fn frame() -> Frame {
+        let disparity = |x: usize| match x {
+            0..30 => 25.0,
+            _ => 50.0,
+        };
+        let surface = |x: usize| match x {
+            0..17 => Surface::Floor,
+            _ => Surface::Wall,
+        };
+        let image = Gray::filled(40, 1, 0).unwrap();
+        Frame {
+            sequence: 0,
+            stamp_ns: 0,
+            name: None,
+            pair: StereoPair::new(image.clone(), image).unwrap(),
+            color: None,
+            geometry: Geometry::Rectified(Some(Rig::new(100.0, (5.0, 0.5), 0.1, 0.0).unwrap())),
+            pose: None,
+            truth: Some(Truth {
+                surface: Some(Plane::from_fn(40, 1, |x, _| surface(x)).unwrap()),
+                ..Truth::exact(Plane::from_fn(40, 1, |x, _| disparity(x)).unwrap(), None)
+            }),
+            exposure: Exposure::default(),
+        }
+    }
+
+    /// Cells reported with these disparities, without filters and with them.
+    fn tally(before: [f32; 4], after: [f32; 4], too_close: [bool; 4]) -> FilterTally {
+        let frame = frame();
+        let settings = GridSettings::from(GridShape {
+            columns: 4,
+            rows: 1,
+        });
+        let report = |cells: [f32; 4]| {
+            let map = Plane::from_fn(40, 1, |x, _| cells[x / 10]).unwrap();
+            grid(&map, settings, frame.rig())
+        };
+        let mut filtered = report(after);
+        for (cell, is) in filtered.cells_mut().zip(too_close) {
+            cell.too_close = is;
+        }
+        let estimate = Estimate {
+            algorithm: String::new(),
+            disparity: DisparityMap::new(40, 1).unwrap(),
+            grid: filtered,
+            own_grid: true,
+            unfiltered: Some(report(before)),
+            range_px: Some(40.0),
+            times: Default::default(),
+        };
+        let true_grid = true_grid(&frame, settings.shape()).unwrap();
+        let rule = CellRule::default();
+        let cells = judge_cells(&true_grid, &estimate.grid, rule);
+        FilterTally::new(&frame, &true_grid, &estimate, &cells, rule)
+    }
+
+    const NONE: f32 = f32::INFINITY;
+
+    #[test]
+    fn floor_obstacles_and_what_a_filter_takes_away() {
+        let seen = [25.0, 25.0, 25.0, NONE];
+        let plain = tally(seen, seen, [false; 4]);
+        // The second cell has an obstacle.
+        assert_eq!(
+            (plain.floor, plain.kept, plain.lost),
+            (Some(1), Some(2), Some(0))
+        );
+        let filtered = tally(seen, [NONE, NONE, 25.0, NONE], [false; 4]);
+        let counts = (filtered.floor, filtered.kept, filtered.lost);
+        assert_eq!(counts, (Some(0), Some(1), Some(1)));
+    }
+
+    #[test]
+    fn what_is_nearer_than_the_range() {
+        let seen = [25.0, 25.0, 25.0, NONE];
+        let plain = tally(seen, seen, [false; 4]);
+        assert_eq!(
+            (plain.close, plain.blind, plain.alarm),
+            (Some(0), Some(1), Some(false))
+        );
+        // At the end of the range: right as what it claims is to be nearer.
+        let close = [25.0, 25.0, 25.0, 40.0];
+        let filtered = tally(seen, close, [false, false, false, true]);
+        assert_eq!((filtered.close, filtered.blind), (Some(1), Some(0)));
+        assert_eq!(filtered.alarm, Some(false));
+        // Near floor is no reason; beside what is one it is no alarm.
+        let alarm = |too_close| tally(seen, [40.0; 4], too_close).alarm;
+        assert_eq!(alarm([true, false, false, false]), Some(true));
+        assert_eq!(alarm([true, true, false, false]), Some(false));
+    }
+}

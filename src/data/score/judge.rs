@@ -1,0 +1,264 @@
+//! Scores a frame once: hashes, true grid, cells, checkpoints and metrics, for every sink alike.
+
+use super::{
+    CellJudgement, CellSupport, CellTally, Checkpoint, CheckpointFrame, Correlations,
+    DisparityScore, FilterTally, FrameFacts, MetricValues, RunPart, SurfaceTally, TrueQuarters,
+    agreed_cells, judge_cells, true_grid, unrivalled_cells,
+};
+use std::sync::OnceLock;
+use svl_core::depth::GridSettings;
+use svl_core::stereo::{CellRule, DepthGrid, Estimate, Frame};
+
+/// What a scenario expects of the frames.
+#[derive(Clone, Debug, Default)]
+pub struct Judge {
+    /// Shape of the depth grid, and when a cell is known.
+    pub grid: GridSettings,
+    /// When a reported cell counts as right, where the frame has a calibration
+    /// ([`CellRule::for_rig`]).
+    pub cells: CellRule,
+    pub checkpoints: Vec<Checkpoint>,
+    /// The run whose frames are scored.
+    pub run: RunPart,
+    /// Whether frames without truth are scored by the images: it takes about as long as a quick
+    /// matcher.
+    pub photometric: bool,
+}
+
+/// A frame with all that is known of its estimates. Every sink reads this one.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    pub frame: Frame,
+    /// In the order of the run's algorithms. An algorithm that failed on the frame is missing.
+    pub estimates: Vec<JudgedEstimate>,
+    /// The depth grid of the truth; absent without truth or without estimates.
+    pub true_grid: Option<DepthGrid>,
+    pair_hash: OnceLock<u128>,
+}
+
+impl Judged {
+    /// Hash of the pair's pixels, computed when it is first read: recording cameras needs none.
+    pub fn pair_hash(&self) -> u128 {
+        *self.pair_hash.get_or_init(|| self.frame.pair.hash())
+    }
+}
+
+/// One algorithm's estimate with its score.
+#[derive(Clone, Debug)]
+pub struct JudgedEstimate {
+    pub estimate: Estimate,
+    /// Hash of the disparity map.
+    pub hash: u128,
+    pub metrics: MetricValues,
+    /// The cells in raster order; absent without truth.
+    pub cells: Option<Vec<CellJudgement>>,
+    /// The checkpoints that the frame shows, as indices of [`Judge::checkpoints`].
+    pub checkpoints: Vec<(usize, CheckpointFrame)>,
+}
+
+impl Judge {
+    /// Scores the estimates of a frame.
+    pub fn judge(&self, frame: Frame, estimates: Vec<Estimate>) -> Judged {
+        // A recording without algorithms needs no truth grid, which costs a median per cell.
+        let true_grid = match estimates.is_empty() {
+            true => None,
+            false => true_grid(&frame, self.grid.shape()),
+        };
+        let quarters = frame
+            .truth
+            .as_ref()
+            .zip(true_grid.as_ref())
+            .map(|(truth, grid)| TrueQuarters::new(truth, grid, self.rule(&frame), frame.rig()));
+        let true_cells = true_grid.as_ref().zip(quarters.as_ref());
+        let supports = self.supports(&frame, &estimates);
+        let estimates = estimates
+            .into_iter()
+            .zip(supports)
+            .map(|(estimate, support)| self.judge_estimate(&frame, true_cells, estimate, support))
+            .collect();
+        Judged {
+            frame,
+            estimates,
+            true_grid,
+            pair_hash: OnceLock::new(),
+        }
+    }
+
+    /// What supports each estimate; only frames without truth need it.
+    fn supports(&self, frame: &Frame, estimates: &[Estimate]) -> Vec<CellSupport> {
+        if frame.truth.is_some() || estimates.is_empty() {
+            return vec![CellSupport::default(); estimates.len()];
+        }
+        let correlations = self.photometric.then(|| Correlations::new(&frame.pair));
+        let share = |cells: usize| cells as f64 / self.grid.shape().cells() as f64;
+        let support = |(i, estimate): (usize, &Estimate)| {
+            let others = estimates.iter().enumerate().filter(|(j, _)| *j != i);
+            let others: Vec<_> = others.map(|(_, other)| &other.grid).collect();
+            // A median needs two.
+            let agreed = (others.len() >= 2)
+                .then(|| agreed_cells(&estimate.grid, &others, self.rule(frame)));
+            CellSupport {
+                unrivalled: correlations
+                    .as_ref()
+                    .map(|correlations| share(unrivalled_cells(estimate, correlations))),
+                agreed: agreed.map(share),
+            }
+        };
+        estimates.iter().enumerate().map(support).collect()
+    }
+
+    fn judge_estimate(
+        &self,
+        frame: &Frame,
+        true_cells: Option<(&DepthGrid, &TrueQuarters)>,
+        estimate: Estimate,
+        support: CellSupport,
+    ) -> JudgedEstimate {
+        let map = &estimate.disparity;
+        let rule = self.rule(frame);
+        let cells = true_cells.map(|(truth, _)| judge_cells(truth, &estimate.grid, rule));
+        let surfaces = true_cells.map(|(truth, quarters)| {
+            SurfaceTally::new(frame, truth, quarters, &estimate.grid, rule)
+        });
+        let filtered = true_cells
+            .zip(cells.as_deref())
+            .map(|((truth, _), cells)| FilterTally::new(frame, truth, &estimate, cells, rule));
+        let truth = frame.truth.as_ref();
+        // Collected once: every metric reads the same scores.
+        let facts = FrameFacts {
+            frame,
+            estimate: &estimate,
+            rule,
+            pixels: truth.map(|truth| DisparityScore::new(map, truth)),
+            cells: cells.as_deref().map(CellTally::from_judgements),
+            surfaces,
+            filtered: filtered.unwrap_or_default(),
+            support,
+        };
+        JudgedEstimate {
+            hash: estimate.hash(),
+            metrics: MetricValues::of_frame(&facts),
+            checkpoints: self.checkpoints_of(frame, &estimate.grid, cells.as_deref()),
+            cells,
+            estimate,
+        }
+    }
+
+    fn rule(&self, frame: &Frame) -> CellRule {
+        self.cells.for_rig(frame.rig().is_some())
+    }
+
+    fn checkpoints_of(
+        &self,
+        frame: &Frame,
+        grid: &DepthGrid,
+        cells: Option<&[CellJudgement]>,
+    ) -> Vec<(usize, CheckpointFrame)> {
+        self.shown(frame)
+            .map(|(i, checkpoint)| (i, checkpoint.judge(grid, cells, self.rule(frame))))
+            .collect()
+    }
+
+    /// Whether the frame shows a checkpoint.
+    pub fn shows_checkpoint(&self, frame: &Frame) -> bool {
+        self.shown(frame).next().is_some()
+    }
+
+    fn shown(&self, frame: &Frame) -> impl Iterator<Item = (usize, &Checkpoint)> {
+        let has_truth = frame.truth.is_some();
+        let checkpoints = self.checkpoints.iter().enumerate();
+        checkpoints
+            // Without truth nothing that needs it passes: no frame shows it.
+            .filter(move |(_, checkpoint)| has_truth || !checkpoint.needs_truth())
+            .filter(move |(_, checkpoint)| checkpoint.covers(frame, &self.run))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::depth;
+    use svl_core::stereo::{DisparityMap, Exposure, Geometry, Plane, StereoPair, Truth};
+    use svl_core::timing::StageTimes;
+
+    /// Noise with disparity 6.
+    fn frame() -> Frame {
+        let mut random = fastrand::Rng::with_seed(5);
+        let noise = (0..100 * 60).map(|_| random.u8(..)).collect();
+        let left = Plane::from_vec(100, 60, noise).unwrap();
+        let right = Plane::from_fn(100, 60, |x, y| left.get((x + 6) % 100, y)).unwrap();
+        Frame {
+            sequence: 0,
+            stamp_ns: 0,
+            name: None,
+            pair: StereoPair::new(left, right).unwrap(),
+            color: None,
+            geometry: Geometry::Rectified(None),
+            pose: None,
+            truth: None,
+            exposure: Exposure::default(),
+        }
+    }
+
+    /// From column 20 on that disparity, or silence.
+    fn estimate(disparity_px: Option<f32>) -> Estimate {
+        let mut disparity = DisparityMap::new(100, 60).unwrap();
+        for mut row in disparity.rows_mut() {
+            disparity_px
+                .into_iter()
+                .for_each(|d| (20..100).for_each(|x| row.accept(x, d)));
+        }
+        Estimate {
+            algorithm: String::new(),
+            grid: depth::grid(disparity.disparity(), GridSettings::default(), None),
+            disparity,
+            own_grid: false,
+            unfiltered: None,
+            range_px: None,
+            times: StageTimes::default(),
+        }
+    }
+
+    fn scores(judge: &Judge, frame: Frame, disparities: &[Option<f32>]) -> Vec<[Option<f64>; 2]> {
+        let estimates = disparities.iter().map(|&d| estimate(d)).collect();
+        let judged = judge.judge(frame, estimates);
+        let values = judged.estimates.iter().map(|scored| &scored.metrics);
+        values
+            .map(|metrics| ["unrivalled", "agreed"].map(|name| metrics.get(name)))
+            .collect()
+    }
+
+    #[test]
+    fn without_truth_images_and_other_algorithms_support_cells() {
+        let judge = Judge {
+            cells: CellRule::Disparity { tolerance_px: 2.0 },
+            photometric: true,
+            ..Judge::default()
+        };
+        let run = [Some(6.0), Some(6.0), Some(11.0), None];
+        // The first of five columns is unknown. The median of 6, 11 is 6, of 6, 6 too. Silence has
+        // the worst score.
+        let [right, wrong, silent] = [0.8, 0.0, 0.0].map(|share| [Some(share); 2]);
+        assert_eq!(scores(&judge, frame(), &run), [right, right, wrong, silent]);
+        // Two algorithms have no median of others, and the images are looked at where asked for.
+        assert_eq!(scores(&judge, frame(), &run[1..3])[0], [Some(0.8), None]);
+        let quick = Judge {
+            photometric: false,
+            ..judge.clone()
+        };
+        assert_eq!(scores(&quick, frame(), &run)[0], [None, Some(0.8)]);
+        // Without a rig there are no distances, and the default rule judges disparities.
+        let distances = Judge {
+            cells: CellRule::default(),
+            ..judge.clone()
+        };
+        assert_eq!(
+            scores(&distances, frame(), &run),
+            scores(&judge, frame(), &run)
+        );
+        let mut known = frame();
+        let truth = Plane::filled(100, 60, 6.0).unwrap();
+        known.truth = Some(Truth::exact(truth, None));
+        assert_eq!(scores(&judge, known, &run)[0], [None, None]);
+    }
+}

@@ -1,0 +1,855 @@
+//! The metrics of a run: one table that everything reads which shows or compares a number.
+//!
+//! Rows, CSV, Parquet, summaries, pages, Rerun's plots, `svl compare` and a scenario's `[[gate]]`
+//! take their columns, headings and words from [`METRICS`]. A new metric is computed where it
+//! belongs (pixels: `disparity.rs`, cells: `cells.rs`) and gets an entry here.
+
+use super::{CellTally, DisparityScore, FilterTally, SurfaceTally};
+use serde::{Serialize, Serializer};
+use svl_core::stereo::{CellRule, Estimate, Frame};
+
+/// What a metric of a frame is computed of.
+pub struct FrameFacts<'a> {
+    pub frame: &'a Frame,
+    pub estimate: &'a Estimate,
+    /// How cells are scored.
+    pub rule: CellRule,
+    /// The disparities against the truth; absent without truth.
+    pub pixels: Option<DisparityScore>,
+    /// The cells against the truth; absent without truth.
+    pub cells: Option<CellTally>,
+    /// The cells against the nearest quarters of the truth; absent without truth.
+    pub surfaces: Option<SurfaceTally>,
+    /// What filters are for.
+    pub filtered: FilterTally,
+    /// What needs no truth, of frames that have none.
+    pub support: CellSupport,
+}
+
+/// Shares of all cells of the grid that are known and supported; absent where not computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CellSupport {
+    /// By the images.
+    pub unrivalled: Option<f64>,
+    /// By the other algorithms of the run.
+    pub agreed: Option<f64>,
+}
+
+impl FrameFacts<'_> {
+    fn cells(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
+        self.cells.as_ref().map(|cells| count(cells) as f64)
+    }
+
+    /// As `cells`, where distances are known: elsewhere no obstacle can be missed, and a 0 would
+    /// claim too much.
+    fn obstacles(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
+        self.cells(count).filter(|_| self.has_distances())
+    }
+
+    fn surfaces(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
+        self.surfaces.as_ref().map(|cells| count(cells) as f64)
+    }
+
+    /// As `surfaces`, where distances are known.
+    fn near_obstacles(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
+        self.surfaces(count).filter(|_| self.has_distances())
+    }
+
+    fn filtered(&self, count: fn(&FilterTally) -> Option<usize>) -> Option<f64> {
+        count(&self.filtered).map(|count| count as f64)
+    }
+
+    fn has_distances(&self) -> bool {
+        matches!(self.rule, CellRule::Distance { .. }) && self.frame.rig().is_some()
+    }
+}
+
+/// The note below a table, made from the cell rule: term and text.
+pub type MetricNote = fn(CellRule) -> (&'static str, String);
+
+/// A number that an algorithm is measured by.
+#[derive(Clone, Copy)]
+pub struct Metric {
+    /// Its key in a scenario's gate and in the JSON of a comparison.
+    pub name: &'static str,
+    pub words: &'static str,
+    /// Heads its column and the neighbours of the same group.
+    pub group: &'static str,
+    pub head: &'static str,
+    pub unit: MetricUnit,
+    pub better: Better,
+    /// Whether it compares with true distances or disparities.
+    pub against_truth: bool,
+    pub origin: MetricOrigin,
+    /// Where Rerun plots its value per frame, below the algorithm.
+    pub plot: Option<&'static str>,
+    /// Term and meaning, below the tables.
+    pub note: Option<MetricNote>,
+}
+
+/// What a metric counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MetricUnit {
+    /// 0..=1, shown in percent.
+    Share,
+    Count,
+    Px,
+    /// Limited and compared as a ratio, as machines differ.
+    Ms,
+    /// Number for 100 m driven.
+    Per100M,
+}
+
+/// Which way is better.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Better {
+    More,
+    Less,
+    /// Neither: an unknown is not an error.
+    Neither,
+}
+
+/// Where a metric's value comes from.
+#[derive(Clone, Copy)]
+pub enum MetricOrigin {
+    /// One frame through one algorithm.
+    Frame {
+        /// Its column in the rows, and of its total in the summary.
+        column: &'static str,
+        of: fn(&FrameFacts<'_>) -> Option<f64>,
+        total: MetricTotal,
+    },
+    /// The time per pair; over frames the median by nearest rank.
+    Time,
+    /// The frames that show a checkpoint; share of those in which it passes.
+    Checkpoints,
+    /// The drives through courses.
+    Drives(DriveNumber),
+}
+
+/// A number of an algorithm's drives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DriveNumber {
+    /// Share of the courses whose goal was reached without a collision and without help.
+    Finished,
+    Collisions,
+    NearMisses,
+}
+
+/// How the values of frames add up; frames without a value are skipped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MetricTotal {
+    Mean,
+    Sum,
+    /// The sum, divided by the sum of these metrics.
+    ShareOf(&'static [&'static str]),
+}
+
+const JUDGED_CELLS: MetricTotal = MetricTotal::ShareOf(&["right", "wrong", "unknown"]);
+
+/// All metrics, in the order of tables and comparisons.
+pub const METRICS: &[Metric] = &[
+    Metric {
+        name: "right",
+        words: "right cells",
+        group: "cells, %",
+        head: "right",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "cells_right",
+            of: |facts| facts.cells(|cells| cells.right),
+            total: JUDGED_CELLS,
+        },
+        plot: None,
+        note: Some(|rule| {
+            let right = rule.right_words();
+            let words = format!("of those with truth; right: {right}; unknown is not wrong");
+            ("cells", words)
+        }),
+    },
+    Metric {
+        name: "wrong",
+        words: "wrong cells",
+        group: "cells, %",
+        head: "wrong",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "cells_wrong",
+            of: |facts| facts.cells(|cells| cells.wrong),
+            total: JUDGED_CELLS,
+        },
+        plot: Some("wrong_cells"),
+        note: None,
+    },
+    Metric {
+        name: "unknown",
+        words: "unknown cells",
+        group: "cells, %",
+        head: "unknown",
+        unit: MetricUnit::Share,
+        better: Better::Neither,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "cells_unknown",
+            of: |facts| facts.cells(|cells| cells.unknown),
+            total: JUDGED_CELLS,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "known",
+        words: "known cells",
+        group: "cells, %",
+        head: "known",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Frame {
+            column: "known_share",
+            of: |facts| Some(facts.estimate.grid.known_share()),
+            total: MetricTotal::Mean,
+        },
+        plot: Some("known_cells"),
+        note: Some(|_| {
+            let words = "cells with a distance or disparity, of all, whether right or not; a mean \
+                         over the pairs";
+            ("known", words.into())
+        }),
+    },
+    Metric {
+        name: "missed",
+        words: "missed obstacles",
+        group: "obstacles",
+        head: "missed",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "missed_obstacles",
+            of: |facts| facts.obstacles(|cells| cells.missed_obstacles),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: Some(|rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells truly nearer than {obstacle_m} m reported beyond {clear_m} m (missed), and \
+                 the reverse (false)"
+            );
+            ("obstacles", words)
+        }),
+    },
+    Metric {
+        name: "false",
+        words: "false obstacles",
+        group: "obstacles",
+        head: "false",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "false_obstacles",
+            of: |facts| facts.obstacles(|cells| cells.false_obstacles),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "right_surface",
+        words: "right cells, by surface",
+        group: "by surface, %",
+        head: "right",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "cells_right_surface",
+            of: |facts| facts.surfaces(|cells| cells.right),
+            total: JUDGED_CELLS,
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "right also where a report names a nearer surface that fills a quarter of \
+                         the cell or more";
+            ("by surface", words.into())
+        }),
+    },
+    Metric {
+        name: "wrong_surface",
+        words: "wrong cells, by surface",
+        group: "by surface, %",
+        head: "wrong",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "cells_wrong_surface",
+            of: |facts| facts.surfaces(|cells| cells.wrong),
+            total: JUDGED_CELLS,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "right_near",
+        words: "right cells, by the nearest quarter",
+        group: "nearest quarter, %",
+        head: "right",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "cells_right_near",
+            of: |facts| facts.surfaces(|cells| cells.near_right),
+            total: JUDGED_CELLS,
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "judged by the nearest quarter of a cell in place of its median";
+            ("nearest quarter", words.into())
+        }),
+    },
+    Metric {
+        name: "wrong_near",
+        words: "wrong cells, by the nearest quarter",
+        group: "nearest quarter, %",
+        head: "wrong",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "cells_wrong_near",
+            of: |facts| facts.surfaces(|cells| cells.near_wrong),
+            total: JUDGED_CELLS,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "missed25",
+        words: "missed near obstacles",
+        group: "near obstacles",
+        head: "missed",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "missed25",
+            of: |facts| facts.near_obstacles(|cells| cells.missed),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: Some(|rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells whose nearest quarter is nearer than {obstacle_m} m reported beyond \
+                 {clear_m} m (missed), and cells reported nearer than {obstacle_m} m of which less \
+                 than 5 % is nearer than {clear_m} m (false)"
+            );
+            ("near obstacles", words)
+        }),
+    },
+    Metric {
+        name: "false5",
+        words: "false near obstacles",
+        group: "near obstacles",
+        head: "false",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "false5",
+            of: |facts| facts.near_obstacles(|cells| cells.falsely),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "coverage",
+        words: "coverage",
+        group: "pixels, %",
+        head: "cover",
+        unit: MetricUnit::Share,
+        better: Better::Neither,
+        against_truth: false,
+        origin: MetricOrigin::Frame {
+            column: "coverage",
+            of: |facts| Some(facts.estimate.disparity.coverage()),
+            total: MetricTotal::Mean,
+        },
+        plot: Some("coverage"),
+        note: Some(|_| {
+            let words = "pixels with a disparity; shares of pixels are means over the pairs";
+            ("cover", words.into())
+        }),
+    },
+    Metric {
+        name: "invalid",
+        words: "invalid pixels",
+        group: "pixels, %",
+        head: "invalid",
+        unit: MetricUnit::Share,
+        better: Better::Neither,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "invalid",
+            of: |facts| facts.pixels?.invalid(),
+            total: MetricTotal::Mean,
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "pixels without one, of those with truth that both cameras see";
+            ("invalid", words.into())
+        }),
+    },
+    Metric {
+        name: "bad1",
+        words: "pixels off > 1 px",
+        group: "pixels, %",
+        head: ">1 px",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "bad1",
+            of: |facts| facts.pixels?.bad1(),
+            total: MetricTotal::Mean,
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "pixels off by more, of those with truth that both cameras see and a \
+                         disparity";
+            (">1 px, >2 px", words.into())
+        }),
+    },
+    Metric {
+        name: "bad2",
+        words: "pixels off > 2 px",
+        group: "pixels, %",
+        head: ">2 px",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "bad2",
+            of: |facts| facts.pixels?.bad2(),
+            total: MetricTotal::Mean,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "row_offset",
+        words: "vertical misalignment",
+        group: "misalignment",
+        head: "vertical, px",
+        unit: MetricUnit::Px,
+        better: Better::Neither,
+        against_truth: false,
+        origin: MetricOrigin::Frame {
+            column: "row_offset",
+            of: |facts| facts.estimate.disparity.median_row_offset().map(f64::from),
+            total: MetricTotal::Mean,
+        },
+        plot: Some("row_offset"),
+        note: Some(|_| {
+            let words = "by how many rows the right image is lower: the median of a pair's pixels, \
+                         the mean of the pairs; in whole rows, and only within row_tolerance: `svl \
+                         calibrate check` measures larger ones";
+            ("vertical, px", words.into())
+        }),
+    },
+    Metric {
+        name: "unrivalled",
+        words: "unrivalled cells",
+        group: "no truth, %",
+        head: "unrivalled",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Frame {
+            column: "unrivalled",
+            of: |facts| facts.support.unrivalled,
+            total: MetricTotal::Mean,
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "of all cells, known ones whose disparities no other gives a better match \
+                         for; needs no truth: docs/method.md";
+            ("unrivalled", words.into())
+        }),
+    },
+    Metric {
+        name: "agreed",
+        words: "agreed cells",
+        group: "no truth, %",
+        head: "agreed",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Frame {
+            column: "agreed",
+            of: |facts| facts.support.agreed,
+            total: MetricTotal::Mean,
+        },
+        plot: Some("agreed_cells"),
+        note: Some(|_| {
+            let words = "of all cells, known ones that the median of the run's other algorithms \
+                         confirms; needs no truth, but the same others to compare with";
+            ("agreed", words.into())
+        }),
+    },
+    Metric {
+        name: "floor",
+        words: "floor obstacles",
+        group: "filters",
+        head: "floor",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "floor_obstacles",
+            of: |facts| facts.filtered(|cells| cells.floor),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: Some(|rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells reported nearer than {obstacle_m} m in which nothing but floor is nearer \
+                 than {clear_m} m"
+            );
+            ("floor", words)
+        }),
+    },
+    Metric {
+        name: "kept",
+        words: "obstacles kept behind filters",
+        group: "filters",
+        head: "kept",
+        unit: MetricUnit::Count,
+        better: Better::More,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "kept_obstacles",
+            of: |facts| facts.filtered(|cells| cells.kept),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "lost",
+        words: "obstacles lost to filters",
+        group: "filters",
+        head: "lost %",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "lost_obstacles",
+            of: |facts| facts.filtered(|cells| cells.lost),
+            total: MetricTotal::ShareOf(&["kept", "lost"]),
+        },
+        plot: None,
+        note: Some(|rule| {
+            let (obstacle_m, _) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells with an obstacle nearer than {obstacle_m} m that are right without filters: \
+                 right behind them too (kept), or not (lost)"
+            );
+            ("kept, lost", words)
+        }),
+    },
+    Metric {
+        name: "close",
+        words: "cells known to be nearer than the range",
+        group: "filters",
+        head: "close %",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "close_cells",
+            of: |facts| facts.filtered(|cells| cells.close),
+            total: MetricTotal::ShareOf(&["close", "blind"]),
+        },
+        plot: None,
+        note: Some(|_| {
+            let words = "cells truly nearer than the range of disparities: reported as too close, \
+                         or right (close), or not (blind)";
+            ("close, blind", words.into())
+        }),
+    },
+    Metric {
+        name: "blind",
+        words: "cells nearer than the range that are not known to be",
+        group: "filters",
+        head: "blind",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "blind_cells",
+            of: |facts| facts.filtered(|cells| cells.blind),
+            total: MetricTotal::Sum,
+        },
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "alarms",
+        words: "frames with a false alarm of too close",
+        group: "filters",
+        head: "alarms %",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        against_truth: true,
+        origin: MetricOrigin::Frame {
+            column: "false_alarms",
+            of: |facts| facts.filtered.alarm.map(|is| f64::from(u8::from(is))),
+            total: MetricTotal::Mean,
+        },
+        plot: None,
+        note: Some(|rule| {
+            let (obstacle_m, _) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "pairs with cells that are too close, none of which has an obstacle nearer than \
+                 {obstacle_m} m"
+            );
+            ("alarms", words)
+        }),
+    },
+    Metric {
+        name: "time",
+        words: "median time",
+        group: "ms per pair",
+        head: "p50",
+        unit: MetricUnit::Ms,
+        better: Better::Less,
+        against_truth: false,
+        origin: MetricOrigin::Time,
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "passed",
+        words: "frames passed",
+        group: "",
+        head: "passed",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Checkpoints,
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "finished",
+        words: "courses finished",
+        group: "",
+        head: "finished",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Drives(DriveNumber::Finished),
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "collisions",
+        words: "collisions",
+        group: "",
+        head: "hits/100 m",
+        unit: MetricUnit::Per100M,
+        better: Better::Less,
+        against_truth: false,
+        origin: MetricOrigin::Drives(DriveNumber::Collisions),
+        plot: None,
+        note: None,
+    },
+    Metric {
+        name: "near_misses",
+        words: "near misses",
+        group: "",
+        head: "near/100 m",
+        unit: MetricUnit::Per100M,
+        better: Better::Less,
+        against_truth: false,
+        origin: MetricOrigin::Drives(DriveNumber::NearMisses),
+        plot: None,
+        note: None,
+    },
+];
+
+impl Metric {
+    pub fn find(name: &str) -> Option<&'static Self> {
+        METRICS.iter().find(|metric| metric.name == name)
+    }
+
+    /// Its column in rows and summary, and how that adds up; absent where it is not of frames.
+    pub fn column(&self) -> Option<(&'static str, MetricTotal)> {
+        match self.origin {
+            MetricOrigin::Frame { column, total, .. } => Some((column, total)),
+            _ => None,
+        }
+    }
+
+    /// Whether an algorithm has it of any frames, without checkpoints and drives.
+    pub fn is_of_frames(&self) -> bool {
+        matches!(self.origin, MetricOrigin::Frame { .. } | MetricOrigin::Time)
+    }
+
+    /// Whether its column holds whole numbers.
+    pub fn counts(&self) -> bool {
+        let share = |(_, total)| matches!(total, MetricTotal::ShareOf(_));
+        self.unit == MetricUnit::Count || self.column().is_some_and(share)
+    }
+
+    /// The value of a frame as Rerun plots it: shares in percent.
+    pub fn of_frame_shown(&self, value: f64) -> f64 {
+        match self.unit {
+            MetricUnit::Share if !self.counts() => 100.0 * value,
+            _ => value,
+        }
+    }
+
+    /// A value with its unit.
+    pub fn show(&self, value: f64) -> String {
+        match self.unit {
+            MetricUnit::Share => format!("{:.1} %", 100.0 * value),
+            MetricUnit::Count => format!("{value:.0}"),
+            MetricUnit::Px => format!("{value:.2} px"),
+            MetricUnit::Ms => format!("{value:.2} ms"),
+            MetricUnit::Per100M => format!("{value:.1} per 100 m"),
+        }
+    }
+
+    /// As [`Metric::show`], of a time that is a multiple of another.
+    pub fn show_relative(&self, value: f64) -> String {
+        match self.unit {
+            MetricUnit::Ms => format!("{value:.2}x"),
+            _ => self.show(value),
+        }
+    }
+}
+
+impl PartialEq for Metric {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl std::fmt::Debug for Metric {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+impl Serialize for Metric {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
+    }
+}
+
+/// The metrics' columns of a frame or of a run, those of [`METRICS`] that have one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MetricValues([Option<f64>; METRICS.len()]);
+
+impl MetricValues {
+    /// One frame through one algorithm.
+    pub fn of_frame(facts: &FrameFacts<'_>) -> Self {
+        Self::from_fn(|metric| match metric.origin {
+            MetricOrigin::Frame { of, .. } => of(facts),
+            _ => None,
+        })
+    }
+
+    pub fn from_fn(value: impl Fn(&'static Metric) -> Option<f64>) -> Self {
+        Self(std::array::from_fn(|i| value(&METRICS[i])))
+    }
+
+    /// What its column holds.
+    ///
+    /// # Panics
+    /// When no metric of [`METRICS`] has that name.
+    pub fn get(&self, name: &str) -> Option<f64> {
+        let place = METRICS.iter().position(|metric| metric.name == name);
+        self.0[place.expect("a metric of METRICS")]
+    }
+
+    pub fn set(&mut self, name: &str, value: Option<f64>) {
+        let place = METRICS.iter().position(|metric| metric.name == name);
+        self.0[place.expect("a metric of METRICS")] = value;
+    }
+
+    /// The denominator of a metric that is a share of others.
+    pub fn whole(&self, metric: &Metric) -> Option<f64> {
+        match metric.column()?.1 {
+            MetricTotal::ShareOf(parts) => parts.iter().map(|part| self.get(part)).sum(),
+            _ => None,
+        }
+    }
+
+    /// The metric: its column, or the share that this is; absent where that is of nothing.
+    pub fn value(&self, metric: &Metric) -> Option<f64> {
+        let value = self.get(metric.name)?;
+        match metric.column()?.1 {
+            MetricTotal::ShareOf(_) => {
+                // A frame of only unknown truths has cells, but none to be right in.
+                Some(value / self.whole(metric).filter(|whole| *whole > 0.0)?)
+            }
+            _ => Some(value),
+        }
+    }
+}
+
+impl<const N: usize> From<[(&str, f64); N]> for MetricValues {
+    fn from(values: [(&str, f64); N]) -> Self {
+        let mut metrics = Self::default();
+        for (name, value) in values {
+            metrics.set(name, Some(value));
+        }
+        metrics
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn names_and_columns_stand_once_and_shares_are_of_metrics() {
+        let columns: Vec<_> = METRICS.iter().filter_map(Metric::column).collect();
+        let distinct: BTreeSet<_> = columns.iter().map(|(column, _)| column).collect();
+        assert_eq!(distinct.len(), columns.len());
+        let names: BTreeSet<_> = METRICS.iter().map(|metric| metric.name).collect();
+        assert_eq!(names.len(), METRICS.len());
+        for (_, total) in columns {
+            if let MetricTotal::ShareOf(parts) = total {
+                assert!(parts.iter().all(|part| Metric::find(part).is_some()));
+            }
+        }
+    }
+
+    #[test]
+    fn a_share_is_of_the_whole_and_of_nothing_absent() {
+        let metric = |name| Metric::find(name).unwrap();
+        let values = MetricValues::from([("right", 3.0), ("wrong", 1.0), ("unknown", 4.0)]);
+        assert_eq!(values.value(metric("right")), Some(0.375));
+        assert_eq!(
+            (values.get("right"), values.value(metric("bad1"))),
+            (Some(3.0), None)
+        );
+        let none = MetricValues::from([("right", 0.0), ("wrong", 0.0), ("unknown", 0.0)]);
+        assert_eq!(none.value(metric("right")), None);
+    }
+}

@@ -1,0 +1,62 @@
+//! The two protocols of Middlebury.
+//!
+//! Version 3 (D. Scharstein et al., *High-resolution stereo datasets with subpixel-accurate
+//! ground truth*, GCPR 2014), as `evaldisp` of MiddEval3-SDK scores.
+//!
+//! Its quirks: an estimate of half or a quarter of the truth's size is repeated, nearest, times the
+//! factor; estimates are clipped to 0 ..= the largest disparity, invalid ones are neither filled
+//! nor bad, and `bad` is a share of all scored pixels while `avgerr` and `rms` are means over the
+//! estimated ones. For A50 … A99, which the web page shows and `evaldisp` does not make, ETH3D's
+//! rule serves.
+//!
+//! Version 2 (D. Scharstein and R. Szeliski, *A taxonomy and evaluation of dense two-frame stereo
+//! correspondence algorithms*, IJCV 47, 2002), the table of tsukuba, venus, teddy and cones: bad1.0
+//! under each of the masks nonocc, all and disc. Its quirk: a pixel without estimate is bad.
+
+use super::errors::Errors;
+use super::numbers::{Numbers, percent};
+use super::{ProtocolImage, scored_pixels};
+use svl_core::{Error, Result};
+
+pub(super) fn v3(image: &ProtocolImage) -> Result<Numbers> {
+    let scale = scale(image)?;
+    let judged = scored_pixels(image.truth, image.mask);
+    let errors =
+        Errors::collect(judged.map(|(x, y, truth)| (truth, estimate(image, scale, x, y))))?;
+    Ok(errors.table(
+        |t| percent(errors.over(t), errors.pixels()),
+        |q| errors.rank(q),
+    ))
+}
+
+pub(super) fn v2(image: &ProtocolImage) -> Result<Numbers> {
+    let judged = scored_pixels(image.truth, image.mask);
+    let errors = Errors::collect(judged.map(|(x, y, truth)| (truth, image.estimate.get(x, y))))?;
+    Ok(errors.table(
+        |t| percent(errors.over(t) + errors.invalid(), errors.pixels()),
+        |q| errors.rank(q),
+    ))
+}
+
+/// By how much the truth is larger than the estimate: 1, 2 or 4.
+pub(super) fn scale(image: &ProtocolImage) -> Result<usize> {
+    let ((w, h), (width, height)) = (image.estimate.size(), image.truth.size());
+    let fits = |scale: &usize| (w * scale, h * scale) == (width, height);
+    [1, 2, 4].into_iter().find(fits).ok_or_else(|| {
+        let rule = "the truth must be exactly 1, 2 or 4 times as large";
+        Error::Invalid(format!(
+            "the estimate is {w}x{h}, the truth {width}x{height}: {rule}"
+        ))
+    })
+}
+
+/// The estimate for the truth's pixel, clipped; `+∞` for none.
+pub(super) fn estimate(image: &ProtocolImage, scale: usize, x: usize, y: usize) -> f32 {
+    // A disparity in pixels grows with the image.
+    let d = scale as f32 * image.estimate.get(x / scale, y / scale);
+    match image.max_disparity {
+        _ if !d.is_finite() => f32::INFINITY,
+        Some(max) => d.min(scale as f32 * max).max(0.0),
+        None => d.max(0.0),
+    }
+}

@@ -1,0 +1,149 @@
+//! v3 up to its validity test, and the two tests that the thesis compares.
+
+use svl_core::Result;
+use svl_core::kernel::{Isa, isa};
+use svl_core::matcher::stage::{
+    BlockSearch, Blocks, DisparityRange, DogTexture, RowCheck, RowSearch, SelfCheck,
+    SymmetricCheck, TextureFilter, VerticalSmoothing,
+};
+use svl_core::stereo::{DisparityMap, ExtraPlanes, Gray, Plane, Reason, StereoPair};
+
+/// A pair smoothed as v3 does it, with the matches of its textured pixels.
+pub(super) struct Correlated {
+    isa: Isa,
+    range: DisparityRange,
+    left: Gray,
+    right: Gray,
+    right_textured: Plane<bool>,
+    /// Every match, none of them checked.
+    pub(super) matches: DisparityMap,
+}
+
+impl Correlated {
+    /// The thesis's range of disparities.
+    pub(super) const DISPARITIES: (i32, i32) = (0, 80);
+
+    pub(super) fn of(pair: &StereoPair) -> Result<Self> {
+        let (width, height) = pair.size();
+        let isa = isa()?;
+        let range = DisparityRange::new(Self::DISPARITIES.0, Self::DISPARITIES.1)?;
+        // The defaults of v3, which the test below holds it to.
+        let smoothing = VerticalSmoothing::new(1.0);
+        let (mut left, mut right) = (
+            Gray::filled(width, height, 0)?,
+            Gray::filled(width, height, 0)?,
+        );
+        smoothing.apply(isa, pair.left(), &mut left);
+        smoothing.apply(isa, pair.right(), &mut right);
+        let texture = DogTexture::new(0.4, 3.35);
+        let (mut textured, mut right_textured) = (
+            Plane::filled(width, height, false)?,
+            Plane::filled(width, height, false)?,
+        );
+        texture.apply(isa, &left, &mut textured);
+        texture.apply(isa, &right, &mut right_textured);
+
+        let mut this = Self {
+            isa,
+            range,
+            left,
+            right,
+            right_textured,
+            matches: DisparityMap::with_planes(width, height, ExtraPlanes::SSDPI)?,
+        };
+        let (left_blocks, right_blocks) = this.blocks();
+        let mut search = BlockSearch::new(width, range);
+        for (y, mut row) in this.matches.rows_mut().enumerate() {
+            // The kernel searches several rows at once: a group is searched at its first row, and
+            // its rows are then written one by one.
+            let lane = y % Blocks::ROWS;
+            if lane == 0 {
+                let rows = Blocks::ROWS.min(height - y);
+                search.search(isa, left_blocks.around(y), right_blocks.around(y), rows);
+            }
+            let pair = [this.left.row(y), this.right.row(y)];
+            search.write_row(isa, lane, pair, textured.row(y), &mut row);
+        }
+        Ok(this)
+    }
+
+    /// The matches that pass the self check: what v3 gives.
+    pub(super) fn self_checked(&self) -> DisparityMap {
+        self.checked(SelfCheck::new(self.left.width(), self.range))
+    }
+
+    /// The matches that the right image shares, to `tolerance_px`: v1's and v2's symmetric check.
+    pub(super) fn symmetric(&self, tolerance_px: i32) -> DisparityMap {
+        let width = self.left.width();
+        self.checked(SymmetricCheck::new(tolerance_px, width, self.range))
+    }
+
+    fn checked(&self, mut check: impl RowCheck) -> DisparityMap {
+        let (left, right) = self.blocks();
+        let height = self.left.height();
+        // A check only rejects: it starts from all matches, so both checks see the same ones.
+        let mut map = self.matches.clone();
+        for (y, mut row) in map.rows_mut().enumerate() {
+            let lane = y % Blocks::ROWS;
+            if lane == 0 {
+                let rows = Blocks::ROWS.min(height - y);
+                check.search(self.isa, left.around(y), right.around(y), rows);
+            }
+            check.check_row(self.isa, lane, self.left.row(y), &mut row);
+        }
+        map
+    }
+
+    /// As [`Self::symmetric`], and the right pixel must be textured too: untextured ones are not
+    /// matched back.
+    pub(super) fn symmetric_on_texture(&self, tolerance_px: i32) -> DisparityMap {
+        let mut map = self.symmetric(tolerance_px);
+        for (y, mut row) in map.rows_mut().enumerate() {
+            for x in 0..row.width() {
+                // The window of a match lies inside the right image.
+                if row
+                    .at(x)
+                    .is_ok_and(|d| !self.right_textured.get(x - d as usize, y))
+                {
+                    row.reject(x, Reason::Inconsistent);
+                }
+            }
+        }
+        map
+    }
+
+    fn blocks(&self) -> (Blocks, Blocks) {
+        let blocks = |image: &Gray| {
+            let mut blocks = Blocks::new(image.width(), image.height());
+            blocks.load(self.isa, image);
+            blocks
+        };
+        (blocks(&self.left), blocks(&self.right))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::matcher::Algorithm;
+    use svl_core::stereo::RectifiedPair;
+    use svl_data::arena::{Arena, ArenaConfig};
+
+    #[test]
+    fn with_the_self_check_it_is_v3() {
+        let pair = Arena::new(&ArenaConfig::default(), 1)
+            .unwrap()
+            .frame(40)
+            .unwrap()
+            .pair;
+        let algorithm: Algorithm = "v3".parse().unwrap();
+        let v3 = algorithm
+            .match_pair(RectifiedPair::assume(&pair), None)
+            .unwrap()
+            .disparity;
+        let correlated = Correlated::of(&pair).unwrap();
+        assert_eq!(correlated.self_checked().hash(), v3.hash());
+        assert!(correlated.symmetric(0).valid() < correlated.symmetric(1).valid());
+        assert!(correlated.symmetric_on_texture(1).valid() < correlated.symmetric(1).valid());
+    }
+}

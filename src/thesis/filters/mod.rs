@@ -1,0 +1,115 @@
+//! Chapter 8: the networks that filter, on windows of the arena with exact labels.
+
+pub(super) mod hidden;
+pub(super) mod motion;
+pub(super) mod spectrum;
+pub(super) mod training;
+
+use super::{Context, Finding};
+use rayon::prelude::*;
+use std::path::Path;
+use svl_bench::train::filter::{
+    EpochError, FilterTraining, FitSettings, SamplePart, TrainSettings, WindowLabels,
+    WindowSamples, train_filter,
+};
+use svl_core::filter::{FilterKind, FilterModel, Spectrum};
+use svl_core::kernel::isa;
+use svl_core::{Error, Result};
+use svl_data::arena::{Arena, ArenaConfig};
+use svl_data::scenario::{Scenario, ScenarioSource};
+
+/// The arena that a filter of the scenarios is trained in.
+fn arena(kind: FilterKind) -> Result<ArenaConfig> {
+    let (text, name) = match kind {
+        FilterKind::Floor => (include_str!("floor-training.toml"), "floor-training.toml"),
+        FilterKind::TooClose => (include_str!("close-training.toml"), "close-training.toml"),
+    };
+    match Scenario::parse(text, Path::new(name))?.source {
+        ScenarioSource::Arena { config, .. } => Ok(*config),
+        _ => Err(Error::Invalid(format!("{name}: is not of the arena"))),
+    }
+}
+
+/// The runs of a part: seeds that no other part has.
+struct Runs {
+    part: SamplePart,
+    seeds: std::ops::Range<u64>,
+    /// Of each run every so many frames.
+    every: u64,
+}
+
+/// The windows of runs, each run a recording.
+fn samples(
+    context: &mut Context<'_>,
+    kind: FilterKind,
+    config: &ArenaConfig,
+    runs: &[Runs],
+) -> Result<WindowSamples> {
+    let all = runs.iter().flat_map(|runs| {
+        let seeds = runs.seeds.clone();
+        seeds.map(|seed| (runs.part, seed, runs.every))
+    });
+    let all: Vec<_> = all.collect();
+    let parts = all.iter().map(|(part, ..)| *part).collect();
+    let features = kind.spec().features;
+    let mut samples = WindowSamples::new(kind, features, parts);
+    let mut spectrum = Spectrum::new(features.window);
+    let range_px = TrainSettings::RANGE_PX;
+    for (group, (_, seed, every)) in all.into_iter().enumerate() {
+        let arena = Arena::new(config, seed)?;
+        let indices: Vec<_> = (0..arena.frames()).step_by(every as usize).collect();
+        let frames = indices.into_par_iter().map(|index| arena.frame(index));
+        for frame in frames.collect::<Result<Vec<_>>>()? {
+            samples.add(
+                &mut spectrum,
+                &frame,
+                group,
+                &WindowLabels::Truth { range_px },
+            )?;
+            context.step()?;
+        }
+    }
+    Ok(samples)
+}
+
+/// Trains networks of those sizes, with those seeds.
+fn train(
+    context: &mut Context<'_>,
+    samples: &mut WindowSamples,
+    hidden: &[usize],
+    seeds: &[u64],
+) -> Result<(FilterModel, FilterTraining)> {
+    let settings = TrainSettings {
+        hidden: hidden.to_vec(),
+        seeds: seeds.to_vec(),
+        most_epochs: 50,
+        range_px: TrainSettings::RANGE_PX,
+    };
+    let mut stopped = false;
+    let mut after = |_: FitSettings, _: usize, _: EpochError| {
+        stopped |= context.step().is_err();
+        !stopped
+    };
+    let trained = train_filter(samples, &settings, isa()?, &mut after)?;
+    match stopped {
+        true => Err(Error::Invalid("stopped".into())),
+        false => Ok(trained),
+    }
+}
+
+/// Draws the plots of a training.
+fn draw(finding: &mut Finding, training: &FilterTraining, which: &[&str]) -> Result<()> {
+    for (title, _, chart) in training.charts() {
+        if which.contains(&title) {
+            let title = title.to_owned();
+            finding.plot(&svl_bench::report::plot::Chart { title, ..chart })?;
+        }
+    }
+    Ok(())
+}
+
+/// False acceptance and rejection on the test set, per cent.
+fn errors(training: &FilterTraining) -> [f64; 2] {
+    let errors = training.errors;
+    [errors.false_acceptance.rate, errors.false_rejection.rate].map(|rate| 100.0 * rate)
+}

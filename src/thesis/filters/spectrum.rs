@@ -1,0 +1,126 @@
+//! Figure 8.1: the amplitude spectrum of a normal view and of a too close object.
+
+use super::super::measure::gray_picture;
+use super::super::{Context, Experiment, Finding};
+use svl_bench::train::filter::{TrainSettings, true_label};
+use svl_core::Result;
+use svl_core::filter::{FilterKind, FilterWindows, Spectrum};
+use svl_core::stereo::{Gray, GridShape, Plane};
+use svl_data::arena::Arena;
+
+pub(crate) const EXPERIMENT: Experiment = Experiment {
+    figures: &["8.1"],
+    place: "Figure 8.1",
+    title: "Spectra of a normal view and of a too close object",
+    claim: "What is too close is out of focus and homogeneous, so its spectrum has less amplitude \
+            at high frequencies than that of a normal view (section 8.1).",
+    method: "A robot that creeps up to walls until 4 cm, every fifth frame of a run. Of each \
+             window of 128 pixels the share of the amplitude, without the mean, that lies at \
+             frequencies above a quarter of the sampling rate. Windows are too close by the \
+             truth.",
+    records: false,
+    by_default: true,
+    run,
+};
+
+const SIDE: usize = 128;
+
+fn run(context: &mut Context<'_>) -> Result<Finding> {
+    let kind = FilterKind::TooClose;
+    let arena = Arena::new(&super::arena(kind)?, 1)?;
+    let mut spectrum = Spectrum::new(SIDE);
+    let mut amplitudes = vec![0.0; SIDE * SIDE / 2 + 1];
+    let mut finding = Finding::default();
+    let mut shares = [Vec::new(), Vec::new()];
+    for index in (0..arena.frames()).step_by(5) {
+        let frame = arena.frame(index)?;
+        context.step()?;
+        let left = frame.pair.left();
+        let windows = FilterWindows::new(kind, SIDE, left.size(), GridShape::default())?;
+        for &at in windows.corners() {
+            let range_px = TrainSettings::RANGE_PX;
+            let truth = frame.truth.as_ref();
+            let label = truth.and_then(|truth| true_label(kind, truth, at, SIDE, range_px));
+            let Some(is) = label else {
+                continue;
+            };
+            spectrum.amplitudes(left, at, &mut amplitudes);
+            let shares = &mut shares[usize::from(is)];
+            if shares.is_empty() {
+                let name = if is { "too close" } else { "normal view" };
+                let crop = Plane::from_fn(SIDE, SIDE, |x, y| left.get(at[0] + x, at[1] + y))?;
+                let spectrum = picture(&amplitudes)?;
+                finding.exhibits.push(gray_picture(name, &crop)?);
+                let caption = format!("{name}: ln(1 + amplitude), mean in the middle");
+                finding.exhibits.push(gray_picture(caption, &spectrum)?);
+            }
+            shares.push(high_share(&amplitudes));
+        }
+    }
+    let mean = |shares: &[f64]| 100.0 * shares.iter().sum::<f64>() / shares.len() as f64;
+    let [normal, close] = [mean(&shares[0]), mean(&shares[1])];
+    finding.quantity("high frequencies, normal view", "%", "", normal);
+    finding.quantity("high frequencies, too close", "%", "", close);
+    finding.condition(
+        close < normal,
+        format!(
+            "The share of high frequencies is lower in windows that are too close: {close:.1} % \
+             of the amplitude, in others {normal:.1} %."
+        ),
+    );
+    // How often a too close window has less than a normal one: the area of a ROC.
+    let pairs = shares[0].len() * shares[1].len();
+    let lower = shares[1]
+        .iter()
+        .map(|c| shares[0].iter().filter(|n| c < *n).count());
+    let order = 100.0 * lower.sum::<usize>() as f64 / pairs.max(1) as f64;
+    finding.quantity(
+        "a too close window has fewer than a normal one",
+        "% of pairs",
+        "",
+        order,
+    );
+    finding.condition(
+        order > 90.0,
+        format!("This share alone separates most windows (more than 90 % of pairs): {order:.1} %."),
+    );
+    finding.why = format!(
+        "High frequencies have {close:.1} % of the amplitude of too close windows and {normal:.1} \
+         % of others; {order:.1} % of pairs are in that order."
+    );
+    Ok(finding)
+}
+
+/// The frequencies of a value of the first half of a spectrum, of the side of the window.
+fn frequencies(i: usize) -> [usize; 2] {
+    let fold = |f: usize| f.min(SIDE - f);
+    [fold(i % SIDE), fold(i / SIDE)]
+}
+
+fn high_share(amplitudes: &[f32]) -> f64 {
+    let (mut high, mut all) = (0.0, 0.0);
+    for (i, amplitude) in amplitudes.iter().enumerate().skip(1) {
+        all += f64::from(*amplitude);
+        if frequencies(i).into_iter().max() > Some(SIDE / 4) {
+            high += f64::from(*amplitude);
+        }
+    }
+    high / all
+}
+
+/// The whole spectrum by its symmetry, its mean in the middle.
+fn picture(amplitudes: &[f32]) -> Result<Gray> {
+    let log: Vec<_> = amplitudes.iter().map(|a| a.ln_1p()).collect();
+    let most = log[1..].iter().copied().fold(1.0f32, f32::max);
+    Plane::from_fn(SIDE, SIDE, |x, y| {
+        let (u, v) = ((x + SIDE / 2) % SIDE, (y + SIDE / 2) % SIDE);
+        let i = v * SIDE + u;
+        let mirrored = (SIDE - v) % SIDE * SIDE + (SIDE - u) % SIDE;
+        let value = log
+            .get(i)
+            .or(log.get(mirrored))
+            .copied()
+            .unwrap_or_default();
+        (255.0 * value / most).min(255.0) as u8
+    })
+}

@@ -1,0 +1,330 @@
+//! The thesis's experiments, repeated: each with its figure, its numbers beside the thesis's, and
+//! whether its claim holds.
+//!
+//! ```text
+//! EXPERIMENTS ──run(Context)──▶ Finding: conditions, quantities, exhibits
+//!                                  └──▶ FindingsPage: HTML, Markdown, JSON
+//! ```
+//!
+//! An experiment measures scenes built from the arena's parts, with exact truth, and real scenes
+//! where a folder of data sets is named. Its verdict follows from its [`Condition`]s.
+
+mod checks;
+mod closeness;
+mod distance;
+mod filters;
+mod finding;
+mod hashing;
+mod light;
+mod measure;
+mod misalignment;
+mod page;
+mod points;
+mod situations;
+mod smoothing;
+mod speed;
+mod stage;
+mod stressed;
+mod texture;
+mod validity;
+mod without_truth;
+
+pub use finding::{
+    ClaimVerdict, Condition, DrawnCell, Exhibit, Finding, FindingTable, Quantity, TableValue,
+};
+pub use page::{ExperimentFinding, FindingsPage};
+
+use std::path::Path;
+use svl_bench::run::{self, Matchers, Monitor, Pace};
+use svl_bench::sink::{self, Outbox, RunStart, Sink};
+use svl_bench::source::Source;
+use svl_bench::source::dataset::Scene;
+use svl_core::stereo::Frame;
+use svl_core::{Error, Result, did_you_mean};
+use svl_data::manifest::Manifest;
+use svl_data::scenario::Scenario;
+use svl_data::score::{Judge, Judged};
+
+/// One of the thesis's figures or tables, and what svl does in its place.
+pub struct Experiment {
+    /// Its name on the command line, then other figures of the same experiment.
+    pub figures: &'static [&'static str],
+    /// Where it is in the thesis, as a heading.
+    pub place: &'static str,
+    pub title: &'static str,
+    /// What the thesis claims, with its section.
+    pub claim: &'static str,
+    /// What is done here, and where it departs from the thesis.
+    pub method: &'static str,
+    /// Whether it needs a run of the arena, [`Context::recording`].
+    pub records: bool,
+    /// Whether it runs where no figure is named, as those of the thesis do.
+    pub by_default: bool,
+    pub run: fn(&mut Context<'_>) -> Result<Finding>,
+}
+
+/// The experiments of the thesis that svl repeats, in the thesis's order, and svl's own.
+pub const EXPERIMENTS: &[Experiment] = &[
+    distance::EXPERIMENT,
+    situations::EXPERIMENT,
+    smoothing::EXPERIMENT,
+    texture::EXPERIMENT,
+    closeness::EXPERIMENT,
+    validity::EXPERIMENT,
+    hashing::EXPERIMENT,
+    light::EXPERIMENT,
+    misalignment::EXPERIMENT,
+    points::EXPERIMENT,
+    speed::EXPERIMENT,
+    filters::spectrum::EXPERIMENT,
+    filters::training::EXPERIMENT,
+    filters::hidden::EXPERIMENT,
+    filters::motion::EXPERIMENT,
+    without_truth::EXPERIMENT,
+];
+
+/// The experiment of that figure.
+///
+/// # Errors
+/// [`Error::Invalid`] with the nearest figure.
+pub fn find(figure: &str) -> Result<&'static Experiment> {
+    EXPERIMENTS
+        .iter()
+        .find(|e| e.figures.contains(&figure))
+        .ok_or_else(|| {
+            let figures = EXPERIMENTS.iter().flat_map(|e| e.figures).copied();
+            let known: Vec<_> = EXPERIMENTS.iter().map(Experiment::figure).collect();
+            Error::Invalid(format!(
+                "unknown figure '{figure}'{}; known are {}",
+                did_you_mean(figure, figures),
+                known.join(", ")
+            ))
+        })
+}
+
+impl Experiment {
+    /// Its name on the command line.
+    pub fn figure(&self) -> &'static str {
+        self.figures[0]
+    }
+}
+
+/// The input of experiments.
+pub struct Context<'a> {
+    /// Real scenes; none where no folder of data sets was named.
+    pub scenes: &'a [Scene],
+    /// The folder of data sets, if one was named.
+    pub data: Option<&'a Path>,
+    /// The processor, in words.
+    pub machine: &'a str,
+    /// A run of the scenario's arena, for the experiment that [`Experiment::records`].
+    pub recording: Option<(Scenario, Box<dyn Source>)>,
+    monitor: &'a mut dyn Monitor,
+    done: u64,
+}
+
+/// The folders of the real scenes of experiments, below the folder of data sets:
+/// Middlebury 2001, 2003, 2006 and 2014 in quarter size.
+const SCENES: &[&str] = &[
+    "tsukuba",
+    "venus",
+    "teddy",
+    "cones",
+    "middlebury2006/Art",
+    "middlebury2006/Baby1",
+    "middlebury2006/Books",
+    "middlebury2006/Reindeer",
+    "middlebury2014q/Adirondack",
+    "middlebury2014q/Motorcycle",
+];
+
+/// The real scenes that exist below `data`.
+///
+/// # Errors
+/// [`Error::Invalid`] when there is none.
+pub fn scenes(data: &Path) -> Result<Vec<Scene>> {
+    let scenes: Vec<_> = SCENES
+        .iter()
+        .filter_map(|name| Scene::find(&data.join(name), name))
+        .collect();
+    if scenes.is_empty() {
+        let wanted = SCENES.join(", ");
+        return Err(Error::Invalid(format!(
+            "{}: holds none of the scenes {wanted}",
+            data.display()
+        )));
+    }
+    Ok(scenes)
+}
+
+impl<'a> Context<'a> {
+    /// `data` and `scenes`: the folder of data sets and what [`scenes`] finds there. The monitor is
+    /// called after every pair and may end the work.
+    pub fn new(
+        machine: &'a str,
+        (data, scenes): (Option<&'a Path>, &'a [Scene]),
+        recording: Option<(Scenario, Box<dyn Source>)>,
+        monitor: &'a mut dyn Monitor,
+    ) -> Self {
+        Self {
+            machine,
+            data,
+            scenes,
+            recording,
+            monitor,
+            done: 0,
+        }
+    }
+
+    /// Counts a pair.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] when the monitor ends the work.
+    fn step(&mut self) -> Result<()> {
+        self.done += 1;
+        if self.monitor.go_on(self.done) {
+            Ok(())
+        } else {
+            Err(Error::Invalid("stopped".into()))
+        }
+    }
+
+    /// Runs a source through the algorithms, `NAME[:key=value,...]`, into a sink and finishes it.
+    ///
+    /// # Errors
+    /// Those of the run; [`Error::Invalid`] when an algorithm fails or the monitor ends the work.
+    fn run(
+        &mut self,
+        source: &mut dyn Source,
+        algorithms: &[&str],
+        judge: &Judge,
+        sink: impl Sink + 'static,
+    ) -> Result<()> {
+        let algorithms = algorithms
+            .iter()
+            .map(|a| a.parse())
+            .collect::<Result<Vec<_>>>()?;
+        let manifest = Manifest::new("reproduce", None, &algorithms)?;
+        let start = RunStart {
+            manifest: &manifest,
+            log: None,
+            seed: None,
+            judge,
+        };
+        let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
+        let mut monitor = Counting {
+            done: &mut self.done,
+            monitor: self.monitor,
+        };
+        let mut matchers = Matchers::new(&algorithms)?;
+        // Called also with one core: the run is then in turn.
+        let (outcome, ran) = run::run(
+            source,
+            &mut matchers,
+            &start,
+            Pace::Asap,
+            &mut sinks,
+            &mut monitor,
+        );
+        ran?;
+        if outcome.interrupted {
+            return Err(Error::Invalid("stopped".into()));
+        }
+        if outcome.failures > 0 {
+            return Err(Error::Invalid("an algorithm failed, as warned".into()));
+        }
+        sink::finish(sinks)
+    }
+
+    /// The frames with their scored estimates, in the order of the algorithms.
+    ///
+    /// # Errors
+    /// As [`Context::run`].
+    fn judged(
+        &mut self,
+        frames: Vec<Frame>,
+        algorithms: &[&str],
+        judge: &Judge,
+    ) -> Result<Vec<Judged>> {
+        let sink = JudgedFrames::default();
+        let outbox = sink.outbox.clone();
+        self.run(&mut Frames(frames.into_iter()), algorithms, judge, sink)?;
+        Ok(outbox.take())
+    }
+
+    /// The real scenes as frames.
+    fn real(&self) -> impl Iterator<Item = Result<Frame>> + use<'a> {
+        self.scenes
+            .iter()
+            .enumerate()
+            .map(|(i, scene)| scene.read(i as u64))
+    }
+}
+
+/// Frames that an experiment made.
+struct Frames(std::vec::IntoIter<Frame>);
+
+impl Source for Frames {
+    fn name(&self) -> String {
+        "frames".into()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        Ok(self.0.next())
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        Some(self.0.len() as u64)
+    }
+}
+
+/// Keeps everything that it takes.
+#[derive(Default)]
+struct JudgedFrames {
+    judged: Vec<Judged>,
+    outbox: Outbox<Vec<Judged>>,
+}
+
+impl Sink for JudgedFrames {
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        self.judged.push(judged.clone());
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        self.outbox.put(self.judged);
+        Ok(())
+    }
+}
+
+/// Counts pairs over several runs.
+struct Counting<'a> {
+    done: &'a mut u64,
+    monitor: &'a mut dyn Monitor,
+}
+
+impl Monitor for Counting<'_> {
+    fn go_on(&mut self, _: u64) -> bool {
+        *self.done += 1;
+        self.monitor.go_on(*self.done)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_are_unique_and_slips_are_guessed() {
+        let mut figures: Vec<_> = EXPERIMENTS.iter().flat_map(|e| e.figures).collect();
+        let all = figures.len();
+        figures.sort_unstable();
+        figures.dedup();
+        assert_eq!(figures.len(), all);
+        let error = find("5.12").err().unwrap().to_string();
+        assert!(
+            error.starts_with("unknown figure '5.12' (did you mean '5.1"),
+            "{error}"
+        );
+    }
+}

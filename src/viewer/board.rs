@@ -1,0 +1,126 @@
+//! The calibration board in Rerun: both images with the detected corners, and the state as text.
+//!
+//! ```text
+//! board/left   board/left/rows   board/left/first
+//! board/right  ...
+//! board/state  text
+//! ```
+
+use crate::blueprint::{self, LayoutNode, LayoutView};
+use crate::picture::gray;
+use crate::target::Destination;
+use crate::{APPLICATION, TIMELINES};
+use nalgebra::Point2;
+use rerun::{
+    Clear, LineStrips2D, Points2D, RecordingStream, RecordingStreamBuilder, RecordingStreamError,
+    Rgba32, TextDocument,
+};
+use svl_bench::sink::{BoardView, RerunTarget};
+use svl_core::Result;
+use svl_core::stereo::StereoPair;
+use svl_data::overlay::viridis;
+
+/// Shows pairs with the corners of a board.
+pub(crate) struct RerunBoard {
+    stream: RecordingStream,
+    target: Destination,
+    /// Corners in a row.
+    columns: usize,
+}
+
+const SIDES: [&str; 2] = ["left", "right"];
+
+impl RerunBoard {
+    /// Opens `target` for boards of `columns` corners in a row.
+    ///
+    /// # Errors
+    /// As [`svl_bench::sink::Viewer::run`].
+    pub(crate) fn new(target: RerunTarget, columns: usize) -> Result<Self> {
+        let target = Destination(target);
+        let stream =
+            target.open(RecordingStreamBuilder::new(APPLICATION).recording_name("board"))?;
+        let image = |side: &str| {
+            LayoutView::new("2D", side, &format!("board/{side}"), ["+ $origin/**"]).into()
+        };
+        let images = LayoutNode::row("images", SIDES.map(image).into(), &[]);
+        let words = LayoutView::new("TextDocument", "state", "board/state", ["+ $origin"]).into();
+        let root = LayoutNode::column("board", vec![images, words], &[7.0, 1.0]);
+        let view = Self {
+            stream,
+            target,
+            columns,
+        };
+        view.done(blueprint::send(
+            &root,
+            APPLICATION.into(),
+            TIMELINES[0],
+            view.target.cursor(),
+            &view.stream,
+        ))?;
+        Ok(view)
+    }
+
+    fn done<T>(&self, result: std::result::Result<T, RecordingStreamError>) -> Result<T> {
+        result.map_err(|error| self.target.failed(error))
+    }
+}
+
+impl BoardView for RerunBoard {
+    fn show(
+        &self,
+        sequence: u64,
+        pair: &StereoPair,
+        corners: [&[Point2<f64>]; 2],
+        state: &str,
+    ) -> Result<()> {
+        self.stream
+            .set_time_sequence(TIMELINES[0], i64::try_from(sequence).unwrap_or(i64::MAX));
+        for ((side, image), corners) in SIDES
+            .into_iter()
+            .zip([pair.left(), pair.right()])
+            .zip(corners)
+        {
+            let path = |part: &str| format!("board/{side}{part}");
+            self.done(self.stream.log(path(""), &gray(image)))?;
+            // Rerun's pixels begin at integers; svl's pixel centres lie at integers.
+            let points: Vec<[f32; 2]> = corners
+                .iter()
+                .map(|p| [p.x as f32 + 0.5, p.y as f32 + 0.5])
+                .collect();
+            let Some(first) = points.first() else {
+                self.done(self.stream.log(path("/rows"), &Clear::flat()))?;
+                self.done(self.stream.log(path("/first"), &Clear::flat()))?;
+                continue;
+            };
+            let rows: Vec<_> = points.chunks(self.columns).map(<[_]>::to_vec).collect();
+            let color = |row: usize| viridis(1.0 - 0.8 * row as f32 / rows.len() as f32);
+            let colors: Vec<_> = (0..rows.len())
+                .map(color)
+                .map(|[r, g, b]| Rgba32::from_rgb(r, g, b))
+                .collect();
+            self.done(
+                self.stream.log(
+                    path("/rows"),
+                    &LineStrips2D::new(rows)
+                        .with_colors(colors)
+                        .with_radii([0.4]),
+                ),
+            )?;
+            let red = Rgba32::from_rgb(230, 60, 40);
+            self.done(self.stream.log(
+                path("/first"),
+                &Points2D::new([*first]).with_colors([red]).with_radii([3.0]),
+            ))?;
+        }
+        self.done(
+            self.stream
+                .log("board/state", &TextDocument::from_markdown(state)),
+        )
+    }
+
+    fn finish(&self) -> Result<()> {
+        self.stream
+            .flush_blocking()
+            .map_err(|error| self.target.broken(&error.to_string()))
+    }
+}

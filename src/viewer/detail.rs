@@ -1,0 +1,61 @@
+//! How much of a run Rerun gets: maps of every frame, or of some.
+
+use svl_data::score::Judged;
+
+/// Every Nth frame is listed,
+const EVERY: u64 = 30;
+/// and every Nth while frames show a checkpoint: one or two of a robot's visit.
+const EVERY_AT_CHECKPOINT: u64 = 10;
+
+/// Chooses some frames as they come: a run's first one, every 30th, every 10th of those that show a
+/// checkpoint, and all scenes.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct ListedFrames {
+    /// Frames since the last that is listed, in this run.
+    since: Option<u64>,
+}
+
+impl ListedFrames {
+    /// A run begins, whose first frame is listed.
+    pub(crate) fn begin_run(&mut self) {
+        self.since = None;
+    }
+
+    /// Whether the next frame is listed.
+    pub(crate) fn next(&mut self, judged: &Judged) -> bool {
+        let mut estimates = judged.estimates.iter();
+        let shows_checkpoint = estimates.any(|scored| !scored.checkpoints.is_empty());
+        self.choose(judged.frame.name.is_some(), shows_checkpoint)
+    }
+
+    /// Whether the next frame is listed, by what is known of it before it is judged.
+    pub(crate) fn choose(&mut self, is_scene: bool, shows_checkpoint: bool) -> bool {
+        let every = match shows_checkpoint {
+            true => EVERY_AT_CHECKPOINT,
+            false => EVERY,
+        };
+        let since = self.since.map(|since| since + 1);
+        // Scenes are few, and no neighbour shows what one of them does.
+        let listed = is_scene || since.is_none_or(|since| since >= every);
+        self.since = if listed { Some(0) } else { since };
+        listed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn listed_are_the_first_every_nth_those_of_checkpoints_and_scenes() {
+        let mut frames = ListedFrames::default();
+        let mut at = |checkpoint: std::ops::Range<u64>| {
+            frames.begin_run();
+            let mut has = |i: &u64| frames.choose(false, checkpoint.contains(i));
+            (0..75).filter(|i| has(i)).collect::<Vec<_>>()
+        };
+        assert_eq!(at(0..0), [0, 30, 60]);
+        assert_eq!(at(40..52), [0, 30, 40, 50]);
+        assert!((0..3).all(|_| frames.choose(true, false)));
+    }
+}

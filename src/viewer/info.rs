@@ -1,0 +1,93 @@
+//! The facts of a run that Rerun shows from the beginning, and the entity paths of its algorithms.
+
+use svl_bench::sink::RunInfo;
+use svl_core::stereo::ExtraPlanes;
+
+/// An algorithm of the run: its label, and the label as part of a path.
+pub(crate) struct AlgorithmPath {
+    pub label: String,
+    pub part: String,
+    /// What its maps have besides disparities and reasons, known from the first frame on.
+    pub extra: ExtraPlanes,
+}
+
+impl AlgorithmPath {
+    /// Path of one of its entities.
+    pub(crate) fn path(&self, entity: &str) -> String {
+        format!("algo/{}/{entity}", self.part)
+    }
+}
+
+/// The labels as parts of entity paths: letters, digits, `_` and `.` stay, the rest becomes `-`.
+/// Labels that would become equal are numbered.
+pub(crate) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<AlgorithmPath> {
+    // Rerun parses `/ : = ,` and spaces in entity paths.
+    let safe = |c: char| {
+        if c.is_ascii_alphanumeric() || matches!(c, '_' | '.') {
+            c
+        } else {
+            '-'
+        }
+    };
+    let mut made: Vec<AlgorithmPath> = Vec::new();
+    for label in labels {
+        let stem: String = label.chars().map(safe).collect();
+        let names = std::iter::once(stem.clone()).chain((2..).map(|n| format!("{stem}-{n}")));
+        // The numbers never end, so one of them is free.
+        let part = names
+            .into_iter()
+            .find(|name| made.iter().all(|a| a.part != *name))
+            .unwrap_or(stem);
+        made.push(AlgorithmPath {
+            label,
+            part,
+            extra: ExtraPlanes::NONE,
+        });
+    }
+    made
+}
+
+/// The scenario's name and the parameters of the algorithms, as Markdown.
+pub(crate) fn parameters(run: &RunInfo) -> String {
+    let rows = run
+        .algorithms
+        .iter()
+        .map(|(label, parameters)| format!("\n### {label}\n{parameters}\n"));
+    format!("# {}\n{}", run.scenario, rows.collect::<String>())
+}
+
+/// Placeholder for the verdicts, as Markdown.
+pub(crate) fn awaiting(run: &RunInfo) -> String {
+    format!(
+        "# {}\n\nNo checkpoint has been scored yet: verdicts come at the end of `svl score`.\n",
+        run.scenario
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_become_parts_of_paths() {
+        let labels = [
+            "v3",
+            "v3:max_disparity=64",
+            "v3:max_disparity,64",
+            "exec:a b/c",
+        ];
+        let parts: Vec<_> = algorithms(labels.into_iter().map(str::to_owned))
+            .into_iter()
+            .map(|a| a.part)
+            .collect();
+        assert_eq!(
+            parts,
+            [
+                "v3",
+                "v3-max_disparity-64",
+                "v3-max_disparity-64-2",
+                "exec-a-b-c"
+            ]
+        );
+    }
+}

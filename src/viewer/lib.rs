@@ -1,0 +1,438 @@
+//! Rerun as the viewer of svl: maps, depth grid and metrics of every algorithm beside each other.
+//!
+//! ```text
+//! world                        z up
+//!   arena                      the true geometry, where known (static)
+//!   trail                      where the camera has been
+//!   rig/left                   Transform3D, Pinhole
+//!   rig/left/image
+//! algo/<name>/overlay          the thesis's picture of the depth grid
+//!            /overlay/cells    the distances of its cells, as text
+//!            /disparity /depth /depth/none /why
+//!            /ssdpi            of algorithms that have one
+//!            /points           the depths of the cloud
+//!            /latency/<stage>  milliseconds, and /latency/total
+//!            /coverage         percent of the pixels
+//!            /wrong_cells      where truth and rig are known
+//!            /row_offset       rows, of algorithms that measure the vertical misalignment
+//! truth/overlay  truth/depth
+//! run/parameters  run/verdicts  run/frames
+//! legend/why
+//! ```
+//! Timelines: `pair`, the frame's number, and `time`, its stamp; while a person tunes an algorithm
+//! also `change`, which counts what was shown. Maps are those of all frames, or
+//! of some ([`RerunDetail`]); between them they are cleared. `run/frames` lists those frames.
+
+mod blueprint;
+mod board;
+mod detail;
+mod info;
+mod layout;
+mod overlay;
+mod picture;
+mod push;
+mod scale;
+mod step;
+mod target;
+mod world;
+
+use board::RerunBoard;
+use detail::ListedFrames;
+use info::AlgorithmPath;
+use rerun::log::ChunkBatcherConfig;
+use rerun::{
+    Clear, RecordingStream, RecordingStreamBuilder, Rgba32, SeriesLines, TextDocument, TimeCell,
+    ViewCoordinates,
+};
+use scale::Scale;
+use std::path::Path;
+use std::time::Duration;
+use step::RerunSteps;
+use svl_bench::sink::{
+    BoardView, RerunDetail, RerunTarget, RunInfo, RunStart, Sink, StepView, Verdicts, Viewer,
+};
+use svl_core::stereo::{ExtraPlanes, Frame, Pose, Rig, TruthOrigin};
+use svl_core::timing::Stage;
+use svl_core::{Error, Result};
+use svl_data::arena::WireObject;
+use svl_data::score::{Checkpoint, Judged, METRICS, Metric};
+use target::Destination;
+
+/// Rerun's word for the program: recordings of one application share their layout.
+const APPLICATION: &str = "svl";
+/// The timelines, the one the viewer opens with first.
+const TIMELINES: [&str; 2] = ["pair", "time"];
+/// The timeline of what a person turned, which is in front while tuning.
+const CHANGES: &str = "change";
+/// How long a viewer may take to receive a frame while a person waits for it.
+const SENT: Duration = Duration::from_secs(3);
+const CAMERA: &str = "world/rig/left";
+const IMAGE: &str = "world/rig/left/image";
+const LEGEND: &str = "legend/why";
+/// The maps that every algorithm has, and its cloud.
+const MAPS: [&str; 4] = ["disparity", "why", "depth", "points"];
+/// Stamps from here on (2001, in nanoseconds) are taken for Unix time, smaller ones for the time
+/// since the start of the recording.
+const EPOCH_NS: u64 = 1_000_000_000_000_000_000;
+
+/// A file is written in few large pieces: each costs its columns' names, a viewer opens a tenth of
+/// them five times as fast, and a run that is killed loses at most one.
+const FILE_BATCHES: ChunkBatcherConfig = ChunkBatcherConfig {
+    flush_tick: Duration::from_secs(10),
+    flush_num_bytes: 8 << 20,
+    ..ChunkBatcherConfig::DEFAULT
+};
+
+/// Colours of the algorithms' lines, distinct to most eyes (after Okabe and Ito), on a dark
+/// ground.
+const COLORS: [Rgba32; 8] = [
+    Rgba32::from_rgb(86, 180, 233),
+    Rgba32::from_rgb(230, 159, 0),
+    Rgba32::from_rgb(0, 190, 140),
+    Rgba32::from_rgb(240, 228, 66),
+    Rgba32::from_rgb(204, 121, 167),
+    Rgba32::from_rgb(213, 94, 0),
+    Rgba32::from_rgb(120, 140, 255),
+    Rgba32::from_rgb(200, 200, 200),
+];
+
+/// Rerun, as svl was built with it.
+pub struct Rerun;
+
+impl Viewer for Rerun {
+    fn run(
+        &self,
+        target: RerunTarget,
+        detail: RerunDetail,
+        info: &RunInfo,
+        verdicts: Option<Verdicts>,
+    ) -> Result<Box<dyn Sink>> {
+        let sink = RerunSink::new(target, detail, info)?;
+        Ok(Box::new(RerunSink { verdicts, ..sink }))
+    }
+
+    fn tuning(&self, target: RerunTarget, info: &RunInfo) -> Result<Box<dyn Sink>> {
+        let sink = RerunSink::new(target, RerunDetail::Full, info)?;
+        let changes = Some(0);
+        Ok(Box::new(RerunSink { changes, ..sink }))
+    }
+
+    fn board(&self, target: RerunTarget, columns: usize) -> Result<Box<dyn BoardView>> {
+        Ok(Box::new(RerunBoard::new(target, columns)?))
+    }
+
+    fn steps(&self, target: RerunTarget) -> Result<Box<dyn StepView>> {
+        Ok(Box::new(RerunSteps::new(target)?))
+    }
+
+    fn save_layout(&self, file: &Path, topics: &[String], layout: &Path) -> Result<bool> {
+        layout::save_recording_layout(file, topics, layout)
+    }
+
+    fn find(&self) -> Result<()> {
+        target::find_viewer()
+    }
+}
+
+/// Writes a run to Rerun.
+struct RerunSink {
+    stream: RecordingStream,
+    target: Destination,
+    algorithms: Vec<AlgorithmPath>,
+    wireframe: Vec<WireObject>,
+    /// Whether the layout was sent, and if so whether with views of the truth.
+    begun: Option<bool>,
+    camera: Option<(Scale, Option<Rig>, (usize, usize))>,
+    last_pose: Option<Pose>,
+    /// Where the run under way begins on the timelines.
+    start: Moment,
+    /// The last frame's place on them.
+    last: Option<Moment>,
+    detail: RerunDetail,
+    frames: ListedFrames,
+    /// The same, of frames that come later.
+    upcoming: ListedFrames,
+    /// Whether the frame being logged is listed, and whether it has maps.
+    is_listed: bool,
+    has_maps: bool,
+    /// Number and name of the run's checkpoints.
+    checkpoints: Vec<String>,
+    verdicts: Option<Box<dyn FnOnce() -> Option<String> + Send>>,
+    /// While a person tunes: how often something was shown.
+    changes: Option<i64>,
+}
+
+/// A place on the timelines.
+#[derive(Clone, Copy, Default)]
+struct Moment {
+    pair: u64,
+    time_ns: u64,
+}
+
+impl RerunSink {
+    /// Opens `target` and writes what holds for all of the run. The layout follows with the first
+    /// frame.
+    ///
+    /// # Errors
+    /// The file exists (it is never overwritten: remove it first) or cannot be made; no viewer to
+    /// spawn, or none at the URL. Always one line.
+    fn new(target: RerunTarget, detail: RerunDetail, run: &RunInfo) -> Result<Self> {
+        let mut builder = RecordingStreamBuilder::new(APPLICATION)
+            .recording_id(run.recording_id.as_str())
+            .recording_name(run.scenario.as_str())
+            .send_properties(true);
+        if target.file().is_some() {
+            builder = builder.batcher_config(FILE_BATCHES);
+        }
+        let target = Destination(target);
+        let stream = target.open(builder)?;
+        let sink = Self {
+            stream,
+            target,
+            algorithms: info::algorithms(run.algorithms.iter().map(|(label, _)| label.clone())),
+            wireframe: run.wireframe.clone(),
+            begun: None,
+            camera: None,
+            last_pose: None,
+            start: Moment::default(),
+            last: None,
+            detail,
+            frames: ListedFrames::default(),
+            upcoming: ListedFrames::default(),
+            is_listed: false,
+            has_maps: false,
+            checkpoints: Vec::new(),
+            verdicts: None,
+            changes: None,
+        };
+        sink.log_static("world", &ViewCoordinates::RIGHT_HAND_Z_UP())?;
+        if !run.wireframe.is_empty() {
+            sink.log_static("world/arena", &world::wireframe(&run.wireframe))?;
+        }
+        sink.log_static(
+            "run/parameters",
+            &TextDocument::from_markdown(info::parameters(run)),
+        )?;
+        sink.log_static(
+            "run/verdicts",
+            &TextDocument::from_markdown(info::awaiting(run)),
+        )?;
+        sink.log_static(LEGEND, &picture::classes())?;
+        for path in [
+            "truth/overlay",
+            "truth/overlay/percentiles",
+            "truth/overlay/cells",
+            "truth/depth",
+            "truth/depth/none",
+            LEGEND,
+        ] {
+            sink.log_static(path, &world::on_image())?;
+        }
+        for (algorithm, color) in sink.algorithms.iter().zip(COLORS.into_iter().cycle()) {
+            sink.style(algorithm, color)?;
+        }
+        Ok(sink)
+    }
+
+    /// Frames of reference, names and colours of an algorithm's entities.
+    fn style(&self, algorithm: &AlgorithmPath, color: Rgba32) -> Result<()> {
+        let overlays = [
+            "overlay",
+            "overlay/percentiles",
+            "overlay/cells",
+            "depth/none",
+        ];
+        for map in overlays.iter().chain(&MAPS) {
+            self.log_static(&algorithm.path(map), &world::on_image())?;
+        }
+        for (stage, color) in Stage::ALL.into_iter().zip(COLORS.into_iter().skip(1)) {
+            self.log_static(
+                &algorithm.path(&format!("latency/{}", stage.name())),
+                &line(stage.name(), color),
+            )?;
+        }
+        let plots = METRICS.iter().filter_map(|metric| metric.plot);
+        for number in plots.chain(["latency/total"]) {
+            self.log_static(&algorithm.path(number), &line(&algorithm.label, color))?;
+        }
+        Ok(())
+    }
+
+    /// The layout, as soon as a frame and its estimates show what there is to see.
+    fn begin(&mut self, judged: &Judged, scale: &Scale) -> Result<()> {
+        let frame = &judged.frame;
+        for algorithm in &mut self.algorithms {
+            let mut estimates = judged.estimates.iter().map(|scored| &scored.estimate);
+            let estimate = estimates.find(|estimate| estimate.algorithm == algorithm.label);
+            algorithm.extra = estimate.map_or(ExtraPlanes::NONE, |e| e.disparity.extra());
+        }
+        for algorithm in self.algorithms.iter().filter(|a| a.extra.ssdpi) {
+            self.log_static(&algorithm.path("ssdpi"), &world::on_image())?;
+        }
+        // A share of nothing is no value: its plot would stay empty.
+        let has = |metric: &&Metric| {
+            let mut estimates = judged.estimates.iter();
+            estimates.any(|scored| scored.metrics.value(metric).is_some())
+        };
+        let facts = layout::Facts {
+            truth: frame.truth.as_ref().map(|truth| match &truth.kind.origin {
+                TruthOrigin::Exact => "truth".to_owned(),
+                other => other.to_string(),
+            }),
+            rig: frame.rig().is_some(),
+            size: frame.name.is_none().then(|| frame.pair.size()),
+            eye: world::eye(&self.wireframe, scale),
+            plots: METRICS
+                .iter()
+                .filter(|m| m.plot.is_some())
+                .filter(has)
+                .collect(),
+        };
+        let (root, timeline) = match self.changes {
+            None => (layout::run(&self.algorithms, &facts), TIMELINES[0]),
+            Some(_) => (layout::tuning(&self.algorithms, &facts), CHANGES),
+        };
+        let (app, cursor) = (APPLICATION.into(), self.target.cursor());
+        blueprint::send(&root, app, timeline, cursor, &self.stream)
+            .map_err(|error| self.target.failed(error))
+    }
+
+    /// Waits until all that was logged is written or sent.
+    fn flush(&self) -> Result<()> {
+        let flushed = self.stream.flush_blocking();
+        flushed.map_err(|error| match &self.target.0 {
+            RerunTarget::File(path) => {
+                Error::format(path, "could not be written to its end; is the disk full?")
+            }
+            RerunTarget::Spawn | RerunTarget::Url(_) => self.target.broken(&error.to_string()),
+        })
+    }
+
+    /// The colour scale of the frame's camera, kept for as long as rig and image size stay.
+    fn scale(&mut self, frame: &Frame) -> Result<Scale> {
+        let size = frame.pair.size();
+        match self.camera {
+            Some((scale, rig, of)) if rig.as_ref() == frame.rig() && of == size => Ok(scale),
+            _ => {
+                let scale = Scale::of(frame);
+                self.camera = Some((scale, frame.rig().copied(), size));
+                self.log_static(LEGEND, &picture::legend(size))?;
+                Ok(scale)
+            }
+        }
+    }
+}
+
+/// The look of a line over time.
+fn line(name: &str, color: Rgba32) -> SeriesLines {
+    SeriesLines::new()
+        .with_names([name])
+        .with_colors([color])
+        .with_widths([1.5])
+}
+
+impl Sink for RerunSink {
+    /// The timelines place a further run after the one before, with a second between.
+    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
+        let words = |c: &Checkpoint| format!("checkpoint {}, {}", c.number, c.name);
+        self.checkpoints = start.judge.checkpoints.iter().map(words).collect();
+        self.frames.begin_run();
+        self.upcoming.begin_run();
+        if self.changes.is_some() {
+            let info = RunInfo::new(start.manifest, Vec::new());
+            let parameters = TextDocument::from_markdown(info::parameters(&info));
+            self.log_static("run/parameters", &parameters)?;
+        } else if let Some(last) = self.last {
+            self.start = Moment {
+                pair: last.pair + 1,
+                time_ns: last.time_ns + 1_000_000_000,
+            };
+            self.last_pose = None;
+        }
+        Ok(())
+    }
+
+    fn ask_for_maps(&mut self, frame: &Frame, shows_checkpoint: bool, needed: &mut [bool]) {
+        let is_listed = self.upcoming.choose(frame.name.is_some(), shows_checkpoint);
+        if is_listed || self.detail == RerunDetail::Full {
+            needed.fill(true);
+        }
+    }
+
+    /// Shows a frame. An algorithm without an estimate for it shows nothing there.
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        let frame = &judged.frame;
+        let scale = self.scale(frame)?;
+        // Also when the first frame with a truth comes, which only some pairs may have.
+        let has_truth = frame.truth.is_some();
+        if self.begun.is_none_or(|had_truth| has_truth && !had_truth) {
+            self.begin(judged, &scale)?;
+            self.begun = Some(has_truth);
+        }
+        let now = Moment {
+            pair: self.start.pair.saturating_add(frame.sequence),
+            time_ns: self.start.time_ns.saturating_add(frame.stamp_ns),
+        };
+        let before = self.last.replace(now);
+        let is_first = before.is_none();
+        // What is there already stays, while only an algorithm changes.
+        let is_again = self.changes.is_some() && before.is_some_and(|last| last.pair == now.pair);
+        let nanos = i64::try_from(now.time_ns).unwrap_or(i64::MAX);
+        self.stream
+            .set_time_sequence(TIMELINES[0], i64::try_from(now.pair).unwrap_or(i64::MAX));
+        self.stream.set_time(
+            TIMELINES[1],
+            if frame.stamp_ns < EPOCH_NS {
+                TimeCell::from_duration_nanos(nanos)
+            } else {
+                TimeCell::from_timestamp_nanos_since_epoch(nanos)
+            },
+        );
+        if let Some(changes) = &mut self.changes {
+            *changes += 1;
+            self.stream.set_time_sequence(CHANGES, *changes);
+        }
+        self.is_listed = self.frames.next(judged);
+        if self.is_listed {
+            self.push_name(judged)?;
+        }
+        let has_maps = self.is_listed || self.detail == RerunDetail::Full;
+        if std::mem::replace(&mut self.has_maps, has_maps) && !has_maps {
+            self.clear_maps()?;
+        }
+        if !is_again {
+            self.push_scene(frame, &scale)?;
+            self.push_truth(judged, &scale)?;
+        }
+        for (i, algorithm) in self.algorithms.iter().enumerate() {
+            let mut estimates = judged.estimates.iter();
+            match estimates.find(|scored| scored.estimate.algorithm == algorithm.label) {
+                Some(scored) => self.push_estimate(algorithm, scored, frame, &scale)?,
+                None if is_again && i > 0 => {}
+                None => self.log(&format!("algo/{}", algorithm.part), &Clear::recursive())?,
+            }
+        }
+        if self.changes.is_some() && self.target.0.file().is_none() {
+            let sent = self.stream.flush_with_timeout(SENT);
+            return sent.map_err(|error| self.target.broken(&error.to_string()));
+        }
+        match is_first {
+            // The viewer's time cursor stands where the first piece of a file begins.
+            true => self.flush(),
+            false => Ok(()),
+        }
+    }
+
+    fn settle(&mut self) -> Result<()> {
+        self.flush()
+    }
+
+    /// Waits until all is written or sent. A file gets its index, for quick opening, when the sink
+    /// is dropped.
+    fn finish(mut self: Box<Self>) -> Result<()> {
+        if let Some(markdown) = self.verdicts.take().and_then(|markdown| markdown()) {
+            self.log_static("run/verdicts", &TextDocument::from_markdown(markdown))?;
+        }
+        self.flush()
+    }
+}

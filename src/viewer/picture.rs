@@ -1,0 +1,208 @@
+//! Disparity, depth, SSDPI and reason maps as Rerun images with fixed ranges and colours.
+//!
+//! Images are JPEG files. Disparities, depths and ln(SSDPI + 1) are RVL files of 16-bit codes, in
+//! which 0 is none; reasons PNG files with a palette. In all a quarter of what half floats and
+//! bytes take.
+
+use crate::scale::Scale;
+use rerun::components::{Colormap, MediaType};
+use rerun::{AnnotationContext, EncodedDepthImage, EncodedImage, Image, Points2D, Radius, Rgba32};
+use svl_core::Result;
+use svl_core::stereo::{DisparityMap, Frame, Gray, Plane, Reason, Rig};
+use svl_data::files::{self, InverseDepth};
+
+/// The thesis's scale of SSDPI: 0 to 12, its logarithm (section 5.3.3).
+const SSDPI_RANGE: [f64; 2] = [0.0, 12.0];
+
+/// Codes per pixel of disparity, the resolution of StereoBM and SGM, and per unit of ln(SSDPI + 1).
+const PER_PX: f32 = 16.0;
+const PER_LN: f32 = 8.0;
+
+/// Pixels without a depth.
+const UNKNOWN: [u8; 4] = [12, 12, 14, 255];
+
+/// Rerun ignores the transparency of an image of full opacity.
+const OPAQUE: f32 = 0.999;
+
+/// Limit of the points of a cloud: enough to see the shape.
+const MAX_POINTS: f64 = 20_000.0;
+
+/// Names and colours of the reasons, for their legend.
+pub(crate) fn classes() -> AnnotationContext {
+    let class = |reason: Reason| (reason as u16, reason.name(), color(reason));
+    AnnotationContext::new(Reason::ALL.map(class))
+}
+
+/// A reason's colour. Valid pixels are transparent, so that the image shows through.
+fn color(reason: Reason) -> Rgba32 {
+    match reason {
+        Reason::Valid => Rgba32::from_unmultiplied_rgba(0, 0, 0, 0),
+        Reason::Border => Rgba32::from_rgb(90, 90, 100),
+        Reason::Untextured => Rgba32::from_rgb(66, 133, 214),
+        Reason::Ambiguous => Rgba32::from_rgb(245, 166, 35),
+        Reason::Inconsistent => Rgba32::from_rgb(208, 62, 140),
+        Reason::SelfCheck => Rgba32::from_rgb(44, 160, 110),
+        Reason::Unmatched => Rgba32::from_rgb(150, 100, 60),
+        Reason::Floor => Rgba32::from_rgb(120, 160, 60),
+    }
+}
+
+/// The left image, in colour where the source has it.
+pub(crate) fn left(frame: &Frame) -> Result<EncodedImage> {
+    let jpeg = match &frame.color {
+        Some([left, _]) => files::encode_color_jpeg(left, 0),
+        None => files::encode_jpeg(frame.pair.left(), 0),
+    };
+    Ok(EncodedImage::new(jpeg?).with_media_type(MediaType::JPEG))
+}
+
+/// A grey image.
+pub(crate) fn gray(image: &Gray) -> Image {
+    let pixels = image
+        .as_slice()
+        .map_or_else(|| image.pixels().collect(), <[u8]>::to_vec);
+    Image::from_l8(pixels, resolution(image))
+}
+
+/// Disparities in pixels, blue (far) over green to red (near); none is nearly black.
+pub(crate) fn disparity(map: &Plane<f32>, scale: &Scale) -> EncodedDepthImage {
+    let codes = map.map(|d| code(d, PER_PX));
+    // Ranges are in codes.
+    let range = [0.0, scale.nearness.near_px() * f64::from(PER_PX)];
+    coded(&codes, None, range, Colormap::Turbo).with_meter(PER_PX)
+}
+
+/// Depths in metres, red (near) over yellow to blue (far).
+pub(crate) fn depth(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> EncodedDepthImage {
+    let codes = map.map(|d| match has_depth(d, rig) {
+        true => code(d, PER_PX),
+        false => 0,
+    });
+    let inverse = InverseDepth {
+        a: (rig.focal_px() * rig.baseline_m()) as f32 * PER_PX,
+        b: -rig.doffs_px() as f32 * PER_PX,
+    };
+    coded(
+        &codes,
+        Some(inverse),
+        [0.0, scale.far_m],
+        Colormap::Spectral,
+    )
+    .with_meter(1.0)
+}
+
+/// What blackens the pixels without a depth: Rerun paints them in the colour of 0, which is that of
+/// the nearest obstacle.
+///
+/// # Errors
+/// As [`files::encode_classes_png`], as are the next ones.
+pub(crate) fn no_depth(map: &Plane<f32>, rig: &Rig) -> Result<EncodedImage> {
+    let codes = map.map(|d| u8::from(!has_depth(d, rig)));
+    let png = files::encode_classes_png(&codes, &[[0; 4], UNKNOWN])?;
+    Ok(over(png).with_opacity(OPAQUE))
+}
+
+/// The depths as a cloud, which Rerun makes of a depth image in 3D: every n-th column and row, none
+/// beyond the scale's far end, where a pixel of disparity is metres of depth.
+pub(crate) fn points(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> Result<EncodedDepthImage> {
+    let (width, height) = map.size();
+    let step = ((width * height) as f64 / MAX_POINTS).sqrt().ceil() as usize;
+    let nearest_px = rig.disparity_px(scale.far_m) as f32;
+    let sparse = Plane::from_fn(width, height, |x, y| {
+        let disparity = map.get(x, y);
+        match x % step == 0 && y % step == 0 && disparity >= nearest_px {
+            true => disparity,
+            false => f32::INFINITY,
+        }
+    })?;
+    Ok(depth(&sparse, rig, scale).with_point_fill_ratio(step as f32))
+}
+
+/// Whether a disparity is one, and nearer than infinity.
+fn has_depth(disparity: f32, rig: &Rig) -> bool {
+    disparity.is_finite() && rig.depth_m(disparity.into()).is_some()
+}
+
+/// ln(SSDPI + 1); black where nothing was compared.
+pub(crate) fn ssdpi(map: &Plane<u32>) -> EncodedDepthImage {
+    let codes = map.map(|s| match s {
+        DisparityMap::NO_SSDPI => 0,
+        s => code((s as f32).ln_1p(), PER_LN),
+    });
+    let range = SSDPI_RANGE.map(|end| end * f64::from(PER_LN));
+    coded(&codes, None, range, Colormap::Inferno).with_meter(PER_LN)
+}
+
+/// Reasons in their colours.
+pub(crate) fn why(map: &Plane<Reason>) -> Result<EncodedImage> {
+    let colors = Reason::ALL.map(|reason| color(reason).to_array());
+    let png = files::encode_classes_png(&map.map(|reason| reason as u8), &colors)?;
+    Ok(over(png).with_opacity(0.8))
+}
+
+/// An image over others, which Rerun draws at -10 and below.
+fn over(png: Vec<u8>) -> EncodedImage {
+    EncodedImage::new(png)
+        .with_media_type(MediaType::PNG)
+        .with_draw_order(0.0)
+}
+
+/// Height of the legend, as a share of the image's.
+pub(crate) const LEGEND_SHARE: f64 = 0.32;
+
+/// The colours of [`why`] with their names, in two lines below an image of `size` pixels.
+pub(crate) fn legend((width, height): (usize, usize)) -> Points2D {
+    let (width, height) = (width as f32, height as f32);
+    let reasons = &Reason::ALL[1..];
+    let place = |i: usize| {
+        [
+            (0.17 + (i % 3) as f32 / 3.0) * width,
+            (1.05 + 0.15 * (i / 3) as f32) * height,
+        ]
+    };
+    Points2D::new((0..reasons.len()).map(place))
+        .with_class_ids(reasons.iter().map(|&reason| reason as u16))
+        .with_labels(reasons.iter().map(|reason| reason.name()))
+        .with_show_labels(true)
+        .with_radii([Radius::new_ui_points(4.0)])
+}
+
+/// A value as a code, the largest for all beyond; 0 where there is none.
+fn code(value: f32, per_unit: f32) -> u16 {
+    match value.is_finite() {
+        // 0 itself is a value, which none must not be.
+        true => (value * per_unit).round().clamp(1.0, u16::MAX.into()) as u16,
+        false => 0,
+    }
+}
+
+fn coded(
+    codes: &Plane<u16>,
+    inverse: Option<InverseDepth>,
+    range: [f64; 2],
+    colors: Colormap,
+) -> EncodedDepthImage {
+    EncodedDepthImage::new(files::encode_rvl(codes, inverse))
+        .with_media_type(MediaType::RVL)
+        .with_depth_range(range)
+        .with_colormap(colors)
+}
+
+fn resolution<T: Copy>(map: &Plane<T>) -> [u32; 2] {
+    // Sides are at most MAX_SIDE.
+    [map.width() as u32, map.height() as u32]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_disparity_is_no_depth_and_not_0() {
+        let rig = Rig::new(328.0, (159.5, 119.5), 0.05, 0.0).unwrap();
+        let has = [8.2, 0.0, f32::INFINITY].map(|d| has_depth(d, &rig));
+        assert_eq!(has, [true, false, false]);
+        let codes = [f32::NAN, 0.0, 2.0, 1e9].map(|value| code(value, 16.0));
+        assert_eq!(codes, [0, 1, 32, u16::MAX]);
+    }
+}

@@ -1,0 +1,131 @@
+//! Rerun destinations: a file, a viewer started for the run, or a running one.
+
+use crate::blueprint::TimeCursor;
+use rerun::sink::FileSinkError;
+use rerun::{RecordingStream, RecordingStreamBuilder, RecordingStreamError};
+use std::io::ErrorKind;
+use std::process::Command;
+use std::time::Duration;
+use svl_bench::sink::RerunTarget;
+use svl_core::{Error, Result};
+
+/// The version of the library, which the viewer must have: the protocol changes between versions.
+fn version() -> String {
+    rerun::build_info().version.to_string()
+}
+
+/// How to get the viewer.
+fn hint() -> String {
+    let version = version();
+    format!("the Rerun viewer comes with `pip install rerun-sdk=={version}` (the program `rerun`)")
+}
+
+fn missing() -> Error {
+    Error::Invalid(format!("no program `rerun` on the PATH; {}", hint()))
+}
+
+/// Checks that the viewer on the PATH can show what the library writes.
+///
+/// # Errors
+/// There is none, or it has another version.
+pub(crate) fn find_viewer() -> Result<()> {
+    let output = Command::new("rerun").arg("--version").output();
+    let output = output.map_err(|error| {
+        if error.kind() == ErrorKind::NotFound {
+            missing()
+        } else {
+            Error::io("rerun", error)
+        }
+    })?;
+    check_version("the program `rerun` on the PATH", &output.stdout)
+}
+
+/// Checks the version in `said`, what a viewer says of itself: `rerun-cli 0.36.3 [...]`.
+///
+/// # Errors
+/// [`Error::Invalid`] for another one.
+fn check_version(viewer: &str, said: &[u8]) -> Result<()> {
+    let said = String::from_utf8_lossy(said);
+    let release = |text: &str| -> Option<(u32, u32)> {
+        let mut numbers = text.trim_start_matches('v').split(['.', '-', '+']);
+        Some((numbers.next()?.parse().ok()?, numbers.next()?.parse().ok()?))
+    };
+    let found = said.split_whitespace().find(|word| release(word).is_some());
+    match found {
+        Some(found) if release(found) != release(&version()) => Err(Error::Invalid(format!(
+            "{viewer} is Rerun {found}, and svl writes for {}; {}",
+            version(),
+            hint()
+        ))),
+        // What it says of itself may change: the stream itself then shows whether they agree.
+        _ => Ok(()),
+    }
+}
+
+/// Timeout for a running viewer to answer.
+const CONNECT: Duration = Duration::from_secs(3);
+
+/// A target with what goes wrong there.
+pub(crate) struct Destination(pub(crate) RerunTarget);
+
+impl Destination {
+    /// Where the viewer's time cursor is to stand: a file is read from its first frame, a run
+    /// followed.
+    pub(crate) fn cursor(&self) -> TimeCursor {
+        match self.0 {
+            RerunTarget::File(_) => TimeCursor::First,
+            RerunTarget::Spawn | RerunTarget::Url(_) => TimeCursor::Last,
+        }
+    }
+
+    /// Opens the stream. An existing file is an error: nothing is overwritten unasked.
+    pub(crate) fn open(&self, builder: RecordingStreamBuilder) -> Result<RecordingStream> {
+        match &self.0 {
+            RerunTarget::File(path) if path.exists() => Err(Error::format(
+                path,
+                "already exists, and is not overwritten",
+            )),
+            RerunTarget::File(path) => builder.save(path).map_err(|error| self.failed(error)),
+            RerunTarget::Spawn => {
+                find_viewer()?;
+                builder.spawn().map_err(|error| self.failed(error))
+            }
+            RerunTarget::Url(url) => {
+                let stream = builder
+                    .connect_grpc_opts(url.as_str())
+                    .map_err(|error| self.failed(error))?;
+                // The SDK connects in the background and retries for ever: flushing with a timeout
+                // finds out whether a viewer is there.
+                stream.flush_with_timeout(CONNECT).map_err(|_| {
+                    Error::Invalid(format!(
+                        "{url}: no Rerun viewer answers there; start `rerun` first, or use `spawn`"
+                    ))
+                })?;
+                Ok(stream)
+            }
+        }
+    }
+
+    /// The SDK's error in one line.
+    pub(crate) fn failed(&self, error: RecordingStreamError) -> Error {
+        match error {
+            RecordingStreamError::FileSink(FileSinkError::CreateFile { source, path }) => {
+                Error::io(path, source)
+            }
+            RecordingStreamError::SpawnViewer(
+                rerun::SpawnError::ExecutableNotFoundInPath { .. }
+                | rerun::SpawnError::ExecutableNotFound { .. },
+            ) => missing(),
+            other => self.broken(&other.to_string()),
+        }
+    }
+
+    /// `reason`, which may have many lines, as an error of one.
+    pub(crate) fn broken(&self, reason: &str) -> Error {
+        Error::Invalid(format!(
+            "{}: {}",
+            self.0,
+            reason.lines().next().unwrap_or_default()
+        ))
+    }
+}

@@ -1,0 +1,96 @@
+//! The scene in 3D: camera, trail, arena, points.
+//!
+//! Frames of reference: `world` (z up) and [`CAMERA_FRAME`], the left camera's optical frame,
+//! placed by the pose. The left image's plane is the pinhole's own frame, that of the entity
+//! `world/rig/left`; whatever is drawn on the image is put into it by [`on_image`], wherever its
+//! entity stands in the tree.
+
+use crate::{CAMERA, scale::Scale};
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
+use rerun::{CoordinateFrame, LineStrips3D, Pinhole, Radius, Rgba32, Transform3D};
+use svl_core::stereo::{Frame, Pose, Rig, Side};
+use svl_data::arena::WireObject;
+
+/// Name of the left camera's optical frame.
+const CAMERA_FRAME: &str = "left_camera";
+
+/// Puts an entity onto the left image.
+pub(crate) fn on_image() -> CoordinateFrame {
+    CoordinateFrame::new(format!("tf#/{CAMERA}"))
+}
+
+/// The pose where none is known: at the origin, upright, looking along the x axis of the world.
+pub(crate) fn resting() -> Pose {
+    let axes = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+    Isometry3::from_parts(Translation3::identity(), rotation)
+}
+
+/// The pose of the left camera.
+pub(crate) fn transform(pose: &Pose) -> Transform3D {
+    let q = pose.rotation.coords.map(|v| v as f32);
+    Transform3D::from_translation_rotation(
+        position(pose),
+        rerun::Quaternion::from_xyzw([q.x, q.y, q.z, q.w]),
+    )
+    .with_parent_frame("tf#/world")
+    .with_child_frame(CAMERA_FRAME)
+}
+
+/// The left camera's projection.
+pub(crate) fn pinhole(rig: &Rig, frame: &Frame, scale: &Scale) -> Pinhole {
+    let (width, height) = frame.pair.size();
+    // nalgebra, like Rerun, stores columns.
+    let k: [[f32; 3]; 3] = rig.intrinsics(Side::Left).map(|v| v as f32).into();
+    Pinhole::new(k)
+        .with_resolution([width as f32, height as f32])
+        .with_image_plane_distance(scale.far_m as f32 / 10.0)
+        .with_parent_frame(CAMERA_FRAME)
+        .with_child_frame(format!("tf#/{CAMERA}"))
+}
+
+/// The line from the last position to this one.
+pub(crate) fn step(from: &Pose, to: &Pose) -> LineStrips3D {
+    LineStrips3D::new([[position(from), position(to)]])
+        .with_colors([Rgba32::from_rgb(90, 200, 250)])
+        .with_radii([Radius::new_ui_points(1.5)])
+}
+
+/// The arena's edges, named.
+pub(crate) fn wireframe(things: &[WireObject]) -> LineStrips3D {
+    let strips = things.iter().flat_map(|thing| thing.strips.iter().cloned());
+    let names = things
+        .iter()
+        .flat_map(|thing| thing.strips.iter().map(|_| thing.name.as_str()));
+    LineStrips3D::new(strips)
+        .with_labels(names)
+        .with_show_labels(false)
+        .with_colors([Rgba32::from_rgb(150, 155, 165)])
+        .with_radii([Radius::new_ui_points(0.8)])
+}
+
+/// Position and target of the 3D view: over the whole arena, else from behind the camera.
+pub(crate) fn eye(things: &[WireObject], scale: &Scale) -> [[f32; 3]; 2] {
+    let far = scale.far_m as f32;
+    let mut corners = things
+        .iter()
+        .flat_map(|thing| thing.strips.iter().flatten());
+    let Some(&first) = corners.next() else {
+        return [[-0.25 * far, 0.3 * far, 0.25 * far], [0.4 * far, 0.0, 0.0]];
+    };
+    let (low, high) = corners.fold((first, first), |(low, high), p| {
+        let pick =
+            |a: [f32; 3], f: fn(f32, f32) -> f32| [f(a[0], p[0]), f(a[1], p[1]), f(a[2], p[2])];
+        (pick(low, f32::min), pick(high, f32::max))
+    });
+    let middle = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0, 0.0];
+    let side = (high[0] - low[0]).max(high[1] - low[1]);
+    [
+        [middle[0] - 0.7 * side, middle[1] - 0.7 * side, 0.7 * side],
+        middle,
+    ]
+}
+
+fn position(pose: &Pose) -> [f32; 3] {
+    pose.translation.vector.map(|v| v as f32).into()
+}
