@@ -1,4 +1,4 @@
-//! Compiles in which revision of svl this is, for the recordings' and reports' manifests.
+//! Compiles in which revision and profile of svl this is, for the recordings' and reports' manifests.
 
 use std::path::Path;
 use std::process::Command;
@@ -13,6 +13,12 @@ fn main() {
         }
     }
     println!("cargo:rerun-if-changed=build.rs");
+    // OUT_DIR is target/[TRIPLE/]PROFILE/build/svl-HASH/out; PROFILE itself is only debug or release.
+    let out = std::env::var("OUT_DIR").unwrap_or_default();
+    let profile = Path::new(&out).ancestors().nth(3).and_then(Path::file_name);
+    if let Some(profile) = profile {
+        println!("cargo:rustc-env=SVL_PROFILE={}", profile.display());
+    }
     if let Some(revision) = git(&["rev-parse", "--short=12", "HEAD"]) {
         println!("cargo:rustc-env=SVL_GIT_REVISION={revision}");
     }

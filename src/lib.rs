@@ -33,11 +33,20 @@ pub use svl_core::{
     timing,
 };
 pub use svl_data::{
-    arena, fetch, files, grab, manifest, overlay, recording, scenario, score, stress,
+    BuildInfo, arena, fetch, files, grab, manifest, overlay, recording, scenario, score,
+    slow_profile, stress,
 };
 pub use svl_thesis as reproduce;
 #[cfg(feature = "rerun")]
 pub use svl_viewer as viewer;
+
+/// This build of svl. A program that links svl hands it down before it records or scores, so that
+/// its manifests say which svl it was.
+pub const BUILD: BuildInfo = BuildInfo {
+    version: env!("CARGO_PKG_VERSION"),
+    git_revision: option_env!("SVL_GIT_REVISION"),
+    profile: option_env!("SVL_PROFILE"),
+};
 
 /// The Rust examples of README and docs, as doctests.
 #[cfg(doctest)]

@@ -5,5 +5,6 @@ mod cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    svl::BUILD.hand_down();
     cli::Cli::main()
 }

@@ -1,5 +1,5 @@
-//! The structure of the sources: which room of `src/` may use which, no circles, no test file that
-//! nothing runs, and the limits of style.
+//! The structure of the sources: which room of a package may use which, no circles, no test file
+//! that nothing runs, and the limits of style.
 
 #[path = "layering/modules.rs"]
 mod modules;
@@ -10,69 +10,72 @@ use modules::{Crate, Edge, Id};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// The rooms in layers: a room uses those of the layers above its own.
-const ORDER: [&[&str]; 11] = [
-    &[
-        "error",
-        "interrupt",
-        "timing",
-        "yaml",
-        "words",
-        "statistics",
-        "bounded",
-        "pairing",
-    ],
-    &["stereo"],
-    &["kernel"],
-    &["depth", "files", "filter"],
-    &[
-        "matcher",
-        "rectify",
-        "calibrate",
-        "arena",
-        "overlay",
-        "stress",
-        "fetch",
-    ],
-    &["grab", "recording", "score", "manifest"],
-    &["source", "sink", "report", "scenario"],
-    &["run"],
-    &["record", "train", "tune", "drive"],
-    &["reproduce"],
-    &["cli"],
+/// A package: its root file below `src/`, and its rooms in layers. A room uses those of the layers
+/// above its own. Which package uses which is Cargo's to hold.
+struct Package {
+    root: &'static str,
+    layers: &'static [&'static [&'static str]],
+}
+
+const PACKAGES: [Package; 7] = [
+    Package {
+        root: "core/lib.rs",
+        layers: &[
+            &["error", "interrupt", "timing", "words", "statistics"],
+            &["bounded", "stereo"],
+            &["kernel"],
+            &["depth", "filter"],
+            &["matcher", "rectify"],
+        ],
+    },
+    Package {
+        root: "calibrate/lib.rs",
+        layers: &[
+            &["pattern", "yaml"],
+            &["detect", "distance", "files", "simulated", "solve"],
+            &["choose"],
+        ],
+    },
+    Package {
+        root: "data/lib.rs",
+        layers: &[
+            &["build_info", "pairing", "files", "overlay"],
+            &["arena", "stress", "fetch", "manifest"],
+            &["grab", "recording", "score"],
+            &["scenario"],
+        ],
+    },
+    Package {
+        root: "bench/lib.rs",
+        layers: &[
+            &["source", "report"],
+            &["sink"],
+            &["run"],
+            &["record", "train", "tune", "drive"],
+        ],
+    },
+    Package {
+        root: "viewer/lib.rs",
+        layers: &[],
+    },
+    Package {
+        root: "thesis/lib.rs",
+        layers: &[],
+    },
+    Package {
+        root: "main.rs",
+        layers: &[&["cli"]],
+    },
 ];
 
 /// Edges within a layer or against the order, with their reasons.
-const EXCEPTIONS: &[(&str, &str, &str)] = &[
-    (
-        "bounded",
-        "error",
-        "reading beyond a limit is an error of the crate",
-    ),
-    (
-        "recording",
-        "manifest",
-        "a recording's header holds the manifest of its run",
-    ),
-    (
-        "scenario",
-        "report",
-        "a scenario's gate sets limits on the report's metrics",
-    ),
-    (
-        "source",
-        "scenario",
-        "a scenario is one of the sources that a user names",
-    ),
-    (
-        "sink",
-        "report",
-        "the table sink writes the report's rows, tables and page",
-    ),
-];
+const EXCEPTIONS: &[(&str, &str, &str)] = &[];
 
-fn source() -> Crate {
-    Crate::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs"))
+impl Package {
+    fn read(&self) -> Crate {
+        let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+        Crate::read(&sources.join(self.root))
+    }
 }
 
 fn name(id: &Id) -> String {
@@ -85,28 +88,40 @@ fn name(id: &Id) -> String {
 
 #[test]
 fn rooms_use_only_the_layers_above() {
-    let source = source();
-    let layer = |room: &str| ORDER.iter().position(|rooms| rooms.contains(&room));
-    let rooms = source.0.keys().filter_map(|id| id.first());
-    for room in rooms.collect::<BTreeSet<_>>() {
-        assert!(layer(room).is_some(), "room '{room}' has no layer");
-    }
     let mut taken = BTreeSet::new();
     let mut wrong = Vec::new();
-    for edge in source.edges() {
-        let (Some(from), Some(to)) = (edge.from.first(), edge.to.first()) else {
-            continue;
+    for package in PACKAGES.iter().filter(|package| !package.layers.is_empty()) {
+        let layer = |room: &str| {
+            package
+                .layers
+                .iter()
+                .position(|rooms| rooms.contains(&room))
         };
-        let exception = EXCEPTIONS.iter().find(|(a, b, _)| a == from && b == to);
-        if let Some(exception) = exception {
-            taken.insert(exception);
-        } else if from != to && layer(to) >= layer(from) {
-            wrong.push(format!(
-                "{} must not use {}::{}",
-                name(&edge.from),
-                name(&edge.to),
-                edge.name
-            ));
+        let source = package.read();
+        let rooms = source.0.keys().filter_map(|id| id.first());
+        for room in rooms.collect::<BTreeSet<_>>() {
+            let root = package.root;
+            assert!(
+                layer(room).is_some(),
+                "room '{room}' of {root} has no layer"
+            );
+        }
+        for edge in source.edges() {
+            let (Some(from), Some(to)) = (edge.from.first(), edge.to.first()) else {
+                continue;
+            };
+            let exception = EXCEPTIONS.iter().find(|(a, b, _)| a == from && b == to);
+            if let Some(exception) = exception {
+                taken.insert(exception);
+            } else if from != to && layer(to) >= layer(from) {
+                wrong.push(format!(
+                    "{}: {} must not use {}::{}",
+                    package.root,
+                    name(&edge.from),
+                    name(&edge.to),
+                    edge.name
+                ));
+            }
         }
     }
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
@@ -117,13 +132,56 @@ fn rooms_use_only_the_layers_above() {
     );
 }
 
+/// The packages' manifests below the repository, with what each depends on.
+fn dependencies() -> BTreeMap<String, toml::Table> {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folders = PACKAGES.iter().map(|package| {
+        let file = Path::new("src").join(package.root);
+        let folder = file.parent().unwrap();
+        let is_root = package.root == "main.rs";
+        if is_root { Path::new("") } else { folder }.to_owned()
+    });
+    let read = |folder: std::path::PathBuf| {
+        let text = std::fs::read_to_string(repository.join(&folder).join("Cargo.toml")).unwrap();
+        let manifest: toml::Table = toml::from_str(&text).unwrap();
+        let name = manifest["package"]["name"].as_str().unwrap().to_owned();
+        (name, manifest["dependencies"].as_table().unwrap().clone())
+    };
+    folders.map(read).collect()
+}
+
+#[test]
+fn heavy_crates_have_one_user() {
+    for (heavy, package) in [
+        ("polars", "svl-bench"),
+        ("rerun", "svl-viewer"),
+        ("clap", "svl"),
+        ("svl-thesis", "svl"),
+        ("svl-viewer", "svl"),
+    ] {
+        let users: Vec<_> = dependencies()
+            .into_iter()
+            .filter(|(_, needs)| needs.contains_key(heavy))
+            .map(|(name, _)| name)
+            .collect();
+        assert_eq!(users, [package], "{heavy}");
+    }
+}
+
+/// The program's commands.
 #[test]
 fn commands_do_not_use_each_other() {
     let command = |id: &Id| match &id[..] {
         [cli, commands, name, ..] if cli == "cli" && commands == "commands" => Some(name.clone()),
         _ => None,
     };
-    for edge in source().edges() {
+    let program = PACKAGES.iter().find(|package| package.root == "main.rs");
+    let edges = program.unwrap().read().edges();
+    assert!(
+        edges.iter().any(|edge| command(&edge.from).is_some()),
+        "no command was read"
+    );
+    for edge in edges {
         if let (Some(from), Some(to)) = (command(&edge.from), command(&edge.to)) {
             assert_eq!(
                 from,
@@ -140,11 +198,23 @@ fn commands_do_not_use_each_other() {
 /// of its parent are no circle.
 #[test]
 fn files_form_no_circles() {
+    let found: Vec<_> = PACKAGES.iter().flat_map(circles).collect();
+    assert!(
+        found.is_empty(),
+        "{} circles:\n{}",
+        found.len(),
+        found.join("\n\n")
+    );
+}
+
+/// The circles of a package, the edges of each in lines.
+fn circles(package: &Package) -> Vec<String> {
     let counts = |edge: &Edge| {
         let upper = edge.name.starts_with(|c: char| c.is_uppercase());
         !(edge.facade || upper && edge.from.starts_with(&edge.to))
     };
-    let edges = source()
+    let edges = package
+        .read()
         .edges()
         .into_iter()
         .filter(counts)
@@ -182,14 +252,6 @@ fn files_form_no_circles() {
         let line = format!("{} -> {}::{}", name(&edge.from), name(&edge.to), edge.name);
         circles.entry(first).or_default().push(line);
     }
-    let list = circles
-        .values()
-        .map(|lines| lines.join("\n"))
-        .collect::<Vec<_>>();
-    assert!(
-        list.is_empty(),
-        "{} circles:\n{}",
-        list.len(),
-        list.join("\n\n")
-    );
+    let lines = circles.into_values().map(|lines| lines.join("\n"));
+    lines.collect()
 }

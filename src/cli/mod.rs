@@ -57,7 +57,7 @@ impl Cli {
         cli.configure();
         // As one of rayon's threads: beside them it would be one too many for the cores, and they
         // wait for each other.
-        match rayon::scope(|_| cli.command.run(cli.quiet)) {
+        match rayon::scope(|_| cli.command.run(cli.quiet, Self::command)) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => usage::report(&error),
         }
@@ -89,17 +89,14 @@ impl Cli {
     }
 }
 
-/// The program's full description, for completions and the man page.
-fn command() -> clap::Command {
-    Cli::command()
-}
-
 #[cfg(test)]
 mod tests {
+    use super::*;
+
     /// clap itself looks only in debug builds.
     #[test]
     fn no_option_stands_twice() {
-        for subcommand in super::command().get_subcommands() {
+        for subcommand in Cli::command().get_subcommands() {
             let mut longs: Vec<_> = subcommand
                 .get_arguments()
                 .filter_map(|argument| argument.get_long())
@@ -128,6 +125,6 @@ mod tests {
             assert!(long.is_empty(), "{} --help: {long:#?}", command.get_name());
             command.get_subcommands().for_each(check);
         }
-        check(&super::command());
+        check(&Cli::command());
     }
 }

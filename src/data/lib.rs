@@ -5,6 +5,7 @@
 //! its modules; the bench opens sources and runs matchers over them.
 
 pub mod arena;
+mod build_info;
 pub mod fetch;
 pub mod files;
 pub mod grab;
@@ -15,3 +16,5 @@ pub mod recording;
 pub mod scenario;
 pub mod score;
 pub mod stress;
+
+pub use build_info::{BuildInfo, slow_profile};

@@ -1,5 +1,6 @@
 //! The manifest of a run: version, scenario, algorithms with parameters, hashes, machine.
 
+use crate::build_info::BuildInfo;
 use serde::{Deserialize, Serialize};
 use std::fs::read_to_string;
 use std::path::Path;
@@ -22,6 +23,9 @@ pub struct Manifest {
     pub svl: String,
     /// Git revision of svl, where its build knew it.
     pub git_revision: Option<String>,
+    /// Cargo's profile of the build, where it is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<String>,
     pub scenario: String,
     /// Hash of the scenario's text, where there is one.
     pub scenario_hash: Option<String>,
@@ -132,6 +136,7 @@ impl Manifest {
         algorithms: &[Algorithm],
     ) -> Result<Self> {
         let now = jiff::Timestamp::now();
+        let build = BuildInfo::current();
         // The process id distinguishes two runs that begin within one tick of the clock.
         let run_id = hash(&format!(
             "{scenario} {} {}",
@@ -142,8 +147,9 @@ impl Manifest {
         Ok(Self {
             run_id,
             began: format!("{now:.0}"),
-            svl: env!("CARGO_PKG_VERSION").to_owned(),
-            git_revision: option_env!("SVL_GIT_REVISION").map(str::to_owned),
+            svl: build.version.to_owned(),
+            git_revision: build.git_revision.map(str::to_owned),
+            profile: build.profile.map(str::to_owned),
             scenario: scenario.to_owned(),
             scenario_hash: scenario_text.map(hash),
             bits: None,
@@ -184,7 +190,7 @@ impl Manifest {
             })
             .collect::<Vec<_>>()
         };
-        let svl = |of: &Self| (of.svl.clone(), of.git_revision.clone());
+        let svl = |of: &Self| (of.svl.clone(), of.git_revision.clone(), of.profile.clone());
         let scenario = |of: &Self| (of.scenario.clone(), of.scenario_hash.clone());
         [
             ("another svl made it", svl(self) == svl(other)),
@@ -230,6 +236,7 @@ impl Manifest {
             ("run", Some(self.run_id.clone())),
             ("began", Some(self.began.clone())),
             ("svl", Some(format!("{} ({revision})", self.svl))),
+            ("profile", self.profile.clone()),
             ("scenario", Some(self.scenario.clone())),
             ("scenario hash", self.scenario_hash.clone()),
             ("bits of 16", self.bits.map(|bits| bits.to_string())),

@@ -140,9 +140,8 @@ fn read(file: &Path, id: Id, modules: &mut BTreeMap<Id, Module>) {
 pub(crate) fn children(file: &Path, code: &str, text: &str) -> Vec<(String, PathBuf)> {
     let folder = file.parent().unwrap();
     let stem = file.file_stem().unwrap().to_str().unwrap();
-    let is_root = file.ends_with("src/lib.rs")
-        || (folder.ends_with("tests") && text.contains("mod "))
-        || ["main", "mod"].contains(&stem);
+    let is_root = (folder.ends_with("tests") && text.contains("mod "))
+        || ["lib", "main", "mod"].contains(&stem);
     let below = if is_root {
         folder.to_owned()
     } else {

@@ -145,8 +145,8 @@ record! {
         metrics: MetricValues,
         /// Hash of the disparity map, hexadecimal.
         result_hash: String,
-        /// Where the truth comes from, as [`svl_core::stereo::TruthOrigin`] writes it; absent without
-        /// truth.
+        /// Where the truth comes from, as [`svl_core::stereo::TruthOrigin`] writes it; absent
+        /// without truth.
         truth: Option<String>,
         /// The recording, where the scenario has some.
         run: Option<String>,

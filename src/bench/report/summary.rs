@@ -11,6 +11,7 @@ use svl_core::stereo::{CellRule, TruthOrigin};
 use svl_core::{Error, Result};
 use svl_data::manifest::{Manifest, hash};
 use svl_data::score::{DriveNumber, METRICS, Metric, MetricOrigin, MetricTotal, MetricValues};
+use svl_data::slow_profile;
 
 /// The results of a run. `Display` is a table for the terminal.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -42,6 +43,9 @@ pub struct Summary {
     /// What the times are of, where that is known.
     #[serde(skip)]
     pub times: Option<String>,
+    /// The profile of svl's build, if its times are not those of svl.
+    #[serde(skip)]
+    pub slow_profile: Option<String>,
     /// Whether they are of matching alone.
     #[serde(skip)]
     pub measured: bool,
@@ -151,6 +155,7 @@ impl Summary {
     /// the manifest has.
     pub fn complete(&mut self, manifest: &mut Manifest) {
         self.times.clone_from(&manifest.times);
+        self.slow_profile = slow_profile(manifest.profile.as_deref());
         for record in &manifest.algorithms {
             let program = record.program.clone();
             self.programs.extend(program.map(|program| ProgramSummary {
@@ -242,6 +247,7 @@ impl Summary {
             stress: Vec::new(),
             rule: CellRule::default(),
             times: None,
+            slow_profile: None,
             measured: false,
         })
     }

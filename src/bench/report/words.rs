@@ -163,8 +163,10 @@ pub(super) fn notes(columns: &[Column], summary: &Summary) -> Vec<(&'static str,
     let of_times = summary.times.clone().map(|times| ("times", times));
     let programs = summary.programs.iter();
     let programs = programs.map(|p| ("program", format!("{}: {}", p.algorithm, p.program.words())));
+    let profile = summary.slow_profile.clone().map(|words| ("build", words));
     let of_times = of_times
         .into_iter()
+        .chain(profile)
         .chain(outliers(summary))
         .chain(programs);
     let times = times.chain(of_times.filter(|_| has_times));

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use std::collections::VecDeque;
 use svl_core::Result;
 use svl_core::stereo::Frame;
+use svl_data::BuildInfo;
 use svl_data::arena::{self, Arena, ArenaConfig};
 
 /// Renders an arena's run, a few frames ahead and in parallel.
@@ -34,7 +35,7 @@ impl ArenaSource {
     pub fn hash(config: &ArenaConfig, seed: u64) -> String {
         // A configuration is plain numbers and text, which JSON can hold.
         let config = serde_json::to_string(config).unwrap_or_default();
-        let (version, revision) = (env!("CARGO_PKG_VERSION"), arena::REVISION);
+        let (version, revision) = (BuildInfo::current().version, arena::REVISION);
         let text = format!("svl {version} arena {revision} seed {seed} {config}");
         format!("{:032x}", xxhash_rust::xxh3::xxh3_128(text.as_bytes()))
     }

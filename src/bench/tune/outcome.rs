@@ -391,7 +391,7 @@ mod tests {
 
     #[test]
     fn a_scenario_can_lie_elsewhere_with_its_filters() {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
         let scenario = Scenario::read(&folder.join("floor.toml")).unwrap();
         let algorithms = ["v3:max_disparity=64", "v3"].map(str::to_owned);
         let written = |filters: &[(FilterKind, PathBuf)]| {

@@ -32,8 +32,8 @@ impl StereoParameters {
     /// The calibration read from `document`, whose lengths are in `unit`.
     ///
     /// # Errors
-    /// [`svl_core::Error::Format`] for parameters no stereo camera has, and for a rectification that
-    /// does not agree with the extrinsics.
+    /// [`svl_core::Error::Format`] for parameters no stereo camera has, and for a rectification
+    /// that does not agree with the extrinsics.
     pub(super) fn loaded(
         self,
         format: &'static CalibrationFormat,

@@ -26,8 +26,8 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
 /// Reads the rig alone, for images of a size, which older files do not have.
 ///
 /// # Errors
-/// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] naming the missing or malformed entry, and for a
-/// file of images of another size.
+/// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] naming the missing or malformed entry, and
+/// for a file of images of another size.
 pub fn read_calib(path: &Path, (width, height): (usize, usize)) -> Result<Rig> {
     let document = Document::parse(path, &text(path)?, FORMAT.syntax, FORMAT.title)?;
     if document.has("width") && document.has("height") {

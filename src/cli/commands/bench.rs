@@ -11,6 +11,7 @@ use svl::arena::{Arena, ArenaConfig};
 use svl::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput, Matcher};
 use svl::statistics::nearest_rank;
 use svl::stereo::{RectifiedPair, StereoPair};
+use svl::{BuildInfo, slow_profile};
 
 /// Measure the speed of algorithms, matching only
 ///
@@ -208,6 +209,9 @@ fn table(figures: &[Figures]) -> Result<String, std::fmt::Error> {
         "{width}x{height}, {threads} thread{}, {isa}",
         if *threads == 1 { "" } else { "s" }
     )?;
+    if let Some(words) = slow_profile(BuildInfo::current().profile) {
+        writeln!(text, "svl was {words}")?;
+    }
     let name = figures.iter().map(|f| f.algo.len()).max().unwrap_or(0);
     writeln!(
         text,

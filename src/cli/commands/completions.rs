@@ -11,9 +11,9 @@ pub(crate) struct Args {
     shell: Shell,
 }
 
-pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+pub(super) fn run(args: &Args, mut program: clap::Command) -> anyhow::Result<()> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut crate::cli::command(), "svl", &mut script);
+    clap_complete::generate(args.shell, &mut program, "svl", &mut script);
     print(&with_files(&String::from_utf8(script)?))
 }
 
@@ -25,8 +25,8 @@ fn with_files(script: &str) -> String {
     script.replace(&format!(":({names})'"), &both)
 }
 
-pub(super) fn man() -> anyhow::Result<()> {
+pub(super) fn man(program: clap::Command) -> anyhow::Result<()> {
     let mut page = Vec::new();
-    clap_mangen::Man::new(crate::cli::command()).render(&mut page)?;
+    clap_mangen::Man::new(program).render(&mut page)?;
     print(&String::from_utf8(page)?)
 }

@@ -54,7 +54,8 @@ impl Command {
         matches!(self, Self::Bench(_)).then_some(bench::THREADS)
     }
 
-    pub(super) fn run(self, quiet: bool) -> anyhow::Result<()> {
+    /// Runs the subcommand. `program`: the whole command line, for what describes it.
+    pub(super) fn run(self, quiet: bool, program: fn() -> clap::Command) -> anyhow::Result<()> {
         match self {
             Self::Record(args) => record::run(&args, quiet),
             Self::Replay(args) => replay::run(&args, quiet),
@@ -74,8 +75,8 @@ impl Command {
             Self::Recover(args) => recover::run(&args),
             Self::Algos(args) => algos::run(&args),
             Self::Datasets(args) => datasets::run(&args, quiet),
-            Self::Completions(args) => completions::run(&args),
-            Self::Man => completions::man(),
+            Self::Completions(args) => completions::run(&args, program()),
+            Self::Man => completions::man(program()),
         }
     }
 }

@@ -1,5 +1,5 @@
-//! What subcommands share: sources, outputs, the viewer, progress, live tables, memory, frame stepping,
-//! wrong usage.
+//! What subcommands share: sources, outputs, the viewer, progress, live tables, memory, frame
+//! stepping, wrong usage.
 
 pub(crate) mod filters;
 pub(crate) mod live;

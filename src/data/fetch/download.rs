@@ -63,7 +63,7 @@ fn agent() -> Agent {
     let config = Agent::config_builder()
         // The status decides what to do: 416 means the partial file is complete or stale.
         .http_status_as_error(false)
-        .user_agent(concat!("svl/", env!("CARGO_PKG_VERSION")))
+        .user_agent(format!("svl/{}", crate::BuildInfo::current().version))
         .timeout_connect(Some(Duration::from_secs(20)))
         .timeout_recv_response(Some(Duration::from_secs(60)))
         .timeout_per_read(Some(Duration::from_secs(60)));

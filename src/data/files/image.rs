@@ -50,7 +50,7 @@ pub fn read_pair(
     Ok((pair, color, depth.note()))
 }
 
-/// As [`decode`], for a file in memory.
+/// Decodes the image of a file in memory.
 pub fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()

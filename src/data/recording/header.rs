@@ -1,5 +1,6 @@
 //! The metadata record `svl`: the origin of a recording.
 
+use crate::build_info::BuildInfo;
 use mcap::records::Metadata;
 
 /// Name of the metadata record.
@@ -10,8 +11,10 @@ pub(super) const RECORD: &str = "svl";
 pub struct Header {
     /// Version of svl that wrote it.
     pub version: String,
-    /// Git revision of that svl, where it was set at build time (`SVL_GIT_REVISION`).
+    /// Git revision of that svl, where its build knew it.
     pub git_revision: Option<String>,
+    /// Cargo's profile of that build, where it is known.
+    pub profile: Option<String>,
     /// Where the frames came from, e.g. `arena` or a folder.
     pub source: String,
     /// Name of the scenario.
@@ -81,9 +84,11 @@ impl StampOrigin {
 impl Header {
     /// A header of this svl for frames from `source`.
     pub fn new(source: impl Into<String>) -> Self {
+        let build = BuildInfo::current();
         Self {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            git_revision: option_env!("SVL_GIT_REVISION").map(str::to_owned),
+            version: build.version.to_owned(),
+            git_revision: build.git_revision.map(str::to_owned),
+            profile: build.profile.map(str::to_owned),
             source: source.into(),
             scenario: None,
             seed: None,
@@ -99,6 +104,7 @@ impl Header {
         let fields = [
             ("version", Some(self.version.clone())),
             ("git_revision", self.git_revision.clone()),
+            ("profile", self.profile.clone()),
             ("source", Some(self.source.clone())),
             ("scenario", self.scenario.clone()),
             ("seed", self.seed.map(|seed| seed.to_string())),
@@ -124,6 +130,7 @@ impl Header {
         (name == RECORD).then(|| Self {
             version: field("version").unwrap_or_default(),
             git_revision: field("git_revision"),
+            profile: field("profile"),
             source: field("source").unwrap_or_default(),
             scenario: field("scenario"),
             // A seed that is not a number is damage in a text field; the rest of the header still

@@ -10,8 +10,8 @@
 //! | `/rig/pose` | foxglove.FrameTransform, world → left camera | pose known |
 //! | `/truth/depth` | sensor_msgs/msg/Image 32FC1, metres | truth and rig known |
 //! | `/truth/disparity` | sensor_msgs/msg/Image 32FC1, pixels | truth beyond infinity, or no rig |
-//! | `/truth/visibility` | foxglove.RawImage mono8: [`svl_core::stereo::Visibility`] | truth known |
-//! | `/truth/surface` | foxglove.RawImage mono8: [`svl_core::stereo::Surface`] | truth of the arena |
+//! | `/truth/visibility` | foxglove.RawImage mono8: [`Visibility`] | truth known |
+//! | `/truth/surface` | foxglove.RawImage mono8: [`Surface`] | truth of the arena |
 //! | `/stereo/sync` | JSON with schema (sync.schema.json) | always, last of the pair |
 //! | `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1, pixels | a result of a replay |
 //! | `/algo/<name>/cells` | JSON with schema (cells.schema.json) | a result of a replay |
@@ -29,6 +29,9 @@
 //! ROS 2 bags, in MCAP and SQLite, and Foxglove recordings of other programs are read too: image
 //! topics are found by their types, and images are paired by their stamps; see [`Selection`]. A bag
 //! may be the folder of its files.
+//!
+//! [`Visibility`]: svl_core::stereo::Visibility
+//! [`Surface`]: svl_core::stereo::Surface
 
 mod append_file;
 mod assembly;

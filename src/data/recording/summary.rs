@@ -111,8 +111,8 @@ impl Recording {
     /// Reads all of the recording and summarizes it. Damage is no error but part of the summary.
     ///
     /// # Errors
-    /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for what is not an MCAP file, and for a bag
-    /// of several.
+    /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for what is not an MCAP file, and for a
+    /// bag of several.
     pub fn summary(&self) -> Result<RecordingSummary> {
         let mut seen = SummaryScan::default();
         let file = match self.only_file()? {

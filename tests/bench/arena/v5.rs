@@ -1,7 +1,7 @@
 //! The oracle of v5 against known answers of its specification.
 
-#[path = "../../lean/oracle/v5.rs"]
 #[allow(dead_code, reason = "each test program uses its part of this module")]
+#[path = "../../lean/oracle/v5.rs"]
 mod oracle;
 
 use oracle::V5;

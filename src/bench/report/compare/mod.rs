@@ -132,8 +132,11 @@ impl ReportOrigin {
             .git_revision
             .as_deref()
             .unwrap_or("revision unknown");
+        let profile = manifest.profile.as_deref();
+        let profile = profile.filter(|name| *name != "release");
+        let profile = profile.map_or_else(String::new, |name| format!(", profile {name}"));
         Self {
-            svl: format!("{} ({revision})", manifest.svl),
+            svl: format!("{} ({revision}{profile})", manifest.svl),
             processor: manifest.machine.processor.clone(),
             isa: manifest.machine.isa.clone(),
             threads: manifest.machine.threads,

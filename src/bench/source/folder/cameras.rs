@@ -20,8 +20,8 @@ pub(super) struct FolderCameras {
 }
 
 /// # Errors
-/// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for a malformed file of rectified cameras, and
-/// for one of another image size than `size`.
+/// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for a malformed file of rectified cameras,
+/// and for one of another image size than `size`.
 pub(super) fn cameras(
     folder: &Path,
     layout: Option<&Layout>,

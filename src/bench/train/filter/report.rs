@@ -117,7 +117,7 @@ impl FilterTraining {
     pub(super) fn facts(&self) -> ModelFacts {
         let share = |rate: f64| format!("{rate:.5}");
         [
-            ("svl", env!("CARGO_PKG_VERSION").to_owned()),
+            ("svl", svl_data::BuildInfo::current().version.to_owned()),
             ("data_hash", self.data.clone()),
             ("seed", self.seed.to_string()),
             ("recordings", self.recordings.to_string()),

@@ -1,7 +1,8 @@
 //! The drives of a scenario: each course with each algorithm at the wheel, several at once.
 
-use super::report::{Scored, report_manifest};
-use super::{Args, INTERRUPTED, stresses};
+use super::report::{Scored, head, report_manifest};
+use super::scenario::stresses;
+use super::{Args, INTERRUPTED};
 use crate::cli::shared::outputs::{Outputs, write_json};
 use crate::cli::shared::progress::{DriveProgress, interrupted};
 use crate::cli::shared::report_folder::{
@@ -385,7 +386,7 @@ impl DriveReport {
             figures: worst.map(|(_, figure)| figure).collect(),
             scenes: Vec::new(),
         };
-        let head = super::head(args, scenario, false);
+        let head = head(args, scenario, false);
         (self.collected).write(&self.folder, head, self.manifest, incomplete)
     }
 }

@@ -9,7 +9,7 @@ use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::live::LiveTable;
 use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::progress::listen_for_interrupt;
-use crate::cli::shared::report_folder::{REPORT, ReportHead, ReportPart, ReportRun, Shard};
+use crate::cli::shared::report_folder::{REPORT, ReportPart, ReportRun, Shard};
 use crate::cli::shared::scenario_runs::{
     self, ScenarioSourceArgs, ScoredSource, runs as open_runs,
 };
@@ -19,7 +19,8 @@ use crate::cli::shared::{runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use drive::KeptDrives;
-use report::{ScoreReport, Scored, report_manifest};
+use report::{ScoreReport, Scored, head, report_manifest};
+use scenario::stresses;
 use std::path::{Path, PathBuf};
 use svl::report::{GateResult, ResultLog, Summary, junit};
 use svl::run::{Matchers, Outcome, Pace};
@@ -347,18 +348,6 @@ fn score_runs(
     })
 }
 
-/// What the report says besides its numbers.
-fn head<'a>(args: &'a Args, scenario: &'a Scenario, measured: bool) -> ReportHead<'a> {
-    ReportHead {
-        description: &scenario.description,
-        rule: scenario.cells,
-        measured,
-        algorithms: &scenario.algorithms,
-        sort: args.sort,
-        limits: if args.gate { &scenario.gate } else { &[] },
-    }
-}
-
 /// A run through some of the algorithms, as it is or made worse.
 struct RunUnit<'a> {
     /// Of the run among those of the scenario.
@@ -394,12 +383,6 @@ impl<'a> RunUnit<'a> {
 /// All runs of a scenario, first as they are, then made worse.
 fn groups(scenario: &Scenario, runs: usize) -> impl Iterator<Item = (Option<Stress>, usize)> {
     stresses(scenario).flat_map(move |stress| (0..runs).map(move |place| (stress, place)))
-}
-
-/// None, then all levels of the scenario's stress.
-fn stresses(scenario: &Scenario) -> impl Iterator<Item = Option<Stress>> {
-    let stresses = scenario.stress.iter().flat_map(StressLevels::stresses);
-    std::iter::once(None).chain(stresses.copied().map(Some))
 }
 
 /// How a report says that Ctrl-C ended its run.

@@ -1,5 +1,6 @@
 //! The report of `svl score` under way: manifest, sinks, and what is written at the end.
 
+use super::Args;
 use crate::cli::shared::live::LiveTable;
 use crate::cli::shared::outputs::write_json;
 use crate::cli::shared::progress::Progress;
@@ -143,4 +144,16 @@ pub(super) struct Scored {
     pub(super) others: Vec<PathBuf>,
     /// Whether it holds all that the report before it had, even where it ended early.
     pub(super) holds_earlier: bool,
+}
+
+/// What the report says besides its numbers.
+pub(super) fn head<'a>(args: &'a Args, scenario: &'a Scenario, measured: bool) -> ReportHead<'a> {
+    ReportHead {
+        description: &scenario.description,
+        rule: scenario.cells,
+        measured,
+        algorithms: &scenario.algorithms,
+        sort: args.sort,
+        limits: if args.gate { &scenario.gate } else { &[] },
+    }
 }

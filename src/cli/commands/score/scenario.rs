@@ -4,6 +4,7 @@ use super::Args;
 use crate::cli::shared::{filters, scenario_runs};
 use svl::matcher::Algorithm;
 use svl::scenario::{Scenario, StressLevels, distinct_kinds};
+use svl::stress::Stress;
 
 /// The scenario that is named, or that of the recordings that are.
 pub(super) fn scenario(args: &Args, quiet: bool) -> anyhow::Result<Scenario> {
@@ -40,4 +41,10 @@ pub(super) fn scenario(args: &Args, quiet: bool) -> anyhow::Result<Scenario> {
         scenario.algorithms = filters::with_filters(scenario.algorithms, &filters);
     }
     Ok(scenario)
+}
+
+/// None, then all levels of the scenario's stress.
+pub(super) fn stresses(scenario: &Scenario) -> impl Iterator<Item = Option<Stress>> {
+    let stresses = scenario.stress.iter().flat_map(StressLevels::stresses);
+    std::iter::once(None).chain(stresses.copied().map(Some))
 }

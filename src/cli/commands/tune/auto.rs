@@ -1,7 +1,7 @@
 //! A search in place of a person.
 
-use super::{Args, write_both};
-use crate::cli::shared::outputs::Outputs;
+use super::Args;
+use crate::cli::shared::outputs::{self, Outputs};
 use crate::cli::shared::progress::{Progress, interrupted};
 use crate::cli::shared::scenario_runs::runs;
 use crate::cli::shared::terminal::{print, print_json};
@@ -674,4 +674,21 @@ fn entry(
     let values = TrialValues::from_fn(value);
     let is_failed = values == TrialValues::default();
     Some((place, (!is_failed).then_some(values)))
+}
+
+/// Writes a scenario and, beside it, what was tried; says where they are.
+pub(super) fn write_both(
+    path: &Path,
+    toml: &str,
+    markdown: &str,
+    force: bool,
+) -> anyhow::Result<String> {
+    usage::ends_in(path, &["toml"]).map_err(usage::wrong)?;
+    let page = path.with_extension("md");
+    let mut outputs = Outputs::claim(force, [], [path, &page])?;
+    outputs.set_aside()?;
+    outputs::write(path, toml)?;
+    outputs::write(&page, markdown)?;
+    outputs.commit();
+    Ok(format!("{} and {}", path.display(), page.display()))
 }

@@ -2,11 +2,9 @@
 
 mod auto;
 mod tool;
-mod view;
 mod worker;
 
 use crate::cli::shared::filters::FilterArgs;
-use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::scenario_runs::{self, ScenarioSourceArgs, runs};
 use crate::cli::shared::source::{self, CameraArgs, SourceParser};
 use crate::cli::shared::stepper::{self, Ended, FrameStore, Keys, Open, Screen, Stepper};
@@ -338,16 +336,4 @@ fn destination(args: &Args) -> anyhow::Result<(Option<RerunTarget>, Option<Strin
             Err(error) => (None, Some(format!("without pictures: {error}"))),
         }),
     }
-}
-
-/// Writes a scenario and, beside it, what was tried; says where they are.
-fn write_both(path: &Path, toml: &str, markdown: &str, force: bool) -> anyhow::Result<String> {
-    usage::ends_in(path, &["toml"]).map_err(usage::wrong)?;
-    let page = path.with_extension("md");
-    let mut outputs = Outputs::claim(force, [], [path, &page])?;
-    outputs.set_aside()?;
-    write(path, toml)?;
-    write(&page, markdown)?;
-    outputs.commit();
-    Ok(format!("{} and {}", path.display(), page.display()))
 }

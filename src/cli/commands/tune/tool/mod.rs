@@ -1,6 +1,7 @@
 //! Turning knobs: the keys, what they change, and what is written.
 
-use super::view;
+mod view;
+
 use super::worker::{Job, Shown, TuneWorker, delay_ms, title};
 use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, StepTool, Stepper};
 use ratatui::layout::{Position, Rect};
@@ -10,7 +11,7 @@ use std::time::Instant;
 use svl::filter::FilterKind;
 use svl::scenario::Scenario;
 use svl::score::Metric;
-use svl::tune::{Knob, KnobPart, TunedSetting, scenario_toml};
+use svl::tune::{Knob, TunedSetting, scenario_toml};
 
 /// Its keys beside those of the stepper.
 const KEYS: &[(&str, &str)] = &[
@@ -305,7 +306,7 @@ impl Tuner {
             env!("CARGO_PKG_VERSION")
         );
         let markdown = self.markdown(stepper.name());
-        let words = super::write_both(path, &(head + &toml), &markdown, false)?;
+        let words = super::auto::write_both(path, &(head + &toml), &markdown, false)?;
         self.written.push(words.clone());
         Ok(format!("{words} written"))
     }
@@ -477,9 +478,4 @@ impl StepTool for Tuner {
     ) {
         self.rows = view::draw(self, stepper, shades, area, canvas);
     }
-}
-
-/// What stands beside a knob: what it belongs to, where that is not the algorithm.
-pub(super) fn group(knob: &Knob) -> Option<&'static str> {
-    (knob.part != KnobPart::Algorithm).then(|| knob.part.words())
 }

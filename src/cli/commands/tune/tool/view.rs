@@ -1,8 +1,8 @@
 //! The screen: knobs on the left, what they are worth on the right, and below, where there is
 //! room, the disparities.
 
-use super::tool::{Tuner, group};
-use super::worker::{FrameView, SampleView, Shown, title};
+use super::Tuner;
+use crate::cli::commands::tune::worker::{FrameView, SampleView, Shown, title};
 use crate::cli::shared::stepper::{Stepper, picture};
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -11,7 +11,7 @@ use ratatui::widgets::{Paragraph, Wrap};
 use svl::report::compare::{Change, Judgement, signed};
 use svl::score::{METRICS, Metric, MetricOrigin, MetricUnit};
 use svl::stereo::Reason;
-use svl::tune::KnobPart;
+use svl::tune::{Knob, KnobPart};
 
 /// Width of the knobs, characters.
 const KNOBS: u16 = 31;
@@ -397,4 +397,9 @@ fn description(tuner: &Tuner) -> String {
         "{}:{} {}; default {default}{unit}. {}",
         knob.name, "", knob.range, knob.description
     )
+}
+
+/// The part that a knob belongs to, if that is not the algorithm.
+fn group(knob: &Knob) -> Option<&'static str> {
+    (knob.part != KnobPart::Algorithm).then(|| knob.part.words())
 }

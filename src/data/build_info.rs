@@ -1,0 +1,42 @@
+//! Version, git revision and profile of the svl that runs: manifests and recordings say them.
+//!
+//! The root package takes them once, where the program is built, and hands them down, so that a
+//! commit rebuilds that package alone.
+
+use std::sync::OnceLock;
+
+/// A build of svl.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BuildInfo {
+    pub version: &'static str,
+    /// Absent for a build outside a git checkout.
+    pub git_revision: Option<&'static str>,
+    /// Cargo's profile, as `release` or `work`; absent where the program does not say.
+    pub profile: Option<&'static str>,
+}
+
+static BUILD: OnceLock<BuildInfo> = OnceLock::new();
+
+impl BuildInfo {
+    /// Sets the build of this process, before anything is recorded or scored. The first one holds.
+    pub fn hand_down(self) {
+        BUILD.get_or_init(|| self);
+    }
+
+    /// The build of this process: the version alone for a program that did not hand down its own.
+    pub fn current() -> Self {
+        BUILD.get().copied().unwrap_or(Self {
+            version: env!("CARGO_PKG_VERSION"),
+            git_revision: None,
+            profile: None,
+        })
+    }
+}
+
+/// The profile in words, if times of such a build are not those of svl.
+pub fn slow_profile(profile: Option<&str>) -> Option<String> {
+    let slow = profile.filter(|name| !["release", "dist"].contains(name))?;
+    Some(format!(
+        "built with the profile `{slow}`: results are equal, times are not those of svl"
+    ))
+}
