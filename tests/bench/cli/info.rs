@@ -117,3 +117,39 @@ fn the_spread_of_the_skew_is_drawn() {
         .sum();
     assert_eq!(pairs, 40, "{text}");
 }
+
+/// The root package takes them at its build; a package below it would have none.
+#[test]
+fn version_revision_and_profile_are_in_manifest_and_recording() {
+    let built = svl::BUILD;
+    let profile = built.profile.expect("cargo names the folder of a profile");
+    let program = assert_cmd::cargo::cargo_bin!("svl");
+    // target/PROFILE/svl; the folder of `dev` is `debug`.
+    assert_eq!(program.parent().unwrap().file_name().unwrap(), profile);
+    let git = std::process::Command::new("git")
+        .args(["rev-parse", "--short=12", "HEAD"])
+        .current_dir(crate::common::repository())
+        .output();
+    let head = git.ok().filter(|output| output.status.success());
+    if let Some(head) = head {
+        let head = String::from_utf8(head.stdout).unwrap();
+        assert_eq!(built.git_revision, Some(head.trim()));
+    }
+    let fixture = Fixture::new();
+    fixture.run("record --frames 2 -o a.mcap");
+    let text = fixture.run("score a.mcap --algo v3 --out report --rerun none");
+    let times_are_slow = text.contains("built with the profile");
+    assert_eq!(times_are_slow, svl::slow_profile(Some(profile)).is_some());
+
+    let header = svl::recording::Recording::open(&fixture.path("a.mcap"))
+        .and_then(|recording| recording.header())
+        .unwrap();
+    let manifest = svl::manifest::Manifest::read(&fixture.path("report")).unwrap();
+    let revision = built.git_revision.map(str::to_owned);
+    let known = (built.version.to_owned(), revision, Some(profile.to_owned()));
+    assert_eq!((header.version, header.git_revision, header.profile), known);
+    assert_eq!(
+        (manifest.svl, manifest.git_revision, manifest.profile),
+        known
+    );
+}
