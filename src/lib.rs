@@ -33,7 +33,7 @@ pub use svl_core::{
     timing,
 };
 pub use svl_data::{
-    BuildInfo, arena, fetch, files, grab, manifest, overlay, recording, scenario, score,
+    BuildInfo, arena, fetch, files, fit, grab, manifest, overlay, recording, scenario, score,
     slow_profile, stress,
 };
 pub use svl_thesis as reproduce;

@@ -39,10 +39,11 @@ const PACKAGES: [Package; 7] = [
     Package {
         root: "data/lib.rs",
         layers: &[
-            &["build_info", "pairing", "files", "overlay"],
+            &["bootstrap", "build_info", "pairing", "files", "overlay"],
             &["arena", "stress", "fetch", "manifest"],
             &["grab", "recording", "score"],
             &["scenario"],
+            &["resize", "fit"],
         ],
     },
     Package {

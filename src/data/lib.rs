@@ -5,14 +5,17 @@
 //! its modules; the bench opens sources and runs matchers over them.
 
 pub mod arena;
+pub mod bootstrap;
 mod build_info;
 pub mod fetch;
 pub mod files;
+pub mod fit;
 pub mod grab;
 pub mod manifest;
 pub mod overlay;
 pub mod pairing;
 pub mod recording;
+pub mod resize;
 pub mod scenario;
 pub mod score;
 pub mod stress;

@@ -8,15 +8,15 @@ use crate::scale::Scale;
 use rerun::components::{Colormap, MediaType};
 use rerun::{AnnotationContext, EncodedDepthImage, EncodedImage, Image, Points2D, Radius, Rgba32};
 use svl_core::Result;
-use svl_core::stereo::{DisparityMap, Frame, Gray, Plane, Reason, Rig};
+use svl_core::stereo::{Frame, Gray, Plane, Reason, Rig};
 use svl_data::files::{self, InverseDepth};
+use svl_data::overlay::{
+    CODES_PER_LN, CODES_PER_PX, depth_codes, disparity_codes, no_depth_classes, reason_classes,
+    sparse_disparities, ssdpi_codes,
+};
 
 /// The thesis's scale of SSDPI: 0 to 12, its logarithm (section 5.3.3).
 const SSDPI_RANGE: [f64; 2] = [0.0, 12.0];
-
-/// Codes per pixel of disparity, the resolution of StereoBM and SGM, and per unit of ln(SSDPI + 1).
-const PER_PX: f32 = 16.0;
-const PER_LN: f32 = 8.0;
 
 /// Pixels without a depth.
 const UNKNOWN: [u8; 4] = [12, 12, 14, 255];
@@ -66,21 +66,18 @@ pub(crate) fn gray(image: &Gray) -> Image {
 
 /// Disparities in pixels, blue (far) over green to red (near); none is nearly black.
 pub(crate) fn disparity(map: &Plane<f32>, scale: &Scale) -> EncodedDepthImage {
-    let codes = map.map(|d| code(d, PER_PX));
+    let codes = disparity_codes(map);
     // Ranges are in codes.
-    let range = [0.0, scale.nearness.near_px() * f64::from(PER_PX)];
-    coded(&codes, None, range, Colormap::Turbo).with_meter(PER_PX)
+    let range = [0.0, scale.nearness.near_px() * f64::from(CODES_PER_PX)];
+    coded(&codes, None, range, Colormap::Turbo).with_meter(CODES_PER_PX)
 }
 
 /// Depths in metres, red (near) over yellow to blue (far).
 pub(crate) fn depth(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> EncodedDepthImage {
-    let codes = map.map(|d| match has_depth(d, rig) {
-        true => code(d, PER_PX),
-        false => 0,
-    });
+    let codes = depth_codes(map, rig);
     let inverse = InverseDepth {
-        a: (rig.focal_px() * rig.baseline_m()) as f32 * PER_PX,
-        b: -rig.doffs_px() as f32 * PER_PX,
+        a: (rig.focal_px() * rig.baseline_m()) as f32 * CODES_PER_PX,
+        b: -rig.doffs_px() as f32 * CODES_PER_PX,
     };
     coded(
         &codes,
@@ -97,7 +94,7 @@ pub(crate) fn depth(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> EncodedDepthI
 /// # Errors
 /// As [`files::encode_classes_png`], as are the next ones.
 pub(crate) fn no_depth(map: &Plane<f32>, rig: &Rig) -> Result<EncodedImage> {
-    let codes = map.map(|d| u8::from(!has_depth(d, rig)));
+    let codes = no_depth_classes(map, rig);
     let png = files::encode_classes_png(&codes, &[[0; 4], UNKNOWN])?;
     Ok(over(png).with_opacity(OPAQUE))
 }
@@ -108,35 +105,21 @@ pub(crate) fn points(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> Result<Encod
     let (width, height) = map.size();
     let step = ((width * height) as f64 / MAX_POINTS).sqrt().ceil() as usize;
     let nearest_px = rig.disparity_px(scale.far_m) as f32;
-    let sparse = Plane::from_fn(width, height, |x, y| {
-        let disparity = map.get(x, y);
-        match x % step == 0 && y % step == 0 && disparity >= nearest_px {
-            true => disparity,
-            false => f32::INFINITY,
-        }
-    })?;
+    let sparse = sparse_disparities(map, step, nearest_px)?;
     Ok(depth(&sparse, rig, scale).with_point_fill_ratio(step as f32))
-}
-
-/// Whether a disparity is one, and nearer than infinity.
-fn has_depth(disparity: f32, rig: &Rig) -> bool {
-    disparity.is_finite() && rig.depth_m(disparity.into()).is_some()
 }
 
 /// ln(SSDPI + 1); black where nothing was compared.
 pub(crate) fn ssdpi(map: &Plane<u32>) -> EncodedDepthImage {
-    let codes = map.map(|s| match s {
-        DisparityMap::NO_SSDPI => 0,
-        s => code((s as f32).ln_1p(), PER_LN),
-    });
-    let range = SSDPI_RANGE.map(|end| end * f64::from(PER_LN));
-    coded(&codes, None, range, Colormap::Inferno).with_meter(PER_LN)
+    let codes = ssdpi_codes(map);
+    let range = SSDPI_RANGE.map(|end| end * f64::from(CODES_PER_LN));
+    coded(&codes, None, range, Colormap::Inferno).with_meter(CODES_PER_LN)
 }
 
 /// Reasons in their colours.
 pub(crate) fn why(map: &Plane<Reason>) -> Result<EncodedImage> {
     let colors = Reason::ALL.map(|reason| color(reason).to_array());
-    let png = files::encode_classes_png(&map.map(|reason| reason as u8), &colors)?;
+    let png = files::encode_classes_png(&reason_classes(map), &colors)?;
     Ok(over(png).with_opacity(0.8))
 }
 
@@ -167,15 +150,6 @@ pub(crate) fn legend((width, height): (usize, usize)) -> Points2D {
         .with_radii([Radius::new_ui_points(4.0)])
 }
 
-/// A value as a code, the largest for all beyond; 0 where there is none.
-fn code(value: f32, per_unit: f32) -> u16 {
-    match value.is_finite() {
-        // 0 itself is a value, which none must not be.
-        true => (value * per_unit).round().clamp(1.0, u16::MAX.into()) as u16,
-        false => 0,
-    }
-}
-
 fn coded(
     codes: &Plane<u16>,
     inverse: Option<InverseDepth>,
@@ -191,18 +165,4 @@ fn coded(
 fn resolution<T: Copy>(map: &Plane<T>) -> [u32; 2] {
     // Sides are at most MAX_SIDE.
     [map.width() as u32, map.height() as u32]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn no_disparity_is_no_depth_and_not_0() {
-        let rig = Rig::new(328.0, (159.5, 119.5), 0.05, 0.0).unwrap();
-        let has = [8.2, 0.0, f32::INFINITY].map(|d| has_depth(d, &rig));
-        assert_eq!(has, [true, false, false]);
-        let codes = [f32::NAN, 0.0, 2.0, 1e9].map(|value| code(value, 16.0));
-        assert_eq!(codes, [0, 1, 32, u16::MAX]);
-    }
 }

@@ -1,7 +1,7 @@
 //! The fixed colour scale of one camera: disparity and depth of the last colour.
 
 use svl_core::stereo::Frame;
-use svl_data::overlay::{NEAR_M, Nearness};
+use svl_data::overlay::{NEAR_M, Nearness, lowest_disparity};
 
 /// Colours end at this many times the near distance: 3 m in the arena.
 const FAR: f64 = 15.0;
@@ -26,13 +26,7 @@ impl Scale {
             .and_then(|rig| rig.depth_m(nearness.near_px()))
             .unwrap_or(NEAR_M);
         let still = frame.truth.as_ref().filter(|_| frame.pose.is_none());
-        let lowest = still.and_then(|truth| {
-            truth
-                .disparity
-                .pixels()
-                .filter(|d| d.is_finite())
-                .reduce(f32::min)
-        });
+        let lowest = still.and_then(|truth| lowest_disparity(&truth.disparity));
         let farthest_m = frame
             .rig()
             .zip(lowest)

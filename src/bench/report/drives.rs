@@ -1,10 +1,10 @@
 //! Drives in numbers: a row per course and algorithm, a row per place on the way, and per algorithm
 //! the sums with intervals over the courses.
 
-use super::compare::bootstrap::{Interval, Resamples};
 use super::rows::record;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use svl_data::bootstrap::{Interval, Resamples, Sample};
 
 record! {
     /// One drive: a course with an algorithm at the wheel.
@@ -134,19 +134,15 @@ pub(super) fn summarize(rows: &[DriveRow], stress: Option<&str>) -> Vec<DriveSum
 
 fn summary(rows: &[&DriveRow]) -> DriveSummary {
     let resamples = Resamples::draw(&[rows.len()], true);
-    let all: Vec<_> = (0..rows.len()).collect();
-    let sum = |items: &[usize], of: fn(&DriveRow) -> f64| -> f64 {
-        items.iter().map(|&i| of(rows[i])).sum()
-    };
     // A robot that never moved has no rate.
-    let ratio = |items: &[usize], of: fn(&DriveRow) -> f64, by: fn(&DriveRow) -> f64| {
-        let by = sum(items, by);
-        (by > 0.0).then(|| sum(items, of) / by)
-    };
     let both = |of: fn(&DriveRow) -> f64, by: fn(&DriveRow) -> f64, scale: f64| {
-        let value = ratio(&all, of, by).unwrap_or_default() * scale;
-        let interval = resamples.interval(|items| Some(ratio(items, of, by)? * scale));
-        (value, interval)
+        let ratio = Sample::Ratio(rows.iter().map(|row| (of(row), by(row))).collect());
+        let value = ratio.total().unwrap_or_default() * scale;
+        let interval = ratio.interval(&resamples);
+        (
+            value,
+            interval.map(|(low, high)| (low * scale, high * scale)),
+        )
     };
     let one = |_: &DriveRow| 1.0;
     let (_, finished_interval) = both(|row| f64::from(u8::from(row.finished)), one, 1.0);

@@ -1,12 +1,12 @@
 //! Tables beside those of the algorithms' metrics: drives, stress. One form for terminal, Markdown
 //! and page.
 
-use super::compare::bootstrap::Interval;
 use super::drives::DriveSummary;
 use super::stress::{StressSummary, kinds};
 use super::summary::Summary;
 use super::words::{NONE, percent};
 use serde::Serialize;
+use svl_data::bootstrap::Interval;
 use svl_data::stress::StressKind;
 
 /// A table of texts.

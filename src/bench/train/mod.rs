@@ -1,12 +1,10 @@
-//! Training: the table by which the cells of v5, and of any algorithm whose cells are decided as
-//! v5's are, become known ([`svl_core::depth::decision`]); the networks of the filters
-//! ([`svl_core::filter`]).
+//! Training with its figures for people: the table of v5's cells, the networks of the filters.
+//! What is computed on every sample is [`svl_data::fit`].
 
-pub mod filter;
-mod fit;
+mod cells;
+mod filter;
 mod report;
-mod samples;
 
-pub use fit::{CellFit, FOLDS, MOST_STEPS, fit_cells};
-pub use report::{CellTraining, ReliabilityBin, ReportedCells, ScenarioCells};
-pub use samples::{CellSample, CellTarget, cell_samples};
+pub use cells::{CellTraining, ReliabilityBin, ReportedCells, ScenarioCells};
+pub use filter::{EpochProgress, REVISION, TrainSettings, train_filter};
+pub use report::{FilterTraining, HiddenTrial};

@@ -1,127 +1,230 @@
-//! What a training found, for people.
+//! What the training of a filter found, for people.
 
-use super::{CellFit, CellSample};
-use crate::report::page::fill;
+use crate::report::page::{data_url, fill};
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter};
 use svl_core::Result;
+use svl_core::filter::ModelFacts;
+use svl_data::files::encode_png;
+use svl_data::fit::filter::{
+    EpochError, FitSettings, FittedNetwork, FrameLabels, RocCurve, SamplePart, WindowErrors,
+    WindowSample, WindowSamples,
+};
 
-/// A fit's figures: per scenario, and how far its probabilities hold.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct CellTraining {
-    pub algorithm: String,
-    pub steps: usize,
-    /// Least probability of a cell that counts as reported.
-    pub confidence: f64,
-    pub scenarios: Vec<ScenarioCells>,
-    /// Of cells whose fold was held out of the fit.
-    pub reliability: Vec<ReliabilityBin>,
-    /// Mean logistic loss of held-out cells by the number of steps.
-    pub losses: Vec<f64>,
+/// A trained filter's figures.
+#[derive(Clone, Debug, Serialize)]
+pub struct FilterTraining {
+    pub filter: &'static str,
+    /// What it detects, and all else.
+    pub categories: [&'static str; 2],
+    pub window: usize,
+    pub scaling: &'static str,
+    pub mean: bool,
+    pub hidden: usize,
+    pub seed: u64,
+    pub recordings: usize,
+    /// Windows that show it and that do not, by part.
+    pub samples: BTreeMap<&'static str, [usize; 2]>,
+    /// On the test set.
+    pub errors: WindowErrors,
+    pub roc: RocCurve,
+    /// Mean square errors by epoch.
+    pub epochs: Vec<EpochError>,
+    pub best_epoch: usize,
+    /// Whether training was interrupted: the best network until then is kept.
+    pub interrupted: bool,
+    /// All sizes and seeds that were trained.
+    pub trials: Vec<HiddenTrial>,
+    /// Hash of features and labels.
+    pub data: String,
+    #[serde(skip)]
+    examples: [Vec<WindowExample>; 2],
 }
 
-/// The cells of a scenario.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ScenarioCells {
-    pub name: String,
-    /// Runs and scenes.
-    pub groups: usize,
-    /// With a truth.
-    pub cells: usize,
-    /// Share that would be right if all were reported.
-    pub right_of_all: f64,
-    /// By the fitted table, held out.
-    pub fitted: ReportedCells,
-    /// By the algorithm's table.
-    pub present: ReportedCells,
-}
-
-/// Shares of all cells.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct ReportedCells {
-    pub right: f64,
-    pub wrong: f64,
-}
-
-/// The cells whose probability lies in a range.
+/// One network of a sweep over the number of hidden neurons.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ReliabilityBin {
-    pub from: f64,
-    pub to: f64,
-    pub cells: usize,
-    /// Mean probability.
-    pub said: f64,
-    /// Share of them that is right.
-    pub right: f64,
+pub struct HiddenTrial {
+    pub hidden: usize,
+    pub seed: u64,
+    /// Least mean square error on the validation set.
+    pub validation_error: f64,
+    /// On the test set.
+    pub errors: WindowErrors,
 }
 
-/// Ends of the ranges of probability.
-const ENDS: [f64; 10] = [0.0, 0.2, 0.4, 0.6, 0.75, 0.85, 0.9, 0.95, 0.98, 1.0];
+#[derive(Clone, Debug, Serialize)]
+struct WindowExample {
+    url: String,
+    words: String,
+}
 
-impl CellTraining {
-    /// Of a fit to `samples`, which lie scenario after scenario: names, and how many of the samples
-    /// are of each.
-    pub fn new(
-        algorithm: String,
-        confidence: f64,
-        samples: &[CellSample],
-        fit: &CellFit,
-        scenarios: &[(String, usize)],
+/// Pictures of each kind of error.
+const EXAMPLES: usize = 12;
+
+impl FilterTraining {
+    pub(super) fn new(
+        samples: &WindowSamples,
+        fit: FitSettings,
+        fitted: &FittedNetwork,
+        trials: Vec<HiddenTrial>,
+        test: &[(f32, bool)],
+        data: u128,
     ) -> Self {
-        let probability = |score: i64| 1.0 / (1.0 + (-score as f64 / 1000.0).exp());
-        let said: Vec<_> = fit.held_out.iter().map(|s| probability(*s)).collect();
-        let mut first = 0;
-        let scenario = |(name, cells): &(String, usize)| {
-            let range = first..first + cells;
-            first += cells;
-            let of = &samples[range.clone()];
-            let share = |count: usize| count as f64 / (*cells).max(1) as f64;
-            let reported = |is_known: &dyn Fn(usize) -> bool| {
-                let known = range
-                    .clone()
-                    .filter(|&i| samples[i].is_reportable() && is_known(i));
-                let (right, wrong): (Vec<_>, Vec<_>) = known.partition(|&i| samples[i].right);
-                ReportedCells {
-                    right: share(right.len()),
-                    wrong: share(wrong.len()),
-                }
-            };
-            let mut groups: Vec<_> = of.iter().map(|sample| sample.group).collect();
-            groups.dedup();
-            ScenarioCells {
-                name: name.clone(),
-                groups: groups.len(),
-                cells: *cells,
-                right_of_all: share(of.iter().filter(|sample| sample.right).count()),
-                fitted: reported(&|i| said[i] >= confidence),
-                present: reported(&|i| samples[i].known),
-            }
+        let features = samples.features;
+        let example = |(sample, score): (&WindowSample, f32)| {
+            let png = encode_png(features.window, features.window, &sample.pixels).ok()?;
+            let (group, sequence) = (sample.group + 1, sample.sequence);
+            let window = FrameLabels::window_name(samples.kind, sample.window);
+            Some(WindowExample {
+                url: data_url(&png),
+                words: format!("recording {group}, frame {sequence}, window {window}: {score:+.1}"),
+            })
         };
-        let scenarios = scenarios.iter().map(scenario).collect();
-        let bin = |ends: &[f64]| {
-            let inside = |i: &usize| said[*i] >= ends[0] && (said[*i] < ends[1] || ends[1] == 1.0);
-            let reportable = (0..samples.len()).filter(|&i| samples[i].is_reportable());
-            let inside: Vec<_> = reportable.filter(inside).collect();
-            let mean = |of: &dyn Fn(usize) -> f64| {
-                inside.iter().map(|&i| of(i)).sum::<f64>() / inside.len().max(1) as f64
-            };
-            ReliabilityBin {
-                from: ends[0],
-                to: ends[1],
-                cells: inside.len(),
-                said: mean(&|i| said[i]),
-                right: mean(&|i| f64::from(u8::from(samples[i].right))),
-            }
-        };
+        let examples = [false, true].map(|is| {
+            let worst = samples.worst(test, is, EXAMPLES).into_iter();
+            worst.filter_map(example).collect()
+        });
         Self {
-            algorithm,
-            steps: fit.table.steps.iter().map(|steps| steps.len()).sum(),
-            confidence,
-            scenarios,
-            reliability: ENDS.windows(2).map(bin).collect(),
-            losses: fit.losses.clone(),
+            filter: samples.kind.name(),
+            categories: samples.kind.spec().categories,
+            window: features.window,
+            scaling: features.scaling.name(),
+            mean: features.mean,
+            hidden: fit.hidden,
+            seed: fit.seed,
+            recordings: samples.parts.len(),
+            samples: samples.counts(),
+            errors: WindowErrors::new(test, 0.0),
+            roc: RocCurve::new(test, samples.kind.spec().acceptance_cost),
+            epochs: fitted.epochs.clone(),
+            best_epoch: fitted.best_epoch,
+            interrupted: fitted.interrupted,
+            trials,
+            data: format!("{data:032x}"),
+            examples,
         }
+    }
+
+    /// How many recordings are in a part.
+    pub fn recordings_of(&self, part: SamplePart) -> usize {
+        let parts = SamplePart::deal(self.recordings);
+        parts.iter().filter(|of| **of == part).count()
+    }
+
+    /// What the model's file says of it.
+    pub(super) fn facts(&self) -> ModelFacts {
+        let share = |rate: f64| format!("{rate:.5}");
+        [
+            ("svl", svl_data::BuildInfo::current().version.to_owned()),
+            ("data_hash", self.data.clone()),
+            ("seed", self.seed.to_string()),
+            ("recordings", self.recordings.to_string()),
+            ("false_acceptance", share(self.errors.false_acceptance.rate)),
+            ("false_rejection", share(self.errors.false_rejection.rate)),
+            ("roc_area", share(self.roc.area)),
+        ]
+        .map(|(key, text)| (key.to_owned(), text))
+        .into()
+    }
+
+    /// Mean error rates in per cent by the number of hidden neurons: false acceptance, false
+    /// rejection.
+    pub fn by_hidden(&self) -> BTreeMap<usize, [f64; 2]> {
+        let mut by_hidden = BTreeMap::<usize, Vec<WindowErrors>>::new();
+        for trial in &self.trials {
+            by_hidden
+                .entry(trial.hidden)
+                .or_default()
+                .push(trial.errors);
+        }
+        let mean = |errors: &[WindowErrors], of: fn(&WindowErrors) -> f64| {
+            100.0 * errors.iter().map(of).sum::<f64>() / errors.len() as f64
+        };
+        let means = |(hidden, errors): (usize, Vec<WindowErrors>)| {
+            let accepted = mean(&errors, |e| e.false_acceptance.rate);
+            (
+                hidden,
+                [accepted, mean(&errors, |e| e.false_rejection.rate)],
+            )
+        };
+        by_hidden.into_iter().map(means).collect()
+    }
+
+    /// The plots: training and validation error (thesis, figure 8.2), the receiver operating
+    /// characteristic, and error rates by hidden neurons (figure 8.3) where several were tried.
+    pub fn charts(&self) -> Vec<(&'static str, &'static str, Chart)> {
+        let line = |name: &str, form, points| Series {
+            name: name.to_owned(),
+            form,
+            points,
+        };
+        let epochs = |of: fn(&EpochError) -> f64| {
+            let epochs = self.epochs.iter().enumerate();
+            epochs.map(|(i, e)| (i as f64 + 1.0, of(e))).collect()
+        };
+        let chart = |x, y, series| Chart {
+            title: String::new(),
+            x,
+            y,
+            series,
+        };
+        // Of a good curve the corner that matters.
+        let corner = |axis: Axis, range| Axis {
+            range: (self.roc.area > 0.98).then_some(range),
+            ..axis
+        };
+        let mut charts = vec![
+            (
+                "Training and validation",
+                "Mean square error after each epoch; the network of the epoch with the least \
+                 validation loss is kept (thesis, figure 8.2).",
+                chart(
+                    Axis::new("epoch"),
+                    Axis::new("mean square error"),
+                    vec![
+                        line("training", SeriesStyle::Line, epochs(|e| e.training)),
+                        line("validation", SeriesStyle::Line, epochs(|e| e.validation)),
+                    ],
+                ),
+            ),
+            (
+                "Acceptance",
+                "Over all thresholds, on the test set: what is accepted rightly and falsely.",
+                chart(
+                    corner(Axis::share("false acceptance, %"), (0.0, 20.0)),
+                    corner(Axis::share("true acceptance, %"), (80.0, 100.0)),
+                    vec![line(
+                        "test",
+                        SeriesStyle::Line,
+                        self.roc
+                            .points
+                            .iter()
+                            .map(|(x, y)| (100.0 * x, 100.0 * y))
+                            .collect(),
+                    )],
+                ),
+            ),
+        ];
+        let by_hidden = self.by_hidden();
+        if by_hidden.len() > 1 {
+            let points = |i: usize| by_hidden.iter().map(|(h, e)| (*h as f64, e[i])).collect();
+            charts.push((
+                "Hidden neurons",
+                "Errors on the test set by the number of hidden neurons, means over the seeds \
+                 (thesis, figure 8.3).",
+                chart(
+                    Axis::new("hidden neurons"),
+                    Axis::new("error rate, %"),
+                    vec![
+                        line("false rejected", SeriesStyle::Both, points(1)),
+                        line("false accepted", SeriesStyle::Both, points(0)),
+                    ],
+                ),
+            ));
+        }
+        charts
     }
 
     /// The page: one file without scripts, all texts escaped.
@@ -129,101 +232,79 @@ impl CellTraining {
     /// # Errors
     /// [`svl_core::Error::Invalid`] with what the template engine or the plotting library says.
     pub fn page(&self, identity: Vec<(String, String)>) -> Result<String> {
-        let line = |name: &str, form, points| Series {
-            name: name.to_owned(),
-            form,
-            points,
+        let plot = |(title, about, chart): (&'static str, &'static str, Chart)| {
+            Ok(FilterPlot {
+                title,
+                about,
+                svg: chart.svg()?,
+            })
         };
-        let bins = self.reliability.iter().filter(|bin| bin.cells >= 20);
-        let points = bins.map(|bin| (100.0 * bin.said, 100.0 * bin.right));
-        let whole = |label: &str| Axis {
-            range: Some((0.0, 100.0)),
-            ..Axis::share(label)
-        };
-        let reliability = Chart {
-            title: String::new(),
-            x: whole("predicted, %"),
-            y: whole("observed right, %"),
-            series: vec![
-                line("cells", SeriesStyle::Both, points.collect()),
-                line(
-                    "as predicted",
-                    SeriesStyle::Line,
-                    vec![(0.0, 0.0), (100.0, 100.0)],
-                ),
-            ],
-        };
-        let points = self.losses.iter().enumerate();
-        let points = points.map(|(steps, loss)| (steps as f64, *loss)).collect();
-        let losses = Chart {
-            title: String::new(),
-            x: Axis::new("steps"),
-            y: Axis::new("logistic loss, held out"),
-            series: vec![line("loss", SeriesStyle::Both, points)],
-        };
-        let view = TrainingView {
+        let view = FilterView {
             training: self,
-            charts: [
-                PlotView {
-                    title: "Reliability",
-                    about: "How many of the cells are right to which a table, fitted without their \
-                            part of the runs, gives a probability; ranges with 20 cells or more.",
-                    svg: reliability.svg()?,
-                },
-                PlotView {
-                    title: "Steps",
-                    about: "What more steps are worth on runs that were held out.",
-                    svg: losses.svg()?,
-                },
-            ],
+            false_acceptance: self.errors.false_acceptance.to_string(),
+            false_rejection: self.errors.false_rejection.to_string(),
+            area: format!("{:.4}", self.roc.area),
+            examples: &self.examples,
+            charts: self.charts().into_iter().map(plot).collect::<Result<_>>()?,
             images: [],
             identity,
             incomplete: None,
         };
-        fill(include_str!("cells.html"), "", view)
+        fill(include_str!("filter.html"), "", view)
     }
 }
 
-impl Display for CellTraining {
-    /// Tables of at most 80 columns.
+impl Display for FilterTraining {
+    /// Lines of at most 80 columns.
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        let (steps, confidence) = (self.steps, self.confidence);
-        writeln!(f, "{steps} steps; % of cells, known from {confidence} on")?;
+        let [is, is_not] = self.categories;
+        let mean = if self.mean { "with" } else { "without" };
         writeln!(
             f,
-            "{:34}{:>13}{:>20}{:>13}",
-            "", "all reported:", "fitted, held out:", "table in use:"
+            "filter {}: {} hidden neurons, windows of {}, {} {mean} the mean",
+            self.filter, self.hidden, self.window, self.scaling
         )?;
-        writeln!(
-            f,
-            "{:20}{:>8}{:>10}{:>9}{:>11}{:>9}{:>7}{:>6}",
-            "scenario", "runs", "cells", "right", "right", "wrong", "right", "wrong"
-        )?;
-        for of in &self.scenarios {
-            writeln!(
-                f,
-                "{:20.20}{:>8}{:>10}{:>9.1}{:>11.1}{:>9.2}{:>7.1}{:>6.2}",
-                of.name,
-                of.groups,
-                of.cells,
-                100.0 * of.right_of_all,
-                100.0 * of.fitted.right,
-                100.0 * of.fitted.wrong,
-                100.0 * of.present.right,
-                100.0 * of.present.wrong
-            )?;
+        for (name, part) in [
+            ("training", SamplePart::Training),
+            ("validation", SamplePart::Validation),
+            ("test", SamplePart::Test),
+        ] {
+            let [yes, no] = self.samples[name];
+            let recordings = svl_core::counted(self.recordings_of(part) as u64, "recording");
+            writeln!(f, "{name:<18}{recordings}: {yes} {is}, {no} {is_not}")?;
         }
+        let ended = if self.interrupted {
+            ", interrupted"
+        } else {
+            ""
+        };
         writeln!(
             f,
-            "\n{:>13}{:>10}{:>9}{:>9}",
-            "predicted, %", "cells", "mean", "right"
+            "{:<18}{} of {}{ended}",
+            "best epoch",
+            self.best_epoch,
+            self.epochs.len()
         )?;
-        for bin in &self.reliability {
-            let range = format!("{:.0} to {:.0}", 100.0 * bin.from, 100.0 * bin.to);
-            write!(f, "{range:>13}{:>10}", bin.cells)?;
-            match bin.cells {
-                0 => writeln!(f)?,
-                _ => writeln!(f, "{:>9.1}{:>9.1}", 100.0 * bin.said, 100.0 * bin.right)?,
+        writeln!(
+            f,
+            "{:<18}{}",
+            "false acceptance", self.errors.false_acceptance
+        )?;
+        writeln!(
+            f,
+            "{:<18}{}",
+            "false rejection", self.errors.false_rejection
+        )?;
+        write!(f, "{:<18}{:.4}", "area of the ROC", self.roc.area)?;
+        let by_hidden = self.by_hidden();
+        if by_hidden.len() > 1 {
+            write!(
+                f,
+                "\n\n{:>14}{:>20}{:>20}",
+                "hidden neurons", "false accepted, %", "false rejected, %"
+            )?;
+            for (hidden, [accepted, rejected]) in by_hidden {
+                write!(f, "\n{hidden:>14}{accepted:>20.2}{rejected:>20.2}")?;
             }
         }
         Ok(())
@@ -231,16 +312,20 @@ impl Display for CellTraining {
 }
 
 #[derive(Serialize)]
-struct TrainingView<'a> {
-    training: &'a CellTraining,
-    charts: [PlotView; 2],
+struct FilterView<'a> {
+    training: &'a FilterTraining,
+    false_acceptance: String,
+    false_rejection: String,
+    area: String,
+    examples: &'a [Vec<WindowExample>; 2],
+    charts: Vec<FilterPlot>,
     images: [(); 0],
     identity: Vec<(String, String)>,
     incomplete: Option<String>,
 }
 
 #[derive(Serialize)]
-struct PlotView {
+struct FilterPlot {
     title: &'static str,
     about: &'static str,
     svg: String,

@@ -12,7 +12,7 @@ use svl::filter::{FilterKind, FilterModel};
 use svl::matcher::Algorithm;
 use svl::scenario::{Scenario, ScenarioFilter, ScenarioSource};
 use svl::source::ArenaSource;
-use svl::train::filter::{REVISION, TrainSettings};
+use svl::train::{REVISION, TrainSettings};
 
 /// The filters that the user names.
 #[derive(clap::Args)]

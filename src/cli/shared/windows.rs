@@ -7,15 +7,15 @@ use anyhow::{Context, bail};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use svl::filter::{Features, FilterKind, FilterModel, Spectrum};
+use svl::fit::filter::{
+    EpochError, FitSettings, FrameLabels, SamplePart, WindowLabels, WindowSamples,
+};
 use svl::manifest::Manifest;
 use svl::run::{Matchers, Pace};
 use svl::scenario::Scenario;
 use svl::sink::{CollectSink, RunStart, Sink};
 use svl::source::Source;
-use svl::train::filter::{
-    EpochError, FilterTraining, FitSettings, FrameLabels, SamplePart, TrainSettings, WindowLabels,
-    WindowSamples, train_filter,
-};
+use svl::train::{FilterTraining, TrainSettings, train_filter};
 
 /// Runs that are labelled in one way.
 pub(crate) struct LabelledRuns {

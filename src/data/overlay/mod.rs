@@ -5,12 +5,17 @@
 //! in yellow and its 80th in violet. [`marks`] is the geometry; the HTML report draws it as SVG and
 //! the Rerun sink as boxes.
 
+mod codes;
 mod corners;
 pub mod errors;
 mod geometry;
 mod picture;
 mod preview;
 
+pub use codes::{
+    CODES_PER_LN, CODES_PER_PX, depth_codes, disparity_codes, lowest_disparity, no_depth_classes,
+    reason_classes, sparse_disparities, ssdpi_codes,
+};
 pub use corners::corners_drawn;
 pub use geometry::{Mark, NEAR_M, Nearness, Rect, Squares, marks, squares};
 pub use picture::Picture;

@@ -2,9 +2,9 @@
 
 use super::super::{Context, Experiment, Finding, TableValue};
 use super::{Runs, draw, samples, train};
-use svl_bench::train::filter::SamplePart;
 use svl_core::Result;
 use svl_core::filter::FilterKind;
+use svl_data::fit::filter::SamplePart;
 
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     figures: &["8.3"],

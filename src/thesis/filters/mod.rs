@@ -8,14 +8,12 @@ pub(super) mod training;
 use super::{Context, Finding};
 use rayon::prelude::*;
 use std::path::Path;
-use svl_bench::train::filter::{
-    EpochError, FilterTraining, FitSettings, SamplePart, TrainSettings, WindowLabels,
-    WindowSamples, train_filter,
-};
+use svl_bench::train::{FilterTraining, TrainSettings, train_filter};
 use svl_core::filter::{FilterKind, FilterModel, Spectrum};
 use svl_core::kernel::isa;
 use svl_core::{Error, Result};
 use svl_data::arena::{Arena, ArenaConfig};
+use svl_data::fit::filter::{EpochError, FitSettings, SamplePart, WindowLabels, WindowSamples};
 use svl_data::scenario::{Scenario, ScenarioSource};
 
 /// The arena that a filter of the scenarios is trained in.

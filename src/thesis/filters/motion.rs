@@ -3,10 +3,11 @@
 use super::super::{Context, Experiment, Finding, TableValue};
 use super::{Runs, errors, samples, train};
 use svl_bench::report::plot::{Axis, Chart, Series, SeriesStyle};
-use svl_bench::train::filter::{FilterTraining, SamplePart, WindowSamples};
+use svl_bench::train::FilterTraining;
 use svl_core::Result;
 use svl_core::filter::FilterKind;
 use svl_data::arena::ArenaConfig;
+use svl_data::fit::filter::{SamplePart, WindowSamples};
 
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     figures: &["8.2.2"],

@@ -2,11 +2,12 @@
 
 use super::super::measure::gray_picture;
 use super::super::{Context, Experiment, Finding};
-use svl_bench::train::filter::{TrainSettings, true_label};
+use svl_bench::train::TrainSettings;
 use svl_core::Result;
 use svl_core::filter::{FilterKind, FilterWindows, Spectrum};
 use svl_core::stereo::{Gray, GridShape, Plane};
 use svl_data::arena::Arena;
+use svl_data::fit::filter::true_label;
 
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     figures: &["8.1"],

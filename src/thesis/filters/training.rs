@@ -2,9 +2,9 @@
 
 use super::super::{Context, Experiment, Finding, TableValue};
 use super::{Runs, draw, errors, samples, train};
-use svl_bench::train::filter::SamplePart;
 use svl_core::Result;
 use svl_core::filter::FilterKind;
+use svl_data::fit::filter::SamplePart;
 
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     figures: &["8.2"],
@@ -37,7 +37,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let (_, small) = train(context, &mut few, &[25, 100, 400], &[1, 2, 3])?;
     let (_, large) = train(context, &mut all, &[100], &[1])?;
     let mut finding = Finding::default();
-    let ends = |of: fn(&svl_bench::train::filter::EpochError) -> f64| {
+    let ends = |of: fn(&svl_data::fit::filter::EpochError) -> f64| {
         let first = small.epochs.first().map(of).unwrap_or(f64::NAN);
         (first, small.epochs.iter().map(of).fold(first, f64::min))
     };

@@ -4,8 +4,8 @@
 use super::observe::Observation;
 use super::{CELLS, PIXELS};
 use std::collections::BTreeMap;
-use svl_bench::report::compare::{Interval, Resamples};
 use svl_core::statistics::Concordance;
+use svl_data::bootstrap::{Interval, Resamples};
 
 /// All observations of the arena or of the real scenes.
 pub(super) struct Observed {
@@ -178,7 +178,7 @@ impl Observed {
         let all: Vec<_> = (0..self.pairs.len()).collect();
         Measured {
             value: statistic(&all),
-            interval: self.resamples.interval(|drawn| {
+            interval: self.resamples.interval(&|drawn| {
                 let pairs = drawn.iter().flat_map(|&i| &self.drawn[i]).copied();
                 statistic(&pairs.collect::<Vec<_>>())
             }),

@@ -4,8 +4,8 @@ use super::fixture::{Fixture, assert_says};
 use crate::common::python;
 use std::sync::LazyLock;
 use svl::filter::{FilterKind, FilterModel, Spectrum};
+use svl::fit::filter::FrameLabels;
 use svl::stereo::Gray;
-use svl::train::filter::FrameLabels;
 
 /// Floors with texture, of few frames.
 fn write_floors(fixture: &Fixture, name: &str, frames: u64) {

@@ -1,6 +1,5 @@
 //! Comparison of two runs: changes of metrics with confidence intervals.
 
-pub(super) mod bootstrap;
 mod history;
 mod markdown;
 mod sample;
@@ -9,14 +8,14 @@ mod text;
 use super::drives::DriveRow;
 use super::read_rows;
 use super::rows::{CheckpointRow, Row};
-pub use bootstrap::{Interval, Resamples};
 pub use history::{History, HistoryLine, HistoryReport, LeftOut, ScenarioHistory};
-use sample::Sample;
+use sample::sample;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
+use svl_data::bootstrap::{self, Interval, Resamples, Sample};
 use svl_data::manifest::Manifest;
 use svl_data::score::{Better, METRICS, Metric, MetricUnit};
 pub use text::{signed, verdict};
@@ -374,8 +373,7 @@ fn pair<'a>(text: &str, ours: &[&'a str], theirs: &[&'a str]) -> Result<(&'a str
 
 /// A metric over all rows of an algorithm: a share or a mean, a sum, or of the times the median.
 pub fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
-    let all: Vec<_> = (0..rows.len()).collect();
-    Sample::from_rows(metric, rows)?.value(&all)
+    sample(metric, rows)?.total()
 }
 
 /// The changes of the metrics from rows to other rows of the same pairs, one to one, those of a run
@@ -390,7 +388,7 @@ pub fn changes(base: &[&Row], other: &[&Row]) -> Vec<Change> {
     let resamples = Resamples::draw(&stretches, independent);
     // Metrics that no pair has, and checkpoints, have no sample.
     let change = |metric: &'static Metric| {
-        let samples = [base, other].map(|rows| Sample::from_rows(metric, rows));
+        let samples = [base, other].map(|rows| sample(metric, rows));
         let [Some(a), Some(b)] = samples else {
             return None;
         };
@@ -483,17 +481,13 @@ impl Change {
         resamples: &Resamples,
     ) -> Option<Self> {
         // Times scale with the machine, so their change is a factor.
-        let difference = |a: f64, b: f64| {
-            if metric.unit == MetricUnit::Ms {
-                b / a
-            } else {
-                b - a
-            }
+        let difference: fn(f64, f64) -> f64 = if metric.unit == MetricUnit::Ms {
+            |a, b| b / a
+        } else {
+            |a, b| b - a
         };
-        let all: Vec<_> = (0..base.len()).collect();
-        let (a, b) = (base.value(&all)?, other.value(&all)?);
-        let interval =
-            resamples.interval(|items| Some(difference(base.value(items)?, other.value(items)?)));
+        let (a, b) = (base.total()?, other.total()?);
+        let interval = Sample::interval_between(base, other, difference, resamples);
         Some(Self::new(metric, (a, b), difference(a, b), interval))
     }
 

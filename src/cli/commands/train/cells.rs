@@ -8,13 +8,14 @@ use crate::cli::shared::{runner, usage};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::depth::decision::Feature;
+use svl::fit::{CellSample, CellTarget, FOLDS, cell_samples, fit_cells};
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::run::{Matchers, Pace};
 use svl::scenario::Scenario;
 use svl::sink::{CollectSink, RunStart, Sink};
 use svl::source::Source;
-use svl::train::{CellSample, CellTarget, CellTraining, FOLDS, cell_samples, fit_cells};
+use svl::train::CellTraining;
 
 /// Fit the table by which the cells of v5 become known
 ///

@@ -8,9 +8,10 @@ use crate::cli::shared::windows::{LabelledRuns, train, windows};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::filter::{Features, FilterKind, Scaling};
+use svl::fit::filter::FrameLabels;
 use svl::manifest::Manifest;
 use svl::scenario::Scenario;
-use svl::train::filter::{FrameLabels, TrainSettings};
+use svl::train::TrainSettings;
 
 /// Train a filter: floor, or too close to be matched
 ///

@@ -14,13 +14,14 @@ use anyhow::bail;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use svl::filter::{FilterKind, FilterWindows};
+use svl::fit::filter::{FrameLabels, true_label};
 use svl::manifest::Manifest;
 use svl::run::{Matchers, Pace};
 use svl::score::Judge;
 use svl::sink::{CollectSink, RunStart, Sink};
 use svl::source::Request;
 use svl::stereo::GridShape;
-use svl::train::filter::{FrameLabels, TrainSettings, true_label};
+use svl::train::TrainSettings;
 use tool::Categorizer;
 
 /// What frames and windows have in common.

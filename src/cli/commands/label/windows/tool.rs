@@ -10,8 +10,8 @@ use ratatui::widgets::{Paragraph, Wrap};
 use std::path::PathBuf;
 use svl::counted;
 use svl::filter::FilterWindows;
+use svl::fit::filter::FrameLabels;
 use svl::stereo::{Frame, GridShape};
-use svl::train::filter::FrameLabels;
 
 /// Its keys beside those of the stepper.
 const KEYS: &[(&str, &str)] = &[

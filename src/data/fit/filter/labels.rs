@@ -69,7 +69,7 @@ impl FrameLabels {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] with the line that is wrong.
     pub fn read(path: &Path, kind: FilterKind) -> Result<Self> {
-        let text = svl_data::files::read_text(path, MAX_BYTES)?;
+        let text = crate::files::read_text(path, MAX_BYTES)?;
         let mut labels = Self::new(kind);
         let mut rows = csv::ReaderBuilder::new();
         let mut rows = rows.trim(csv::Trim::All).from_reader(text.as_bytes());

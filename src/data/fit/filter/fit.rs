@@ -305,7 +305,7 @@ impl Trained {
 
 impl FittedNetwork {
     /// The log odds of a part's samples, which are standardized.
-    pub(super) fn scores(&self, samples: &WindowSamples, part: SamplePart, isa: Isa) -> Vec<f32> {
+    pub fn scores(&self, samples: &WindowSamples, part: SamplePart, isa: Isa) -> Vec<f32> {
         let of: Vec<_> = samples.of(part).collect();
         let mut batch = vec![0.0; BATCH * samples.features.stride()];
         let (mut hidden, mut scores) = (Vec::new(), vec![0.0; of.len()]);
@@ -317,7 +317,7 @@ impl FittedNetwork {
     }
 
     /// Adds to all scores.
-    pub(super) fn shift(&mut self, by: f32) -> Result<()> {
+    pub fn shift(&mut self, by: f32) -> Result<()> {
         let network = &self.standardized;
         let weights: Vec<_> = network.rows().flatten().copied().collect();
         let (out, out_bias) = network.output();
@@ -327,7 +327,7 @@ impl FittedNetwork {
     }
 
     /// The network for features as they are.
-    pub(super) fn network(&self, standard: &Standard) -> Result<Network> {
+    pub fn network(&self, standard: &Standard) -> Result<Network> {
         let network = &self.standardized;
         let (mut weights, mut biases) = (Vec::new(), Vec::new());
         for (row, bias) in network.rows().zip(network.bias()) {
@@ -345,7 +345,7 @@ impl FittedNetwork {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::filter::WindowSample;
+    use crate::fit::filter::WindowSample;
     use svl_core::filter::{Features, FilterKind, Scaling};
 
     /// Samples of which the sum of two features decides, of the training and the validation set.

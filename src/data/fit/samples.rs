@@ -1,9 +1,9 @@
 //! Cells of frames with a truth, as the verdict table sees them.
 
+use crate::score::{Judge, Judged, TrueQuarters, is_right};
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{CellDepth, CellEvidence};
 use svl_core::{Error, Result};
-use svl_data::score::{Judge, Judged, TrueQuarters, is_right};
 
 /// A cell that could be reported, or not.
 #[derive(Clone, Copy, Debug, PartialEq)]

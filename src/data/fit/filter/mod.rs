@@ -1,19 +1,15 @@
-//! Training of the filters (thesis, sections 8.1.1 and 8.2.1): labelled windows, back-propagation,
+//! Fitting of the filters (thesis, sections 8.1.1 and 8.2.1): labelled windows, back-propagation,
 //! false acceptance and rejection.
 
 mod errors;
 mod fit;
 mod labels;
-mod report;
 mod samples;
-mod train;
 
 pub use errors::{ErrorRate, RocCurve, WindowErrors};
 pub use fit::{EpochError, FitSettings, FittedNetwork, Standard, fit_network};
 pub use labels::FrameLabels;
-pub use report::{FilterTraining, HiddenTrial};
 pub use samples::{WindowLabels, WindowSample, WindowSamples, true_label};
-pub use train::{EpochProgress, REVISION, TrainSettings, train_filter};
 
 /// What the samples of a recording are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

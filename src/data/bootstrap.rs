@@ -5,7 +5,7 @@
 //! Circular Block-Resampling Procedure for Stationary Data", 1992, with blocks of twice the cube
 //! root of the drive's length, in which the arena's pairs forget each other.
 
-use svl_core::statistics::upper_rank;
+use svl_core::statistics::{lower_median, upper_rank};
 
 /// Resamples drawn. Equal data give equal intervals: the generator begins with a fixed number.
 const DRAWS: usize = 1000;
@@ -64,9 +64,9 @@ impl Resamples {
         }
     }
 
-    /// The interval of a statistic of the items; nothing for too few blocks, or where some resample
-    /// does not have it.
-    pub fn interval(&self, statistic: impl Fn(&[usize]) -> Option<f64>) -> Option<Interval> {
+    /// The interval of a statistic of the items; none for too few blocks, or if some resample does
+    /// not have it.
+    pub fn interval(&self, statistic: &dyn Fn(&[usize]) -> Option<f64>) -> Option<Interval> {
         if self.blocks < FEWEST {
             return None;
         }
@@ -79,11 +79,64 @@ impl Resamples {
     }
 }
 
+/// The values of a metric for the items, of which resamples are drawn.
+pub enum Sample {
+    /// Numerator and denominator; the value is the ratio of their sums.
+    Ratio(Vec<(f64, f64)>),
+    /// The value is the sum.
+    Count(Vec<f64>),
+    /// The value is the median by nearest rank.
+    Median(Vec<f64>),
+}
+
+impl Sample {
+    /// Number of items.
+    pub fn items(&self) -> usize {
+        match self {
+            Self::Ratio(parts) => parts.len(),
+            Self::Count(values) | Self::Median(values) => values.len(),
+        }
+    }
+
+    /// The metric over all items.
+    pub fn total(&self) -> Option<f64> {
+        self.value(&(0..self.items()).collect::<Vec<_>>())
+    }
+
+    /// The metric over `items`, each as often as it is listed.
+    fn value(&self, items: &[usize]) -> Option<f64> {
+        match self {
+            Self::Ratio(parts) => {
+                let sum = |(a, b): (f64, f64), &i: &usize| (a + parts[i].0, b + parts[i].1);
+                let (numerator, denominator) = items.iter().fold((0.0, 0.0), sum);
+                (denominator > 0.0).then(|| numerator / denominator)
+            }
+            Self::Count(values) => Some(items.iter().map(|&i| values[i]).sum()),
+            Self::Median(values) => lower_median(items.iter().map(|&i| values[i])),
+        }
+    }
+
+    /// The interval of the metric.
+    pub fn interval(&self, resamples: &Resamples) -> Option<Interval> {
+        resamples.interval(&|items| self.value(items))
+    }
+
+    /// The interval of `difference(base, other)`, both of the same resample.
+    pub fn interval_between(
+        base: &Self,
+        other: &Self,
+        difference: fn(f64, f64) -> f64,
+        resamples: &Resamples,
+    ) -> Option<Interval> {
+        resamples.interval(&|items| Some(difference(base.value(items)?, other.value(items)?)))
+    }
+}
+
 /// The interval of the difference of two shares, each of `passed` of `frames`, drawn independently.
 ///
 /// Only sums are known, so as many frames are drawn as there are blocks of neighbours, from a share
 /// that half a frame on either side keeps from certainty.
-pub(super) fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
+pub fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
     let mut random = fastrand::Rng::with_seed(SEED);
     let mut share = |(passed, frames): (u64, u64)| {
         let blocks = (frames as usize).div_ceil(block(frames as usize)) as f64;
@@ -133,7 +186,7 @@ mod tests {
         // 0.049.
         let values: Vec<f64> = (0..400).map(|i| f64::from(i % 2)).collect();
         let (low, high) = Resamples::draw(&[400], true)
-            .interval(mean(&values))
+            .interval(&mean(&values))
             .unwrap();
         assert!(
             (0.43..0.47).contains(&low) && (0.53..0.57).contains(&high),
@@ -142,18 +195,18 @@ mod tests {
         // The same values where neighbours are equal say less.
         let alike: Vec<f64> = (0..400).map(|i| f64::from(i / 40 % 2)).collect();
         let (low, high) = Resamples::draw(&[400], false)
-            .interval(mean(&alike))
+            .interval(&mean(&alike))
             .unwrap();
         assert!(high - low > 0.15, "{low} {high}");
     }
 
     #[test]
     fn too_little_says_nothing() {
-        assert_eq!(Resamples::draw(&[7], true).interval(|_| Some(1.0)), None);
-        assert_eq!(Resamples::draw(&[20], false).interval(|_| Some(1.0)), None);
+        assert_eq!(Resamples::draw(&[7], true).interval(&|_| Some(1.0)), None);
+        assert_eq!(Resamples::draw(&[20], false).interval(&|_| Some(1.0)), None);
         assert!(
             Resamples::draw(&[8], true)
-                .interval(|_| Some(1.0))
+                .interval(&|_| Some(1.0))
                 .is_some()
         );
     }

@@ -1,6 +1,7 @@
 //! Labelled windows with their features.
 
 use super::{FrameLabels, SamplePart};
+use std::collections::BTreeMap;
 use svl_core::Result;
 use svl_core::filter::{Features, FilterKind, FilterWindows, Spectrum};
 use svl_core::stereo::{Frame, GridShape, Surface, Truth, Visibility};
@@ -192,6 +193,67 @@ pub fn true_label(
             };
             Some(share(&|x, y| too_near(x, y) || one_camera(x, y)) > 0.5)
         }
+    }
+}
+
+impl WindowSamples {
+    /// The labels of a part's samples.
+    pub fn labels(&self, part: SamplePart) -> Vec<bool> {
+        self.of(part).map(|i| self.samples[i].is).collect()
+    }
+
+    /// Hash of all features and labels.
+    pub fn hash(&self) -> u128 {
+        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+        self.inputs
+            .iter()
+            .for_each(|value| hasher.update(&value.to_le_bytes()));
+        for sample in &self.samples {
+            hasher.update(&[u8::from(sample.is), self.parts[sample.group] as u8]);
+        }
+        hasher.digest128()
+    }
+
+    /// How many windows of a part show what the filter detects, and how many do not.
+    pub fn counts(&self) -> BTreeMap<&'static str, [usize; 2]> {
+        let parts = [
+            ("training", SamplePart::Training),
+            ("validation", SamplePart::Validation),
+            ("test", SamplePart::Test),
+        ];
+        let count = |part| {
+            let labels = self.labels(part);
+            let is = labels.iter().filter(|&&is| is).count();
+            [is, labels.len() - is]
+        };
+        parts.map(|(name, part)| (name, count(part))).into()
+    }
+
+    /// The test samples with the worst scores of a category, worst first.
+    pub fn worst(
+        &self,
+        scores: &[(f32, bool)],
+        is: bool,
+        most: usize,
+    ) -> Vec<(&WindowSample, f32)> {
+        let samples = self
+            .of(SamplePart::Test)
+            .map(|i| &self.samples[i])
+            .zip(scores);
+        let wrong = samples.filter(|(_, (score, label))| *label == is && (*score > 0.0) != is);
+        let mut wrong: Vec<_> = wrong.map(|(sample, (score, _))| (sample, *score)).collect();
+        wrong.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        // One of each frame: windows of neighbours resemble each other.
+        let mut shown = Vec::<(&WindowSample, f32)>::new();
+        for (sample, score) in wrong {
+            let near = |other: &&WindowSample| {
+                other.group == sample.group && other.sequence.abs_diff(sample.sequence) < 5
+            };
+            if shown.len() < most && !shown.iter().map(|(sample, _)| sample).any(near) {
+                shown.push((sample, score));
+            }
+        }
+        shown
     }
 }
 

@@ -1,13 +1,13 @@
 //! From labelled windows to a filter and its figures.
 
-use super::{
-    EpochError, FilterTraining, FitSettings, FittedNetwork, HiddenTrial, RocCurve, SamplePart,
-    Standard, WindowErrors, WindowSample, WindowSamples, fit_network,
-};
-use std::collections::BTreeMap;
+use super::{FilterTraining, HiddenTrial};
 use svl_core::filter::{FilterKind, FilterModel, Network};
 use svl_core::kernel::Isa;
 use svl_core::{Error, Result};
+use svl_data::fit::filter::{
+    EpochError, FitSettings, FittedNetwork, RocCurve, SamplePart, Standard, WindowErrors,
+    WindowSamples, fit_network,
+};
 
 /// Raised when equal samples and settings come to give other weights, so that filters in the cache
 /// are trained anew.
@@ -151,65 +151,4 @@ fn check(samples: &WindowSamples) -> Result<()> {
         }
     }
     Ok(())
-}
-
-impl WindowSamples {
-    /// The labels of a part's samples.
-    fn labels(&self, part: SamplePart) -> Vec<bool> {
-        self.of(part).map(|i| self.samples[i].is).collect()
-    }
-
-    /// Hash of all features and labels.
-    fn hash(&self) -> u128 {
-        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
-        self.inputs
-            .iter()
-            .for_each(|value| hasher.update(&value.to_le_bytes()));
-        for sample in &self.samples {
-            hasher.update(&[u8::from(sample.is), self.parts[sample.group] as u8]);
-        }
-        hasher.digest128()
-    }
-
-    /// How many windows of a part show what the filter detects, and how many do not.
-    pub fn counts(&self) -> BTreeMap<&'static str, [usize; 2]> {
-        let parts = [
-            ("training", SamplePart::Training),
-            ("validation", SamplePart::Validation),
-            ("test", SamplePart::Test),
-        ];
-        let count = |part| {
-            let labels = self.labels(part);
-            let is = labels.iter().filter(|&&is| is).count();
-            [is, labels.len() - is]
-        };
-        parts.map(|(name, part)| (name, count(part))).into()
-    }
-
-    /// The test samples with the worst scores of a category, worst first.
-    pub(super) fn worst(
-        &self,
-        scores: &[(f32, bool)],
-        is: bool,
-        most: usize,
-    ) -> Vec<(&WindowSample, f32)> {
-        let samples = self
-            .of(SamplePart::Test)
-            .map(|i| &self.samples[i])
-            .zip(scores);
-        let wrong = samples.filter(|(_, (score, label))| *label == is && (*score > 0.0) != is);
-        let mut wrong: Vec<_> = wrong.map(|(sample, (score, _))| (sample, *score)).collect();
-        wrong.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        // One of each frame: windows of neighbours resemble each other.
-        let mut shown = Vec::<(&WindowSample, f32)>::new();
-        for (sample, score) in wrong {
-            let near = |other: &&WindowSample| {
-                other.group == sample.group && other.sequence.abs_diff(sample.sequence) < 5
-            };
-            if shown.len() < most && !shown.iter().map(|(sample, _)| sample).any(near) {
-                shown.push((sample, score));
-            }
-        }
-        shown
-    }
 }

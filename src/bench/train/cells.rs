@@ -1,0 +1,247 @@
+//! What a training found, for people.
+
+use crate::report::page::fill;
+use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
+use serde::Serialize;
+use std::fmt::{Display, Formatter};
+use svl_core::Result;
+use svl_data::fit::{CellFit, CellSample};
+
+/// A fit's figures: per scenario, and how far its probabilities hold.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CellTraining {
+    pub algorithm: String,
+    pub steps: usize,
+    /// Least probability of a cell that counts as reported.
+    pub confidence: f64,
+    pub scenarios: Vec<ScenarioCells>,
+    /// Of cells whose fold was held out of the fit.
+    pub reliability: Vec<ReliabilityBin>,
+    /// Mean logistic loss of held-out cells by the number of steps.
+    pub losses: Vec<f64>,
+}
+
+/// The cells of a scenario.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ScenarioCells {
+    pub name: String,
+    /// Runs and scenes.
+    pub groups: usize,
+    /// With a truth.
+    pub cells: usize,
+    /// Share that would be right if all were reported.
+    pub right_of_all: f64,
+    /// By the fitted table, held out.
+    pub fitted: ReportedCells,
+    /// By the algorithm's table.
+    pub present: ReportedCells,
+}
+
+/// Shares of all cells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct ReportedCells {
+    pub right: f64,
+    pub wrong: f64,
+}
+
+/// The cells whose probability lies in a range.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ReliabilityBin {
+    pub from: f64,
+    pub to: f64,
+    pub cells: usize,
+    /// Mean probability.
+    pub said: f64,
+    /// Share of them that is right.
+    pub right: f64,
+}
+
+/// Ends of the ranges of probability.
+const ENDS: [f64; 10] = [0.0, 0.2, 0.4, 0.6, 0.75, 0.85, 0.9, 0.95, 0.98, 1.0];
+
+impl CellTraining {
+    /// Of a fit to `samples`, which lie scenario after scenario: names, and how many of the samples
+    /// are of each.
+    pub fn new(
+        algorithm: String,
+        confidence: f64,
+        samples: &[CellSample],
+        fit: &CellFit,
+        scenarios: &[(String, usize)],
+    ) -> Self {
+        let probability = |score: i64| 1.0 / (1.0 + (-score as f64 / 1000.0).exp());
+        let said: Vec<_> = fit.held_out.iter().map(|s| probability(*s)).collect();
+        let mut first = 0;
+        let scenario = |(name, cells): &(String, usize)| {
+            let range = first..first + cells;
+            first += cells;
+            let of = &samples[range.clone()];
+            let share = |count: usize| count as f64 / (*cells).max(1) as f64;
+            let reported = |is_known: &dyn Fn(usize) -> bool| {
+                let known = range
+                    .clone()
+                    .filter(|&i| samples[i].is_reportable() && is_known(i));
+                let (right, wrong): (Vec<_>, Vec<_>) = known.partition(|&i| samples[i].right);
+                ReportedCells {
+                    right: share(right.len()),
+                    wrong: share(wrong.len()),
+                }
+            };
+            let mut groups: Vec<_> = of.iter().map(|sample| sample.group).collect();
+            groups.dedup();
+            ScenarioCells {
+                name: name.clone(),
+                groups: groups.len(),
+                cells: *cells,
+                right_of_all: share(of.iter().filter(|sample| sample.right).count()),
+                fitted: reported(&|i| said[i] >= confidence),
+                present: reported(&|i| samples[i].known),
+            }
+        };
+        let scenarios = scenarios.iter().map(scenario).collect();
+        let bin = |ends: &[f64]| {
+            let inside = |i: &usize| said[*i] >= ends[0] && (said[*i] < ends[1] || ends[1] == 1.0);
+            let reportable = (0..samples.len()).filter(|&i| samples[i].is_reportable());
+            let inside: Vec<_> = reportable.filter(inside).collect();
+            let mean = |of: &dyn Fn(usize) -> f64| {
+                inside.iter().map(|&i| of(i)).sum::<f64>() / inside.len().max(1) as f64
+            };
+            ReliabilityBin {
+                from: ends[0],
+                to: ends[1],
+                cells: inside.len(),
+                said: mean(&|i| said[i]),
+                right: mean(&|i| f64::from(u8::from(samples[i].right))),
+            }
+        };
+        Self {
+            algorithm,
+            steps: fit.table.steps.iter().map(|steps| steps.len()).sum(),
+            confidence,
+            scenarios,
+            reliability: ENDS.windows(2).map(bin).collect(),
+            losses: fit.losses.clone(),
+        }
+    }
+
+    /// The page: one file without scripts, all texts escaped.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Invalid`] with what the template engine or the plotting library says.
+    pub fn page(&self, identity: Vec<(String, String)>) -> Result<String> {
+        let line = |name: &str, form, points| Series {
+            name: name.to_owned(),
+            form,
+            points,
+        };
+        let bins = self.reliability.iter().filter(|bin| bin.cells >= 20);
+        let points = bins.map(|bin| (100.0 * bin.said, 100.0 * bin.right));
+        let whole = |label: &str| Axis {
+            range: Some((0.0, 100.0)),
+            ..Axis::share(label)
+        };
+        let reliability = Chart {
+            title: String::new(),
+            x: whole("predicted, %"),
+            y: whole("observed right, %"),
+            series: vec![
+                line("cells", SeriesStyle::Both, points.collect()),
+                line(
+                    "as predicted",
+                    SeriesStyle::Line,
+                    vec![(0.0, 0.0), (100.0, 100.0)],
+                ),
+            ],
+        };
+        let points = self.losses.iter().enumerate();
+        let points = points.map(|(steps, loss)| (steps as f64, *loss)).collect();
+        let losses = Chart {
+            title: String::new(),
+            x: Axis::new("steps"),
+            y: Axis::new("logistic loss, held out"),
+            series: vec![line("loss", SeriesStyle::Both, points)],
+        };
+        let view = TrainingView {
+            training: self,
+            charts: [
+                PlotView {
+                    title: "Reliability",
+                    about: "How many of the cells are right to which a table, fitted without their \
+                            part of the runs, gives a probability; ranges with 20 cells or more.",
+                    svg: reliability.svg()?,
+                },
+                PlotView {
+                    title: "Steps",
+                    about: "What more steps are worth on runs that were held out.",
+                    svg: losses.svg()?,
+                },
+            ],
+            images: [],
+            identity,
+            incomplete: None,
+        };
+        fill(include_str!("cells.html"), "", view)
+    }
+}
+
+impl Display for CellTraining {
+    /// Tables of at most 80 columns.
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let (steps, confidence) = (self.steps, self.confidence);
+        writeln!(f, "{steps} steps; % of cells, known from {confidence} on")?;
+        writeln!(
+            f,
+            "{:34}{:>13}{:>20}{:>13}",
+            "", "all reported:", "fitted, held out:", "table in use:"
+        )?;
+        writeln!(
+            f,
+            "{:20}{:>8}{:>10}{:>9}{:>11}{:>9}{:>7}{:>6}",
+            "scenario", "runs", "cells", "right", "right", "wrong", "right", "wrong"
+        )?;
+        for of in &self.scenarios {
+            writeln!(
+                f,
+                "{:20.20}{:>8}{:>10}{:>9.1}{:>11.1}{:>9.2}{:>7.1}{:>6.2}",
+                of.name,
+                of.groups,
+                of.cells,
+                100.0 * of.right_of_all,
+                100.0 * of.fitted.right,
+                100.0 * of.fitted.wrong,
+                100.0 * of.present.right,
+                100.0 * of.present.wrong
+            )?;
+        }
+        writeln!(
+            f,
+            "\n{:>13}{:>10}{:>9}{:>9}",
+            "predicted, %", "cells", "mean", "right"
+        )?;
+        for bin in &self.reliability {
+            let range = format!("{:.0} to {:.0}", 100.0 * bin.from, 100.0 * bin.to);
+            write!(f, "{range:>13}{:>10}", bin.cells)?;
+            match bin.cells {
+                0 => writeln!(f)?,
+                _ => writeln!(f, "{:>9.1}{:>9.1}", 100.0 * bin.said, 100.0 * bin.right)?,
+            }
+        }
+        Ok(())
+    }
+}
+
+#[derive(Serialize)]
+struct TrainingView<'a> {
+    training: &'a CellTraining,
+    charts: [PlotView; 2],
+    images: [(); 0],
+    identity: Vec<(String, String)>,
+    incomplete: Option<String>,
+}
+
+#[derive(Serialize)]
+struct PlotView {
+    title: &'static str,
+    about: &'static str,
+    svg: String,
+}
