@@ -39,7 +39,14 @@ const PACKAGES: [Package; 7] = [
     Package {
         root: "data/lib.rs",
         layers: &[
-            &["bootstrap", "build_info", "pairing", "files", "overlay"],
+            &[
+                "agreement",
+                "bootstrap",
+                "build_info",
+                "pairing",
+                "files",
+                "overlay",
+            ],
             &["arena", "stress", "fetch", "manifest"],
             &["grab", "recording", "score"],
             &["scenario"],

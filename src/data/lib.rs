@@ -4,6 +4,7 @@
 //! Everything here that touches each pixel or byte of a run is compiled for speed. `svl` re-exports
 //! its modules; the bench opens sources and runs matchers over them.
 
+pub mod agreement;
 pub mod arena;
 pub mod bootstrap;
 mod build_info;

@@ -1,5 +1,6 @@
 //! The rows of an unfinished report as a log: what `svl score --resume` need not match again.
 
+use super::csv_rows::column_places;
 use super::rows::{CellRow, CsvCells, Record, Row, hash_words};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -220,13 +221,13 @@ pub fn whole_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
     };
     let whole = bytes.iter().rposition(|&b| b == b'\n').map_or(0, |i| i + 1);
     let mut reader = csv::Reader::from_reader(&bytes[..whole]);
-    let Ok(heads) = reader.headers().cloned() else {
+    let Ok(places) = reader.headers().map(column_places) else {
         return Ok(Vec::new());
     };
     let parse = |line: csv::Result<csv::StringRecord>| {
         let line = line.ok()?;
-        let heads = &heads;
-        R::parse(CsvCells { heads, line: &line }).ok()
+        let (places, line) = (&places, &line);
+        R::parse(CsvCells { places, line }).ok()
     };
     Ok(reader.records().map_while(parse).collect())
 }

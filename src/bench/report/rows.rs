@@ -4,6 +4,7 @@
 //! number that needs truth is absent where there is none.
 
 use polars::prelude::{Column, DataFrame, PolarsResult};
+use std::collections::HashMap;
 use std::str::FromStr;
 use svl_core::stereo::CellState;
 use svl_data::score::{METRICS, Metric, MetricValues, Verdict};
@@ -42,15 +43,15 @@ pub enum ColumnValue<'a> {
 /// A line of a CSV file.
 #[derive(Clone, Copy)]
 pub struct CsvCells<'a> {
-    pub(super) heads: &'a csv::StringRecord,
+    /// Place of each column by its name.
+    pub(super) places: &'a HashMap<String, usize>,
     pub(super) line: &'a csv::StringRecord,
 }
 
 impl<'a> CsvCells<'a> {
     fn get(self, column: &str) -> Option<&'a str> {
         // By name: older reports have fewer columns, and users may reorder them.
-        let place = self.heads.iter().position(|head| head == column)?;
-        self.line.get(place)
+        self.line.get(*self.places.get(column)?)
     }
 }
 

@@ -4,19 +4,11 @@ use super::Source;
 use svl_core::depth::GridSettings;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, match_right};
 use svl_core::stereo::{
-    CellRule, Frame, Gray, Losses, Plane, RectifiedPair, Truth, TruthDensity, TruthKind,
-    TruthOrigin,
+    CellRule, Frame, Losses, Plane, RectifiedPair, Truth, TruthDensity, TruthKind, TruthOrigin,
 };
 use svl_core::{Error, Result};
+use svl_data::agreement::{both, consistent, textured};
 use svl_data::score::Judged;
-
-/// Largest difference of the left and the right disparity of a point, and of those of two
-/// references, pixels.
-const CONSISTENT_PX: f32 = 1.0;
-/// A pixel is textured where the squared horizontal gradient, averaged over 3x3 pixels, is at least
-/// this: the default of Scharstein and Szeliski (A taxonomy and evaluation of dense two-frame
-/// stereo correspondence algorithms, IJCV 2002, section 5.1).
-const TEXTURED: u32 = 4;
 
 /// A source whose frames get the disparities of references for their truth, in place of their own.
 ///
@@ -125,70 +117,6 @@ impl Reference {
     }
 }
 
-/// The left disparities that the right ones confirm.
-fn consistent(left: &Plane<f32>, right: &Plane<f32>) -> Plane<f32> {
-    let mut sure = left.clone();
-    for y in 0..left.height() {
-        let right = right.row(y);
-        for (x, d) in sure.row_mut(y).iter_mut().enumerate() {
-            let at = x as f32 - d.round();
-            // False for an infinite disparity.
-            let inside = at >= 0.0 && at < right.len() as f32;
-            let confirmed = inside && (right[at as usize] - *d).abs() <= CONSISTENT_PX;
-            if !confirmed {
-                *d = f32::INFINITY;
-            }
-        }
-    }
-    sure
-}
-
-/// The disparities of the first that the second confirms.
-fn both(first: &Plane<f32>, second: &Plane<f32>) -> Plane<f32> {
-    let mut both = first.clone();
-    for y in 0..first.height() {
-        let pixels = both.row_mut(y).iter_mut().zip(second.row(y));
-        for (d, other) in pixels {
-            // Infinity minus infinity is NaN, which confirms nothing.
-            let confirmed = (*d - other).abs() <= CONSISTENT_PX;
-            if !confirmed {
-                *d = f32::INFINITY;
-            }
-        }
-    }
-    both
-}
-
-/// The disparities of textured pixels.
-fn textured(image: &Gray, mut disparity: Plane<f32>) -> Plane<f32> {
-    let (width, height) = image.size();
-    let squared = |x: usize, y: usize| {
-        let difference = image
-            .get((x + 1).min(width - 1), y)
-            .abs_diff(image.get(x, y));
-        u32::from(difference).pow(2)
-    };
-    for y in 0..height {
-        for x in 0..width {
-            let (columns, rows) = (
-                x.max(1) - 1..=(x + 1).min(width - 1),
-                y.max(1) - 1..=(y + 1).min(height - 1),
-            );
-            let (mut sum, mut count) = (0, 0);
-            for v in rows {
-                for u in columns.clone() {
-                    sum += squared(u, v);
-                    count += 1;
-                }
-            }
-            if sum < TEXTURED * count {
-                disparity.set(x, y, f32::INFINITY);
-            }
-        }
-    }
-    disparity
-}
-
 impl Source for ReferenceSource {
     fn name(&self) -> String {
         self.source.name()
@@ -230,6 +158,7 @@ impl Source for ReferenceSource {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use svl_core::stereo::Gray;
     use svl_core::stereo::{Exposure, Geometry, StereoPair};
 
     const SIZE: (usize, usize) = (96, 48);
