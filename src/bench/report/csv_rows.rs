@@ -1,16 +1,16 @@
 //! Rows read from the CSV files of a report.
 
 use super::rows::{CsvCells, Record};
-use std::collections::HashMap;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
+use svl_data::files::ColumnPlaces;
 
 /// The rows of a CSV file that [`super::Table`] wrote, read one after the other.
 pub struct RowReader<R> {
     path: PathBuf,
-    places: HashMap<String, usize>,
+    places: ColumnPlaces,
     reader: csv::Reader<BufReader<File>>,
     line: csv::StringRecord,
     row: std::marker::PhantomData<R>,
@@ -22,7 +22,7 @@ impl<R: Record> RowReader<R> {
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(|e| Error::io(path, e))?;
         let mut reader = csv::Reader::from_reader(BufReader::new(file));
-        let places = column_places(reader.headers().map_err(|e| csv_error(path, e))?);
+        let places = ColumnPlaces::new(reader.headers().map_err(|e| csv_error(path, e))?);
         Ok(Self {
             path: path.to_owned(),
             places,
@@ -75,15 +75,6 @@ pub fn read_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
         ));
     }
     RowReader::open(path)?.collect()
-}
-
-/// The place of each column by its name; of two of one name that of the first.
-pub(super) fn column_places(heads: &csv::StringRecord) -> HashMap<String, usize> {
-    let mut places = HashMap::new();
-    for (place, head) in heads.iter().enumerate() {
-        places.entry(head.to_owned()).or_insert(place);
-    }
-    places
 }
 
 pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {

@@ -1,6 +1,5 @@
 //! The rows of an unfinished report as a log: what `svl score --resume` need not match again.
 
-use super::csv_rows::column_places;
 use super::rows::{CellRow, CsvCells, Record, Row, hash_words};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -9,6 +8,7 @@ use svl_core::depth::GridSettings;
 use svl_core::stereo::{Cell, CellDepth, CellState, DepthGrid, Frame};
 use svl_core::timing::{Stage, StageTimes};
 use svl_core::{Error, Result};
+use svl_data::files::ColumnPlaces;
 use svl_data::manifest::Manifest;
 use svl_data::score::RunPart;
 
@@ -221,7 +221,7 @@ pub fn whole_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
     };
     let whole = bytes.iter().rposition(|&b| b == b'\n').map_or(0, |i| i + 1);
     let mut reader = csv::Reader::from_reader(&bytes[..whole]);
-    let Ok(places) = reader.headers().map(column_places) else {
+    let Ok(places) = reader.headers().map(ColumnPlaces::new) else {
         return Ok(Vec::new());
     };
     let parse = |line: csv::Result<csv::StringRecord>| {

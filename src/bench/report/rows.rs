@@ -4,9 +4,9 @@
 //! number that needs truth is absent where there is none.
 
 use polars::prelude::{Column, DataFrame, PolarsResult};
-use std::collections::HashMap;
 use std::str::FromStr;
 use svl_core::stereo::CellState;
+use svl_data::files::ColumnPlaces;
 use svl_data::score::{METRICS, Metric, MetricValues, Verdict};
 
 /// A row of a table: named columns, each of one type.
@@ -43,15 +43,14 @@ pub enum ColumnValue<'a> {
 /// A line of a CSV file.
 #[derive(Clone, Copy)]
 pub struct CsvCells<'a> {
-    /// Place of each column by its name.
-    pub(super) places: &'a HashMap<String, usize>,
+    pub(super) places: &'a ColumnPlaces,
     pub(super) line: &'a csv::StringRecord,
 }
 
 impl<'a> CsvCells<'a> {
     fn get(self, column: &str) -> Option<&'a str> {
         // By name: older reports have fewer columns, and users may reorder them.
-        self.line.get(*self.places.get(column)?)
+        self.places.cell(self.line, column)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Image and disparity files. Input is untrusted: sizes are checked before memory is allocated.
 
+mod columns;
 mod decoded;
 mod disparity;
 mod image;
@@ -9,6 +10,7 @@ mod pfm;
 mod picture;
 mod rvl;
 
+pub use columns::ColumnPlaces;
 pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage};
 pub use disparity::{
     has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why,
