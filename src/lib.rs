@@ -9,7 +9,7 @@
 //! data set                                                    tables ──▶ report
 //! ```
 //!
-//! This crate names the modules of its packages. A robot links `svl-core` ([`stereo`], [`kernel`],
+//! This crate re-exports the modules of its packages. A robot links `svl-core` ([`stereo`], [`kernel`],
 //! [`matcher`], [`filter`], [`depth`], [`rectify`]) and, for calibration files, `svl-calibrate`.
 //!
 //! ```
@@ -33,15 +33,15 @@ pub use svl_core::{
     timing,
 };
 pub use svl_data::{
-    BuildInfo, arena, fetch, files, fit, grab, manifest, overlay, recording, scenario, score,
-    slow_profile, stress,
+    BuildInfo, agreement, arena, bootstrap, fetch, files, fit, grab, manifest, overlay, recording,
+    resize, scenario, score, slow_profile, stress,
 };
 pub use svl_thesis as reproduce;
 #[cfg(feature = "rerun")]
 pub use svl_viewer as viewer;
 
-/// This build of svl. A program that links svl hands it down before it records or scores, so that
-/// its manifests say which svl it was.
+/// This build of svl. A program that links svl calls [`BuildInfo::hand_down`] on it before it records
+/// or scores, so that manifests record which build was used.
 pub const BUILD: BuildInfo = BuildInfo {
     version: env!("CARGO_PKG_VERSION"),
     git_revision: option_env!("SVL_GIT_REVISION"),

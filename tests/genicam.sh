@@ -32,8 +32,7 @@ if [ "${1-}" != in-its-namespace ]; then
     exit 0
   fi
   cargo clippy --release --locked --features genicam -- -D warnings
-  # Compiled quickly: it is tried, not timed.
-  cargo build --release --locked --features genicam --config profile.release.package.svl.opt-level=0
+  cargo build --release --locked --features genicam
   svl="$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')/release/svl"
   exec $apart "$0" in-its-namespace "$svl"
 fi

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// A package: its root file below `src/`, and its rooms in layers. A room uses those of the layers
-/// above its own. Which package uses which is Cargo's to hold.
+/// above its own. Cargo enforces the dependencies between packages.
 struct Package {
     root: &'static str,
     layers: &'static [&'static [&'static str]],

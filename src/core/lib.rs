@@ -31,5 +31,10 @@ pub mod stereo;
 pub mod timing;
 mod words;
 
+/// The Rust example of the README, as a doctest.
+#[cfg(doctest)]
+#[doc = include_str!("README.md")]
+mod readme {}
+
 pub use error::{Error, Result, did_you_mean, nearest};
 pub use words::counted;

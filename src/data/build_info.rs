@@ -1,4 +1,4 @@
-//! Version, git revision and profile of the svl that runs: manifests and recordings say them.
+//! Version, git revision and profile of the running svl, as stored in manifests and recordings.
 //!
 //! The root package takes them once, where the program is built, and hands them down, so that a
 //! commit rebuilds that package alone.
@@ -18,7 +18,7 @@ pub struct BuildInfo {
 static BUILD: OnceLock<BuildInfo> = OnceLock::new();
 
 impl BuildInfo {
-    /// Sets the build of this process, before anything is recorded or scored. The first one holds.
+    /// Sets the build of this process, before anything is recorded or scored. The first call wins.
     pub fn hand_down(self) {
         BUILD.get_or_init(|| self);
     }
@@ -37,6 +37,6 @@ impl BuildInfo {
 pub fn slow_profile(profile: Option<&str>) -> Option<String> {
     let slow = profile.filter(|name| !["release", "dist"].contains(name))?;
     Some(format!(
-        "built with the profile `{slow}`: results are equal, times are not those of svl"
+        "built with the profile `{slow}`: results are the same, but timings do not count"
     ))
 }

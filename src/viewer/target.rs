@@ -4,6 +4,7 @@ use crate::blueprint::TimeCursor;
 use rerun::sink::FileSinkError;
 use rerun::{RecordingStream, RecordingStreamBuilder, RecordingStreamError};
 use std::io::ErrorKind;
+use std::net::{SocketAddr, TcpStream};
 use std::process::Command;
 use std::time::Duration;
 use svl_bench::sink::RerunTarget;
@@ -62,6 +63,9 @@ fn check_version(viewer: &str, said: &[u8]) -> Result<()> {
     }
 }
 
+/// Port of a viewer that was started without options.
+const DEFAULT_PORT: u16 = 9876;
+
 /// Timeout for a running viewer to answer.
 const CONNECT: Duration = Duration::from_secs(3);
 
@@ -87,7 +91,11 @@ impl Destination {
             )),
             RerunTarget::File(path) => builder.save(path).map_err(|error| self.failed(error)),
             RerunTarget::Spawn => {
-                find_viewer()?;
+                // A viewer that listens already is used, whatever is on the PATH.
+                let listening = SocketAddr::from(([127, 0, 0, 1], DEFAULT_PORT));
+                if TcpStream::connect_timeout(&listening, CONNECT).is_err() {
+                    find_viewer()?;
+                }
                 builder.spawn().map_err(|error| self.failed(error))
             }
             RerunTarget::Url(url) => {
@@ -127,5 +135,35 @@ impl Destination {
             self.0,
             reason.lines().next().unwrap_or_default()
         ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_viewer_of_another_version_is_one_line_with_the_cure() {
+        let ours = version();
+        let other = "rerun-cli 0.99.1 (release_full) [rustc 1.95.0, LLVM 22.1.2] x86_64";
+        let error = check_version("rerun", other.as_bytes()).unwrap_err();
+        let words = format!("rerun is Rerun 0.99.1, and svl writes for {ours}; ");
+        let error = error.to_string();
+        assert!(
+            error.starts_with(&words) && !error.contains('\n'),
+            "{error}"
+        );
+        assert!(
+            error.contains(&format!("pip install rerun-sdk=={ours}")),
+            "{error}"
+        );
+        // Patches of one release agree; what cannot be read is no other version.
+        let [major, minor] = [0, 1].map(|i| ours.split('.').nth(i).unwrap());
+        for said in [
+            format!("rerun-cli {major}.{minor}.99 (x)"),
+            "hello".to_owned(),
+        ] {
+            assert!(check_version("rerun", said.as_bytes()).is_ok(), "{said}");
+        }
     }
 }

@@ -9,7 +9,7 @@ use svl_core::{Error, Result};
 use svl_data::arena::WireObject;
 use svl_data::manifest::Manifest;
 
-/// A program that shows runs, and what is built into svl to write for it.
+/// A viewer that svl can write to.
 pub trait Viewer: Sync {
     /// The sink that shows a run.
     ///

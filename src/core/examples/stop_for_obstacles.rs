@@ -1,6 +1,6 @@
 //! A robot that stops for obstacles: a pair in, the distance of the nearest cell out.
 //!
-//! `cargo run --release -p svl-core --example stop_for_obstacles`
+//! `cargo run --release --example stop_for_obstacles`
 //!
 //! A made-up camera stands in for a real one: a textured wall that comes nearer by 0.2 m a pair.
 

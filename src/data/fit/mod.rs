@@ -1,5 +1,5 @@
-//! What training computes on every sample: the table by which the cells of v5, and of any algorithm whose cells are decided as
-//! v5's are, become known ([`svl_core::depth::decision`]); the networks of the filters
+//! Fits what training learns: the table that decides the cells of v5, and of algorithms whose cells
+//! are decided the same way ([`svl_core::depth::decision`]), and the networks of the filters
 //! ([`svl_core::filter`]).
 
 mod cells;

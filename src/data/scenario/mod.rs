@@ -69,8 +69,8 @@ pub enum ScenarioSource {
         drive: Box<DriveConfig>,
         seeds: Vec<u64>,
     },
-    /// Scenes below the folder of data sets, as `Scene::find_all` of `svl-bench` takes them: folders, numbered scenes of a folder, or with `*` as their last part all scenes of a
-    /// folder.
+    /// Scenes below the folder of data sets, as `Scene::find_all` of `svl-bench` takes them: folders,
+    /// numbered scenes of a folder, or with `*` as their last part all scenes of a folder.
     Dataset { scenes: Vec<String> },
     /// Recordings, bags and folders of pairs, one run per file.
     Recording(Box<RecordingRuns>),
@@ -675,7 +675,7 @@ mod tests {
     #[test]
     fn every_key_is_documented() {
         let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/scenario.md");
-        // A package of the crate has no docs.
+        // The published crate does not include docs/.
         let Ok(docs) = std::fs::read_to_string(docs) else {
             return;
         };

@@ -339,7 +339,7 @@ mod tests {
     #[test]
     fn every_kind_is_documented() {
         let docs = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/drive.md");
-        // A package of the crate has no docs.
+        // The published crate does not include docs/.
         let Ok(docs) = std::fs::read_to_string(docs) else {
             return;
         };

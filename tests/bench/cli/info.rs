@@ -141,7 +141,7 @@ fn version_revision_and_profile_are_in_manifest_and_recording() {
     let times_are_slow = text.contains("built with the profile");
     assert_eq!(times_are_slow, svl::slow_profile(Some(profile)).is_some());
 
-    let header = svl::recording::Recording::open(&fixture.path("a.mcap"))
+    let header = svl::recording::Recording::open(fixture.path("a.mcap"))
         .and_then(|recording| recording.header())
         .unwrap();
     let manifest = svl::manifest::Manifest::read(&fixture.path("report")).unwrap();

@@ -181,7 +181,7 @@ fn wrong_usage_is_one_line() {
     let words = if built {
         ["/dev/video98", "no such device"]
     } else {
-        ["built without v4l2", "--features v4l2"]
+        ["built without v4l2", "Linux"]
     };
     fixture.svl(&format!("record {v4l2}")).failed(1, &words);
     fixture

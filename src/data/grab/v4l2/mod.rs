@@ -50,4 +50,4 @@ const FUNCTIONS: Result<DriverFunctions, &str> = Ok(DriverFunctions {
     list: linux::list,
 });
 #[cfg(not(target_os = "linux"))]
-const FUNCTIONS: Result<DriverFunctions, &str> = Err("V4L2 is part of Linux alone");
+const FUNCTIONS: Result<DriverFunctions, &str> = Err("V4L2 exists only on Linux");
