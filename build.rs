@@ -13,9 +13,11 @@ fn main() {
         }
     }
     println!("cargo:rerun-if-changed=build.rs");
-    // OUT_DIR is target/[TRIPLE/]PROFILE/build/svl-HASH/out; PROFILE itself is only debug or release.
+    // OUT_DIR is target/[TRIPLE/]PROFILE/build/…; cargo's variable PROFILE is only debug or release.
     let out = std::env::var("OUT_DIR").unwrap_or_default();
-    let profile = Path::new(&out).ancestors().nth(3).and_then(Path::file_name);
+    let mut folders = Path::new(&out).ancestors();
+    let build = folders.find(|folder| folder.ends_with("build"));
+    let profile = build.and_then(Path::parent).and_then(Path::file_name);
     if let Some(profile) = profile {
         println!("cargo:rustc-env=SVL_PROFILE={}", profile.display());
     }

@@ -37,6 +37,8 @@ impl Monitor for EightFrames {
 }
 
 pub fn main() -> svl::Result<()> {
+    // Manifests then say which svl it is.
+    svl::BUILD.hand_down();
     let algorithms = ["v3".parse()?, "bm".parse()?];
     let mut source = ArenaSource::new(Arena::new(&ArenaConfig::default(), 1)?, 1);
     let (manifest, judge) = (Manifest::new("arena", None, &algorithms)?, Judge::default());

@@ -2,7 +2,7 @@
 #![no_main]
 
 use svl::filter::{FILTERS, FilterModel};
-use svl::train::filter::FrameLabels;
+use svl::fit::filter::FrameLabels;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     if let Ok(model) = FilterModel::from_bytes(bytes) {

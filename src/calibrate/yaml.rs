@@ -5,7 +5,7 @@ use saphyr_parser::{Event, Parser};
 use std::collections::BTreeMap;
 
 /// Limit of nesting; bags have up to nine levels, calibrations four.
-pub const MAX_DEPTH: usize = 16;
+pub(crate) const MAX_DEPTH: usize = 16;
 
 /// A scalar as text, a sequence, or a mapping.
 #[derive(Clone, Debug, PartialEq)]

@@ -14,7 +14,7 @@ pub mod fit;
 pub mod grab;
 pub mod manifest;
 pub mod overlay;
-pub mod pairing;
+mod pairing;
 pub mod recording;
 pub mod resize;
 pub mod scenario;

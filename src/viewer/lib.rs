@@ -132,6 +132,10 @@ impl Viewer for Rerun {
     fn find(&self) -> Result<()> {
         target::find_viewer()
     }
+
+    fn find_program(&self) -> Result<()> {
+        target::find_program()
+    }
 }
 
 /// Writes a run to Rerun.

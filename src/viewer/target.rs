@@ -25,11 +25,23 @@ fn missing() -> Error {
     Error::Invalid(format!("no program `rerun` on the PATH; {}", hint()))
 }
 
+/// Checks that a viewer listens, or that the one on the PATH can be started.
+///
+/// # Errors
+/// As [`find_program`].
+pub(crate) fn find_viewer() -> Result<()> {
+    let listening = SocketAddr::from(([127, 0, 0, 1], DEFAULT_PORT));
+    match TcpStream::connect_timeout(&listening, CONNECT) {
+        Ok(_) => Ok(()),
+        Err(_) => find_program(),
+    }
+}
+
 /// Checks that the viewer on the PATH can show what the library writes.
 ///
 /// # Errors
 /// There is none, or it has another version.
-pub(crate) fn find_viewer() -> Result<()> {
+pub(crate) fn find_program() -> Result<()> {
     let output = Command::new("rerun").arg("--version").output();
     let output = output.map_err(|error| {
         if error.kind() == ErrorKind::NotFound {
@@ -91,11 +103,7 @@ impl Destination {
             )),
             RerunTarget::File(path) => builder.save(path).map_err(|error| self.failed(error)),
             RerunTarget::Spawn => {
-                // A viewer that listens already is used, whatever is on the PATH.
-                let listening = SocketAddr::from(([127, 0, 0, 1], DEFAULT_PORT));
-                if TcpStream::connect_timeout(&listening, CONNECT).is_err() {
-                    find_viewer()?;
-                }
+                find_viewer()?;
                 builder.spawn().map_err(|error| self.failed(error))
             }
             RerunTarget::Url(url) => {

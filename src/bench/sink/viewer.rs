@@ -53,11 +53,18 @@ pub trait Viewer: Sync {
     /// The layout cannot be written.
     fn save_layout(&self, file: &Path, topics: &[String], layout: &Path) -> Result<bool>;
 
-    /// Checks that the program to spawn is on the PATH and has the version of the library.
+    /// Checks that [`RerunTarget::Spawn`] can show something: a viewer listens already, or
+    /// [`Viewer::find_program`].
     ///
     /// # Errors
     /// One line with the cure.
     fn find(&self) -> Result<()>;
+
+    /// Checks that the program is on the PATH and has the version of the library.
+    ///
+    /// # Errors
+    /// One line with the cure.
+    fn find_program(&self) -> Result<()>;
 }
 
 /// Makes the Markdown of the verdicts when the run is over.

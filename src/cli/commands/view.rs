@@ -56,7 +56,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Runs the viewer until its window is closed, or the server ended.
 fn view(files: &[&Path], web: bool) -> anyhow::Result<()> {
-    viewer()?.find()?;
+    viewer()?.find_program()?;
     // Not to the whole network.
     let served: &[&str] = match web {
         true => &["--web-viewer", "--bind", "127.0.0.1"],

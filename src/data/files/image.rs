@@ -51,7 +51,7 @@ pub fn read_pair(
 }
 
 /// Decodes the image of a file in memory.
-pub fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
+pub(crate) fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|e| e.to_string())?;
@@ -77,7 +77,7 @@ pub fn read_gray(path: &Path) -> Result<Gray> {
 }
 
 /// As [`read_gray`], for a file in memory.
-pub fn gray_of(bytes: &[u8]) -> std::result::Result<Gray, String> {
+pub(crate) fn gray_of(bytes: &[u8]) -> std::result::Result<Gray, String> {
     gray(decode_bytes(bytes)?).map_err(|e| e.to_string())
 }
 

@@ -15,7 +15,8 @@ pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage};
 pub use disparity::{
     has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why,
 };
-pub use image::{IMAGE_ENDINGS, decode_bytes, gray_of, read_image};
+pub use image::{IMAGE_ENDINGS, read_image};
+pub(crate) use image::{decode_bytes, gray_of};
 pub use image::{encode_png, read_gray, read_mask, read_object_map, read_pair, write_png};
 #[cfg(target_os = "linux")]
 pub(crate) use jpeg::brightness;

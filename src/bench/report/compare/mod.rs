@@ -2,14 +2,12 @@
 
 mod history;
 mod markdown;
-mod sample;
 mod text;
 
 use super::drives::DriveRow;
 use super::read_rows;
 use super::rows::{CheckpointRow, Row};
 pub use history::{History, HistoryLine, HistoryReport, LeftOut, ScenarioHistory};
-use sample::sample;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -17,7 +15,7 @@ use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_data::bootstrap::{self, Interval, Resamples, Sample};
 use svl_data::manifest::Manifest;
-use svl_data::score::{Better, METRICS, Metric, MetricUnit};
+use svl_data::score::{Better, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit};
 pub use text::{signed, verdict};
 
 /// A report of `svl score` as its folder holds it.
@@ -369,6 +367,36 @@ fn pair<'a>(text: &str, ours: &[&'a str], theirs: &[&'a str]) -> Result<(&'a str
              of the other ({theirs})"
         ))
     })
+}
+
+/// The values of a metric; absent where no pair has it.
+fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
+    let values = || rows.iter().map(|row| row.metrics.get(metric.name));
+    match metric.origin {
+        MetricOrigin::Frame { total, .. } => match total {
+            MetricTotal::Mean => Some(Sample::Ratio(
+                values()
+                    .map(|v| v.map_or((0.0, 0.0), |v| (v, 1.0)))
+                    .collect(),
+            )),
+            MetricTotal::Sum => values()
+                .any(|v| v.is_some())
+                .then(|| Sample::Count(values().map(Option::unwrap_or_default).collect())),
+            MetricTotal::ShareOf(_) => {
+                let part = |row: &&Row| {
+                    let part = row.metrics.get(metric.name);
+                    part.zip(row.metrics.whole(metric)).unwrap_or_default()
+                };
+                Some(Sample::Ratio(rows.iter().map(part).collect()))
+            }
+        },
+        MetricOrigin::Time => Some(Sample::Median(
+            rows.iter()
+                .map(|row| row.total_us as f64 / 1000.0)
+                .collect(),
+        )),
+        MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
+    }
 }
 
 /// A metric over all rows of an algorithm: a share or a mean, a sum, or of the times the median.
