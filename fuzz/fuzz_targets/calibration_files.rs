@@ -3,7 +3,7 @@
 #![no_main]
 
 use std::path::Path;
-use svl::calibrate::files::{self, FORMATS, Hints, FileUnit};
+use svl::calibrate::files::{self, FORMATS, FileUnit, Hints};
 
 fn read(folder: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let (first, second) = match bytes.iter().position(|b| *b == 0) {

@@ -65,7 +65,11 @@ fn write() -> Result<(), Box<dyn std::error::Error>> {
         seed("scenario", &format!("{i}"), text.as_bytes())?;
     }
     seed("filter", "model", &model()?.to_bytes())?;
-    seed("filter", "labels", b"sequence,window,label\n0,,floor\n1,3x2,other\n")?;
+    seed(
+        "filter",
+        "labels",
+        b"sequence,window,label\n0,,floor\n1,3x2,other\n",
+    )?;
     seed("calibration", "middlebury", CALIB.as_bytes())?;
     seed("calibration", "kitti", KITTI.as_bytes())?;
     calibrations()?;
@@ -223,7 +227,10 @@ fn frame(i: u64) -> svl::Result<stereo::Frame> {
             0.0,
         )?)),
         pose: Some(stereo::Pose::translation(1.0, 2.0, 3.0)),
-        truth: Some(stereo::Truth::exact(stereo::Plane::filled(6, 4, 2.5)?, None)),
+        truth: Some(stereo::Truth::exact(
+            stereo::Plane::filled(6, 4, 2.5)?,
+            None,
+        )),
         color: None,
         exposure: stereo::Exposure::default(),
     })
@@ -262,11 +269,9 @@ fn foreign(schema: &str, encoding: &str) -> Vec<u8> {
         ("foxglove.CameraCalibration", "json") => {
             br#"{"D":[0.1],"R":[1,0,0,0,1,0,0,0,1],"P":[3,0,1,0,0,3,1,0,0,0,1,0]}"#.to_vec()
         }
-        (_, "json") => {
-            br#"{"timestamp":{"sec":1,"nsec":2},"width":2,"height":1,
+        (_, "json") => br#"{"timestamp":{"sec":1,"nsec":2},"width":2,"height":1,
                 "encoding":"mono8","step":2,"data":"ECA="}"#
-                .to_vec()
-        }
+            .to_vec(),
         _ => vec![0x2a, 5, b'm', b'o', b'n', b'o', b'8'],
     }
 }
