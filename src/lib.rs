@@ -9,8 +9,8 @@
 //! data set                                                    tables ──▶ report
 //! ```
 //!
-//! This crate re-exports the modules of its packages. A robot links `svl-core` ([`stereo`], [`kernel`],
-//! [`matcher`], [`filter`], [`depth`], [`rectify`]) and, for calibration files, `svl-calibrate`.
+//! This crate re-exports the modules of its packages. A robot links `svl-core` ([`stereo`],
+//! [`kernel`], [`matcher`], [`filter`], [`depth`], [`rectify`]) and, for calibration files, `svl-calibrate`.
 //!
 //! ```
 //! use svl::depth::{self, GridSettings};
@@ -40,8 +40,8 @@ pub use svl_thesis as reproduce;
 #[cfg(feature = "rerun")]
 pub use svl_viewer as viewer;
 
-/// This build of svl. A program that links svl calls [`BuildInfo::hand_down`] on it before it records
-/// or scores, so that manifests record which build was used.
+/// This build of svl. A program that links svl calls [`BuildInfo::hand_down`] on it before it
+/// records or scores, so that manifests record which build was used.
 pub const BUILD: BuildInfo = BuildInfo {
     version: env!("CARGO_PKG_VERSION"),
     git_revision: option_env!("SVL_GIT_REVISION"),

@@ -69,8 +69,8 @@ pub enum ScenarioSource {
         drive: Box<DriveConfig>,
         seeds: Vec<u64>,
     },
-    /// Scenes below the folder of data sets, as `Scene::find_all` of `svl-bench` takes them: folders,
-    /// numbered scenes of a folder, or with `*` as their last part all scenes of a folder.
+    /// Scenes below the folder of data sets, as `Scene::find_all` of `svl-bench` takes them:
+    /// folders, numbered scenes of a folder, or with `*` as their last part all scenes of a folder.
     Dataset { scenes: Vec<String> },
     /// Recordings, bags and folders of pairs, one run per file.
     Recording(Box<RecordingRuns>),
