@@ -10,7 +10,8 @@
 //! ```
 //!
 //! This crate re-exports the modules of its packages. A robot links `svl-core` ([`stereo`],
-//! [`kernel`], [`matcher`], [`filter`], [`depth`], [`rectify`]) and, for calibration files, `svl-calibrate`.
+//! [`kernel`], [`matcher`], [`filter`], [`depth`], [`rectify`]) and, for calibration files,
+//! `svl-calibrate`.
 //!
 //! ```
 //! use svl::depth::{self, GridSettings};
