@@ -41,7 +41,7 @@ pub fn main() -> svl::Result<()> {
     svl::BUILD.hand_down();
     let algorithms = ["v3".parse()?, "bm".parse()?];
     let mut source = ArenaSource::new(Arena::new(&ArenaConfig::default(), 1)?, 1);
-    let (manifest, judge) = (Manifest::new("arena", None, &algorithms)?, Judge::default());
+    let (manifest, judge) = (Manifest::new("arena", &algorithms)?, Judge::default());
     let start = RunStart {
         manifest: &manifest,
         log: None,

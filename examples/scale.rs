@@ -233,7 +233,7 @@ pub fn main() -> Result<(), Failure> {
     let [svl, file] = &arguments[..] else {
         return Err("usage: scale path/to/svl FIGURE.svg".into());
     };
-    let machine = svl::manifest::Manifest::new("scale", None, &[])?.machine;
+    let machine = svl::manifest::Manifest::new("scale", &[])?.machine;
     println!("{}, {}", machine.processor, machine.isa);
     std::fs::write(file, figure(&Path::new(svl).canonicalize()?)?)?;
     Ok(())

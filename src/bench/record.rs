@@ -20,7 +20,7 @@ pub fn record(
     format: RecordingFormat,
     monitor: &mut dyn Monitor,
 ) -> (Outcome, Result<()>) {
-    let begun = Manifest::new(opened.title(), opened.scenario.as_deref(), &[])
+    let begun = Manifest::new(opened.title(), &[])
         .map(|manifest| Manifest {
             bits: opened.header.bits,
             ..manifest

@@ -1013,7 +1013,7 @@ mod tests {
     /// What the sink saw and how the run ended.
     fn ran(source: &mut dyn Source, sink_takes: usize, last: u64) -> (String, Outcome, Result<()>) {
         let algorithms = ["v3:max_disparity=8".parse().unwrap()];
-        let manifest = Manifest::new("test", None, &algorithms).unwrap();
+        let manifest = Manifest::new("test", &algorithms).unwrap();
         let judge = Judge::default();
         let start = RunStart {
             manifest: &manifest,
@@ -1083,7 +1083,7 @@ mod tests {
             }
         }
         let algorithms = ["v3:max_disparity=8", "v1:max_disparity=8"].map(|a| a.parse().unwrap());
-        let manifest = Manifest::new("test", None, &algorithms).unwrap();
+        let manifest = Manifest::new("test", &algorithms).unwrap();
         let judge = Judge::default();
         let start = RunStart {
             manifest: &manifest,

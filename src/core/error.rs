@@ -75,6 +75,12 @@ pub enum Error {
         path.display(), path.display()
     )]
     Damaged { path: PathBuf, reason: String },
+    /// A limit is broken, or could not be judged.
+    #[error("{0}")]
+    Gate(String),
+    /// All is done, but something is missing.
+    #[error("{0}")]
+    Incomplete(String),
     /// The work was asked to end ([`crate::interrupt`]).
     #[error("interrupted")]
     Interrupted,

@@ -14,6 +14,29 @@ const SEED: u64 = 2007;
 /// Fewest blocks for an interval.
 const FEWEST: usize = 8;
 
+/// How intervals are made, for those who read them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct IntervalMethod {
+    pub name: &'static str,
+    pub resamples: usize,
+    pub seed: u64,
+    pub level: &'static str,
+    /// Of a stretch of n pairs of one drive; 1 of scenes, which are independent.
+    pub block_length: &'static str,
+    /// Below that number of blocks there is no interval.
+    pub fewest_blocks: usize,
+}
+
+/// The method of all intervals.
+pub const METHOD: IntervalMethod = IntervalMethod {
+    name: "circular block bootstrap, percentile intervals",
+    resamples: DRAWS,
+    seed: SEED,
+    level: "95 %",
+    block_length: "ceil(2 n^(1/3))",
+    fewest_blocks: FEWEST,
+};
+
 /// The middle 95 % of the resamples.
 pub type Interval = (f64, f64);
 
@@ -62,6 +85,11 @@ impl Resamples {
             draws: (0..DRAWS).map(|_| draw()).collect(),
             blocks: stretches.iter().map(blocks).sum(),
         }
+    }
+
+    /// The number of blocks that each resample is drawn in: about as many pairs are independent.
+    pub fn blocks(&self) -> usize {
+        self.blocks
     }
 
     /// The interval of a statistic of the items; none for too few blocks, or if some resample does

@@ -8,6 +8,7 @@ pub mod agreement;
 pub mod arena;
 pub mod bootstrap;
 mod build_info;
+pub mod drive;
 pub mod fetch;
 pub mod files;
 pub mod fit;

@@ -204,7 +204,7 @@ impl<'a> Context<'a> {
             .iter()
             .map(|a| a.parse())
             .collect::<Result<Vec<_>>>()?;
-        let manifest = Manifest::new("reproduce", None, &algorithms)?;
+        let manifest = Manifest::new("reproduce", &algorithms)?;
         let start = RunStart {
             manifest: &manifest,
             log: None,

@@ -4,10 +4,10 @@
 //! each other: corridors, blocks, balls, slanted walls, bridges and dead ends, in any order. Gaps
 //! are at least as wide as the scenario says. Textures, floor and light vary with the seed.
 
-use super::motion::{GroundPoint, RobotState};
 use std::f64::consts::FRAC_PI_2;
 use svl_core::Result;
 use svl_data::arena::{ArenaConfig, ArenaWorld, Ball, Block, FloorPattern, Gait};
+use svl_data::drive::{GroundPoint, RobotState};
 use svl_data::scenario::DriveConfig;
 
 /// A world with start, goal, and a route that leads there.

@@ -10,13 +10,11 @@
 //! A command that was decided on a frame holds from the next frame on: one frame of delay.
 
 mod course;
-mod motion;
 mod proof;
 mod run;
 mod source;
-mod steering;
 
 pub use course::Course;
-pub use motion::{DriveEvent, DriveLog, TrackPoint};
 pub use run::{DrivePlan, DriveResult};
 pub use source::DriveSource;
+pub use svl_data::drive::{DriveEvent, DriveLog, TrackPoint};

@@ -2,11 +2,11 @@
 //! in which it does not finish is thrown away, and the next one is drawn.
 
 use super::course::Course;
-use super::motion::{DriveEvent, RobotState};
 use super::source::Drive;
 use svl_core::depth::{GridSettings, grid};
 use svl_core::{Error, Result};
 use svl_data::arena::ArenaConfig;
+use svl_data::drive::{DriveEvent, RobotState};
 use svl_data::scenario::{DriveConfig, Scenario, ScenarioSource};
 
 /// Layouts that are drawn for a course at most.

@@ -1,7 +1,6 @@
 //! One drive: a course with an algorithm at the wheel, through the loop of [`crate::run`].
 
 use super::course::Course;
-use super::motion::{DriveEvent, DriveLog};
 use super::source::DriveSource;
 use crate::report::html::{CheckpointFigure, Rank};
 use crate::report::{CellRow, CoursePlan, DriveRow, Row, TrackRow};
@@ -13,6 +12,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use svl_core::Result;
 use svl_core::matcher::Algorithm;
+use svl_data::drive::{DriveEvent, DriveLog};
 use svl_data::manifest::{Manifest, hash};
 use svl_data::recording::{Header, SCENARIO, Writer};
 use svl_data::scenario::Scenario;
@@ -143,7 +143,7 @@ impl DrivePlan<'_> {
     }
 
     fn track(&self, log: &DriveLog) -> Vec<TrackRow> {
-        let row = |point: &super::motion::TrackPoint| {
+        let row = |point: &svl_data::drive::TrackPoint| {
             let (event, with) = match &point.event {
                 None => (None, None),
                 Some(DriveEvent::Collision { with, .. }) => (Some("collision"), Some(with)),

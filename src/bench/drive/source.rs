@@ -1,13 +1,13 @@
 //! A drive as a source that listens: every frame depends on what was made of the last one.
 
 use super::course::Course;
-use super::motion::{DriveCommand, DriveEvent, DriveLog, RobotState, TrackPoint, advance};
-use super::steering::Steering;
 use crate::source::Source;
 use std::sync::{Arc, Mutex, PoisonError};
 use svl_core::Result;
 use svl_core::stereo::{DepthGrid, Frame, Pose};
 use svl_data::arena::{Gait, Twist};
+use svl_data::drive::Steering;
+use svl_data::drive::{DriveCommand, DriveEvent, DriveLog, RobotState, TrackPoint, advance};
 use svl_data::score::Judged;
 
 /// Renders what the robot sees on its way through a course, steered by the algorithm of the run.

@@ -7,6 +7,34 @@ use svl_data::manifest::{AlgorithmRecord, Manifest};
 use svl_data::scenario::Limit;
 use svl_data::score::MetricUnit;
 
+/// What came of a limit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GateState {
+    Pass,
+    Fail,
+    /// The run has no number for it, which fails, too.
+    NotMeasured,
+    /// An algorithm was not run, on purpose.
+    Skipped,
+}
+
+impl GateState {
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Pass => "pass",
+            Self::Fail => "FAIL",
+            Self::NotMeasured => "NOT MEASURED",
+            Self::Skipped => "skipped",
+        }
+    }
+
+    /// Whether the gate is broken by it.
+    pub fn fails(self) -> bool {
+        matches!(self, Self::Fail | Self::NotMeasured)
+    }
+}
+
 /// The result of a limit for one algorithm.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GateResult {
@@ -15,8 +43,9 @@ pub struct GateResult {
     pub algorithm: Option<String>,
     /// Absent where the run does not measure it.
     pub value: Option<f64>,
-    /// Whether the limit is kept; absent when an algorithm is not in the run.
-    pub kept: Option<bool>,
+    pub state: GateState,
+    /// Pairs and cells that the value rests on, of metrics against a ground truth.
+    pub scored: Option<(u64, u64)>,
     /// What must be said of the value, where its truth is not exact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub caution: Option<String>,
@@ -50,12 +79,19 @@ pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> V
             |v: f64| limit.min.is_none_or(|min| v >= min) && limit.max.is_none_or(|max| v <= max);
         // The unit of the ratio is named but not in this run.
         let absent = matches!(unit, Some(None));
-        let kept = (!absent).then(|| value.is_some_and(keeps));
+        let state = match value {
+            _ if absent => GateState::Skipped,
+            None => GateState::NotMeasured,
+            Some(value) if keeps(value) => GateState::Pass,
+            Some(_) => GateState::Fail,
+        };
+        let of = found(algorithm).filter(|_| limit.metric.against_truth);
         GateResult {
             limit: limit.clone(),
             algorithm: Some(algorithm.label.clone()),
             value,
-            kept,
+            state,
+            scored: of.and_then(|of| of.scored_pairs.zip(of.scored_cells)),
             caution: summary.caution().filter(|_| limit.metric.against_truth),
         }
     };
@@ -71,7 +107,8 @@ pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> V
             limit: limit.clone(),
             algorithm: None,
             value: None,
-            kept: None,
+            state: GateState::Skipped,
+            scored: None,
             caution: None,
         }]
     };
@@ -83,23 +120,14 @@ pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> V
 }
 
 impl GateResult {
-    /// The verdict in a word; a dash where there is none.
-    pub fn word(&self) -> &'static str {
-        match self.kept {
-            Some(true) => "kept",
-            Some(false) => "BROKEN",
-            None => "–",
-        }
-    }
-
-    /// For JUnit: a limit that has no verdict was skipped.
+    /// For JUnit.
     pub fn test_case(&self) -> TestCase {
         TestCase {
             name: self.to_string(),
-            result: match self.kept {
-                Some(true) => TestResult::Passed,
-                Some(false) => TestResult::Failed(self.to_string()),
-                None => TestResult::Skipped(self.to_string()),
+            result: match self.state {
+                GateState::Pass => TestResult::Passed,
+                GateState::Fail | GateState::NotMeasured => TestResult::Failed(self.to_string()),
+                GateState::Skipped => TestResult::Skipped(self.to_string()),
             },
         }
     }
@@ -129,9 +157,16 @@ impl std::fmt::Display for GateResult {
         if let Some(other) = relative_to {
             write!(f, " in units of {other}'s")?;
         }
-        match (self.kept, self.value) {
-            (None, _) => f.write_str(" has no result, as an algorithm is not in the run")?,
-            (_, None) => f.write_str(" is not measured in this run")?,
+        match (self.state, self.value) {
+            (GateState::Skipped, _) => {
+                f.write_str(" has no result, as an algorithm is not in the run")?;
+            }
+            (_, None) => {
+                f.write_str(" is not measured in this run")?;
+                if let Some((_, cells)) = self.scored.filter(|(_, cells)| *cells == 0) {
+                    write!(f, ": {cells} cells have a truth")?;
+                }
+            }
             (_, Some(value)) => {
                 // A value that rounds to the bound would look as if it kept it.
                 let hidden = [min, max].into_iter().flatten().any(|b| {

@@ -9,7 +9,7 @@ use svl_core::stereo::{Cell, CellDepth, CellState, DepthGrid, Frame};
 use svl_core::timing::{Stage, StageTimes};
 use svl_core::{Error, Result};
 use svl_data::files::ColumnPlaces;
-use svl_data::manifest::Manifest;
+use svl_data::manifest::{Manifest, Purpose};
 use svl_data::score::RunPart;
 
 /// Results of an earlier run, by run, seed, pair and algorithm.
@@ -28,16 +28,15 @@ type PairKey = (Option<String>, Option<u64>, u64, Option<String>);
 /// What the algorithms made of a pair.
 pub struct LoggedPair<'a> {
     results: Option<&'a HashMap<String, LoggedResult>>,
-    hash: String,
-    truth: Option<String>,
+    /// Of what it would be scored on now.
+    input_hash: String,
 }
 
 impl<'a> LoggedPair<'a> {
-    /// What that one made of it, if it was the same pair with the same kind of truth.
+    /// What that one made of it, if pixels, geometry and truth were the same.
     pub fn get(&self, algorithm: &str) -> Option<&'a LoggedResult> {
-        let is_same = |row: &Row| row.pair_hash == self.hash && row.truth == self.truth;
         let result = self.results?.get(algorithm)?;
-        is_same(&result.row).then_some(result)
+        (result.row.input_hash == self.input_hash).then_some(result)
     }
 }
 
@@ -64,10 +63,13 @@ impl ResultLog {
             return Ok(Self::default());
         }
         let earlier = Manifest::read(folder)?;
-        if let Some(what) = earlier.difference(manifest) {
+        let differences = earlier.differences(manifest, Purpose::Resume)?;
+        if !differences.is_empty() {
             return Err(Error::Invalid(format!(
-                "{}: cannot be resumed: {what}; without --resume it is scored anew",
-                folder.display()
+                "{}: cannot be resumed, as it was another run: {}; without --resume it is scored \
+                 anew",
+                folder.display(),
+                differences.join("; ")
             )));
         }
         let mut log = Self::default();
@@ -110,13 +112,10 @@ impl ResultLog {
         let name = Some(run.name.clone()).filter(|name| !name.is_empty());
         let key = pair_key(&name, seed, frame.sequence, &run.stress);
         let results = self.results.get(&key);
+        let input = |_| hash_words(frame.input_hash(frame.pair.hash()));
         LoggedPair {
             results,
-            hash: results.map_or_else(String::new, |_| hash_words(frame.pair.hash())),
-            truth: frame
-                .truth
-                .as_ref()
-                .map(|truth| truth.kind.origin.to_string()),
+            input_hash: results.map_or_else(String::new, input),
         }
     }
 

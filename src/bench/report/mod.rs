@@ -34,7 +34,7 @@ mod words;
 pub use choice::{better_first, pareto_front};
 pub use csv_rows::{RowReader, read_rows};
 pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
-pub use gate::{GateResult, limit_results};
+pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};
 pub use log::{LoggedPair, LoggedResult, ResultLog, whole_rows};
 pub use merge::merge_rows;

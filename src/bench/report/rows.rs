@@ -154,6 +154,8 @@ record! {
         filters_us: Option<u64>,
         /// What made the pair worse, as `row_offset=0.5`; absent for the pair as it is.
         stress: Option<String>,
+        /// Hash of what it was scored on: pixels, geometry and truth, hexadecimal.
+        input_hash: String,
     }
 }
 

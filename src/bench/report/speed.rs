@@ -147,6 +147,7 @@ pub(super) mod tests {
             run: None,
             filters_us: None,
             stress: None,
+            input_hash: String::new(),
             result_hash: String::new(),
             truth: None,
         }

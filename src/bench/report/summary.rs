@@ -103,6 +103,9 @@ record! {
         memory_mb: Option<f64>,
         /// What filters take, as the stages.
         filters_ms: f64,
+        /// Pairs and cells that were scored against a ground truth; absent where no pair has one.
+        scored_pairs: Option<u64>,
+        scored_cells: Option<u64>,
     }
 }
 
@@ -298,6 +301,7 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         other_ms,
     ] = speed.stages_ms;
     let time_per_gd_s = speed.time_per_gd_s();
+    let (scored_pairs, scored_cells) = scored(rows)?.unzip();
     Ok(AlgorithmSummary {
         algorithm: first(rows, "algorithm")?,
         pairs: rows.height() as u64,
@@ -318,7 +322,27 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         results_hash: digest(rows.column("result_hash")?.str()?.iter().flatten()),
         outliers: speed.outliers(),
         memory_mb: None,
+        scored_pairs,
+        scored_cells,
     })
+}
+
+/// How many pairs and cells have a truth to be scored by; nothing where no pair has one.
+fn scored(rows: &DataFrame) -> PolarsResult<Option<(u64, u64)>> {
+    if rows.column("truth")?.null_count() == rows.height() {
+        return Ok(None);
+    }
+    let mut of_pairs = vec![0; rows.height()];
+    for column in ["cells_right", "cells_wrong", "cells_unknown"] {
+        let counts = rows.column(column)?.u64()?;
+        for (of_pair, count) in of_pairs.iter_mut().zip(counts.iter()) {
+            *of_pair += count.unwrap_or_default();
+        }
+    }
+    let pixels = rows.column("invalid")?.f64()?;
+    let pairs = of_pairs.iter().zip(pixels.iter());
+    let pairs = pairs.filter(|(cells, pixels)| **cells > 0 || pixels.is_some());
+    Ok(Some((pairs.count() as u64, of_pairs.iter().sum())))
 }
 
 fn totals(rows: &DataFrame) -> PolarsResult<MetricTotals> {

@@ -176,8 +176,31 @@ pub(super) fn notes(columns: &[Column], summary: &Summary) -> Vec<(&'static str,
     let choices = choices.filter(|_| columns.iter().any(|column| column.is_metric()));
     let failed = failed(summary).filter(|_| columns.iter().any(|c| c.head == PAIRS));
     let failed = failed.map(|words| ("failed", words));
-    let metrics = failed.into_iter().chain(metrics);
+    let scored = scored(summary).filter(|_| columns.iter().any(|column| column.is_metric()));
+    let scored = scored.map(|words| ("scored", words));
+    let metrics = failed.into_iter().chain(scored).chain(metrics);
     metrics.chain(times).chain(absent).chain(choices).collect()
+}
+
+/// How many pairs and cells have a truth: of all algorithms where they are alike, else of each.
+fn scored(summary: &Summary) -> Option<String> {
+    let of = summary.algorithms.iter();
+    let of = of.filter_map(|a| Some((a.algorithm.as_str(), a.scored_cells?, a.scored_pairs?)));
+    let of: Vec<_> = of.collect();
+    let words = |cells: u64, pairs: u64| {
+        format!("{} of {}", counted(cells, "cell"), counted(pairs, "pair"))
+    };
+    let (_, cells, pairs) = *of.first()?;
+    if of.iter().all(|other| (other.1, other.2) == (cells, pairs)) {
+        return Some(format!(
+            "{}, which have a ground truth",
+            words(cells, pairs)
+        ));
+    }
+    let each = of
+        .iter()
+        .map(|(name, cells, pairs)| format!("{name} {}", words(*cells, *pairs)));
+    Some(each.collect::<Vec<_>>().join("; "))
 }
 
 /// Which algorithms failed on every pair, and why.

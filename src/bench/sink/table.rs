@@ -132,6 +132,7 @@ impl RunIdentity {
             name: frame.name.clone().unwrap_or_default(),
             seed: self.seed,
             pair_hash: hash_words(judged.pair_hash()),
+            input_hash: hash_words(judged.input_hash()),
             algorithm: estimate.algorithm.clone(),
             parameters_hash: algorithm.map_or_else(String::new, |a| a.parameters_hash.clone()),
             width: width as u32,

@@ -5,7 +5,7 @@ use super::dataset::{Scene, SceneSource};
 use super::video::is_video;
 use super::{
     ArenaSource, BoardSource, FolderRequest, FolderSource, Limited, LiveSource, MeasuredSource,
-    RecordingSource, RectifiedSource, Resized, Source, VideoSource,
+    RecordingSource, RectifiedSource, ReferenceSource, Resized, Source, VideoSource,
 };
 use std::path::Path;
 use svl_core::rectify::Rectifier;
@@ -13,12 +13,12 @@ use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result};
 use svl_data::arena::Arena;
 use svl_data::grab::{self, DRIVERS, Driver, GrabRequest, Host};
-use svl_data::manifest::{Manifest, RunRecord};
+use svl_data::manifest::{Manifest, RunRecord, hash, hash_bytes};
 use svl_data::recording::{
     CALIBRATION, Header, RawCamera, Recording, RecordingFormat, SCENARIO, Selection,
     TruthSelection, TruthTopic, Writer, is_bag,
 };
-use svl_data::scenario::{CropScale, PairRange, Scenario, ScenarioSource};
+use svl_data::scenario::{CropScale, PairRange, Scenario, ScenarioSource, SourceOptions};
 
 /// What to open, and how.
 #[derive(Clone)]
@@ -27,29 +27,10 @@ pub struct Request<'a> {
     pub name: &'a str,
     /// Seed of a simulated source [default: 1].
     pub seed: Option<u64>,
-    /// Topics of the left and right images in a recording that svl did not write, patterns of the
-    /// images in a folder, or two videos there [default: found by type and name].
-    pub topics: [Option<String>; 2],
-    /// Whether each image holds the left and the right one, side by side.
-    pub side_by_side: bool,
-    /// Pairs per second of images or videos [default: by their stamps].
-    pub fps: Option<f64>,
-    /// How many of 16 bits the images use [default: decided by the first pairs].
-    pub bits: Option<u8>,
-    /// Largest skew of a pair that is made by stamp [default: 5 ms in a recording; see
-    /// [`GrabRequest`] for cameras].
-    pub max_skew_ns: Option<u64>,
-    /// The topic of another sensor in a recording that measures the truth.
-    pub truth: Option<TruthSelection>,
-    /// What rectifies the pairs.
-    pub calib: Calib,
-    /// Share of the raw images that is kept, as OpenCV's alpha [default: as the calibration file
-    /// has it, else 0].
-    pub alpha: Option<f64>,
-    /// Which pairs are taken.
-    pub range: PairRange,
-    /// Which part of the rectified images is taken, and how much it is shrunk.
-    pub window: CropScale,
+    /// How it is read; seeds, files and scenes are those of scenarios.
+    pub options: SourceOptions,
+    /// The pairs stay raw, to calibrate cameras with.
+    pub raw: bool,
     /// How to grab from cameras; its skew and its seed are those of this request.
     pub grab: GrabRequest,
     pub host: Host<'a>,
@@ -61,39 +42,60 @@ impl<'a> Request<'a> {
         Self {
             name,
             seed: None,
-            topics: [None, None],
-            side_by_side: false,
-            fps: None,
-            bits: None,
-            max_skew_ns: None,
-            truth: None,
-            calib: Calib::default(),
-            alpha: None,
-            range: PairRange::default(),
-            window: CropScale::default(),
+            options: SourceOptions::default(),
+            raw: false,
             grab: GrabRequest::default(),
             host: Host::default(),
         }
     }
 
     fn selection(&self) -> Selection {
-        let [left, right] = self.topics.clone();
+        let options = &self.options;
         Selection {
-            left,
-            right,
-            max_skew_ns: self.max_skew_ns.unwrap_or(Selection::MAX_SKEW_NS),
-            bits: self.bits,
+            left: options.left.clone(),
+            right: options.right.clone(),
+            max_skew_ns: self.max_skew_ns().unwrap_or(Selection::MAX_SKEW_NS),
+            bits: options.bits,
         }
+    }
+
+    fn max_skew_ns(&self) -> Option<u64> {
+        self.options.max_skew_ms.map(nanoseconds)
+    }
+
+    fn truth(&self) -> Option<TruthSelection> {
+        let max_skew_ns = self.options.truth_skew_ms.map(nanoseconds);
+        Some(TruthSelection {
+            topic: self.options.truth.clone()?,
+            max_skew_ns: max_skew_ns.unwrap_or(TruthSelection::MAX_SKEW_NS),
+        })
+    }
+
+    /// What rectifies the pairs.
+    pub fn calib(&self) -> Calib {
+        match &self.options.calib {
+            _ if self.raw => Calib::Raw,
+            Some(calib) => calib.parse().unwrap_or_default(),
+            None => Calib::Own,
+        }
+    }
+
+    fn topics(&self) -> [Option<String>; 2] {
+        [self.options.left.clone(), self.options.right.clone()]
     }
 
     fn of_folder(&self) -> FolderRequest {
         FolderRequest {
-            images: self.topics.clone(),
-            side_by_side: self.side_by_side,
-            fps: self.fps,
-            bits: self.bits,
+            images: self.topics(),
+            side_by_side: self.options.side_by_side,
+            fps: self.options.fps,
+            bits: self.options.bits,
         }
     }
+}
+
+fn nanoseconds(ms: f64) -> u64 {
+    (ms * 1e6) as u64
 }
 
 /// A source, and what a recording of it holds besides its pairs.
@@ -145,24 +147,26 @@ impl Opened {
 
     /// The pairs that the request asks for, rectified, cropped and shrunk as it says.
     fn prepared(mut self, request: &Request<'_>) -> Result<Self> {
-        let usage = |e: Error| Error::Usage(e.to_string());
-        request.range.validate().map_err(usage)?;
-        request.window.validate().map_err(usage)?;
-        let changes = [request.range.words(), request.window.words()];
+        let (range, window) = (request.options.range(), request.options.window());
+        let changes = [range.words(), window.words()];
         let changes: Vec<_> = changes.into_iter().flatten().collect();
         if !changes.is_empty() {
             self.header.changes = Some(changes.join(", "));
         }
-        if request.range != PairRange::default() {
-            let mut limited = Limited::new(self.source, request.range, None);
+        if range != PairRange::default() {
+            let mut limited = Limited::new(self.source, range, None);
             // Read now: what lies before the range is known only then.
             limited.first();
             self.start_ns = limited.start_ns();
             self.source = Box::new(limited);
         }
         self = self.rectified(request)?.measured();
-        if request.window != CropScale::default() {
-            self.source = Box::new(Resized::new(self.source, request.window));
+        if window != CropScale::default() {
+            self.source = Box::new(Resized::new(self.source, window));
+        }
+        let references = request.options.references()?;
+        if !references.is_empty() {
+            self.source = Box::new(ReferenceSource::new(self.source, &references)?);
         }
         Ok(self)
     }
@@ -170,10 +174,11 @@ impl Opened {
     /// Rectifies the pairs as the request says.
     fn rectified(mut self, request: &Request<'_>) -> Result<Self> {
         let name = self.source.name();
-        let (rectifier, by, files) = match (&request.calib, &self.own_calibration) {
+        let (calib, alpha) = (request.calib(), request.options.alpha);
+        let (rectifier, by, files) = match (&calib, &self.own_calibration) {
             (Calib::File(path), _) => {
                 let (calibration, files) = calibration::read(path)?;
-                let calibration = calibration::framed(calibration, request.alpha)?;
+                let calibration = calibration::framed(calibration, alpha)?;
                 let rectifier = Rectifier::new(&calibration)?;
                 self.raw = raw_camera(&calibration, &rectifier);
                 if rectifier.rig().is_none() {
@@ -205,13 +210,13 @@ impl Opened {
                 self.raw = raw_camera(own, &rectifier);
                 (Some(rectifier), by, CalibrationFiles::new())
             }
-            (Calib::None, _) if request.alpha.is_some() => {
+            (Calib::None, _) if alpha.is_some() => {
                 return Err(Error::Usage(
                     "--alpha is for pairs that are rectified; omit it or --calib none".into(),
                 ));
             }
             (Calib::Own | Calib::None | Calib::Raw, own) => {
-                if request.calib != Calib::Raw {
+                if calib != Calib::Raw {
                     let remarks = self.remarks.iter();
                     remarks.for_each(|remark| tracing::warn!("{name}: {remark}"));
                 }
@@ -224,7 +229,7 @@ impl Opened {
         self.source = Box::new(match rectifier {
             Some(rectifier) => RectifiedSource::new(self.source, rectifier)?,
             None => {
-                let framing = calibration::framing(request.alpha.unwrap_or(0.0));
+                let framing = calibration::framing(alpha.unwrap_or(0.0));
                 RectifiedSource::estimated(self.source, &framing)?
             }
         });
@@ -249,11 +254,13 @@ impl Opened {
             .into_iter()
             .chain(self.header.changes.clone())
             .collect();
-        RunRecord::new(
-            name,
-            path,
-            (!changes.is_empty()).then(|| changes.join(", ")),
-        )
+        let changes = (!changes.is_empty()).then(|| changes.join(", "));
+        let files = self.calibration.iter();
+        let hashes: Vec<_> = files.map(|(_, bytes)| hash_bytes(bytes)).collect();
+        RunRecord {
+            calibration: (!hashes.is_empty()).then(|| hash(&hashes.join("\n"))),
+            ..RunRecord::new(name, path, changes)
+        }
     }
 
     /// Name of the scenario, or of the source.
@@ -455,7 +462,8 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
     }
     // Recordings may lie in a folder of images or videos.
     let are_files = |side: &String| side.contains('*') || is_video(side);
-    let of_files = request.side_by_side || request.topics.iter().flatten().any(are_files);
+    let topics = request.topics();
+    let of_files = request.options.side_by_side || topics.iter().flatten().any(are_files);
     let is_bag = |kind: &SourceKind| kind.name == RECORDING && path.is_dir();
     let mut kinds = SOURCES.iter().filter(|kind| !(of_files && is_bag(kind)));
     let kind = kinds.find(|kind| (kind.recognizes)(name));
@@ -541,7 +549,7 @@ fn cameras(request: &Request<'_>) -> Result<Opened> {
     let name = request.name;
     let grab = GrabRequest {
         seed: request.seed,
-        max_skew_ns: request.max_skew_ns,
+        max_skew_ns: request.max_skew_ns(),
         ..request.grab.clone()
     };
     let source = LiveSource::open(name, &grab, request.host)?;
@@ -560,8 +568,8 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
     let path = Path::new(request.name);
     let source = RecordingSource::new(Recording::open(path)?, &request.selection())?;
     let reader = source.reader();
-    let truth = request.truth.as_ref();
-    let truth = truth.map(|truth| reader.truth(truth)).transpose()?;
+    let truth = request.truth();
+    let truth = truth.map(|truth| reader.truth(&truth)).transpose()?;
     let calibration = match reader.recording().calibration_files() {
         // Damage is reported with the pairs.
         Err(Error::Damaged { .. }) => CalibrationFiles::new(),
@@ -590,14 +598,14 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
 
 fn video(request: &Request<'_>) -> Result<Opened> {
     let path = Path::new(request.name);
-    if !request.side_by_side {
+    if !request.options.side_by_side {
         return Err(Error::Usage(format!(
             "{}: is one video: --side-by-side if it holds both images, or name the folder of two, \
              with --left and --right",
             request.name
         )));
     }
-    let source = VideoSource::side_by_side(path, request.fps)?;
+    let source = VideoSource::side_by_side(path, request.options.fps)?;
     let stem = path.file_stem().and_then(|stem| stem.to_str());
     Ok(of_video(source, request, stem.unwrap_or("video")))
 }
@@ -629,7 +637,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
             let why = "is not for two videos, which are decoded to 8 bits, one for each camera";
             return Err(Error::Usage(format!("--bits or --side-by-side {why}")));
         }
-        let source = VideoSource::pair(&path.join(left), &path.join(right), request.fps)?;
+        let source = VideoSource::pair(&path.join(left), &path.join(right), folder.fps)?;
         return Ok(of_video(source, request, stem));
     }
     // Who says how its images are called, means no data set's scene.
@@ -641,14 +649,14 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         false => Vec::new(),
     };
     if !scenes.is_empty() {
-        if request.fps.is_some() {
+        if folder.fps.is_some() {
             let cure = "--fps is for pairs one after the other; leave it out";
             return Err(Error::Usage(format!(
                 "{}: holds scenes of a data set; {cure}",
                 request.name
             )));
         }
-        let source = SceneSource::with_bits(scenes, request.bits)?;
+        let source = SceneSource::with_bits(scenes, folder.bits)?;
         let header = Header {
             stamps: Some(SceneSource::STAMPS),
             bits: source.bits(),
@@ -698,24 +706,24 @@ fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
         timeout,
         ..
     } = &request.grab;
-    let [left, right] = &request.topics;
+    let options = &request.options;
     let given = [
         (SourceOption::Seed, request.seed.is_some(), "--seed"),
-        (SourceOption::Sides, left.is_some(), "--left"),
-        (SourceOption::Sides, right.is_some(), "--right"),
+        (SourceOption::Sides, options.left.is_some(), "--left"),
+        (SourceOption::Sides, options.right.is_some(), "--right"),
         (
             SourceOption::SideBySide,
-            request.side_by_side,
+            options.side_by_side,
             "--side-by-side",
         ),
-        (SourceOption::Fps, request.fps.is_some(), "--fps"),
-        (SourceOption::Bits, request.bits.is_some(), "--bits"),
+        (SourceOption::Fps, options.fps.is_some(), "--fps"),
+        (SourceOption::Bits, options.bits.is_some(), "--bits"),
         (
             SourceOption::MaxSkew,
-            request.max_skew_ns.is_some(),
+            options.max_skew_ms.is_some(),
             "--max-skew-ms",
         ),
-        (SourceOption::Truth, request.truth.is_some(), "--truth"),
+        (SourceOption::Truth, options.truth.is_some(), "--truth"),
         (SourceOption::Grab, trigger.is_some(), "--trigger"),
         (SourceOption::Grab, rate_hz.is_some(), "--rate"),
         (SourceOption::Grab, pairing.is_some(), "--pairing"),
@@ -727,7 +735,7 @@ fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
         .iter()
         .find(|(option, given, _)| *given && !kind.options.contains(option));
     let Some((option, _, text)) = wrong else {
-        return Ok(());
+        return request.options.check();
     };
     let takers = SOURCES.iter().filter(|kind| kind.options.contains(option));
     let takers: Vec<_> = takers.map(|kind| kind.noun).collect();

@@ -1,13 +1,12 @@
 //! The runs of a scenario: sources with what identifies them.
 
 use super::open::{Opened, Request};
-use super::{Calib, Limited, Source, StressedSource};
+use super::{Limited, Source, StressedSource};
 use std::io::ErrorKind;
 use svl_core::stereo::{Frame, Losses};
 use svl_core::{Error, Result};
 use svl_data::manifest::RunRecord;
-use svl_data::recording::TruthSelection;
-use svl_data::scenario::{PairRange, RecordingRun, RecordingRuns};
+use svl_data::scenario::{PairRange, RecordingRun, Scenario};
 use svl_data::score::{Judge, RunPart};
 use svl_data::stress::Stress;
 
@@ -15,7 +14,7 @@ use svl_data::stress::Stress;
 ///
 /// # Errors
 /// [`Error::Io`] where it does not exist; [`Error::Usage`] for a scenario among recordings.
-pub fn run_request<'a>(runs: &RecordingRuns, run: &'a RecordingRun) -> Result<Request<'a>> {
+pub fn run_request<'a>(scenario: &Scenario, run: &'a RecordingRun) -> Result<Request<'a>> {
     let path = &run.path;
     if !path.exists() {
         return Err(Error::io(path, ErrorKind::NotFound.into()));
@@ -30,29 +29,8 @@ pub fn run_request<'a>(runs: &RecordingRuns, run: &'a RecordingRun) -> Result<Re
     }
     let name = path.to_str();
     let name = name.ok_or_else(|| Error::Invalid(format!("{shown}: its name is not in UTF-8")))?;
-    let ns = |ms: f64| (ms * 1e6) as u64;
-    let Ok(calib) = runs.calib.as_deref().unwrap_or("own").parse();
     Ok(Request {
-        topics: runs.topics.clone(),
-        calib: match calib {
-            // Two files have a comma between them.
-            Calib::File(_) => {
-                let files = runs.calib.iter().flat_map(|files| files.split(','));
-                let files = files.map(|file| runs.folder.join(file).display().to_string());
-                Calib::File(files.collect::<Vec<_>>().join(",").into())
-            }
-            other => other,
-        },
-        side_by_side: runs.side_by_side,
-        fps: runs.fps,
-        bits: runs.bits,
-        max_skew_ns: runs.max_skew_ms.map(ns),
-        truth: runs.truth.clone().map(|topic| TruthSelection {
-            topic,
-            max_skew_ns: runs.truth_skew_ms.map_or(TruthSelection::MAX_SKEW_NS, ns),
-        }),
-        range: runs.range,
-        window: runs.window,
+        options: scenario.options.clone(),
         ..Request::new(name)
     })
 }

@@ -7,10 +7,10 @@ use crate::report::compare::{Change, Judgement, signed, verdict};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use svl_core::Result;
 use svl_core::counted;
 use svl_core::filter::FilterKind;
-use svl_core::{Error, Result};
-use svl_data::scenario::{Scenario, ScenarioSource};
+use svl_data::scenario::{Scenario, ScenarioFilter};
 use svl_data::score::{METRICS, Metric};
 
 /// Where a search looked, and how.
@@ -297,92 +297,34 @@ impl std::fmt::Display for TuneOutcome {
     }
 }
 
-/// The scenario with these algorithms, and filters, if any, with their files, in place of its own,
-/// as TOML that can lie in any folder: paths in it become absolute. `folder` is that of the
-/// scenario's file.
+/// The scenario that repeats a run with these algorithms, as a file of `folder`: all that
+/// `scenario` says but its limits, which were those of other algorithms. `filters` replace its own.
 ///
 /// # Errors
-/// [`Error::Invalid`] for a scenario that cannot be read again, which is a slip of svl's own.
+/// Those of [`Scenario::to_toml`], and for what is no algorithm.
 pub fn scenario_toml(
     scenario: &Scenario,
     algorithms: &[String],
     filters: &[(FilterKind, PathBuf)],
     folder: &Path,
 ) -> Result<String> {
-    let slip = |why: String| Error::Invalid(format!("{}: {why}", scenario.name));
-    let mut table: toml::Table = scenario.text.parse().map_err(|e| slip(format!("{e}")))?;
-    let list = |values: &[String]| values.iter().cloned().map(toml::Value::from).collect();
-    table.insert("algorithms".into(), toml::Value::Array(list(algorithms)));
-    // What its limits are of is no longer in it.
-    table.remove("gate");
-    let absolute = |path: &Path| -> String {
-        let path = std::path::absolute(path).unwrap_or(path.to_owned());
-        path.display().to_string()
+    let own = filters.iter().map(|(kind, file)| ScenarioFilter {
+        detects: *kind,
+        file: Some(file.clone()),
+        scenario: Vec::new(),
+        seeds: None,
+    });
+    let algorithms = algorithms.iter().map(|text| text.parse());
+    let scenario = Scenario {
+        algorithms: algorithms.collect::<Result<_>>()?,
+        filters: match filters {
+            [] => scenario.filters.clone(),
+            _ => own.collect(),
+        },
+        gate: Vec::new(),
+        ..scenario.clone()
     };
-    if let ScenarioSource::Recording(_) = &scenario.source {
-        let runs = scenario.recordings()?;
-        let files: Vec<_> = runs.iter().map(|run| absolute(&run.path)).collect();
-        if let Some(source) = table.get_mut("source").and_then(toml::Value::as_table_mut) {
-            source.insert("files".into(), toml::Value::Array(list(&files)));
-            if let Some(calib) = source.get("calib").and_then(toml::Value::as_str)
-                && folder.join(calib).exists()
-            {
-                let calib = absolute(&folder.join(calib));
-                source.insert("calib".into(), calib.into());
-            }
-        }
-    }
-    if let ScenarioSource::Arena { seeds, .. } = &scenario.source
-        && let Some(source) = table.get_mut("source").and_then(toml::Value::as_table_mut)
-    {
-        let seeds = seeds.iter().map(|seed| toml::Value::from(*seed as i64));
-        source.insert("seeds".into(), toml::Value::Array(seeds.collect()));
-    }
-    let of_scenario = table.get_mut("filter").and_then(toml::Value::as_array_mut);
-    for filter in of_scenario
-        .into_iter()
-        .flatten()
-        .filter_map(toml::Value::as_table_mut)
-    {
-        for key in ["file", "scenario"] {
-            let path = |path: &toml::Value| Some(absolute(&folder.join(path.as_str()?)));
-            let replaced = filter.get(key).and_then(path);
-            let many = filter
-                .get(key)
-                .and_then(toml::Value::as_array)
-                .map(|paths| {
-                    let paths: Vec<_> = paths.iter().filter_map(path).collect();
-                    toml::Value::Array(list(&paths))
-                });
-            if let Some(value) = replaced.map(toml::Value::from).or(many) {
-                filter.insert(key.into(), value);
-            }
-        }
-    }
-    if !filters.is_empty() {
-        let entry = |(kind, file): &(FilterKind, PathBuf)| {
-            let mut entry = toml::Table::new();
-            entry.insert("detects".into(), kind.to_string().into());
-            entry.insert("file".into(), absolute(file).into());
-            toml::Value::from(entry)
-        };
-        let entries = filters.iter().map(entry).collect();
-        table.insert("filter".into(), toml::Value::Array(entries));
-    }
-    let grid = scenario.grid;
-    let cells = toml::Value::try_from(scenario.cells).map_err(|e| slip(e.to_string()))?;
-    table.insert("cells".into(), cells);
-    let mut of_grid = toml::Table::new();
-    of_grid.insert("columns".into(), (grid.columns as i64).into());
-    of_grid.insert("rows".into(), (grid.rows as i64).into());
-    of_grid.insert("min_valid".into(), grid.min_valid.into());
-    let decision = match grid.decision {
-        svl_core::depth::CellDecision::Median => "median",
-        svl_core::depth::CellDecision::Safe => "safe",
-    };
-    of_grid.insert("decision".into(), decision.into());
-    table.insert("grid".into(), of_grid.into());
-    toml::to_string(&table).map_err(|e| slip(e.to_string()))
+    scenario.to_toml(folder)
 }
 
 #[cfg(test)]
@@ -395,8 +337,9 @@ mod tests {
         let scenario = Scenario::read(&folder.join("floor.toml")).unwrap();
         let algorithms = ["v3:max_disparity=64", "v3"].map(str::to_owned);
         let written = |filters: &[(FilterKind, PathBuf)]| {
-            let toml = scenario_toml(&scenario, &algorithms, filters, &folder).unwrap();
-            Scenario::parse(&toml, Path::new("/elsewhere/best.toml")).unwrap()
+            let elsewhere = tempfile::tempdir().unwrap();
+            let toml = scenario_toml(&scenario, &algorithms, filters, elsewhere.path()).unwrap();
+            Scenario::parse(&toml, &elsewhere.path().join("best.toml")).unwrap()
         };
         let moved = written(&[]);
         assert_eq!(moved.labels(), ["v3:max_disparity=64", "v3"]);
@@ -404,12 +347,13 @@ mod tests {
             (moved.grid, moved.cells, &moved.source),
             (scenario.grid, scenario.cells, &scenario.source)
         );
-        assert_eq!(moved.filters, scenario.filters);
+        let own = [&moved, &scenario].map(|of| of.filters[0].training(of).unwrap()[0].name.clone());
+        assert_eq!(own[0], own[1]);
         assert!(moved.gate.is_empty());
         let kind = scenario.filters[0].detects;
         let other = written(&[(kind, "/filters/own.safetensors".into())]);
         let file = other.filters[0].file.as_deref();
-        assert_eq!(file, Some(Path::new("/filters/own.safetensors")));
+        assert!(file.unwrap().ends_with("filters/own.safetensors"));
     }
 
     #[test]

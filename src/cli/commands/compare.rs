@@ -6,9 +6,9 @@ use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::PathBuf;
-use svl::report::compare::{Comparison, History, Judgement, ScoredRun};
+use svl::report::compare::{Change, Comparison, History, Judgement, ScoredRun};
 use svl::report::{TestCase, TestResult, junit};
-use svl::score::{METRICS, Metric};
+use svl::score::{METRICS, Metric, MetricUnit};
 
 /// Compare reports: changes of metrics, with confidence intervals
 ///
@@ -24,7 +24,8 @@ Examples:
   svl compare reports/arena#v1 reports/arena#v3     two algorithms of a report
   svl compare reports/a reports/b --map v3=v3:smoothing_sigma=0
   svl compare reports/main reports/branch --fail-on worse
-      for a CI: exit 1 when a metric of any algorithm became worse
+      for a CI: exit 3 when a metric of any algorithm became worse, or when
+      too few pairs or an absent algorithm leave that open
   svl compare reports/main reports/branch --markdown >> $GITHUB_STEP_SUMMARY
   svl compare --history reports/* --page history.html
       each metric over the dates and revisions of all reports
@@ -105,14 +106,18 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let cannot = comparisons.iter().find(|c| !c.is_judged());
     if let (Some(unlike), false) = (cannot, args.fail_on.is_empty()) {
         let (base, other) = (unlike.base.display(), unlike.other.display());
-        bail!("{base}, {other}: scenarios or truths differ, so --fail-on has nothing to judge");
+        let differences = unlike.differences.join("; ");
+        return Err(usage::gate(format!(
+            "{base}, {other}: were scored differently ({differences}), so --fail-on has nothing to \
+             judge"
+        )));
     }
     let cases: Vec<_> = comparisons
         .iter()
         .flat_map(|c| cases(c, &args.fail_on))
         .collect();
     if cases.is_empty() && !args.fail_on.is_empty() {
-        bail!("--fail-on: no report measures these metrics");
+        return Err(usage::gate("--fail-on: no report measures these metrics"));
     }
     if let Some(path) = &args.junit {
         if path.extension().is_none_or(|extension| extension != "xml") {
@@ -138,14 +143,19 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             comparisons.iter().map(ToString::to_string).collect(),
         ))?;
     }
-    let failures = cases.iter().filter_map(|case| match &case.result {
+    // What became worse before what could not be told.
+    let failed = cases.iter().filter_map(|case| match &case.result {
         TestResult::Failed(why) => Some(format!("{}: {why}", case.name)),
         _ => None,
     });
-    match &failures.collect::<Vec<_>>()[..] {
+    let skipped = cases.iter().filter_map(|case| match &case.result {
+        TestResult::Skipped(why) => Some(format!("{}: {why}", case.name)),
+        _ => None,
+    });
+    match &failed.chain(skipped).collect::<Vec<_>>()[..] {
         [] => Ok(()),
-        [one] => bail!("{one}"),
-        [first, more @ ..] => bail!("{first}; and {} more", more.len()),
+        [one] => Err(usage::gate(one)),
+        [first, more @ ..] => Err(usage::gate(format!("{first}; and {} more", more.len()))),
     }
 }
 
@@ -172,13 +182,33 @@ fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
     };
     let mut cases = Vec::new();
     for algorithm in &comparison.algorithms {
-        for (name, change) in algorithm.changes().filter(|(_, c)| is_meant(c.metric)) {
+        let meant = algorithm
+            .changes()
+            .filter(|(_, change)| is_meant(change.metric));
+        // Times are not tested where all metrics are: the machine varies between runs.
+        let is_tested = |change: &Change| {
+            change.metric.unit != MetricUnit::Ms || fail_on.iter().any(|of| of.0.is_some())
+        };
+        for (name, change) in meant.filter(|(_, change)| is_tested(change)) {
             let show = |value| change.metric.show(value);
-            let result = match change.judgement {
-                Judgement::Worse => TestResult::Failed(format!(
+            let result = match (change.judgement, change.interval) {
+                (Judgement::Worse, _) => TestResult::Failed(format!(
                     "became worse, {} to {}",
                     show(change.base),
                     show(change.other)
+                )),
+                _ if change.metric.unit == MetricUnit::Ms => TestResult::Skipped(
+                    "times of two runs vary with the machine; a [[gate]] of the ratio to another \
+                     algorithm tests them"
+                        .to_owned(),
+                ),
+                (Judgement::Unclear, None) => TestResult::Skipped(format!(
+                    "{} to {}, but too few independent pairs for an interval ({} blocks, at least \
+                     {}): score more pairs",
+                    show(change.base),
+                    show(change.other),
+                    algorithm.blocks,
+                    comparison.method.fewest_blocks
                 )),
                 _ => TestResult::Passed,
             };
@@ -188,5 +218,13 @@ fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
             });
         }
     }
+    let gone = comparison
+        .only_in_base
+        .iter()
+        .filter(|_| !fail_on.is_empty());
+    cases.extend(gone.map(|label| TestCase {
+        name: label.clone(),
+        result: TestResult::Skipped(format!("is not in {}", comparison.other.display())),
+    }));
     cases
 }

@@ -156,7 +156,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let settings = GridSettings::default();
     let grid = own_grid.unwrap_or_else(|| depth::grid(map.disparity(), settings, rig.as_ref()));
     if let Some((path, choice)) = args.cells.as_ref().zip(choice) {
-        let manifest = Manifest::new("match", None, std::slice::from_ref(&args.algo))?;
+        let manifest = Manifest::new("match", std::slice::from_ref(&args.algo))?;
         let page = EvidencePage {
             title: format!("{}, {}", args.algo.label(), args.left.display()),
             left: pair.left(),

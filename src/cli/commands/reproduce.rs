@@ -78,7 +78,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     } else {
         None
     };
-    let manifest = Manifest::new("reproduce", None, &[])?;
+    let manifest = Manifest::new("reproduce", &[])?;
     let mut entries = Vec::new();
     let ran = experiments.iter().try_for_each(|experiment| {
         if progress::interrupted() {

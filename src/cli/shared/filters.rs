@@ -2,7 +2,6 @@
 
 use super::outputs::write;
 use super::recordings::RECORDINGS;
-use super::scenario_runs::ScenarioSourceArgs;
 use super::usage;
 use super::windows::{LabelledRuns, train, windows};
 use anyhow::{Context, bail};
@@ -30,6 +29,18 @@ impl FilterArgs {
     pub(crate) fn files(&self, models: &[Arc<FilterModel>]) -> Vec<(FilterKind, PathBuf)> {
         let kinds = models.iter().map(|model| model.kind);
         kinds.zip(self.filter.iter().cloned()).collect()
+    }
+
+    /// They, as a scenario has them.
+    pub(crate) fn of_scenario(&self) -> anyhow::Result<Vec<ScenarioFilter>> {
+        let files = self.files(&self.models()?).into_iter();
+        let filters = files.map(|(detects, file)| ScenarioFilter {
+            detects,
+            file: Some(file),
+            scenario: Vec::new(),
+            seeds: None,
+        });
+        Ok(filters.collect())
     }
 
     /// Reads them.
@@ -100,12 +111,11 @@ fn model(filter: &ScenarioFilter, scenario: &Scenario, quiet: bool) -> anyhow::R
     if path.exists() {
         return Ok(FilterModel::read(&path)?);
     }
-    let source = ScenarioSourceArgs::default();
     let runs = training
         .into_iter()
-        .map(|training| LabelledRuns::open(training, None, &source, quiet));
+        .map(|training| LabelledRuns::open(training, None, quiet));
     let runs = runs.collect::<anyhow::Result<_>>()?;
-    let (mut samples, _) = windows(kind, spec.features, settings.range_px, runs, &source, quiet)?;
+    let (mut samples, _) = windows(kind, spec.features, settings.range_px, runs, quiet)?;
     let (model, training) = train(&mut samples, &settings, quiet)?;
     if training.interrupted {
         bail!("interrupted while the filter {kind} was trained");

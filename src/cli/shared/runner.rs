@@ -64,6 +64,7 @@ pub(crate) fn report_losses(name: &str, losses: &Losses) {
 /// Fails for a run that is not complete.
 pub(crate) fn complete(outcome: &Outcome) -> anyhow::Result<()> {
     outcome.missing().map_or(Ok(()), |missing| {
-        Err(anyhow::anyhow!("{missing}, as warned; all else is kept"))
+        let words = format!("{missing}, as warned; all else is kept");
+        Err(svl::Error::Incomplete(words).into())
     })
 }

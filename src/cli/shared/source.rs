@@ -11,207 +11,41 @@ use svl::grab::{
     self, DRIVERS, Driver, GrabRequest, Host, PairBy, RATES_HZ, TriggerSource, WhenFull,
 };
 use svl::matcher::{Algorithm, Range, Value};
-use svl::recording::{TruthSelection, files};
-use svl::scenario::PairRange;
-use svl::source::{self, CAMERAS, Calib, Opened, ReferenceSource, Request, SOURCES, Source};
+use svl::recording::files;
+use svl::scenario::SourceOptions;
+use svl::source::{self, CAMERAS, Opened, Request, SOURCES};
 
-/// Which images of a recording, a folder or a video are left and right, and how they are read.
-#[derive(clap::Args, Default)]
-pub(crate) struct TopicArgs {
-    /// The left images: a topic of another program's recording; in a folder a pattern, as
-    /// 'a/*.png', where * is the same in left and right, or a video [default: found by type and
-    /// name]
-    #[arg(
-        long, value_name = "TOPIC|PATTERN", value_parser = NonEmptyStringValueParser::new()
-    )]
-    left: Option<String>,
-    /// The right images
-    #[arg(
-        long, value_name = "TOPIC|PATTERN", value_parser = NonEmptyStringValueParser::new()
-    )]
-    right: Option<String>,
-    /// Each image holds the left and the right one, as its halves
-    #[arg(long)]
-    side_by_side: bool,
-    /// Pairs per second of a folder or video [default: by its stamps; where there are none it is
-    /// not known]
-    #[arg(
-        long, value_name = "HZ", allow_negative_numbers = true,
-        value_parser = usage::within(0.001..=100_000.0)
-    )]
-    fps: Option<f64>,
-    /// How many of their 16 bits the images use [default: 10, 12, 14 or 16, by the largest value of
-    /// the first 16 pairs]
-    #[arg(
-        long, value_name = "N", allow_negative_numbers = true,
-        value_parser = usage::within(8..=16u8)
-    )]
-    bits: Option<u8>,
-    /// Largest skew of a pair made by stamp [default: 5; with cameras a quarter of their period,
-    /// half of it when they are free-running]
-    #[arg(
-        long, value_name = "MS", allow_negative_numbers = true,
-        value_parser = usage::within(0.0..=60_000.0)
-    )]
-    pub max_skew_ms: Option<f64>,
-    /// Topic of another sensor in the recording that measures the truth: a depth image, a point
-    /// cloud or a laser scan. It takes the place of the recording's own truth
-    #[arg(long, value_name = "TOPIC", value_parser = NonEmptyStringValueParser::new())]
-    truth: Option<String>,
-    /// Largest difference of the stamps of a pair and its measurement [default: 20]
-    #[arg(
-        long, value_name = "MS", allow_negative_numbers = true, requires = "truth",
-        value_parser = usage::within(0.0..=60_000.0)
-    )]
-    truth_skew_ms: Option<f64>,
+/// Options of a scenario's source that commands which open one source do not take.
+pub(crate) const OF_SCENARIOS: &[&str] = &["data", "scenes", "seeds", "reference"];
+
+/// Takes an option that a command refuses out of its help.
+pub(crate) fn hidden(arg: clap::Arg, keys: &[&str]) -> clap::Arg {
+    let is_refused = keys.contains(&arg.get_id().as_str());
+    arg.hide(is_refused)
 }
 
-impl TopicArgs {
-    /// What is given replaces what the request has.
-    pub(crate) fn fill(&self, request: &mut Request<'_>) {
-        for (topic, given) in request.topics.iter_mut().zip([&self.left, &self.right]) {
-            *topic = given.clone().or(topic.take());
-        }
-        let ns = |ms: f64| (ms * 1e6) as u64;
-        request.max_skew_ns = self.max_skew_ms.map(ns).or(request.max_skew_ns);
-        let truth = self.truth.clone().map(|topic| TruthSelection {
-            topic,
-            max_skew_ns: self.truth_skew_ms.map_or(TruthSelection::MAX_SKEW_NS, ns),
-        });
-        request.truth = truth.or(request.truth.take());
-        request.side_by_side |= self.side_by_side;
-        request.fps = self.fps.or(request.fps);
-        request.bits = self.bits.or(request.bits);
-    }
-
-    pub(crate) fn is_given(&self) -> bool {
-        let topics = [&self.left, &self.right, &self.truth];
-        topics.iter().any(|topic| topic.is_some())
-            || self.max_skew_ms.is_some()
-            || self.side_by_side
-            || self.fps.is_some()
-            || self.bits.is_some()
-    }
-}
-
-/// Which pairs of a source are taken.
-#[derive(clap::Args, Default)]
-pub(crate) struct RangeArgs {
-    /// Take every n-th pair, the first among them
-    #[arg(
-        long, value_name = "N", allow_negative_numbers = true,
-        value_parser = usage::within(1..=1_000_000_000u64)
-    )]
-    every: Option<u64>,
-    /// Take the pairs from S seconds after the first pair on
-    #[arg(
-        long, value_name = "S", allow_negative_numbers = true,
-        value_parser = usage::within(0.0..=1e9)
-    )]
-    from: Option<f64>,
-    /// Take the pairs before S seconds after the first pair
-    #[arg(
-        long, value_name = "S", allow_negative_numbers = true,
-        value_parser = usage::within(0.0..=1e9)
-    )]
-    to: Option<f64>,
-}
-
-impl RangeArgs {
-    pub(crate) fn is_given(&self) -> bool {
-        self.every.is_some() || self.from.is_some() || self.to.is_some()
-    }
-
-    /// What is given replaces what the range has.
-    pub(crate) fn fill(&self, range: &mut PairRange) {
-        *range = PairRange {
-            every: self.every.or(range.every),
-            from_s: self.from.or(range.from_s),
-            to_s: self.to.or(range.to_s),
+/// Warns of algorithms that are scored against themselves.
+pub(crate) fn warn_of_own_reference(
+    options: &SourceOptions,
+    algorithms: &[Algorithm],
+) -> svl::Result<()> {
+    let references = options.references()?;
+    let is_reference = |algorithm: &&Algorithm| {
+        let name = algorithm.spec().name;
+        // exec is any program.
+        let same = |reference: &Algorithm| {
+            reference.spec().name == name
+                && (name != "exec" || reference.parameters() == algorithm.parameters())
         };
+        references.iter().any(same)
+    };
+    for algorithm in algorithms.iter().filter(is_reference) {
+        tracing::warn!(
+            "{}: is judged against itself: it shares the reference's errors",
+            algorithm.label()
+        );
     }
-}
-
-/// Whether and how pairs are rectified.
-#[derive(clap::Args, Default)]
-pub(crate) struct RectifyArgs {
-    /// Rectify the pairs by a calibration: a file, two with a comma between, the folder of the two,
-    /// or a recording that keeps it; or by an estimate from the images alone, which gives no
-    /// distances; or take them as rectified [default: by the camera_info of a bag of raw images,
-    /// else none]
-    #[arg(long, value_name = "FILE|estimate|none", value_parser = calib)]
-    calib: Option<Calib>,
-    /// How much of the raw images is kept, as OpenCV's alpha: 0 only valid pixels, 1 all [default:
-    /// as the file has it, else 0]
-    #[arg(
-        long,
-        value_name = "0..1",
-        allow_negative_numbers = true,
-        requires = "calib",
-        value_parser = usage::within(0.0..=1.0)
-    )]
-    alpha: Option<f64>,
-}
-
-fn calib(text: &str) -> Result<Calib, String> {
-    match text.parse() {
-        Ok(calib) if !text.is_empty() => Ok(calib),
-        _ => Err("expected a file, estimate or none".to_owned()),
-    }
-}
-
-impl RectifyArgs {
-    /// What is given replaces what the request has.
-    pub(crate) fn fill(&self, request: &mut Request<'_>) {
-        request.calib = self.calib.clone().unwrap_or(request.calib.clone());
-        request.alpha = self.alpha.or(request.alpha);
-    }
-
-    pub(crate) fn is_given(&self) -> bool {
-        self.calib.is_some()
-    }
-}
-
-/// What pairs are judged against in place of a truth.
-#[derive(clap::Args, Default)]
-pub(crate) struct ReferenceArgs {
-    /// Judge against this algorithm where it is sure (textured, left and right consistent), not
-    /// against a truth; given twice, where both agree
-    #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
-    reference: Vec<Algorithm>,
-}
-
-impl ReferenceArgs {
-    pub(crate) fn is_given(&self) -> bool {
-        !self.reference.is_empty()
-    }
-
-    /// Warns of algorithms that are judged against themselves.
-    pub(crate) fn check(&self, algorithms: &[Algorithm]) {
-        let is_reference = |algorithm: &&Algorithm| {
-            let name = algorithm.spec().name;
-            // exec is any program.
-            let same = |reference: &Algorithm| {
-                reference.spec().name == name
-                    && (name != "exec" || reference.parameters() == algorithm.parameters())
-            };
-            self.reference.iter().any(same)
-        };
-        for algorithm in algorithms.iter().filter(is_reference) {
-            tracing::warn!(
-                "{}: is judged against itself: it shares the reference's errors",
-                algorithm.label()
-            );
-        }
-    }
-
-    /// The source with the references' disparities for its truth, where there are references.
-    pub(crate) fn wrap(&self, source: Box<dyn Source>) -> svl::Result<Box<dyn Source>> {
-        match &self.reference[..] {
-            [] => Ok(source),
-            references => Ok(Box::new(ReferenceSource::new(source, references)?)),
-        }
-    }
+    Ok(())
 }
 
 /// Options that only cameras take.

@@ -6,27 +6,33 @@ use clap::Error;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::error::ErrorKind;
 use std::fmt::Display;
-use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::str::FromStr;
 use svl::matcher::Algorithm;
+pub(crate) use svl::scenario::within;
 
 /// An error of the command line.
 pub(crate) fn wrong(words: impl Display) -> anyhow::Error {
     svl::Error::Usage(words.to_string()).into()
 }
 
-/// Prints an error and its causes in one line. Returns 2 for wrong usage, else 1.
+/// Prints an error and its causes in one line. Returns 2 for wrong usage, 3 for a limit that is
+/// broken or could not be judged, 4 where something is missing of what is done, else 1.
 pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
     let line = one_line(error);
-    if error.downcast_ref().is_some_and(svl::Error::is_usage) {
-        print_error(format_args!("error: {line}; see --help"));
-        ExitCode::from(2)
-    } else {
-        print_error(format_args!("error: {line}"));
-        ExitCode::FAILURE
-    }
+    let (code, cure) = match error.downcast_ref::<svl::Error>() {
+        Some(error) if error.is_usage() => (2, "; see --help"),
+        Some(svl::Error::Gate(_)) => (3, ""),
+        Some(svl::Error::Incomplete(_)) => (4, ""),
+        _ => (1, ""),
+    };
+    print_error(format_args!("error: {line}{cure}"));
+    ExitCode::from(code)
+}
+
+/// Fails as a gate that is broken or could not be judged.
+pub(crate) fn gate(words: impl Display) -> anyhow::Error {
+    svl::Error::Gate(words.to_string()).into()
 }
 
 /// Prints clap's error in one line, without the usage that `--help` shows; help and version as they
@@ -54,19 +60,6 @@ pub(crate) fn report_clap(error: &Error) -> ExitCode {
         let _ = error.print();
     }
     ExitCode::from(error.exit_code() as u8)
-}
-
-/// A number in a range.
-pub(crate) fn within<N>(
-    range: RangeInclusive<N>,
-) -> impl Fn(&str) -> Result<N, String> + Clone + Send + Sync
-where
-    N: FromStr + PartialOrd + Display + Clone + Send + Sync,
-{
-    move |text| {
-        let number = text.parse().ok().filter(|number| range.contains(number));
-        number.ok_or_else(|| format!("expected a number, {} to {}", range.start(), range.end()))
-    }
 }
 
 /// An algorithm whose parameters go together. A program is not started to find that out.

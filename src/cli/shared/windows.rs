@@ -2,7 +2,7 @@
 
 use super::progress::{EpochBar, Progress, interrupted};
 use super::runner;
-use super::scenario_runs::{ScenarioSourceArgs, ScoredSource, runs};
+use super::scenario_runs::{ScoredSource, runs};
 use anyhow::{Context, bail};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -30,11 +30,10 @@ impl LabelledRuns {
     pub(crate) fn open(
         scenario: Scenario,
         labels: Option<(PathBuf, FrameLabels)>,
-        source: &ScenarioSourceArgs,
         quiet: bool,
     ) -> anyhow::Result<Self> {
         Ok(Self {
-            runs: runs(&scenario, source, quiet)?,
+            runs: runs(&scenario, quiet)?,
             scenario,
             labels,
         })
@@ -47,7 +46,6 @@ pub(crate) fn windows(
     features: Features,
     range_px: f64,
     labelled: Vec<LabelledRuns>,
-    source: &ScenarioSourceArgs,
     quiet: bool,
 ) -> anyhow::Result<(WindowSamples, Vec<String>)> {
     let recordings = labelled.iter().map(|of| of.runs.len()).sum();
@@ -61,12 +59,12 @@ pub(crate) fn windows(
         } = of;
         let mut frames = BTreeSet::new();
         for run in runs {
-            let (mut run, judge) = run.open(&scenario, source, quiet, None)?;
+            let (mut run, judge) = run.open(&scenario, quiet, None)?;
             let name = match run.seed {
                 Some(seed) => format!("{} seed {seed}", scenario.name),
                 None => run.name(),
             };
-            let manifest = Manifest::new(&scenario.name, Some(&scenario.text), &[])?;
+            let manifest = Manifest::new(&scenario.name, &[])?;
             let group = names.len();
             let of_frame = {
                 let (mut spectrum, empty) = (Spectrum::new(features.window), samples.empty());

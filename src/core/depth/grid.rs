@@ -10,7 +10,7 @@ use crate::stereo::{Cell, CellDepth, DepthGrid, GridShape, Plane, Rig};
 pub const MIN_VALID: f64 = 0.20;
 
 /// Shape of the depth grid and when a cell is known.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GridSettings {
     pub columns: usize,
@@ -22,7 +22,7 @@ pub struct GridSettings {
 }
 
 /// What the cells of a disparity map report.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CellDecision {
     /// The median of their disparities, as the thesis does.

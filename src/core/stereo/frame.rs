@@ -43,6 +43,33 @@ impl Frame {
         self.geometry.rig()
     }
 
+    /// Hash of all that scores of the frame rest on: the pixels, by `pair`, the pair's hash, the
+    /// geometry, and the truth as it is used.
+    pub fn input_hash(&self, pair: u128) -> u128 {
+        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+        hasher.update(&pair.to_le_bytes());
+        let rig = match &self.geometry {
+            Geometry::Raw => vec![f64::NEG_INFINITY],
+            Geometry::Rectified(None) => vec![f64::INFINITY],
+            Geometry::Rectified(Some(rig)) => {
+                let (cx_px, cy_px) = rig.center_px();
+                vec![
+                    rig.focal_px(),
+                    cx_px,
+                    cy_px,
+                    rig.baseline_m(),
+                    rig.doffs_px(),
+                ]
+            }
+        };
+        rig.iter()
+            .for_each(|number| hasher.update(&number.to_le_bytes()));
+        if let Some(truth) = &self.truth {
+            hasher.update(&truth.whole_hash().to_le_bytes());
+        }
+        hasher.digest128()
+    }
+
     /// The pair, for a matcher.
     ///
     /// # Errors
@@ -127,6 +154,23 @@ impl Truth {
             let bytes: Vec<_> = row.iter().flat_map(|d| d.to_le_bytes()).collect();
             hasher.update(&bytes);
         }
+        hasher.digest128()
+    }
+
+    /// Hash of all that scores depend on: disparities, what the right camera sees, surfaces, and
+    /// how it was measured.
+    fn whole_hash(&self) -> u128 {
+        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+        hasher.update(&self.hash().to_le_bytes());
+        for row in self.visibility.iter().flat_map(Plane::rows) {
+            let bytes: Vec<_> = row.iter().map(|&visibility| visibility as u8).collect();
+            hasher.update(&bytes);
+        }
+        for row in self.surface.iter().flat_map(Plane::rows) {
+            let bytes: Vec<_> = row.iter().map(|&surface| surface as u8).collect();
+            hasher.update(&bytes);
+        }
+        hasher.update(format!("{:?}", self.kind).as_bytes());
         hasher.digest128()
     }
 

@@ -29,10 +29,44 @@ pub use rvl::{InverseDepth, encode_rvl};
 pub(crate) use svl_core::bounded::read_bounded;
 pub use svl_core::bounded::read_text;
 
+use std::path::{Component, Path, PathBuf, absolute};
 use svl_core::stereo::Plane;
 
 /// Limit of the size of an image or map file, in bytes.
 const MAX_BYTES: u64 = 1 << 30;
+
+/// The path `of`, as it is written in `folder`; absolute where they have nothing in common.
+pub fn relative_path(of: &Path, folder: &Path) -> PathBuf {
+    let folder = match folder.as_os_str().is_empty() {
+        true => Path::new("."),
+        false => folder,
+    };
+    let (Ok(of), Ok(folder)) = (real_path(of), real_path(folder)) else {
+        return of.to_owned();
+    };
+    let both = of.components().zip(folder.components());
+    let shared = both.take_while(|(a, b)| a == b).count();
+    if shared <= 1 {
+        return of;
+    }
+    let up = folder
+        .components()
+        .skip(shared)
+        .map(|_| Component::ParentDir);
+    up.chain(of.components().skip(shared)).collect()
+}
+
+/// A path without links, by which `..` would lead elsewhere; its end need not exist.
+fn real_path(path: &Path) -> std::io::Result<PathBuf> {
+    if let Ok(real) = path.canonicalize() {
+        return Ok(real);
+    }
+    let path = absolute(path)?;
+    match (path.parent(), path.file_name()) {
+        (Some(parent), Some(name)) => Ok(real_path(parent)?.join(name)),
+        _ => Ok(path),
+    }
+}
 
 /// The rows of an image in memory: `height` rows of `row_bytes` bytes, each `stride` bytes after
 /// the one before it. The padding of the last row may be missing.

@@ -1,24 +1,32 @@
 //! `[[filter]]`: a filter behind the scenario's algorithms, from a file or trained first.
 
-use super::{Scenario, ScenarioSource, SeedList};
-use serde::Deserialize;
+use super::{Scenario, ScenarioSource, SeedList, SourceOptions};
+use serde::{Deserialize, Serialize, Serializer};
 use std::path::{Path, PathBuf};
 use svl_core::filter::FilterKind;
 use svl_core::{Error, Result};
 
 /// A filter of a scenario. Its algorithms are run without filters and behind all of them.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScenarioFilter {
-    #[serde(deserialize_with = "kind")]
+    #[serde(serialize_with = "name", deserialize_with = "kind")]
     pub detects: FilterKind,
     /// A trained filter, relative to the scenario's folder.
     pub file: Option<PathBuf>,
     /// Scenarios of the arena to train it on first, likewise.
-    #[serde(default, deserialize_with = "one_or_more")]
+    #[serde(
+        default,
+        deserialize_with = "one_or_more",
+        skip_serializing_if = "Vec::is_empty"
+    )]
     pub scenario: Vec<PathBuf>,
     /// Seeds in place of those scenarios'.
     pub seeds: Option<SeedList>,
+}
+
+fn name<S: Serializer>(kind: &FilterKind, to: S) -> std::result::Result<S::Ok, S::Error> {
+    to.serialize_str(kind.name())
 }
 
 fn kind<'de, D: serde::Deserializer<'de>>(text: D) -> std::result::Result<FilterKind, D::Error> {
@@ -68,12 +76,15 @@ impl ScenarioFilter {
         let training = self.scenario.iter().map(|path| {
             let mut training = Scenario::read(path)?;
             let wrong = |what: String| Err(Error::format(path, what));
-            let ScenarioSource::Arena { seeds, .. } = &mut training.source else {
+            if self.seeds.is_some() {
+                training = training.with(&SourceOptions {
+                    seeds: self.seeds.clone(),
+                    ..SourceOptions::default()
+                })?;
+            }
+            let ScenarioSource::Arena { seeds, .. } = &training.source else {
                 return wrong("is not of the arena, which alone labels windows by truth".into());
             };
-            if let Some(given) = &self.seeds {
-                *seeds = given.seeds().to_vec();
-            }
             if let ScenarioSource::Arena { seeds: scored, .. } = &scored.source
                 && let Some(seed) = seeds.iter().find(|seed| scored.contains(seed))
             {

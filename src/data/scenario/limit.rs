@@ -24,7 +24,7 @@ pub struct Limit {
     /// At most.
     pub max: Option<f64>,
     /// Line of the scenario file.
-    #[serde(skip_deserializing)]
+    #[serde(skip)]
     pub line: usize,
 }
 

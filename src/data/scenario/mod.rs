@@ -6,7 +6,9 @@ mod limit;
 mod pairs;
 mod recordings;
 mod seeds;
+mod source;
 mod stress;
+mod write;
 
 pub use drive::{CellPart, CellStandsFor, DriveConfig, SteeringRule};
 pub use filter::ScenarioFilter;
@@ -14,6 +16,7 @@ pub use limit::Limit;
 pub use pairs::{CropScale, PairRange};
 pub use recordings::{RecordingRun, RecordingRuns};
 pub use seeds::SeedList;
+pub use source::{ScenarioKind, SourceOptions, within};
 pub use stress::{StressLevels, distinct_kinds};
 
 use crate::arena::{Arena, ArenaConfig, WireObject};
@@ -24,7 +27,7 @@ use svl_core::matcher::Algorithm;
 use svl_core::{Error, Result};
 
 use crate::score::{Checkpoint, CheckpointPlace, Judge};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 use stress::StressTable;
 use svl_core::stereo::{CellRule, GridShape};
@@ -35,7 +38,8 @@ const MAX_BYTES: u64 = 1 << 20;
 /// Largest number of columns and of rows of a grid.
 pub const MAX_GRID: usize = 64;
 
-/// A validated scenario.
+/// What a run is: a validated scenario. A file and the command line both make one, and
+/// [`Scenario::to_toml`] writes it.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     pub name: String,
@@ -44,6 +48,8 @@ pub struct Scenario {
     pub grid: GridSettings,
     pub cells: CellRule,
     pub source: ScenarioSource,
+    /// How the source is read; [`Scenario::with`] changes it.
+    pub options: SourceOptions,
     pub checkpoints: Vec<Checkpoint>,
     /// What the algorithms are run behind, too; at most one of a kind.
     pub filters: Vec<ScenarioFilter>,
@@ -73,15 +79,15 @@ pub enum ScenarioSource {
     /// folders, numbered scenes of a folder, or with `*` as their last part all scenes of a folder.
     Dataset { scenes: Vec<String> },
     /// Recordings, bags and folders of pairs, one run per file.
-    Recording(Box<RecordingRuns>),
+    Recording(RecordingRuns),
 }
 
 /// The file before validation.
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
     name: String,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     description: String,
     #[serde(default = "v5")]
     algorithms: Vec<String>,
@@ -89,53 +95,21 @@ struct File {
     grid: GridSettings,
     #[serde(default)]
     cells: CellRule,
-    source: SourceTable,
+    source: SourceOptions,
     arena: Option<ArenaConfig>,
     drive: Option<DriveConfig>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     checkpoint: Vec<Checkpoint>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     filter: Vec<ScenarioFilter>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     stress: Vec<StressTable>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     gate: Vec<toml::Spanned<Limit>>,
 }
 
 fn v5() -> Vec<String> {
     vec!["v5".to_owned()]
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SourceTable {
-    kind: ScenarioKind,
-    seeds: Option<SeedList>,
-    scenes: Option<Vec<String>>,
-    files: Option<Vec<String>>,
-    left: Option<String>,
-    right: Option<String>,
-    side_by_side: Option<bool>,
-    fps: Option<f64>,
-    bits: Option<u8>,
-    max_skew_ms: Option<f64>,
-    truth: Option<String>,
-    truth_skew_ms: Option<f64>,
-    calib: Option<String>,
-    crop: Option<[usize; 4]>,
-    scale: Option<f64>,
-    every: Option<u64>,
-    from_s: Option<f64>,
-    to_s: Option<f64>,
-}
-
-#[derive(Clone, Copy, PartialEq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum ScenarioKind {
-    Arena,
-    Drive,
-    Dataset,
-    Recording,
 }
 
 impl Scenario {
@@ -165,11 +139,15 @@ impl Scenario {
     /// # Errors
     /// [`Error::Invalid`] where there is no file.
     pub fn of_recordings(files: &[String], algorithms: Vec<Algorithm>) -> Result<Self> {
+        let options = SourceOptions {
+            files: files.to_vec(),
+            ..SourceOptions::default()
+        };
+        options.validate()?;
         let runs = RecordingRuns {
             files: files.to_vec(),
             ..RecordingRuns::default()
         };
-        runs.validate()?;
         let names: Vec<_> = runs.runs()?.into_iter().map(|run| run.name).collect();
         let (first, more) = (Path::new(&names[0]), names.len() - 1);
         let safe = |c: char| match c.is_ascii_alphanumeric() || c == '-' || c == '_' {
@@ -183,20 +161,42 @@ impl Scenario {
             (_, 0) => stem,
             _ => format!("{stem}-and-{more}-more"),
         };
-        // Names only: the same recordings elsewhere are the same scenario.
-        let text = format!("name = {name:?}\n[source]\nkind = \"recording\"\nfiles = {names:?}\n");
         Ok(Self {
             name,
             description: String::new(),
             algorithms,
             grid: GridSettings::default(),
             cells: CellRule::default(),
-            source: ScenarioSource::Recording(Box::new(runs)),
+            source: ScenarioSource::Recording(runs),
+            options,
             checkpoints: Vec::new(),
             filters: Vec::new(),
             stress: Vec::new(),
             gate: Vec::new(),
-            text,
+            text: String::new(),
+        })
+    }
+
+    /// The scenario with other source options: those that `given` sets, as far as scenarios of its
+    /// kind take them.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for options that contradict each other or the scenario's.
+    pub fn with(&self, given: &SourceOptions) -> Result<Self> {
+        let options = self.options.with(&given.of_kind(self.options.kind)?)?;
+        options.validate()?;
+        let mut source = self.source.clone();
+        match &mut source {
+            ScenarioSource::Arena { seeds, .. } | ScenarioSource::Drive { seeds, .. } => {
+                *seeds = options.seeds();
+            }
+            ScenarioSource::Dataset { scenes } => scenes.clone_from(&options.scenes),
+            ScenarioSource::Recording(_) => {}
+        }
+        Ok(Self {
+            options,
+            source,
+            ..self.clone()
         })
     }
 
@@ -349,7 +349,9 @@ impl File {
         let stress = self.stress.into_iter().map(StressTable::check);
         let stress = stress.collect::<Result<Vec<_>>>()?;
         distinct_kinds(&stress)?;
-        let source = (self.source).check(self.arena, self.drive, self.grid.shape(), folder)?;
+        let options = self.source.rooted(folder);
+        options.validate()?;
+        let source = source(&options, self.arena, self.drive, self.grid.shape(), folder)?;
         if matches!(source, ScenarioSource::Drive { .. }) && !self.checkpoint.is_empty() {
             let belongs = "is for pairs that do not depend on the algorithm, not for drives";
             return invalid(format!("[[checkpoint]] {belongs}"));
@@ -364,6 +366,7 @@ impl File {
             grid: self.grid,
             cells: self.cells,
             source,
+            options,
             checkpoints: self.checkpoint,
             filters,
             stress,
@@ -419,109 +422,43 @@ fn check_place(checkpoint: &Checkpoint, source: &ScenarioSource) -> Result<()> {
     }
 }
 
-impl SourceTable {
-    fn check(
-        self,
-        arena: Option<ArenaConfig>,
-        drive: Option<DriveConfig>,
-        grid: GridShape,
-        folder: &Path,
-    ) -> Result<ScenarioSource> {
-        use ScenarioKind::{Arena, Dataset, Drive, Recording};
-        let belong = |of: ScenarioKind, keys: &[(&str, bool)]| match keys.iter().find(|k| k.1) {
-            Some((key, _)) if of != self.kind => {
-                invalid(format!("{key} belongs to kind = \"{}\"", of.name()))
-            }
-            _ => Ok(()),
-        };
-        if self.kind != Drive {
-            belong(
-                Arena,
-                &[
-                    ("source.seeds", self.seeds.is_some()),
-                    ("[arena]", arena.is_some()),
-                ],
-            )?;
-        }
-        belong(Drive, &[("[drive]", drive.is_some())])?;
-        belong(Dataset, &[("source.scenes", self.scenes.is_some())])?;
-        belong(
-            Recording,
-            &[
-                ("source.files", self.files.is_some()),
-                ("source.left", self.left.is_some()),
-                ("source.right", self.right.is_some()),
-                ("source.side_by_side", self.side_by_side.is_some()),
-                ("source.fps", self.fps.is_some()),
-                ("source.bits", self.bits.is_some()),
-                ("source.max_skew_ms", self.max_skew_ms.is_some()),
-                ("source.truth", self.truth.is_some()),
-                ("source.truth_skew_ms", self.truth_skew_ms.is_some()),
-                ("source.calib", self.calib.is_some()),
-                ("source.crop", self.crop.is_some()),
-                ("source.scale", self.scale.is_some()),
-                ("source.every", self.every.is_some()),
-                ("source.from_s", self.from_s.is_some()),
-                ("source.to_s", self.to_s.is_some()),
-            ],
-        )?;
-        let seeds = self.seeds.as_ref().map_or(&[1][..], SeedList::seeds);
-        match self.kind {
-            Arena => Ok(ScenarioSource::Arena {
-                config: Box::new(arena.unwrap_or_default()),
-                seeds: seeds.to_vec(),
-            }),
-            Drive => {
-                let (config, drive) = (arena.unwrap_or_default(), drive.unwrap_or_default());
-                drive.validate(grid, config.frames, config.rate_hz)?;
-                Ok(ScenarioSource::Drive {
-                    config: Box::new(config),
-                    drive: Box::new(drive),
-                    seeds: seeds.to_vec(),
-                })
-            }
-            Dataset => match self.scenes {
-                Some(scenes) if !scenes.is_empty() => Ok(ScenarioSource::Dataset { scenes }),
-                _ => invalid("kind = \"dataset\" takes source.scenes, at least one".into()),
-            },
-            Recording => {
-                let runs = RecordingRuns {
-                    files: self.files.unwrap_or_default(),
-                    folder: folder.to_owned(),
-                    topics: [self.left, self.right],
-                    side_by_side: self.side_by_side.unwrap_or(false),
-                    fps: self.fps,
-                    bits: self.bits,
-                    max_skew_ms: self.max_skew_ms,
-                    truth: self.truth,
-                    truth_skew_ms: self.truth_skew_ms,
-                    calib: self.calib,
-                    range: PairRange {
-                        every: self.every,
-                        from_s: self.from_s,
-                        to_s: self.to_s,
-                    },
-                    window: CropScale {
-                        crop: self.crop,
-                        scale: self.scale,
-                    },
-                };
-                runs.validate()?;
-                Ok(ScenarioSource::Recording(Box::new(runs)))
-            }
-        }
+/// The source of validated options, with the tables that belong to their kind.
+fn source(
+    options: &SourceOptions,
+    arena: Option<ArenaConfig>,
+    drive: Option<DriveConfig>,
+    grid: GridShape,
+    folder: &Path,
+) -> Result<ScenarioSource> {
+    use ScenarioKind::{Arena, Dataset, Drive, Recording};
+    if arena.is_some() && !matches!(options.kind, Arena | Drive) {
+        return invalid("[arena] belongs to kind = \"arena\"".into());
     }
-}
-
-impl ScenarioKind {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Arena => "arena",
-            Self::Drive => "drive",
-            Self::Dataset => "dataset",
-            Self::Recording => "recording",
-        }
+    if drive.is_some() && options.kind != Drive {
+        return invalid("[drive] belongs to kind = \"drive\"".into());
     }
+    Ok(match options.kind {
+        Arena => ScenarioSource::Arena {
+            config: Box::new(arena.unwrap_or_default()),
+            seeds: options.seeds(),
+        },
+        Drive => {
+            let (config, drive) = (arena.unwrap_or_default(), drive.unwrap_or_default());
+            drive.validate(grid, config.frames, config.rate_hz)?;
+            ScenarioSource::Drive {
+                config: Box::new(config),
+                drive: Box::new(drive),
+                seeds: options.seeds(),
+            }
+        }
+        Dataset => ScenarioSource::Dataset {
+            scenes: options.scenes.clone(),
+        },
+        Recording => ScenarioSource::Recording(RecordingRuns {
+            files: options.files.clone(),
+            folder: folder.to_owned(),
+        }),
+    })
 }
 
 fn invalid<T>(what: String) -> Result<T> {

@@ -1,38 +1,15 @@
 //! `[source] kind = "recording"`: files and patterns, a run for each file.
 
-use super::pairs::{CropScale, PairRange};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 
-/// Limit of the skews that may be allowed, milliseconds.
-const MAX_SKEW_MS: f64 = 60_000.0;
-
-/// Recordings, bags and folders of pairs, and what is taken of them.
+/// Recordings, bags and folders of pairs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RecordingRuns {
     /// Paths and patterns (`*`, `?`, `[a-z]`, `**`), relative to `folder`.
     pub files: Vec<String>,
     /// The scenario file's folder.
     pub folder: PathBuf,
-    /// Topics of the left and right images in a recording that svl did not write, or patterns in
-    /// a folder.
-    pub topics: [Option<String>; 2],
-    /// Whether each image holds the left and the right one, side by side.
-    pub side_by_side: bool,
-    /// Pairs per second of images or videos [default: by their stamps].
-    pub fps: Option<f64>,
-    /// How many of 16 bits the images use [default: decided by the first pairs].
-    pub bits: Option<u8>,
-    /// Largest skew of a pair that is made by stamp.
-    pub max_skew_ms: Option<f64>,
-    /// Topic of another sensor that measures the truth.
-    pub truth: Option<String>,
-    /// Largest difference of the stamps of a pair and its measurement.
-    pub truth_skew_ms: Option<f64>,
-    /// As `--calib` takes it; a path is relative to `folder`. `own` is the default.
-    pub calib: Option<String>,
-    pub range: PairRange,
-    pub window: CropScale,
 }
 
 /// One file of them.
@@ -44,39 +21,6 @@ pub struct RecordingRun {
 }
 
 impl RecordingRuns {
-    /// # Errors
-    /// [`Error::Invalid`] for what takes nothing.
-    pub(super) fn validate(&self) -> Result<()> {
-        let wrong = |what: String| Err(Error::Invalid(format!("source.{what}")));
-        if self.files.is_empty() || self.files.iter().any(String::is_empty) {
-            return wrong("files: at least one path or pattern".into());
-        }
-        let unpaired = self.topics.iter().filter(|topic| topic.is_some()).count() == 1;
-        if unpaired {
-            return wrong("left and source.right belong together: name both topics".into());
-        }
-        if self.truth_skew_ms.is_some() && self.truth.is_none() {
-            return wrong("truth_skew_ms is for source.truth".into());
-        }
-        let within = |value: Option<f64>, least, most| {
-            value.is_none_or(|value| (least..=most).contains(&value))
-        };
-        for (name, value, least, most) in [
-            ("fps", self.fps, 0.001, 100_000.0),
-            ("bits", self.bits.map(f64::from), 8.0, 16.0),
-            ("max_skew_ms", self.max_skew_ms, 0.0, MAX_SKEW_MS),
-            ("truth_skew_ms", self.truth_skew_ms, 0.0, MAX_SKEW_MS),
-        ] {
-            if !within(value, least, most) {
-                return wrong(format!("{name}: {least} to {most}"));
-            }
-        }
-        self.range
-            .validate()
-            .and_then(|()| self.window.validate())
-            .or_else(|error| wrong(error.to_string()))
-    }
-
     /// The files, those of a pattern in natural order (2 before 10), each once.
     ///
     /// # Errors

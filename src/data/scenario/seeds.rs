@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 /// Different seeds, at least one: `4..10`, `4,7,9`, in a scenario also `[4, 7, 9]`.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Deserialize)]
-#[serde(try_from = "WrittenSeeds")]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(try_from = "WrittenSeeds", into = "String")]
 pub struct SeedList(Vec<u64>);
 
 /// Most seeds of one list.
@@ -65,6 +65,12 @@ impl TryFrom<WrittenSeeds> for SeedList {
             WrittenSeeds::List(seeds) => Self::new(seeds),
             WrittenSeeds::Text(text) => text.parse().map_err(|why| format!("seeds: {why}")),
         }
+    }
+}
+
+impl From<SeedList> for String {
+    fn from(seeds: SeedList) -> Self {
+        seeds.to_string()
     }
 }
 

@@ -1,7 +1,7 @@
 //! A scenario's `[[stress]]`: how its pairs are made worse, and at which levels.
 
 use crate::stress::{Stress, StressKind};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 use svl_core::{Error, Result};
 
@@ -10,7 +10,7 @@ use svl_core::{Error, Result};
 pub struct StressLevels(Vec<Stress>);
 
 /// As a scenario has it.
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StressTable {
     kind: String,
@@ -64,6 +64,15 @@ pub fn distinct_kinds(stress: &[StressLevels]) -> Result<()> {
 impl StressTable {
     pub(super) fn check(self) -> Result<StressLevels> {
         StressLevels::new(&self.kind, self.levels.as_deref())
+    }
+}
+
+impl From<&StressLevels> for StressTable {
+    fn from(levels: &StressLevels) -> Self {
+        Self {
+            kind: levels.kind().name.to_owned(),
+            levels: Some(levels.stresses().iter().map(Stress::level).collect()),
+        }
     }
 }
 

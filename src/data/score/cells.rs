@@ -69,6 +69,11 @@ pub struct CellTally {
 }
 
 impl CellTally {
+    /// The number of cells that have a truth.
+    pub fn scored(&self) -> usize {
+        self.right + self.wrong + self.unknown
+    }
+
     pub fn from_judgements(judgements: &[CellJudgement]) -> Self {
         let count = |f: fn(&CellJudgement) -> bool| judgements.iter().filter(|j| f(j)).count();
         Self {

@@ -34,12 +34,19 @@ pub struct Judged {
     /// The depth grid of the truth; absent without truth or without estimates.
     pub true_grid: Option<DepthGrid>,
     pair_hash: OnceLock<u128>,
+    input_hash: OnceLock<u128>,
 }
 
 impl Judged {
     /// Hash of the pair's pixels, computed when it is first read: recording cameras needs none.
     pub fn pair_hash(&self) -> u128 {
         *self.pair_hash.get_or_init(|| self.frame.pair.hash())
+    }
+
+    /// Hash of all that the scores rest on: pixels, geometry and truth.
+    pub fn input_hash(&self) -> u128 {
+        let pair = self.pair_hash();
+        *self.input_hash.get_or_init(|| self.frame.input_hash(pair))
     }
 }
 
@@ -81,6 +88,7 @@ impl Judge {
             estimates,
             true_grid,
             pair_hash: OnceLock::new(),
+            input_hash: OnceLock::new(),
         }
     }
 

@@ -36,8 +36,10 @@ pub struct CellSupport {
 }
 
 impl FrameFacts<'_> {
+    /// Absent where no cell is scored: nothing was measured, which is not 0.
     fn cells(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
-        self.cells.as_ref().map(|cells| count(cells) as f64)
+        let scored = self.cells.as_ref().filter(|cells| cells.scored() > 0);
+        scored.map(|cells| count(cells) as f64)
     }
 
     /// As `cells`, where distances are known: elsewhere no obstacle can be missed, and a 0 would
@@ -47,7 +49,9 @@ impl FrameFacts<'_> {
     }
 
     fn surfaces(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
-        self.surfaces.as_ref().map(|cells| count(cells) as f64)
+        let is_scored = self.cells.as_ref().is_some_and(|cells| cells.scored() > 0);
+        let surfaces = self.surfaces.as_ref().filter(|_| is_scored);
+        surfaces.map(|cells| count(cells) as f64)
     }
 
     /// As `surfaces`, where distances are known.
@@ -207,7 +211,7 @@ pub const METRICS: &[Metric] = &[
         group: "cells, %",
         head: "known",
         unit: MetricUnit::Share,
-        better: Better::More,
+        better: Better::Neither,
         against_truth: false,
         origin: MetricOrigin::Frame {
             column: "known_share",

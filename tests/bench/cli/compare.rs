@@ -60,12 +60,17 @@ fn equal_runs_are_equal_and_json_says_all() {
 fn another_yardstick_judges_nothing() {
     let fixture = scored(&["v1"]);
     let text = fixture.text("short.toml");
-    fixture.write("one.toml", text.replace("seeds = [1, 2]", "seeds = [2]"));
+    let text = text.replace("seeds = [1, 2]", "seeds = [2]");
+    let text = text.replace("[cells]\n", "[cells]\ntolerance_m = 0.2\n");
+    fixture.write("one.toml", text);
     fixture.run("score one.toml -q --algo v1 --out 1");
     let text = fixture.run("compare 0 1");
     assert_says(
         &text,
-        &["The scenarios differ", "40 pairs of one run alone"],
+        &[
+            "Scored differently (cells.tolerance_m: 0.1 and 0.2)",
+            "40 pairs of one run alone",
+        ],
     );
     fixture.run("score one.toml -q --algo v3 --out 2");
     let text = fixture.run("compare 0 2");
@@ -140,7 +145,7 @@ fn what_became_worse_fails_and_is_in_junits_xml() {
     let failing = "compare 0 1 --fail-on worse:right --junit worse.xml";
     fixture
         .svl(failing)
-        .failed(1, &["right cells: became worse"]);
+        .failed(3, &["right cells: became worse"]);
     assert_says(&fixture.text("worse.xml"), &["failures=\"1\"", "<failure"]);
     fixture.fails("compare 0 1 --fail-on worse --junit worse.xml => 1: worse.xml: exists already");
 }

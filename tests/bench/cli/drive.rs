@@ -110,7 +110,7 @@ fn collisions_have_limits() {
     assert_says(
         &text,
         &[
-            "kept    truth: courses finished 100.0 %, at least 100.0 %",
+            "pass          truth: courses finished 100.0 %, at least 100.0 %",
             "per 100 m, at most 500.0 per 100 m",
         ],
     );
@@ -125,7 +125,7 @@ fn collisions_have_limits() {
     fixture.write("broken.toml", courses(&limits(1)));
     fixture.fails(
         "
-        score broken.toml --gate -q --drives none => 1: gate: blind: collisions | at most 1.0 per
+        score broken.toml --gate -q --drives none => 3: gate: blind: collisions | at most 1.0 per
         score broken.toml --sort collisions => 2: no such metric
         ",
     );
@@ -232,7 +232,7 @@ fn what_cannot_be_driven_is_one_line() {
         score stop.toml => 1: drive.steering.stop_m = 0.9 is outside
         score long.toml => 1: arena.frames = 401: a drive has at most 400
         score small.toml --rerun none => 2: --rerun is not for drives
-        score small.toml --every 2 => 2: a drive has all of its pairs
+        score small.toml --every 2 => 2: --every is for the arena, scenes of data sets, recordings
         score small.toml --repeat 3 => 2: --repeat is not for drives
         record small.toml -o a.mcap => 1: is driven by algorithms | svl score
         tune small.toml --algo v3 --auto -o b.toml => 2: is driven

@@ -157,7 +157,7 @@ fn of_several_recordings_the_checkpoint_names_its_own() {
     let scenario = Scenario::read(&fixture.path("both.toml")).unwrap();
     scenario.recordings().unwrap();
     label(&fixture, "run.mcap -o both.toml --grid 5x3", "q")
-        .failed(2, &["--grid: both.toml says that itself; leave it out"]);
+        .failed(2, &["--grid is what both.toml says itself; leave it out"]);
     std::fs::create_dir(fixture.path("inner")).unwrap();
     std::fs::rename(fixture.path("run.mcap"), fixture.path("inner/run.mcap")).unwrap();
     label(&fixture, "inner/run.mcap -o both.toml", "q").failed(

@@ -12,6 +12,7 @@ mod calibrate_convert;
 mod calibrate_distance;
 mod compare;
 mod datasets;
+mod description;
 mod drive;
 mod eval;
 mod exec;

@@ -21,7 +21,7 @@ fn frames(fixture: &Fixture, name: &str) -> Vec<Frame> {
 /// The standard error of a run that kept all but what it warned of.
 #[track_caller]
 fn incomplete(ran: Ran, words: &[&str]) {
-    assert_eq!(ran.code, Some(1), "{}", ran.stderr);
+    assert_eq!(ran.code, Some(4), "{}", ran.stderr);
     for word in words {
         assert!(
             ran.stderr.contains(word),

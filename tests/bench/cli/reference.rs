@@ -29,7 +29,10 @@ fn numbers_against_a_reference_say_so_everywhere() {
     let compared = fixture.run("compare exact other");
     assert_says(
         &compared,
-        &[&format!("other  other: {CAUTION}"), "The truths differ"],
+        &[
+            &format!("other  other: {CAUTION}"),
+            "Scored differently (truth or calibration of 8 pairs)",
+        ],
     );
     assert!(
         !compared.contains("WORSE") && !compared.contains("better\n"),

@@ -259,7 +259,7 @@ fn pairs_that_cannot_be_read_are_left_out_and_counted() {
             "replay bad.mcap --threads {threads} --json --rows r.csv --force"
         ));
         assert!(
-            ran.code == Some(1) && ran.stderr.ends_with(error),
+            ran.code == Some(4) && ran.stderr.ends_with(error),
             "{}",
             ran.stderr
         );
@@ -278,7 +278,7 @@ fn pairs_that_cannot_be_read_are_left_out_and_counted() {
     }
     let ran = fixture.svl("record bad.mcap -o good.mcap");
     assert!(
-        ran.code == Some(1)
+        ran.code == Some(4)
             && ran.stderr.ends_with(error)
             && ran.stdout.contains("good.mcap: 9 pairs"),
         "{}",

@@ -72,9 +72,9 @@ fn a_resumed_run_ends_as_if_it_had_not_been_killed() {
     // Nothing is left to do, which is soon done.
     fixture.run(&format!("{SCORE} -q --resume"));
     let others = "
-        score short.toml -q --algo v3 --out r --resume => 1: r: cannot be resumed | algorithms were
+        score short.toml -q --algo v3 --out r --resume => 1: r: cannot be resumed | algorithms: v3
         score short.toml -q --algo v3 --algo bm --algo v5 --out r --resume --repeat 2 => \
-            1: cannot be resumed | times are of another kind | without --resume
+            1: cannot be resumed | times: matching alone | without --resume
     ";
     fixture.fails(others);
     // Without anything to go on with it begins.

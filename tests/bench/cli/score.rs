@@ -175,26 +175,89 @@ fn a_gate_passes_v3_and_stops_a_worse_one() {
         format!("{}{limits}", &text[..text.find("[[gate]]").unwrap()]),
     );
     let text = fixture.run("score short.toml -q --gate --algo v3");
-    assert_says(&text, &["kept    v3: frames passed 9"]);
+    assert_says(&text, &["pass          v3: frames passed 9"]);
     // Deliberately worse: what is near needs more disparities than these.
     let gate = "score short.toml -q --gate --algo v3:max_disparity=24";
     let ran = fixture.svl(gate);
-    assert_says(&ran.stdout, &["BROKEN  v3:max_disparity=24: frames passed"]);
+    assert_says(
+        &ran.stdout,
+        &["FAIL          v3:max_disparity=24: frames passed"],
+    );
     let broken = "gate: v3:max_disparity=24: frames passed ";
-    ran.failed(1, &[broken, ", at least 90.0 % (line "]);
+    ran.failed(3, &[broken, ", at least 90.0 % (line "]);
     let json = fixture.svl(&format!("{gate} --json")).stdout;
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
-    assert_eq!(json["gate"][0]["kept"], false, "{json}");
+    assert_eq!(json["gate"][0]["state"], "fail", "{json}");
+}
+
+#[test]
+fn what_is_not_measured_is_not_zero() {
+    let fixture = Fixture::new();
+    fixture.write_pair("data/scene/im0.pgm", "data/scene/im1.pgm", (80, 60), 5);
+    for (name, truth, scored) in [("empty", f32::INFINITY, false), ("exact", 5.0, true)] {
+        let numbers = std::iter::repeat_n(truth, 80 * 60).flat_map(f32::to_le_bytes);
+        let head = b"Pf\n80 60\n-1.0\n".iter().copied();
+        fixture.write(
+            "data/scene/disp0.pfm",
+            head.chain(numbers).collect::<Vec<_>>(),
+        );
+        fixture.write(
+            "s.toml",
+            "name = \"s\"\nalgorithms = [\"bm:max_disparity=16\"]\n[cells]\njudge = \"disparity\"\n\
+             tolerance_px = 2\n[source]\nkind = \"dataset\"\nscenes = [\"scene\"]\n\
+             [[gate]]\nalgorithm = \"bm\"\nmetric = \"wrong\"\nmax = 0\n",
+        );
+        let line = format!("score s.toml --data data --rerun none --gate --out {name} --json");
+        let ran = fixture.svl(&line);
+        let json: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        let of = &json["algorithms"][0];
+        let state = &json["gate"][0]["state"];
+        if scored {
+            assert_eq!(
+                (ran.code, state),
+                (Some(0), &"pass".into()),
+                "{}",
+                ran.stderr
+            );
+            assert_eq!(
+                (&of["scored_pairs"], &of["cells_wrong"]),
+                (&1.into(), &0.into())
+            );
+            assert!(of["scored_cells"].as_u64() > Some(9), "{of}");
+        } else {
+            assert_eq!(
+                (ran.code, state),
+                (Some(3), &"not-measured".into()),
+                "{}",
+                ran.stderr
+            );
+            assert_eq!(
+                (&of["scored_pairs"], &of["scored_cells"]),
+                (&0.into(), &0.into())
+            );
+            assert!(of["cells_wrong"].is_null() && of["right"].is_null(), "{of}");
+            assert_says(&ran.stderr, &["0 of 15 cells have a ground truth"]);
+        }
+    }
+    fixture.write_short_arena("short.toml", 2);
+    let text = fixture.text("short.toml");
+    let text = text.replacen(
+        "algorithm = \"v3\"",
+        "algorithm = \"v1:max_disparity=9\"",
+        1,
+    );
+    fixture.write("other.toml", text);
+    fixture.fails("score other.toml -q --gate --algo v3 => 2: 'v1:max_disparity=9' is none of");
 }
 
 #[test]
 fn a_gate_that_judges_nothing_does_not_pass() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 2);
-    fixture.fails("score short.toml -q --gate --algo dp => 1: none of the scenario's limits");
+    fixture.fails("score short.toml -q --gate --algo dp => 2: none of the scenario's limits");
     let text = fixture.text("short.toml");
     fixture.write("none.toml", &text[..text.find("[[gate]]").unwrap()]);
-    fixture.fails("score none.toml --gate => 1: has no [[gate]]");
+    fixture.fails("score none.toml --gate => 2: has no [[gate]]");
     fixture.write("bad.toml", text.replace("max = 0.075", "max = 7.5"));
     fixture.fails("score bad.toml --gate => 1: gate in line | 5 % is 0.05");
 }
@@ -220,12 +283,12 @@ fn truth_is_the_best_line_and_checks_the_checkpoints() {
     let text = fixture.text("short.toml");
     let text = text.replacen("[[checkpoint]]", impossible, 1);
     fixture.write("wrong.toml", text);
-    let wrong = "score wrong.toml -q --check --out wrong => 1: \
+    let wrong = "score wrong.toml -q --check --out wrong => 3: \
                  even the truth fails checkpoint 7 impossible in 8 of 8 frames";
     fixture.fails(wrong);
     fixture.write_pair("left/1.pgm", "right/1.pgm", (64, 48), 4);
     let without = "
-        score . --check -q --out none => 1: algorithms failed on 1 pair
+        score . --check -q --out none => 3: no checkpoint is scored
         score short.toml --check --gate => 2: cannot be used with
     ";
     fixture.fails(without);
@@ -250,10 +313,7 @@ fn other_seeds_are_scored_and_said() {
         .collect();
     assert_eq!(seeds, ["7", "7", "9", "9", "10", "10"]);
     let page = fixture.text("r/index.html");
-    assert_says(
-        &page,
-        &["Of other seeds than the scenario&#x27;s: 7, 9, 10."],
-    );
+    assert_says(&page, &["seeds 7, 9, 10"]);
 }
 
 #[test]

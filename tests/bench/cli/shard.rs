@@ -170,13 +170,13 @@ fn a_killed_part_is_done_again_and_others_are_refused() {
         merge p1 p2 again --out all => 1: is shard 1/2, and so is
         merge p1 third --out all => 1: all must be of one number of shards
         merge p1 other --out all => 1: other: is not of the same run as p1 | algorithms
-        merge p1 seeds --out all => 1: seeds: is not of the same run as p1 | scenario
+        merge p1 seeds --out all => 1: seeds: is not of the same run | source.seeds: 1, 2 and 1
         merge p1 whole --out all => 1: whole: is no part of a report
         merge p1 nothing --out all => 1: nothing: is no part of a report
         merge p1 killed --out all => 1: killed: is incomplete | --resume
         score short.toml --shard 3/2 --out x => 2: I from 1 to N
         score short.toml --shard 1/2 => 2: --out
-        score short.toml --algo v3 --algo bm --shard 1/2 --out p2 --resume => 1: it is another shard
+        score short.toml --algo v3 --algo bm --shard 1/2 --out p2 --resume => 1: shard: 2/2 and 1/2
         ",
     );
     fixture.run(&format!("{line} --shard 2/2 --out killed --resume"));

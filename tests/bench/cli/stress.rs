@@ -36,7 +36,7 @@ fn levels_are_scored_tabled_and_drawn() {
     // The first pair has none before it.
     assert_eq!(of("skew")[1]["pairs"], 5);
     let rows = fixture.text("r/rows.csv");
-    assert_eq!(rows.matches(",row_offset=8\n").count(), 6);
+    assert_eq!(rows.matches(",row_offset=8,").count(), 6);
     assert!(fixture.text("r/index.html").contains("Against stress"));
 
     // Reports are compared by the pairs as they are.

@@ -74,7 +74,7 @@ fn what_cannot_be_learned_is_refused_in_one_line() {
          learn from | v5 does
         -q train cells short.toml --seeds 4 -o t.toml => 1: one run cannot be held out
         train cells short.toml --seeds 4..5 -o t.toml --algo v5:rank=60 => 2: leave rank out
-        train cells short.toml --scenes cones -o t.toml => 1: short.toml | does not read scenes
+        train cells short.toml --scenes cones -o t.toml => 2: --scenes is for scenes of data
         train cells short.toml --seeds 5..4 -o t.toml => 2: --seeds | 4..10
         train cells short.toml --seeds 3,3 -o t.toml => 2: --seeds | each once
         train cells short.toml --seeds a -o t.toml => 2: --seeds

@@ -6,7 +6,7 @@ use ::image::codecs::png::PngEncoder;
 use ::image::{ExtendedColorType, ImageEncoder};
 use foxglove::messages as fox;
 use std::path::{Path, PathBuf};
-use svl::recording::TruthSelection;
+use svl::scenario::SourceOptions;
 use svl::source::{Opened, Request, open_recording};
 use svl::stereo::{Frame, Truth, TruthDensity, TruthKind, TruthOrigin};
 
@@ -117,10 +117,10 @@ fn of(messages: impl IntoIterator<Item = Message>) -> (tempfile::TempDir, PathBu
 
 fn open(path: &Path, topic: &str) -> svl::Result<Opened> {
     open_recording(&Request {
-        truth: Some(TruthSelection {
-            topic: topic.to_owned(),
-            max_skew_ns: TruthSelection::MAX_SKEW_NS,
-        }),
+        options: SourceOptions {
+            truth: Some(topic.to_owned()),
+            ..SourceOptions::default()
+        },
         ..Request::new(path.to_str().unwrap())
     })
 }

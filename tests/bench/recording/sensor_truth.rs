@@ -10,7 +10,7 @@ use crate::common::python;
 use std::path::{Path, PathBuf};
 use svl::depth::{GridSettings, grid};
 use svl::matcher::Algorithm;
-use svl::recording::TruthSelection;
+use svl::scenario::SourceOptions;
 use svl::score::{CellJudgement, CellTally, Verdict, judge_cells, true_grid};
 use svl::source::{Request, open_recording};
 use svl::stereo::{
@@ -53,12 +53,11 @@ fn recorded(fixture: &Fixture) -> Option<(PathBuf, PathBuf)> {
 }
 
 fn frames(path: &Path, topic: Option<&str>) -> Vec<Frame> {
-    let truth = topic.map(|topic| TruthSelection {
-        topic: topic.to_owned(),
-        max_skew_ns: TruthSelection::MAX_SKEW_NS,
-    });
     let mut source = open_recording(&Request {
-        truth,
+        options: SourceOptions {
+            truth: topic.map(str::to_owned),
+            ..SourceOptions::default()
+        },
         ..Request::new(path.to_str().unwrap())
     })
     .unwrap()

@@ -8,6 +8,7 @@ use serde::Serialize;
 use std::fmt::{Display, Formatter};
 use std::path::PathBuf;
 use svl_core::{Error, Result};
+use svl_data::manifest::Purpose;
 use svl_data::score::{METRICS, Metric, MetricUnit};
 
 /// Every metric of the reports of equal scenarios, over their dates.
@@ -92,8 +93,17 @@ impl History {
         runs.sort_by(|a, b| a.manifest.began.cmp(&b.manifest.began));
         let mut scenarios: Vec<Vec<ScoredRun>> = Vec::new();
         for run in runs {
-            let hash = |run: &ScoredRun| run.manifest.scenario_hash.clone();
-            match scenarios.iter_mut().find(|of| hash(&of[0]) == hash(&run)) {
+            let mut own = None;
+            for of in &mut scenarios {
+                let differences = of[0]
+                    .manifest
+                    .differences(&run.manifest, Purpose::History)?;
+                if differences.is_empty() {
+                    own = Some(of);
+                    break;
+                }
+            }
+            match own {
                 Some(of) => of.push(run),
                 None => scenarios.push(vec![run]),
             }

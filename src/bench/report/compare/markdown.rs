@@ -1,7 +1,7 @@
 //! A comparison as Markdown, for a pull request.
 
 use super::text::{signed, verdict};
-use super::{Change, Comparison, Judgement};
+use super::{Change, Comparison};
 use svl_core::counted;
 
 impl Comparison {
@@ -35,8 +35,7 @@ impl Comparison {
 impl Change {
     /// A row of a table: name, before, after, change, interval and what it is called.
     pub fn markdown_row(&self, name: &str) -> String {
-        let interval = self.interval.filter(|_| self.judgement != Judgement::Equal);
-        let interval = interval.map(|(low, high)| {
+        let interval = self.interval.map(|(low, high)| {
             format!(
                 "{} .. {}",
                 signed(self.metric, low),
@@ -48,7 +47,7 @@ impl Change {
             self.metric.show(self.base),
             self.metric.show(self.other),
             signed(self.metric, self.difference),
-            interval.unwrap_or_default(),
+            interval.unwrap_or_else(|| "too few pairs".to_owned()),
             verdict(self.judgement)
         )
     }

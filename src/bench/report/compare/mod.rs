@@ -12,9 +12,9 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use svl_core::{Error, Result};
-use svl_data::bootstrap::{self, Interval, Resamples, Sample};
-use svl_data::manifest::Manifest;
+use svl_core::{Error, Result, counted};
+use svl_data::bootstrap::{self, Interval, IntervalMethod, Resamples, Sample};
+use svl_data::manifest::{Manifest, Purpose};
 use svl_data::score::{Better, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit};
 pub use text::{signed, verdict};
 
@@ -42,10 +42,10 @@ pub struct Comparison {
     pub base: PathBuf,
     pub other: PathBuf,
     pub scenario: String,
-    /// Whether both have the same scenario; otherwise nothing is called better or worse.
-    pub same_scenario: bool,
-    /// Where the truths of the two come from, as their manifests have it; where that is not the
-    /// same, nothing is called better or worse either.
+    /// In what they were scored otherwise, in words: where there is something, nothing is called
+    /// better or worse.
+    pub differences: Vec<String>,
+    /// Where the truths of the two come from.
     pub truths: [Vec<String>; 2],
     /// How the two were made; times depend on it.
     pub origins: [ReportOrigin; 2],
@@ -53,6 +53,11 @@ pub struct Comparison {
     pub incomplete: Vec<(PathBuf, String)>,
     /// Algorithms that both runs have, in the order of the first.
     pub algorithms: Vec<AlgorithmChange>,
+    /// How the intervals are made. Each is of one metric: of twenty metrics that did not change,
+    /// one is called better or worse by chance.
+    pub method: IntervalMethod,
+    /// Metrics and checkpoints of all algorithms that are tested at once.
+    pub tested: usize,
     /// Algorithms that only one run has, which are not compared.
     pub only_in_base: Vec<String>,
     pub only_in_other: Vec<String>,
@@ -80,6 +85,10 @@ pub struct AlgorithmChange {
     pub pairs: usize,
     /// Pairs of either run that the other does not have, or not with the same pixels.
     pub unmatched: usize,
+    /// Blocks of neighbouring pairs that intervals rest on, about the number of independent pairs.
+    pub blocks: usize,
+    /// Pairs with equal pixels but another truth or calibration, by which they were scored.
+    pub other_inputs: usize,
     /// Pairs whose results are equal to the bit.
     pub equal_results: usize,
     pub metrics: Vec<Change>,
@@ -113,7 +122,7 @@ pub struct CheckpointChange {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Judgement {
-    /// There is none.
+    /// There is none, as the results are equal.
     Equal,
     /// The interval holds no difference, too.
     Unclear,
@@ -297,8 +306,20 @@ impl Comparison {
             .iter()
             .map(|labels| AlgorithmChange::from_runs(base, other, *labels))
             .collect();
-        let same_scenario = base.manifest.scenario_hash == other.manifest.scenario_hash;
-        let truths = [base, other].map(|run| run.manifest.truth.clone());
+        let mut differences = base
+            .manifest
+            .differences(&other.manifest, Purpose::Compare)?;
+        let inputs: usize = algorithms
+            .iter()
+            .map(|of| of.other_inputs)
+            .max()
+            .unwrap_or(0);
+        if inputs > 0 {
+            differences.push(format!(
+                "truth or calibration of {}",
+                counted(inputs, "pair")
+            ));
+        }
         if algorithms.iter().all(|a| a.pairs == 0) {
             let cure =
                 "they took other pairs, as other scenarios, seeds or versions of the arena do";
@@ -307,11 +328,16 @@ impl Comparison {
                 shown()
             )));
         }
+        let both: Vec<_> = ours
+            .iter()
+            .filter(|label| theirs.contains(label))
+            .copied()
+            .collect();
         let left = |labels: &[&str], side: fn(&(&str, &str)) -> String| {
             let taken: Vec<_> = shared.iter().map(side).collect();
             labels
                 .iter()
-                .filter(|label| !taken.contains(&(**label).to_owned()))
+                .filter(|label| !taken.contains(&(**label).to_owned()) && !both.contains(label))
                 .map(|l| (*l).to_owned())
                 .collect()
         };
@@ -319,13 +345,15 @@ impl Comparison {
             base: base.folder.clone(),
             other: other.folder.clone(),
             scenario: base.manifest.scenario.clone(),
-            same_scenario,
-            truths,
+            differences,
+            truths: [base, other].map(|run| run.manifest.truth.clone()),
             origins: [base, other].map(|run| ReportOrigin::of(&run.manifest)),
             incomplete: [base, other]
                 .into_iter()
                 .filter_map(|run| Some((run.folder.clone(), run.incomplete.clone()?)))
                 .collect(),
+            method: bootstrap::METHOD,
+            tested: algorithms.iter().map(|of| of.changes().count()).sum(),
             algorithms,
             only_in_base: left(&ours, |pair| pair.0.to_owned()),
             only_in_other: left(&theirs, |pair| pair.1.to_owned()),
@@ -343,13 +371,7 @@ impl Comparison {
     /// Whether anything may be called better or worse: other tolerances or cells give other scores
     /// of equal results.
     pub fn is_judged(&self) -> bool {
-        self.same_scenario && !self.other_truths()
-    }
-
-    /// Reports of before say nothing of their truths.
-    fn other_truths(&self) -> bool {
-        let [base, other] = &self.truths;
-        base != other && !base.is_empty() && !other.is_empty()
+        self.differences.is_empty()
     }
 }
 
@@ -407,22 +429,30 @@ pub fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
 /// The changes of the metrics from rows to other rows of the same pairs, one to one, those of a run
 /// beside each other.
 pub fn changes(base: &[&Row], other: &[&Row]) -> Vec<Change> {
-    let stretches: Vec<_> = base
-        .chunk_by(|a, b| run_key(a) == run_key(b))
-        .map(<[_]>::len)
-        .collect();
-    // Scenes have names and are independent of each other; frames of a run are not.
-    let independent = base.iter().all(|row| !row.name.is_empty());
-    let resamples = Resamples::draw(&stretches, independent);
+    changes_over(base, other, &resamples(base))
+}
+
+fn changes_over(base: &[&Row], other: &[&Row], resamples: &Resamples) -> Vec<Change> {
     // Metrics that no pair has, and checkpoints, have no sample.
     let change = |metric: &'static Metric| {
         let samples = [base, other].map(|rows| sample(metric, rows));
         let [Some(a), Some(b)] = samples else {
             return None;
         };
-        Change::from_samples(metric, &a, &b, &resamples)
+        Change::from_samples(metric, &a, &b, resamples)
     };
     METRICS.iter().filter_map(change).collect()
+}
+
+/// Resamples of rows, those of a run beside each other.
+fn resamples(base: &[&Row]) -> Resamples {
+    let stretches: Vec<_> = base
+        .chunk_by(|a, b| run_key(a) == run_key(b))
+        .map(<[_]>::len)
+        .collect();
+    // Scenes have names and are independent of each other; frames of a run are not.
+    let independent = base.iter().all(|row| !row.name.is_empty());
+    Resamples::draw(&stretches, independent)
 }
 
 impl AlgorithmChange {
@@ -472,6 +502,12 @@ impl AlgorithmChange {
             count(&a, run) == count(&all_ours, run) && count(&b, run) == count(&all_theirs, run)
         });
         let visits = other.checkpoints(other_label, &runs);
+        let resamples = resamples(&a);
+        let equal_results = pairs
+            .iter()
+            .filter(|(a, b)| a.result_hash == b.result_hash)
+            .count();
+        let mut metrics = changes_over(&a, &b, &resamples);
         let checkpoint = |(number, (name, frames, passed)): (u32, (&str, u64, u64))| {
             let (_, other_frames, other_passed) = *visits.get(&number)?;
             let change = Change::from_shares((passed, frames), (other_passed, other_frames))?;
@@ -481,22 +517,28 @@ impl AlgorithmChange {
                 change,
             })
         };
+        let checkpoints = base.checkpoints(label, &runs).into_iter();
+        let mut checkpoints: Vec<_> = checkpoints.filter_map(checkpoint).collect();
+        // Equal numbers of unequal results are a coincidence, as wide as the interval.
+        if equal_results < pairs.len() {
+            metrics.iter_mut().for_each(Change::withdraw_equal);
+            let of_checkpoints = checkpoints.iter_mut().map(|of| &mut of.change);
+            of_checkpoints.for_each(Change::withdraw_equal);
+        }
         Self {
             algorithm: label.to_owned(),
             other_algorithm: other_label.to_owned(),
             same_parameters: base.parameters_hash(label) == other.parameters_hash(other_label),
             pairs: pairs.len(),
             unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
-            equal_results: pairs
+            other_inputs: pairs
                 .iter()
-                .filter(|(a, b)| a.result_hash == b.result_hash)
+                .filter(|(a, b)| a.input_hash != b.input_hash)
                 .count(),
-            metrics: changes(&a, &b),
-            checkpoints: base
-                .checkpoints(label, &runs)
-                .into_iter()
-                .filter_map(checkpoint)
-                .collect(),
+            equal_results,
+            blocks: resamples.blocks(),
+            metrics,
+            checkpoints,
         }
     }
 }
@@ -534,6 +576,12 @@ impl Change {
     /// Takes better and worse back: the two runs have different scenarios.
     fn withdraw(&mut self) {
         if self.judgement != Judgement::Equal {
+            self.judgement = Judgement::Unclear;
+        }
+    }
+
+    fn withdraw_equal(&mut self) {
+        if self.judgement == Judgement::Equal {
             self.judgement = Judgement::Unclear;
         }
     }

@@ -44,17 +44,11 @@ impl Comparison {
         lines.extend(
             incomplete.map(|(folder, why)| format!("{} is incomplete: {why}", folder.display())),
         );
-        let unlike = [
-            ("truths", self.other_truths()),
-            ("scenarios", !self.same_scenario),
-        ];
-        for (what, differs) in unlike {
-            if differs {
-                lines.push(format!(
-                    "The {what} differ, and with them what counts as right: nothing is called \
-                     better or worse."
-                ));
-            }
+        if !self.differences.is_empty() {
+            let differences = self.differences.join("; ");
+            lines.push(format!(
+                "Scored differently ({differences}): nothing is called better or worse."
+            ));
         }
         lines
     }
@@ -131,8 +125,9 @@ fn line(f: &mut Formatter<'_>, name: &str, change: &Change) -> Result {
         "  {name:26} {base:>10} {other:>10} {:>10}",
         signed(*difference)
     )?;
-    if let (Some((low, high)), true) = (interval, *judgement != Judgement::Equal) {
-        write!(f, "   {} .. {}", signed(*low), signed(*high))?;
+    match interval {
+        Some((low, high)) => write!(f, "   {} .. {}", signed(*low), signed(*high))?,
+        None => write!(f, "   too few pairs")?,
     }
     match verdict(*judgement) {
         "" => writeln!(f),
@@ -154,7 +149,8 @@ pub fn signed(metric: &Metric, v: f64) -> String {
 /// A word for what was found; none where that is nothing.
 pub fn verdict(judgement: Judgement) -> &'static str {
     match judgement {
-        Judgement::Equal | Judgement::Unclear => "",
+        Judgement::Unclear => "",
+        Judgement::Equal => "equal",
         Judgement::Better => "better",
         Judgement::Worse => "WORSE",
         Judgement::Differs => "differs",

@@ -4,7 +4,7 @@ use super::ask::{Answers, ViewPrompt};
 use super::collect::{Collected, collect};
 use super::report::ReportFolder;
 use crate::cli::shared::outputs::Outputs;
-use crate::cli::shared::source::{self, CameraArgs, TopicArgs};
+use crate::cli::shared::source::{self, CameraArgs};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::{anyhow, bail};
@@ -12,8 +12,9 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use svl::calibrate::{Board, LEAST_VIEWS, Solution, files, solve};
 use svl::rectify::{Framing, bouguet};
+use svl::scenario::SourceOptions;
 use svl::sink::RerunTarget;
-use svl::source::{Calib, Opened, Request};
+use svl::source::{Opened, Request};
 
 /// Calibrate two cameras from images of a chessboard
 ///
@@ -25,6 +26,7 @@ use svl::source::{Calib, Opened, Request};
 ///
 /// Ctrl-C ends the search and calibrates from the accepted pairs, which are kept as PNG files.
 #[derive(clap::Args)]
+#[command(mut_args(|arg| source::hidden(arg, NOT_TAKEN)))]
 #[command(after_help = "\
 Sources are those of `svl record`: a folder with left01.png, right01.png, ...
 or left/ and right/, a recording (.mcap), cameras, or `board`, a simulated
@@ -68,7 +70,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
     rerun: Option<RerunTarget>,
     #[command(flatten)]
-    topics: TopicArgs,
+    options: SourceOptions,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -78,6 +80,23 @@ pub(super) struct Args {
     #[command(flatten)]
     cameras: CameraArgs,
 }
+
+/// Boards are found in all raw pairs.
+pub(crate) const NOT_TAKEN: &[&str] = &[
+    "data",
+    "scenes",
+    "seeds",
+    "reference",
+    "truth",
+    "truth_skew_ms",
+    "calib",
+    "alpha",
+    "crop",
+    "scale",
+    "every",
+    "from_s",
+    "to_s",
+];
 
 fn squares(text: &str) -> Result<(usize, usize), String> {
     let sides = text
@@ -98,11 +117,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if !args.yes && !can_ask {
         bail!("asking about each pair needs a terminal; add --yes to accept all that help");
     }
+    args.options
+        .refuse(NOT_TAKEN, "is not for what cameras are calibrated with")?;
     let mut request = Request {
-        calib: Calib::Raw,
+        raw: true,
+        options: args.options.clone(),
         ..Request::new(&args.source)
     };
-    args.topics.fill(&mut request);
     args.cameras.fill(&mut request);
     let opened = source::open(request, quiet)?;
     let (mut folder, claimed) = ReportFolder::claim(&args.output, source, args.force)?;

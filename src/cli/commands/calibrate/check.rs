@@ -1,13 +1,14 @@
 //! `svl calibrate check`: vertical misalignment of a recording's pairs.
 
 use crate::cli::shared::runner::report_losses;
-use crate::cli::shared::source::{self, RectifyArgs, TopicArgs};
+use crate::cli::shared::source::{self, OF_SCENARIOS};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use svl::counted;
 use svl::rectify::{Alignment, AlignmentMeter, Misfit};
+use svl::scenario::SourceOptions;
 use svl::source::Request;
 
 /// Measure how well the pairs of a recording are rectified, from the images alone
@@ -16,6 +17,7 @@ use svl::source::Request;
 /// of the image, which distinguishes a shift from a rotation and from lens distortion. Fails when
 /// the median exceeds half a pixel.
 #[derive(clap::Args)]
+#[command(mut_args(|arg| source::hidden(arg, OF_SCENARIOS)))]
 #[command(after_help = "\
 Examples:
   svl calibrate check run.mcap
@@ -29,9 +31,7 @@ pub(super) struct Args {
     #[arg(value_parser = NonEmptyStringValueParser::new())]
     recording: String,
     #[command(flatten)]
-    topics: TopicArgs,
-    #[command(flatten)]
-    rectify: RectifyArgs,
+    options: SourceOptions,
     /// Measure this many pairs, spread over all
     #[arg(
         long, value_name = "N", default_value_t = 20, allow_negative_numbers = true,
@@ -44,10 +44,13 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let mut request = Request::new(&args.recording);
-    args.topics.fill(&mut request);
-    args.rectify.fill(&mut request);
-    let cure = request.calib.cure();
+    args.options
+        .refuse(OF_SCENARIOS, "is not for what is measured here")?;
+    let request = Request {
+        options: args.options.clone(),
+        ..Request::new(&args.recording)
+    };
+    let cure = request.calib().cure();
     let mut source = source::open(request.clone(), quiet)?.source;
     // A source of unknown length is sampled in its first ten seconds or so.
     let step = source

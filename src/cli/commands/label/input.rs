@@ -1,13 +1,14 @@
 //! What is labelled: a recorded source, and how it is opened.
 
-use crate::cli::shared::source::SourceParser;
+use crate::cli::shared::source::{OF_SCENARIOS, SourceParser, hidden};
 use anyhow::bail;
-use clap::builder::NonEmptyStringValueParser;
 use svl::grab;
+use svl::scenario::SourceOptions;
 use svl::source::Request;
 
 /// The source that a person steps through.
 #[derive(clap::Args)]
+#[command(mut_args(|arg| hidden(arg, OF_SCENARIOS)))]
 pub(super) struct LabelInput {
     /// A recording, a bag, a folder of pairs, a data-set scene, or the arena
     #[arg(value_parser = SourceParser)]
@@ -15,27 +16,16 @@ pub(super) struct LabelInput {
     /// Seed of a simulated source [default: 1]
     #[arg(long, value_name = "N")]
     pub(super) seed: Option<u64>,
-    /// Topic of the left images, in another program's recording [default: found by type and name]
-    #[arg(
-        long, value_name = "TOPIC", requires = "right",
-        value_parser = NonEmptyStringValueParser::new()
-    )]
-    pub(super) left: Option<String>,
-    /// Topic of the right images
-    #[arg(
-        long, value_name = "TOPIC", requires = "left",
-        value_parser = NonEmptyStringValueParser::new()
-    )]
-    pub(super) right: Option<String>,
-    /// Rectify the pairs by a calibration, as `svl replay` does
-    #[arg(long, value_name = "FILE|none", value_parser = NonEmptyStringValueParser::new())]
-    pub(super) calib: Option<String>,
+    #[command(flatten)]
+    pub(super) options: SourceOptions,
 }
 
 impl LabelInput {
     /// Refuses cameras.
     pub(super) fn check(&self) -> anyhow::Result<()> {
         let name = &self.source;
+        self.options
+            .refuse(OF_SCENARIOS, "is not for what a person labels")?;
         if grab::driver(name).is_some() {
             bail!(
                 "{name}: cameras cannot be stepped through; record them first: svl record {name}"
@@ -46,11 +36,9 @@ impl LabelInput {
 
     /// How it is opened.
     pub(super) fn request(&self) -> Request<'_> {
-        let Ok(calib) = self.calib.as_deref().unwrap_or("own").parse();
         Request {
             seed: self.seed,
-            topics: [self.left.clone(), self.right.clone()],
-            calib,
+            options: self.options.clone(),
             ..Request::new(&self.source)
         }
     }

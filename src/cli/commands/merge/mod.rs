@@ -12,7 +12,8 @@ use crate::cli::shared::usage;
 use anyhow::{Context, bail};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use svl::manifest::{AlgorithmRecord, Manifest, PartRecord};
+use svl::files::relative_path;
+use svl::manifest::{AlgorithmRecord, Manifest, PartRecord, Purpose};
 use svl::matcher::{Algorithm, ProgramRecord};
 use svl::report::{CellRow, CoursePlan, DriveRow, Summary, TrackRow, read_rows};
 use tables::{MergeOrder, TableMerge};
@@ -87,13 +88,6 @@ fn read_parts(folders: &[PathBuf]) -> anyhow::Result<Vec<FoundPart>> {
     for pair in parts.windows(2) {
         let (before, found) = (&pair[0], &pair[1]);
         let shown = found.folder.display();
-        let mut alike = found.manifest.clone();
-        // Shards run on machines of their own, and recordings may lie elsewhere there.
-        alike.machine = first.manifest.machine.clone();
-        alike.shard.clone_from(&first.manifest.shard);
-        for (run, other) in alike.runs.iter_mut().zip(&first.manifest.runs) {
-            run.path.clone_from(&other.path);
-        }
         if found.part.shard.of != first.part.shard.of {
             bail!(
                 "{shown}: is shard {}, but {} is {}: all must be of one number of shards",
@@ -102,8 +96,11 @@ fn read_parts(folders: &[PathBuf]) -> anyhow::Result<Vec<FoundPart>> {
                 first.part.shard
             );
         }
-        if let Some(why) = first.manifest.difference(&alike) {
-            let first = first.folder.display();
+        let differences = first
+            .manifest
+            .differences(&found.manifest, Purpose::Merge)?;
+        if !differences.is_empty() {
+            let (first, why) = (first.folder.display(), differences.join("; "));
             bail!("{shown}: is not of the same run as {first}: {why}");
         }
         let of_first = ReportPart {
@@ -248,7 +245,7 @@ fn merged_manifest(parts: &[FoundPart], out: &Path) -> anyhow::Result<Manifest> 
         folder: relative(&found.folder, out),
         machine: found.manifest.machine.clone(),
     };
-    let own = Manifest::new(&first.scenario, None, &[])?;
+    let own = Manifest::new(&first.scenario, &[])?;
     let mut manifest = Manifest {
         run_id: own.run_id,
         began: own.began,
@@ -276,18 +273,7 @@ fn merged_manifest(parts: &[FoundPart], out: &Path) -> anyhow::Result<Manifest> 
     Ok(manifest)
 }
 
-/// A folder, as one writes it from another; where they have nothing in common as it is.
+/// A part's folder, as a link of the report's page has it.
 fn relative(folder: &Path, from: &Path) -> String {
-    let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    let (folder, from) = (real(folder), real(from));
-    let common = folder
-        .components()
-        .zip(from.components())
-        .take_while(|(a, b)| a == b)
-        .count();
-    let up = from.components().skip(common).map(|_| "..");
-    let down = folder.components().skip(common);
-    let down = down.map(|part| part.as_os_str().to_string_lossy().into_owned());
-    let path: Vec<_> = up.map(str::to_owned).chain(down).collect();
-    path.join("/")
+    relative_path(folder, from).to_string_lossy().into_owned()
 }

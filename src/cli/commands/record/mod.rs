@@ -1,7 +1,7 @@
 //! `svl record`: a source into a recording.
 
 use crate::cli::shared::outputs::Outputs;
-use crate::cli::shared::source::{self, CameraArgs, RangeArgs, RectifyArgs, TopicArgs};
+use crate::cli::shared::source::{self, CameraArgs, OF_SCENARIOS};
 use crate::cli::shared::terminal::{print, print_error};
 use crate::cli::shared::{recordings, runner, usage};
 use std::path::{Path, PathBuf};
@@ -9,13 +9,14 @@ use std::time::Instant;
 use svl::counted;
 use svl::recording::{Dialect, ImageFormat, RecordingFormat, StampOrigin};
 use svl::run::Outcome;
-use svl::scenario::PairRange;
+use svl::scenario::{PairRange, SourceOptions};
 use svl::source::{Limited, Request};
 
 /// Record pairs to an MCAP file
 ///
 /// Ctrl-C ends the recording and leaves it intact.
 #[derive(clap::Args)]
+#[command(mut_args(|arg| source::hidden(arg, OF_SCENARIOS)))]
 #[command(after_help = format!("{}\n{EXAMPLES}", source::sources_help()))]
 pub(crate) struct Args {
     /// What to record
@@ -45,11 +46,7 @@ pub(crate) struct Args {
     )]
     seed: Option<u64>,
     #[command(flatten)]
-    topics: TopicArgs,
-    #[command(flatten)]
-    rectify: RectifyArgs,
-    #[command(flatten)]
-    range: RangeArgs,
+    options: SourceOptions,
     /// Store the images as PNG: smaller, slower
     #[arg(long)]
     compress: bool,
@@ -91,13 +88,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let claim =
         |path: &Path| Outputs::claim(args.force, inputs.iter().map(PathBuf::as_path), [path]);
     let claimed = args.output.as_deref().map(claim).transpose()?;
+    args.options
+        .refuse(OF_SCENARIOS, "is for scenarios; `svl score` takes them")?;
     let mut request = Request {
         seed: args.seed,
+        options: args.options.clone(),
         ..Request::new(&args.source)
     };
-    args.topics.fill(&mut request);
-    args.rectify.fill(&mut request);
-    args.range.fill(&mut request.range);
     args.cameras.fill(&mut request);
     let mut opened = source::open(request, quiet)?;
     let (output, mut outputs) = match args.output.clone().zip(claimed) {

@@ -6,7 +6,7 @@ use crate::cli::shared::filters::{FilterArgs, with_filters};
 use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::progress::{Progress, listen_for_interrupt};
 use crate::cli::shared::recordings::{self, RECORDINGS};
-use crate::cli::shared::source::{self, RangeArgs, RectifyArgs, ReferenceArgs, TopicArgs};
+use crate::cli::shared::source;
 use crate::cli::shared::terminal::{print, print_error, print_json, width};
 use crate::cli::shared::viewer::viewer;
 use crate::cli::shared::{runner, usage};
@@ -19,7 +19,7 @@ use svl::matcher::Algorithm;
 use svl::recording::{AlgorithmCells, ImageFormat};
 use svl::report::Summary;
 use svl::run::{Matchers, Pace};
-use svl::scenario::Scenario;
+use svl::scenario::{Scenario, SourceOptions};
 use svl::score::{Judge, Judged};
 use svl::sink::{
     CollectSink, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks, ViewerRequest,
@@ -32,6 +32,7 @@ use verify::{Earlier, Verification};
 /// Every pair goes through every algorithm, in order, none is skipped; the same recording gives the
 /// same results on any machine and any number of threads.
 #[derive(clap::Args)]
+#[command(mut_args(|arg| source::hidden(arg, NOT_TAKEN)))]
 #[command(after_help = "\
 Examples:
   svl replay     the newest of recordings/, or else the arena
@@ -57,13 +58,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     filters: FilterArgs,
     #[command(flatten)]
-    topics: TopicArgs,
-    #[command(flatten)]
-    rectify: RectifyArgs,
-    #[command(flatten)]
-    range: RangeArgs,
-    #[command(flatten)]
-    reference: ReferenceArgs,
+    options: SourceOptions,
     /// As fast as possible (asap), or X times the recorded speed
     #[arg(
         long, value_name = "asap|X", allow_negative_numbers = true, default_value = "asap",
@@ -111,6 +106,9 @@ pub(crate) struct Args {
     force: bool,
 }
 
+/// What scenarios alone take.
+pub(crate) const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds"];
+
 fn pace(text: &str) -> Result<Pace, String> {
     if text == "asap" {
         return Ok(Pace::Asap);
@@ -143,10 +141,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         Some(name) => name.to_owned(),
         None => newest_or_arena(quiet)?.display().to_string(),
     };
-    let mut request = Request::new(&name);
-    args.topics.fill(&mut request);
-    args.rectify.fill(&mut request);
-    args.range.fill(&mut request.range);
+    args.options
+        .refuse(NOT_TAKEN, "is for scenarios; `svl score` takes them")?;
+    let request = Request {
+        options: args.options.clone(),
+        ..Request::new(&name)
+    };
     let mut opened = source::open_recording(&request, quiet)?;
     let seed = opened.header.seed;
     let verify = args.verify.as_ref();
@@ -164,13 +164,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let algorithms = with_filters(algorithms, &filters);
     let mut matchers = Matchers::new(&algorithms)?;
-    args.reference.check(&algorithms);
-    opened.source = args.reference.wrap(opened.source)?;
+    source::warn_of_own_reference(&args.options, &algorithms)?;
 
     outputs.set_aside()?;
     let mut manifest = Manifest {
         bits: opened.header.bits,
-        ..Manifest::new(opened.title(), opened.scenario.as_deref(), &algorithms)?
+        ..Manifest::new(opened.title(), &algorithms)?
     };
     manifest.set_rule(Judge::default().cells);
     manifest.times = Some(args.rate.times());

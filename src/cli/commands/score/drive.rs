@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use svl::drive::{Course, DrivePlan, DriveResult};
-use svl::manifest::Manifest;
+use svl::manifest::{Manifest, Purpose};
 use svl::report::html::CheckpointFigure;
 use svl::report::{
     CellRow, CoursePlan, DriveRow, GateResult, Row, Summary, Table, TrackRow, whole_rows,
@@ -70,7 +70,7 @@ fn recording_name(scenario: &Scenario, seed: u64, unit: DriveUnit) -> String {
 /// Runs all drives and writes their report.
 pub(super) fn score(
     args: &Args,
-    scenario: &Scenario,
+    (scenario, description): (&Scenario, serde_json::Value),
     folder: &Path,
     (outputs, junit_file): (&mut Outputs, &mut Outputs),
     quiet: bool,
@@ -79,7 +79,7 @@ pub(super) fn score(
     let ScenarioSource::Drive { seeds, .. } = &scenario.source else {
         bail!("scenario '{}' has no drives", scenario.name);
     };
-    let mut manifest = report_manifest(scenario, Vec::new(), Pace::Asap, args.shard)?;
+    let mut manifest = report_manifest(scenario, description, Pace::Asap, args.shard)?;
     manifest.times = Some("matching while other drives run".to_owned());
     let earlier = match args.resume {
         true => EarlierDrives::read(folder, &mut manifest)?,
@@ -138,11 +138,6 @@ fn refuse(args: &Args) -> anyhow::Result<()> {
             "--check",
             "the algorithm truth is the check of a drive",
         ),
-        (
-            args.source.changes_pairs(),
-            "--every, --from, --to and --reference",
-            "a drive has all of its pairs, and their truth is exact",
-        ),
     ];
     match given.into_iter().find(|(is_given, ..)| *is_given) {
         Some((_, option, why)) => Err(usage::wrong(format!("{option} is not for drives: {why}"))),
@@ -167,8 +162,14 @@ impl EarlierDrives {
             return Ok(Self::default());
         }
         let earlier = Manifest::read(folder)?;
-        if let Some(why) = earlier.difference(manifest) {
-            bail!("{}: cannot go on with it: {why}", folder.display());
+        let differences = earlier.differences(manifest, Purpose::Resume)?;
+        if !differences.is_empty() {
+            let shown = folder.display();
+            bail!(
+                "{shown}: cannot be resumed, as it was another run: {}; without --resume it is \
+                 scored anew",
+                differences.join("; ")
+            );
         }
         let resumed = std::mem::replace(&mut manifest.began, earlier.began);
         manifest.run_id = earlier.run_id;

@@ -10,9 +10,8 @@ use crate::cli::shared::live::LiveTable;
 use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::report_folder::{REPORT, ReportPart, ReportRun, Shard};
-use crate::cli::shared::scenario_runs::{
-    self, ScenarioSourceArgs, ScoredSource, runs as open_runs,
-};
+use crate::cli::shared::scenario_runs::{self, ScoredSource, runs as open_runs};
+use crate::cli::shared::source::warn_of_own_reference;
 use crate::cli::shared::terminal::{print, print_json, width};
 use crate::cli::shared::viewer::{RerunChoice, viewer};
 use crate::cli::shared::{runner, usage};
@@ -22,9 +21,9 @@ use drive::KeptDrives;
 use report::{ScoreReport, Scored, head, report_manifest};
 use scenario::stresses;
 use std::path::{Path, PathBuf};
-use svl::report::{GateResult, ResultLog, Summary, junit};
+use svl::report::{GateResult, GateState, ResultLog, Summary, junit};
 use svl::run::{Matchers, Outcome, Pace};
-use svl::scenario::{Scenario, ScenarioSource, StressLevels};
+use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{METRICS, Metric};
 use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget};
 use svl::stress::Stress;
@@ -49,7 +48,7 @@ Examples:
   svl score scenarios/kitti2015.toml --data ~/kitti --scenes 'training/*'
   svl score arena --algo sgm:p1=5..20/5 --resume   goes on where it was killed
   svl score scenarios/arena.toml --gate
-      for a CI: exit 1 when a limit of the scenario is broken
+      for a CI: exit 3 when a limit of the scenario is broken
 
 A number written FROM..TO/STEP is swept: bm:uniqueness=0..60/10 stands for
 seven algorithms, uniqueness=0, 10, … 60; block_size=5/9 is a list. Several
@@ -88,7 +87,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "KIND[=LEVEL/…]")]
     stress: Vec<StressLevels>,
     #[command(flatten)]
-    source: ScenarioSourceArgs,
+    source: SourceOptions,
     /// Match each pair N times, in turns; its time is the median, and all results must be equal
     #[arg(
         long, value_name = "N", default_value_t = 1, allow_negative_numbers = true,
@@ -127,6 +126,12 @@ pub(crate) struct Args {
     /// Write the limits of --gate as JUnit's XML; replaces the file
     #[arg(long, value_name = "FILE.xml", requires = "gate")]
     junit: Option<PathBuf>,
+    /// Print the scenario that repeats this run, or write it to FILE, and score nothing
+    #[arg(
+        long, value_name = "FILE.toml", num_args = 0..=1, require_equals = true,
+        value_parser = usage::ending(&["toml"])
+    )]
+    print_scenario: Option<Option<PathBuf>>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -135,7 +140,12 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // Before programs are started, which svl ends.
     listen_for_interrupt();
-    let scenario = scenario::scenario(args, quiet)?;
+    let mut scenario = scenario::described(args)?;
+    if let Some(file) = &args.print_scenario {
+        return scenario::print_description(scenario, file.as_deref());
+    }
+    let description = scenario.to_json()?;
+    scenario::add_filters(&mut scenario, args, quiet)?;
     let named = &args.what[0];
     if scenario.algorithms.len() > MAX_ALGORITHMS {
         let many = scenario.algorithms.len();
@@ -143,10 +153,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         return Err(usage::wrong(words));
     }
     if args.gate && scenario.gate.is_empty() {
-        bail!(
-            "{named}: has no [[gate]], so there is nothing to fail; scenarios/arena.toml shows \
-             some"
-        );
+        return Err(usage::wrong(format!(
+            "{named}: has no [[gate]], so there is nothing to fail; scenarios/arena.toml shows some"
+        )));
     }
     let folder = args.out.clone().unwrap_or_else(|| {
         let kind = if args.check { "-check" } else { "" };
@@ -166,14 +175,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let scored = match &scenario.source {
         ScenarioSource::Drive { .. } => drive::score(
             args,
-            &scenario,
+            (&scenario, description),
             &folder,
             (&mut outputs, &mut junit_file),
             quiet,
         ),
         _ => score_runs(
             args,
-            &scenario,
+            (&scenario, description),
             &folder,
             (&mut outputs, &mut junit_file),
             quiet,
@@ -209,6 +218,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (Err(_), true) => return ran,
         (finished, _) => finished?,
     };
+    warn_of_nothing_scored(&scenario, &summary);
     if let Some(path) = &args.junit {
         let cases: Vec<_> = results.iter().map(GateResult::test_case).collect();
         write(path, junit(&format!("svl score {}", scenario.name), &cases))?;
@@ -228,18 +238,18 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ))?;
     }
     ran?;
-    runner::complete(&total)?;
     match (args.gate, args.check) {
-        (true, _) => pass_gate(&results),
-        (_, true) => pass_check(&summary),
-        _ => Ok(()),
+        (true, _) => pass_gate(&results)?,
+        (_, true) => pass_check(&summary)?,
+        _ => {}
     }
+    runner::complete(&total)
 }
 
 /// Scores the runs of a scenario, one after the other.
 fn score_runs(
     args: &Args,
-    scenario: &Scenario,
+    (scenario, description): (&Scenario, serde_json::Value),
     folder: &Path,
     (outputs, junit_file): (&mut Outputs, &mut Outputs),
     quiet: bool,
@@ -269,8 +279,8 @@ fn score_runs(
                 .transpose()?
         }
     };
-    let runs = open_runs(scenario, &args.source, quiet)?;
-    args.source.reference.check(&scenario.algorithms);
+    let runs = open_runs(scenario, quiet)?;
+    warn_of_own_reference(&scenario.options, &scenario.algorithms)?;
     let pace = Pace::Measured {
         rounds: args.repeat,
     };
@@ -281,7 +291,8 @@ fn score_runs(
     };
     let keys = groups(scenario, runs.len()).map(key).collect();
     let records = runs.iter().filter_map(ScoredSource::record);
-    let mut manifest = report_manifest(scenario, records.collect(), pace, args.shard)?;
+    let mut manifest = report_manifest(scenario, description, pace, args.shard)?;
+    manifest.runs = records.collect();
     let live = LiveTable::default();
     let units = RunUnit::all(scenario, &runs, args.shard);
     let mut runs: Vec<_> = runs.into_iter().map(Some).collect();
@@ -289,9 +300,9 @@ fn score_runs(
         // Those that are perturbed are opened anew.
         let run = match runs[unit.place].take_if(|_| unit.stress.is_none()) {
             Some(run) => run,
-            None => scenario_runs::run_at(scenario, &args.source, unit.place, quiet)?,
+            None => scenario_runs::run_at(scenario, unit.place, quiet)?,
         };
-        let (mut run, mut judge) = run.open(scenario, &args.source, quiet, Some(&live))?;
+        let (mut run, mut judge) = run.open(scenario, quiet, Some(&live))?;
         if let Some(stress) = unit.stress {
             run = run.stressed(stress);
             judge = run.judge(&scenario.judge())?;
@@ -406,6 +417,18 @@ fn warn_of_unfinished(folder: &Path) {
     }
 }
 
+/// Warns where frames have a truth, but no cell has enough of it to be scored.
+fn warn_of_nothing_scored(scenario: &Scenario, summary: &Summary) {
+    let of = summary.algorithms.iter();
+    if let Some(of) = of.filter(|of| of.scored_cells == Some(0)).next() {
+        let cells = of.pairs * scenario.grid.shape().cells() as u64;
+        tracing::warn!(
+            "{}: 0 of {cells} cells have a ground truth, so none is scored against it",
+            scenario.name
+        );
+    }
+}
+
 /// Refuses a scenario whose checkpoints the truth itself fails.
 fn pass_check(summary: &Summary) -> anyhow::Result<()> {
     let failed = summary.checkpoints.iter().filter(|c| c.passed < c.frames);
@@ -419,14 +442,17 @@ fn pass_check(summary: &Summary) -> anyhow::Result<()> {
         })
         .collect();
     if summary.checkpoints.is_empty() {
-        bail!("--check: no checkpoint is judged; it needs checkpoints, and frames with truth");
+        let cure = "it needs checkpoints, and frames with truth";
+        return Err(usage::gate(format!(
+            "--check: no checkpoint is scored; {cure}"
+        )));
     }
     match &failed[..] {
         [] => Ok(()),
-        failed => bail!(
+        failed => Err(usage::gate(format!(
             "--check: even the truth fails checkpoint {}",
             failed.join(", ")
-        ),
+        ))),
     }
 }
 
@@ -449,19 +475,21 @@ struct ScoreAnswer<'a> {
 
 /// A result for the terminal.
 fn gate_line(result: &GateResult) -> String {
-    format!("{:<6}  {result}\n", result.word())
+    format!("{:<12}  {result}\n", result.state.words())
 }
 
 /// Refuses a run that broke a limit, or that no limit was for.
 fn pass_gate(gate: &[GateResult]) -> anyhow::Result<()> {
-    let broken: Vec<_> = gate
-        .iter()
-        .filter(|result| result.kept == Some(false))
-        .collect();
+    let broken: Vec<_> = gate.iter().filter(|result| result.state.fails()).collect();
     match broken[..] {
-        [] if gate.iter().any(|result| result.kept.is_some()) => Ok(()),
-        [] => bail!("gate: none of the scenario's limits is for the algorithms that took part"),
-        [one] => bail!("gate: {one}"),
-        [first, ..] => bail!("gate: {first}; and {} more", broken.len() - 1),
+        [] if gate.iter().any(|result| result.state == GateState::Pass) => Ok(()),
+        [] => Err(usage::wrong(
+            "gate: none of the scenario's limits is for the algorithms that took part",
+        )),
+        [one] => Err(usage::gate(format!("gate: {one}"))),
+        [first, ..] => Err(usage::gate(format!(
+            "gate: {first}; and {} more",
+            broken.len() - 1
+        ))),
     }
 }

@@ -7,7 +7,7 @@ use crate::cli::shared::progress::Progress;
 use crate::cli::shared::report_folder::{MANIFEST, ReportContent, ReportHead, Shard};
 use crate::cli::shared::runner;
 use std::path::{Path, PathBuf};
-use svl::manifest::{Manifest, RunRecord};
+use svl::manifest::Manifest;
 use svl::report::{GateResult, ResultLog, Summary};
 use svl::run::{Matchers, Outcome, Pace};
 use svl::scenario::Scenario;
@@ -33,14 +33,14 @@ pub(super) struct ScoreReport {
 /// What identifies a report, and where it goes on from.
 pub(super) fn report_manifest(
     scenario: &Scenario,
-    runs: Vec<RunRecord>,
+    description: serde_json::Value,
     pace: Pace,
     shard: Option<Shard>,
 ) -> anyhow::Result<Manifest> {
-    let mut manifest = Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
+    let mut manifest = Manifest::new(&scenario.name, &scenario.algorithms)?;
+    manifest.description = Some(description);
     manifest.set_rule(scenario.cells);
     manifest.times = Some(pace.times());
-    manifest.runs = runs;
     manifest.shard = shard.map(String::from);
     Ok(manifest)
 }

@@ -1,14 +1,20 @@
 //! The scenario that `svl score` scores.
 
 use super::Args;
-use crate::cli::shared::{filters, scenario_runs};
+use crate::cli::shared::outputs::{Outputs, write};
+use crate::cli::shared::terminal::print;
+use crate::cli::shared::{filters, scenario_runs, usage};
+use std::path::Path;
+use svl::filter::without_filters;
 use svl::matcher::Algorithm;
-use svl::scenario::{Scenario, StressLevels, distinct_kinds};
+use svl::scenario::{Limit, Scenario, StressLevels, distinct_kinds};
 use svl::stress::Stress;
 
-/// The scenario that is named, or that of the recordings that are.
-pub(super) fn scenario(args: &Args, quiet: bool) -> anyhow::Result<Scenario> {
+/// What the run is: the scenario that is named, or that of the recordings that are, with what the
+/// options change of it.
+pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
     let mut scenario = scenario_runs::named(&args.what)?;
+    let mut known = scenario.algorithms.clone();
     if args.check {
         let ranges = scenario
             .algorithms
@@ -22,25 +28,76 @@ pub(super) fn scenario(args: &Args, quiet: bool) -> anyhow::Result<Scenario> {
         let swept = args.algo.iter().map(|sweep| sweep.expand(args.sample));
         scenario.algorithms = swept.collect::<svl::Result<Vec<_>>>()?.concat();
     }
+    known.extend_from_slice(&scenario.algorithms);
+    if args.gate {
+        check_gate(&scenario, &known)?;
+    }
     if !args.stress.is_empty() {
         distinct_kinds(&args.stress)?;
         scenario.stress.clone_from(&args.stress);
-        let texts = args.stress.iter().flat_map(StressLevels::stresses);
-        let texts: Vec<_> = texts.map(ToString::to_string).collect();
-        // The scenario's hash says so, and its page.
-        scenario_runs::note(&mut scenario, "stress", &texts.join(", "));
     }
-    let named = &args.what[0];
-    args.source
-        .change(std::slice::from_mut(&mut scenario), named)?;
-    if !args.check {
-        let mut filters = args.filters.models()?;
-        if filters.is_empty() {
-            filters = filters::of_scenario(&scenario, quiet)?;
-        }
-        scenario.algorithms = filters::with_filters(scenario.algorithms, &filters);
+    let filters = args.filters.of_scenario()?;
+    if !filters.is_empty() {
+        scenario.filters = filters;
     }
+    scenario_runs::change(
+        std::slice::from_mut(&mut scenario),
+        &args.source,
+        &args.what[0],
+    )?;
     Ok(scenario)
+}
+
+/// The algorithm of a limit that is none of these.
+fn unknown_in<'a>(limit: &'a Limit, known: &[Algorithm]) -> Option<&'a String> {
+    let is_known = |name: &str| {
+        let name = without_filters(name);
+        let mut known = known.iter();
+        known.any(|algorithm| algorithm.label() == name || algorithm.spec().name == name)
+    };
+    let mut names = std::iter::once(&limit.algorithm).chain(&limit.relative_to);
+    names.find(|name| !is_known(name))
+}
+
+/// Refuses limits of algorithms that neither the scenario nor the command line names.
+fn check_gate(scenario: &Scenario, known: &[Algorithm]) -> anyhow::Result<()> {
+    for limit in &scenario.gate {
+        if let Some(name) = unknown_in(limit, known) {
+            let line = limit.line;
+            return Err(usage::wrong(format!(
+                "gate in line {line}: '{name}' is none of the scenario's algorithms, nor named \
+                 with --algo"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Prints a scenario, or writes it to a file that is not there yet.
+pub(super) fn print_description(mut scenario: Scenario, file: Option<&Path>) -> anyhow::Result<()> {
+    // Those of algorithms that are not run would be limits of nothing.
+    let algorithms = &scenario.algorithms;
+    scenario
+        .gate
+        .retain(|limit| unknown_in(limit, algorithms).is_none());
+    let Some(file) = file else {
+        return print(&scenario.to_toml(Path::new(""))?);
+    };
+    let text = scenario.to_toml(file.parent().unwrap_or(Path::new("")))?;
+    let outputs = Outputs::claim(false, [], [file])?;
+    write(file, text)?;
+    outputs.commit();
+    Ok(())
+}
+
+/// Adds the algorithms behind the scenario's filters.
+pub(super) fn add_filters(scenario: &mut Scenario, args: &Args, quiet: bool) -> anyhow::Result<()> {
+    if !args.check {
+        let filters = filters::of_scenario(scenario, quiet)?;
+        let algorithms = std::mem::take(&mut scenario.algorithms);
+        scenario.algorithms = filters::with_filters(algorithms, &filters);
+    }
+    Ok(())
 }
 
 /// None, then all levels of the scenario's stress.

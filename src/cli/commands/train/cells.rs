@@ -2,7 +2,7 @@
 
 use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::progress::{Progress, interrupted};
-use crate::cli::shared::scenario_runs::{ScenarioSourceArgs, runs};
+use crate::cli::shared::scenario_runs::{self, runs};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::{runner, usage};
 use anyhow::bail;
@@ -12,7 +12,7 @@ use svl::fit::{CellSample, CellTarget, FOLDS, cell_samples, fit_cells};
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::run::{Matchers, Pace};
-use svl::scenario::Scenario;
+use svl::scenario::{Scenario, SourceOptions};
 use svl::sink::{CollectSink, RunStart, Sink};
 use svl::source::Source;
 use svl::train::CellTraining;
@@ -56,7 +56,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE.csv")]
     samples: Option<PathBuf>,
     #[command(flatten)]
-    source: ScenarioSourceArgs,
+    source: SourceOptions,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -77,7 +77,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let scenarios = args.scenarios.iter().map(|path| Scenario::read(path));
     let mut scenarios = scenarios.collect::<svl::Result<Vec<_>>>()?;
     let named = args.scenarios[0].display().to_string();
-    args.source.change(&mut scenarios, &named)?;
+    scenario_runs::change(&mut scenarios, &args.source, &named)?;
     for (scenario, path) in scenarios.into_iter().zip(&args.scenarios) {
         learned.learn(scenario, path, args, target, quiet)?;
     }
@@ -115,7 +115,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let algorithm = args.algo.label().to_owned();
     let training = CellTraining::new(algorithm, CONFIDENCE, &samples, &fit, &scenarios);
-    let manifest = Manifest::new("train cells", None, std::slice::from_ref(&args.algo))?;
+    let manifest = Manifest::new("train cells", std::slice::from_ref(&args.algo))?;
     outputs.set_aside()?;
     let head = header(&manifest, &groups, &training);
     write(&args.out, head + &fit.table.to_toml())?;
@@ -194,10 +194,10 @@ impl Learned {
     ) -> anyhow::Result<()> {
         scenario.algorithms = vec![args.algo.clone()];
         let mut matchers = Matchers::new(&scenario.algorithms)?;
-        let manifest = Manifest::new(&scenario.name, Some(&scenario.text), &scenario.algorithms)?;
+        let manifest = Manifest::new(&scenario.name, &scenario.algorithms)?;
         let before = self.samples.len();
-        for run in runs(&scenario, &args.source, quiet)? {
-            let (mut run, judge) = run.open(&scenario, &args.source, quiet, None)?;
+        for run in runs(&scenario, quiet)? {
+            let (mut run, judge) = run.open(&scenario, quiet, None)?;
             let of_frame = {
                 let judge = judge.clone();
                 CollectSink::new(move |judged| {

@@ -1,7 +1,7 @@
 //! `svl train filter`: the networks of the filters (thesis, chapter 8).
 
 use crate::cli::shared::outputs::{Outputs, write};
-use crate::cli::shared::scenario_runs::ScenarioSourceArgs;
+use crate::cli::shared::scenario_runs;
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use crate::cli::shared::windows::{LabelledRuns, train, windows};
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use svl::filter::{Features, FilterKind, Scaling};
 use svl::fit::filter::FrameLabels;
 use svl::manifest::Manifest;
-use svl::scenario::Scenario;
+use svl::scenario::{Scenario, SourceOptions};
 use svl::train::TrainSettings;
 
 /// Train a filter: floor, or too close to be matched
@@ -72,7 +72,7 @@ pub(crate) struct Args {
     )]
     max_disparity: f64,
     #[command(flatten)]
-    source: ScenarioSourceArgs,
+    source: SourceOptions,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -131,14 +131,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ..spec.features
     };
     let labelled = labelled(args, quiet)?;
-    let (mut samples, names) = windows(
-        args.filter,
-        features,
-        args.max_disparity,
-        labelled,
-        &args.source,
-        quiet,
-    )?;
+    let (mut samples, names) = windows(args.filter, features, args.max_disparity, labelled, quiet)?;
     let (hidden, seeds) = match &args.hidden {
         None => (vec![spec.hidden], vec![args.seed]),
         Some(Sizes(one)) if one.len() == 1 => (one.clone(), vec![args.seed]),
@@ -151,7 +144,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         range_px: args.max_disparity,
     };
     let (model, training) = train(&mut samples, &settings, quiet)?;
-    let manifest = Manifest::new("train filter", None, &[])?;
+    let manifest = Manifest::new("train filter", &[])?;
     outputs.set_aside()?;
     write(&args.out, model.to_bytes())?;
     let mut identity = manifest.entries();
@@ -196,9 +189,9 @@ fn labelled(args: &Args, quiet: bool) -> anyhow::Result<Vec<LabelledRuns>> {
         )));
     }
     let named = args.labelled[0].display().to_string();
-    args.source.change(&mut scenarios, &named)?;
+    scenario_runs::change(&mut scenarios, &args.source, &named)?;
     let opened = scenarios.into_iter().zip(labels);
     opened
-        .map(|(scenario, labels)| LabelledRuns::open(scenario, labels, &args.source, quiet))
+        .map(|(scenario, labels)| LabelledRuns::open(scenario, labels, quiet))
         .collect()
 }

@@ -3,7 +3,7 @@
 use super::Args;
 use crate::cli::shared::outputs::{self, Outputs};
 use crate::cli::shared::progress::{Progress, interrupted};
-use crate::cli::shared::scenario_runs::runs;
+use crate::cli::shared::scenario_runs::{self, runs};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::{Context, bail};
@@ -17,7 +17,7 @@ use svl::matcher::Algorithm;
 use svl::report::compare::{changes, total};
 use svl::report::{Row, pareto_front};
 use svl::run::{Matchers, Monitor, Pace};
-use svl::scenario::{Scenario, ScenarioSource};
+use svl::scenario::{Scenario, ScenarioKind, SourceOptions};
 use svl::score::{Judge, METRICS, Metric};
 use svl::sink::{Outbox, RunStart, Sink, TableSink, finish};
 use svl::source::Source;
@@ -73,8 +73,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
 
     let mut scenario = args.scenario_of(&args.what)?;
-    args.source
-        .change(std::slice::from_mut(&mut scenario), &args.what[0])?;
+    scenario_runs::change(
+        std::slice::from_mut(&mut scenario),
+        &args.source,
+        &args.what[0],
+    )?;
     let SearchData {
         training,
         test,
@@ -138,7 +141,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             break;
         }
     }
-    let manifest = Manifest::new("tune", None, &algorithms)?;
+    let manifest = Manifest::new("tune", &algorithms)?;
     let names = |parts: &[HeldRun]| parts.iter().map(|part| part.name.clone()).collect();
     let outcome = TuneOutcome {
         facts: TuneFacts {
@@ -160,7 +163,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             }
         }
     }
-    let folder = Path::new(&args.what[0]).parent().unwrap_or(Path::new(""));
+    let folder = out.parent().unwrap_or(Path::new(""));
     let head = format!(
         "# Found by `svl tune --auto`, svl {}, {}: {}.\n",
         manifest.svl,
@@ -236,22 +239,23 @@ impl SearchData {
         let tested = match (&search.test[..], &search.test_seeds) {
             ([], None) => None,
             ([], Some(seeds)) => {
-                let mut other = scenario.clone();
-                let ScenarioSource::Arena { seeds: own, .. } = &mut other.source else {
+                if scenario.options.kind != ScenarioKind::Arena {
                     return Err(usage::wrong(format!(
                         "{}: is not of the arena; --test-seeds is for scenarios that are",
                         args.what[0]
                     )));
-                };
-                *own = seeds.seeds().to_vec();
-                Some(other)
+                }
+                Some(scenario.with(&SourceOptions {
+                    seeds: Some(seeds.clone()),
+                    ..SourceOptions::default()
+                })?)
             }
             (named, _) => Some(args.scenario_of(named)?),
         };
         let wanted = search.pairs;
         if let Some(tested) = tested {
-            let training = parts(args, scenario, wanted, quiet)?;
-            let test = parts(args, &tested, TEST_PAIRS * wanted, quiet)?;
+            let training = parts(scenario, wanted, quiet)?;
+            let test = parts(&tested, TEST_PAIRS * wanted, quiet)?;
             refuse_same(&training, &test)?;
             return Ok(Self {
                 training,
@@ -261,7 +265,7 @@ impl SearchData {
             });
         }
         // A part of the runs is held out, or of one run its end, or of scenes every third.
-        let mut training = parts(args, scenario, wanted * 3 / 2, quiet)?;
+        let mut training = parts(scenario, wanted * 3 / 2, quiet)?;
         let (test, caution) = match &mut training[..] {
             [only] => {
                 let frames = std::mem::take(&mut only.frames);
@@ -327,17 +331,12 @@ fn refuse_same(training: &[HeldRun], test: &[HeldRun]) -> anyhow::Result<()> {
 }
 
 /// About `wanted` pairs of the runs of a scenario, equally many of each.
-fn parts(
-    args: &Args,
-    scenario: &Scenario,
-    wanted: usize,
-    quiet: bool,
-) -> anyhow::Result<Vec<HeldRun>> {
-    let runs = runs(scenario, &args.source, quiet)?;
+fn parts(scenario: &Scenario, wanted: usize, quiet: bool) -> anyhow::Result<Vec<HeldRun>> {
+    let runs = runs(scenario, quiet)?;
     let count = runs.len().max(1);
     let mut parts = Vec::new();
     for run in runs {
-        let (run, judge) = run.open(scenario, &args.source, quiet, None)?;
+        let (run, judge) = run.open(scenario, quiet, None)?;
         let (seed, mut name) = (run.seed, run.name());
         if let Some(seed) = seed {
             name = format!("{} seed {seed}", scenario.name);
@@ -399,7 +398,7 @@ impl HeldRuns<'_> {
             .collect();
         let labelled = algorithms.iter().cloned().zip(&labels);
         let labelled: Vec<_> = labelled.map(|(a, label)| a.called(label.clone())).collect();
-        let manifest = Manifest::new("tune", None, &labelled)?;
+        let manifest = Manifest::new("tune", &labelled)?;
         let mut matchers = Matchers::new(&labelled)?.without_warnings();
         let all: usize = self.parts.iter().map(|part| part.frames.len()).sum();
         let mut chosen = spread_order(all);
@@ -562,7 +561,7 @@ impl TrialLog {
         resume: bool,
         logs: Outputs,
     ) -> anyhow::Result<Self> {
-        let made = Manifest::new("tune", None, &[])?;
+        let made = Manifest::new("tune", &[])?;
         let mut words = format!("{} {:?}", made.svl, made.git_revision);
         let filters = filters.iter().map(|filter| filter.hash());
         filters.for_each(|hash| words += &format!(" {hash:x}"));

@@ -5,7 +5,7 @@ mod tool;
 mod worker;
 
 use crate::cli::shared::filters::FilterArgs;
-use crate::cli::shared::scenario_runs::{self, ScenarioSourceArgs, runs};
+use crate::cli::shared::scenario_runs::{self, runs};
 use crate::cli::shared::source::{self, CameraArgs, SourceParser};
 use crate::cli::shared::stepper::{self, Ended, FrameStore, Keys, Open, Screen, Stepper};
 use crate::cli::shared::terminal::print;
@@ -13,10 +13,10 @@ use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
 use anyhow::{Context, bail};
 use std::cell::RefCell;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use svl::grab;
 use svl::matcher::Algorithm;
-use svl::scenario::Scenario;
+use svl::scenario::{Scenario, SourceOptions};
 use svl::score::Judge;
 use svl::sink::RerunTarget;
 use svl::source::{Request, Source};
@@ -79,7 +79,7 @@ pub(crate) struct Args {
     #[arg(long)]
     force: bool,
     #[command(flatten)]
-    source: ScenarioSourceArgs,
+    source: SourceOptions,
     #[command(flatten)]
     search: SearchArgs,
     #[command(flatten)]
@@ -256,8 +256,6 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if let Some(words) = raw.or(without) {
         stepper.say(words);
     }
-    let folder = Path::new(&args.what[0]).parent().unwrap_or(Path::new(""));
-    let scenario = scenario.map(|scenario| (scenario, folder.to_owned()));
     let files = args.filters.files(&filters);
     let mut tuner = Tuner::new(settings, worker, args.out.clone(), scenario, files);
     let mut screen = match args.script {
@@ -280,7 +278,8 @@ fn open<'a>(args: &'a Args, name: &'a str, quiet: bool) -> anyhow::Result<Tuned<
     let is_live = grab::driver(name).is_some();
     if is_live || name == "board" {
         let mut request = Request::new(name);
-        args.source.fill(&mut request);
+        request.options.clone_from(&args.source);
+        request.seed = args.source.seeds.as_ref().map(|list| list.seeds()[0]);
         args.cameras.fill(&mut request);
         let judge = match &args.scenario {
             Some(path) => Scenario::read(path)?.judge(),
@@ -300,14 +299,13 @@ fn open<'a>(args: &'a Args, name: &'a str, quiet: bool) -> anyhow::Result<Tuned<
         });
     }
     let mut scenario = args.scenario_of(&args.what)?;
-    args.source
-        .change(std::slice::from_mut(&mut scenario), name)?;
+    scenario_runs::change(std::slice::from_mut(&mut scenario), &args.source, name)?;
     let open_first = {
         let scenario = scenario.clone();
         move |quiet: bool| {
-            let mut runs = runs(&scenario, &args.source, quiet)?.into_iter();
+            let mut runs = runs(&scenario, quiet)?.into_iter();
             let run = runs.next().context("no run")?;
-            run.open(&scenario, &args.source, quiet, None)
+            run.open(&scenario, quiet, None)
         }
     };
     let (run, judge) = open_first(quiet)?;

@@ -131,7 +131,7 @@ impl TuneWorker {
         judge: Judge,
         viewer: Option<(RerunTarget, String)>,
     ) -> svl::Result<Self> {
-        let manifest = Manifest::new("tune", None, &[])?;
+        let manifest = Manifest::new("tune", &[])?;
         let rerun = viewer.map(|(target, name)| {
             let info = RunInfo {
                 scenario: name,
@@ -320,7 +320,7 @@ impl Bench {
             .collect();
         self.judge.grid = now.grid;
         self.judge.cells = now.cells;
-        self.manifest.algorithms = Manifest::new("tune", None, &labelled)?.algorithms;
+        self.manifest.algorithms = Manifest::new("tune", &labelled)?.algorithms;
         // What Rerun shows of them: as they are written, not all that stays as it was.
         for (record, setting) in self.manifest.algorithms.iter_mut().zip(settings) {
             record.parameters = title(&setting.algorithm);

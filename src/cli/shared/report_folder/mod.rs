@@ -92,7 +92,7 @@ impl ReportContent {
         let rulings = gate.iter();
         let page = ReportPage {
             gate: rulings
-                .map(|result| (result.word(), result.to_string()))
+                .map(|result| (result.state.words(), result.to_string()))
                 .collect(),
             title: manifest.scenario.clone(),
             description: head.description.to_owned(),

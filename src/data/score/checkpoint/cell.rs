@@ -4,8 +4,8 @@ use crate::score::Verdict;
 use svl_core::stereo::{CellDepth, CellRule};
 
 /// A cell of a checkpoint and what it must show, `[[checkpoint.cell]]` of a scenario.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
-#[serde(try_from = "CellTable")]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(try_from = "CellTable", into = "CellTable")]
 pub struct ExpectedCell {
     /// `[column, row]`, row 0 on top.
     pub at: [usize; 2],
@@ -36,7 +36,7 @@ pub enum CellExpectation {
     Free,
 }
 
-#[derive(serde::Deserialize)]
+#[derive(Default, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CellTable {
     at: [usize; 2],
@@ -84,6 +84,30 @@ impl TryFrom<CellTable> for ExpectedCell {
             return wrong("a tolerance belongs to distance_m");
         }
         Ok(Self { at, expectation })
+    }
+}
+
+impl From<ExpectedCell> for CellTable {
+    fn from(cell: ExpectedCell) -> Self {
+        let mut table = Self {
+            at: cell.at,
+            ..Self::default()
+        };
+        match cell.expectation {
+            CellExpectation::Distance {
+                distance_m,
+                tolerance_m,
+                tolerance_percent,
+            } => {
+                table.distance_m = Some(distance_m);
+                table.tolerance_m = tolerance_m;
+                table.tolerance_percent = tolerance_percent;
+            }
+            CellExpectation::Nearer(m) => table.nearer_m = Some(m),
+            CellExpectation::Farther(m) => table.farther_m = Some(m),
+            CellExpectation::Free => table.free = Some(true),
+        }
+        table
     }
 }
 

@@ -19,8 +19,8 @@ use svl_core::{Error, Result};
 /// Frames of a run, and what has to be seen in them.
 ///
 /// Cells are `[column, row]`, row 0 on top.
-#[derive(Clone, Debug, PartialEq, serde::Deserialize)]
-#[serde(try_from = "CheckpointTable")]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(try_from = "CheckpointTable", into = "CheckpointTable")]
 pub struct Checkpoint {
     pub number: u32,
     pub name: String,
@@ -40,12 +40,12 @@ pub struct Checkpoint {
 }
 
 /// A checkpoint as it stands in a file.
-#[derive(serde::Deserialize)]
+#[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CheckpointTable {
     number: u32,
     name: String,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     description: String,
     at_m: Option<[f64; 2]>,
     radius_m: Option<f64>,
@@ -54,13 +54,13 @@ struct CheckpointTable {
     frames: Option<[u64; 2]>,
     seconds: Option<[f64; 2]>,
     file: Option<String>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     cells: Vec<[usize; 2]>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     must: Vec<[usize; 2]>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     order: Vec<Vec<[usize; 2]>>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     cell: Vec<ExpectedCell>,
 }
 
@@ -90,6 +90,35 @@ impl TryFrom<CheckpointTable> for Checkpoint {
             order: table.order,
             expected: table.cell,
         })
+    }
+}
+
+impl From<Checkpoint> for CheckpointTable {
+    fn from(checkpoint: Checkpoint) -> Self {
+        let PlaceTable {
+            at_m,
+            radius_m,
+            heading_deg,
+            heading_tolerance_deg,
+            frames,
+            seconds,
+        } = checkpoint.place.into();
+        Self {
+            number: checkpoint.number,
+            name: checkpoint.name,
+            description: checkpoint.description,
+            at_m,
+            radius_m,
+            heading_deg,
+            heading_tolerance_deg,
+            frames,
+            seconds,
+            file: checkpoint.file,
+            cells: checkpoint.cells,
+            must: checkpoint.must,
+            order: checkpoint.order,
+            cell: checkpoint.expected,
+        }
     }
 }
 

@@ -45,6 +45,7 @@ impl RunPart {
 }
 
 /// A place as it stands in a file.
+#[derive(Default)]
 pub(super) struct PlaceTable {
     pub at_m: Option<[f64; 2]>,
     pub radius_m: Option<f64>,
@@ -84,6 +85,28 @@ impl TryFrom<PlaceTable> for CheckpointPlace {
             (None, None, Some(seconds)) => Ok(Self::Seconds(seconds)),
             _ => Err("say where it is: exactly one of at_m, frames and seconds"),
         }
+    }
+}
+
+impl From<CheckpointPlace> for PlaceTable {
+    fn from(place: CheckpointPlace) -> Self {
+        let mut table = Self::default();
+        match place {
+            CheckpointPlace::Pose {
+                at_m,
+                radius_m,
+                heading_deg,
+                heading_tolerance_deg,
+            } => {
+                table.at_m = Some(at_m);
+                table.radius_m = Some(radius_m);
+                table.heading_deg = Some(heading_deg);
+                table.heading_tolerance_deg = Some(heading_tolerance_deg);
+            }
+            CheckpointPlace::Frames(frames) => table.frames = Some(frames),
+            CheckpointPlace::Seconds(seconds) => table.seconds = Some(seconds),
+        }
+        table
     }
 }
 

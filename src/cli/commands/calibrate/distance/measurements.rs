@@ -11,10 +11,10 @@ use svl::calibrate::distance::TargetMeasurement;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::run::{Matchers, Pace};
-use svl::scenario::PairRange;
+use svl::scenario::{PairRange, SourceOptions};
 use svl::score::{Judge, Judged};
 use svl::sink::{self, CollectSink, RunStart, Sink};
-use svl::source::{Calib, Limited, Request, Source};
+use svl::source::{Limited, Request, Source};
 use svl::stereo::{DepthGrid, MAX_SIDE, Rig};
 
 /// Most measurements; more make no better curve.
@@ -184,7 +184,10 @@ impl Measuring<'_> {
     /// The depth grids of the first frames of a recording, and the rig.
     fn grids(&self, name: &str) -> anyhow::Result<(Vec<DepthGrid>, Option<Rig>)> {
         let request = Request {
-            calib: Calib::None,
+            options: SourceOptions {
+                calib: Some("none".to_owned()),
+                ..SourceOptions::default()
+            },
             ..Request::new(name)
         };
         let opened = open_recording(&request, self.quiet)?;
@@ -199,7 +202,7 @@ impl Measuring<'_> {
         let kept = sink.outbox();
         let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
         let start = RunStart {
-            manifest: &Manifest::new(name, None, &algorithms)?,
+            manifest: &Manifest::new(name, &algorithms)?,
             log: None,
             seed: None,
             judge: &Judge::default(),

@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 use svl::counted;
 use svl::matcher::Algorithm;
 use svl::scenario::ScenarioSource;
-use svl::source::{Request, run_request};
+use svl::source::Request;
 use svl::stereo::GridShape;
 use tool::Labelling;
 
@@ -159,36 +159,26 @@ fn default_output(source: &str) -> PathBuf {
 }
 
 fn refuse_what_the_scenario_says(args: &Args, output: &Path) -> anyhow::Result<()> {
-    let given = [
-        ("--grid", args.grid.is_some()),
-        ("--left and --right", args.input.left.is_some()),
-        ("--calib", args.input.calib.is_some()),
-    ];
-    match given.iter().find(|(_, given)| *given) {
-        None => Ok(()),
-        Some((option, _)) => Err(usage::wrong(format!(
-            "{option}: {} says that itself; leave it out, or name another scenario with -o",
-            output.display()
-        ))),
+    let says = format!(
+        "is what {} says itself; leave it out, or name another scenario with -o",
+        output.display()
+    );
+    if args.grid.is_some() {
+        return Err(usage::wrong(format!("--grid {says}")));
     }
+    let given = args.input.options.keys()?;
+    let given: Vec<_> = given.iter().map(String::as_str).collect();
+    Ok(args.input.options.refuse(&given, &says)?)
 }
 
 /// How the source is opened: as the scenario reads it, where there is one.
 fn request<'a>(args: &'a Args, existing: Option<&ScenarioFile>) -> anyhow::Result<Request<'a>> {
     let name = args.input.source.as_str();
     if let Some(file) = existing
-        && let ScenarioSource::Recording(runs) = &file.scenario().source
+        && let ScenarioSource::Recording(_) = &file.scenario().source
     {
-        let run = svl::scenario::RecordingRun {
-            name: name.to_owned(),
-            path: name.into(),
-        };
-        let of_scenario = run_request(runs, &run)?;
         return Ok(Request {
-            topics: of_scenario.topics.clone(),
-            calib: of_scenario.calib.clone(),
-            range: of_scenario.range,
-            window: of_scenario.window,
+            options: file.scenario().options.clone(),
             ..Request::new(name)
         });
     }
@@ -201,9 +191,8 @@ impl Args {
             source: &self.input.source,
             opened,
             grid: self.grid.unwrap_or_default(),
-            algorithm: self.algo.as_ref().map_or("v3", Algorithm::label),
-            topics: [self.input.left.as_deref(), self.input.right.as_deref()],
-            calib: self.input.calib.as_deref(),
+            algorithm: self.algo.as_ref(),
+            options: &self.input.options,
         }
     }
 }

@@ -4,10 +4,11 @@
 use super::draft::{Draft, replace};
 use super::label::CellLabel;
 use crate::cli::shared::usage;
-use anyhow::{Context, bail};
+use anyhow::bail;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use svl::scenario::{Scenario, ScenarioSource};
+use svl::matcher::Algorithm;
+use svl::scenario::{Scenario, ScenarioSource, SeedList, SourceOptions};
 use svl::score::{CellExpectation, RunPart};
 use svl::source::{ArenaSource, Opened};
 use svl::stereo::GridShape;
@@ -27,10 +28,8 @@ pub(super) struct NewScenario<'a> {
     pub(super) source: &'a str,
     pub(super) opened: &'a Opened,
     pub(super) grid: GridShape,
-    /// The algorithm's label.
-    pub(super) algorithm: &'a str,
-    pub(super) topics: [Option<&'a str>; 2],
-    pub(super) calib: Option<&'a str>,
+    pub(super) algorithm: Option<&'a Algorithm>,
+    pub(super) options: &'a SourceOptions,
 }
 
 impl ScenarioFile {
@@ -229,107 +228,48 @@ impl NewScenario<'_> {
             true => c,
             false => '-',
         };
-        let name: String = stem.chars().take(64).map(safe).collect();
-        let source = self.source;
-        let mut text = format!(
-            "# Begun by `svl label checkpoints`; docs/scoring.md says what can be added.\n\
-             name = {}\ndescription = {}\nalgorithms = [{}]\n",
-            quoted(&name),
-            quoted(&format!("What a person measured or saw in {source}")),
-            quoted(self.algorithm),
-        );
-        let path_below = |file: &str| relative(Path::new(file), path).map(|file| quoted(&file));
         let of_arena = self
             .opened
             .recording
             .is_none()
             .then_some(self.opened.scenario.as_deref());
-        if let Some(arena) = of_arena.flatten() {
-            // What the run depends on, and how its cells are judged.
-            let mut tables: toml::Table = toml::from_str(arena)?;
-            tables.retain(|key, _| matches!(key, "arena" | "cells" | "grid"));
-            let seed = self.opened.header.seed.unwrap_or(1);
-            write!(
-                text,
-                "\n[source]\nkind = \"arena\"\nseeds = [{seed}]\n\n{tables}"
-            )?;
-            return Ok(text);
-        }
-        text += "\n[cells]\njudge = \"distance\"\n";
-        if self.grid != GridShape::default() {
-            let GridShape { columns, rows } = self.grid;
-            writeln!(text, "\n[grid]\ncolumns = {columns}\nrows = {rows}")?;
-        }
-        writeln!(
-            text,
-            "\n[source]\nkind = \"recording\"\nfiles = [{}]",
-            path_below(source)?
-        )?;
-        for (side, topic) in ["left", "right"].into_iter().zip(self.topics) {
-            if let Some(topic) = topic {
-                writeln!(text, "{side} = {}", quoted(topic))?;
+        let begun = match of_arena.flatten() {
+            // What the run depends on, and how its cells are scored.
+            Some(arena) => {
+                let seed = self.opened.header.seed.unwrap_or(1);
+                let seeds = SeedList::new(vec![seed]).map_err(svl::Error::Usage)?;
+                let arena = Scenario::parse(arena, path)?.with(&SourceOptions {
+                    seeds: Some(seeds),
+                    ..SourceOptions::default()
+                })?;
+                Scenario {
+                    checkpoints: Vec::new(),
+                    filters: Vec::new(),
+                    stress: Vec::new(),
+                    gate: Vec::new(),
+                    ..arena
+                }
             }
-        }
-        match self.calib {
-            // Two files have a comma between them.
-            Some(files) if files != "none" => {
-                let files = files.split(',').map(|file| relative(Path::new(file), path));
-                let files = files.collect::<anyhow::Result<Vec<_>>>()?;
-                writeln!(text, "calib = {}", quoted(&files.join(",")))?;
-            }
-            Some(none) => writeln!(text, "calib = {}", quoted(none))?,
-            None => {}
-        }
-        Ok(text)
+            None => Scenario {
+                grid: self.grid.into(),
+                ..Scenario::of_recordings(&[self.source.to_owned()], Vec::new())?
+                    .with(self.options)?
+            },
+        };
+        let algorithm = self.algorithm.cloned().map_or_else(|| "v3".parse(), Ok)?;
+        let scenario = Scenario {
+            name: stem.chars().take(64).map(safe).collect(),
+            description: format!("What a person measured or saw in {}", self.source),
+            algorithms: vec![algorithm],
+            ..begun
+        };
+        let head = "# Begun by `svl label checkpoints`; docs/scoring.md says what can be added.\n";
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Ok(head.to_owned() + &scenario.to_toml(folder)?)
     }
 }
 
 /// A string of TOML.
 fn quoted(text: &str) -> String {
     toml::Value::from(text).to_string()
-}
-
-/// A file's path from the folder of the scenario at `scenario`.
-fn relative(file: &Path, scenario: &Path) -> anyhow::Result<String> {
-    let folder = scenario
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty());
-    let real = |path: &Path| {
-        path.canonicalize()
-            .map_err(|error| svl::Error::io(path, error))
-    };
-    let (file, folder) = (real(file)?, real(folder.unwrap_or(Path::new(".")))?);
-    let shared = file
-        .components()
-        .zip(folder.components())
-        .take_while(|(a, b)| a == b)
-        .count();
-    let up = folder
-        .components()
-        .skip(shared)
-        .map(|_| Path::new("..").as_os_str());
-    let down = file.components().skip(shared).map(|part| part.as_os_str());
-    let path: PathBuf = up.chain(down).collect();
-    let path = path.to_str().map(str::to_owned);
-    path.with_context(|| format!("{}: its name is not in UTF-8", file.display()))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn paths_are_written_from_the_scenario_s_folder() {
-        let folder = tempfile::tempdir().unwrap();
-        for inner in ["a/b", "c"] {
-            std::fs::create_dir_all(folder.path().join(inner)).unwrap();
-        }
-        let recording = folder.path().join("a/own.mcap");
-        std::fs::write(&recording, "").unwrap();
-        let from = |scenario: &str| relative(&recording, &folder.path().join(scenario)).unwrap();
-        assert_eq!(from("a/s.toml"), "own.mcap");
-        assert_eq!(from("a/b/s.toml"), "../own.mcap");
-        assert_eq!(from("c/s.toml"), "../a/own.mcap");
-        assert_eq!(from("s.toml"), "a/own.mcap");
-    }
 }

@@ -128,7 +128,7 @@ fn from_truth(
     });
     let collected = of_frame.outbox();
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
-    let (manifest, judge) = (Manifest::new("label", None, &[])?, Judge::default());
+    let (manifest, judge) = (Manifest::new("label", &[])?, Judge::default());
     let start = RunStart {
         manifest: &manifest,
         log: None,

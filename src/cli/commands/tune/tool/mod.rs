@@ -63,7 +63,7 @@ pub(super) struct Tuner {
     shown: Shown,
     out: Option<PathBuf>,
     /// With the folder of its file.
-    scenario: Option<(Scenario, PathBuf)>,
+    scenario: Option<Scenario>,
     /// What the filters detect, with their files.
     filters: Vec<(FilterKind, PathBuf)>,
     /// Where the knobs are on the screen.
@@ -76,7 +76,7 @@ impl Tuner {
         settings: Vec<TunedSetting>,
         worker: TuneWorker,
         out: Option<PathBuf>,
-        scenario: Option<(Scenario, PathBuf)>,
+        scenario: Option<Scenario>,
         filters: Vec<(FilterKind, PathBuf)>,
     ) -> Self {
         Self {
@@ -285,7 +285,7 @@ impl Tuner {
             algorithms.push(other);
         }
         let toml = match &self.scenario {
-            Some((scenario, folder)) => {
+            Some(scenario) => {
                 let scenario = Scenario {
                     grid: now.grid,
                     cells: now.cells,
@@ -294,6 +294,7 @@ impl Tuner {
                 let on = now.algorithm.filters();
                 let is_on = |(kind, _): &&(FilterKind, _)| on.iter().any(|of| of.kind == *kind);
                 let filters: Vec<_> = self.filters.iter().filter(is_on).cloned().collect();
+                let folder = path.parent().unwrap_or(Path::new(""));
                 scenario_toml(&scenario, &algorithms, &filters, folder)?
             }
             None => {

@@ -1,6 +1,10 @@
 //! The manifest of a run: version, scenario, algorithms with parameters, hashes, machine.
 
-use crate::build_info::{BuildInfo, slow_profile};
+mod identity;
+
+pub use identity::Purpose;
+
+use crate::build_info::BuildInfo;
 use serde::{Deserialize, Serialize};
 use std::fs::read_to_string;
 use std::path::Path;
@@ -27,8 +31,9 @@ pub struct Manifest {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<String>,
     pub scenario: String,
-    /// Hash of the scenario's text, where there is one.
-    pub scenario_hash: Option<String>,
+    /// What the run is, as the scenario that repeats it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub description: Option<serde_json::Value>,
     /// How many bits the 16-bit images used that the pairs were made of.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bits: Option<u8>,
@@ -79,6 +84,9 @@ pub struct RunRecord {
     pub bytes: Option<u64>,
     /// What rectified its pairs, which of them were taken, and what was done to their images.
     pub changes: Option<String>,
+    /// Hash of the calibration files that rectified its pairs, where there are some.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<String>,
     /// Digest of the pixels of the pairs taken, once the run is over: equal for equal images, read
     /// from wherever.
     pub pairs_hash: Option<String>,
@@ -130,11 +138,7 @@ impl Manifest {
     ///
     /// # Errors
     /// When `SVL_ISA` names an instruction set that this CPU does not have.
-    pub fn new(
-        scenario: &str,
-        scenario_text: Option<&str>,
-        algorithms: &[Algorithm],
-    ) -> Result<Self> {
+    pub fn new(scenario: &str, algorithms: &[Algorithm]) -> Result<Self> {
         let now = jiff::Timestamp::now();
         let build = BuildInfo::current();
         // The process id distinguishes two runs that begin within one tick of the clock.
@@ -151,7 +155,7 @@ impl Manifest {
             git_revision: build.git_revision.map(str::to_owned),
             profile: build.profile.map(str::to_owned),
             scenario: scenario.to_owned(),
-            scenario_hash: scenario_text.map(hash),
+            description: None,
             bits: None,
             pairs_hash: None,
             truth: Vec::new(),
@@ -175,44 +179,15 @@ impl Manifest {
         serde_json::from_str(&text).map_err(|e| Error::format(&path, e.to_string()))
     }
 
-    /// What keeps two from being parts of one run, in words.
-    pub fn difference(&self, other: &Self) -> Option<&'static str> {
-        let algorithms = |of: &Self| {
-            let of = of.algorithms.iter();
-            of.map(|a| (a.label.clone(), a.parameters_hash.clone()))
-                .collect::<Vec<_>>()
-        };
-        let runs = |of: &Self| {
-            let of = of.runs.iter().cloned();
-            of.map(|run| RunRecord {
-                pairs_hash: None,
-                ..run
-            })
-            .collect::<Vec<_>>()
-        };
-        // Times of a slow build are not those of a fast one; results are.
-        let svl = |of: &Self| {
-            let slow = slow_profile(of.profile.as_deref());
-            (of.svl.clone(), of.git_revision.clone(), slow)
-        };
-        let scenario = |of: &Self| (of.scenario.clone(), of.scenario_hash.clone());
-        [
-            ("another svl made it", svl(self) == svl(other)),
-            (
-                "its scenario was another",
-                scenario(self) == scenario(other),
-            ),
-            (
-                "its algorithms were others",
-                algorithms(self) == algorithms(other),
-            ),
-            ("its recordings were others", runs(self) == runs(other)),
-            ("another machine made it", self.machine == other.machine),
-            ("its times are of another kind", self.times == other.times),
-            ("it is another shard", self.shard == other.shard),
-        ]
-        .into_iter()
-        .find_map(|(what, is_equal)| (!is_equal).then_some(what))
+    /// The options of the source, as a scenario writes them; files are in the runs.
+    fn source_words(&self) -> Option<String> {
+        let source = self.description.as_ref()?.get("source")?.as_object()?;
+        let options = source.iter().filter(|(key, _)| *key != "files");
+        let words = options.map(|(key, value)| match value.as_str() {
+            Some(text) => format!("{key} {text}"),
+            None => format!("{key} {value}"),
+        });
+        Some(words.collect::<Vec<_>>().join(", "))
     }
 
     /// Says by which rule cells are judged: it is a parameter of the algorithms that answer them.
@@ -242,7 +217,7 @@ impl Manifest {
             ("svl", Some(format!("{} ({revision})", self.svl))),
             ("profile", self.profile.clone()),
             ("scenario", Some(self.scenario.clone())),
-            ("scenario hash", self.scenario_hash.clone()),
+            ("source", self.source_words()),
             ("bits of 16", self.bits.map(|bits| bits.to_string())),
             ("pairs hash", self.pairs_hash.clone()),
             ("truth", truth),
@@ -295,6 +270,7 @@ impl RunRecord {
             path: path.display().to_string(),
             bytes: file.map(|file| file.len()),
             changes,
+            calibration: None,
             pairs_hash: None,
         }
     }
@@ -372,7 +348,12 @@ impl Machine {
 
 /// Hash of a text: XXH3, 128 bits, hexadecimal.
 pub fn hash(text: &str) -> String {
-    format!("{:032x}", xxhash_rust::xxh3::xxh3_128(text.as_bytes()))
+    hash_bytes(text.as_bytes())
+}
+
+/// Hash of bytes, as that of a text.
+pub fn hash_bytes(bytes: &[u8]) -> String {
+    format!("{:032x}", xxhash_rust::xxh3::xxh3_128(bytes))
 }
 
 #[cfg(test)]
@@ -384,22 +365,19 @@ mod tests {
         let algorithms: Vec<Algorithm> = ["v3", "v3:max_disparity=80", "v3:max_disparity=64", "v1"]
             .map(|a| a.parse().unwrap())
             .into();
-        let manifest = Manifest::new("s", Some("text"), &algorithms).unwrap();
+        let manifest = Manifest::new("s", &algorithms).unwrap();
         let [plain, spelled, other, v1] = &manifest.algorithms[..] else {
             panic!()
         };
         assert_eq!(plain.parameters_hash, spelled.parameters_hash);
         assert_ne!(plain.parameters_hash, other.parameters_hash);
         assert_ne!(plain.parameters_hash, v1.parameters_hash);
-        assert_ne!(
-            manifest.run_id,
-            Manifest::new("s", None, &[]).unwrap().run_id
-        );
+        assert_ne!(manifest.run_id, Manifest::new("s", &[]).unwrap().run_id);
     }
 
     #[test]
     fn json_round_trip() {
-        let manifest = Manifest::new("s", None, &["v3".parse().unwrap()]).unwrap();
+        let manifest = Manifest::new("s", &["v3".parse().unwrap()]).unwrap();
         let json = serde_json::to_string(&manifest).unwrap();
         assert_eq!(serde_json::from_str::<Manifest>(&json).unwrap(), manifest);
     }

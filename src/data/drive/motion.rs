@@ -1,44 +1,44 @@
 //! The robot's motion, and what happens on the way.
 
-use svl_data::arena::ArenaWorld;
-use svl_data::scenario::DriveConfig;
+use crate::arena::ArenaWorld;
+use crate::scenario::DriveConfig;
 
-pub(super) type GroundPoint = nalgebra::Vector2<f64>;
+pub type GroundPoint = nalgebra::Vector2<f64>;
 
 /// What the robot is told to do.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct DriveCommand {
-    pub(super) speed_m_per_s: f64,
+pub struct DriveCommand {
+    pub speed_m_per_s: f64,
     /// Counterclockwise, seen from above.
-    pub(super) turn_rad_per_s: f64,
+    pub turn_rad_per_s: f64,
 }
 
 /// Where the robot is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct RobotState {
-    pub(super) time_s: f64,
+pub struct RobotState {
+    pub time_s: f64,
     /// Middle of the stereo head, which is that of the body.
-    pub(super) at: GroundPoint,
+    pub at: GroundPoint,
     /// `atan2(y, x)` of the direction of travel.
-    pub(super) heading: f64,
+    pub heading: f64,
 }
 
 impl RobotState {
     /// A place `ahead` and to the left of the robot, in the world.
-    pub(super) fn to_world(self, ahead_m: f64, left_m: f64) -> GroundPoint {
+    pub fn to_world(self, ahead_m: f64, left_m: f64) -> GroundPoint {
         let (sin, cos) = self.heading.sin_cos();
         self.at + GroundPoint::new(ahead_m * cos - left_m * sin, ahead_m * sin + left_m * cos)
     }
 
     /// How far ahead and to the left a place of the world is.
-    pub(super) fn to_robot(self, at: GroundPoint) -> (f64, f64) {
+    pub fn to_robot(self, at: GroundPoint) -> (f64, f64) {
         let (sin, cos) = self.heading.sin_cos();
         let d = at - self.at;
         (cos * d.x + sin * d.y, cos * d.y - sin * d.x)
     }
 
     /// The same place after a turn on the spot.
-    pub(super) fn turned(self, by: f64) -> Self {
+    pub fn turned(self, by: f64) -> Self {
         Self {
             heading: self.heading + by,
             ..self
@@ -46,7 +46,7 @@ impl RobotState {
     }
 
     /// At the end of an arc of that length that turns by `turn` in all.
-    pub(super) fn moved(self, length_m: f64, turn: f64) -> Self {
+    pub fn moved(self, length_m: f64, turn: f64) -> Self {
         // The chord of an arc: as long as the arc times the sine of half the turn over it.
         let half = 0.5 * turn;
         let shrink = if half.abs() < 1.0e-9 {
@@ -63,7 +63,7 @@ impl RobotState {
     }
 
     /// After some time, negative for before, under a command.
-    pub(super) fn after(self, command: DriveCommand, seconds: f64) -> Self {
+    pub fn after(self, command: DriveCommand, seconds: f64) -> Self {
         let moved = self.moved(
             command.speed_m_per_s * seconds,
             command.turn_rad_per_s * seconds,
@@ -88,7 +88,7 @@ pub enum DriveEvent {
 
 impl DriveEvent {
     /// Whether a course is thrown away where the driver with perfect sight meets this.
-    pub(super) fn ends_proof(&self) -> bool {
+    pub fn ends_proof(&self) -> bool {
         !matches!(self, Self::NearMiss { .. })
     }
 }
@@ -179,7 +179,7 @@ const STEP_M: f64 = 0.001;
 
 /// Moves the robot under a command through the world. It stops where it touches something. Returns
 /// the state at the end, the way driven, and the least clearance with what was nearest.
-pub(super) fn advance<'w>(
+pub fn advance<'w>(
     world: &'w ArenaWorld,
     config: &DriveConfig,
     from: RobotState,
@@ -216,7 +216,7 @@ pub(super) fn advance<'w>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_data::arena::{ArenaConfig, Ball, Block};
+    use crate::arena::{ArenaConfig, Ball, Block};
 
     fn robot() -> RobotState {
         RobotState {

@@ -19,11 +19,11 @@
 //! Departures from the paper: accelerations have no limit, and the arcs are a fixed set.
 
 use super::motion::{DriveCommand, GroundPoint, RobotState};
+use crate::scenario::{CellPart, CellStandsFor, DriveConfig};
 use svl_core::stereo::{Cell, DepthGrid, Rig};
-use svl_data::scenario::{CellPart, CellStandsFor, DriveConfig};
 
 /// The rule with what it remembers.
-pub(super) struct Steering {
+pub struct Steering {
     config: DriveConfig,
     seen: Vec<Obstacle>,
     curvature_per_m: f64,
@@ -69,7 +69,7 @@ const MAX_DOUBLINGS: i32 = 2;
 const POINTS: i32 = 3;
 
 impl Steering {
-    pub(super) fn new(config: &DriveConfig) -> Self {
+    pub fn new(config: &DriveConfig) -> Self {
         Self {
             config: config.clone(),
             seen: Vec::new(),
@@ -82,7 +82,7 @@ impl Steering {
     /// The command after a frame that was taken by `robot`. `rig` is that of the images, `width_px`
     /// wide; `then` is where the robot will be when the command begins to hold, and `goal` the
     /// direction to go, radians.
-    pub(super) fn decide(
+    pub fn decide(
         &mut self,
         grid: &DepthGrid,
         (rig, width_px): (&Rig, usize),

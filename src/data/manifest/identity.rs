@@ -1,0 +1,325 @@
+//! What may be reused, merged, compared and joined: the one place that decides it.
+//!
+//! Two runs are held against each other field by field of their manifests, descriptions included.
+//! What a row was scored on is in its own input hash ([`svl_core::stereo::Frame::input_hash`]).
+
+use super::Manifest;
+use serde_json::Value;
+use svl_core::{Error, Result};
+
+/// Why two runs are held against each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// A run goes on with the rows of an earlier one.
+    Resume,
+    /// Shards become one report.
+    Merge,
+    /// Changes from one report to another are called better or worse.
+    Compare,
+    /// Reports are joined by lines over their dates.
+    History,
+}
+
+use Purpose::{Compare, History, Merge, Resume};
+
+const ALL: &[Purpose] = &[Resume, Merge, Compare, History];
+/// Other pairs, or pairs that are scored otherwise; pairs are compared one by one.
+const OF_PAIRS: &[Purpose] = &[Resume, Merge, History];
+const OF_ONE_RUN: &[Purpose] = &[Resume, Merge];
+/// What depends on nothing, or is decided by another field.
+const NONE: &[Purpose] = &[];
+
+/// The fields of a manifest, and for which purposes they have to be equal; the first that is a
+/// field or the table that it is in counts. A field that is not here keeps everything apart.
+const FIELDS: &[(&str, &[Purpose])] = &[
+    ("run_id", NONE),
+    ("began", NONE),
+    ("resumed", NONE),
+    ("parts", NONE),
+    ("pairs_hash", NONE),
+    // Of each row, by its input hash.
+    ("truth", NONE),
+    ("svl", OF_ONE_RUN),
+    ("git_revision", OF_ONE_RUN),
+    // Results are those of any build; times are not.
+    ("profile", OF_ONE_RUN),
+    ("scenario", OF_PAIRS),
+    ("bits", OF_PAIRS),
+    ("times", OF_ONE_RUN),
+    ("shard", &[Resume]),
+    ("machine", &[Resume]),
+    ("algorithms", OF_ONE_RUN),
+    ("runs", OF_ONE_RUN),
+    ("description.name", NONE),
+    ("description.description", NONE),
+    // By their parameters, in `algorithms`, where filters are by their weights.
+    ("description.algorithms", NONE),
+    ("description.filter", NONE),
+    // Limits are held against numbers when they are there.
+    ("description.gate", NONE),
+    ("description.grid", ALL),
+    ("description.cells", ALL),
+    ("description.checkpoint", ALL),
+    ("description.arena", OF_PAIRS),
+    ("description.drive", OF_PAIRS),
+    ("description.stress", OF_PAIRS),
+    ("description.source.kind", OF_PAIRS),
+    // Recordings and calibrations are in `runs`, wherever they lie on this machine.
+    ("description.source.files", NONE),
+    ("description.source.calib", NONE),
+    ("description.source.data", NONE),
+    ("description.source.scenes", OF_PAIRS),
+    ("description.source.seeds", OF_PAIRS),
+    ("description.source.left", OF_PAIRS),
+    ("description.source.right", OF_PAIRS),
+    ("description.source.side_by_side", OF_PAIRS),
+    ("description.source.fps", OF_PAIRS),
+    ("description.source.bits", OF_PAIRS),
+    ("description.source.max_skew_ms", OF_PAIRS),
+    ("description.source.truth", OF_PAIRS),
+    ("description.source.truth_skew_ms", OF_PAIRS),
+    ("description.source.alpha", OF_PAIRS),
+    ("description.source.crop", OF_PAIRS),
+    ("description.source.scale", OF_PAIRS),
+    ("description.source.every", OF_PAIRS),
+    ("description.source.from_s", OF_PAIRS),
+    ("description.source.to_s", OF_PAIRS),
+    ("description.source.reference", OF_PAIRS),
+];
+
+impl Manifest {
+    /// What keeps two runs apart for a purpose: each field that differs, with both values, in words
+    /// as `source.max_skew_ms: 5 and 20`. None: they may be taken together.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a manifest that cannot be serialized.
+    pub fn differences(&self, other: &Self, purpose: Purpose) -> Result<Vec<String>> {
+        let (ours, theirs) = (self.identity()?, other.identity()?);
+        let mut differing = Vec::new();
+        let mut keep = |path: &str, ours: Option<&Value>, theirs: Option<&Value>| {
+            if ours != theirs && has_to_be_equal(path, purpose) {
+                let name = path.strip_prefix("description.").unwrap_or(path);
+                describe(name, ours, theirs, &mut differing);
+            }
+        };
+        each_field(Some(&ours), Some(&theirs), "", &mut keep);
+        Ok(differing)
+    }
+
+    /// The manifest without what only this machine or the end of the run says of it.
+    fn identity(&self) -> Result<Value> {
+        let mut manifest = self.clone();
+        for algorithm in &mut manifest.algorithms {
+            algorithm.results_hash = None;
+            algorithm.memory_bytes = None;
+            algorithm.failure = None;
+            algorithm.program = None;
+            // The label names the parameters as the user wrote them; their hash is of all of them.
+            algorithm.parameters.clear();
+        }
+        for run in &mut manifest.runs {
+            run.pairs_hash = None;
+            run.path.clear();
+        }
+        // Absent is what is not slow.
+        manifest.profile = crate::slow_profile(manifest.profile.as_deref());
+        serde_json::to_value(manifest).map_err(|e| Error::Invalid(format!("manifest: {e}")))
+    }
+}
+
+/// Calls `field` with each pair of values: tables are walked down to the fields of [`FIELDS`].
+fn each_field(
+    ours: Option<&Value>,
+    theirs: Option<&Value>,
+    path: &str,
+    field: &mut dyn FnMut(&str, Option<&Value>, Option<&Value>),
+) {
+    let tables = [ours, theirs].map(|value| value.and_then(Value::as_object));
+    if tables == [None, None] || !path.is_empty() && FIELDS.iter().any(|(name, _)| *name == path) {
+        return field(path, ours, theirs);
+    }
+    let mut keys: Vec<_> = tables
+        .iter()
+        .flatten()
+        .flat_map(|table| table.keys())
+        .collect();
+    keys.sort_unstable();
+    keys.dedup();
+    for key in keys {
+        let inner = match path {
+            "" => key.clone(),
+            path => format!("{path}.{key}"),
+        };
+        let [ours, theirs] = tables.map(|table| table.and_then(|table| table.get(key)));
+        each_field(ours, theirs, &inner, field);
+    }
+}
+
+fn has_to_be_equal(path: &str, purpose: Purpose) -> bool {
+    let of = FIELDS.iter().find(|(name, _)| *name == path);
+    of.is_none_or(|(_, purposes)| purposes.contains(&purpose))
+}
+
+/// Adds where two values of a field differ.
+fn describe(name: &str, ours: Option<&Value>, theirs: Option<&Value>, lines: &mut Vec<String>) {
+    if let (Some(Value::Object(own)), Some(Value::Object(other))) = (ours, theirs) {
+        let keys = own
+            .keys()
+            .chain(other.keys().filter(|key| !own.contains_key(*key)));
+        for key in keys.filter(|key| own.get(*key) != other.get(*key)) {
+            describe(
+                &format!("{name}.{key}"),
+                own.get(key),
+                other.get(key),
+                lines,
+            );
+        }
+        return;
+    }
+    let (ours, theirs) = (words(ours), words(theirs));
+    lines.push(match ours == theirs {
+        true => format!("{name}: {ours}, but not all alike"),
+        false => format!("{name}: {ours} and {theirs}"),
+    });
+}
+
+/// A value in a sentence: of tables their names.
+fn words(value: Option<&Value>) -> String {
+    let name = |value: &Value| {
+        let named = ["label", "name", "kind"].map(|key| value.get(key).and_then(Value::as_str));
+        named.into_iter().flatten().next().map(str::to_owned)
+    };
+    let names = |value: &Value| {
+        value
+            .as_array()?
+            .iter()
+            .map(name)
+            .collect::<Option<Vec<_>>>()
+    };
+    let named = value.and_then(|value| name(value).or_else(|| Some(names(value)?.join(", "))));
+    let text = match (named, value) {
+        (Some(names), _) => names,
+        (None, value) => text(value),
+    };
+    match text.chars().count() {
+        0 => "nothing".to_owned(),
+        1..=60 => text,
+        _ => text.chars().take(57).chain("…".chars()).collect(),
+    }
+}
+
+fn text(value: Option<&Value>) -> String {
+    match value {
+        None | Some(Value::Null) => "not set".to_owned(),
+        Some(Value::String(text)) => text.clone(),
+        Some(value) => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Scenario;
+    use std::path::Path;
+
+    /// A manifest whose description sets each key that there is.
+    fn whole(kind: &str) -> Manifest {
+        let source = match kind {
+            "arena" => "seeds = \"1\"",
+            "drive" => "seeds = \"1\"",
+            "dataset" => "scenes = [\"a\"]\ndata = \"d\"",
+            _ => {
+                "files = [\"a.mcap\"]\nleft = \"l\"\nright = \"r\"\nside_by_side = true\n\
+                 fps = 1.0\nbits = 8\nmax_skew_ms = 1.0\ntruth = \"t\"\n\
+                 truth_skew_ms = 1.0\ncalib = \"c\"\n\
+                 alpha = 0.5\ncrop = [0, 0, 9, 9]\nscale = 0.5"
+            }
+        };
+        let of_pairs = match kind {
+            "drive" => "",
+            _ => "every = 2\nfrom_s = 1.0\nto_s = 9.0\nreference = [\"sgm\"]\n",
+        };
+        let checkpoint = match kind {
+            "drive" => "",
+            _ => "[[checkpoint]]\nnumber = 1\nname = \"a\"\nframes = [0, 1]\nmust = [[0, 0]]\n",
+        };
+        let text = format!(
+            "name = \"s\"\ndescription = \"d\"\nalgorithms = [\"v3\"]\n[source]\n\
+             kind = \"{kind}\"\n{source}\n{of_pairs}{checkpoint}[[filter]]\n\
+             detects = \"floor\"\nfile = \"f\"\n\
+             [[stress]]\nkind = \"gain\"\n[[gate]]\nalgorithm = \"v3\"\nmetric = \"wrong\"\n\
+             max = 0.1\n"
+        );
+        let scenario = Scenario::parse(&text, Path::new("s.toml")).unwrap();
+        let mut manifest = Manifest::new("s", &scenario.algorithms).unwrap();
+        manifest.description = Some(scenario.to_json().unwrap());
+        manifest.bits = Some(12);
+        manifest.times = Some("alone".into());
+        manifest.shard = Some("1/2".into());
+        manifest.profile = Some("work".into());
+        manifest
+    }
+
+    #[test]
+    fn every_field_has_an_entry() {
+        for kind in ["arena", "drive", "dataset", "recording"] {
+            let manifest = serde_json::to_value(whole(kind)).unwrap();
+            let mut seen = Vec::new();
+            each_field(Some(&manifest), None, "", &mut |path, _, _| {
+                seen.push(path.to_owned())
+            });
+            for path in seen {
+                let is_there = FIELDS.iter().any(|(name, _)| *name == path);
+                assert!(is_there, "{path}: say in FIELDS what it keeps apart");
+            }
+        }
+    }
+
+    #[test]
+    fn each_field_in_turn_keeps_apart_what_it_should() {
+        let changed = |value: &Value| match value {
+            Value::Number(_) => Value::from(7),
+            Value::Bool(is) => Value::from(!is),
+            Value::Array(values) if !values.is_empty() => Value::Array(Vec::new()),
+            _ => Value::from("other"),
+        };
+        for kind in ["arena", "drive", "dataset", "recording"] {
+            let manifest = whole(kind);
+            assert!(manifest.differences(&manifest, Resume).unwrap().is_empty());
+            let description = manifest.description.clone().unwrap();
+            let mut paths = Vec::new();
+            each_field(
+                Some(&description),
+                None,
+                "description",
+                &mut |path, value, _| {
+                    paths.push((path.to_owned(), value.cloned()));
+                },
+            );
+            for (path, value) in paths {
+                let mut other = manifest.clone();
+                let key = path.strip_prefix("description.").unwrap();
+                let pointer = format!("/{}", key.replace('.', "/"));
+                let description = other.description.as_mut().unwrap();
+                *description.pointer_mut(&pointer).unwrap() = changed(&value.unwrap());
+                for purpose in ALL {
+                    let of = FIELDS.iter().find(|(name, _)| *name == path).unwrap();
+                    let differences = manifest.differences(&other, *purpose).unwrap();
+                    let apart = of.1.contains(purpose);
+                    assert_eq!(!differences.is_empty(), apart, "{path}, {purpose:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_field_that_nobody_knows_keeps_all_apart() {
+        let manifest = whole("arena");
+        let mut other = manifest.clone();
+        other.description.as_mut().unwrap()["source"]["new"] = 1.into();
+        for purpose in ALL {
+            let differences = manifest.differences(&other, *purpose).unwrap();
+            assert_eq!(differences, ["source.new: not set and 1"]);
+        }
+    }
+}

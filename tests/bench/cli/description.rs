@@ -1,0 +1,132 @@
+//! What a run is: printed, repeated, and held against other runs.
+
+use super::fixture::{Fixture, assert_says};
+use serde_json::Value;
+
+/// The hashes of all pairs and of the results of each algorithm.
+fn hashes(fixture: &Fixture, report: &str) -> Vec<String> {
+    let manifest: Value =
+        serde_json::from_str(&fixture.text(&format!("{report}/manifest.json"))).unwrap();
+    let algorithms = manifest["algorithms"].as_array().unwrap().iter();
+    let results = algorithms.map(|of| of["results_hash"].to_string());
+    results
+        .chain([manifest["pairs_hash"].to_string()])
+        .collect()
+}
+
+/// The run of a command line and the one of its printed scenario have equal hashes.
+#[track_caller]
+fn repeats(fixture: &Fixture, command: &str) {
+    fixture.run(&format!("score {command} --out first --rerun none"));
+    fixture.run(&format!(
+        "score {command} --print-scenario=inner/again.toml"
+    ));
+    fixture.run("score inner/again.toml --out second --rerun none");
+    assert_eq!(
+        hashes(fixture, "first"),
+        hashes(fixture, "second"),
+        "{command}"
+    );
+    let [first, second] = ["first", "second"].map(|report| {
+        let manifest: Value =
+            serde_json::from_str(&fixture.text(&format!("{report}/manifest.json"))).unwrap();
+        manifest["description"].clone()
+    });
+    // Limits of algorithms that are not run are not printed.
+    let without = |mut of: Value| {
+        of.as_object_mut().unwrap().remove("gate");
+        for path in ["files", "calib", "data"] {
+            of["source"].as_object_mut().unwrap().remove(path);
+        }
+        of
+    };
+    assert_eq!(without(first), without(second), "{command}");
+    // On the terminal: relative to the working folder.
+    let printed = fixture.run(&format!("score {command} --print-scenario"));
+    std::fs::write(fixture.path("printed.toml"), printed).unwrap();
+    fixture.run("score printed.toml --out third --rerun none");
+    assert_eq!(
+        hashes(fixture, "first"),
+        hashes(fixture, "third"),
+        "{command}"
+    );
+    std::fs::remove_file(fixture.path("inner/again.toml")).unwrap();
+}
+
+#[test]
+fn a_printed_scenario_repeats_the_run_of_each_kind_of_source() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 4);
+    std::fs::create_dir(fixture.path("inner")).unwrap();
+    repeats(
+        &fixture,
+        "short.toml --algo v3 --algo fast=bm:max_disparity=48 --seeds 4,5 --every 2",
+    );
+    fixture.run("record short.toml -o run.mcap");
+    repeats(
+        &fixture,
+        "run.mcap --algo v3 --from 0.02 --crop 40,20,240,200 --scale 0.5",
+    );
+    repeats(
+        &fixture,
+        "run.mcap --algo v3 --reference sgm --stress gain=0.5",
+    );
+    let error = fixture.svl("score run.mcap --print-scenario=short.toml");
+    error.failed(1, &["short.toml", "exists"]);
+}
+
+#[test]
+fn a_scene_is_repeated_from_its_folder_of_data_sets() {
+    let fixture = Fixture::new();
+    std::fs::create_dir(fixture.path("inner")).unwrap();
+    fixture.write_pair("data/cones/im0.pgm", "data/cones/im1.pgm", (80, 60), 5);
+    std::fs::write(
+        fixture.path("scenes.toml"),
+        "name = \"s\"\n[cells]\njudge = \"disparity\"\ntolerance_px = 2\n[source]\n\
+         kind = \"dataset\"\nscenes = [\"cones\"]\n",
+    )
+    .unwrap();
+    repeats(&fixture, "scenes.toml --algo v3 --data data");
+}
+
+#[test]
+fn resumed_and_compared_runs_are_held_against_each_other() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 6);
+    fixture.run("record short.toml -o run.mcap");
+    fixture.run("score run.mcap --algo v3 --out one --rerun none");
+    // A run that was killed has no summary.
+    std::fs::remove_file(fixture.path("one/summary.json")).unwrap();
+    let other = fixture.svl("score run.mcap --algo v3 --every 2 --out one --rerun none --resume");
+    other.failed(1, &["cannot be resumed", "source.every: not set and 2"]);
+    let other =
+        fixture.svl("score run.mcap -q --algo v3 --reference sgm --out one --rerun none --resume");
+    other.failed(
+        1,
+        &[
+            "cannot be resumed",
+            "source.reference: not set and [\"sgm\"]",
+        ],
+    );
+    fixture.run("score run.mcap --algo v3 --out one --rerun none --resume");
+
+    // Shards of other options are no parts of one run.
+    fixture.run("score run.mcap --algo v3 --shard 1/2 --out part1 --rerun none");
+    fixture.run("score run.mcap --algo v3 --shard 2/2 --out part2 --reference sgm --rerun none");
+    let merged = fixture.svl("merge part1 part2 --out whole");
+    merged.failed(1, &["part2", "not of the same run", "source.reference"]);
+
+    // A history has a line for each of them.
+    fixture.run("score run.mcap --algo v3 --every 2 --out two --rerun none");
+    let history = fixture.json("compare --history one two --json");
+    assert_eq!(
+        history["scenarios"].as_array().unwrap().len(),
+        2,
+        "{history}"
+    );
+    let compared = fixture.run("compare one two");
+    assert_says(
+        &compared,
+        &["3 pairs, 3 with equal results", "of one run alone"],
+    );
+}
