@@ -127,12 +127,15 @@ impl Manifest {
     }
 }
 
+/// Takes a field's path and its two values.
+type OnField<'a> = &'a mut dyn FnMut(&str, Option<&Value>, Option<&Value>);
+
 /// Calls `field` with each pair of values: tables are walked down to the fields of [`FIELDS`].
 fn each_field(
     ours: Option<&Value>,
     theirs: Option<&Value>,
     path: &str,
-    field: &mut dyn FnMut(&str, Option<&Value>, Option<&Value>),
+    field: OnField<'_>,
 ) {
     let tables = [ours, theirs].map(|value| value.and_then(Value::as_object));
     if tables == [None, None] || !path.is_empty() && FIELDS.iter().any(|(name, _)| *name == path) {

@@ -85,7 +85,6 @@ mod tests {
         let runs = RecordingRuns {
             files: files.iter().map(|file| (*file).to_owned()).collect(),
             folder: folder.to_owned(),
-            ..RecordingRuns::default()
         };
         runs.runs()
             .map(|runs| runs.into_iter().map(|run| run.name).collect())

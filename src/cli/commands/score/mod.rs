@@ -419,8 +419,8 @@ fn warn_of_unfinished(folder: &Path) {
 
 /// Warns where frames have a truth, but no cell has enough of it to be scored.
 fn warn_of_nothing_scored(scenario: &Scenario, summary: &Summary) {
-    let of = summary.algorithms.iter();
-    if let Some(of) = of.filter(|of| of.scored_cells == Some(0)).next() {
+    let mut of = summary.algorithms.iter();
+    if let Some(of) = of.find(|of| of.scored_cells == Some(0)) {
         let cells = of.pairs * scenario.grid.shape().cells() as u64;
         tracing::warn!(
             "{}: 0 of {cells} cells have a ground truth, so none is scored against it",
