@@ -45,8 +45,8 @@ Examples:
   svl replay run.mcap --algo v3 --rerun spawn
   svl match left.png right.png --algo v3:max_disparity=64 -o disparity.pfm
 
-Exit codes: 0 done, 1 failed, 2 wrong usage, 3 a gate is broken or cannot be judged,
-4 done, but something is missing.";
+Exit status: 0 done, 1 failed, 2 wrong usage, 3 a gate is broken or could not
+be judged, 4 done, but something is missing.";
 
 impl Cli {
     /// Parses, runs, and turns the result into the exit code.

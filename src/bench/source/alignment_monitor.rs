@@ -4,8 +4,7 @@ use super::Source;
 use svl_core::Result;
 use svl_core::counted;
 use svl_core::rectify::AlignmentMeter;
-use svl_core::stereo::{Frame, Losses};
-use svl_data::score::Judged;
+use svl_core::stereo::Frame;
 
 /// A source that measures a few of its pairs, and warns once when they are vertically misaligned.
 pub struct AlignmentMonitor<'a> {
@@ -55,29 +54,17 @@ impl<'a> AlignmentMonitor<'a> {
 }
 
 impl Source for AlignmentMonitor<'_> {
-    fn name(&self) -> String {
-        self.source.name()
+    fn wrapped(&self) -> Option<&dyn Source> {
+        Some(self.source)
+    }
+
+    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+        Some(self.source)
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;
         self.measure(frame.as_ref());
         Ok(frame)
-    }
-
-    fn pairs(&self) -> Option<u64> {
-        self.source.pairs()
-    }
-
-    fn finish(&mut self, taken: u64) -> Losses {
-        self.source.finish(taken)
-    }
-
-    fn listens(&self) -> bool {
-        self.source.listens()
-    }
-
-    fn hear(&mut self, judged: &Judged) {
-        self.source.hear(judged);
     }
 }

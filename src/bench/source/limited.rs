@@ -4,7 +4,6 @@ use super::Source;
 use svl_core::stereo::{Frame, Losses};
 use svl_core::{Error, Result};
 use svl_data::scenario::PairRange;
-use svl_data::score::Judged;
 
 /// A source of which a range of pairs is taken, and of these at most so many. Frames keep their
 /// sequence numbers and stamps.
@@ -86,8 +85,12 @@ impl Limited {
 }
 
 impl Source for Limited {
-    fn name(&self) -> String {
-        self.source.name()
+    fn wrapped(&self) -> Option<&dyn Source> {
+        Some(&*self.source)
+    }
+
+    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+        Some(&mut *self.source)
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
@@ -126,14 +129,6 @@ impl Source for Limited {
     /// Pairs that nobody asked for are no losses.
     fn finish(&mut self, taken: u64) -> Losses {
         self.source.finish(taken + self.skipped)
-    }
-
-    fn listens(&self) -> bool {
-        self.source.listens()
-    }
-
-    fn hear(&mut self, judged: &Judged) {
-        self.source.hear(judged);
     }
 }
 

@@ -4,7 +4,6 @@ use super::Source;
 use svl_core::Result;
 use svl_core::stereo::{Frame, Losses};
 use svl_data::recording::{RawCamera, TruthTopic};
-use svl_data::score::Judged;
 
 /// A source whose frames get their truth from another sensor's topic, in place of their own.
 pub struct MeasuredSource {
@@ -21,8 +20,12 @@ impl MeasuredSource {
 }
 
 impl Source for MeasuredSource {
-    fn name(&self) -> String {
-        self.source.name()
+    fn wrapped(&self) -> Option<&dyn Source> {
+        Some(&*self.source)
+    }
+
+    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+        Some(&mut *self.source)
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
@@ -33,22 +36,10 @@ impl Source for MeasuredSource {
         Ok(frame)
     }
 
-    fn pairs(&self) -> Option<u64> {
-        self.source.pairs()
-    }
-
     fn finish(&mut self, taken: u64) -> Losses {
         Losses {
             without_truth: self.truth.without(),
             ..self.source.finish(taken)
         }
-    }
-
-    fn listens(&self) -> bool {
-        self.source.listens()
-    }
-
-    fn hear(&mut self, judged: &Judged) {
-        self.source.hear(judged);
     }
 }

@@ -44,8 +44,20 @@ use svl_data::score::Judged;
 
 /// A sequence of frames, pulled one by one.
 pub trait Source: Send {
+    /// The source that this one is wrapped around; what a wrapper does not change is forwarded to
+    /// it.
+    fn wrapped(&self) -> Option<&dyn Source> {
+        None
+    }
+
+    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+        None
+    }
+
     /// One word or two for a person: what is being read.
-    fn name(&self) -> String;
+    fn name(&self) -> String {
+        self.wrapped().map(Source::name).unwrap_or_default()
+    }
 
     /// The next frame, or nothing at the end.
     ///
@@ -55,27 +67,35 @@ pub trait Source: Send {
     fn next(&mut self) -> Result<Option<Frame>>;
 
     /// How many frames there are in all, where that is known.
-    fn pairs(&self) -> Option<u64>;
+    fn pairs(&self) -> Option<u64> {
+        self.wrapped()?.pairs()
+    }
 
     /// Makes the source give the frame at `index`, counted from 0, next. False where it can only
     /// read on: it gives then what it would have given.
     ///
     /// # Errors
     /// As [`Source::next`].
-    fn seek(&mut self, _index: u64) -> Result<bool> {
-        Ok(false)
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        self.wrapped_mut()
+            .map_or(Ok(false), |source| source.seek(index))
     }
 
     /// Ends the source and says what of it is in no frame. `taken`: frames that were used.
-    fn finish(&mut self, _taken: u64) -> Losses {
-        Losses::default()
+    fn finish(&mut self, taken: u64) -> Losses {
+        let wrapped = self.wrapped_mut();
+        wrapped.map_or_else(Losses::default, |source| source.finish(taken))
     }
 
     /// Whether the next frame depends on what the algorithms made of the last one.
     fn listens(&self) -> bool {
-        false
+        self.wrapped().is_some_and(Source::listens)
     }
 
     /// Hears what was made of the frame given out last; only a source that listens is asked.
-    fn hear(&mut self, _: &Judged) {}
+    fn hear(&mut self, judged: &Judged) {
+        if let Some(source) = self.wrapped_mut() {
+            source.hear(judged);
+        }
+    }
 }

@@ -3,9 +3,8 @@
 use super::Source;
 use std::collections::VecDeque;
 use svl_core::rectify::{EpipolarGeometry, Framing, Rectifier, matches, uncalibrated};
-use svl_core::stereo::{Frame, Geometry, Gray, Losses, StereoPair};
+use svl_core::stereo::{Frame, Geometry, Gray, StereoPair};
 use svl_core::{Error, Result};
-use svl_data::score::Judged;
 
 /// A source whose raw pairs are rectified: its frames are [`Geometry::Rectified`].
 pub struct RectifiedSource {
@@ -113,8 +112,12 @@ impl RectifiedSource {
 }
 
 impl Source for RectifiedSource {
-    fn name(&self) -> String {
-        self.source.name()
+    fn wrapped(&self) -> Option<&dyn Source> {
+        Some(&*self.source)
+    }
+
+    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+        Some(&mut *self.source)
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
@@ -125,28 +128,12 @@ impl Source for RectifiedSource {
         frame.map(|frame| self.rectified(frame)).transpose()
     }
 
-    fn pairs(&self) -> Option<u64> {
-        self.source.pairs()
-    }
-
     fn seek(&mut self, index: u64) -> Result<bool> {
         let seeks = self.source.seek(index)?;
         if seeks {
             self.ahead.clear();
         }
         Ok(seeks)
-    }
-
-    fn finish(&mut self, taken: u64) -> Losses {
-        self.source.finish(taken)
-    }
-
-    fn listens(&self) -> bool {
-        self.source.listens()
-    }
-
-    fn hear(&mut self, judged: &Judged) {
-        self.source.hear(judged);
     }
 }
 
@@ -160,8 +147,12 @@ impl<'a> AssumeRectified<'a> {
 }
 
 impl Source for AssumeRectified<'_> {
-    fn name(&self) -> String {
-        self.0.name()
+    fn wrapped(&self) -> Option<&dyn Source> {
+        Some(self.0)
+    }
+
+    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+        Some(self.0)
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
@@ -172,21 +163,5 @@ impl Source for AssumeRectified<'_> {
             *geometry = Geometry::Rectified(None);
         }
         Ok(frame)
-    }
-
-    fn pairs(&self) -> Option<u64> {
-        self.0.pairs()
-    }
-
-    fn finish(&mut self, taken: u64) -> Losses {
-        self.0.finish(taken)
-    }
-
-    fn listens(&self) -> bool {
-        self.0.listens()
-    }
-
-    fn hear(&mut self, judged: &Judged) {
-        self.0.hear(judged);
     }
 }

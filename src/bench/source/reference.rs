@@ -8,7 +8,6 @@ use svl_core::stereo::{
 };
 use svl_core::{Error, Result};
 use svl_data::agreement::{both, consistent, textured};
-use svl_data::score::Judged;
 
 /// A source whose frames get the disparities of references for their truth, in place of their own.
 ///
@@ -118,8 +117,12 @@ impl Reference {
 }
 
 impl Source for ReferenceSource {
-    fn name(&self) -> String {
-        self.source.name()
+    fn wrapped(&self) -> Option<&dyn Source> {
+        Some(&*self.source)
+    }
+
+    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+        Some(&mut *self.source)
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
@@ -130,28 +133,12 @@ impl Source for ReferenceSource {
         Ok(frame)
     }
 
-    fn pairs(&self) -> Option<u64> {
-        self.source.pairs()
-    }
-
-    fn seek(&mut self, index: u64) -> Result<bool> {
-        self.source.seek(index)
-    }
-
     fn finish(&mut self, taken: u64) -> Losses {
         let losses = self.source.finish(taken);
         Losses {
             without_truth: losses.without_truth + self.without,
             ..losses
         }
-    }
-
-    fn listens(&self) -> bool {
-        self.source.listens()
-    }
-
-    fn hear(&mut self, judged: &Judged) {
-        self.source.hear(judged);
     }
 }
 

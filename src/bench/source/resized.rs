@@ -2,10 +2,9 @@
 
 use super::Source;
 use svl_core::Result;
-use svl_core::stereo::{Frame, Losses};
+use svl_core::stereo::Frame;
 use svl_data::resize::Resizer;
 use svl_data::scenario::CropScale;
-use svl_data::score::Judged;
 
 /// A source whose images are cropped and shrunk.
 pub struct Resized {
@@ -23,8 +22,12 @@ impl Resized {
 }
 
 impl Source for Resized {
-    fn name(&self) -> String {
-        self.source.name()
+    fn wrapped(&self) -> Option<&dyn Source> {
+        Some(&*self.source)
+    }
+
+    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+        Some(&mut *self.source)
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
@@ -34,31 +37,12 @@ impl Source for Resized {
             .map(|frame| self.resizer.resized(frame, &name))
             .transpose()
     }
-
-    fn pairs(&self) -> Option<u64> {
-        self.source.pairs()
-    }
-
-    fn seek(&mut self, index: u64) -> Result<bool> {
-        self.source.seek(index)
-    }
-
-    fn finish(&mut self, taken: u64) -> Losses {
-        self.source.finish(taken)
-    }
-
-    fn listens(&self) -> bool {
-        self.source.listens()
-    }
-
-    fn hear(&mut self, judged: &Judged) {
-        self.source.hear(judged);
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use svl_core::stereo::Losses;
     use svl_core::stereo::{Exposure, Geometry, Gray, Plane, Rig, StereoPair, Truth, Visibility};
 
     /// One frame: columns of grey 10·x, 6 px of true disparity, all seen by both.

@@ -3,7 +3,7 @@
 use super::open::{Opened, Request};
 use super::{Limited, Source, StressedSource};
 use std::io::ErrorKind;
-use svl_core::stereo::{Frame, Losses};
+use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
 use svl_data::manifest::RunRecord;
 use svl_data::scenario::{PairRange, RecordingRun, Scenario};
@@ -120,23 +120,15 @@ impl RunSource {
 }
 
 impl Source for RunSource {
-    fn name(&self) -> String {
-        self.source.name()
+    fn wrapped(&self) -> Option<&dyn Source> {
+        Some(&self.source)
+    }
+
+    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+        Some(&mut self.source)
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
         self.source.next()
-    }
-
-    fn pairs(&self) -> Option<u64> {
-        self.source.pairs()
-    }
-
-    fn seek(&mut self, index: u64) -> Result<bool> {
-        self.source.seek(index)
-    }
-
-    fn finish(&mut self, taken: u64) -> Losses {
-        self.source.finish(taken)
     }
 }

@@ -2,9 +2,8 @@
 
 use super::Source;
 use std::collections::VecDeque;
-use svl_core::stereo::{Frame, Gray, Losses, StereoPair};
+use svl_core::stereo::{Frame, Gray, StereoPair};
 use svl_core::{Error, Result};
-use svl_data::score::Judged;
 use svl_data::stress::Stress;
 
 /// Perturbs the pairs of another source. Sequence numbers, stamps and truth stay.
@@ -45,6 +44,14 @@ impl StressedSource {
 }
 
 impl Source for StressedSource {
+    fn wrapped(&self) -> Option<&dyn Source> {
+        Some(&*self.source)
+    }
+
+    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+        Some(&mut *self.source)
+    }
+
     fn name(&self) -> String {
         format!("{}, {}", self.source.name(), self.stress)
     }
@@ -84,23 +91,21 @@ impl Source for StressedSource {
         }
     }
 
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        // The pairs before are what a skew takes its right images from.
+        let frames = self.stress.earlier_frames() as u64;
+        let seeks = self.source.seek(index)?;
+        if seeks && frames > 0 {
+            self.earlier.clear();
+        }
+        Ok(seeks)
+    }
+
     fn pairs(&self) -> Option<u64> {
         let frames = self.stress.earlier_frames() as u64;
         self.source
             .pairs()
             .map(|pairs| pairs.saturating_sub(frames))
-    }
-
-    fn finish(&mut self, taken: u64) -> Losses {
-        self.source.finish(taken)
-    }
-
-    fn listens(&self) -> bool {
-        self.source.listens()
-    }
-
-    fn hear(&mut self, judged: &Judged) {
-        self.source.hear(judged);
     }
 }
 

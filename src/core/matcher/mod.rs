@@ -411,12 +411,33 @@ impl Algorithm {
         Ok(output)
     }
 
+    /// Refuses a filter that calls disparities too close only beyond those that are tried: what
+    /// lies between would be neither reported nor filtered.
+    fn check_filters(&self) -> Result<()> {
+        let Some(max) = self.max_disparity() else {
+            return Ok(());
+        };
+        let ranges = self.filters.iter().filter_map(|filter| filter.range_px);
+        match ranges
+            .into_iter()
+            .find(|range_px| *range_px > f64::from(max) + 1.0)
+        {
+            None => Ok(()),
+            Some(range_px) => Err(Error::Usage(format!(
+                "{}: tries disparities up to {max}, and its filter is for {range_px} px: set \
+                 max_disparity={range_px:.0}, or train a filter with --max-disparity {max}",
+                self.label
+            ))),
+        }
+    }
+
     /// A matcher on a given instruction set; the result is the same on all of them.
     ///
     /// # Errors
     /// What the algorithm's constructor says.
     pub fn build_on(&self, isa: Isa) -> Result<Box<dyn Matcher>> {
         let matcher = (self.spec.build)(&self.parameters, isa)?;
+        self.check_filters()?;
         Ok(match &self.filters[..] {
             [] => matcher,
             filters => Box::new(FilteredMatcher {

@@ -131,12 +131,7 @@ impl Manifest {
 type OnField<'a> = &'a mut dyn FnMut(&str, Option<&Value>, Option<&Value>);
 
 /// Calls `field` with each pair of values: tables are walked down to the fields of [`FIELDS`].
-fn each_field(
-    ours: Option<&Value>,
-    theirs: Option<&Value>,
-    path: &str,
-    field: OnField<'_>,
-) {
+fn each_field(ours: Option<&Value>, theirs: Option<&Value>, path: &str, field: OnField<'_>) {
     let tables = [ours, theirs].map(|value| value.and_then(Value::as_object));
     if tables == [None, None] || !path.is_empty() && FIELDS.iter().any(|(name, _)| *name == path) {
         return field(path, ours, theirs);
