@@ -112,6 +112,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
              judge"
         )));
     }
+    let incomplete = comparisons.iter().flat_map(|of| &of.incomplete).next();
+    if let (Some((folder, why)), false) = (incomplete, args.fail_on.is_empty()) {
+        let folder = folder.display();
+        return Err(usage::gate(format!(
+            "{folder}: is incomplete ({why}), so --fail-on has nothing to judge"
+        )));
+    }
     let cases: Vec<_> = comparisons
         .iter()
         .flat_map(|c| cases(c, &args.fail_on))

@@ -35,13 +35,26 @@ use svl_core::stereo::Plane;
 /// Limit of the size of an image or map file, in bytes.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// The path `of`, as it is written in `folder`; absolute where they have nothing in common.
+/// The path `of`, as it is written in `folder`; absolute where they have nothing in common. A link
+/// keeps its name.
 pub fn relative_path(of: &Path, folder: &Path) -> PathBuf {
+    let here = Path::new(".");
     let folder = match folder.as_os_str().is_empty() {
-        true => Path::new("."),
+        true => here,
         false => folder,
     };
-    let (Ok(of), Ok(folder)) = (real_path(of), real_path(folder)) else {
+    let own = match (of.parent(), of.file_name()) {
+        (Some(parent), Some(name)) => {
+            let parent = if parent.as_os_str().is_empty() {
+                here
+            } else {
+                parent
+            };
+            real_path(parent).map(|parent| parent.join(name))
+        }
+        _ => real_path(of),
+    };
+    let (Ok(of), Ok(folder)) = (own, real_path(folder)) else {
         return of.to_owned();
     };
     let both = of.components().zip(folder.components());

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::fs::read_to_string;
 use std::path::Path;
 use svl_core::kernel;
-use svl_core::matcher::{self, Algorithm, ProgramRecord};
+use svl_core::matcher::{self, Algorithm, ProgramRecord, Value};
 use svl_core::stereo::CellRule;
 use svl_core::{Error, Result};
 
@@ -293,8 +293,9 @@ impl AlgorithmRecord {
         let filters = algorithm.filters().iter();
         let filters = filters.map(|filter| format!("+{}={:032x}", filter.kind, filter.hash()));
         let parameters = algorithm.parameters().to_string() + &filters.collect::<String>();
+        let files = files_of_command(algorithm);
         let parameters_hash =
-            hash(&format!("{}:{parameters}", algorithm.spec().name))[..16].to_owned();
+            hash(&format!("{}:{parameters}{files}", algorithm.spec().name))[..16].to_owned();
         let (name, label) = (
             algorithm.spec().name.to_owned(),
             algorithm.label().to_owned(),
@@ -327,6 +328,26 @@ impl AlgorithmRecord {
             .chain(results)
     }
 }
+
+/// Hashes of the files that the command of a program names: with another program or model behind
+/// the same command it is another algorithm.
+fn files_of_command(algorithm: &Algorithm) -> String {
+    let mut parameters = algorithm.parameters().iter();
+    let Some((_, Value::Text(command))) = parameters.find(|(name, _)| *name == "command") else {
+        return String::new();
+    };
+    let words = command.split(|c: char| c.is_whitespace() || "'\"=".contains(c));
+    let hashes = words.filter_map(|word| {
+        let path = Path::new(word);
+        let is_file = path.is_file() && path.metadata().ok()?.len() <= MAX_PROGRAM_BYTES;
+        let bytes = is_file.then(|| std::fs::read(path).ok()).flatten()?;
+        Some(format!(";{word}={}", hash_bytes(&bytes)))
+    });
+    hashes.collect()
+}
+
+/// Largest file of a program that is hashed.
+const MAX_PROGRAM_BYTES: u64 = 2 << 30;
 
 impl Machine {
     fn this() -> Result<Self> {

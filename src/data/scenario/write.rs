@@ -14,6 +14,12 @@ impl Scenario {
     /// # Errors
     /// Those of [`Scenario::recordings`]; [`Error::Invalid`] for a path that is not in UTF-8.
     pub fn to_toml(&self, folder: &Path) -> Result<String> {
+        if let Some(label) = self.algorithms.iter().find_map(unwritable) {
+            return Err(Error::Invalid(format!(
+                "'{label}' is the label of a named sweep, which a scenario cannot have: leave its \
+                 name out, or name each algorithm"
+            )));
+        }
         let file = self.file(&|path| relative_path(path, folder))?;
         toml::to_string(&file).map_err(|e| self.unwritten(&e))
     }
@@ -91,13 +97,15 @@ fn written(algorithm: &Algorithm) -> String {
     if is_itself {
         return label.to_owned();
     }
-    // Labels of a sweep hold what labels of users do not.
-    let safe = |c: char| match c.is_ascii_alphanumeric() || "_-.".contains(c) {
-        true => c,
-        false => '-',
-    };
-    let label: String = label.chars().take(40).map(safe).collect();
     format!("{label}={}", algorithm.written())
+}
+
+/// The label of an algorithm that no scenario can give it.
+fn unwritable(algorithm: &Algorithm) -> Option<&str> {
+    let is_read = written(algorithm)
+        .parse::<Algorithm>()
+        .is_ok_and(|read| read.label() == algorithm.label());
+    (!is_read && algorithm.filters().is_empty()).then(|| algorithm.label())
 }
 
 #[cfg(test)]

@@ -130,3 +130,54 @@ fn resumed_and_compared_runs_are_held_against_each_other() {
         &["3 pairs, 3 with equal results", "of one run alone"],
     );
 }
+
+#[test]
+fn labels_and_links_are_kept_or_refused() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 3);
+    fixture.run("record short.toml -o run.mcap");
+    std::os::unix::fs::symlink("run.mcap", fixture.path("latest.mcap")).unwrap();
+    let printed = fixture.run("score latest.mcap --algo v3 --print-scenario");
+    assert_says(&printed, &["files = [\"latest.mcap\"]"]);
+    fixture.fails(
+        "score run.mcap --algo L=bm:uniqueness=0..20/10 --print-scenario => 1: 'L:uniqueness=0'",
+    );
+    // Printed limits are those of algorithms that are run.
+    let ran = fixture.svl("score short.toml --algo v3 --print-scenario");
+    assert_says(&ran.stderr, &["limits of algorithms that are not run"]);
+}
+
+#[test]
+fn another_program_behind_the_same_command_is_another_algorithm() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 2);
+    fixture.run("record short.toml -o run.mcap");
+    fixture.write("m.sh", "exit 1 # one");
+    let line = [
+        "score",
+        "run.mcap",
+        "--algo",
+        "v3",
+        "--algo",
+        "m=exec:command='sh m.sh'",
+    ];
+    let score =
+        |more: &[&str]| fixture.svl(&[&line[..], &["--rerun", "none", "-q"], more].concat());
+    assert_eq!(score(&["--out", "r"]).code, Some(4));
+    std::fs::remove_file(fixture.path("r/summary.json")).unwrap();
+    fixture.write("m.sh", "exit 1 # two");
+    let ran = score(&["--out", "r", "--resume"]);
+    assert_says(&ran.stderr, &["cannot be resumed", "algorithms: v3, m"]);
+}
+
+#[test]
+fn an_unfinished_report_fails_no_comparison_unnoticed() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 2);
+    fixture.run("record short.toml -o run.mcap");
+    fixture.run("score run.mcap --algo v3 --rerun none --out one");
+    fixture.run("score run.mcap --algo v3 --rerun none --out two");
+    std::fs::remove_file(fixture.path("two/summary.json")).unwrap();
+    let compared = fixture.svl("compare one two --fail-on worse");
+    compared.failed(3, &["two: is incomplete (it was never finished)"]);
+}

@@ -4,7 +4,9 @@ use super::Args;
 use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::{filters, scenario_runs, usage};
+use anyhow::bail;
 use std::path::Path;
+use svl::counted;
 use svl::filter::without_filters;
 use svl::matcher::Algorithm;
 use svl::scenario::{Limit, Scenario, StressLevels, distinct_kinds};
@@ -30,7 +32,7 @@ pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
     }
     known.extend_from_slice(&scenario.algorithms);
     if args.gate {
-        check_gate(&scenario, &known)?;
+        check_gate(&args.what[0], &scenario, &known)?;
     }
     if !args.stress.is_empty() {
         distinct_kinds(&args.stress)?;
@@ -60,12 +62,12 @@ fn unknown_in<'a>(limit: &'a Limit, known: &[Algorithm]) -> Option<&'a String> {
 }
 
 /// Refuses limits of algorithms that neither the scenario nor the command line names.
-fn check_gate(scenario: &Scenario, known: &[Algorithm]) -> anyhow::Result<()> {
+fn check_gate(named: &str, scenario: &Scenario, known: &[Algorithm]) -> anyhow::Result<()> {
     for limit in &scenario.gate {
         if let Some(name) = unknown_in(limit, known) {
             let line = limit.line;
             return Err(usage::wrong(format!(
-                "gate in line {line}: '{name}' is none of the scenario's algorithms, nor named \
+                "{named}: gate in line {line}: '{name}' is none of the scenario's algorithms, nor named \
                  with --algo"
             )));
         }
@@ -77,12 +79,21 @@ fn check_gate(scenario: &Scenario, known: &[Algorithm]) -> anyhow::Result<()> {
 pub(super) fn print_description(mut scenario: Scenario, file: Option<&Path>) -> anyhow::Result<()> {
     // Those of algorithms that are not run would be limits of nothing.
     let algorithms = &scenario.algorithms;
+    let limits = scenario.gate.len();
     scenario
         .gate
         .retain(|limit| unknown_in(limit, algorithms).is_none());
+    let left_out = (limits - scenario.gate.len()) as u64;
+    if left_out > 0 {
+        let limits = counted(left_out, "limit");
+        tracing::warn!("{limits} of algorithms that are not run are not printed");
+    }
     let Some(file) = file else {
         return print(&scenario.to_toml(Path::new(""))?);
     };
+    if file.exists() {
+        bail!("{}: exists already; name another file", file.display());
+    }
     let text = scenario.to_toml(file.parent().unwrap_or(Path::new("")))?;
     let outputs = Outputs::claim(false, [], [file])?;
     write(file, text)?;
