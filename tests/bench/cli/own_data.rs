@@ -450,7 +450,8 @@ fn bags_of_a_foreign_writer() {
     let db3 = std::fs::read(fixture.path("sqlite/sqlite.db3")).unwrap();
     fixture.write("cut/cut.db3", &db3[..db3.len() * 2 / 3]);
     let ran = fixture.svl("record cut/cut.db3 -o cut.mcap");
-    incomplete(ran, &["cut.db3: after message"]);
+    assert_eq!(ran.code, Some(1), "{}", ran.stderr);
+    assert_says(&ran.stderr, &["cut.db3: after message"]);
     fixture
         .svl("recover sqlite -o x.mcap")
         .failed(1, &["is no MCAP file"]);
