@@ -1,6 +1,6 @@
 //! Images, videos and bags as people have them, from the folder to the recording.
 
-use super::fixture::{Fixture, Ran, pgm};
+use super::fixture::{Fixture, Ran, assert_says, pgm};
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb, RgbImage};
 use std::io::Cursor;
 use std::process::Command;
