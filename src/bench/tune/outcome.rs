@@ -336,8 +336,8 @@ mod tests {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
         let scenario = Scenario::read(&folder.join("floor.toml")).unwrap();
         let algorithms = ["v3:max_disparity=64", "v3"].map(str::to_owned);
+        let elsewhere = tempfile::tempdir().unwrap();
         let written = |filters: &[(FilterKind, PathBuf)]| {
-            let elsewhere = tempfile::tempdir().unwrap();
             let toml = scenario_toml(&scenario, &algorithms, filters, elsewhere.path()).unwrap();
             Scenario::parse(&toml, &elsewhere.path().join("best.toml")).unwrap()
         };

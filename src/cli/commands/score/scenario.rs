@@ -67,8 +67,8 @@ fn check_gate(named: &str, scenario: &Scenario, known: &[Algorithm]) -> anyhow::
         if let Some(name) = unknown_in(limit, known) {
             let line = limit.line;
             return Err(usage::wrong(format!(
-                "{named}: gate in line {line}: '{name}' is none of the scenario's algorithms, nor named \
-                 with --algo"
+                "{named}: gate in line {line}: '{name}' is none of the scenario's algorithms, \
+                 nor named with --algo"
             )));
         }
     }
