@@ -14,7 +14,7 @@ const SEED: u64 = 2007;
 /// Fewest blocks for an interval.
 const FEWEST: usize = 8;
 
-/// How intervals are made, for those who read them.
+/// The method of the intervals, for reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct IntervalMethod {
     pub name: &'static str,

@@ -7,7 +7,7 @@ use svl_data::manifest::{AlgorithmRecord, Manifest};
 use svl_data::scenario::Limit;
 use svl_data::score::MetricUnit;
 
-/// What came of a limit.
+/// The state of a limit after a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GateState {
@@ -29,7 +29,7 @@ impl GateState {
         }
     }
 
-    /// Whether the gate is broken by it.
+    /// True where it breaks the gate.
     pub fn fails(self) -> bool {
         matches!(self, Self::Fail | Self::NotMeasured)
     }

@@ -28,12 +28,12 @@ type PairKey = (Option<String>, Option<u64>, u64, Option<String>);
 /// What the algorithms made of a pair.
 pub struct LoggedPair<'a> {
     results: Option<&'a HashMap<String, LoggedResult>>,
-    /// Of what it would be scored on now.
+    /// The input hash of the frame as it is read now.
     input_hash: String,
 }
 
 impl<'a> LoggedPair<'a> {
-    /// What that one made of it, if pixels, geometry and truth were the same.
+    /// The result of that algorithm, if pixels, geometry and truth were the same.
     pub fn get(&self, algorithm: &str) -> Option<&'a LoggedResult> {
         let result = self.results?.get(algorithm)?;
         (result.row.input_hash == self.input_hash).then_some(result)

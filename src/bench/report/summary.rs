@@ -327,7 +327,7 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
     })
 }
 
-/// How many pairs and cells have a truth to be scored by; nothing where no pair has one.
+/// Numbers of pairs and cells with a ground truth; nothing where no pair has one.
 fn scored(rows: &DataFrame) -> PolarsResult<Option<(u64, u64)>> {
     if rows.column("truth")?.null_count() == rows.height() {
         return Ok(None);

@@ -182,7 +182,7 @@ pub(super) fn notes(columns: &[Column], summary: &Summary) -> Vec<(&'static str,
     metrics.chain(times).chain(absent).chain(choices).collect()
 }
 
-/// How many pairs and cells have a truth: of all algorithms where they are alike, else of each.
+/// Numbers of pairs and cells with a ground truth: once where all algorithms agree, else of each.
 fn scored(summary: &Summary) -> Option<String> {
     let of = summary.algorithms.iter();
     let of = of.filter_map(|a| Some((a.algorithm.as_str(), a.scored_cells?, a.scored_pairs?)));

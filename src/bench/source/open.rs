@@ -27,7 +27,7 @@ pub struct Request<'a> {
     pub name: &'a str,
     /// Seed of a simulated source [default: 1].
     pub seed: Option<u64>,
-    /// How it is read; seeds, files and scenes are those of scenarios.
+    /// Options of reading; seeds, files and scenes are those of scenarios.
     pub options: SourceOptions,
     /// The pairs stay raw, to calibrate cameras with.
     pub raw: bool,

@@ -1,7 +1,7 @@
-//! What may be reused, merged, compared and joined: the one place that decides it.
+//! Identity of runs: the one place that decides which may be reused, merged, compared and joined.
 //!
 //! Two runs are held against each other field by field of their manifests, descriptions included.
-//! What a row was scored on is in its own input hash ([`svl_core::stereo::Frame::input_hash`]).
+//! The input of a row is in its own hash ([`svl_core::stereo::Frame::input_hash`]).
 
 use super::Manifest;
 use serde_json::Value;
@@ -26,7 +26,7 @@ const ALL: &[Purpose] = &[Resume, Merge, Compare, History];
 /// Other pairs, or pairs that are scored otherwise; pairs are compared one by one.
 const OF_PAIRS: &[Purpose] = &[Resume, Merge, History];
 const OF_ONE_RUN: &[Purpose] = &[Resume, Merge];
-/// What depends on nothing, or is decided by another field.
+/// No purpose: another field decides, or nothing depends on it.
 const NONE: &[Purpose] = &[];
 
 /// The fields of a manifest, and for which purposes they have to be equal; the first that is a
@@ -88,7 +88,7 @@ const FIELDS: &[(&str, &[Purpose])] = &[
 ];
 
 impl Manifest {
-    /// What keeps two runs apart for a purpose: each field that differs, with both values, in words
+    /// Differences that keep two runs apart for a purpose: each field that differs, with both values, in words
     /// as `source.max_skew_ms: 5 and 20`. None: they may be taken together.
     ///
     /// # Errors

@@ -31,7 +31,7 @@ pub struct Manifest {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<String>,
     pub scenario: String,
-    /// What the run is, as the scenario that repeats it.
+    /// Description of the run: the scenario that repeats it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub description: Option<serde_json::Value>,
     /// How many bits the 16-bit images used that the pairs were made of.

@@ -38,7 +38,7 @@ const MAX_BYTES: u64 = 1 << 20;
 /// Largest number of columns and of rows of a grid.
 pub const MAX_GRID: usize = 64;
 
-/// What a run is: a validated scenario. A file and the command line both make one, and
+/// The description of a run: a validated scenario. A file and the command line both make one, and
 /// [`Scenario::to_toml`] writes it.
 #[derive(Clone, Debug)]
 pub struct Scenario {
@@ -48,7 +48,7 @@ pub struct Scenario {
     pub grid: GridSettings,
     pub cells: CellRule,
     pub source: ScenarioSource,
-    /// How the source is read; [`Scenario::with`] changes it.
+    /// Options of the source; [`Scenario::with`] changes them.
     pub options: SourceOptions,
     pub checkpoints: Vec<Checkpoint>,
     /// What the algorithms are run behind, too; at most one of a kind.
@@ -181,9 +181,12 @@ impl Scenario {
     /// kind take them.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for options that contradict each other or the scenario's.
+    /// [`Error::Usage`] and [`Error::Invalid`] for options that contradict each other or the
+    /// scenario's.
     pub fn with(&self, given: &SourceOptions) -> Result<Self> {
         let options = self.options.with(&given.of_kind(self.options.kind)?)?;
+        // With the names that the command line has.
+        options.check()?;
         options.validate()?;
         let mut source = self.source.clone();
         match &mut source {

@@ -16,7 +16,7 @@ const BITS: RangeInclusive<u8> = 8..=16;
 const SKEW_MS: RangeInclusive<f64> = 0.0..=60_000.0;
 const SECONDS: RangeInclusive<f64> = 0.0..=1e9;
 
-/// Where frames come from and how they are read.
+/// The source of a run, and how it is read.
 ///
 /// A key of `[source]` and an option of the command line each; an option replaces the key.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, clap::Args)]
@@ -132,7 +132,7 @@ pub struct SourceOptions {
     pub reference: Vec<String>,
 }
 
-/// What the frames of a scenario are.
+/// The kind of a scenario's frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ScenarioKind {

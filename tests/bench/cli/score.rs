@@ -247,7 +247,7 @@ fn what_is_not_measured_is_not_zero() {
         1,
     );
     fixture.write("other.toml", text);
-    fixture.fails("score other.toml -q --gate --algo v3 => 2: 'v1:max_disparity=9' is none of");
+    fixture.fails("score other.toml -q --gate --algo v3 => 2: 'v1:max_disparity=9' is neither");
 }
 
 #[test]

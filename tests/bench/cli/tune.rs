@@ -361,3 +361,21 @@ fn what_cannot_be_tuned_is_refused_in_one_line() {
     assert_eq!(fixture.text("there.toml"), "mine");
     assert!(!fixture.path("o.toml").exists() && !fixture.path("o.csv").exists());
 }
+
+#[test]
+fn what_is_tested_on_is_read_as_what_is_searched_on() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 12);
+    fixture.run("record short.toml -o run.mcap");
+    fixture.run("record short.toml --seed 2 -o test.mcap");
+    let ran = fixture.svl(
+        "tune run.mcap --test test.mcap --reference sgm --auto --algo bm --trials 4 --pairs 8 -o \
+         best.toml",
+    );
+    for name in ["run.mcap", "test.mcap"] {
+        let words = format!("{name}: judged against sgm, not its own truth");
+        assert!(ran.stderr.contains(&words), "{}", ran.stderr);
+    }
+    ran.done();
+    assert!(fixture.text("best.toml").contains("reference = [\"sgm\"]"));
+}

@@ -12,7 +12,7 @@ use svl::matcher::Algorithm;
 use svl::scenario::{Limit, Scenario, StressLevels, distinct_kinds};
 use svl::stress::Stress;
 
-/// What the run is: the scenario that is named, or that of the recordings that are, with what the
+/// The description of the run: the scenario that is named, or that of the recordings that are, with what the
 /// options change of it.
 pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
     let mut scenario = scenario_runs::named(&args.what)?;
@@ -67,8 +67,8 @@ fn check_gate(named: &str, scenario: &Scenario, known: &[Algorithm]) -> anyhow::
         if let Some(name) = unknown_in(limit, known) {
             let line = limit.line;
             return Err(usage::wrong(format!(
-                "{named}: gate in line {line}: '{name}' is none of the scenario's algorithms, \
-                 nor named with --algo"
+                "{named}: gate in line {line}: '{name}' is neither an algorithm of the scenario nor \
+                 named with --algo"
             )));
         }
     }

@@ -250,7 +250,12 @@ impl SearchData {
                     ..SourceOptions::default()
                 })?)
             }
-            (named, _) => Some(args.scenario_of(named)?),
+            // Read as what is searched on, but for seeds and scenes, which are others.
+            (named, _) => Some(args.scenario_of(named)?.with(&SourceOptions {
+                seeds: None,
+                scenes: Vec::new(),
+                ..args.source.clone()
+            })?),
         };
         let wanted = search.pairs;
         if let Some(tested) = tested {

@@ -240,7 +240,7 @@ impl NewScenario<'_> {
                 let seeds = SeedList::new(vec![seed]).map_err(svl::Error::Usage)?;
                 let arena = Scenario::parse(arena, path)?.with(&SourceOptions {
                     seeds: Some(seeds),
-                    ..SourceOptions::default()
+                    ..self.options.clone()
                 })?;
                 Scenario {
                     checkpoints: Vec::new(),
