@@ -174,6 +174,36 @@ fn nothing_is_allocated_to_look_at_a_second_image() {
     assert_eq!(ALLOCATIONS.get() - before, 0);
 }
 
+#[test]
+fn a_filter_for_a_larger_range_than_is_tried_is_refused() {
+    let features = Features {
+        window: 64,
+        scaling: Scaling::Log,
+        mean: true,
+    };
+    let weights = vec![0.0; 7 * features.count()];
+    let network = Network::new(features.count(), &weights, vec![0.0; 7], vec![0.0; 7], 1.0);
+    let model = Arc::new(FilterModel {
+        kind: FilterKind::TooClose,
+        features,
+        network: network.unwrap(),
+        range_px: Some(80.0),
+        facts: ModelFacts::new(),
+    });
+    let build = |text: &str| {
+        let algorithm: Algorithm = text.parse().unwrap();
+        algorithm.filtered(&[Arc::clone(&model)]).build().map(drop)
+    };
+    build("v3:max_disparity=80").unwrap();
+    build("v3:max_disparity=96").unwrap();
+    let error = build("v3:max_disparity=40").unwrap_err();
+    let words = error.to_string();
+    assert!(
+        error.is_usage() && words.contains("its filter is for 80 px"),
+        "{words}"
+    );
+}
+
 /// Nor is anything by what comes before a matcher.
 #[test]
 fn nothing_is_allocated_to_rectify_a_second_pair() {
