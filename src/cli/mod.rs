@@ -5,10 +5,11 @@ mod shared;
 
 use clap::{CommandFactory, Parser};
 use commands::Command;
-use shared::terminal::Warnings;
+use shared::terminal::{WarningLog, Warnings};
 use shared::usage;
 use std::io::IsTerminal;
 use std::process::ExitCode;
+use tracing::Level;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::{Layer, fmt, layer::SubscriberExt, util::SubscriberInitExt};
 
@@ -66,19 +67,22 @@ impl Cli {
 
     fn configure(&self) {
         let level = match (self.quiet, self.verbose) {
-            (true, _) => tracing::Level::ERROR,
-            (_, 0) => tracing::Level::WARN,
-            (_, 1) => tracing::Level::INFO,
-            _ => tracing::Level::DEBUG,
+            (true, _) => Level::ERROR,
+            (_, 0) => Level::WARN,
+            (_, 1) => Level::INFO,
+            _ => Level::DEBUG,
         };
         // Only svl's own messages: what a library meets, svl's own errors report.
-        let ours = Targets::new().with_target("svl", level);
+        let ours = |level| Targets::new().with_target("svl", level);
         let lines = fmt::layer().without_time().with_target(false);
         let lines = lines
             .with_writer(|| Warnings)
             .with_ansi(std::io::stderr().is_terminal());
+        let log = fmt::layer().without_time().with_target(false);
+        let log = log.with_writer(|| WarningLog).with_ansi(false);
         tracing_subscriber::registry()
-            .with(lines.with_filter(ours))
+            .with(lines.with_filter(ours(level)))
+            .with(log.with_level(false).with_filter(ours(Level::WARN)))
             .init();
         if let Some(threads) = self.threads.or(self.command.threads())
             && let Err(error) = rayon::ThreadPoolBuilder::new()

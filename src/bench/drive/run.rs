@@ -3,7 +3,7 @@
 use super::course::Course;
 use super::source::DriveSource;
 use crate::report::html::{CheckpointFigure, Rank};
-use crate::report::{CellRow, CoursePlan, DriveRow, Row, TrackRow};
+use crate::report::{CellRow, CoursePlan, DriveRow, FailureRow, Row, TrackRow};
 use crate::run::{Matchers, Monitor, Pace, run};
 use crate::sink::{Outbox, RunIdentity, RunStart, Sink, SinkRequest, Sinks, frame_shot};
 use crate::source::{ArenaSource, Source, StressedSource};
@@ -42,8 +42,8 @@ pub struct DriveResult {
     pub worst: Option<(f64, CheckpointFigure)>,
     /// Whether the monitor ended it: it counts for nothing.
     pub interrupted: bool,
-    /// Why the algorithm failed last, if it did.
-    pub failure: Option<String>,
+    /// The pairs that the algorithm failed on.
+    pub failures: Vec<FailureRow>,
 }
 
 /// Time before a collision that is shown, and the frames of it.
@@ -108,11 +108,6 @@ impl DrivePlan<'_> {
         let log = log.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let mut result = kept.take();
         result.interrupted = outcome.interrupted;
-        let mut manifest = self.manifest.clone();
-        matchers.complete(&mut manifest);
-        let label = self.algorithm.label();
-        let record = manifest.algorithms.into_iter().find(|a| a.label == label);
-        result.failure = record.and_then(|record| record.failure);
         result.track = self.track(&log);
         result.drives = vec![self.row(&log, outcome.failures, &result.track)];
         Ok(result)
@@ -238,6 +233,7 @@ impl Sink for DriveSink {
     }
 
     fn take(&mut self, judged: &Judged) -> Result<()> {
+        self.kept.failures.extend(self.identity.failures(judged));
         for scored in &judged.estimates {
             self.kept.cells.extend(self.identity.cells(judged, scored));
             self.kept.rows.push(self.identity.row(judged, scored));

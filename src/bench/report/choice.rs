@@ -11,18 +11,39 @@ impl Summary {
     /// Sorts the algorithms by a metric, the best first, those without a value last. Of a metric
     /// that has no better direction the largest is first.
     pub fn sort_by(&mut self, metric: &Metric) {
-        self.algorithms
-            .sort_by(|a, b| better_first(metric, a.value(metric), b.value(metric)));
+        let mut algorithms = std::mem::take(&mut self.algorithms);
+        let value = |a: &AlgorithmSummary| self.ranked(a, metric);
+        algorithms.sort_by(|a, b| better_first(metric, value(a), value(b)));
+        self.algorithms = algorithms;
+    }
+
+    /// The algorithms that may be called best: those with a result of every pair.
+    fn candidates(&self) -> Vec<&AlgorithmSummary> {
+        let has_failed =
+            |a: &&AlgorithmSummary| self.failed.iter().any(|f| f.algorithm == a.algorithm);
+        let algorithms = self.algorithms.iter();
+        algorithms.filter(|a| !has_failed(a)).collect()
+    }
+
+    /// The value by which an algorithm is ranked: none for a time that is not believable.
+    fn ranked(&self, algorithm: &AlgorithmSummary, metric: &Metric) -> Option<f64> {
+        let is_doubtful = || {
+            let mut programs = self.programs.iter();
+            programs.any(|of| of.algorithm == algorithm.algorithm && of.program.is_time_doubtful())
+        };
+        let value = algorithm.value(metric);
+        value.filter(|_| metric.name != "time" || !is_doubtful())
     }
 
     /// The metrics that the run measures, each with the best algorithms by it.
     pub fn best(&self) -> Vec<(&'static Metric, Vec<&str>)> {
         let directed = METRICS.iter().filter(|m| m.better != Better::Neither);
+        let candidates = self.candidates();
         let best = directed.filter_map(|metric| {
-            let algorithms = || self.algorithms.iter();
-            let values = algorithms().map(|a| a.value(metric));
+            let algorithms = || candidates.iter();
+            let values = algorithms().map(|a| self.ranked(a, metric));
             let best = values.min_by(|a, b| better_first(metric, *a, *b))??;
-            let names = algorithms().filter(|a| a.value(metric) == Some(best));
+            let names = algorithms().filter(|a| self.ranked(a, metric) == Some(best));
             Some((metric, names.map(|a| a.algorithm.as_str()).collect()))
         });
         best.collect()
@@ -31,7 +52,8 @@ impl Summary {
     /// The objectives of a robot that the run measures, and the algorithms that no other one
     /// dominates: at least as good by all of them, and better by one.
     pub fn front(&self) -> (Vec<&'static Metric>, Vec<&str>) {
-        let (objectives, front) = pareto_front(&self.algorithms, AlgorithmSummary::value);
+        let candidates = self.candidates();
+        let (objectives, front) = pareto_front(&candidates, |a, metric| self.ranked(a, metric));
         (
             objectives,
             front.iter().map(|a| a.algorithm.as_str()).collect(),
@@ -57,10 +79,15 @@ impl Summary {
             objectives.join(", "),
             front.join(", ")
         );
-        vec![
+        let failed = self.failed.iter().filter(|f| !f.on_every_pair);
+        let failed: Vec<_> = failed.map(|f| f.algorithm.as_str()).collect();
+        let left_out = format!("{}, which failed on pairs", failed.join(", "));
+        let left_out = (!failed.is_empty()).then_some(("not ranked", left_out));
+        let choices = [
             ("best by", best.collect::<Vec<_>>().join("; ")),
             ("Pareto front", front),
-        ]
+        ];
+        choices.into_iter().chain(left_out).collect()
     }
 }
 

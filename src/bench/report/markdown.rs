@@ -28,6 +28,12 @@ impl Summary {
         }
         page.push_str("\n## Speed\n");
         self.algorithms_markdown(&mut page, speed_columns());
+        if !self.warnings.is_empty() {
+            page.push_str("\n## Warnings\n\n");
+        }
+        for warning in &self.warnings {
+            page.push_str(&format!("- {}\n", escape(warning)));
+        }
         page
     }
 

@@ -39,7 +39,8 @@ pub use junit::{TestCase, TestResult, junit};
 pub use log::{LoggedPair, LoggedResult, ResultLog, whole_rows};
 pub use merge::merge_rows;
 pub use rows::{
-    CellRow, CheckpointRow, ColumnValue, CsvCells, MetricTotals, Record, Row, hash_words,
+    CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, MetricTotals, Record, Row,
+    hash_words,
 };
 pub use stress::StressSummary;
 pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary};

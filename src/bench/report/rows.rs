@@ -111,6 +111,22 @@ macro_rules! record {
 }
 pub(super) use record;
 
+record! {
+    /// A pair that an algorithm failed on.
+    FailureRow {
+        run_id: String,
+        scenario: String,
+        /// The recording, if the scenario has some.
+        run: Option<String>,
+        seed: Option<u64>,
+        sequence: u64,
+        algorithm: String,
+        reason: String,
+        /// What perturbed the pair.
+        stress: Option<String>,
+    }
+}
+
 /// A hash of pixels or of a result as rows have it.
 pub fn hash_words(hash: u128) -> String {
     format!("{hash:032x}")

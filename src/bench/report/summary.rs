@@ -26,8 +26,11 @@ pub struct Summary {
     pub algorithms: Vec<AlgorithmSummary>,
     /// By number of the checkpoint, then as the algorithms.
     pub checkpoints: Vec<CheckpointSummary>,
-    /// Algorithms that failed on every pair.
+    /// Algorithms that failed on pairs.
     pub failed: Vec<FailedAlgorithm>,
+    /// The warnings of the run, in their order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// What matched as a program of its own.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub programs: Vec<ProgramSummary>,
@@ -51,11 +54,15 @@ pub struct Summary {
     pub measured: bool,
 }
 
-/// An algorithm without a result.
+/// An algorithm without a result of some pairs, which `failures.csv` lists.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FailedAlgorithm {
     pub algorithm: String,
-    /// Why it failed on the last pair.
+    /// The number of pairs that it failed on.
+    pub pairs: u64,
+    /// Whether it has no result at all.
+    pub on_every_pair: bool,
+    /// The reason why it failed on the last of them.
     pub reason: String,
 }
 
@@ -158,6 +165,7 @@ impl Summary {
     /// the manifest has.
     pub fn complete(&mut self, manifest: &mut Manifest) {
         self.times.clone_from(&manifest.times);
+        self.warnings.clone_from(&manifest.warnings);
         self.slow_profile = slow_profile(manifest.profile.as_deref());
         for record in &manifest.algorithms {
             let program = record.program.clone();
@@ -167,15 +175,15 @@ impl Summary {
             }));
             let mut summaries = self.algorithms.iter_mut();
             let summary = summaries.find(|a| a.algorithm == record.label);
-            match (summary, &record.failure) {
-                (Some(summary), _) => {
-                    summary.memory_mb = record.memory_bytes.map(|bytes| bytes as f64 / 1e6);
-                }
-                (None, Some(reason)) => self.failed.push(FailedAlgorithm {
+            self.failed
+                .extend(record.failure.as_ref().map(|reason| FailedAlgorithm {
                     algorithm: record.label.clone(),
+                    pairs: record.failed_pairs,
+                    on_every_pair: summary.is_none(),
                     reason: reason.clone(),
-                }),
-                (None, None) => {}
+                }));
+            if let Some(summary) = summary {
+                summary.memory_mb = record.memory_bytes.map(|bytes| bytes as f64 / 1e6);
             }
         }
         manifest.pairs_hash.clone_from(&self.pairs_hash);
@@ -245,6 +253,7 @@ impl Summary {
             algorithms,
             checkpoints,
             failed: Vec::new(),
+            warnings: Vec::new(),
             programs: Vec::new(),
             drives: Vec::new(),
             stress: Vec::new(),

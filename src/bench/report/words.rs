@@ -114,7 +114,11 @@ pub(super) fn lines<'a>(
         let cells = columns.iter().map(|column| cell(column).to_owned());
         (failed.algorithm.as_str(), cells.collect())
     };
-    let failed = summary.failed.iter().map(failed);
+    let failed = summary
+        .failed
+        .iter()
+        .filter(|f| f.on_every_pair)
+        .map(failed);
     summary.algorithms.iter().map(line).chain(failed)
 }
 
@@ -203,10 +207,16 @@ fn scored(summary: &Summary) -> Option<String> {
     Some(each.collect::<Vec<_>>().join("; "))
 }
 
-/// Which algorithms failed on every pair, and why.
+/// The algorithms that failed on pairs, with the reasons.
 pub(super) fn failed(summary: &Summary) -> Option<String> {
     let failed = summary.failed.iter();
-    let failed = failed.map(|f| format!("{} on every pair: {}", f.algorithm, f.reason));
+    let failed = failed.map(|f| {
+        let pairs = match f.on_every_pair {
+            true => "every pair".to_owned(),
+            false => counted(f.pairs, "pair"),
+        };
+        format!("{} on {pairs}: {}", f.algorithm, f.reason)
+    });
     let words = failed.collect::<Vec<_>>().join("; ");
     (!words.is_empty()).then_some(words)
 }

@@ -1,18 +1,19 @@
 //! Rows of the tables: one per pair and algorithm, one per cell.
 
 use super::{Outbox, RunStart, Sink};
-use crate::report::{CellRow, Row, Table, hash_words};
+use crate::report::{CellRow, FailureRow, Row, Table, hash_words};
 use std::path::Path;
 use std::time::Duration;
 use svl_core::Result;
 use svl_core::timing::Stage;
 use svl_data::manifest::AlgorithmRecord;
-use svl_data::score::{CellJudgement, Judged, JudgedEstimate};
+use svl_data::score::{CellJudgement, Judged, JudgedEstimate, MatchFailure};
 
 /// Writes the rows of a run, and keeps them for its summary.
 pub struct TableSink {
     rows: Table<Row>,
     cells: Option<Table<CellRow>>,
+    failures: Table<FailureRow>,
     identity: RunIdentity,
     kept: Vec<Row>,
     outbox: Outbox<Vec<Row>>,
@@ -31,10 +32,10 @@ impl TableSink {
     ) -> Result<Self> {
         let rows = rows.map_or_else(|| Ok(Table::in_memory()), Table::create)?;
         let cells = cells.map(Table::create).transpose()?;
-        Ok(Self::with_tables(rows, cells, outbox))
+        Ok(Self::with_tables(rows, cells, Table::in_memory(), outbox))
     }
 
-    /// Writes `rows` and `cells` into a folder, each as `.csv` and `.parquet`, and leaves all rows
+    /// Writes `rows`, `cells` and `failures` into a folder, each as `.csv` and `.parquet`, and leaves all rows
     /// in `outbox`.
     ///
     /// # Errors
@@ -42,17 +43,20 @@ impl TableSink {
     pub fn in_folder(folder: &Path, outbox: &Outbox<Vec<Row>>) -> Result<Self> {
         let rows = Table::create_both(folder, "rows")?;
         let cells = Table::create_both(folder, "cells")?;
-        Ok(Self::with_tables(rows, Some(cells), outbox))
+        let failures = Table::create_both(folder, "failures")?;
+        Ok(Self::with_tables(rows, Some(cells), failures, outbox))
     }
 
     fn with_tables(
         rows: Table<Row>,
         cells: Option<Table<CellRow>>,
+        failures: Table<FailureRow>,
         outbox: &Outbox<Vec<Row>>,
     ) -> Self {
         Self {
             rows,
             cells,
+            failures,
             identity: RunIdentity::default(),
             kept: Vec::new(),
             outbox: outbox.clone(),
@@ -67,6 +71,7 @@ impl Sink for TableSink {
     }
 
     fn take(&mut self, judged: &Judged) -> Result<()> {
+        self.failures.push(self.identity.failures(judged))?;
         for estimate in &judged.estimates {
             // The cells first: a row in the file means that its cells are there too.
             if let Some(cells) = &mut self.cells {
@@ -83,7 +88,8 @@ impl Sink for TableSink {
         // Also of an incomplete table the rows are known.
         self.outbox.put(self.kept);
         let cells = self.cells.map_or(Ok(()), Table::finish);
-        self.rows.finish().and(cells)
+        let failures = self.failures.finish();
+        self.rows.finish().and(cells).and(failures)
     }
 }
 
@@ -153,6 +159,21 @@ impl RunIdentity {
             filters_us: estimate.unfiltered.as_ref().map(|_| stage(Stage::Filters)),
             stress: self.stress.clone(),
         }
+    }
+
+    /// The algorithms that failed on a frame as rows.
+    pub(crate) fn failures(&self, judged: &Judged) -> Vec<FailureRow> {
+        let row = |failed: &MatchFailure| FailureRow {
+            run_id: self.run_id.clone(),
+            scenario: self.scenario.clone(),
+            run: self.run.clone(),
+            seed: self.seed,
+            sequence: judged.frame.sequence,
+            algorithm: failed.algorithm.clone(),
+            reason: failed.reason.clone(),
+            stress: self.stress.clone(),
+        };
+        judged.failures.iter().map(row).collect()
     }
 
     /// The cells of an estimate as rows, in raster order.

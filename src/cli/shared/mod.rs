@@ -3,7 +3,6 @@
 
 pub(crate) mod filters;
 pub(crate) mod live;
-pub(crate) mod memory;
 pub(crate) mod outputs;
 pub(crate) mod progress;
 pub(crate) mod recordings;

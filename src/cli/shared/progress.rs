@@ -1,11 +1,10 @@
 //! The progress bars of long work, and Ctrl-C.
 
 use super::live::LiveTable;
-use super::memory;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
-use svl::run::{MemoryUse, Monitor};
+use svl::run::Monitor;
 
 static HANDLER: OnceLock<()> = OnceLock::new();
 
@@ -105,10 +104,6 @@ impl Progress {
 }
 
 impl Monitor for Progress {
-    fn memory_of(&mut self, work: &mut dyn FnMut()) -> Option<MemoryUse> {
-        Some(memory::used_by(work))
-    }
-
     fn failed(&mut self, failure: &str) {
         self.0.suspend(|| tracing::warn!("{failure}"));
     }

@@ -29,6 +29,33 @@ pub(crate) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
 /// Where warnings go: to standard error, later where a tool has the screen.
 pub(crate) struct Warnings;
 
+/// The warnings so far, a line each, also those that `--quiet` does not print.
+pub(crate) struct WarningLog;
+
+static WARNED: Mutex<String> = Mutex::new(String::new());
+
+impl WarningLog {
+    /// All warnings so far.
+    pub(crate) fn lines() -> Vec<String> {
+        let warned = WARNED.lock().unwrap_or_else(PoisonError::into_inner);
+        warned.lines().map(|line| line.trim().to_owned()).collect()
+    }
+}
+
+impl Write for WarningLog {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let mut warned = WARNED.lock().unwrap_or_else(PoisonError::into_inner);
+        if warned.len() < MOST_HELD {
+            warned.push_str(&String::from_utf8_lossy(bytes));
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
 /// What is held back, and where in it begins what was not yet taken.
 static HELD: Mutex<Option<(Vec<u8>, usize)>> = Mutex::new(None);
 

@@ -72,15 +72,21 @@ impl ProgramRecord {
         parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
     }
 
+    /// Whether the time that it reports leaves out work: it answers far later.
+    pub fn is_time_doubtful(&self) -> bool {
+        let limit_us = self.reported_us + self.reported_us / 4 + ODD_US;
+        self.waited_us > limit_us && self.pairs >= ENOUGH_PAIRS
+    }
+
     /// What its user should know before its numbers are believed.
     pub fn warnings(&self) -> Vec<String> {
         let (reported, waited) = (self.reported_us as f64 / 1e3, self.waited_us as f64 / 1e3);
         let mut warnings = Vec::new();
-        let is_short = self.waited_us > self.reported_us + self.reported_us / 4 + ODD_US;
-        if is_short && self.pairs >= ENOUGH_PAIRS {
+        if self.is_time_doubtful() {
             warnings.push(format!(
                 "reports {reported:.1} ms a pair but answers after {waited:.1} ms: its own time \
-                 may leave out work, as that of a device that was not waited for"
+                 may leave out work, as that of a device that was not waited for; it is not ranked \
+                 by time"
             ));
         }
         let is_long = self.reported_us > self.waited_us + self.waited_us / 20;

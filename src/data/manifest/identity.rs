@@ -35,6 +35,7 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("run_id", NONE),
     ("began", NONE),
     ("resumed", NONE),
+    ("warnings", NONE),
     ("parts", NONE),
     ("pairs_hash", NONE),
     // Of each row, by its input hash.
@@ -112,7 +113,7 @@ impl Manifest {
         for algorithm in &mut manifest.algorithms {
             algorithm.results_hash = None;
             algorithm.memory_bytes = None;
-            algorithm.failure = None;
+            (algorithm.failed_pairs, algorithm.failure) = (0, None);
             algorithm.program = None;
             // The label names the parameters as the user wrote them; their hash is of all of them.
             algorithm.parameters.clear();

@@ -57,6 +57,9 @@ pub struct Manifest {
     /// The parts that a merged report was made of.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<PartRecord>,
+    /// The warnings of the run, in their order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// When the run went on after it was killed or interrupted, as `began`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub resumed: Vec<String>,
@@ -109,7 +112,10 @@ pub struct AlgorithmRecord {
     /// The memory that it took for its largest pair, where it was measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub memory_bytes: Option<usize>,
-    /// Why it failed on its last pair, if it did.
+    /// The number of pairs that it failed on.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub failed_pairs: u64,
+    /// The reason why it failed on the last of them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
     /// Of a program of its own, what it is and how it did.
@@ -126,6 +132,11 @@ pub struct Machine {
     pub threads: usize,
     /// Frequency governor of the first core, where the system reports it.
     pub governor: Option<String>,
+}
+
+/// For serde.
+fn is_zero(n: &u64) -> bool {
+    *n == 0
 }
 
 impl Manifest {
@@ -165,6 +176,7 @@ impl Manifest {
             times: None,
             shard: None,
             parts: Vec::new(),
+            warnings: Vec::new(),
             resumed: Vec::new(),
         })
     }
@@ -309,6 +321,7 @@ impl AlgorithmRecord {
             disparities,
             results_hash: None,
             memory_bytes: None,
+            failed_pairs: 0,
             failure: None,
             program: None,
         }

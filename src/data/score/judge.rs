@@ -31,6 +31,8 @@ pub struct Judged {
     pub frame: Frame,
     /// In the order of the run's algorithms. An algorithm that failed on the frame is missing.
     pub estimates: Vec<JudgedEstimate>,
+    /// The algorithms that failed on the frame.
+    pub failures: Vec<MatchFailure>,
     /// The depth grid of the truth; absent without truth or without estimates.
     pub true_grid: Option<DepthGrid>,
     pair_hash: OnceLock<u128>,
@@ -48,6 +50,13 @@ impl Judged {
         let pair = self.pair_hash();
         *self.input_hash.get_or_init(|| self.frame.input_hash(pair))
     }
+}
+
+/// An algorithm without an estimate of a frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MatchFailure {
+    pub algorithm: String,
+    pub reason: String,
 }
 
 /// One algorithm's estimate with its score.
@@ -84,6 +93,7 @@ impl Judge {
             .map(|(estimate, support)| self.judge_estimate(&frame, true_cells, estimate, support))
             .collect();
         Judged {
+            failures: Vec::new(),
             frame,
             estimates,
             true_grid,

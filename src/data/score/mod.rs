@@ -19,7 +19,7 @@ pub use checkpoint::{
 };
 pub use disparity::DisparityScore;
 pub use filtered::FilterTally;
-pub use judge::{Judge, Judged, JudgedEstimate};
+pub use judge::{Judge, Judged, JudgedEstimate, MatchFailure};
 pub use metrics::{
     Better, CellSupport, DriveNumber, FrameFacts, METRICS, Metric, MetricOrigin, MetricTotal,
     MetricUnit, MetricValues,

@@ -18,6 +18,7 @@ pub(super) struct ReportPageView<'a> {
     title: &'a str,
     paragraphs: Vec<&'a str>,
     incomplete: Option<&'a str>,
+    warnings: &'a [String],
     caution: Option<String>,
     identity: &'a [(String, String)],
     summary: Option<AlgorithmTableView<'a>>,
@@ -57,6 +58,7 @@ impl<'a> ReportPageView<'a> {
         Ok(Self {
             title: &page.title,
             incomplete: summary.incomplete.as_deref(),
+            warnings: &summary.warnings,
             caution: summary.caution(),
             paragraphs: page
                 .description

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use svl::files::relative_path;
 use svl::manifest::{AlgorithmRecord, Manifest, PartRecord, Purpose};
 use svl::matcher::{Algorithm, ProgramRecord};
-use svl::report::{CellRow, CoursePlan, DriveRow, Summary, TrackRow, read_rows};
+use svl::report::{CellRow, CoursePlan, DriveRow, FailureRow, Summary, TrackRow, read_rows};
 use tables::{MergeOrder, TableMerge};
 
 /// Make one report of the parts that `svl score --shard` left
@@ -174,6 +174,7 @@ fn merge(parts: &[FoundPart], out: &Path, quiet: bool) -> anyhow::Result<Summary
     };
     let mut collected = ReportContent::default();
     tables.merge("cells", |_: &[CellRow]| ())?;
+    tables.merge("failures", |_: &[FailureRow]| ())?;
     tables.merge("rows", |rows| collected.rows.extend_from_slice(rows))?;
     match part.driven {
         true => merge_drives(&tables, &mut collected)?,
@@ -251,6 +252,7 @@ fn merged_manifest(parts: &[FoundPart], out: &Path) -> anyhow::Result<Manifest> 
         began: own.began,
         shard: None,
         parts: parts.iter().map(record).collect(),
+        warnings: warnings(parts),
         resumed: Vec::new(),
         ..first.clone()
     };
@@ -259,6 +261,7 @@ fn merged_manifest(parts: &[FoundPart], out: &Path) -> anyhow::Result<Manifest> 
             .iter()
             .filter_map(|found| found.manifest.algorithms.get(i));
         record.memory_bytes = all.clone().filter_map(|a| a.memory_bytes).max();
+        record.failed_pairs = all.clone().map(|a| a.failed_pairs).sum();
         record.failure = all.clone().filter_map(|a| a.failure.clone()).next_back();
         // Its times are of the last part; the parts have theirs.
         let programs = all.filter_map(|a| a.program.clone());
@@ -271,6 +274,17 @@ fn merged_manifest(parts: &[FoundPart], out: &Path) -> anyhow::Result<Manifest> 
         });
     }
     Ok(manifest)
+}
+
+/// The warnings of the parts, each once.
+fn warnings(parts: &[FoundPart]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for warning in parts.iter().flat_map(|found| &found.manifest.warnings) {
+        if !warnings.contains(warning) {
+            warnings.push(warning.clone());
+        }
+    }
+    warnings
 }
 
 /// A part's folder, as a link of the report's page has it.

@@ -6,7 +6,9 @@ use crate::cli::shared::report_folder::{ReportPart, ReportRun};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use svl::manifest::Manifest;
-use svl::report::{CellRow, CheckpointRow, DriveRow, Record, Row, Table, TrackRow, merge_rows};
+use svl::report::{
+    CellRow, CheckpointRow, DriveRow, FailureRow, Record, Row, Table, TrackRow, merge_rows,
+};
 
 /// Places of runs and algorithms in the whole.
 pub(super) struct MergeOrder {
@@ -75,6 +77,7 @@ macro_rules! placed {
 placed! {
     Row: |row| run_of(&row.run, row.seed, &row.stress), row.sequence;
     CellRow: |row| run_of(&row.run, row.seed, &row.stress), row.sequence;
+    FailureRow: |row| run_of(&row.run, row.seed, &row.stress), row.sequence;
     CheckpointRow: |row| run_of(&row.run, row.seed, &row.stress), u64::from(row.checkpoint);
     DriveRow: |row| ReportRun::course(row.seed, row.stress.as_deref()), 0;
     TrackRow: |row| ReportRun::course(row.seed, row.stress.as_deref()), row.sequence;

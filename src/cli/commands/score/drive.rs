@@ -19,7 +19,8 @@ use svl::drive::{Course, DrivePlan, DriveResult};
 use svl::manifest::{Manifest, Purpose};
 use svl::report::html::CheckpointFigure;
 use svl::report::{
-    CellRow, CoursePlan, DriveRow, GateResult, Row, Summary, Table, TrackRow, whole_rows,
+    CellRow, CoursePlan, DriveRow, FailureRow, GateResult, Row, Summary, Table, TrackRow,
+    whole_rows,
 };
 use svl::run::{Monitor, Outcome, Pace};
 use svl::scenario::{Scenario, ScenarioSource};
@@ -203,6 +204,12 @@ impl EarlierDrives {
                 result.cells.push(row);
             }
         }
+        for row in whole_rows::<FailureRow>(&folder.join("failures.csv"))? {
+            let seed = row.seed.unwrap_or_default();
+            if let Some(result) = drives.get_mut(&key(seed, &row.algorithm, &row.stress)) {
+                result.failures.push(row);
+            }
+        }
         // A killed run has none: its maps are those of the courses that are driven now.
         let plans = std::fs::read_to_string(folder.join(COURSES)).ok();
         let plans = plans.and_then(|text| serde_json::from_str(&text).ok());
@@ -221,6 +228,7 @@ struct DriveReport {
     cells: Table<CellRow>,
     drives: Table<DriveRow>,
     tracks: Table<TrackRow>,
+    failures: Table<FailureRow>,
     collected: ReportContent,
     track: Vec<TrackRow>,
     plans: Vec<CoursePlan>,
@@ -238,6 +246,7 @@ impl DriveReport {
             cells: Table::create_both(folder, "cells")?,
             drives: Table::create_both(folder, "drives")?,
             tracks: Table::create_both(folder, "tracks")?,
+            failures: Table::create_both(folder, "failures")?,
             collected: ReportContent::default(),
             track: Vec::new(),
             plans: Vec::new(),
@@ -349,7 +358,7 @@ impl DriveReport {
             rows,
             cells,
             worst,
-            failure,
+            failures,
             ..
         } = result;
         let fastest = &mut self.worst[unit.algorithm];
@@ -357,11 +366,14 @@ impl DriveReport {
         if unit.stress.is_none() && speed(&worst) > speed(fastest) {
             *fastest = worst;
         }
-        if failure.is_some() {
-            self.manifest.algorithms[unit.algorithm].failure = failure;
+        if let Some(last) = failures.last() {
+            let record = &mut self.manifest.algorithms[unit.algorithm];
+            record.failed_pairs += failures.len() as u64;
+            record.failure = Some(last.reason.clone());
         }
         self.cells.push(cells)?;
         self.rows.push(rows.iter().cloned())?;
+        self.failures.push(failures)?;
         self.tracks.push(track.iter().cloned())?;
         self.drives.push(drives.iter().cloned())?;
         self.collected.rows.extend(rows);
@@ -379,6 +391,7 @@ impl DriveReport {
         self.cells.finish()?;
         self.rows.finish()?;
         self.tracks.finish()?;
+        self.failures.finish()?;
         self.drives.finish()?;
         write_json(&self.folder.join(COURSES), &self.plans)?;
         self.collected.maps = maps(&self.plans, &self.collected.drives, &self.track);

@@ -11,6 +11,7 @@ pub(crate) use part::{PART, ReportPart, ReportRun, Shard};
 pub(crate) use sweeps::number;
 
 use super::outputs::{FolderRule, write, write_json};
+use super::terminal::WarningLog;
 use std::collections::BTreeMap;
 use std::path::Path;
 use svl::manifest::{Manifest, PartRecord, hash};
@@ -65,6 +66,11 @@ impl ReportContent {
         mut manifest: Manifest,
         incomplete: Option<String>,
     ) -> anyhow::Result<(Summary, Vec<GateResult>)> {
+        for warning in WarningLog::lines() {
+            if !manifest.warnings.contains(&warning) {
+                manifest.warnings.push(warning);
+            }
+        }
         let mut summary = Summary::from_rows(&self.rows, &self.checkpoints)?;
         summary.add_drives(&self.drives);
         let ReportPictures { figures, scenes } = self.pictures;
@@ -167,6 +173,8 @@ const REPORT_FILES: &[&str] = &[
     "rows.parquet",
     "cells.csv",
     "cells.parquet",
+    "failures.csv",
+    "failures.parquet",
     "checkpoints.csv",
     "checkpoints.parquet",
     MANIFEST,

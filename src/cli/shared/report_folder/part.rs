@@ -10,7 +10,14 @@ use svl::scenario::{Scenario, ScenarioSource};
 use svl::stereo::CellRule;
 
 /// The tables that grow with a run, and that are merged.
-const TABLES: [&str; 5] = ["rows", "cells", "checkpoints", "drives", "tracks"];
+const TABLES: [&str; 6] = [
+    "rows",
+    "cells",
+    "failures",
+    "checkpoints",
+    "drives",
+    "tracks",
+];
 
 /// The file that a part has besides those of a report.
 pub(crate) const PART: &str = "part.json";

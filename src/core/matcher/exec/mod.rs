@@ -47,7 +47,7 @@
 //! the end of its input the program must end. The end of its standard error is kept for error
 //! messages. An error reply concerns its pair alone. A program that ends, times out or answers
 //! anything else is killed, with all that it started, and started again for the next pair,
-//! [`RESTARTS`] times. Ctrl-C ends it at once. `svl algos exec --example python` is such a program.
+//! `restarts` times. Ctrl-C ends it at once. `svl algos exec --example python` is such a program.
 //!
 //! No shell is involved: the command is split at spaces, and quotes keep spaces in a word.
 
@@ -93,6 +93,12 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             range: Range::real(30.0, 0.01..=86_400.0),
             description: "longest time to an answer; the first includes the program's start",
         },
+        Parameter {
+            name: "restarts",
+            unit: "",
+            range: Range::int(3, 0..=1_000_000),
+            description: "limit of the starts after the first, when it died or timed out",
+        },
     ],
     cells: None,
     build: |parameters, _| Ok(Box::new(Exec::start(parameters)?)),
@@ -103,17 +109,16 @@ const ABOUT: &str = "A function of two numpy arrays is a matcher: svl algos exec
     beside it, then --algo \"net=exec:command='python3 onnx.py model.onnx'\". For C++: svl algos \
     exec --example cpp > svl_matcher.hpp.";
 
-/// How often a program that failed is started again.
-const RESTARTS: u32 = 3;
-
 struct Exec {
     command: String,
     words: Vec<String>,
     range: DisparityRange,
     timeout: Duration,
+    /// Limit of the starts after failures, and the number so far.
+    max_restarts: u32,
+    restarts: u32,
     /// None after a failure.
     program: Option<Program>,
-    restarts: u32,
     sequence: u64,
     /// Answers to pairs that were announced.
     ahead: VecDeque<PairAnswer>,
@@ -151,6 +156,7 @@ impl Exec {
             timeout: Duration::from_secs_f64(parameters.real("timeout_s")),
             program: Some(Program::start(&words).map_err(|failure| failure.into_error(command))?),
             words,
+            max_restarts: parameters.int("restarts") as u32,
             restarts: 0,
             sequence: 0,
             ahead: VecDeque::new(),
@@ -168,10 +174,10 @@ impl Exec {
     fn program(&mut self) -> std::result::Result<&mut Program, ProgramFailure> {
         let program = match self.program.take() {
             Some(program) => program,
-            None if self.restarts == RESTARTS => {
+            None if self.restarts == self.max_restarts => {
                 return Err(ProgramFailure::new(format!(
-                    "failed {} times and is not started again",
-                    RESTARTS + 1
+                    "failed {} times and is not started again; restarts=N raises the limit",
+                    self.restarts + 1
                 )));
             }
             None => {

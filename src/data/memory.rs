@@ -1,31 +1,41 @@
-//! How much memory work takes: the system's allocator, counted.
+//! Memory that work allocates: the system's allocator, counted.
+//!
+//! A program that wants its runs to measure memory makes [`CountingAllocator`] its global one.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
-use svl::run::MemoryUse;
 
-#[global_allocator]
-static ALLOCATOR: Counted = Counted;
+/// Memory that some work allocated, bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MemoryUse {
+    /// At most, beyond what was allocated before.
+    pub peak: usize,
+    /// More than before once the work was done; negative if it freed more.
+    pub kept: isize,
+}
 
 /// Bytes allocated now, and at most since this was last set.
 static NOW: AtomicUsize = AtomicUsize::new(0);
 static PEAK: AtomicUsize = AtomicUsize::new(0);
 
-/// Does `work`, during which no other thread should allocate, and says what it allocated.
-pub(crate) fn used_by(work: &mut dyn FnMut()) -> MemoryUse {
+/// Does `work`, during which no other thread should allocate, and returns what it allocated; none
+/// in a program whose allocator is another.
+pub fn used_by(work: impl FnOnce()) -> Option<MemoryUse> {
     let before = NOW.load(Relaxed);
     PEAK.store(before, Relaxed);
     work();
-    MemoryUse {
+    // A program that counts has allocated something before it measures anything.
+    (before > 0).then(|| MemoryUse {
         peak: PEAK.load(Relaxed).saturating_sub(before),
         kept: NOW.load(Relaxed).wrapping_sub(before) as isize,
-    }
+    })
 }
 
-struct Counted;
+/// The system's allocator, which counts what is allocated: `#[global_allocator]` of a program.
+pub struct CountingAllocator;
 
 fn count(added: usize, freed: usize) {
-    // Wraps around where more is freed than added, which is what subtraction needs.
+    // Wraps around if more is freed than added, which is what subtraction needs.
     let change = added.wrapping_sub(freed);
     let now = NOW.fetch_add(change, Relaxed).wrapping_add(change);
     if added > freed {
@@ -35,7 +45,7 @@ fn count(added: usize, freed: usize) {
 
 // SAFETY: all is the system's allocator's, whose contract the callers keep; counting allocates
 // nothing.
-unsafe impl GlobalAlloc for Counted {
+unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size(), 0);
         // SAFETY: the caller keeps the contract of `GlobalAlloc`, which is that of `System`.
@@ -65,13 +75,17 @@ unsafe impl GlobalAlloc for Counted {
 mod tests {
     use super::*;
 
+    #[global_allocator]
+    static ALLOCATOR: CountingAllocator = CountingAllocator;
+
     #[test]
     fn memory_is_counted_at_its_peak_and_after() {
         let mut kept = Vec::new();
-        let used = used_by(&mut || {
+        let used = used_by(|| {
             let large = vec![1_u8; 50_000_000];
             kept = large[..10_000_000].to_vec();
         });
+        let used = used.unwrap();
         // Other tests allocate and free meanwhile, but not as much.
         assert!((55_000_000..70_000_000).contains(&used.peak), "{used:?}");
         assert!((5_000_000..15_000_000).contains(&used.kept), "{used:?}");

@@ -1,0 +1,292 @@
+//! The algorithms of a run, each with its memory.
+
+use super::matching::Matched;
+use crate::report::LoggedResult;
+use std::collections::VecDeque;
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, ProgramRecord};
+use svl_core::stereo::{DisparityMap, RectifiedPair, Rig};
+use svl_core::{Error, Result};
+use svl_data::manifest::Manifest;
+use svl_data::memory::{self, MemoryUse};
+
+/// The algorithms of a run, ready to match.
+pub struct Matchers(pub(super) Vec<RunMatcher>);
+
+pub(super) struct RunMatcher {
+    pub(super) label: String,
+    pub(super) matcher: Box<dyn Matcher>,
+    /// The number of pairs that it failed on, the reason of the last, and whether that was the pair
+    /// before.
+    failed_pairs: u64,
+    failure: Option<String>,
+    is_failing: bool,
+    /// Maps that the sinks are done with.
+    spent: Vec<DisparityMap>,
+    memory: Option<MemoryUse>,
+    /// Where its parameters determine it.
+    pub(super) max_disparity: Option<i32>,
+    /// Whether the user was warned of it.
+    warned_of_range: bool,
+    /// The size of images that it has memory for, once it was measured.
+    pub(super) warm_for: Option<(usize, usize)>,
+    /// What it made of the next pairs, where it matches several at once.
+    pub(super) ahead: VecDeque<Result<Vec<MatchOutput>>>,
+}
+
+impl RunMatcher {
+    pub(super) fn new(algorithm: &Algorithm) -> Result<Self> {
+        let label = algorithm.label().to_owned();
+        let matcher = algorithm.build().map_err(|error| match error {
+            Error::Usage(reason) => Error::Usage(format!("{label}: {reason}")),
+            other => other,
+        })?;
+        Ok(Self {
+            label,
+            matcher,
+            failed_pairs: 0,
+            failure: None,
+            is_failing: false,
+            spent: Vec::new(),
+            memory: None,
+            max_disparity: algorithm.max_disparity(),
+            // What filters say is too close is not missed.
+            warned_of_range: !algorithm.filters().is_empty(),
+            warm_for: None,
+            ahead: VecDeque::new(),
+        })
+    }
+}
+
+impl Matchers {
+    /// Builds the algorithms; each label may occur once, as it names rows and topics.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the algorithm that occurs twice or cannot be built.
+    pub fn new(algorithms: &[Algorithm]) -> Result<Self> {
+        for (i, algorithm) in algorithms.iter().enumerate() {
+            let label = algorithm.label();
+            if algorithms[..i].iter().any(|other| other.label() == label) {
+                return Err(Error::Usage(format!(
+                    "{label}: named twice; name each algorithm once"
+                )));
+            }
+        }
+        let entries = algorithms.iter().map(RunMatcher::new);
+        entries.collect::<Result<_>>().map(Self)
+    }
+
+    /// Puts an algorithm in the place of the one with its label; the others keep their memory.
+    ///
+    /// # Errors
+    /// As [`Matchers::new`].
+    pub fn replace(&mut self, algorithm: &Algorithm) -> Result<()> {
+        let label = algorithm.label();
+        if let Some(entry) = self.0.iter_mut().find(|entry| entry.label == label) {
+            *entry = RunMatcher {
+                warned_of_range: entry.warned_of_range,
+                ..RunMatcher::new(algorithm)?
+            };
+        }
+        Ok(())
+    }
+
+    /// Takes those from the `first` on away, into their own: what they have stays with them.
+    #[must_use]
+    pub fn split_off(&mut self, first: usize) -> Self {
+        Self(self.0.split_off(first.min(self.0.len())))
+    }
+
+    /// Takes those with these labels away, into their own.
+    #[must_use]
+    pub fn take(&mut self, labels: &[&str]) -> Self {
+        let is_named = |entry: &mut RunMatcher| labels.contains(&entry.label.as_str());
+        Self(self.0.extract_if(.., is_named).collect())
+    }
+
+    /// Puts others behind these.
+    pub fn append(&mut self, mut others: Self) {
+        self.0.append(&mut others.0);
+    }
+
+    /// The same without the warning of ranges that end before obstacles do: where algorithms change
+    /// all the time, it would come all the time.
+    #[must_use]
+    pub fn without_warnings(mut self) -> Self {
+        self.0
+            .iter_mut()
+            .for_each(|entry| entry.warned_of_range = true);
+        self
+    }
+
+    /// No algorithms: the frames go to the sinks as they are.
+    pub fn none() -> Self {
+        Self(Vec::new())
+    }
+
+    /// Completes the manifest with the memory of each algorithm, known after a measured run whose
+    /// program counts it, and with the pairs that each failed on.
+    pub fn complete(&self, manifest: &mut Manifest) {
+        for record in &mut manifest.algorithms {
+            if let Some(entry) = self.0.iter().find(|entry| entry.label == record.label) {
+                record.program = entry.matcher.program();
+                let process = record.program.as_ref().and_then(|p| p.memory_bytes);
+                record.memory_bytes = process.or(entry.memory.map(|memory| memory.peak));
+                for warning in record.program.iter().flat_map(ProgramRecord::warnings) {
+                    tracing::warn!("{}: {warning}", entry.label);
+                }
+                record.failed_pairs = entry.failed_pairs;
+                record.failure.clone_from(&entry.failure);
+            }
+        }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Keeps the maps of estimates for later frames.
+    pub(super) fn take_back(&mut self, spent: Spent) {
+        for (label, map) in spent {
+            if let Some(entry) = self.0.iter_mut().find(|entry| entry.label == label) {
+                entry.spent.push(map);
+            }
+        }
+    }
+}
+
+/// Maps that the sinks are done with, with the labels of their algorithms.
+pub(super) type Spent = Vec<(String, DisparityMap)>;
+impl RunMatcher {
+    pub(super) fn compute(
+        &mut self,
+        pair: RectifiedPair<'_>,
+        context: &MatchContext,
+    ) -> Result<MatchOutput> {
+        let mut output = match self.spent.pop() {
+            Some(map) => MatchOutput::with_memory(map),
+            None => MatchOutput::new()?,
+        };
+        output.begin();
+        self.matcher.compute(pair, context, &mut output)?;
+        // Cells are scored by their place: another shape would compare the wrong ones.
+        match &output.grid {
+            Some(grid) if grid.shape() != context.grid.shape() => Err(Error::Invalid(
+                "its depth grid does not have the shape of the run's".into(),
+            )),
+            _ => Ok(output),
+        }
+    }
+
+    /// Matches several pairs at once, `rounds` times.
+    pub(super) fn match_ahead(
+        &mut self,
+        pairs: &[(RectifiedPair<'_>, MatchContext<'_>)],
+        rounds: usize,
+    ) {
+        let mut ahead: Vec<_> = pairs.iter().map(|_| Ok(Vec::new())).collect();
+        for _ in 0..rounds {
+            self.matcher.announce(pairs);
+            for ((pair, context), outputs) in pairs.iter().zip(&mut ahead) {
+                // Also where it failed before: an answer waits for each.
+                add(outputs, self.compute(*pair, context));
+            }
+        }
+        self.ahead.extend(ahead);
+    }
+
+    /// Warns once where its range of disparities ends before obstacles do.
+    pub(super) fn warn_of_range(&mut self, rig: &Rig, obstacle_m: f64) {
+        let nearest_m = |px: i32| rig.depth_m(f64::from(px));
+        let Some(nearest_m) = self.max_disparity.and_then(nearest_m) else {
+            return;
+        };
+        if nearest_m >= obstacle_m && !std::mem::replace(&mut self.warned_of_range, true) {
+            let px = rig.disparity_px(obstacle_m).ceil();
+            tracing::warn!(
+                "{}: max_disparity sees nothing nearer than {nearest_m:.2} m, but obstacles are \
+                 what is nearer than {obstacle_m} m: it takes more than {px} px",
+                self.label
+            );
+        }
+    }
+
+    /// Notes that it has an estimate of a pair.
+    pub(super) fn succeeded(&mut self) {
+        self.is_failing = false;
+    }
+
+    /// Notes that it failed on a pair; returns `true` unless it failed for the same reason on the
+    /// pair before.
+    pub(super) fn failed(&mut self, reason: &str) -> bool {
+        self.failed_pairs += 1;
+        let is_news = !(self.is_failing && self.failure.as_deref() == Some(reason));
+        self.is_failing = true;
+        self.failure = Some(reason.to_owned());
+        is_news
+    }
+
+    /// Sets up its memory for that pair, and learns how much that is.
+    pub(super) fn warm_up(&mut self, pair: RectifiedPair<'_>, context: &MatchContext) {
+        self.spent.clear();
+        let used = memory::used_by(|| {
+            // An error comes again when the pair is matched, and is reported then.
+            if let Ok(output) = self.compute(pair, context) {
+                self.spent.push(output.disparity);
+            }
+        });
+        let before = self.memory.unwrap_or_default();
+        self.memory = used.map(|used| MemoryUse {
+            peak: before
+                .peak
+                .max(used.peak.saturating_add_signed(before.kept)),
+            kept: before.kept + used.kept,
+        });
+    }
+
+    /// A result of an earlier part of the run. Its map is empty.
+    pub(super) fn logged(
+        &mut self,
+        result: &LoggedResult,
+        (width, height): (usize, usize),
+    ) -> Result<Matched> {
+        let mut output = MatchOutput::new()?;
+        output.disparity = DisparityMap::new(width, height)?;
+        output.grid = Some(result.grid.clone());
+        Ok(Matched {
+            algorithm: self.label.clone(),
+            output,
+            range_px: None,
+            times: result.times(),
+            logged: Some((result.row.metrics, result.hash)),
+        })
+    }
+
+    /// The output whose time is the median, by nearest rank, of outputs for one pair.
+    pub(super) fn median(&mut self, mut outputs: Vec<MatchOutput>) -> Result<MatchOutput> {
+        if let [first, others @ ..] = &outputs[..]
+            && !others.is_empty()
+        {
+            let hash = first.disparity.hash();
+            if others.iter().any(|other| other.disparity.hash() != hash) {
+                return Err(Error::Invalid(
+                    "its result differs when the pair is matched again".into(),
+                ));
+            }
+        }
+        outputs.sort_by_key(|output| output.clock.times().total());
+        let middle = outputs.swap_remove((outputs.len() - 1) / 2);
+        let others = outputs.into_iter().map(|output| output.disparity);
+        self.spent.extend(others);
+        Ok(middle)
+    }
+}
+
+/// Adds an output to those of earlier rounds, until the first error.
+pub(super) fn add(outputs: &mut Result<Vec<MatchOutput>>, output: Result<MatchOutput>) {
+    if let Ok(before) = outputs {
+        match output {
+            Ok(output) => before.push(output),
+            Err(error) => *outputs = Err(error),
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! The one loop: frames from a source through the algorithms and the judge into the sinks.
+//!
+//! Replay, score, record and the experiments are this loop with other sources and sinks. What does
+//! not iterate frames (`svl match`, `svl bench`) calls a matcher directly.
+
+mod matchers;
+mod matching;
+#[cfg(test)]
+mod tests;
+mod threads;
+
+pub use matchers::Matchers;
+
+use crate::sink::{RunEnd, RunStart, Sink};
+use crate::source::Source;
+use matching::Matching;
+use svl_core::counted;
+use svl_core::stereo::Losses;
+use svl_core::{Error, Result};
+use threads::{in_batches, in_turn, side_by_side};
+
+/// Watches a run and may end it.
+pub trait Monitor {
+    /// Called after every frame; `false` ends the run without an error.
+    fn go_on(&mut self, done: u64) -> bool;
+
+    /// Reports that an algorithm failed on a pair, and why.
+    fn failed(&mut self, failure: &str) {
+        tracing::warn!("{failure}");
+    }
+}
+
+/// How fast frames are taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Pace {
+    /// As soon as the previous one is done.
+    Asap,
+    /// At their stamps, that many times faster.
+    Times(f64),
+    /// As soon as possible, and measured: frames are read in batches, matched while nothing else of
+    /// svl runs, then judged and taken by the sinks. The times of a pair are those of its median
+    /// matching of so many, which must have equal results; matchings that set up the memory for a
+    /// size of images do not count.
+    Measured { rounds: usize },
+}
+
+impl Pace {
+    /// What the times of such a run are of, in words.
+    pub fn times(self) -> String {
+        match self {
+            Self::Asap | Self::Times(_) => {
+                "matching while svl reads and writes; `svl score` measures it alone".to_owned()
+            }
+            Self::Measured { rounds } => {
+                let rounds = match rounds {
+                    0 | 1 => String::new(),
+                    _ => format!("; of each pair the median of {rounds} matchings"),
+                };
+                format!("matching alone, while svl neither reads nor writes{rounds}")
+            }
+        }
+    }
+}
+
+/// What a run did.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Outcome {
+    /// Frames that every sink took.
+    pub frames: u64,
+    /// Estimates that are missing because their algorithm failed on that frame.
+    pub failures: u64,
+    /// Whether the monitor ended it.
+    pub interrupted: bool,
+    /// What of the source is in no frame.
+    pub losses: Losses,
+}
+
+impl Outcome {
+    /// What is missing, in words; nothing for a complete run.
+    pub fn missing(&self) -> Option<String> {
+        let Losses {
+            unpaired,
+            late,
+            unreadable,
+            cut,
+            without_truth: _,
+            grabber: _,
+        } = self.losses;
+        let count = |n: u64, noun: &str| (n > 0).then(|| counted(n, noun));
+        let missing = [
+            count(unreadable, "pair").map(|n| n + " could not be read"),
+            count(unpaired, "image").map(|n| n + " had no partner"),
+            count(late, "image").map(|n| n + " came too late"),
+            count(cut, "frame").map(|n| n + " of a video that is cut off"),
+            count(self.failures, "pair").map(|n| format!("algorithms failed on {n}")),
+        ];
+        let missing: Vec<_> = missing.into_iter().flatten().collect();
+        (!missing.is_empty()).then(|| missing.join(" and "))
+    }
+}
+/// Runs every frame of `source` through the algorithms into `sinks`, between their
+/// [`Sink::begin_run`] and [`Sink::end_run`]. Both are called also when the run fails, so that what
+/// came before the error is kept. The caller finishes the sinks.
+///
+/// Where the algorithms leave a core free, frames are read ahead and taken by the sinks in threads
+/// of their own, in the same order; else all happens in turn, so that other threads do not disturb
+/// the times that are measured. With a source that listens all happens in turn too. The threads for
+/// reading and for the sinks are rayon pools of their own: a source or a sink that uses rayon never
+/// waits for the caller's pool, whose only thread may be waiting for them. A measured run
+/// ([`Pace::Measured`]) matches first and has the two threads afterwards, batch by batch.
+///
+/// An algorithm that fails on a frame leaves no estimate for it, and the others go on. It is
+/// reported to the monitor, but not again while the algorithm fails for the same reason frame
+/// after frame.
+///
+/// The outcome holds also for a run that failed, with the first error of the source, of a raw pair
+/// for an algorithm, or of a sink.
+pub fn run(
+    source: &mut dyn Source,
+    matchers: &mut Matchers,
+    start: &RunStart<'_>,
+    pace: Pace,
+    sinks: &mut [Box<dyn Sink>],
+    monitor: &mut dyn Monitor,
+) -> (Outcome, Result<()>) {
+    let mut matching = Matching::new(matchers, start, pace, monitor);
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let has_free_core = cores > rayon::current_num_threads();
+    let reads_ahead = has_free_core && !source.listens();
+    let mut taken = 0;
+    let begun = sinks.iter_mut().try_for_each(|sink| sink.begin_run(start));
+    let ran = begun.and_then(|()| {
+        if matching.is_measured() && !source.listens() {
+            in_batches(source, &mut matching, sinks, &mut taken)
+        } else if !matching.matchers.is_empty() && reads_ahead {
+            side_by_side(source, &mut matching, sinks, &mut taken)
+        } else {
+            in_turn(source, &mut matching, sinks, &mut taken)
+        }
+    });
+    let ran = match ran {
+        Err(Error::Interrupted) => {
+            matching.interrupted = true;
+            Ok(())
+        }
+        ran => ran,
+    };
+    let outcome = Outcome {
+        frames: taken,
+        failures: matching.failures,
+        interrupted: matching.interrupted,
+        losses: source.finish(taken),
+    };
+    let error = ran.as_ref().err().map(ToString::to_string);
+    let end = RunEnd {
+        losses: &outcome.losses,
+        error: error.as_deref(),
+    };
+    let ended = sinks
+        .iter_mut()
+        .map(|sink| sink.end_run(&end))
+        .fold(Ok(()), Result::and);
+    (outcome, ran.and(ended))
+}

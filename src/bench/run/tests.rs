@@ -1,0 +1,351 @@
+use super::matchers::RunMatcher;
+use super::*;
+use crate::sink::Outbox;
+use crate::source::{AlignmentMonitor, AssumeRectified};
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use svl_core::matcher::{MatchContext, MatchOutput, Matcher};
+use svl_core::stereo::{ExtraPlanes, Frame, Geometry, Gray, RectifiedPair, StereoPair};
+use svl_data::manifest::Manifest;
+use svl_data::score::{Judge, Judged, MatchFailure};
+
+/// That many frames, then an error.
+struct Failing {
+    left: u64,
+    geometry: Geometry,
+    listens: bool,
+    heard: Vec<u64>,
+    /// Whether it is read from a pool, or from a thread that has one of its own.
+    in_pool: bool,
+}
+
+impl Failing {
+    fn new(left: u64) -> Self {
+        Self {
+            left,
+            geometry: Geometry::Rectified(None),
+            listens: false,
+            heard: Vec::new(),
+            in_pool: rayon::current_thread_index().is_some(),
+        }
+    }
+}
+
+impl Source for Failing {
+    fn name(&self) -> String {
+        "failing".into()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        self.left = self
+            .left
+            .checked_sub(1)
+            .ok_or_else(|| Error::Invalid("source failed".into()))?;
+        // As the arena renders: rayon must work in this thread, not in the pool of the caller,
+        // whose only thread waits for this one.
+        let in_pool = rayon::current_thread_index().is_some();
+        assert!(in_pool || !self.in_pool, "rayon would use another pool");
+        let image = Gray::filled(40, 20, self.left as u8)?;
+        Ok(Some(Frame {
+            sequence: self.left,
+            stamp_ns: 0,
+            name: None,
+            pair: StereoPair::new(image.clone(), image)?,
+            geometry: self.geometry,
+            pose: None,
+            truth: None,
+            color: None,
+            exposure: Default::default(),
+        }))
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        None
+    }
+
+    fn listens(&self) -> bool {
+        self.listens
+    }
+
+    fn hear(&mut self, judged: &Judged) {
+        assert_eq!(judged.frame.sequence, self.left, "before the next frame");
+        self.heard.push(judged.frame.sequence);
+    }
+}
+
+/// What happened to a sink, in order.
+type Log = Arc<Mutex<Vec<String>>>;
+
+/// Takes that many frames, then fails.
+struct Full(usize, Log);
+
+impl Full {
+    fn note(&self, what: String) {
+        self.1.lock().unwrap().push(what);
+    }
+}
+
+impl Sink for Full {
+    fn begin_run(&mut self, _: &RunStart<'_>) -> Result<()> {
+        self.note("begin".into());
+        Ok(())
+    }
+
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        assert_eq!(judged.estimates.len(), 1);
+        if self.0 == 0 {
+            return Err(Error::Invalid("sink failed".into()));
+        }
+        self.0 -= 1;
+        self.note(judged.frame.sequence.to_string());
+        Ok(())
+    }
+
+    fn end_run(&mut self, end: &RunEnd<'_>) -> Result<()> {
+        self.note(format!("end {}", end.error.unwrap_or("well")));
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
+
+struct Until(u64);
+
+impl Monitor for Until {
+    fn go_on(&mut self, done: u64) -> bool {
+        done < self.0
+    }
+}
+
+/// What the sink saw and how the run ended.
+fn ran(source: &mut dyn Source, sink_takes: usize, last: u64) -> (String, Outcome, Result<()>) {
+    let algorithms = ["v3:max_disparity=8".parse().unwrap()];
+    let manifest = Manifest::new("test", &algorithms).unwrap();
+    let judge = Judge::default();
+    let start = RunStart {
+        manifest: &manifest,
+        log: None,
+        seed: None,
+        judge: &judge,
+    };
+    let log = Log::default();
+    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(Full(sink_takes, Arc::clone(&log)))];
+    let mut matchers = Matchers::new(&algorithms).unwrap();
+    let (asap, until) = (Pace::Asap, &mut Until(last));
+    let (outcome, ended) = run(source, &mut matchers, &start, asap, &mut sinks, until);
+    (log.lock().unwrap().join(" "), outcome, ended)
+}
+
+fn pool(threads: usize) -> rayon::ThreadPool {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    pool.build().unwrap()
+}
+
+#[test]
+fn every_frame_is_taken_in_order_until_the_same_end() {
+    // From the only thread of a pool, and from outside of any.
+    let in_pool = |work: &mut (dyn FnMut() + Send)| pool(1).install(work);
+    let outside = |work: &mut (dyn FnMut() + Send)| work();
+    for with in [&in_pool as &dyn Fn(&mut (dyn FnMut() + Send)), &outside] {
+        with(&mut || {
+            let (log, _, ended) = ran(&mut Failing::new(4), 100, 100);
+            assert_eq!(log, "begin 3 2 1 0 end source failed");
+            assert_eq!(ended.unwrap_err().to_string(), "source failed");
+            let (log, _, ended) = ran(&mut Failing::new(9), 3, 100);
+            assert_eq!(log, "begin 8 7 6 end sink failed");
+            assert_eq!(ended.unwrap_err().to_string(), "sink failed");
+            let (log, outcome, ended) = ran(&mut Failing::new(20), 100, 4);
+            assert_eq!(log, "begin 19 18 17 16 end well");
+            ended.unwrap();
+            assert_eq!((outcome.frames, outcome.interrupted), (4, true));
+        });
+    }
+}
+
+#[test]
+fn a_source_that_listens_hears_each_frame_before_the_next() {
+    let mut source = Failing {
+        listens: true,
+        ..Failing::new(20)
+    };
+    // Through the wrappers of every run of the command line.
+    let mut rectified = AssumeRectified::new(&mut source);
+    let mut monitored = AlignmentMonitor::new(&mut rectified);
+    ran(&mut monitored, 100, 3).2.unwrap();
+    assert_eq!(source.heard, [19, 18, 17]);
+}
+
+#[test]
+fn memory_is_set_up_once_for_a_size_in_all_runs() {
+    let algorithms = ["v3:max_disparity=8", "v1:max_disparity=8"].map(|a| a.parse().unwrap());
+    let manifest = Manifest::new("test", &algorithms).unwrap();
+    let judge = Judge::default();
+    let start = RunStart {
+        manifest: &manifest,
+        log: None,
+        seed: None,
+        judge: &judge,
+    };
+    let mut matchers = Matchers::new(&algorithms).unwrap();
+    let matchings = Arc::new(AtomicU64::new(0));
+    matchers.0[0].matcher = Box::new(Counted(Arc::clone(&matchings)));
+    let run = |matchers: &mut Matchers| {
+        let (mut source, pace) = (Failing::new(9), Pace::Measured { rounds: 1 });
+        let (_, ran) = run(&mut source, matchers, &start, pace, &mut [], &mut Until(2));
+        ran.unwrap();
+        matchings.swap(0, Ordering::Relaxed)
+    };
+    // Two pairs; the first run matches one more.
+    assert_eq!((run(&mut matchers), run(&mut matchers)), (3, 2));
+    // One that replaces another has to be set up; none that was away meanwhile has.
+    matchers.replace(&algorithms[1]).unwrap();
+    let is_warm = |matchers: &Matchers| matchers.0.iter().all(|of| of.warm_for.is_some());
+    assert!(!is_warm(&matchers));
+    let counted = matchers.take(&[algorithms[0].label()]);
+    assert_eq!(run(&mut matchers), 0);
+    matchers.append(counted);
+    assert!(is_warm(&matchers));
+    assert_eq!(run(&mut matchers), 2);
+}
+
+/// Counts its matchings.
+struct Counted(Arc<AtomicU64>);
+
+impl Matcher for Counted {
+    fn compute(
+        &mut self,
+        pair: RectifiedPair<'_>,
+        _: &MatchContext,
+        output: &mut MatchOutput,
+    ) -> Result<()> {
+        self.0.fetch_add(1, Ordering::Relaxed);
+        let (width, height) = pair.size();
+        output.disparity.resize(width, height, ExtraPlanes::NONE)
+    }
+}
+
+#[test]
+fn failures_reach_the_sinks_and_the_manifest() {
+    struct Fails;
+    impl Matcher for Fails {
+        fn compute(
+            &mut self,
+            _: RectifiedPair<'_>,
+            _: &MatchContext,
+            _: &mut MatchOutput,
+        ) -> Result<()> {
+            Err(Error::Invalid("too dark".into()))
+        }
+    }
+    struct Kept(Vec<(u64, MatchFailure)>, Outbox<Vec<(u64, MatchFailure)>>);
+    impl Sink for Kept {
+        fn take(&mut self, judged: &Judged) -> Result<()> {
+            let sequence = judged.frame.sequence;
+            let failures = judged.failures.iter();
+            self.0.extend(failures.map(|f| (sequence, f.clone())));
+            Ok(())
+        }
+
+        fn finish(self: Box<Self>) -> Result<()> {
+            self.1.put(self.0);
+            Ok(())
+        }
+    }
+    let algorithms = ["v3:max_disparity=8".parse().unwrap()];
+    let mut manifest = Manifest::new("test", &algorithms).unwrap();
+    let judge = Judge::default();
+    let mut matchers = Matchers::new(&algorithms).unwrap();
+    matchers.0[0].matcher = Box::new(Fails);
+    let kept = Outbox::default();
+    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(Kept(Vec::new(), kept.clone()))];
+    let start = RunStart {
+        manifest: &manifest,
+        log: None,
+        seed: None,
+        judge: &judge,
+    };
+    let (mut source, pace) = (Failing::new(9), Pace::Asap);
+    let ran = run(
+        &mut source,
+        &mut matchers,
+        &start,
+        pace,
+        &mut sinks,
+        &mut Until(2),
+    );
+    assert_eq!(ran.0.failures, 2);
+    crate::sink::finish(sinks).unwrap();
+    let failure = MatchFailure {
+        algorithm: algorithms[0].label().to_owned(),
+        reason: "too dark".to_owned(),
+    };
+    assert_eq!(kept.take(), [(8, failure.clone()), (7, failure)]);
+    matchers.complete(&mut manifest);
+    let record = &manifest.algorithms[0];
+    assert_eq!(record.failed_pairs, 2);
+    assert_eq!(record.failure.as_deref(), Some("too dark"));
+}
+
+/// Answers the announced pairs by their numbers, and fails on the second.
+struct Several(VecDeque<usize>);
+
+impl Matcher for Several {
+    fn batch(&self) -> usize {
+        3
+    }
+
+    fn announce(&mut self, pairs: &[(RectifiedPair<'_>, MatchContext<'_>)]) {
+        self.0 = (0..pairs.len()).collect();
+    }
+
+    fn compute(
+        &mut self,
+        pair: RectifiedPair<'_>,
+        _: &MatchContext,
+        output: &mut MatchOutput,
+    ) -> Result<()> {
+        let (width, height) = pair.size();
+        let number = self.0.pop_front().expect("announced");
+        let map = &mut output.disparity;
+        map.resize(width, height, ExtraPlanes::NONE)?;
+        map.rows_mut()
+            .for_each(|mut row| row.accept(0, number as f32));
+        match number {
+            1 => Err(Error::Invalid("too dark".into())),
+            _ => Ok(()),
+        }
+    }
+}
+
+#[test]
+fn of_several_pairs_each_has_its_own_outputs() {
+    let mut entry = RunMatcher::new(&"v3".parse().unwrap()).unwrap();
+    entry.matcher = Box::new(Several(VecDeque::new()));
+    let image = Gray::filled(4, 2, 0).unwrap();
+    let pair = StereoPair::new(image.clone(), image).unwrap();
+    let pair = (RectifiedPair::assume(&pair), MatchContext::default());
+    entry.match_ahead(&[pair; 3], 2);
+    let firsts = entry.ahead.iter().map(|outputs| match outputs {
+        Ok(outputs) => {
+            let maps = outputs.iter().map(|output| output.disparity.at(0, 0));
+            maps.map(|disparity| format!("{disparity:?}")).collect()
+        }
+        Err(error) => vec![error.to_string()],
+    });
+    let firsts: Vec<Vec<_>> = firsts.collect();
+    let expected = [vec!["Ok(0.0)"; 2], vec!["too dark"], vec!["Ok(2.0)"; 2]];
+    assert_eq!(firsts, expected);
+}
+
+#[test]
+fn raw_pairs_are_not_matched() {
+    let mut source = Failing {
+        geometry: Geometry::Raw,
+        ..Failing::new(20)
+    };
+    let error = ran(&mut source, 100, 3).2.unwrap_err().to_string();
+    assert!(error.contains("--calib"), "{error}");
+}

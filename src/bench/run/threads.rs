@@ -1,0 +1,233 @@
+//! The threads of a run: all in turn, side by side, or batch by batch where times are measured.
+
+use super::matchers::Spent;
+use super::matching::{MatchedFrame, Matching, judged};
+use crate::sink::Sink;
+use crate::source::Source;
+use std::collections::VecDeque;
+use std::sync::mpsc::{channel, sync_channel};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+use svl_core::Result;
+use svl_core::stereo::Frame;
+use svl_data::score::Judged;
+
+/// Everything in the calling thread, frame by frame.
+pub(super) fn in_turn(
+    source: &mut dyn Source,
+    matching: &mut Matching<'_>,
+    sinks: &mut [Box<dyn Sink>],
+    taken: &mut u64,
+) -> Result<()> {
+    while let Some(frame) = source.next()? {
+        let matched = matching.matched(&frame)?;
+        let judged = judged(matching.judge, frame, matched);
+        push(sinks, &judged)?;
+        *taken += 1;
+        if source.listens() {
+            source.hear(&judged);
+        }
+        matching.matchers.take_back(spent(judged));
+        if !matching.go_on() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Frames that wait between two threads: enough that neither waits for a single slow one.
+const BETWEEN: usize = 2;
+
+/// Reading, matching, and judging with the sinks in a thread each.
+pub(super) fn side_by_side(
+    source: &mut dyn Source,
+    matching: &mut Matching<'_>,
+    sinks: &mut [Box<dyn Sink>],
+    taken: &mut u64,
+) -> Result<()> {
+    std::thread::scope(|scope| {
+        let (read, frames) = sync_channel(BETWEEN);
+        let reading = move || {
+            // Ends with the source, its first error, or when the receiver is gone.
+            while let Some(next) = source.next().transpose() {
+                let failed = next.is_err();
+                if read.send(next).is_err() || failed {
+                    break;
+                }
+            }
+        };
+        scope.spawn(|| in_own_pool(reading));
+        let judge = matching.judge;
+        let (send, received) = sync_channel::<(Frame, MatchedFrame)>(BETWEEN);
+        let (give_back, given_back) = channel();
+        let push_all = move || {
+            for (frame, matched) in received {
+                let judged = judged(judge, frame, matched);
+                push(sinks, &judged)?;
+                *taken += 1;
+                // At the end the receiver is gone.
+                let _ = give_back.send(spent(judged));
+            }
+            Ok(())
+        };
+        let pushing = scope.spawn(|| in_own_pool(push_all));
+        let mut ran = Ok(());
+        for next in frames {
+            let matched =
+                next.and_then(|frame| matching.matched(&frame).map(|matched| (frame, matched)));
+            let sent = matched.map(|matched| send.send(matched).is_ok());
+            given_back
+                .try_iter()
+                .for_each(|spent| matching.matchers.take_back(spent));
+            match sent {
+                Ok(true) if matching.go_on() => {}
+                Ok(_) => break,
+                Err(error) => {
+                    ran = Err(error);
+                    break;
+                }
+            }
+        }
+        // The sinks take what was matched, whatever happened after.
+        drop(send);
+        let pushed = pushing
+            .join()
+            .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        pushed.and(ran)
+    })
+}
+
+/// A batch of a measured run: at most so many frames,
+const BATCH_FRAMES: usize = 32;
+/// so many bytes of frames and maps,
+const BATCH_BYTES: usize = 256 << 20;
+/// and so much time to match it, so that a slow program's results are written soon.
+const BATCH_TIME: Duration = Duration::from_secs(1);
+
+/// Batches are matched while nothing else runs; then one is read while the sinks take the last.
+pub(super) fn in_batches(
+    source: &mut dyn Source,
+    matching: &mut Matching<'_>,
+    sinks: &mut [Box<dyn Sink>],
+    taken: &mut u64,
+) -> Result<()> {
+    let judge = matching.judge;
+    let mut waiting = Waiting::new(matching.matchers.0.len());
+    in_own_pool(|| waiting.fill(source));
+    loop {
+        let (mut matched, mut ran) = (Vec::new(), Ok(true));
+        let began = Instant::now();
+        while matches!(ran, Ok(true)) && began.elapsed() < BATCH_TIME {
+            let Some(frame) = waiting.frames.pop_front() else {
+                break;
+            };
+            matching.ask_for_maps(&frame, sinks);
+            matching.match_ahead(&frame, &waiting.frames);
+            ran = matching.matched(&frame).map(|estimates| {
+                matched.push((frame, estimates));
+                matching.go_on()
+            });
+        }
+        let goes_on = matches!(ran, Ok(true));
+        let pushed = std::thread::scope(|scope| {
+            if goes_on {
+                scope.spawn(|| in_own_pool(|| waiting.fill(source)));
+            }
+            let (send, received) = sync_channel(BETWEEN);
+            let judging = move || {
+                let mut judging = matched.into_iter();
+                // Ends early when a sink failed.
+                judging.all(|(frame, matched)| send.send(judged(judge, frame, matched)).is_ok())
+            };
+            scope.spawn(|| in_own_pool(judging));
+            let push_all = || -> Result<Vec<Spent>> {
+                let mut back = Vec::new();
+                for judged in received {
+                    push(sinks, &judged)?;
+                    *taken += 1;
+                    back.push(spent(judged));
+                }
+                sinks.iter_mut().try_for_each(|sink| sink.settle())?;
+                Ok(back)
+            };
+            let pushing = scope.spawn(|| in_own_pool(push_all));
+            pushing
+                .join()
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        });
+        for spent in pushed? {
+            matching.matchers.take_back(spent);
+        }
+        if !ran? {
+            return Ok(());
+        }
+        if waiting.frames.is_empty()
+            && let Some(end) = waiting.end.take()
+        {
+            return end;
+        }
+    }
+}
+
+/// Frames that were read and not matched yet.
+struct Waiting {
+    frames: VecDeque<Frame>,
+    algorithms: usize,
+    /// How the source ended.
+    end: Option<Result<()>>,
+}
+
+impl Waiting {
+    fn new(algorithms: usize) -> Self {
+        Self {
+            frames: VecDeque::new(),
+            algorithms,
+            end: None,
+        }
+    }
+
+    /// Reads a batch.
+    fn fill(&mut self, source: &mut dyn Source) {
+        // Both images, colour and truth; a map per algorithm.
+        let bytes = |frame: &Frame| {
+            let (width, height) = frame.pair.size();
+            width * height * (9 + 6 * self.algorithms)
+        };
+        let mut held: usize = self.frames.iter().map(bytes).sum();
+        while self.end.is_none() && self.frames.len() < BATCH_FRAMES && held < BATCH_BYTES {
+            match source.next() {
+                Ok(Some(frame)) => {
+                    held += bytes(&frame);
+                    self.frames.push_back(frame);
+                }
+                Ok(None) => self.end = Some(Ok(())),
+                Err(error) => self.end = Some(Err(error)),
+            }
+        }
+    }
+}
+
+/// Does `work` in a rayon pool of one thread, where what it hands to rayon happens, too. Pools are
+/// kept for later work: rayon never frees one that is the thread that made it.
+fn in_own_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+    static IDLE: Mutex<Vec<rayon::ThreadPool>> = Mutex::new(Vec::new());
+    let idle = || IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+    let kept = idle().pop();
+    let pool = kept.unwrap_or_else(|| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        pool.expect("a thread can be started")
+    });
+    let done = pool.install(work);
+    idle().push(pool);
+    done
+}
+fn push(sinks: &mut [Box<dyn Sink>], judged: &Judged) -> Result<()> {
+    sinks.iter_mut().try_for_each(|sink| sink.take(judged))
+}
+
+fn spent(judged: Judged) -> Spent {
+    let estimates = judged.estimates.into_iter();
+    estimates
+        .map(|scored| (scored.estimate.algorithm, scored.estimate.disparity))
+        .collect()
+}
