@@ -27,7 +27,9 @@
 //! # Ok::<(), svl::Error>(())
 //! ```
 
-pub use svl_bench::{drive, record, report, run, sink, source, train, tune};
+pub use svl_bench::{
+    console, drive, evaluation, outputs, record, report, run, runs, sink, source, train, tune,
+};
 pub use svl_calibrate as calibrate;
 pub use svl_core::{
     Error, Result, counted, depth, filter, interrupt, kernel, matcher, rectify, statistics, stereo,

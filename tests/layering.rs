@@ -46,6 +46,7 @@ const PACKAGES: [Package; 7] = [
                 "pairing",
                 "files",
                 "overlay",
+                "memory",
             ],
             &["arena", "stress", "fetch", "manifest"],
             &["grab", "recording", "score"],
@@ -56,10 +57,14 @@ const PACKAGES: [Package; 7] = [
     Package {
         root: "bench/lib.rs",
         layers: &[
+            &["outputs"],
             &["source", "report"],
             &["sink"],
             &["run"],
-            &["record", "train", "tune", "drive"],
+            &["console"],
+            &["record"],
+            &["runs"],
+            &["train", "tune", "drive", "evaluation"],
         ],
     },
     Package {

@@ -2,10 +2,14 @@
 //!
 //! `svl` re-exports its modules.
 
+pub mod console;
 pub mod drive;
+pub mod evaluation;
+pub mod outputs;
 pub mod record;
 pub mod report;
 pub mod run;
+pub mod runs;
 pub mod sink;
 pub mod source;
 pub mod train;

@@ -1,13 +1,14 @@
 //! The algorithms of a run, each with its memory.
 
-use super::matching::Matched;
 use crate::report::LoggedResult;
 use std::collections::VecDeque;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, ProgramRecord};
 use svl_core::stereo::{DisparityMap, RectifiedPair, Rig};
+use svl_core::timing::StageTimes;
 use svl_core::{Error, Result};
 use svl_data::manifest::Manifest;
 use svl_data::memory::{self, MemoryUse};
+use svl_data::score::MetricValues;
 
 /// The algorithms of a run, ready to match.
 pub struct Matchers(pub(super) Vec<RunMatcher>);
@@ -289,4 +290,14 @@ pub(super) fn add(outputs: &mut Result<Vec<MatchOutput>>, output: Result<MatchOu
             Err(error) => *outputs = Err(error),
         }
     }
+}
+
+/// The output of an algorithm for a frame.
+pub(super) struct Matched {
+    pub(super) algorithm: String,
+    pub(super) output: MatchOutput,
+    pub(super) range_px: Option<f64>,
+    pub(super) times: StageTimes,
+    /// Metrics and hash, if an earlier part of the run has them.
+    pub(super) logged: Option<(MetricValues, u128)>,
 }

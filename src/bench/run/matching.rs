@@ -1,26 +1,15 @@
 //! Between source and sinks: a frame through the algorithms, then through the judge.
 
-use super::matchers::{Matchers, add};
+use super::matchers::{Matched, Matchers, add};
 use super::{Monitor, Pace};
 use crate::report::{LoggedResult, ResultLog};
 use crate::sink::{RunStart, Sink};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
-use svl_core::matcher::{MatchContext, MatchOutput};
+use svl_core::matcher::MatchContext;
 use svl_core::stereo::{Estimate, Frame};
-use svl_core::timing::StageTimes;
 use svl_core::{Error, Result, depth};
-use svl_data::score::{Judge, Judged, MatchFailure, MetricValues};
-
-/// The output of an algorithm for a frame.
-pub(super) struct Matched {
-    pub(super) algorithm: String,
-    pub(super) output: MatchOutput,
-    pub(super) range_px: Option<f64>,
-    pub(super) times: StageTimes,
-    /// Metrics and hash, if an earlier part of the run has them.
-    pub(super) logged: Option<(MetricValues, u128)>,
-}
+use svl_data::score::{Judge, Judged, MatchFailure};
 
 /// The outputs of all algorithms for a frame.
 #[derive(Default)]

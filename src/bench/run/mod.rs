@@ -8,8 +8,10 @@ mod matching;
 #[cfg(test)]
 mod tests;
 mod threads;
+mod through;
 
 pub use matchers::Matchers;
+pub use through::{complete, report_losses, run_through};
 
 use crate::sink::{RunEnd, RunStart, Sink};
 use crate::source::Source;

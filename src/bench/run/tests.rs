@@ -191,7 +191,7 @@ fn memory_is_set_up_once_for_a_size_in_all_runs() {
     };
     let mut matchers = Matchers::new(&algorithms).unwrap();
     let matchings = Arc::new(AtomicU64::new(0));
-    matchers.0[0].matcher = Box::new(Counted(Arc::clone(&matchings)));
+    matchers.0[0].matcher = Box::new(CountedMatcher(Arc::clone(&matchings)));
     let run = |matchers: &mut Matchers| {
         let (mut source, pace) = (Failing::new(9), Pace::Measured { rounds: 1 });
         let (_, ran) = run(&mut source, matchers, &start, pace, &mut [], &mut Until(2));
@@ -212,9 +212,9 @@ fn memory_is_set_up_once_for_a_size_in_all_runs() {
 }
 
 /// Counts its matchings.
-struct Counted(Arc<AtomicU64>);
+struct CountedMatcher(Arc<AtomicU64>);
 
-impl Matcher for Counted {
+impl Matcher for CountedMatcher {
     fn compute(
         &mut self,
         pair: RectifiedPair<'_>,

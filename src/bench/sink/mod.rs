@@ -2,6 +2,7 @@
 
 mod checkpoints;
 mod collect;
+mod live;
 mod pictures;
 mod recording;
 mod table;
@@ -9,6 +10,7 @@ mod viewer;
 
 pub use checkpoints::CheckpointSink;
 pub use collect::{CollectSink, WatchSink};
+pub use live::LiveTable;
 pub(crate) use pictures::frame_shot;
 pub use pictures::{PictureSink, ReportPictures};
 pub use recording::RecordingSink;

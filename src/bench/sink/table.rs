@@ -35,8 +35,8 @@ impl TableSink {
         Ok(Self::with_tables(rows, cells, Table::in_memory(), outbox))
     }
 
-    /// Writes `rows`, `cells` and `failures` into a folder, each as `.csv` and `.parquet`, and leaves all rows
-    /// in `outbox`.
+    /// Writes `rows`, `cells` and `failures` into a folder, each as `.csv` and `.parquet`, and
+    /// leaves all rows in `outbox`.
     ///
     /// # Errors
     /// As [`Table::create`].

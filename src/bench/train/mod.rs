@@ -4,7 +4,11 @@
 mod cells;
 mod filter;
 mod report;
+mod scenario_filters;
+mod windows;
 
 pub use cells::{CellTraining, ReliabilityBin, ReportedCells, ScenarioCells};
 pub use filter::{EpochProgress, REVISION, TrainSettings, train_filter};
 pub use report::{FilterTraining, HiddenTrial};
+pub use scenario_filters::{of_scenario, with_filters};
+pub use windows::{LabelledRuns, train, windows};

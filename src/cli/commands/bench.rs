@@ -1,6 +1,6 @@
 //! `svl bench`: how fast the algorithms are, side by side.
 
-use crate::cli::shared::filters::{FilterArgs, with_filters};
+use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::{progress, usage};
 use anyhow::{Context, bail};
@@ -11,6 +11,7 @@ use svl::arena::{Arena, ArenaConfig};
 use svl::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput, Matcher};
 use svl::statistics::nearest_rank;
 use svl::stereo::{RectifiedPair, StereoPair};
+use svl::train::with_filters;
 use svl::{BuildInfo, slow_profile};
 
 /// Measure the speed of algorithms, matching only

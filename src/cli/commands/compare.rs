@@ -1,11 +1,11 @@
 //! `svl compare`: compares reports.
 
-use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::PathBuf;
+use svl::outputs::{Outputs, write};
 use svl::report::compare::{Change, Comparison, History, Judgement, ScoredRun};
 use svl::report::{TestCase, TestResult, junit};
 use svl::score::{METRICS, Metric, MetricUnit};

@@ -1,8 +1,6 @@
 //! `svl datasets`: the data sets svl reads, listed or fetched.
 
-use crate::cli::shared::outputs::make_folder;
 use crate::cli::shared::progress::Bytes;
-use crate::cli::shared::source::data_folder;
 use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use crate::cli::shared::usage;
 use anyhow::bail;
@@ -13,6 +11,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use svl::counted;
 use svl::fetch::{self, Receipt, Receipts};
+use svl::outputs::make_folder;
+use svl::runs::data_folder;
 use svl::source::dataset::{self, DATASETS, Dataset, Part};
 
 /// List the stereo data sets svl reads, or fetch one

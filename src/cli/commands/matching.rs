@@ -1,6 +1,5 @@
 //! `svl match`: one pair of image files through one algorithm.
 
-use crate::cli::shared::outputs::{Outputs, write};
 use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::terminal::{print, print_error, print_json};
 use crate::cli::shared::usage;
@@ -12,6 +11,7 @@ use svl::calibrate::files::read_calib;
 use svl::depth::GridSettings;
 use svl::manifest::Manifest;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl::outputs::{Outputs, write};
 use svl::recording::CellReport;
 use svl::report::evidence::EvidencePage;
 use svl::stereo::{DepthGrid, Reason, RectifiedPair};

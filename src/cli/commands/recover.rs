@@ -1,11 +1,11 @@
 //! `svl recover`: the intact part of a truncated or corrupt recording.
 
-use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::terminal::{losses, missing, size};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use std::path::PathBuf;
 use svl::counted;
+use svl::outputs::Outputs;
 use svl::recording::{Recording, Recovery};
 
 /// Recover the intact part of a truncated or corrupt recording

@@ -1,17 +1,18 @@
 //! `svl reproduce`: repeats the thesis's experiments.
 
-use crate::cli::shared::outputs::{FolderRule, Outputs, write, write_json};
-use crate::cli::shared::progress::{self, Progress};
-use crate::cli::shared::source::data_folder;
+use crate::cli::shared::progress::{self, Terminal};
 use crate::cli::shared::terminal::{print, print_json};
-use crate::cli::shared::{recordings, usage};
+use crate::cli::shared::usage;
 use anyhow::{Context as _, bail};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use svl::console::Watch;
 use svl::manifest::Manifest;
+use svl::outputs::{FolderRule, Outputs, write, write_json};
 use svl::reproduce::{
     Context, EXPERIMENTS, Experiment, ExperimentFinding, Finding, FindingsPage, find, scenes,
 };
+use svl::runs::{cached_run, data_folder};
 use svl::scenario::Scenario;
 use svl::source::dataset::Scene;
 use svl::source::{RecordingSource, Source};
@@ -125,7 +126,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 /// The arena of chapter 7, one run of it.
 fn arena_run(quiet: bool) -> anyhow::Result<(Scenario, Box<dyn Source>)> {
     let scenario = Scenario::arena()?;
-    let path = recordings::cached_run(&scenario, 1, quiet, None)?;
+    let path = cached_run(&scenario, 1, &Terminal { quiet }, None)?;
     Ok((scenario, Box::new(RecordingSource::open(path)?)))
 }
 
@@ -136,18 +137,10 @@ fn repeat(
     recording: Option<(Scenario, Box<dyn Source>)>,
     quiet: bool,
 ) -> anyhow::Result<Finding> {
-    let mut progress = Progress::new(
-        &format!("{} {}", experiment.figure(), experiment.title),
-        None,
-        quiet,
-    );
-    let found = (experiment.run)(&mut Context::new(
-        processor,
-        scenes,
-        recording,
-        &mut progress,
-    ));
-    progress.clear();
+    let title = format!("{} {}", experiment.figure(), experiment.title);
+    let mut watch = Watch::new(&Terminal { quiet }, &title, None, None);
+    let found = (experiment.run)(&mut Context::new(processor, scenes, recording, &mut watch));
+    drop(watch);
     match found {
         Err(_) if progress::interrupted() => bail!("{STOPPED}"),
         found => found.with_context(|| format!("figure {}", experiment.figure())),
@@ -157,7 +150,7 @@ fn repeat(
 fn write_report(page: &FindingsPage<'_>, out: &Path) -> anyhow::Result<()> {
     write_json(&out.join(JSON), &page.json()?)?;
     write(&out.join("reproduce.md"), page.markdown())?;
-    write(&out.join("index.html"), page.html()?)
+    Ok(write(&out.join("index.html"), page.html()?)?)
 }
 
 /// The terminal's text: per figure a line with its verdict and a line with its numbers.

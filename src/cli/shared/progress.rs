@@ -1,10 +1,10 @@
 //! The progress bars of long work, and Ctrl-C.
 
-use super::live::LiveTable;
-use indicatif::{ProgressBar, ProgressStyle};
+use super::terminal::{WarningLog, print_error};
+use indicatif::{ProgressBar, ProgressFinish, ProgressState, ProgressStyle};
+use std::fmt::Write;
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU64, Ordering};
-use svl::run::Monitor;
+use svl::console::{Bar, Console, Unit};
 
 static HANDLER: OnceLock<()> = OnceLock::new();
 
@@ -30,158 +30,67 @@ pub(crate) fn listen_for_interrupt() {
     });
 }
 
-/// A bar that counts pairs, with their rate.
-pub(crate) struct Progress(ProgressBar, Option<LiveTable>);
+/// The terminal; without bars and notes if `quiet`.
+pub(crate) struct Terminal {
+    pub(crate) quiet: bool,
+}
 
-impl Progress {
-    /// `pairs`: how many there will be, where known.
-    pub(crate) fn new(what: &str, pairs: Option<u64>, quiet: bool) -> Self {
-        Self::with_table(what, pairs, quiet, None)
-    }
-
-    /// A bar that counts rows of tables.
-    pub(crate) fn of_rows(what: &str, quiet: bool) -> Self {
-        Self::styled(what, (None, "rows"), quiet, None)
-    }
-
-    /// With a table below it.
-    pub(crate) fn with_table(
-        what: &str,
-        pairs: Option<u64>,
-        quiet: bool,
-        table: Option<&LiveTable>,
-    ) -> Self {
-        Self::styled(what, (pairs, "pairs"), quiet, table)
-    }
-
-    fn styled(
-        what: &str,
-        (count, unit): (Option<u64>, &str),
-        quiet: bool,
-        table: Option<&LiveTable>,
-    ) -> Self {
+impl Console for Terminal {
+    fn bar(&self, work: &str, unit: Unit, total: Option<u64>) -> Box<dyn Bar> {
         listen_for_interrupt();
-        let bar = if quiet {
-            ProgressBar::hidden()
-        } else {
-            count.map_or_else(ProgressBar::no_length, ProgressBar::new)
+        let bar = match self.quiet {
+            true => ProgressBar::hidden(),
+            false => total.map_or_else(ProgressBar::no_length, ProgressBar::new),
         };
-        let form = match count {
-            Some(_) => "{bar:16} {pos:>6}/{len} UNIT {per_sec:>7} {eta:>3} left{msg}",
-            None => "{spinner} {pos:>6} UNIT {per_sec:>7}{msg}",
+        let form = match (unit, total) {
+            (Unit::Drives, _) => "{bar:16} {pos:>6}/{len} drives {eta:>4} left, {msg} pairs",
+            (Unit::Epochs, _) => "{bar:12} {pos:>4}/{len} epochs {eta:>3} left  {msg}",
+            (Unit::Rows, _) => "{spinner} {pos:>6} rows {per_sec:>7}{msg}",
+            (Unit::Pairs, Some(_)) => {
+                "{bar:16} {pos:>6}/{len} pairs {per_sec:>7} {eta:>3} left{msg}"
+            }
+            (Unit::Pairs, None) => "{spinner} {pos:>6} pairs {per_sec:>7}{msg}",
         };
-        // The templates above are constants; the tests run both.
-        let form = format!("{{prefix:<24!}} {}", form.replace("UNIT", unit));
-        let style = ProgressStyle::with_template(&form).expect("a valid template");
-        bar.set_style(style.with_key(
-            "per_sec",
-            |state: &indicatif::ProgressState, w: &mut dyn std::fmt::Write| {
-                let _ = write!(w, "{:.0}/s", state.per_sec());
-            },
-        ));
-        bar.set_prefix(what.to_owned());
-        let progress = Self(bar, table.cloned());
-        progress.show_table();
-        progress
+        let rate = |state: &ProgressState, w: &mut dyn Write| {
+            let _ = write!(w, "{:.0}/s", state.per_sec());
+        };
+        // The templates above are constants, which the tests run.
+        let style = ProgressStyle::with_template(&format!("{{prefix:<24!}} {form}"));
+        bar.set_style(style.expect("a valid template").with_key("per_sec", rate));
+        bar.set_prefix(work.to_owned());
+        Box::new(TerminalBar(bar.with_finish(ProgressFinish::AndClear)))
     }
 
-    fn show_table(&self) {
-        if let Some(table) = self.1.as_ref().filter(|_| !self.0.is_hidden()) {
-            self.0.set_message(table.text());
+    fn note(&self, line: &str) {
+        if !self.quiet {
+            print_error(line);
         }
     }
 
-    /// One pair more is done; whether to go on.
-    pub(crate) fn step(&self) -> bool {
-        self.0.inc(1);
-        !interrupted()
-    }
-
-    /// Takes the bar away.
-    pub(crate) fn clear(self) {
-        self.0.finish_and_clear();
+    fn warnings(&self) -> Vec<String> {
+        WarningLog::lines()
     }
 }
 
-impl Monitor for Progress {
-    fn failed(&mut self, failure: &str) {
-        self.0.suspend(|| tracing::warn!("{failure}"));
-    }
+struct TerminalBar(ProgressBar);
 
-    fn go_on(&mut self, done: u64) -> bool {
+impl Bar for TerminalBar {
+    fn set(&self, done: u64) {
         self.0.set_position(done);
-        // The sinks take a batch at a time.
-        if done.is_multiple_of(8) {
-            self.show_table();
-        }
-        !interrupted()
-    }
-}
-
-/// A bar that counts drives and their frames, for several threads.
-pub(crate) struct DriveProgress(ProgressBar, AtomicU64);
-
-impl DriveProgress {
-    pub(crate) fn new(scenario: &str, drives: usize, quiet: bool) -> Self {
-        listen_for_interrupt();
-        let bar = match quiet {
-            true => ProgressBar::hidden(),
-            false => ProgressBar::new(drives as u64),
-        };
-        let form = "{prefix:<24!} {bar:16} {pos:>6}/{len} drives {eta:>4} left, {msg} pairs";
-        // The template is a constant; the tests run it.
-        let style = ProgressStyle::with_template(form).expect("a valid template");
-        bar.set_style(style);
-        bar.set_prefix(format!("score {scenario}"));
-        Self(bar, AtomicU64::new(0))
     }
 
-    /// One pair more.
-    pub(crate) fn frame(&self) {
-        let frames = self.1.fetch_add(1, Ordering::Relaxed) + 1;
-        if frames.is_multiple_of(16) {
-            self.0.set_message(frames.to_string());
-        }
-    }
-
-    /// One drive more.
-    pub(crate) fn done(&self) {
+    fn step(&self) {
         self.0.inc(1);
     }
 
-    pub(crate) fn clear(&self) {
-        self.0.finish_and_clear();
-    }
-}
-
-/// A bar that counts the epochs of networks, with their errors.
-pub(crate) struct EpochBar(ProgressBar);
-
-impl EpochBar {
-    /// `networks` of at most so many `epochs`.
-    pub(crate) fn new(what: &str, networks: usize, epochs: usize, quiet: bool) -> Self {
-        listen_for_interrupt();
-        let bar = match quiet {
-            true => ProgressBar::hidden(),
-            false => ProgressBar::new((networks * epochs) as u64),
-        };
-        let form = "{prefix:<16!} {bar:12} {pos:>4}/{len} epochs {eta:>3} left  {msg}";
-        // The template above is a constant; the tests run it.
-        bar.set_style(ProgressStyle::with_template(form).expect("a valid template"));
-        bar.set_prefix(what.to_owned());
-        Self(bar)
+    fn show(&self, text: String) {
+        if !self.0.is_hidden() {
+            self.0.set_message(text);
+        }
     }
 
-    /// An epoch more of a network is done, with that validation error; whether to go on.
-    pub(crate) fn step(&self, done: usize, hidden: usize, error: f64) -> bool {
-        self.0.set_position(done as u64);
-        self.0.set_message(format!("{hidden} neurons: {error:.4}"));
-        !interrupted()
-    }
-
-    /// Takes the bar away.
-    pub(crate) fn clear(self) {
-        self.0.finish_and_clear();
+    fn suspend(&self, print: &mut dyn FnMut()) {
+        self.0.suspend(print);
     }
 }
 

@@ -1,17 +1,13 @@
 //! The folder `recordings/`: unnamed recordings, the newest of them, the cache of simulated runs.
 
-use super::live::LiveTable;
-use super::outputs::make_folder;
-use super::progress::{Progress, interrupted, listen_for_interrupt};
-use super::runner::report_losses;
-use anyhow::bail;
+use super::progress::{Terminal, listen_for_interrupt};
 use std::path::{Path, PathBuf};
+use svl::console::Watch;
+use svl::outputs::make_folder;
 use svl::recording::RecordingFormat;
-use svl::run::Outcome;
-use svl::scenario::{Scenario, ScenarioSource};
+use svl::run::{Outcome, report_losses};
+use svl::runs::RECORDINGS;
 use svl::source::Opened;
-
-pub(crate) const RECORDINGS: &str = "recordings";
 
 /// Creates the folder. Returns `recordings/STEM-N.mcap` with the first number that is free.
 pub(crate) fn free_name(stem: &str) -> anyhow::Result<PathBuf> {
@@ -40,33 +36,12 @@ pub(crate) fn record(
     // From here on Ctrl-C leaves an intact file.
     listen_for_interrupt();
     let name = opened.source.name();
-    let mut progress = Progress::new(&name, opened.source.pairs(), quiet);
-    let recorded = svl::record::record(opened, path, format, &mut progress);
-    progress.clear();
+    let pairs = opened.source.pairs();
+    let mut watch = Watch::new(&Terminal { quiet }, &name, pairs, None);
+    let recorded = svl::record::record(opened, path, format, &mut watch);
+    drop(watch);
     report_losses(&name, &recorded.0.losses);
     recorded
-}
-
-/// The recording of an arena scenario with a seed, made first where the cache does not hold it.
-pub(crate) fn cached_run(
-    scenario: &Scenario,
-    seed: u64,
-    quiet: bool,
-    table: Option<&LiveTable>,
-) -> anyhow::Result<PathBuf> {
-    create()?;
-    let pairs = match &scenario.source {
-        ScenarioSource::Arena { config, .. } => Some(config.frames),
-        _ => None,
-    };
-    let name = format!("arena, seed {seed}");
-    let mut progress = Progress::with_table(&name, pairs, quiet, table);
-    let cached = svl::record::cached_run(Path::new(RECORDINGS), scenario, seed, &mut progress);
-    progress.clear();
-    if interrupted() {
-        bail!("interrupted while recording the arena");
-    }
-    Ok(cached?)
 }
 
 fn create() -> svl::Result<()> {

@@ -1,19 +1,16 @@
 //! Options of sources on the command line, and what help and lists say of [`SOURCES`].
 
-use super::progress::{Progress, interrupted, listen_for_interrupt};
-use super::terminal::{LAST_COLUMN, print, print_error, width, wrapped};
+use super::progress::{Terminal, listen_for_interrupt};
+use super::terminal::{LAST_COLUMN, print, width, wrapped};
 use super::usage;
 use clap::builder::{NonEmptyStringValueParser, PossibleValue, TypedValueParser};
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
 use std::time::Duration;
-use svl::grab::{
-    self, DRIVERS, Driver, GrabRequest, Host, PairBy, RATES_HZ, TriggerSource, WhenFull,
-};
+use svl::grab::{self, DRIVERS, Driver, GrabRequest, PairBy, RATES_HZ, TriggerSource, WhenFull};
 use svl::matcher::{Algorithm, Range, Value};
 use svl::recording::files;
 use svl::scenario::SourceOptions;
-use svl::source::{self, CAMERAS, Opened, Request, SOURCES};
+use svl::source::{CAMERAS, Opened, Request, SOURCES};
 
 /// Options of a scenario's source that commands which open one source do not take.
 pub(crate) const OF_SCENARIOS: &[&str] = &["data", "scenes", "seeds", "reference"];
@@ -128,51 +125,16 @@ impl CameraArgs {
 }
 
 /// Opens a source, with a progress bar where that takes long.
-pub(crate) fn open(request: Request<'_>, quiet: bool) -> anyhow::Result<Opened> {
+pub(crate) fn open(request: Request<'_>, quiet: bool) -> svl::Result<Opened> {
     if grab::driver(request.name).is_some() {
         listen_for_interrupt();
     }
-    // Most sources open at once and show no bar.
-    let bar = OnceLock::new();
-    let step = |count| {
-        bar.get_or_init(|| Progress::new("rendering", count, quiet))
-            .step();
-    };
-    let opened = source::open(&Request {
-        host: Host {
-            stopped: interrupted,
-            progress: &step,
-        },
-        ..request
-    });
-    bar.into_inner().into_iter().for_each(Progress::clear);
-    noted(opened, quiet)
-}
-
-/// Opens a recording.
-pub(crate) fn open_recording(request: &Request<'_>, quiet: bool) -> anyhow::Result<Opened> {
-    noted(source::open_recording(request), quiet)
-}
-
-fn noted(opened: svl::Result<Opened>, quiet: bool) -> anyhow::Result<Opened> {
-    let opened = opened?;
-    if !quiet {
-        opened.notes.iter().for_each(print_error);
-    }
-    Ok(opened)
+    svl::runs::open(request, &Terminal { quiet })
 }
 
 /// The files that a source reads, as far as it is named by a path.
 pub(crate) fn inputs(name: &str) -> Vec<PathBuf> {
     files(Path::new(name)).unwrap_or_else(|_| vec![name.into()])
-}
-
-/// The folder of the data sets: the one named, or what `SVL_DATASETS` names.
-pub(crate) fn data_folder(named: Option<&Path>) -> Option<PathBuf> {
-    let variable = || std::env::var_os("SVL_DATASETS").filter(|folder| !folder.is_empty());
-    named
-        .map(Path::to_owned)
-        .or_else(|| variable().map(PathBuf::from))
 }
 
 /// Names of sources that are no files; cameras have theirs after a colon.

@@ -89,8 +89,8 @@ const FIELDS: &[(&str, &[Purpose])] = &[
 ];
 
 impl Manifest {
-    /// Differences that keep two runs apart for a purpose: each field that differs, with both values, in words
-    /// as `source.max_skew_ms: 5 and 20`. None: they may be taken together.
+    /// Differences that keep two runs apart for a purpose: each field that differs, with both
+    /// values, in words as `source.max_skew_ms: 5 and 20`. None: they may be taken together.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a manifest that cannot be serialized.

@@ -3,7 +3,6 @@
 use super::ask::{Answers, ViewPrompt};
 use super::collect::{Collected, collect};
 use super::report::ReportFolder;
-use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::source::{self, CameraArgs};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
@@ -11,6 +10,7 @@ use anyhow::{anyhow, bail};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use svl::calibrate::{Board, LEAST_VIEWS, Solution, files, solve};
+use svl::outputs::Outputs;
 use svl::rectify::{Framing, bouguet};
 use svl::scenario::SourceOptions;
 use svl::sink::RerunTarget;

@@ -1,6 +1,5 @@
 //! `svl calibrate check`: vertical misalignment of a recording's pairs.
 
-use crate::cli::shared::runner::report_losses;
 use crate::cli::shared::source::{self, OF_SCENARIOS};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
@@ -8,6 +7,7 @@ use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use svl::counted;
 use svl::rectify::{Alignment, AlignmentMeter, Misfit};
+use svl::run::report_losses;
 use svl::scenario::SourceOptions;
 use svl::source::Request;
 

@@ -3,7 +3,6 @@
 use super::ask::{Decision, Offer, ViewPrompt};
 use super::report::ReportFolder;
 use crate::cli::shared::progress::{interrupted, listen_for_interrupt};
-use crate::cli::shared::runner::report_losses;
 use anyhow::bail;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeMap;
@@ -12,6 +11,7 @@ use std::time::{Duration, Instant};
 use svl::calibrate::choose::{Chooser, ENOUGH, MissingCoverage, Refusal};
 use svl::calibrate::detect::PairDetector;
 use svl::calibrate::{Board, LEAST_VIEWS, StereoView};
+use svl::run::report_losses;
 use svl::source::Opened;
 use svl::stereo::Frame;
 

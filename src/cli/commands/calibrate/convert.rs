@@ -1,11 +1,11 @@
 //! `svl calibrate convert`: converts a calibration file to the format of another program.
 
-use crate::cli::shared::outputs::{Outputs, distinct};
 use crate::cli::shared::terminal::{LAST_COLUMN, print, wrapped};
 use crate::cli::shared::usage;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use svl::calibrate::files::{self, CalibrationFormat, FORMATS, FileUnit, Hints, LoadedCalibration};
+use svl::outputs::{Outputs, distinct};
 use svl::rectify::{Framing, bouguet};
 use svl::stereo::{Intrinsics, LengthUnit};
 

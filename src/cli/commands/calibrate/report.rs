@@ -1,10 +1,10 @@
 //! The report folder beside a calibration: HTML page, JSON, and the accepted pairs as PNG.
 
-use crate::cli::shared::outputs::{FolderRule, Outputs, distinct, write_json};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::calibrate::{Solution, StereoView};
 use svl::files::write_png;
+use svl::outputs::{FolderRule, Outputs, distinct, write_json};
 use svl::report::calibration::CalibrationPage;
 use svl::stereo::{Frame, Gray};
 
@@ -94,7 +94,7 @@ impl ReportFolder {
             left,
             right,
         });
-        write_json(&self.path.join(CORNERS), &self.corners)
+        Ok(write_json(&self.path.join(CORNERS), &self.corners)?)
     }
 
     /// Writes the report. `accepted`: what the source calls each pair.

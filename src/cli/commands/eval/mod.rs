@@ -3,11 +3,11 @@
 mod files;
 mod report;
 
-use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::usage;
 use files::ImageFiles;
 use std::path::PathBuf;
 use svl::files as on_disk;
+use svl::outputs::Outputs;
 use svl::score::protocol::{Protocol, ProtocolImage, Score};
 use svl::stereo::{Plane, Visibility, cross_check};
 

@@ -2,19 +2,20 @@
 
 mod tables;
 
-use crate::cli::shared::outputs::{Outputs, write_json};
-use crate::cli::shared::progress::Progress;
-use crate::cli::shared::report_folder::{
-    COURSES, MANIFEST, PART, REPORT, ReportContent, ReportHead, ReportPart, ReportRun, maps,
-};
+use crate::cli::shared::progress::Terminal;
 use crate::cli::shared::terminal::{print, print_json, width};
 use crate::cli::shared::usage;
 use anyhow::{Context, bail};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use svl::console::{Console, Unit};
+use svl::evaluation::{
+    COURSES, MANIFEST, PART, REPORT, ReportContent, ReportHead, ReportPart, ReportRun, maps,
+};
 use svl::files::relative_path;
 use svl::manifest::{AlgorithmRecord, Manifest, PartRecord, Purpose};
 use svl::matcher::{Algorithm, ProgramRecord};
+use svl::outputs::{Outputs, write_json};
 use svl::report::{CellRow, CoursePlan, DriveRow, FailureRow, Summary, TrackRow, read_rows};
 use tables::{MergeOrder, TableMerge};
 
@@ -165,12 +166,13 @@ fn merge(parts: &[FoundPart], out: &Path, quiet: bool) -> anyhow::Result<Summary
     let part = &parts[0].part;
     let manifest = merged_manifest(parts, out)?;
     write_json(&out.join(MANIFEST), &manifest)?;
+    let terminal = Terminal { quiet };
     let tables = TableMerge {
         parts,
         out,
         order: MergeOrder::new(part, &manifest),
         id: manifest.run_id.clone(),
-        progress: Progress::of_rows("merge", quiet),
+        bar: terminal.bar("merge", Unit::Rows, None),
     };
     let mut collected = ReportContent::default();
     tables.merge("cells", |_: &[CellRow]| ())?;
@@ -183,7 +185,7 @@ fn merge(parts: &[FoundPart], out: &Path, quiet: bool) -> anyhow::Result<Summary
             tables.merge("checkpoints", |rows| kept.extend_from_slice(rows))?;
         }
     }
-    tables.progress.clear();
+    drop(tables);
     let algorithms = manifest
         .algorithms
         .iter()
@@ -197,7 +199,7 @@ fn merge(parts: &[FoundPart], out: &Path, quiet: bool) -> anyhow::Result<Summary
         sort: None,
         limits: &[],
     };
-    let (summary, _) = collected.write(out, head, manifest, None)?;
+    let (summary, _) = collected.write(out, head, manifest, None, terminal.warnings())?;
     Ok(summary)
 }
 

@@ -1,10 +1,10 @@
 //! The tables of the parts, row by row, in the order of the whole.
 
 use super::FoundPart;
-use crate::cli::shared::progress::Progress;
-use crate::cli::shared::report_folder::{ReportPart, ReportRun};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use svl::console::Bar;
+use svl::evaluation::{ReportPart, ReportRun};
 use svl::manifest::Manifest;
 use svl::report::{
     CellRow, CheckpointRow, DriveRow, FailureRow, Record, Row, Table, TrackRow, merge_rows,
@@ -98,7 +98,7 @@ pub(super) struct TableMerge<'a> {
     pub(super) order: MergeOrder,
     /// Run id of the whole.
     pub(super) id: String,
-    pub(super) progress: Progress,
+    pub(super) bar: Box<dyn Bar>,
 }
 
 impl TableMerge<'_> {
@@ -139,7 +139,8 @@ impl TableMerge<'_> {
         mut rows: Vec<R>,
         keep: &mut impl FnMut(&[R]),
     ) -> svl::Result<Vec<R>> {
-        if !rows.iter().all(|_| self.progress.step()) {
+        rows.iter().for_each(|_| self.bar.step());
+        if svl::interrupt::requested() {
             return Err(svl::Error::Invalid("interrupted".into()));
         }
         rows.iter_mut().for_each(|row| row.set_run_id(&self.id));

@@ -1,14 +1,14 @@
 //! `svl record`: a source into a recording.
 
-use crate::cli::shared::outputs::Outputs;
 use crate::cli::shared::source::{self, CameraArgs, OF_SCENARIOS};
 use crate::cli::shared::terminal::{print, print_error};
-use crate::cli::shared::{recordings, runner, usage};
+use crate::cli::shared::{recordings, usage};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::counted;
+use svl::outputs::Outputs;
 use svl::recording::{Dialect, ImageFormat, RecordingFormat, StampOrigin};
-use svl::run::Outcome;
+use svl::run::{Outcome, complete};
 use svl::scenario::{PairRange, SourceOptions};
 use svl::source::{Limited, Request};
 
@@ -150,7 +150,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             print_error(format_args!("{}: {note}", args.source));
         }
     }
-    runner::complete(&outcome)
+    Ok(complete(&outcome)?)
 }
 
 fn report(path: &Path, outcome: &Outcome, seconds: f64) -> anyhow::Result<()> {

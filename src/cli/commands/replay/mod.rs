@@ -2,29 +2,32 @@
 
 mod verify;
 
-use crate::cli::shared::filters::{FilterArgs, with_filters};
-use crate::cli::shared::outputs::Outputs;
-use crate::cli::shared::progress::{Progress, listen_for_interrupt};
-use crate::cli::shared::recordings::{self, RECORDINGS};
+use crate::cli::shared::filters::FilterArgs;
+use crate::cli::shared::progress::{Terminal, listen_for_interrupt};
+use crate::cli::shared::recordings;
 use crate::cli::shared::source;
 use crate::cli::shared::terminal::{print, print_error, print_json, width};
+use crate::cli::shared::usage;
 use crate::cli::shared::viewer::viewer;
-use crate::cli::shared::{runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
+use svl::console::Watch;
 use svl::counted;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
+use svl::outputs::Outputs;
 use svl::recording::{AlgorithmCells, ImageFormat};
 use svl::report::Summary;
-use svl::run::{Matchers, Pace};
+use svl::run::{Matchers, Pace, complete, run_through};
+use svl::runs::{RECORDINGS, cached_run, open_recording};
 use svl::scenario::{Scenario, SourceOptions};
 use svl::score::{Judge, Judged};
 use svl::sink::{
     CollectSink, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks, ViewerRequest,
 };
 use svl::source::Request;
+use svl::train::with_filters;
 use verify::{Earlier, Verification};
 
 /// Replay a recording through algorithms
@@ -147,7 +150,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         options: args.options.clone(),
         ..Request::new(&name)
     };
-    let mut opened = source::open_recording(&request, quiet)?;
+    let terminal = Terminal { quiet };
+    let mut opened = open_recording(&request, &terminal)?;
     let seed = opened.header.seed;
     let verify = args.verify.as_ref();
     let before = verify
@@ -214,14 +218,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         judge: &judge,
     };
     let title = opened.source.name();
-    let progress = Progress::new(&title, opened.source.pairs(), quiet);
-    let (outcome, ran) = runner::run_through(
+    let watch = Watch::new(&terminal, &title, opened.source.pairs(), None);
+    let (outcome, ran) = run_through(
         &mut *opened.source,
         &mut matchers,
         &start,
         args.rate,
         sinks.as_mut_slice(),
-        progress,
+        watch,
     );
     // Everything that came before an error is kept and reported, so the sinks are finished first.
     let (results, finished) = sinks.finish();
@@ -276,7 +280,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             print(&proved)?;
         }
     }
-    runner::complete(&outcome)
+    Ok(complete(&outcome)?)
 }
 
 /// What `--json` prints.
@@ -298,5 +302,10 @@ fn newest_or_arena(quiet: bool) -> anyhow::Result<PathBuf> {
             "no recording in {RECORDINGS}/: recording the arena first"
         ));
     }
-    recordings::cached_run(&Scenario::arena()?, 1, quiet, None)
+    Ok(cached_run(
+        &Scenario::arena()?,
+        1,
+        &Terminal { quiet },
+        None,
+    )?)
 }

@@ -3,20 +3,20 @@
 use super::report::{Scored, head, report_manifest};
 use super::scenario::stresses;
 use super::{Args, INTERRUPTED};
-use crate::cli::shared::outputs::{Outputs, write_json};
-use crate::cli::shared::progress::{DriveProgress, interrupted};
-use crate::cli::shared::report_folder::{
-    COURSES, MANIFEST, ReportContent, ReportPart, ReportRun, Shard, maps,
-};
+use crate::cli::shared::progress::{Terminal, interrupted};
+use crate::cli::shared::terminal::WarningLog;
 use crate::cli::shared::usage;
 use anyhow::bail;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use svl::console::{Bar, Console, Unit};
 use svl::drive::{Course, DrivePlan, DriveResult};
+use svl::evaluation::{COURSES, MANIFEST, ReportContent, ReportPart, ReportRun, Shard, maps};
 use svl::manifest::{Manifest, Purpose};
+use svl::outputs::{Outputs, write_json};
 use svl::report::html::CheckpointFigure;
 use svl::report::{
     CellRow, CoursePlan, DriveRow, FailureRow, GateResult, Row, Summary, Table, TrackRow,
@@ -293,7 +293,12 @@ impl DriveReport {
             manifest: self.manifest.clone(),
             folder: self.folder.clone(),
             keep,
-            progress: DriveProgress::new(&scenario.name, todo.len(), quiet),
+            bar: Terminal { quiet }.bar(
+                &format!("score {}", scenario.name),
+                Unit::Drives,
+                Some(todo.len() as u64),
+            ),
+            frames: AtomicU64::new(0),
             is_over: AtomicBool::new(false),
         };
         let next = AtomicUsize::new(0);
@@ -339,7 +344,6 @@ impl DriveReport {
             });
             ran.and(kept)
         });
-        work.progress.clear();
         let built = work.courses.into_plans();
         let is_new = |plan: &CoursePlan| built.iter().all(|built| built.seed != plan.seed);
         let mut plans: Vec<_> = earlier.plans.into_iter().filter(is_new).collect();
@@ -401,7 +405,14 @@ impl DriveReport {
             scenes: Vec::new(),
         };
         let head = head(args, scenario, false);
-        (self.collected).write(&self.folder, head, self.manifest, incomplete)
+        let written = self.collected.write(
+            &self.folder,
+            head,
+            self.manifest,
+            incomplete,
+            WarningLog::lines(),
+        );
+        Ok(written?)
     }
 }
 
@@ -413,7 +424,8 @@ struct DriveWork<'a> {
     manifest: Manifest,
     folder: PathBuf,
     keep: KeptDrives,
-    progress: DriveProgress,
+    bar: Box<dyn Bar>,
+    frames: AtomicU64,
     is_over: AtomicBool,
 }
 
@@ -438,7 +450,7 @@ impl DriveWork<'_> {
         let driven = plan.drive(&mut DriveMonitor(self));
         drop(course);
         self.courses.done(unit.course);
-        self.progress.done();
+        self.bar.step();
         let is_whole = matches!(&driven, Ok(result) if !result.interrupted);
         if let Some(path) = recording.filter(|_| !is_whole) {
             // A part of a drive is of no use.
@@ -453,7 +465,10 @@ struct DriveMonitor<'a>(&'a DriveWork<'a>);
 
 impl Monitor for DriveMonitor<'_> {
     fn go_on(&mut self, _: u64) -> bool {
-        self.0.progress.frame();
+        let frames = self.0.frames.fetch_add(1, Ordering::Relaxed) + 1;
+        if frames.is_multiple_of(16) {
+            self.0.bar.show(frames.to_string());
+        }
         !self.0.is_over()
     }
 }

@@ -6,26 +6,25 @@ mod scenario;
 mod sweep;
 
 use crate::cli::shared::filters::FilterArgs;
-use crate::cli::shared::live::LiveTable;
-use crate::cli::shared::outputs::{Outputs, write};
-use crate::cli::shared::progress::listen_for_interrupt;
-use crate::cli::shared::report_folder::{REPORT, ReportPart, ReportRun, Shard};
-use crate::cli::shared::scenario_runs::{self, ScoredSource, runs as open_runs};
+use crate::cli::shared::progress::{Terminal, listen_for_interrupt};
 use crate::cli::shared::source::warn_of_own_reference;
 use crate::cli::shared::terminal::{print, print_json, width};
+use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
-use crate::cli::shared::{runner, usage};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use drive::KeptDrives;
 use report::{ScoreReport, Scored, head, report_manifest};
 use scenario::stresses;
 use std::path::{Path, PathBuf};
+use svl::evaluation::{REPORT, ReportPart, ReportRun, Shard};
+use svl::outputs::{Outputs, write};
 use svl::report::{GateResult, GateState, ResultLog, Summary, junit};
-use svl::run::{Matchers, Outcome, Pace};
+use svl::run::{Matchers, Outcome, Pace, complete};
+use svl::runs::{self, ScoredSource, runs as open_runs};
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{METRICS, Metric};
-use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget};
+use svl::sink::{LiveTable, REPORT_RUN, RerunDetail, RerunTarget};
 use svl::stress::Stress;
 use sweep::{Algorithms, MAX_ALGORITHMS};
 
@@ -243,7 +242,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (_, true) => pass_check(&summary)?,
         _ => {}
     }
-    runner::complete(&total)
+    Ok(complete(&total)?)
 }
 
 /// Scores the runs of a scenario, one after the other.
@@ -279,7 +278,8 @@ fn score_runs(
                 .transpose()?
         }
     };
-    let runs = open_runs(scenario, quiet)?;
+    let terminal = &Terminal { quiet };
+    let runs = open_runs(scenario, terminal)?;
     warn_of_own_reference(&scenario.options, &scenario.algorithms)?;
     let pace = Pace::Measured {
         rounds: args.repeat,
@@ -300,9 +300,9 @@ fn score_runs(
         // Those that are perturbed are opened anew.
         let run = match runs[unit.place].take_if(|_| unit.stress.is_none()) {
             Some(run) => run,
-            None => scenario_runs::run_at(scenario, unit.place, quiet)?,
+            None => runs::run_at(scenario, unit.place, terminal)?,
         };
-        let (mut run, mut judge) = run.open(scenario, quiet, Some(&live))?;
+        let (mut run, mut judge) = run.open(scenario, terminal, Some(&live))?;
         if let Some(stress) = unit.stress {
             run = run.stressed(stress);
             judge = run.judge(&scenario.judge())?;

@@ -1,19 +1,20 @@
 //! The report of `svl score` under way: manifest, sinks, and what is written at the end.
 
 use super::Args;
-use crate::cli::shared::live::LiveTable;
-use crate::cli::shared::outputs::write_json;
-use crate::cli::shared::progress::Progress;
-use crate::cli::shared::report_folder::{MANIFEST, ReportContent, ReportHead, Shard};
-use crate::cli::shared::runner;
+use crate::cli::shared::progress::Terminal;
+use crate::cli::shared::terminal::WarningLog;
 use std::path::{Path, PathBuf};
+use svl::console::Watch;
+use svl::evaluation::{MANIFEST, ReportContent, ReportHead, Shard};
 use svl::manifest::Manifest;
+use svl::outputs::write_json;
 use svl::report::{GateResult, ResultLog, Summary};
-use svl::run::{Matchers, Outcome, Pace};
+use svl::run::{Matchers, Outcome, Pace, run_through};
 use svl::scenario::Scenario;
 use svl::score::Judge;
 use svl::sink::{
-    RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks, Viewer, ViewerRequest,
+    LiveTable, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks, Viewer,
+    ViewerRequest,
 };
 use svl::source::{RunSource, Source};
 
@@ -101,12 +102,12 @@ impl ScoreReport {
             Some(stress) => format!("{title}, {stress}"),
             None => title,
         };
-        let progress = Progress::with_table(&title, run.pairs(), quiet, Some(&self.live));
+        let watch = Watch::new(&Terminal { quiet }, &title, run.pairs(), Some(&self.live));
         let sinks = match &judge.run.stress {
             None => self.sinks.as_mut_slice(),
             Some(_) => self.sinks.tables_mut(),
         };
-        runner::run_through(run, matchers, &start, self.pace, sinks, progress)
+        run_through(run, matchers, &start, self.pace, sinks, watch)
     }
 
     pub(super) fn finish(
@@ -129,7 +130,7 @@ impl ScoreReport {
             pictures: results.pictures,
             ..ReportContent::default()
         };
-        collected.write(&folder, head, manifest, incomplete)
+        Ok(collected.write(&folder, head, manifest, incomplete, WarningLog::lines())?)
     }
 }
 

@@ -1,21 +1,24 @@
 //! The scenario that `svl score` scores.
 
 use super::Args;
-use crate::cli::shared::outputs::{Outputs, write};
+use crate::cli::shared::progress::Terminal;
 use crate::cli::shared::terminal::print;
-use crate::cli::shared::{filters, scenario_runs, usage};
+use crate::cli::shared::usage;
 use anyhow::bail;
 use std::path::Path;
 use svl::counted;
 use svl::filter::without_filters;
 use svl::matcher::Algorithm;
+use svl::outputs::{Outputs, write};
+use svl::runs;
 use svl::scenario::{Limit, Scenario, StressLevels, distinct_kinds};
 use svl::stress::Stress;
+use svl::train::{of_scenario, with_filters};
 
-/// The description of the run: the scenario that is named, or that of the recordings that are, with what the
-/// options change of it.
+/// The description of the run: the scenario that is named, or that of the recordings that are, as
+/// the options change it.
 pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
-    let mut scenario = scenario_runs::named(&args.what)?;
+    let mut scenario = runs::named(&args.what)?;
     let mut known = scenario.algorithms.clone();
     if args.check {
         let ranges = scenario
@@ -42,7 +45,7 @@ pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
     if !filters.is_empty() {
         scenario.filters = filters;
     }
-    scenario_runs::change(
+    runs::change(
         std::slice::from_mut(&mut scenario),
         &args.source,
         &args.what[0],
@@ -67,8 +70,8 @@ fn check_gate(named: &str, scenario: &Scenario, known: &[Algorithm]) -> anyhow::
         if let Some(name) = unknown_in(limit, known) {
             let line = limit.line;
             return Err(usage::wrong(format!(
-                "{named}: gate in line {line}: '{name}' is neither an algorithm of the scenario nor \
-                 named with --algo"
+                "{named}: gate in line {line}: '{name}' is neither an algorithm of the scenario \
+                 nor named with --algo"
             )));
         }
     }
@@ -104,9 +107,9 @@ pub(super) fn print_description(mut scenario: Scenario, file: Option<&Path>) -> 
 /// Adds the algorithms behind the scenario's filters.
 pub(super) fn add_filters(scenario: &mut Scenario, args: &Args, quiet: bool) -> anyhow::Result<()> {
     if !args.check {
-        let filters = filters::of_scenario(scenario, quiet)?;
+        let filters = of_scenario(scenario, &Terminal { quiet })?;
         let algorithms = std::mem::take(&mut scenario.algorithms);
-        scenario.algorithms = filters::with_filters(algorithms, &filters);
+        scenario.algorithms = with_filters(algorithms, &filters);
     }
     Ok(())
 }

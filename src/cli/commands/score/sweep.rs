@@ -207,7 +207,7 @@ fn trimmed(number: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::shared::report_folder::number;
+    use svl::evaluation::number;
 
     fn labels(text: &str) -> Result<Vec<String>, String> {
         let algorithms: Algorithms = text.parse().map_err(|e: svl::Error| e.to_string())?;

@@ -1,17 +1,18 @@
 //! `svl train cells`: the table by which the cells of v5 become known.
 
-use crate::cli::shared::outputs::{Outputs, write};
-use crate::cli::shared::progress::{Progress, interrupted};
-use crate::cli::shared::scenario_runs::{self, runs};
+use crate::cli::shared::progress::{Terminal, interrupted};
 use crate::cli::shared::terminal::{print, print_json};
-use crate::cli::shared::{runner, usage};
+use crate::cli::shared::usage;
 use anyhow::bail;
 use std::path::{Path, PathBuf};
+use svl::console::{Console, Unit, Watch};
 use svl::depth::decision::Feature;
 use svl::fit::{CellSample, CellTarget, FOLDS, cell_samples, fit_cells};
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
-use svl::run::{Matchers, Pace};
+use svl::outputs::{Outputs, write};
+use svl::run::{Matchers, Pace, run_through};
+use svl::runs::{self, runs};
 use svl::scenario::{Scenario, SourceOptions};
 use svl::sink::{CollectSink, RunStart, Sink};
 use svl::source::Source;
@@ -77,7 +78,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let scenarios = args.scenarios.iter().map(|path| Scenario::read(path));
     let mut scenarios = scenarios.collect::<svl::Result<Vec<_>>>()?;
     let named = args.scenarios[0].display().to_string();
-    scenario_runs::change(&mut scenarios, &args.source, &named)?;
+    runs::change(&mut scenarios, &args.source, &named)?;
     for (scenario, path) in scenarios.into_iter().zip(&args.scenarios) {
         learned.learn(scenario, path, args, target, quiet)?;
     }
@@ -100,7 +101,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if groups.len() < 2 {
         bail!("one run cannot be held out of itself; take more seeds, scenes or recordings");
     }
-    let progress = Progress::new("fit", Some(FOLDS as u64 + 1), quiet);
+    let bar = Terminal { quiet }.bar("fit", Unit::Pairs, Some(FOLDS as u64 + 1));
     let weights: Vec<_> = scenarios
         .iter()
         .flat_map(|(_, cells)| std::iter::repeat_n(1.0 / (*cells as f64).sqrt(), *cells))
@@ -108,8 +109,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // As many samples in all as there are: what little the ridge adds stays little.
     let scale = samples.len() as f64 / weights.iter().sum::<f64>();
     let weights: Vec<_> = weights.iter().map(|weight| weight * scale).collect();
-    let fit = fit_cells(&samples, &weights, target.rank(), || progress.step());
-    progress.clear();
+    let fit = fit_cells(&samples, &weights, target.rank(), || {
+        bar.step();
+        !interrupted()
+    });
+    drop(bar);
     let Some(fit) = fit else {
         bail!("interrupted; nothing is written");
     };
@@ -196,8 +200,9 @@ impl Learned {
         let mut matchers = Matchers::new(&scenario.algorithms)?;
         let manifest = Manifest::new(&scenario.name, &scenario.algorithms)?;
         let before = self.samples.len();
-        for run in runs(&scenario, quiet)? {
-            let (mut run, judge) = run.open(&scenario, quiet, None)?;
+        let terminal = &Terminal { quiet };
+        for run in runs(&scenario, terminal)? {
+            let (mut run, judge) = run.open(&scenario, terminal, None)?;
             let of_frame = {
                 let judge = judge.clone();
                 CollectSink::new(move |judged| {
@@ -219,10 +224,9 @@ impl Learned {
                 None => run.name(),
             };
             let title = format!("learn {}, {name}", scenario.name);
-            let progress = Progress::new(&title, run.pairs(), quiet);
+            let watch = Watch::new(terminal, &title, run.pairs(), None);
             let (pace, sinks) = (Pace::Asap, &mut sinks);
-            let (_, ran) =
-                runner::run_through(&mut run, &mut matchers, &start, pace, sinks, progress);
+            let (_, ran) = run_through(&mut run, &mut matchers, &start, pace, sinks, watch);
             ran?;
             sinks.drain(..).try_for_each(Sink::finish)?;
             if interrupted() {

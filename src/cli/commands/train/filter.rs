@@ -1,17 +1,18 @@
 //! `svl train filter`: the networks of the filters (thesis, chapter 8).
 
-use crate::cli::shared::outputs::{Outputs, write};
-use crate::cli::shared::scenario_runs;
+use crate::cli::shared::progress::Terminal;
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
-use crate::cli::shared::windows::{LabelledRuns, train, windows};
 use anyhow::bail;
 use std::path::{Path, PathBuf};
 use svl::filter::{Features, FilterKind, Scaling};
 use svl::fit::filter::FrameLabels;
 use svl::manifest::Manifest;
+use svl::outputs::{Outputs, write};
+use svl::runs;
 use svl::scenario::{Scenario, SourceOptions};
 use svl::train::TrainSettings;
+use svl::train::{LabelledRuns, train, windows};
 
 /// Train a filter: floor, or too close to be matched
 ///
@@ -130,8 +131,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         mean: spec.features.mean && !args.no_mean,
         ..spec.features
     };
-    let labelled = labelled(args, quiet)?;
-    let (mut samples, names) = windows(args.filter, features, args.max_disparity, labelled, quiet)?;
+    let terminal = &Terminal { quiet };
+    let labelled = labelled(args, terminal)?;
+    let (mut samples, names) = windows(
+        args.filter,
+        features,
+        args.max_disparity,
+        labelled,
+        terminal,
+    )?;
     let (hidden, seeds) = match &args.hidden {
         None => (vec![spec.hidden], vec![args.seed]),
         Some(Sizes(one)) if one.len() == 1 => (one.clone(), vec![args.seed]),
@@ -143,7 +151,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         most_epochs: args.epochs,
         range_px: args.max_disparity,
     };
-    let (model, training) = train(&mut samples, &settings, quiet)?;
+    let (model, training) = train(&mut samples, &settings, terminal)?;
     let manifest = Manifest::new("train filter", &[])?;
     outputs.set_aside()?;
     write(&args.out, model.to_bytes())?;
@@ -163,7 +171,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 }
 
 /// Recordings with the tables beside them, and scenarios.
-fn labelled(args: &Args, quiet: bool) -> anyhow::Result<Vec<LabelledRuns>> {
+fn labelled(args: &Args, terminal: &Terminal) -> anyhow::Result<Vec<LabelledRuns>> {
     let is_scenario = |path: &Path| path.extension().is_some_and(|ending| ending == "toml");
     let (mut scenarios, mut labels) = (Vec::new(), Vec::new());
     for path in &args.labelled {
@@ -189,9 +197,9 @@ fn labelled(args: &Args, quiet: bool) -> anyhow::Result<Vec<LabelledRuns>> {
         )));
     }
     let named = args.labelled[0].display().to_string();
-    scenario_runs::change(&mut scenarios, &args.source, &named)?;
+    runs::change(&mut scenarios, &args.source, &named)?;
     let opened = scenarios.into_iter().zip(labels);
     opened
-        .map(|(scenario, labels)| LabelledRuns::open(scenario, labels, quiet))
+        .map(|(scenario, labels)| Ok(LabelledRuns::open(scenario, labels, terminal)?))
         .collect()
 }

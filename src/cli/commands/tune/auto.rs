@@ -1,22 +1,23 @@
 //! A search in place of a person.
 
 use super::Args;
-use crate::cli::shared::outputs::{self, Outputs};
-use crate::cli::shared::progress::{Progress, interrupted};
-use crate::cli::shared::scenario_runs::{self, runs};
+use crate::cli::shared::progress::{Terminal, interrupted};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::{Context, bail};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
+use svl::console::{Bar, Console, Unit};
 use svl::filter::FilterModel;
 use svl::grab;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
+use svl::outputs::{self, Outputs};
 use svl::report::compare::{changes, total};
 use svl::report::{Row, pareto_front};
 use svl::run::{Matchers, Monitor, Pace};
+use svl::runs::{self, runs};
 use svl::scenario::{Scenario, ScenarioKind, SourceOptions};
 use svl::score::{Judge, METRICS, Metric};
 use svl::sink::{Outbox, RunStart, Sink, TableSink, finish};
@@ -48,6 +49,7 @@ struct HeldRun {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let terminal = &Terminal { quiet };
     let out = args.out.as_deref().context("--out is required")?;
     if let Some(cameras) = args.what.iter().find(|name| grab::driver(name).is_some()) {
         let cure = format!("record them first: svl record {cameras}");
@@ -73,7 +75,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
 
     let mut scenario = args.scenario_of(&args.what)?;
-    scenario_runs::change(
+    runs::change(
         std::slice::from_mut(&mut scenario),
         &args.source,
         &args.what[0],
@@ -83,7 +85,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         test,
         caution,
         tested,
-    } = SearchData::read(args, &scenario, quiet)?;
+    } = SearchData::read(args, &scenario, terminal)?;
     let frames = || training.iter().chain(&test).flat_map(|part| &part.frames);
     let pairs: usize = training.iter().map(|part| part.frames.len()).sum();
     if pairs == 0 {
@@ -99,7 +101,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut evaluator = HeldRuns {
         parts: &training,
         has_truth,
-        progress: None,
+        bar: None,
     };
     let bases: Vec<_> = spaces.iter().map(|space| space.base.clone()).collect();
     let Some(values) = evaluator.evaluate(&bases, plan.pairs.min(FIRST_PAIRS))? else {
@@ -126,16 +128,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     for space in &spaces {
         let known = log.known(&space.base);
         let title = format!("search {}", space.base.label());
-        evaluator.progress = Some(Progress::new(&title, Some(Search::matchings(plan)), quiet));
+        let matchings = Search::matchings(plan);
+        evaluator.bar = Some(terminal.bar(&title, Unit::Pairs, Some(matchings)));
         let mut search = Search::new(space, &goal, plan, known);
         let ran = search.run(&mut evaluator, &mut |trial| log.write(&space.base, trial));
-        if let Some(progress) = evaluator.progress.take() {
-            progress.clear();
-        }
+        evaluator.bar = None;
         ran?;
         was_interrupted |= search.was_interrupted();
         tuned.push(found(
-            space, &search, &goal, &training, &test, has_truth, quiet,
+            space, &search, &goal, &training, &test, has_truth, terminal,
         )?);
         if was_interrupted {
             break;
@@ -234,7 +235,7 @@ struct SearchData {
 }
 
 impl SearchData {
-    fn read(args: &Args, scenario: &Scenario, quiet: bool) -> anyhow::Result<Self> {
+    fn read(args: &Args, scenario: &Scenario, terminal: &Terminal) -> anyhow::Result<Self> {
         let search = &args.search;
         let tested = match (&search.test[..], &search.test_seeds) {
             ([], None) => None,
@@ -259,8 +260,8 @@ impl SearchData {
         };
         let wanted = search.pairs;
         if let Some(tested) = tested {
-            let training = parts(scenario, wanted, quiet)?;
-            let test = parts(&tested, TEST_PAIRS * wanted, quiet)?;
+            let training = parts(scenario, wanted, terminal)?;
+            let test = parts(&tested, TEST_PAIRS * wanted, terminal)?;
             refuse_same(&training, &test)?;
             return Ok(Self {
                 training,
@@ -270,7 +271,7 @@ impl SearchData {
             });
         }
         // A part of the runs is held out, or of one run its end, or of scenes every third.
-        let mut training = parts(scenario, wanted * 3 / 2, quiet)?;
+        let mut training = parts(scenario, wanted * 3 / 2, terminal)?;
         let (test, caution) = match &mut training[..] {
             [only] => {
                 let frames = std::mem::take(&mut only.frames);
@@ -336,21 +337,24 @@ fn refuse_same(training: &[HeldRun], test: &[HeldRun]) -> anyhow::Result<()> {
 }
 
 /// About `wanted` pairs of the runs of a scenario, equally many of each.
-fn parts(scenario: &Scenario, wanted: usize, quiet: bool) -> anyhow::Result<Vec<HeldRun>> {
-    let runs = runs(scenario, quiet)?;
+fn parts(scenario: &Scenario, wanted: usize, terminal: &Terminal) -> anyhow::Result<Vec<HeldRun>> {
+    let runs = runs(scenario, terminal)?;
     let count = runs.len().max(1);
     let mut parts = Vec::new();
     for run in runs {
-        let (run, judge) = run.open(scenario, quiet, None)?;
+        let (run, judge) = run.open(scenario, terminal, None)?;
         let (seed, mut name) = (run.seed, run.name());
         if let Some(seed) = seed {
             name = format!("{} seed {seed}", scenario.name);
         }
         let each = wanted.div_ceil(count);
-        let progress = Progress::new(&format!("read {name}"), Some(each as u64), quiet);
+        let bar = terminal.bar(&format!("read {name}"), Unit::Pairs, Some(each as u64));
         let sampler = Sampler::new(Box::new(run), each, FRAME_BYTES / count);
-        let frames = sampler.read_all(|| progress.step());
-        progress.clear();
+        let frames = sampler.read_all(|| {
+            bar.step();
+            !interrupted()
+        });
+        drop(bar);
         if interrupted() {
             bail!("interrupted; nothing is written");
         }
@@ -374,19 +378,19 @@ fn parts(scenario: &Scenario, wanted: usize, quiet: bool) -> anyhow::Result<Vec<
 struct HeldRuns<'a> {
     parts: &'a [HeldRun],
     has_truth: bool,
-    progress: Option<Progress>,
+    bar: Option<Box<dyn Bar>>,
 }
 
 /// Counts matchings.
 struct MatchingCount<'a> {
-    progress: Option<&'a Progress>,
+    bar: Option<&'a dyn Bar>,
     algorithms: usize,
 }
 
 impl Monitor for MatchingCount<'_> {
     fn go_on(&mut self, _: u64) -> bool {
-        for progress in self.progress.iter().cycle().take(self.algorithms) {
-            progress.step();
+        for bar in self.bar.iter().cycle().take(self.algorithms) {
+            bar.step();
         }
         !interrupted()
     }
@@ -434,7 +438,7 @@ impl HeldRuns<'_> {
             let rows = Outbox::default();
             let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(TableSink::new(None, None, &rows)?)];
             let mut counting = MatchingCount {
-                progress: self.progress.as_ref(),
+                bar: self.bar.as_deref(),
                 algorithms: labels.len(),
             };
             let pace = Pace::Measured { rounds: 1 };
@@ -488,7 +492,7 @@ fn found(
     training: &[HeldRun],
     test: &[HeldRun],
     has_truth: bool,
-    quiet: bool,
+    terminal: &Terminal,
 ) -> anyhow::Result<TunedAlgorithm> {
     let best = search.best().clone();
     let ranked = search.ranked();
@@ -515,12 +519,10 @@ fn found(
         let mut runs = HeldRuns {
             parts,
             has_truth,
-            progress: Some(Progress::new(&title, Some(2 * pairs as u64), quiet)),
+            bar: Some(terminal.bar(&title, Unit::Pairs, Some(2 * pairs as u64))),
         };
         let rows = runs.rows(&both, pairs);
-        if let Some(progress) = runs.progress.take() {
-            progress.clear();
-        }
+        runs.bar = None;
         let changed = rows?.map(|rows| {
             let sides = rows.iter().map(|rows| rows.iter().collect::<Vec<_>>());
             match &sides.collect::<Vec<_>>()[..] {

@@ -5,7 +5,7 @@ mod tool;
 mod worker;
 
 use crate::cli::shared::filters::FilterArgs;
-use crate::cli::shared::scenario_runs::{self, runs};
+use crate::cli::shared::progress::Terminal;
 use crate::cli::shared::source::{self, CameraArgs, SourceParser};
 use crate::cli::shared::stepper::{self, Ended, FrameStore, Keys, Open, Screen, Stepper};
 use crate::cli::shared::terminal::print;
@@ -16,6 +16,7 @@ use std::cell::RefCell;
 use std::path::PathBuf;
 use svl::grab;
 use svl::matcher::Algorithm;
+use svl::runs::{self, runs};
 use svl::scenario::{Scenario, SourceOptions};
 use svl::score::Judge;
 use svl::sink::RerunTarget;
@@ -179,7 +180,7 @@ impl Args {
 
     /// The scenario of sources, judged as `--scenario` says.
     fn scenario_of(&self, what: &[String]) -> anyhow::Result<Scenario> {
-        let scenario = scenario_runs::named(what)?;
+        let scenario = runs::named(what)?;
         Ok(match &self.scenario {
             None => scenario,
             Some(path) => judged_by(scenario, Scenario::read(path)?),
@@ -299,13 +300,14 @@ fn open<'a>(args: &'a Args, name: &'a str, quiet: bool) -> anyhow::Result<Tuned<
         });
     }
     let mut scenario = args.scenario_of(&args.what)?;
-    scenario_runs::change(std::slice::from_mut(&mut scenario), &args.source, name)?;
+    runs::change(std::slice::from_mut(&mut scenario), &args.source, name)?;
     let open_first = {
         let scenario = scenario.clone();
-        move |quiet: bool| {
-            let mut runs = runs(&scenario, quiet)?.into_iter();
+        move |quiet: bool| -> anyhow::Result<_> {
+            let terminal = &Terminal { quiet };
+            let mut runs = runs(&scenario, terminal)?.into_iter();
             let run = runs.next().context("no run")?;
-            run.open(&scenario, quiet, None)
+            Ok(run.open(&scenario, terminal, None)?)
         }
     };
     let (run, judge) = open_first(quiet)?;

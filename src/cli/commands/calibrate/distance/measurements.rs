@@ -1,16 +1,17 @@
 //! Distances with their disparities, from a table or measured in recordings.
 
-use crate::cli::shared::progress::Progress;
-use crate::cli::shared::source::open_recording;
-use crate::cli::shared::{runner, usage};
+use crate::cli::shared::progress::Terminal;
+use crate::cli::shared::usage;
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use svl::calibrate::distance::TargetMeasurement;
+use svl::console::Watch;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
-use svl::run::{Matchers, Pace};
+use svl::run::{Matchers, Pace, complete, run_through};
+use svl::runs::open_recording;
 use svl::scenario::{PairRange, SourceOptions};
 use svl::score::{Judge, Judged};
 use svl::sink::{self, CollectSink, RunStart, Sink};
@@ -190,7 +191,7 @@ impl Measuring<'_> {
             },
             ..Request::new(name)
         };
-        let opened = open_recording(&request, self.quiet)?;
+        let opened = open_recording(&request, &Terminal { quiet: self.quiet })?;
         let mut source = Limited::new(opened.source, PairRange::default(), Some(FRAMES));
         let algorithms = [self.algorithm.clone()];
         let grid = |judged: &Judged| {
@@ -207,18 +208,18 @@ impl Measuring<'_> {
             seed: None,
             judge: &Judge::default(),
         };
-        let progress = Progress::new(name, source.pairs(), self.quiet);
-        let (outcome, ran) = runner::run_through(
+        let watch = Watch::new(&Terminal { quiet: self.quiet }, name, source.pairs(), None);
+        let (outcome, ran) = run_through(
             &mut source,
             &mut Matchers::new(&algorithms)?,
             &start,
             Pace::Asap,
             &mut sinks,
-            progress,
+            watch,
         );
         sink::finish(sinks)?;
         ran?;
-        runner::complete(&outcome)?;
+        complete(&outcome)?;
         let (grids, rigs): (Vec<_>, Vec<_>) = kept.take().into_iter().unzip();
         let rig = rigs.into_iter().flatten().next_back();
         Ok((grids.into_iter().flatten().collect(), rig))

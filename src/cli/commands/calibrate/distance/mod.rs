@@ -3,7 +3,6 @@
 mod measurements;
 mod report;
 
-use crate::cli::shared::outputs::{Outputs, distinct, write};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::Context;
@@ -13,6 +12,7 @@ use report::DistanceReport;
 use std::path::{Path, PathBuf};
 use svl::depth::GridSettings;
 use svl::matcher::Algorithm;
+use svl::outputs::{Outputs, distinct, write};
 use svl::stereo::GridShape;
 
 /// Fit distance to disparity, from a target at known distances

@@ -3,9 +3,7 @@
 mod tool;
 
 use super::input::LabelInput;
-use crate::cli::shared::outputs::{Outputs, write};
-use crate::cli::shared::progress::Progress;
-use crate::cli::shared::runner;
+use crate::cli::shared::progress::Terminal;
 use crate::cli::shared::source;
 use crate::cli::shared::stepper::{self, Ended, FrameStore, Keys, Open, Screen, Stepper};
 use crate::cli::shared::terminal::print;
@@ -13,10 +11,12 @@ use crate::cli::shared::usage;
 use anyhow::bail;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
+use svl::console::Watch;
 use svl::filter::{FilterKind, FilterWindows};
 use svl::fit::filter::{FrameLabels, true_label};
 use svl::manifest::Manifest;
-use svl::run::{Matchers, Pace};
+use svl::outputs::{Outputs, write};
+use svl::run::{Matchers, Pace, run_through};
 use svl::score::Judge;
 use svl::sink::{CollectSink, RunStart, Sink};
 use svl::source::Request;
@@ -136,15 +136,15 @@ fn from_truth(
         judge: &judge,
     };
     let title = opened.source.name();
-    let progress = Progress::new(&title, opened.source.pairs(), quiet);
+    let watch = Watch::new(&Terminal { quiet }, &title, opened.source.pairs(), None);
     let source = &mut *opened.source;
-    let (outcome, ran) = runner::run_through(
+    let (outcome, ran) = run_through(
         source,
         &mut Matchers::none(),
         &start,
         Pace::Asap,
         &mut sinks,
-        progress,
+        watch,
     );
     ran?;
     if outcome.interrupted {

@@ -1,6 +1,5 @@
 //! The categorizer: a key per category for each window or frame.
 
-use crate::cli::shared::outputs::write;
 use crate::cli::shared::stepper::{Key, Reaction, StepTool, Stepper, picture};
 use anyhow::Context;
 use ratatui::buffer::Buffer;
@@ -11,6 +10,7 @@ use std::path::PathBuf;
 use svl::counted;
 use svl::filter::FilterWindows;
 use svl::fit::filter::FrameLabels;
+use svl::outputs::write;
 use svl::stereo::{Frame, GridShape};
 
 /// Its keys beside those of the stepper.

@@ -1,18 +1,14 @@
 //! Maps of the courses that algorithms drove through.
 
-use svl::report::plot::{CourseMap, MapWay};
-use svl::report::{CoursePlan, DriveRow, TrackRow};
+use crate::report::plot::{CourseMap, MapWay};
+use crate::report::{CoursePlan, DriveRow, TrackRow};
 
 /// Limit of the courses with a map in the page: those with the most collisions.
 const MAPS: usize = 12;
 
 /// The maps of the courses with the drives whose pairs are as they are; where there are too many,
 /// of those with the most collisions.
-pub(crate) fn maps(
-    plans: &[CoursePlan],
-    drives: &[DriveRow],
-    track: &[TrackRow],
-) -> Vec<CourseMap> {
+pub fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Vec<CourseMap> {
     let of = |plan: &CoursePlan| {
         let seed = plan.seed;
         let plain = drives.iter().filter(|row| row.stress.is_none());

@@ -1,7 +1,7 @@
 //! Sweeps among the algorithms of a report.
 
-use svl::matcher::Algorithm;
-use svl::report::html::ParameterSweep;
+use crate::report::html::ParameterSweep;
+use svl_core::matcher::Algorithm;
 
 /// What is swept among the algorithms of a run, however they were named: those of one kind that
 /// differ in one number.
@@ -41,7 +41,7 @@ fn differ_in(a: &Algorithm, b: &Algorithm, key: &str) -> bool {
         && both.all(|((name, value), (_, other))| name == key || value == other)
 }
 
-pub(crate) fn number(algorithm: &Algorithm, key: &str) -> Option<f64> {
+pub fn number(algorithm: &Algorithm, key: &str) -> Option<f64> {
     let mut parameters = algorithm.parameters().iter();
     parameters.find(|(name, _)| *name == key)?.1.number()
 }

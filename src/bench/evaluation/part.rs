@@ -1,13 +1,13 @@
 //! A part of a report: the share of a shard, and what `svl merge` has to know of the whole.
 
-use crate::cli::shared::outputs::write_json;
-use anyhow::Context;
+use crate::outputs::write_json;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::FromStr;
-use svl::scenario::{Scenario, ScenarioSource};
-use svl::stereo::CellRule;
+use svl_core::stereo::CellRule;
+use svl_core::{Error, Result};
+use svl_data::scenario::{Scenario, ScenarioSource};
 
 /// The tables that grow with a run, and that are merged.
 const TABLES: [&str; 6] = [
@@ -20,30 +20,30 @@ const TABLES: [&str; 6] = [
 ];
 
 /// The file that a part has besides those of a report.
-pub(crate) const PART: &str = "part.json";
+pub const PART: &str = "part.json";
 
 /// What a part is of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct ReportPart {
-    pub(crate) shard: Shard,
-    pub(crate) description: String,
-    pub(crate) rule: CellRule,
+pub struct ReportPart {
+    pub shard: Shard,
+    pub description: String,
+    pub rule: CellRule,
     /// Whether the runs are drives; the times of others are of matching alone.
-    pub(crate) driven: bool,
+    pub driven: bool,
     /// All runs of the whole, in their order.
-    pub(crate) runs: Vec<ReportRun>,
+    pub runs: Vec<ReportRun>,
     /// Its tables as CSV, each with its size in bytes; none before it is complete.
-    pub(crate) tables: BTreeMap<String, u64>,
+    pub tables: BTreeMap<String, u64>,
 }
 
 impl ReportPart {
     /// Says in a report's folder that it is a part.
-    pub(crate) fn write(
+    pub fn write(
         folder: &Path,
         scenario: &Scenario,
         shard: Shard,
         runs: Vec<ReportRun>,
-    ) -> anyhow::Result<()> {
+    ) -> Result<()> {
         let part = Self {
             shard,
             description: scenario.description.clone(),
@@ -55,14 +55,14 @@ impl ReportPart {
         write_json(&folder.join(PART), &part)
     }
 
-    pub(crate) fn read(folder: &Path) -> anyhow::Result<Self> {
+    pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join(PART);
-        let text = std::fs::read_to_string(&path).map_err(|e| svl::Error::io(&path, e))?;
-        serde_json::from_str(&text).with_context(|| path.display().to_string())
+        let text = std::fs::read_to_string(&path).map_err(|e| Error::io(&path, e))?;
+        serde_json::from_str(&text).map_err(|e| Error::format(&path, e.to_string()))
     }
 
     /// Says in a part's folder that its tables are complete.
-    pub(crate) fn complete(folder: &Path) -> anyhow::Result<()> {
+    pub fn complete(folder: &Path) -> Result<()> {
         let mut part = Self::read(folder)?;
         for name in TABLES {
             let file = format!("{name}.csv");
@@ -74,7 +74,7 @@ impl ReportPart {
     }
 
     /// The first of its tables that is no more as it was completed.
-    pub(crate) fn damaged(&self, folder: &Path) -> Option<&str> {
+    pub fn damaged(&self, folder: &Path) -> Option<&str> {
         let is_other = |(file, bytes): &(&String, &u64)| {
             let metadata = folder.join(file).metadata();
             !metadata.is_ok_and(|metadata| metadata.len() == **bytes)
@@ -86,15 +86,15 @@ impl ReportPart {
 
 /// What distinguishes a run in the rows.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub(crate) struct ReportRun {
-    pub(crate) run: Option<String>,
-    pub(crate) seed: Option<u64>,
-    pub(crate) stress: Option<String>,
+pub struct ReportRun {
+    pub run: Option<String>,
+    pub seed: Option<u64>,
+    pub stress: Option<String>,
 }
 
 impl ReportRun {
     /// The drives through a course.
-    pub(crate) fn course(seed: u64, stress: Option<&str>) -> Self {
+    pub fn course(seed: u64, stress: Option<&str>) -> Self {
         Self {
             run: None,
             seed: Some(seed),
@@ -106,17 +106,17 @@ impl ReportRun {
 /// One of several shares of a run, written `3/16`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
-pub(crate) struct Shard {
+pub struct Shard {
     /// From 1.
-    pub(crate) number: usize,
-    pub(crate) of: usize,
+    pub number: usize,
+    pub of: usize,
 }
 
 impl Shard {
     const MAX: usize = 10_000;
 
     /// Whether the unit at that place of all is in this share: they are dealt out in turn.
-    pub(crate) fn takes(self, unit: usize) -> bool {
+    pub fn takes(self, unit: usize) -> bool {
         unit % self.of == self.number - 1
     }
 }
@@ -124,7 +124,7 @@ impl Shard {
 impl FromStr for Shard {
     type Err = String;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
         let numbers = text.split_once('/');
         let numbers = numbers.and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
         match numbers {
@@ -142,7 +142,7 @@ impl FromStr for Shard {
 impl TryFrom<String> for Shard {
     type Error = String;
 
-    fn try_from(text: String) -> Result<Self, String> {
+    fn try_from(text: String) -> std::result::Result<Self, String> {
         text.parse()
     }
 }

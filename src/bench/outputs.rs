@@ -1,20 +1,19 @@
 //! Output files and folders of a command: claimed before any work, set aside while new ones are
 //! written, committed at the end.
 
-use super::usage;
-use anyhow::{Context, bail};
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
+use svl_core::{Error, Result};
 
 /// Makes a folder, with those above it.
-pub(crate) fn make_folder(path: &Path) -> svl::Result<()> {
-    std::fs::create_dir_all(path).map_err(|e| svl::Error::io(path, e))
+pub fn make_folder(path: &Path) -> Result<()> {
+    std::fs::create_dir_all(path).map_err(|e| Error::io(path, e))
 }
 
 /// What a command writes. Dropped before [`Outputs::commit`] or [`Outputs::keep_both`], it puts the
 /// earlier files back in place of new ones that are of no use.
 #[must_use]
-pub(crate) struct Outputs(Vec<Output>);
+pub struct Outputs(Vec<Output>);
 
 /// One file, or one folder of files.
 struct Output {
@@ -33,26 +32,26 @@ struct Output {
 }
 
 /// By what svl knows a folder of its own, which it may replace.
-pub(crate) struct FolderRule {
+pub struct FolderRule {
     /// What the folder is, with its article.
-    pub(crate) kind: &'static str,
+    pub kind: &'static str,
     /// Whether a file of that name belongs to it.
-    pub(crate) owns: fn(&str) -> bool,
+    pub owns: fn(&str) -> bool,
     /// The JSON file that each such folder has.
-    pub(crate) mark: &'static str,
+    pub mark: &'static str,
     /// How to name another.
-    pub(crate) cure: &'static str,
+    pub cure: &'static str,
 }
 
 impl Outputs {
     /// Claims files. Refuses, before any work is done, what cannot or must not be written: an
     /// existing file unless `force`, anything that is no regular file, a missing folder, a file
     /// that is named twice or is one of `inputs`.
-    pub(crate) fn claim<'a>(
+    pub fn claim<'a>(
         force: bool,
         inputs: impl IntoIterator<Item = &'a Path>,
         outputs: impl IntoIterator<Item = &'a Path>,
-    ) -> anyhow::Result<Self> {
+    ) -> Result<Self> {
         let outputs: Vec<&Path> = outputs.into_iter().collect();
         distinct(outputs.iter().copied())?;
         for input in inputs {
@@ -65,27 +64,23 @@ impl Outputs {
                 ..Output::new(path, None, false)
             })
         };
-        outputs
-            .iter()
-            .map(claim)
-            .collect::<Result<_, _>>()
-            .map(Self)
+        outputs.iter().map(claim).collect::<Result<_>>().map(Self)
     }
 
     /// Claims a folder, which is created. Refuses one that holds anything but an earlier output of
     /// the same kind.
-    pub(crate) fn claim_folder(path: &Path, rule: &'static FolderRule) -> anyhow::Result<Self> {
+    pub fn claim_folder(path: &Path, rule: &'static FolderRule) -> Result<Self> {
         let created = !path.exists();
         make_folder(path)?;
         // Two runs into one folder would take each other's files for an earlier report's. Where
         // folders cannot be opened or locked, there is no such guard.
         let lock = File::open(path).ok();
         if let Some(Err(TryLockError::WouldBlock)) = lock.as_ref().map(File::try_lock) {
-            bail!(
+            return Err(Error::Invalid(format!(
                 "{}: another svl writes there; {}",
                 path.display(),
                 rule.cure
-            );
+            )));
         }
         let output = Output {
             _lock: lock,
@@ -93,54 +88,54 @@ impl Outputs {
         };
         let files = files(path)?;
         if let Some(foreign) = files.iter().find(|file| !rule.holds(file)) {
-            bail!(
+            return Err(Error::Invalid(format!(
                 "{}: not part of {}; {}",
                 foreign.display(),
                 rule.kind,
                 rule.cure
-            );
+            )));
         }
         let marked = std::fs::read(path.join(rule.mark))
             .is_ok_and(|json| serde_json::from_slice::<serde_json::Value>(&json).is_ok());
         if !files.is_empty() && !marked {
-            bail!(
+            return Err(Error::Invalid(format!(
                 "{}: holds files but no {} of svl's; {}",
                 path.display(),
                 rule.mark,
                 rule.cure
-            );
+            )));
         }
         Ok(Self(vec![output]))
     }
 
     /// Claims more.
-    pub(crate) fn and(mut self, mut more: Self) -> Self {
+    pub fn and(mut self, mut more: Self) -> Self {
         self.0.append(&mut more.0);
         self
     }
 
     /// Moves the earlier files out of the way.
-    pub(crate) fn set_aside(&mut self) -> anyhow::Result<()> {
+    pub fn set_aside(&mut self) -> Result<()> {
         self.0.iter_mut().try_for_each(Output::set_aside)
     }
 
     /// Takes a file of that name that was set aside with a folder into the new output, too. Where
     /// the file system has links it stays aside as well, for [`Outputs`] that are dropped.
-    pub(crate) fn bring_back(&self, name: &str) -> svl::Result<()> {
+    pub fn bring_back(&self, name: &str) -> Result<()> {
         for Output { path, aside, .. } in &self.0 {
             let aside = aside.as_ref().map(|aside| aside.join(name));
             if let Some(aside) = aside.filter(|aside| aside.exists()) {
                 let target = path.join(name);
                 let moved = std::fs::hard_link(&aside, &target)
                     .or_else(|_| std::fs::rename(&aside, &target));
-                moved.map_err(|e| svl::Error::io(&aside, e))?;
+                moved.map_err(|e| Error::io(&aside, e))?;
             }
         }
         Ok(())
     }
 
     /// The new files are complete: the earlier ones are removed.
-    pub(crate) fn commit(mut self) {
+    pub fn commit(mut self) {
         for Output { folder, aside, .. } in self.0.drain(..) {
             let Some(aside) = aside else { continue };
             let removed = match folder {
@@ -154,7 +149,7 @@ impl Outputs {
     }
 
     /// The new files are a part of what was asked for: they stay, and so do the earlier ones.
-    pub(crate) fn keep_both(mut self) {
+    pub fn keep_both(mut self) {
         // A file that was not begun again comes back, as [`Drop`] sees to.
         for Output { path, aside, .. } in self.0.extract_if(.., |output| output.path.exists()) {
             if let Some(aside) = aside {
@@ -198,14 +193,19 @@ impl Output {
         }
     }
 
-    fn set_aside(&mut self) -> anyhow::Result<()> {
-        let refused = || format!("{}: cannot be replaced", self.path.display());
+    fn set_aside(&mut self) -> Result<()> {
+        let refused = |error: std::io::Error| {
+            Error::Invalid(format!(
+                "{}: cannot be replaced: {error}",
+                self.path.display()
+            ))
+        };
         if self.folder.is_none() {
             if self.path.exists() {
                 // It may have appeared since it was claimed.
                 may_write(&self.path, self.may_replace)?;
                 let aside = free_file(&self.path);
-                std::fs::rename(&self.path, &aside).with_context(refused)?;
+                std::fs::rename(&self.path, &aside).map_err(refused)?;
                 self.aside = Some(aside);
             }
         } else {
@@ -213,12 +213,12 @@ impl Output {
             let earlier = files(&self.path)?;
             if !earlier.is_empty() {
                 let aside = free_name(&self.path);
-                std::fs::create_dir(&aside).with_context(refused)?;
+                std::fs::create_dir(&aside).map_err(refused)?;
                 self.aside = Some(aside.clone());
                 earlier
                     .iter()
                     .try_for_each(|file| into(&aside, file))
-                    .with_context(refused)?;
+                    .map_err(refused)?;
             }
         }
         // Only now: what could not be moved is not new.
@@ -290,10 +290,10 @@ fn free_name(folder: &Path) -> PathBuf {
         .unwrap_or_else(|| beside(0))
 }
 
-fn files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+fn files(folder: &Path) -> Result<Vec<PathBuf>> {
     std::fs::read_dir(folder)
         .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect())
-        .map_err(|e| svl::Error::io(folder, e).into())
+        .map_err(|e| Error::io(folder, e))
 }
 
 /// Moves a file into a folder.
@@ -301,23 +301,31 @@ fn into(folder: &Path, file: &Path) -> std::io::Result<()> {
     std::fs::rename(file, folder.join(file.file_name().unwrap_or_default()))
 }
 
-fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
+fn may_write(path: &Path, force: bool) -> Result<()> {
     let shown = path.display();
     match path.metadata() {
-        Ok(found) if !found.is_file() => bail!("{shown}: is not a regular file; name another"),
+        Ok(found) if !found.is_file() => {
+            return Err(Error::Invalid(format!(
+                "{shown}: is not a regular file; name another"
+            )));
+        }
         Ok(_) if !force => {
-            bail!("{shown}: exists already; name another file, or add --force to replace it")
+            return Err(Error::Invalid(format!(
+                "{shown}: exists already; name another file, or add --force to replace it"
+            )));
         }
         Ok(_) if is_being_written(path) => {
-            bail!("{shown}: another svl is writing it; name another file")
+            return Err(Error::Invalid(format!(
+                "{shown}: another svl is writing it; name another file"
+            )));
         }
         _ => {}
     }
     if !parent(path).is_dir() {
-        bail!(
+        return Err(Error::Invalid(format!(
             "{}: no such folder; create it first",
             parent(path).display()
-        );
+        )));
     }
     Ok(())
 }
@@ -329,7 +337,7 @@ fn is_being_written(path: &Path) -> bool {
 }
 
 /// Refuses a file that is named twice.
-pub(crate) fn distinct<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
+pub fn distinct<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<()> {
     let mut seen: Vec<PathBuf> = Vec::new();
     for path in paths {
         // What does not exist yet has no canonical name, but its folder has.
@@ -339,7 +347,7 @@ pub(crate) fn distinct<'a>(paths: impl IntoIterator<Item = &'a Path>) -> anyhow:
             real.join(path.file_name().unwrap_or_default())
         });
         if seen.contains(&real) {
-            return Err(usage::wrong(format!(
+            return Err(Error::Usage(format!(
                 "{}: named twice; inputs and outputs are different files",
                 path.display()
             )));
@@ -356,13 +364,15 @@ fn parent(path: &Path) -> &Path {
 }
 
 /// Writes a file of a report.
-pub(crate) fn write(path: &Path, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
-    std::fs::write(path, content).map_err(|e| svl::Error::io(path, e).into())
+pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<()> {
+    std::fs::write(path, content).map_err(|e| Error::io(path, e))
 }
 
 /// Writes a file of a report as JSON.
-pub(crate) fn write_json(path: &Path, value: &impl serde::Serialize) -> anyhow::Result<()> {
-    write(path, serde_json::to_string_pretty(value)? + "\n")
+pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
+    let json =
+        serde_json::to_string_pretty(value).map_err(|e| Error::format(path, e.to_string()))?;
+    write(path, json + "\n")
 }
 
 #[cfg(test)]

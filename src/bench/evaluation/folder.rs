@@ -1,72 +1,66 @@
 //! The folder of a report of `svl score` and `svl merge`: what is in it, and what is written at the
 //! end of a run.
 
-mod maps;
-mod part;
-mod sweeps;
-
-pub(crate) use maps::maps;
-pub(crate) use part::{PART, ReportPart, ReportRun, Shard};
-#[cfg(test)]
-pub(crate) use sweeps::number;
-
-use super::outputs::{FolderRule, write, write_json};
-use super::terminal::WarningLog;
+use super::part::PART;
+use super::sweeps::sweeps;
+use crate::outputs::{FolderRule, write, write_json};
+use crate::report::html::{PartLink, ReportPage};
+use crate::report::plot::CourseMap;
+use crate::report::{CheckpointRow, DriveRow, GateResult, Row, Summary, limit_results};
+use crate::sink::{REPORT_RUN, ReportPictures};
 use std::collections::BTreeMap;
 use std::path::Path;
-use svl::manifest::{Manifest, PartRecord, hash};
-use svl::matcher::Algorithm;
-use svl::report::html::{PartLink, ReportPage};
-use svl::report::plot::CourseMap;
-use svl::report::{CheckpointRow, DriveRow, GateResult, Row, Summary, limit_results};
-use svl::scenario::Limit;
-use svl::score::Metric;
-use svl::sink::{REPORT_RUN, ReportPictures};
-use svl::stereo::CellRule;
-use sweeps::sweeps;
+use svl_core::Result;
+use svl_core::matcher::Algorithm;
+use svl_core::stereo::CellRule;
+use svl_data::manifest::{Manifest, PartRecord, hash};
+use svl_data::scenario::Limit;
+use svl_data::score::Metric;
 
 /// Outlines and routes of the courses.
-pub(crate) const COURSES: &str = "courses.json";
+pub const COURSES: &str = "courses.json";
 
 /// Whether a file of that name is the recording of a drive.
-pub(crate) fn is_recording(name: &str) -> bool {
+pub fn is_recording(name: &str) -> bool {
     name.starts_with("course-") && name.ends_with(".mcap")
 }
 
 /// What a report says besides its numbers.
 #[derive(Clone, Copy)]
-pub(crate) struct ReportHead<'a> {
-    pub(crate) description: &'a str,
-    pub(crate) rule: CellRule,
+pub struct ReportHead<'a> {
+    pub description: &'a str,
+    pub rule: CellRule,
     /// Whether times are of matching alone.
-    pub(crate) measured: bool,
-    pub(crate) algorithms: &'a [Algorithm],
+    pub measured: bool,
+    pub algorithms: &'a [Algorithm],
     /// By what the algorithms are sorted.
-    pub(crate) sort: Option<&'a Metric>,
+    pub sort: Option<&'a Metric>,
     /// Limits that are judged.
-    pub(crate) limits: &'a [Limit],
+    pub limits: &'a [Limit],
 }
 
 /// What a report is written of.
 #[derive(Default)]
-pub(crate) struct ReportContent {
-    pub(crate) rows: Vec<Row>,
-    pub(crate) checkpoints: Vec<CheckpointRow>,
-    pub(crate) pictures: ReportPictures,
-    pub(crate) drives: Vec<DriveRow>,
-    pub(crate) maps: Vec<CourseMap>,
+pub struct ReportContent {
+    pub rows: Vec<Row>,
+    pub checkpoints: Vec<CheckpointRow>,
+    pub pictures: ReportPictures,
+    pub drives: Vec<DriveRow>,
+    pub maps: Vec<CourseMap>,
 }
 
 impl ReportContent {
-    /// Writes all of a report but the tables that grow with the run. `incomplete`: why the run is.
-    pub(crate) fn write(
+    /// Writes all of a report but the tables that grow with the run. `incomplete`: why the
+    /// run is; `warnings`: those of the program.
+    pub fn write(
         self,
         folder: &Path,
         head: ReportHead<'_>,
         mut manifest: Manifest,
         incomplete: Option<String>,
-    ) -> anyhow::Result<(Summary, Vec<GateResult>)> {
-        for warning in WarningLog::lines() {
+        warnings: Vec<String>,
+    ) -> Result<(Summary, Vec<GateResult>)> {
+        for warning in warnings {
             if !manifest.warnings.contains(&warning) {
                 manifest.warnings.push(warning);
             }
@@ -158,10 +152,10 @@ fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
 }
 
 /// What identifies the run of a report.
-pub(crate) const MANIFEST: &str = "manifest.json";
+pub const MANIFEST: &str = "manifest.json";
 
 /// The folder of a report, which a later report replaces.
-pub(crate) const REPORT: FolderRule = FolderRule {
+pub const REPORT: FolderRule = FolderRule {
     kind: "a report",
     owns: |name| REPORT_FILES.contains(&name) || is_recording(name),
     mark: MANIFEST,

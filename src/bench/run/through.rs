@@ -1,25 +1,24 @@
-//! Runs with a progress bar, and what is reported of them.
+//! Runs whose losses are reported.
 
-use super::progress::Progress;
-use svl::counted;
-use svl::run::{Matchers, Outcome, Pace, run};
-use svl::sink::{RunStart, Sink};
-use svl::source::{AlignmentMonitor, AssumeRectified, Source};
-use svl::stereo::Losses;
+use super::{Matchers, Monitor, Outcome, Pace, run};
+use crate::sink::{RunStart, Sink};
+use crate::source::{AlignmentMonitor, AssumeRectified, Source};
+use svl_core::stereo::Losses;
+use svl_core::{Error, Result, counted};
 
-/// Runs a source through the algorithms, with that progress bar, and warns of what is in no frame.
+/// Runs a source through the algorithms, watched by `monitor`, and warns of what is in no frame.
 /// The outcome holds also for a run that failed.
-pub(crate) fn run_through(
+pub fn run_through(
     source: &mut dyn Source,
     matchers: &mut Matchers,
     start: &RunStart<'_>,
     pace: Pace,
     sinks: &mut [Box<dyn Sink>],
-    mut progress: Progress,
-) -> (Outcome, svl::Result<()>) {
+    mut monitor: impl Monitor,
+) -> (Outcome, Result<()>) {
     let mut source = AssumeRectified::new(source);
     let mut run = |source: &mut dyn Source| {
-        let ran = run(source, matchers, start, pace, sinks, &mut progress);
+        let ran = run(source, matchers, start, pace, sinks, &mut monitor);
         (ran, source.name())
     };
     let (ran, name) = match start.judge.run.stress {
@@ -27,7 +26,7 @@ pub(crate) fn run_through(
         // What is out of line there was made so.
         Some(_) => run(&mut source),
     };
-    progress.clear();
+    drop(monitor);
     // The error of a truncated recording says enough: what it has no partner for is its end.
     if ran.1.is_ok() {
         report_losses(&name, &ran.0.losses);
@@ -36,7 +35,7 @@ pub(crate) fn run_through(
 }
 
 /// Warns of everything of a source that is in no frame.
-pub(crate) fn report_losses(name: &str, losses: &Losses) {
+pub fn report_losses(name: &str, losses: &Losses) {
     let warn = |n: u64, what: &str, why: &str| {
         if n > 0 {
             tracing::warn!("{name}: {} dropped: {why}", counted(n, what));
@@ -62,9 +61,9 @@ pub(crate) fn report_losses(name: &str, losses: &Losses) {
 }
 
 /// Fails for a run that is not complete.
-pub(crate) fn complete(outcome: &Outcome) -> anyhow::Result<()> {
+pub fn complete(outcome: &Outcome) -> Result<()> {
     outcome.missing().map_or(Ok(()), |missing| {
         let words = format!("{missing}, as warned; all else is kept");
-        Err(svl::Error::Incomplete(words).into())
+        Err(Error::Incomplete(words))
     })
 }

@@ -1,18 +1,18 @@
 //! What algorithms have reached so far, below the progress bar of `svl score`.
 
+use super::Sink;
 use std::fmt::Write;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
-use svl::Result;
-use svl::score::{Judged, Metric, MetricValues};
-use svl::sink::Sink;
+use svl_core::Result;
+use svl_data::score::{Judged, Metric, MetricValues};
 
 /// Most algorithms that are shown.
 const SHOWN: usize = 12;
 
 /// A sink that adds up, and what it has so far as text. Clones share it.
 #[derive(Clone, Default)]
-pub(crate) struct LiveTable(Arc<Mutex<Vec<LiveLine>>>);
+pub struct LiveTable(Arc<Mutex<Vec<LiveLine>>>);
 
 struct LiveLine {
     algorithm: String,
@@ -28,7 +28,7 @@ impl LiveTable {
     }
 
     /// A line per algorithm, each after a line break.
-    pub(crate) fn text(&self) -> String {
+    pub fn text(&self) -> String {
         let lines = self.lines();
         let names = lines.iter().map(|line| line.algorithm.chars().count());
         let width = names.take(SHOWN).max().unwrap_or(0).min(40);

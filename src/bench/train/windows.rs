@@ -1,24 +1,23 @@
 //! Labelled windows of runs, and the training of filters on them.
 
-use super::progress::{EpochBar, Progress, interrupted};
-use super::runner;
-use super::scenario_runs::{ScoredSource, runs};
-use anyhow::{Context, bail};
+use super::{FilterTraining, TrainSettings, train_filter};
+use crate::console::{Console, Unit, Watch};
+use crate::run::{Matchers, Pace, run_through};
+use crate::runs::{ScoredSource, runs};
+use crate::sink::{CollectSink, RunStart, Sink};
+use crate::source::Source;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
-use svl::filter::{Features, FilterKind, FilterModel, Spectrum};
-use svl::fit::filter::{
+use svl_core::filter::{Features, FilterKind, FilterModel, Spectrum};
+use svl_core::{Error, Result, interrupt};
+use svl_data::fit::filter::{
     EpochError, FitSettings, FrameLabels, SamplePart, WindowLabels, WindowSamples,
 };
-use svl::manifest::Manifest;
-use svl::run::{Matchers, Pace};
-use svl::scenario::Scenario;
-use svl::sink::{CollectSink, RunStart, Sink};
-use svl::source::Source;
-use svl::train::{FilterTraining, TrainSettings, train_filter};
+use svl_data::manifest::Manifest;
+use svl_data::scenario::Scenario;
 
 /// Runs that are labelled in one way.
-pub(crate) struct LabelledRuns {
+pub struct LabelledRuns {
     scenario: Scenario,
     runs: Vec<ScoredSource>,
     /// A person's, with the recording; else the truth labels.
@@ -27,13 +26,13 @@ pub(crate) struct LabelledRuns {
 
 impl LabelledRuns {
     /// Opens the runs of a scenario.
-    pub(crate) fn open(
+    pub fn open(
         scenario: Scenario,
         labels: Option<(PathBuf, FrameLabels)>,
-        quiet: bool,
-    ) -> anyhow::Result<Self> {
+        console: &dyn Console,
+    ) -> Result<Self> {
         Ok(Self {
-            runs: runs(&scenario, quiet)?,
+            runs: runs(&scenario, console)?,
             scenario,
             labels,
         })
@@ -41,13 +40,13 @@ impl LabelledRuns {
 }
 
 /// The windows of all runs, and the runs' names. `range_px` is the range of disparities.
-pub(crate) fn windows(
+pub fn windows(
     kind: FilterKind,
     features: Features,
     range_px: f64,
     labelled: Vec<LabelledRuns>,
-    quiet: bool,
-) -> anyhow::Result<(WindowSamples, Vec<String>)> {
+    console: &dyn Console,
+) -> Result<(WindowSamples, Vec<String>)> {
     let recordings = labelled.iter().map(|of| of.runs.len()).sum();
     let mut samples = WindowSamples::new(kind, features, SamplePart::deal(recordings));
     let mut names = Vec::new();
@@ -59,7 +58,7 @@ pub(crate) fn windows(
         } = of;
         let mut frames = BTreeSet::new();
         for run in runs {
-            let (mut run, judge) = run.open(&scenario, quiet, None)?;
+            let (mut run, judge) = run.open(&scenario, console, None)?;
             let name = match run.seed {
                 Some(seed) => format!("{} seed {seed}", scenario.name),
                 None => run.name(),
@@ -87,27 +86,27 @@ pub(crate) fn windows(
                 seed: run.seed,
                 judge: &judge,
             };
-            let progress = Progress::new(&format!("windows of {name}"), run.pairs(), quiet);
+            let watch = Watch::new(console, &format!("windows of {name}"), run.pairs(), None);
             let (mut none, pace) = (Matchers::none(), Pace::Asap);
-            let (_, ran) =
-                runner::run_through(&mut run, &mut none, &start, pace, &mut sinks, progress);
+            let (_, ran) = run_through(&mut run, &mut none, &start, pace, &mut sinks, watch);
             ran?;
             sinks.drain(..).try_for_each(Sink::finish)?;
-            if interrupted() {
-                bail!("interrupted; nothing is written");
+            if interrupt::requested() {
+                return Err(Error::Invalid("interrupted; nothing is written".to_owned()));
             }
             let before = samples.samples.len();
             for of_frame in collected.take() {
-                let (sequence, of_frame) = of_frame.with_context(|| name.clone())?;
+                let (sequence, of_frame) =
+                    of_frame.map_err(|e| Error::Invalid(format!("{name}: {e}")))?;
                 frames.insert(sequence);
                 samples.append(of_frame);
             }
             if samples.samples.len() == before && labels.is_none() {
-                bail!(
+                return Err(Error::Invalid(format!(
                     "{name}: its truth does not label windows: only the arena knows what is \
                      {}; `svl label windows` lets a person say it",
                     kind.spec().categories[0]
-                );
+                )));
             }
             names.push(name);
         }
@@ -116,29 +115,35 @@ pub(crate) fn windows(
         {
             let table = FrameLabels::path(&path, kind);
             let (table, path) = (table.display(), path.display());
-            bail!("{table}: labels frame {sequence}, which {path} does not have");
+            return Err(Error::Invalid(format!(
+                "{table}: labels frame {sequence}, which {path} does not have"
+            )));
         }
     }
     Ok((samples, names))
 }
 
 /// Trains with a progress bar; Ctrl-C ends it with the best network so far.
-pub(crate) fn train(
+pub fn train(
     samples: &mut WindowSamples,
     settings: &TrainSettings,
-    quiet: bool,
-) -> anyhow::Result<(FilterModel, FilterTraining)> {
+    console: &dyn Console,
+) -> Result<(FilterModel, FilterTraining)> {
     let networks = settings.hidden.len() * settings.seeds.len();
     let title = format!("train {}", samples.kind);
-    let bar = EpochBar::new(&title, networks, settings.most_epochs, quiet);
+    let bar = console.bar(
+        &title,
+        Unit::Epochs,
+        Some((networks * settings.most_epochs) as u64),
+    );
     let mut network = 0;
     let mut after = |fit: FitSettings, epoch, errors: EpochError| {
         network += usize::from(epoch == 1);
         let done = (network - 1) * settings.most_epochs + epoch;
-        bar.step(done, fit.hidden, errors.validation)
+        bar.set(done as u64);
+        bar.show(format!("{} neurons: {:.4}", fit.hidden, errors.validation));
+        !interrupt::requested()
     };
-    let isa = svl::kernel::isa()?;
-    let trained = train_filter(samples, settings, isa, &mut after);
-    bar.clear();
-    Ok(trained?)
+    let isa = svl_core::kernel::isa()?;
+    train_filter(samples, settings, isa, &mut after)
 }

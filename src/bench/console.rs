@@ -1,0 +1,107 @@
+//! The console of a program: what it shows of long work.
+
+use crate::run::Monitor;
+use crate::sink::LiveTable;
+use svl_core::interrupt;
+
+/// The terminal of a program, or none ([`Silent`]).
+pub trait Console: Sync {
+    /// Begins to show the progress of `work` of `total` steps, if that number is known.
+    fn bar(&self, work: &str, unit: Unit, total: Option<u64>) -> Box<dyn Bar>;
+
+    /// Prints a line that is not a warning, unless the user wants none.
+    fn note(&self, line: &str);
+
+    /// The warnings so far, a line each.
+    fn warnings(&self) -> Vec<String>;
+}
+
+/// The steps of long work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    Pairs,
+    Rows,
+    Drives,
+    /// Epochs of the training of networks.
+    Epochs,
+}
+
+/// The progress of some work; shown until it is dropped.
+pub trait Bar: Send + Sync {
+    /// `done` steps are done.
+    fn set(&self, done: u64);
+
+    /// One more step is done.
+    fn step(&self);
+
+    /// Shows a text beside or below it.
+    fn show(&self, text: String);
+
+    /// Prints something above it.
+    fn suspend(&self, print: &mut dyn FnMut());
+}
+
+/// A console that shows nothing.
+pub struct Silent;
+
+impl Console for Silent {
+    fn bar(&self, _: &str, _: Unit, _: Option<u64>) -> Box<dyn Bar> {
+        Box::new(Self)
+    }
+
+    fn note(&self, _: &str) {}
+
+    fn warnings(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+impl Bar for Silent {
+    fn set(&self, _: u64) {}
+
+    fn step(&self) {}
+
+    fn show(&self, _: String) {}
+
+    fn suspend(&self, print: &mut dyn FnMut()) {
+        print();
+    }
+}
+
+/// Watches a run with a bar, and ends it when the user asks for that.
+pub struct Watch {
+    bar: Box<dyn Bar>,
+    table: Option<LiveTable>,
+}
+
+impl Watch {
+    /// A run of `pairs`, if that number is known; with a table below its bar, if there is one.
+    pub fn new(
+        console: &dyn Console,
+        work: &str,
+        pairs: Option<u64>,
+        table: Option<&LiveTable>,
+    ) -> Self {
+        let bar = console.bar(work, Unit::Pairs, pairs);
+        if let Some(table) = table {
+            bar.show(table.text());
+        }
+        let table = table.cloned();
+        Self { bar, table }
+    }
+}
+
+impl Monitor for Watch {
+    fn failed(&mut self, failure: &str) {
+        self.bar.suspend(&mut || tracing::warn!("{failure}"));
+    }
+
+    fn go_on(&mut self, done: u64) -> bool {
+        self.bar.set(done);
+        // The sinks take a batch at a time.
+        if let Some(table) = self.table.as_ref().filter(|_| done.is_multiple_of(8)) {
+            self.bar.show(table.text());
+        }
+        !interrupt::requested()
+    }
+}

@@ -1,0 +1,227 @@
+//! The runs of a scenario, opened to be scored.
+
+use crate::console::{Console, Unit, Watch};
+use crate::record;
+use crate::sink::LiveTable;
+use crate::source::dataset::{Scene, SceneSource};
+use crate::source::{
+    self, Limited, Opened, RecordingSource, ReferenceSource, Request, RunSource, Source,
+    run_request,
+};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use svl_core::{Error, Result, interrupt};
+use svl_data::grab::Host;
+use svl_data::manifest::RunRecord;
+use svl_data::scenario::{Scenario, ScenarioSource, SourceOptions};
+use svl_data::score::Judge;
+
+/// Gives scenarios the source options of the command line, each those that it takes; the user
+/// called the first one `named`.
+///
+/// # Errors
+/// For an option that is for none of them, and for options that contradict each other.
+pub fn change(scenarios: &mut [Scenario], given: &SourceOptions, named: &str) -> Result<()> {
+    let kinds: Vec<_> = scenarios
+        .iter()
+        .map(|scenario| scenario.options.kind)
+        .collect();
+    given
+        .refuse_others(&kinds)
+        .map_err(|why| Error::Usage(format!("{named}: {why}")))?;
+    for scenario in scenarios {
+        *scenario = scenario
+            .with(given)
+            .map_err(|e| Error::Usage(e.to_string()))?;
+    }
+    Ok(())
+}
+
+/// The scenario that is named, or that of the recordings that are.
+pub fn named(what: &[String]) -> Result<Scenario> {
+    let is_scenario = |what: &str| Path::new(what).extension().is_some_and(|e| e == "toml");
+    match what {
+        [name] if name == "arena" => Scenario::arena(),
+        [path] if is_scenario(path) => Scenario::read(Path::new(path)),
+        recordings => {
+            if let Some(name) = recordings.iter().find(|name| is_scenario(name)) {
+                let cure = "name one scenario, or recordings";
+                return Err(Error::Usage(format!("{name}: is a scenario; {cure}")));
+            }
+            Scenario::of_recordings(recordings, vec!["v5".parse()?])
+        }
+    }
+}
+
+/// A run with its judge.
+pub enum ScoredSource {
+    Opened(Box<(RunSource, Judge)>),
+    /// Of the arena with that seed, recorded when its turn comes: what comes before is on the
+    /// screen by then.
+    Arena(u64),
+}
+
+impl ScoredSource {
+    /// The recording of the user's that it reads.
+    pub fn record(&self) -> Option<RunRecord> {
+        match self {
+            Self::Opened(opened) => opened.0.record.clone(),
+            Self::Arena(_) => None,
+        }
+    }
+
+    /// Seed of the arena's run.
+    pub fn seed(&self) -> Option<u64> {
+        match self {
+            Self::Opened(_) => None,
+            Self::Arena(seed) => Some(*seed),
+        }
+    }
+
+    /// Opens it, recorded first where the cache does not hold it.
+    pub fn open(
+        self,
+        scenario: &Scenario,
+        console: &dyn Console,
+        table: Option<&LiveTable>,
+    ) -> Result<(RunSource, Judge)> {
+        let seed = match self {
+            Self::Opened(opened) => return Ok(*opened),
+            Self::Arena(seed) => seed,
+        };
+        let path = cached_run(scenario, seed, console, table)?;
+        let source = read(scenario, RecordingSource::open(path)?)?;
+        let mut run = RunSource::new(source, Some(seed));
+        let judge = run.judge(&scenario.judge())?;
+        Ok((run, judge))
+    }
+}
+
+/// The pairs of a source that the scenario asks for, with the truth that it asks for.
+fn read(scenario: &Scenario, source: impl Source + 'static) -> Result<Box<dyn Source>> {
+    let source = Limited::new(Box::new(source), scenario.options.range(), None);
+    let references = scenario.options.references()?;
+    Ok(match &references[..] {
+        [] => Box::new(source),
+        references => Box::new(ReferenceSource::new(Box::new(source), references)?),
+    })
+}
+
+/// The scenario's runs. All that the user names is opened, so that what is wrong with the last one
+/// is said before the first is scored.
+pub fn runs(scenario: &Scenario, console: &dyn Console) -> Result<Vec<ScoredSource>> {
+    (0..count(scenario)?)
+        .map(|place| run_at(scenario, place, console))
+        .collect()
+}
+
+/// The number of the scenario's runs.
+pub fn count(scenario: &Scenario) -> Result<usize> {
+    Ok(match &scenario.source {
+        ScenarioSource::Arena { seeds, .. } | ScenarioSource::Drive { seeds, .. } => seeds.len(),
+        ScenarioSource::Dataset { .. } => 1,
+        ScenarioSource::Recording(_) => scenario.recordings()?.len(),
+    })
+}
+
+/// The run at that place.
+pub fn run_at(scenario: &Scenario, place: usize, console: &dyn Console) -> Result<ScoredSource> {
+    let mut run = match &scenario.source {
+        ScenarioSource::Arena { seeds, .. } => return Ok(ScoredSource::Arena(seeds[place])),
+        ScenarioSource::Drive { .. } => {
+            return Err(Error::Usage(format!(
+                "scenario '{}' is driven: `svl score` runs it",
+                scenario.name
+            )));
+        }
+        ScenarioSource::Dataset { scenes } => {
+            let Some(data) = data_folder(scenario.options.data.as_deref()) else {
+                return Err(Error::Invalid(format!(
+                    "scenario '{}' reads scenes of data sets: name their folder with --data DIR \
+                     or SVL_DATASETS",
+                    scenario.name
+                )));
+            };
+            let scenes = Scene::find_all(&data, scenes)?;
+            RunSource::new(read(scenario, SceneSource::new(scenes))?, None)
+        }
+        ScenarioSource::Recording(_) => {
+            let run = &scenario.recordings()?[place];
+            RunSource::of_recording(run, open(run_request(scenario, run)?, console)?)
+        }
+    };
+    let judge = run.judge(&scenario.judge())?;
+    Ok(ScoredSource::Opened(Box::new((run, judge))))
+}
+
+/// The folder of unnamed recordings, and of the cache of simulated runs.
+pub const RECORDINGS: &str = "recordings";
+
+/// The recording of an arena scenario with a seed, made first unless the cache holds it.
+///
+/// # Errors
+/// As [`record::cached_run`]; [`Error::Interrupted`].
+pub fn cached_run(
+    scenario: &Scenario,
+    seed: u64,
+    console: &dyn Console,
+    table: Option<&LiveTable>,
+) -> Result<PathBuf> {
+    let folder = Path::new(RECORDINGS);
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let pairs = match &scenario.source {
+        ScenarioSource::Arena { config, .. } => Some(config.frames),
+        _ => None,
+    };
+    let mut watch = Watch::new(console, &format!("arena, seed {seed}"), pairs, table);
+    let cached = record::cached_run(folder, scenario, seed, &mut watch);
+    if interrupt::requested() {
+        return Err(Error::Invalid(
+            "interrupted while recording the arena".into(),
+        ));
+    }
+    cached
+}
+
+/// Opens a source, with a progress bar if that takes long, and prints its notes.
+///
+/// # Errors
+/// As [`source::open`].
+pub fn open(request: Request<'_>, console: &dyn Console) -> Result<Opened> {
+    // Most sources open at once and show no bar.
+    let bar = OnceLock::new();
+    let step = |count| {
+        bar.get_or_init(|| console.bar("rendering", Unit::Pairs, count))
+            .step();
+    };
+    let opened = source::open(&Request {
+        host: Host {
+            stopped: interrupt::requested,
+            progress: &step,
+        },
+        ..request
+    });
+    drop(bar);
+    noted(opened?, console)
+}
+
+/// Opens a recording, and prints its notes.
+///
+/// # Errors
+/// As [`source::open_recording`].
+pub fn open_recording(request: &Request<'_>, console: &dyn Console) -> Result<Opened> {
+    noted(source::open_recording(request)?, console)
+}
+
+fn noted(opened: Opened, console: &dyn Console) -> Result<Opened> {
+    opened.notes.iter().for_each(|note| console.note(note));
+    Ok(opened)
+}
+
+/// The folder of the data sets: the one named, or what `SVL_DATASETS` names.
+pub fn data_folder(named: Option<&Path>) -> Option<PathBuf> {
+    let variable = || std::env::var_os("SVL_DATASETS").filter(|folder| !folder.is_empty());
+    named
+        .map(Path::to_owned)
+        .or_else(|| variable().map(PathBuf::from))
+}

@@ -1,0 +1,87 @@
+//! The filters of a scenario, behind its algorithms.
+
+use super::windows::{LabelledRuns, train, windows};
+use super::{REVISION, TrainSettings};
+use crate::console::Console;
+use crate::outputs::write;
+use crate::runs::RECORDINGS;
+use crate::source::ArenaSource;
+use std::path::Path;
+use std::sync::Arc;
+use svl_core::filter::FilterModel;
+use svl_core::matcher::Algorithm;
+use svl_core::{Error, Result};
+use svl_data::manifest::hash;
+use svl_data::scenario::{Scenario, ScenarioFilter, ScenarioSource};
+
+/// The algorithms, each without filters and, where there are some, behind all of them. The truth
+/// has nothing to filter.
+pub fn with_filters(algorithms: Vec<Algorithm>, filters: &[Arc<FilterModel>]) -> Vec<Algorithm> {
+    if filters.is_empty() {
+        return algorithms;
+    }
+    let both = |algorithm: Algorithm| {
+        let is_truth = algorithm.spec().name == "truth";
+        let filtered = (!is_truth).then(|| algorithm.clone().filtered(filters));
+        std::iter::once(algorithm).chain(filtered)
+    };
+    algorithms.into_iter().flat_map(both).collect()
+}
+
+/// The filters of a scenario: read, or trained first where the cache does not hold them.
+pub fn of_scenario(scenario: &Scenario, console: &dyn Console) -> Result<Vec<Arc<FilterModel>>> {
+    let of = scenario.filters.iter();
+    of.map(|filter| model(filter, scenario, console).map(Arc::new))
+        .collect()
+}
+
+fn model(
+    filter: &ScenarioFilter,
+    scenario: &Scenario,
+    console: &dyn Console,
+) -> Result<FilterModel> {
+    let kind = filter.detects;
+    if let Some(path) = &filter.file {
+        let model = FilterModel::read(path)?;
+        if model.kind != kind {
+            return Err(Error::Invalid(format!(
+                "{}: detects {}, not {kind}",
+                path.display(),
+                model.kind
+            )));
+        }
+        return Ok(model);
+    }
+    let training = filter.training(scenario)?;
+    let spec = kind.spec();
+    let settings = TrainSettings::default_of(kind);
+    // Of all that the weights depend on.
+    let mut key = format!("{REVISION} {settings:?} {:?}", spec.features);
+    for of in &training {
+        if let ScenarioSource::Arena { config, seeds } = &of.source {
+            key.extend(seeds.iter().map(|seed| ArenaSource::hash(config, *seed)));
+        }
+    }
+    let name = training.first().map_or("filter", |first| &first.name);
+    let hash = hash(&key);
+    let path = Path::new(RECORDINGS).join(format!("{name}-{kind}-{hash:.12}.safetensors"));
+    if path.exists() {
+        return FilterModel::read(&path);
+    }
+    let runs = training
+        .into_iter()
+        .map(|training| LabelledRuns::open(training, None, console));
+    let runs = runs.collect::<Result<_>>()?;
+    let (mut samples, _) = windows(kind, spec.features, settings.range_px, runs, console)?;
+    let (model, training) = train(&mut samples, &settings, console)?;
+    if training.interrupted {
+        return Err(Error::Invalid(format!(
+            "interrupted while the filter {kind} was trained"
+        )));
+    }
+    // Under another name until it is whole.
+    let part = path.with_extension("part");
+    write(&part, model.to_bytes())?;
+    std::fs::rename(&part, &path).map_err(|e| Error::io(&path, e))?;
+    Ok(model)
+}
