@@ -6,16 +6,16 @@
 use crate::report::{LoggedResult, ResultLog};
 use crate::sink::{RunEnd, RunStart, Sink};
 use crate::source::Source;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::mpsc::{channel, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
-use svl_core::counted;
 use svl_core::depth;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, ProgramRecord};
 use svl_core::stereo::{DisparityMap, Estimate, Frame, Losses, RectifiedPair, Rig};
 use svl_core::timing::StageTimes;
 use svl_core::{Error, Result};
+use svl_data::losses::{FailedPairs, Missing};
 use svl_data::manifest::Manifest;
 use svl_data::score::{Judge, Judged, MetricValues};
 
@@ -82,8 +82,8 @@ impl Pace {
 pub struct Outcome {
     /// Frames that every sink took.
     pub frames: u64,
-    /// Estimates that are missing because their algorithm failed on that frame.
-    pub failures: u64,
+    /// Per algorithm the frames on which it failed, so that its estimate is missing.
+    pub failures: BTreeMap<String, u64>,
     /// Whether the monitor ended it.
     pub interrupted: bool,
     /// What of the source is in no frame.
@@ -91,26 +91,17 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// What is missing, in words; nothing for a complete run.
-    pub fn missing(&self) -> Option<String> {
-        let Losses {
-            unpaired,
-            late,
-            unreadable,
-            cut,
-            without_truth: _,
-            grabber: _,
-        } = self.losses;
-        let count = |n: u64, noun: &str| (n > 0).then(|| counted(n, noun));
-        let missing = [
-            count(unreadable, "pair").map(|n| n + " could not be read"),
-            count(unpaired, "image").map(|n| n + " had no partner"),
-            count(late, "image").map(|n| n + " came too late"),
-            count(cut, "frame").map(|n| n + " of a video that is cut off"),
-            count(self.failures, "pair").map(|n| format!("algorithms failed on {n}")),
-        ];
-        let missing: Vec<_> = missing.into_iter().flatten().collect();
-        (!missing.is_empty()).then(|| missing.join(" and "))
+    /// What is missing, and of how much.
+    pub fn missing(&self) -> Missing {
+        let of = |(label, &failed): (&String, &u64)| {
+            let pairs = self.frames;
+            (label.clone(), FailedPairs { pairs, failed })
+        };
+        Missing {
+            pairs: self.frames,
+            losses: self.losses.clone(),
+            algorithms: self.failures.iter().map(of).collect(),
+        }
     }
 }
 
@@ -290,9 +281,11 @@ pub fn run(
         needed: Vec::new(),
         monitor,
         frames: 0,
-        failures: 0,
+        failures: BTreeMap::new(),
         interrupted: false,
     };
+    let labels = matching.matchers.0.iter().map(|entry| entry.label.clone());
+    matching.failures = labels.map(|label| (label, 0)).collect();
     // Pairs of a run that was interrupted.
     matching
         .matchers
@@ -740,7 +733,7 @@ struct Matching<'a> {
     needed: Vec<bool>,
     monitor: &'a mut dyn Monitor,
     frames: u64,
-    failures: u64,
+    failures: BTreeMap<String, u64>,
     interrupted: bool,
 }
 
@@ -821,7 +814,7 @@ impl<'a> Matching<'a> {
                     });
                 }
                 Err(error) => {
-                    self.failures += 1;
+                    *self.failures.entry(entry.label.clone()).or_default() += 1;
                     let failure = error.to_string();
                     if failure != entry.last_failure {
                         let label = &entry.label;

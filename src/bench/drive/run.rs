@@ -114,7 +114,7 @@ impl DrivePlan<'_> {
         let record = manifest.algorithms.into_iter().find(|a| a.label == label);
         result.failure = record.and_then(|record| record.failure);
         result.track = self.track(&log);
-        result.drives = vec![self.row(&log, outcome.failures, &result.track)];
+        result.drives = vec![self.row(&log, outcome.failures.values().sum(), &result.track)];
         Ok(result)
     }
 

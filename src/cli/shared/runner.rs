@@ -1,7 +1,8 @@
 //! Runs with a progress bar, and what is reported of them.
 
-use super::progress::Progress;
+use super::progress::{Progress, interrupted};
 use svl::counted;
+use svl::losses::{LossLimit, Missing, RunEnding, RunState};
 use svl::run::{Matchers, Outcome, Pace, run};
 use svl::sink::{RunStart, Sink};
 use svl::source::{AlignmentMonitor, AssumeRectified, Source};
@@ -35,6 +36,24 @@ pub(crate) fn run_through(
     ran
 }
 
+/// How a run ended that went through its sources unless `ran` is why it did not.
+pub(crate) fn ending(
+    ran: Result<(), String>,
+    missing: Missing,
+    allowed: Option<LossLimit>,
+) -> RunEnding {
+    match ran {
+        Ok(()) => RunEnding::new(missing, allowed),
+        Err(why) => {
+            let state = match interrupted() {
+                true => RunState::Interrupted,
+                false => RunState::Failed,
+            };
+            RunEnding::early(state, why, missing)
+        }
+    }
+}
+
 /// Warns of everything of a source that is in no frame.
 pub(crate) fn report_losses(name: &str, losses: &Losses) {
     let warn = |n: u64, what: &str, why: &str| {
@@ -55,16 +74,23 @@ pub(crate) fn report_losses(name: &str, losses: &Losses) {
         "behind the end of a video that is cut off",
     );
     warn(losses.unpaired, "image", "without a partner");
+    if losses.outside > 0 {
+        let images = counted(losses.outside, "image");
+        tracing::info!("{name}: {images} outside the overlap of both cameras");
+    }
     if losses.without_truth > 0 {
         let frames = counted(losses.without_truth, "pair");
         tracing::warn!("{name}: {frames} without a measurement of the truth: not scored");
     }
 }
 
-/// Fails for a run that is not complete.
-pub(crate) fn complete(outcome: &Outcome) -> anyhow::Result<()> {
-    outcome.missing().map_or(Ok(()), |missing| {
-        let words = format!("{missing}, as warned; all else is kept");
-        Err(svl::Error::Incomplete(words).into())
-    })
+/// Fails for a run that lost more than is allowed.
+pub(crate) fn complete(ending: &RunEnding) -> anyhow::Result<()> {
+    match (ending.state, &ending.incomplete) {
+        (RunState::Lossy, Some(missing)) => {
+            let words = format!("{missing}; all else is kept");
+            Err(svl::Error::Incomplete(words).into())
+        }
+        _ => Ok(()),
+    }
 }

@@ -56,7 +56,7 @@ impl<'a> ReportPageView<'a> {
             .map(|[r, g, b]| format!("rgb({r} {g} {b})"));
         Ok(Self {
             title: &page.title,
-            incomplete: summary.incomplete.as_deref(),
+            incomplete: summary.ending.incomplete.as_deref(),
             caution: summary.caution(),
             paragraphs: page
                 .description

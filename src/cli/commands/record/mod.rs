@@ -7,6 +7,7 @@ use crate::cli::shared::{recordings, runner, usage};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::counted;
+use svl::losses::RunEnding;
 use svl::recording::{Dialect, ImageFormat, RecordingFormat, StampOrigin};
 use svl::run::Outcome;
 use svl::scenario::{PairRange, SourceOptions};
@@ -144,13 +145,17 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     ran?;
     printed?;
+    let ending = RunEnding::new(outcome.missing(), args.options.allow_loss);
     if !quiet {
+        if let Some(note) = ending.note() {
+            print_error(format_args!("{}: not recorded: {note}", args.source));
+        }
         report(&output, &outcome, began.elapsed().as_secs_f64())?;
         if let Some(note) = stamps.as_ref().and_then(StampOrigin::note) {
             print_error(format_args!("{}: {note}", args.source));
         }
     }
-    runner::complete(&outcome)
+    runner::complete(&ending)
 }
 
 fn report(path: &Path, outcome: &Outcome, seconds: f64) -> anyhow::Result<()> {

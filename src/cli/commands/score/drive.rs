@@ -1,14 +1,14 @@
 //! The drives of a scenario: each course with each algorithm at the wheel, several at once.
 
+use super::Args;
 use super::report::{Scored, head, report_manifest};
 use super::scenario::stresses;
-use super::{Args, INTERRUPTED};
 use crate::cli::shared::outputs::{Outputs, write_json};
 use crate::cli::shared::progress::{DriveProgress, interrupted};
 use crate::cli::shared::report_folder::{
     COURSES, MANIFEST, ReportContent, ReportPart, ReportRun, Shard, maps,
 };
-use crate::cli::shared::usage;
+use crate::cli::shared::{runner, usage};
 use anyhow::bail;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -16,12 +16,13 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use svl::drive::{Course, DrivePlan, DriveResult};
+use svl::losses::{FailedPairs, Missing, RunEnding};
 use svl::manifest::{Manifest, Purpose};
 use svl::report::html::CheckpointFigure;
 use svl::report::{
     CellRow, CoursePlan, DriveRow, GateResult, Row, Summary, Table, TrackRow, whole_rows,
 };
-use svl::run::{Monitor, Outcome, Pace};
+use svl::run::{Monitor, Pace};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::sink::ReportPictures;
 use svl::stress::Stress;
@@ -103,18 +104,20 @@ pub(super) fn score(
     }
     let keep = args.drives.unwrap_or(KeptDrives::All);
     let ran = report.drive_all(scenario, seeds, earlier, (keep, args.shard), quiet);
-    let incomplete = ran.as_ref().err().map(usage::one_line);
-    let total = Outcome {
-        frames: report.collected.rows.len() as u64,
-        failures: report.collected.drives.iter().map(|row| row.failures).sum(),
-        ..Outcome::default()
-    };
-    let incomplete = incomplete.or_else(|| total.missing());
-    let finished = report.finish(scenario, args, incomplete);
+    let mut missing = Missing::default();
+    for row in &report.collected.drives {
+        let (pairs, failed) = (row.frames, row.failures);
+        missing.pairs += pairs;
+        missing.add_failures(row.algorithm.clone(), FailedPairs { pairs, failed });
+    }
+    let pairs = missing.pairs;
+    let ran_to_end = ran.as_ref().map_err(usage::one_line).copied();
+    let ending = runner::ending(ran_to_end, missing, scenario.options.allow_loss);
+    let finished = report.finish(scenario, args, ending);
     Ok(Scored {
         ran,
         finished,
-        total,
+        pairs,
         others: Vec::new(),
         holds_earlier: args.resume,
     })
@@ -311,7 +314,7 @@ impl DriveReport {
                 while known[i].is_none() {
                     // The threads ended early.
                     let Ok((j, driven)) = received.recv() else {
-                        bail!("{INTERRUPTED}; --resume goes on with the drives that are whole");
+                        bail!("interrupted; --resume goes on with the drives that are whole");
                     };
                     known[j] = Some(driven?);
                 }
@@ -374,7 +377,7 @@ impl DriveReport {
         mut self,
         scenario: &Scenario,
         args: &Args,
-        incomplete: Option<String>,
+        ending: RunEnding,
     ) -> anyhow::Result<(Summary, Vec<GateResult>)> {
         self.cells.finish()?;
         self.rows.finish()?;
@@ -388,7 +391,7 @@ impl DriveReport {
             scenes: Vec::new(),
         };
         let head = head(args, scenario, false);
-        (self.collected).write(&self.folder, head, self.manifest, incomplete)
+        (self.collected).write(&self.folder, head, self.manifest, ending)
     }
 }
 

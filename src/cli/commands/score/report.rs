@@ -7,6 +7,7 @@ use crate::cli::shared::progress::Progress;
 use crate::cli::shared::report_folder::{MANIFEST, ReportContent, ReportHead, Shard};
 use crate::cli::shared::runner;
 use std::path::{Path, PathBuf};
+use svl::losses::RunEnding;
 use svl::manifest::Manifest;
 use svl::report::{GateResult, ResultLog, Summary};
 use svl::run::{Matchers, Outcome, Pace};
@@ -113,7 +114,7 @@ impl ScoreReport {
         self,
         head: ReportHead<'_>,
         matchers: &Matchers,
-        incomplete: Option<String>,
+        ending: RunEnding,
     ) -> anyhow::Result<(Summary, Vec<GateResult>)> {
         let Self {
             folder,
@@ -129,7 +130,7 @@ impl ScoreReport {
             pictures: results.pictures,
             ..ReportContent::default()
         };
-        collected.write(&folder, head, manifest, incomplete)
+        collected.write(&folder, head, manifest, ending)
     }
 }
 
@@ -139,7 +140,8 @@ pub(super) struct Scored {
     pub(super) ran: anyhow::Result<()>,
     /// What came before is reported all the same.
     pub(super) finished: anyhow::Result<(Summary, Vec<GateResult>)>,
-    pub(super) total: Outcome,
+    /// Pairs that were taken.
+    pub(super) pairs: u64,
     /// Folders of interrupted parts, which the report holds now.
     pub(super) others: Vec<PathBuf>,
     /// Whether it holds all that the report before it had, even where it ended early.

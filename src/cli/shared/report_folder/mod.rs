@@ -11,8 +11,10 @@ pub(crate) use part::{PART, ReportPart, ReportRun, Shard};
 pub(crate) use sweeps::number;
 
 use super::outputs::{FolderRule, write, write_json};
+use anyhow::Context;
 use std::collections::BTreeMap;
 use std::path::Path;
+use svl::losses::RunEnding;
 use svl::manifest::{Manifest, PartRecord, hash};
 use svl::matcher::Algorithm;
 use svl::report::html::{PartLink, ReportPage};
@@ -57,18 +59,18 @@ pub(crate) struct ReportContent {
 }
 
 impl ReportContent {
-    /// Writes all of a report but the tables that grow with the run. `incomplete`: why the run is.
+    /// Writes all of a report but the tables that grow with the run.
     pub(crate) fn write(
         self,
         folder: &Path,
         head: ReportHead<'_>,
         mut manifest: Manifest,
-        incomplete: Option<String>,
+        ending: RunEnding,
     ) -> anyhow::Result<(Summary, Vec<GateResult>)> {
         let mut summary = Summary::from_rows(&self.rows, &self.checkpoints)?;
         summary.add_drives(&self.drives);
         let ReportPictures { figures, scenes } = self.pictures;
-        summary.incomplete = incomplete;
+        summary.ending = ending;
         summary.rule = head.rule;
         summary.measured = head.measured;
         summary.complete(&mut manifest);
@@ -90,13 +92,16 @@ impl ReportContent {
             .flat_map(|limit| limit_results(limit, &summary, &manifest))
             .collect();
         let rulings = gate.iter();
+        let mut identity = manifest.entries();
+        let note = summary.ending.note();
+        identity.extend(note.map(|note| ("not scored".to_owned(), note)));
         let page = ReportPage {
             gate: rulings
                 .map(|result| (result.state.words(), result.to_string()))
                 .collect(),
             title: manifest.scenario.clone(),
             description: head.description.to_owned(),
-            identity: manifest.entries(),
+            identity,
             times_ms: times_ms(&self.rows),
             summary: summary.clone(),
             sweeps: sweeps(head.algorithms),
@@ -149,6 +154,17 @@ fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
         }
     }
     times
+}
+
+/// How the run of a report ended; nothing of one that was killed.
+pub(crate) fn read_ending(folder: &Path) -> anyhow::Result<Option<RunEnding>> {
+    let path = folder.join("summary.json");
+    let text = match std::fs::read_to_string(&path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        text => text.map_err(|e| svl::Error::io(&path, e))?,
+    };
+    let ending = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+    Ok(Some(ending))
 }
 
 /// What identifies the run of a report.

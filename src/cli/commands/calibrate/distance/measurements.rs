@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use svl::calibrate::distance::TargetMeasurement;
+use svl::losses::RunEnding;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::run::{Matchers, Pace};
@@ -218,7 +219,7 @@ impl Measuring<'_> {
         );
         sink::finish(sinks)?;
         ran?;
-        runner::complete(&outcome)?;
+        runner::complete(&RunEnding::new(outcome.missing(), None))?;
         let (grids, rigs): (Vec<_>, Vec<_>) = kept.take().into_iter().unzip();
         let rig = rigs.into_iter().flatten().next_back();
         Ok((grids.into_iter().flatten().collect(), rig))
