@@ -13,6 +13,7 @@ pub mod fetch;
 pub mod files;
 pub mod fit;
 pub mod grab;
+pub mod losses;
 pub mod manifest;
 pub mod memory;
 pub mod overlay;

@@ -230,7 +230,7 @@ impl<'a> Context<'a> {
         if outcome.interrupted {
             return Err(Error::Invalid("stopped".into()));
         }
-        if outcome.failures > 0 {
+        if outcome.failures.values().any(|failed| *failed > 0) {
             return Err(Error::Invalid("an algorithm failed, as warned".into()));
         }
         sink::finish(sinks)

@@ -109,7 +109,7 @@ impl DrivePlan<'_> {
         let mut result = kept.take();
         result.interrupted = outcome.interrupted;
         result.track = self.track(&log);
-        result.drives = vec![self.row(&log, outcome.failures, &result.track)];
+        result.drives = vec![self.row(&log, outcome.failures.values().sum(), &result.track)];
         Ok(result)
     }
 

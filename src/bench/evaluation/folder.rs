@@ -10,9 +10,10 @@ use crate::report::{CheckpointRow, DriveRow, GateResult, Row, Summary, limit_res
 use crate::sink::{REPORT_RUN, ReportPictures};
 use std::collections::BTreeMap;
 use std::path::Path;
-use svl_core::Result;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::CellRule;
+use svl_core::{Error, Result};
+use svl_data::losses::RunEnding;
 use svl_data::manifest::{Manifest, PartRecord, hash};
 use svl_data::scenario::Limit;
 use svl_data::score::Metric;
@@ -50,14 +51,14 @@ pub struct ReportContent {
 }
 
 impl ReportContent {
-    /// Writes all of a report but the tables that grow with the run. `incomplete`: why the
-    /// run is; `warnings`: those of the program.
+    /// Writes all of a report but the tables that grow with the run. `warnings`: those of the
+    /// program.
     pub fn write(
         self,
         folder: &Path,
         head: ReportHead<'_>,
         mut manifest: Manifest,
-        incomplete: Option<String>,
+        ending: RunEnding,
         warnings: Vec<String>,
     ) -> Result<(Summary, Vec<GateResult>)> {
         for warning in warnings {
@@ -68,7 +69,7 @@ impl ReportContent {
         let mut summary = Summary::from_rows(&self.rows, &self.checkpoints)?;
         summary.add_drives(&self.drives);
         let ReportPictures { figures, scenes } = self.pictures;
-        summary.incomplete = incomplete;
+        summary.ending = ending;
         summary.rule = head.rule;
         summary.measured = head.measured;
         summary.complete(&mut manifest);
@@ -90,13 +91,16 @@ impl ReportContent {
             .flat_map(|limit| limit_results(limit, &summary, &manifest))
             .collect();
         let rulings = gate.iter();
+        let mut identity = manifest.entries();
+        let note = summary.ending.note();
+        identity.extend(note.map(|note| ("not scored".to_owned(), note)));
         let page = ReportPage {
             gate: rulings
                 .map(|result| (result.state.words(), result.to_string()))
                 .collect(),
             title: manifest.scenario.clone(),
             description: head.description.to_owned(),
-            identity: manifest.entries(),
+            identity,
             times_ms: times_ms(&self.rows),
             summary: summary.clone(),
             sweeps: sweeps(head.algorithms),
@@ -149,6 +153,17 @@ fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
         }
     }
     times
+}
+
+/// How the run of a report ended; nothing of one that was killed.
+pub fn read_ending(folder: &Path) -> Result<Option<RunEnding>> {
+    let path = folder.join("summary.json");
+    let text = match std::fs::read_to_string(&path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        text => text.map_err(|e| Error::io(&path, e))?,
+    };
+    let ending = serde_json::from_str(&text).map_err(|e| Error::format(&path, e.to_string()))?;
+    Ok(Some(ending))
 }
 
 /// What identifies the run of a report.

@@ -10,8 +10,11 @@ impl Summary {
     /// The summary as a Markdown page under `title`.
     pub fn markdown(&self, title: &str) -> String {
         let mut page = format!("# {}\n", escape(title));
-        if let Some(why) = &self.incomplete {
+        if let Some(why) = &self.ending.incomplete {
             page.push_str(&format!("\n**Incomplete:** {}\n", escape(why)));
+        }
+        if let Some(note) = self.ending.note() {
+            page.push_str(&format!("\nNot scored: {}\n", escape(&note)));
         }
         let caution = self
             .caution()

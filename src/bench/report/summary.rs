@@ -9,6 +9,7 @@ use serde::Serialize;
 use svl_core::matcher::ProgramRecord;
 use svl_core::stereo::{CellRule, TruthOrigin};
 use svl_core::{Error, Result};
+use svl_data::losses::RunEnding;
 use svl_data::manifest::{Manifest, hash};
 use svl_data::score::{DriveNumber, METRICS, Metric, MetricOrigin, MetricTotal, MetricValues};
 use svl_data::slow_profile;
@@ -16,8 +17,9 @@ use svl_data::slow_profile;
 /// The results of a run. `Display` is a table for the terminal.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
-    /// Why the run is incomplete: it stopped early, pairs could not be read, or algorithms failed.
-    pub incomplete: Option<String>,
+    /// How the run ended, and what it misses.
+    #[serde(flatten)]
+    pub ending: RunEnding,
     /// Digest of the pairs' hashes in their order; absent when there are none.
     pub pairs_hash: Option<String>,
     /// Where the truths come from: each [`svl_core::stereo::TruthOrigin`] of the rows, once.
@@ -247,7 +249,7 @@ impl Summary {
         // Stable: equal checkpoints of several algorithms follow the order of the rows.
         checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
         Ok(Self {
-            incomplete: None,
+            ending: RunEnding::default(),
             pairs_hash: pairs_hash(rows)?,
             truth: truths(rows)?,
             algorithms,

@@ -14,8 +14,11 @@ const NAME: usize = 24;
 
 impl Display for Summary {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        if let Some(why) = &self.incomplete {
+        if let Some(why) = &self.ending.incomplete {
             writeln!(f, "INCOMPLETE: {why}\n")?;
+        }
+        if let Some(note) = self.ending.note() {
+            writeln!(f, "Not scored: {note}\n")?;
         }
         if self.algorithms.is_empty() {
             return match failed(self) {

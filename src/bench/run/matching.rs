@@ -4,7 +4,7 @@ use super::matchers::{Matched, Matchers, add};
 use super::{Monitor, Pace};
 use crate::report::{LoggedResult, ResultLog};
 use crate::sink::{RunStart, Sink};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 use svl_core::matcher::MatchContext;
 use svl_core::stereo::{Estimate, Frame};
@@ -72,7 +72,7 @@ pub(super) struct Matching<'a> {
     needed: Vec<bool>,
     monitor: &'a mut dyn Monitor,
     frames: u64,
-    pub(super) failures: u64,
+    pub(super) failures: BTreeMap<String, u64>,
     pub(super) interrupted: bool,
 }
 
@@ -83,6 +83,8 @@ impl<'a> Matching<'a> {
         pace: Pace,
         monitor: &'a mut dyn Monitor,
     ) -> Self {
+        let labels = matchers.0.iter().map(|entry| entry.label.clone());
+        let failures = labels.map(|label| (label, 0)).collect();
         // Pairs of a run that was interrupted.
         let entries = matchers.0.iter_mut();
         entries.for_each(|entry| entry.ahead.clear());
@@ -99,7 +101,7 @@ impl<'a> Matching<'a> {
             needed: Vec::new(),
             monitor,
             frames: 0,
-            failures: 0,
+            failures,
             interrupted: false,
         }
     }
@@ -184,8 +186,8 @@ impl<'a> Matching<'a> {
                     });
                 }
                 Err(error) => {
-                    self.failures += 1;
                     let (algorithm, reason) = (entry.label.clone(), error.to_string());
+                    *self.failures.entry(algorithm.clone()).or_default() += 1;
                     if entry.failed(&reason) {
                         let failure = format!("{algorithm} on pair {}: {reason}", frame.sequence);
                         self.monitor.failed(&failure);

@@ -11,14 +11,15 @@ mod threads;
 mod through;
 
 pub use matchers::Matchers;
-pub use through::{complete, report_losses, run_through};
+pub use through::{complete, ending, report_losses, run_through};
 
 use crate::sink::{RunEnd, RunStart, Sink};
 use crate::source::Source;
 use matching::Matching;
-use svl_core::counted;
+use std::collections::BTreeMap;
 use svl_core::stereo::Losses;
 use svl_core::{Error, Result};
+use svl_data::losses::{FailedPairs, Missing};
 use threads::{in_batches, in_turn, side_by_side};
 
 /// Watches a run and may end it.
@@ -69,8 +70,8 @@ impl Pace {
 pub struct Outcome {
     /// Frames that every sink took.
     pub frames: u64,
-    /// Estimates that are missing because their algorithm failed on that frame.
-    pub failures: u64,
+    /// Per algorithm the frames on which it failed, so that its estimate is missing.
+    pub failures: BTreeMap<String, u64>,
     /// Whether the monitor ended it.
     pub interrupted: bool,
     /// What of the source is in no frame.
@@ -78,28 +79,20 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// What is missing, in words; nothing for a complete run.
-    pub fn missing(&self) -> Option<String> {
-        let Losses {
-            unpaired,
-            late,
-            unreadable,
-            cut,
-            without_truth: _,
-            grabber: _,
-        } = self.losses;
-        let count = |n: u64, noun: &str| (n > 0).then(|| counted(n, noun));
-        let missing = [
-            count(unreadable, "pair").map(|n| n + " could not be read"),
-            count(unpaired, "image").map(|n| n + " had no partner"),
-            count(late, "image").map(|n| n + " came too late"),
-            count(cut, "frame").map(|n| n + " of a video that is cut off"),
-            count(self.failures, "pair").map(|n| format!("algorithms failed on {n}")),
-        ];
-        let missing: Vec<_> = missing.into_iter().flatten().collect();
-        (!missing.is_empty()).then(|| missing.join(" and "))
+    /// What is missing, and of how much.
+    pub fn missing(&self) -> Missing {
+        let of = |(label, &failed): (&String, &u64)| {
+            let pairs = self.frames;
+            (label.clone(), FailedPairs { pairs, failed })
+        };
+        Missing {
+            pairs: self.frames,
+            losses: self.losses.clone(),
+            algorithms: self.failures.iter().map(of).collect(),
+        }
     }
 }
+
 /// Runs every frame of `source` through the algorithms into `sinks`, between their
 /// [`Sink::begin_run`] and [`Sink::end_run`]. Both are called also when the run fails, so that what
 /// came before the error is kept. The caller finishes the sinks.

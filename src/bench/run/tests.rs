@@ -276,7 +276,7 @@ fn failures_reach_the_sinks_and_the_manifest() {
         &mut sinks,
         &mut Until(2),
     );
-    assert_eq!(ran.0.failures, 2);
+    assert_eq!(ran.0.failures[algorithms[0].label()], 2);
     crate::sink::finish(sinks).unwrap();
     let failure = MatchFailure {
         algorithm: algorithms[0].label().to_owned(),

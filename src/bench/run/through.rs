@@ -4,7 +4,8 @@ use super::{Matchers, Monitor, Outcome, Pace, run};
 use crate::sink::{RunStart, Sink};
 use crate::source::{AlignmentMonitor, AssumeRectified, Source};
 use svl_core::stereo::Losses;
-use svl_core::{Error, Result, counted};
+use svl_core::{Error, Result, counted, interrupt};
+use svl_data::losses::{LossLimit, Missing, RunEnding, RunState};
 
 /// Runs a source through the algorithms, watched by `monitor`, and warns of what is in no frame.
 /// The outcome holds also for a run that failed.
@@ -34,6 +35,24 @@ pub fn run_through(
     ran
 }
 
+/// How a run ended that went through its sources unless `ran` is why it did not.
+pub fn ending(
+    ran: std::result::Result<(), String>,
+    missing: Missing,
+    allowed: Option<LossLimit>,
+) -> RunEnding {
+    match ran {
+        Ok(()) => RunEnding::new(missing, allowed),
+        Err(why) => {
+            let state = match interrupt::requested() {
+                true => RunState::Interrupted,
+                false => RunState::Failed,
+            };
+            RunEnding::early(state, why, missing)
+        }
+    }
+}
+
 /// Warns of everything of a source that is in no frame.
 pub fn report_losses(name: &str, losses: &Losses) {
     let warn = |n: u64, what: &str, why: &str| {
@@ -54,16 +73,23 @@ pub fn report_losses(name: &str, losses: &Losses) {
         "behind the end of a video that is cut off",
     );
     warn(losses.unpaired, "image", "without a partner");
+    if losses.outside > 0 {
+        let images = counted(losses.outside, "image");
+        tracing::info!("{name}: {images} outside the overlap of both cameras");
+    }
     if losses.without_truth > 0 {
         let frames = counted(losses.without_truth, "pair");
         tracing::warn!("{name}: {frames} without a measurement of the truth: not scored");
     }
 }
 
-/// Fails for a run that is not complete.
-pub fn complete(outcome: &Outcome) -> Result<()> {
-    outcome.missing().map_or(Ok(()), |missing| {
-        let words = format!("{missing}, as warned; all else is kept");
-        Err(Error::Incomplete(words))
-    })
+/// Fails for a run that lost more than is allowed.
+pub fn complete(ending: &RunEnding) -> Result<()> {
+    match (ending.state, &ending.incomplete) {
+        (RunState::Lossy, Some(missing)) => {
+            let words = format!("{missing}; all else is kept");
+            Err(Error::Incomplete(words))
+        }
+        _ => Ok(()),
+    }
 }

@@ -128,7 +128,11 @@ impl Source for Limited {
 
     /// Pairs that nobody asked for are no losses.
     fn finish(&mut self, taken: u64) -> Losses {
-        self.source.finish(taken + self.skipped)
+        let losses = self.source.finish(taken + self.skipped);
+        Losses {
+            skipped: losses.skipped + self.skipped,
+            ..losses
+        }
     }
 }
 

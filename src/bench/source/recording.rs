@@ -87,6 +87,7 @@ impl Source for RecordingSource {
         Losses {
             // The partner of an image that cannot be read is told with it.
             unpaired: self.reader.unpaired().saturating_sub(self.unreadable),
+            outside: self.reader.outside(),
             late: self.reader.late(),
             unreadable: self.unreadable,
             ..Losses::default()

@@ -325,10 +325,12 @@ impl Estimate {
 }
 
 /// What of a source is in no frame, each with its reason.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Losses {
-    /// Images without a partner.
+    /// Images without a partner, while both cameras had images.
     pub unpaired: u64,
+    /// Images before the other camera's first or after its last: nothing is lost.
+    pub outside: u64,
     /// Images that came after those of their time had been dropped: the file is not in the order
     /// of its stamps.
     pub late: u64,
@@ -338,26 +340,39 @@ pub struct Losses {
     pub without_truth: u64,
     /// Frames of a video that was cut off or is damaged.
     pub cut: u64,
+    /// Pairs that nobody asked for.
+    pub skipped: u64,
     /// What a synchronized grabber counted.
+    #[serde(skip)]
     pub grabber: Option<GrabberReport>,
 }
 
 impl Losses {
+    /// Pairs that are lost; an image without a partner is one.
+    pub fn lost(&self) -> u64 {
+        // An image that came too late has no partner, either.
+        self.unpaired.max(self.late) + self.unreadable + self.cut
+    }
+
     /// Adds those of another run; of grabbers the last one's report stays.
     pub fn add(&mut self, other: Self) {
         let Self {
             unpaired,
+            outside,
             late,
             unreadable,
             without_truth,
             cut,
+            skipped,
             grabber,
         } = other;
         self.unpaired += unpaired;
+        self.outside += outside;
         self.late += late;
         self.unreadable += unreadable;
         self.without_truth += without_truth;
         self.cut += cut;
+        self.skipped += skipped;
         self.grabber = grabber.or(self.grabber.take());
     }
 }

@@ -86,6 +86,8 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("description.source.from_s", OF_PAIRS),
     ("description.source.to_s", OF_PAIRS),
     ("description.source.reference", OF_PAIRS),
+    // As limits.
+    ("description.source.allow_loss", NONE),
 ];
 
 impl Manifest {
@@ -235,8 +237,11 @@ mod tests {
             }
         };
         let of_pairs = match kind {
-            "drive" => "",
-            _ => "every = 2\nfrom_s = 1.0\nto_s = 9.0\nreference = [\"sgm\"]\n",
+            "drive" => "allow_loss = 3\n",
+            _ => {
+                "every = 2\nfrom_s = 1.0\nto_s = 9.0\nreference = [\"sgm\"]\n\
+                 allow_loss = \"1%\"\n"
+            }
         };
         let checkpoint = match kind {
             "drive" => "",

@@ -5,6 +5,7 @@ mod identity;
 pub use identity::Purpose;
 
 use crate::build_info::BuildInfo;
+use crate::losses::LossLimit;
 use serde::{Deserialize, Serialize};
 use std::fs::read_to_string;
 use std::path::Path;
@@ -200,6 +201,17 @@ impl Manifest {
             None => format!("{key} {value}"),
         });
         Some(words.collect::<Vec<_>>().join(", "))
+    }
+
+    /// The losses that its description allows.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where it is not a limit.
+    pub fn allow_loss(&self) -> Result<Option<LossLimit>> {
+        let description = self.description.as_ref();
+        let written = description.and_then(|of| of.pointer("/source/allow_loss"));
+        let limit = written.map(LossLimit::deserialize).transpose();
+        limit.map_err(|e| Error::Invalid(format!("manifest: allow_loss: {e}")))
     }
 
     /// Says by which rule cells are judged: it is a parameter of the algorithms that answer them.

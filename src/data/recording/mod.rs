@@ -196,8 +196,13 @@ trait PairSource: Send {
     /// Pairs that could be read.
     fn pairs(&self) -> u64;
 
-    /// Images without a partner.
+    /// Images without a partner, while both cameras had images.
     fn unpaired(&self) -> u64;
+
+    /// Images before the other camera's first or after its last.
+    fn outside(&self) -> u64 {
+        0
+    }
 
     /// Images that came too far out of order to find a partner.
     fn late(&self) -> u64 {

@@ -127,6 +127,11 @@ impl Reader {
         self.source.unpaired()
     }
 
+    /// Images so far before the other camera's first or after its last; final at the end.
+    pub fn outside(&self) -> u64 {
+        self.source.outside()
+    }
+
     /// Images so far that came after the images of their time had been dropped for lack of memory:
     /// the file is not in the order of its stamps.
     pub fn late(&self) -> u64 {

@@ -2,6 +2,7 @@
 //! scenario and the options of the command line.
 
 use super::{CropScale, PairRange, SeedList};
+use crate::losses::LossLimit;
 use clap::builder::NonEmptyStringValueParser;
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
@@ -130,6 +131,11 @@ pub struct SourceOptions {
     #[arg(long, value_name = "NAME[:key=value,…]", value_parser = reference)]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub reference: Vec<String>,
+    /// Exit with 0 where no more is lost: N pairs, or P per cent. Lost are images without a partner
+    /// and pairs that cannot be read, of all pairs read; and of each algorithm the pairs that it
+    /// fails on, of its pairs [default: 0]
+    #[arg(long, value_name = "N|P%", allow_negative_numbers = true)]
+    pub allow_loss: Option<LossLimit>,
 }
 
 /// The kind of a scenario's frames.
@@ -145,7 +151,7 @@ pub enum ScenarioKind {
 
 /// The keys of pairs, whatever their source.
 macro_rules! of_pairs {
-    ($($key:literal),*) => { &[$($key,)* "every", "from_s", "to_s", "reference"] };
+    ($($key:literal),*) => { &[$($key,)* "every", "from_s", "to_s", "reference", "allow_loss"] };
 }
 
 impl ScenarioKind {
@@ -172,7 +178,7 @@ impl ScenarioKind {
     fn keys(self) -> &'static [&'static str] {
         match self {
             Self::Arena => of_pairs!["seeds"],
-            Self::Drive => &["seeds"],
+            Self::Drive => &["seeds", "allow_loss"],
             Self::Dataset => of_pairs!["data", "scenes"],
             Self::Recording => of_pairs![
                 "files",

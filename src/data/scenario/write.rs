@@ -186,6 +186,7 @@ mod tests {
             scale in prop::option::of(0.1..=1.0),
             range in (prop::option::of(1..1000_u64), prop::option::of((0.0..1e3, 1e3..1e9))),
             reference in prop::collection::vec("sgm|v3:max_disparity=48", 0..3),
+            allow_loss in prop::option::of("[0-9]{1,6}|[0-9]{1,2}(\\.[0-9]{1,3})?%"),
         ) -> SourceOptions {
             let (left, right) = topics.unzip();
             let (calib, alpha) = rectified.unzip();
@@ -207,6 +208,7 @@ mod tests {
                 from_s,
                 to_s,
                 reference,
+                allow_loss: allow_loss.map(|text| text.parse().unwrap()),
                 ..SourceOptions::default()
             }
         }

@@ -23,6 +23,7 @@ mod info;
 mod interrupt;
 mod label;
 mod live;
+mod losses;
 mod matching;
 mod own_data;
 mod record;

@@ -67,37 +67,38 @@ fn parts_make_the_tables_and_hashes_of_one_machine() {
     );
 }
 
-#[test]
-fn snakemake_runs_the_shards_and_merges_them() {
-    let root = env!("CARGO_MANIFEST_DIR");
+/// Runs the workflow with these values of `--config`; nothing where there is no Snakemake.
+pub(super) fn snakemake(fixture: &Fixture, config: &[&str]) -> Option<std::process::Output> {
     let python = std::env::var_os("SVL_PYTHON").unwrap_or_else(|| "python3".into());
-    let snakemake = |arguments: &[&str], folder: &std::path::Path| {
+    let snakemake = |arguments: &[&str]| {
         let mut command = std::process::Command::new(&python);
         command.args(["-m", "snakemake"]).args(arguments);
-        command.current_dir(folder).output().unwrap()
+        command.current_dir(fixture.path("")).output().unwrap()
     };
+    if !snakemake(&["--version"]).status.success() {
+        println!("skipped: no snakemake");
+        return None;
+    }
+    let file = format!("{}/workflow/Snakefile", env!("CARGO_MANIFEST_DIR"));
+    let svl = format!("svl={}", assert_cmd::cargo::cargo_bin!("svl").display());
+    let run = ["-s", &file, "--cores", "2", "--config", &svl];
+    Some(snakemake(&[&run, config].concat()))
+}
+
+#[test]
+fn snakemake_runs_the_shards_and_merges_them() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 4);
-    let folder = fixture.path("");
-    if !snakemake(&["--version"], &folder).status.success() {
-        println!("skipped: no snakemake");
-        return;
-    }
     let args = "--algo v3 --algo bm --rerun none";
-    let svl = format!("svl={}", assert_cmd::cargo::cargo_bin!("svl").display());
-    let run = [
-        "-s",
-        &format!("{root}/workflow/Snakefile"),
-        "--cores",
-        "2",
-        "--config",
+    let config = [
         "scenario=short.toml",
         "shards=4",
         "out=shards",
-        &svl,
         &format!("args={args}"),
     ];
-    let ran = snakemake(&run, &folder);
+    let Some(ran) = snakemake(&fixture, &config) else {
+        return;
+    };
     assert!(
         ran.status.success(),
         "{}",
@@ -114,7 +115,7 @@ fn snakemake_runs_the_shards_and_merges_them() {
     }
     let began = |part: u8| fixture.text(&format!("shards/part{part}/manifest.json"));
     let before = [1, 2, 3].map(began);
-    let ran = snakemake(&run, &folder);
+    let ran = snakemake(&fixture, &config).unwrap();
     assert!(
         ran.status.success(),
         "{}",

@@ -1,7 +1,7 @@
 //! Recordings: round trips, other programs' bags, damage, recovery.
 
 mod bad_input;
-mod bag;
+pub(crate) mod bag;
 mod bag_folders;
 mod damage;
 mod disk;

@@ -57,7 +57,7 @@ impl<'a> ReportPageView<'a> {
             .map(|[r, g, b]| format!("rgb({r} {g} {b})"));
         Ok(Self {
             title: &page.title,
-            incomplete: summary.incomplete.as_deref(),
+            incomplete: summary.ending.incomplete.as_deref(),
             warnings: &summary.warnings,
             caution: summary.caution(),
             paragraphs: page

@@ -87,6 +87,7 @@ pub(crate) const NOT_TAKEN: &[&str] = &[
     "scenes",
     "seeds",
     "reference",
+    "allow_loss",
     "truth",
     "truth_skew_ms",
     "calib",

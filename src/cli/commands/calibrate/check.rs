@@ -1,6 +1,6 @@
 //! `svl calibrate check`: vertical misalignment of a recording's pairs.
 
-use crate::cli::shared::source::{self, OF_SCENARIOS};
+use crate::cli::shared::source;
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::bail;
@@ -17,7 +17,7 @@ use svl::source::Request;
 /// of the image, which distinguishes a shift from a rotation and from lens distortion. Fails when
 /// the median exceeds half a pixel.
 #[derive(clap::Args)]
-#[command(mut_args(|arg| source::hidden(arg, OF_SCENARIOS)))]
+#[command(mut_args(|arg| source::hidden(arg, NOT_TAKEN)))]
 #[command(after_help = "\
 Examples:
   svl calibrate check run.mcap
@@ -43,9 +43,11 @@ pub(super) struct Args {
     json: bool,
 }
 
+const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds", "reference", "allow_loss"];
+
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     args.options
-        .refuse(OF_SCENARIOS, "is not for what is measured here")?;
+        .refuse(NOT_TAKEN, "is not for what is measured here")?;
     let request = Request {
         options: args.options.clone(),
         ..Request::new(&args.recording)

@@ -11,12 +11,15 @@ use std::path::{Path, PathBuf};
 use svl::console::{Console, Unit};
 use svl::evaluation::{
     COURSES, MANIFEST, PART, REPORT, ReportContent, ReportHead, ReportPart, ReportRun, maps,
+    read_ending,
 };
 use svl::files::relative_path;
+use svl::losses::{LossLimit, Missing, RunEnding};
 use svl::manifest::{AlgorithmRecord, Manifest, PartRecord, Purpose};
 use svl::matcher::{Algorithm, ProgramRecord};
 use svl::outputs::{Outputs, write_json};
 use svl::report::{CellRow, CoursePlan, DriveRow, FailureRow, Summary, TrackRow, read_rows};
+use svl::run::complete;
 use tables::{MergeOrder, TableMerge};
 
 /// Make one report of the parts that `svl score --shard` left
@@ -31,8 +34,9 @@ Examples:
   svl score scenarios/drive.toml --shard 2/2 --out part2
   svl merge part1 part2 --out reports/all
 
-The order of the parts does not matter. All shards of one run are needed, each
-whole, of one svl and one scenario with the same options.")]
+The order of the parts does not matter. All shards of one run are needed, of
+one svl and one scenario with the same options, each at its end. What they miss
+is added up: with more than --allow-loss the exit status is 4.")]
 pub(in crate::cli) struct Args {
     /// Folders that `svl score --shard` wrote
     #[arg(value_name = "PART", required = true)]
@@ -40,6 +44,10 @@ pub(in crate::cli) struct Args {
     /// Folder for the report; a report of svl's that is there is replaced
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Exit with 0 where no more is lost in all parts together: N pairs, or P per cent, as `svl
+    /// score` counts them [default: that of the run; 0]
+    #[arg(long, value_name = "N|P%", allow_negative_numbers = true)]
+    allow_loss: Option<LossLimit>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -50,6 +58,7 @@ struct FoundPart {
     folder: PathBuf,
     part: ReportPart,
     manifest: Manifest,
+    missing: Missing,
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
@@ -66,16 +75,18 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let mut outputs = Outputs::claim_folder(&args.out, &REPORT)?;
     outputs.set_aside()?;
-    let summary = merge(&parts, &args.out, quiet)?;
+    let summary = merge(&parts, args, quiet)?;
     outputs.commit();
     if args.json {
-        return print_json(&summary);
+        print_json(&summary)?;
+    } else {
+        let width = width();
+        print(&format!(
+            "{summary:width$}\n{}\n",
+            args.out.join("index.html").display()
+        ))?;
     }
-    let width = width();
-    print(&format!(
-        "{summary:width$}\n{}\n",
-        args.out.join("index.html").display()
-    ))
+    Ok(complete(&summary.ending)?)
 }
 
 /// The parts in the order of their shards, all of one run.
@@ -139,30 +150,30 @@ fn read_part(folder: &Path) -> anyhow::Result<FoundPart> {
     }
     let part = ReportPart::read(folder)?;
     let manifest = Manifest::read(folder)?;
-    let summary = folder.join("summary.json");
-    let incomplete = std::fs::read_to_string(&summary)
-        .ok()
-        .and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok())
-        .map(|summary| summary["incomplete"].as_str().map(str::to_owned));
-    match incomplete {
-        Some(None) if part.tables.is_empty() => {
-            bail!("{shown}: is incomplete; run it again, with --resume")
-        }
-        Some(None) if part.damaged(folder).is_some() => {
-            let table = part.damaged(folder).unwrap_or_default();
-            bail!("{shown}: {table} is not as it was written; copy or run it again")
-        }
-        Some(None) => Ok(FoundPart {
-            folder: folder.to_owned(),
-            part,
-            manifest,
-        }),
-        Some(Some(why)) => bail!("{shown}: is incomplete: {why}; run it again, with --resume"),
-        None => bail!("{shown}: is incomplete: it was killed; run it again, with --resume"),
+    let again = "run it again, with --resume";
+    let Some(ending) = read_ending(folder)? else {
+        bail!("{shown}: is incomplete: it was killed; {again}");
+    };
+    if !ending.is_whole() {
+        let why = ending.incomplete.unwrap_or_default();
+        bail!("{shown}: is incomplete: {why}; {again}");
     }
+    if part.tables.is_empty() {
+        bail!("{shown}: is incomplete; {again}");
+    }
+    if let Some(table) = part.damaged(folder) {
+        bail!("{shown}: {table} is not as it was written; copy or run it again");
+    }
+    Ok(FoundPart {
+        folder: folder.to_owned(),
+        part,
+        manifest,
+        missing: ending.missing,
+    })
 }
 
-fn merge(parts: &[FoundPart], out: &Path, quiet: bool) -> anyhow::Result<Summary> {
+fn merge(parts: &[FoundPart], args: &Args, quiet: bool) -> anyhow::Result<Summary> {
+    let out = &args.out;
     let part = &parts[0].part;
     let manifest = merged_manifest(parts, out)?;
     write_json(&out.join(MANIFEST), &manifest)?;
@@ -199,7 +210,13 @@ fn merge(parts: &[FoundPart], out: &Path, quiet: bool) -> anyhow::Result<Summary
         sort: None,
         limits: &[],
     };
-    let (summary, _) = collected.write(out, head, manifest, None, terminal.warnings())?;
+    let mut missing = Missing::default();
+    parts
+        .iter()
+        .for_each(|found| missing.add(found.missing.clone()));
+    let allowed = args.allow_loss.or(manifest.allow_loss()?);
+    let ending = RunEnding::new(missing, allowed);
+    let (summary, _) = collected.write(out, head, manifest, ending, terminal.warnings())?;
     Ok(summary)
 }
 

@@ -6,6 +6,7 @@ use crate::cli::shared::{recordings, usage};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::counted;
+use svl::losses::RunEnding;
 use svl::outputs::Outputs;
 use svl::recording::{Dialect, ImageFormat, RecordingFormat, StampOrigin};
 use svl::run::{Outcome, complete};
@@ -144,13 +145,17 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     ran?;
     printed?;
+    let ending = RunEnding::new(outcome.missing(), args.options.allow_loss);
     if !quiet {
+        if let Some(note) = ending.note() {
+            print_error(format_args!("{}: not recorded: {note}", args.source));
+        }
         report(&output, &outcome, began.elapsed().as_secs_f64())?;
         if let Some(note) = stamps.as_ref().and_then(StampOrigin::note) {
             print_error(format_args!("{}: {note}", args.source));
         }
     }
-    Ok(complete(&outcome)?)
+    Ok(complete(&ending)?)
 }
 
 fn report(path: &Path, outcome: &Outcome, seconds: f64) -> anyhow::Result<()> {

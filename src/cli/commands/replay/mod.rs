@@ -19,7 +19,7 @@ use svl::matcher::Algorithm;
 use svl::outputs::Outputs;
 use svl::recording::{AlgorithmCells, ImageFormat};
 use svl::report::Summary;
-use svl::run::{Matchers, Pace, complete, run_through};
+use svl::run::{Matchers, Pace, complete, ending, run_through};
 use svl::runs::{RECORDINGS, cached_run, open_recording};
 use svl::scenario::{Scenario, SourceOptions};
 use svl::score::{Judge, Judged};
@@ -232,6 +232,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let rows = results.rows;
     let pairs = outcome.frames;
     let mut verification = None;
+    let ran_to_end = match outcome.interrupted {
+        true => Err(format!("interrupted after {}", counted(pairs, "pair"))),
+        false => ran.as_ref().map_err(ToString::to_string).copied(),
+    };
+    let ending = ending(ran_to_end, outcome.missing(), args.options.allow_loss);
     if pairs > 0 || ran.is_ok() {
         match ran.is_ok() && finished.is_ok() && !outcome.interrupted {
             true => outputs.commit(),
@@ -239,12 +244,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         }
     }
     if finished.is_ok() && !(ran.is_err() && pairs == 0) {
-        let incomplete = match &ran {
-            Err(error) => Some(error.to_string()),
-            Ok(()) => outcome.missing(),
-        };
         let mut summary = Summary {
-            incomplete,
+            ending: ending.clone(),
             ..Summary::from_rows(&rows, &[])?
         };
         matchers.complete(&mut manifest);
@@ -268,11 +269,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     ran?;
     finished?;
-    if outcome.interrupted {
-        bail!(
-            "interrupted after {}; what was written is kept",
-            counted(outcome.frames, "pair")
-        );
+    if let (true, Some(why)) = (outcome.interrupted, &ending.incomplete) {
+        bail!("{why}; what was written is kept");
     }
     if let Some(verification) = verification {
         let proved = verification.proved()?;
@@ -280,7 +278,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             print(&proved)?;
         }
     }
-    Ok(complete(&outcome)?)
+    Ok(complete(&ending)?)
 }
 
 /// What `--json` prints.

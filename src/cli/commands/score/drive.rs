@@ -1,8 +1,8 @@
 //! The drives of a scenario: each course with each algorithm at the wheel, several at once.
 
+use super::Args;
 use super::report::{Scored, head, report_manifest};
 use super::scenario::stresses;
-use super::{Args, INTERRUPTED};
 use crate::cli::shared::progress::{Terminal, interrupted};
 use crate::cli::shared::terminal::WarningLog;
 use crate::cli::shared::usage;
@@ -15,6 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use svl::console::{Bar, Console, Unit};
 use svl::drive::{Course, DrivePlan, DriveResult};
 use svl::evaluation::{COURSES, MANIFEST, ReportContent, ReportPart, ReportRun, Shard, maps};
+use svl::losses::{FailedPairs, Missing, RunEnding};
 use svl::manifest::{Manifest, Purpose};
 use svl::outputs::{Outputs, write_json};
 use svl::report::html::CheckpointFigure;
@@ -22,7 +23,7 @@ use svl::report::{
     CellRow, CoursePlan, DriveRow, FailureRow, GateResult, Row, Summary, Table, TrackRow,
     whole_rows,
 };
-use svl::run::{Monitor, Outcome, Pace};
+use svl::run::{Monitor, Pace, ending};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::sink::ReportPictures;
 use svl::stress::Stress;
@@ -104,18 +105,20 @@ pub(super) fn score(
     }
     let keep = args.drives.unwrap_or(KeptDrives::All);
     let ran = report.drive_all(scenario, seeds, earlier, (keep, args.shard), quiet);
-    let incomplete = ran.as_ref().err().map(usage::one_line);
-    let total = Outcome {
-        frames: report.collected.rows.len() as u64,
-        failures: report.collected.drives.iter().map(|row| row.failures).sum(),
-        ..Outcome::default()
-    };
-    let incomplete = incomplete.or_else(|| total.missing());
-    let finished = report.finish(scenario, args, incomplete);
+    let mut missing = Missing::default();
+    for row in &report.collected.drives {
+        let (pairs, failed) = (row.frames, row.failures);
+        missing.pairs += pairs;
+        missing.add_failures(row.algorithm.clone(), FailedPairs { pairs, failed });
+    }
+    let pairs = missing.pairs;
+    let ran_to_end = ran.as_ref().map_err(usage::one_line).copied();
+    let ending = ending(ran_to_end, missing, scenario.options.allow_loss);
+    let finished = report.finish(scenario, args, ending);
     Ok(Scored {
         ran,
         finished,
-        total,
+        pairs,
         others: Vec::new(),
         holds_earlier: args.resume,
     })
@@ -325,7 +328,7 @@ impl DriveReport {
                 while known[i].is_none() {
                     // The threads ended early.
                     let Ok((j, driven)) = received.recv() else {
-                        bail!("{INTERRUPTED}; --resume goes on with the drives that are whole");
+                        bail!("interrupted; --resume goes on with the drives that are whole");
                     };
                     known[j] = Some(driven?);
                 }
@@ -390,7 +393,7 @@ impl DriveReport {
         mut self,
         scenario: &Scenario,
         args: &Args,
-        incomplete: Option<String>,
+        ending: RunEnding,
     ) -> anyhow::Result<(Summary, Vec<GateResult>)> {
         self.cells.finish()?;
         self.rows.finish()?;
@@ -405,14 +408,9 @@ impl DriveReport {
             scenes: Vec::new(),
         };
         let head = head(args, scenario, false);
-        let written = self.collected.write(
-            &self.folder,
-            head,
-            self.manifest,
-            incomplete,
-            WarningLog::lines(),
-        );
-        Ok(written?)
+        let warnings = WarningLog::lines();
+        let written = self.collected;
+        Ok(written.write(&self.folder, head, self.manifest, ending, warnings)?)
     }
 }
 

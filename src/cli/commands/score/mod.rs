@@ -17,10 +17,11 @@ use drive::KeptDrives;
 use report::{ScoreReport, Scored, head, report_manifest};
 use scenario::stresses;
 use std::path::{Path, PathBuf};
-use svl::evaluation::{REPORT, ReportPart, ReportRun, Shard};
+use svl::evaluation::{REPORT, ReportPart, ReportRun, Shard, read_ending};
+use svl::losses::{Missing, RunState};
 use svl::outputs::{Outputs, write};
-use svl::report::{GateResult, GateState, ResultLog, Summary, junit};
-use svl::run::{Matchers, Outcome, Pace, complete};
+use svl::report::{GateResult, GateState, ResultLog, Summary, TestCase, TestResult, junit};
+use svl::run::{Matchers, Pace, complete, ending};
 use svl::runs::{self, ScoredSource, runs as open_runs};
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{METRICS, Metric};
@@ -190,7 +191,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let Scored {
         ran,
         finished,
-        total,
+        pairs,
         others,
         holds_earlier,
     } = scored?;
@@ -210,7 +211,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             }
         }
         (Err(_), Ok(_)) if holds_earlier => outputs.commit(),
-        _ if finished.is_ok() || total.frames > 0 => outputs.keep_both(),
+        _ if finished.is_ok() || pairs > 0 => outputs.keep_both(),
         _ => drop(outputs),
     }
     let (summary, results) = match (finished, ran.is_err()) {
@@ -219,7 +220,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     warn_of_nothing_scored(&scenario, &summary);
     if let Some(path) = &args.junit {
-        let cases: Vec<_> = results.iter().map(GateResult::test_case).collect();
+        let cases = results.iter().map(GateResult::test_case);
+        let cases: Vec<_> = cases.chain([losses_case(&summary)]).collect();
         write(path, junit(&format!("svl score {}", scenario.name), &cases))?;
         junit_file.commit();
     }
@@ -242,7 +244,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (_, true) => pass_check(&summary)?,
         _ => {}
     }
-    Ok(complete(&total)?)
+    Ok(complete(&summary.ending)?)
 }
 
 /// Scores the runs of a scenario, one after the other.
@@ -326,34 +328,31 @@ fn score_runs(
         let rerun = rerun.map(|(viewer, target)| (viewer, target, args.rerun_detail));
         ScoreReport::begin(scenario, folder, rerun, (manifest, log), &live, pace)?
     };
-    let mut total = Outcome::default();
+    let mut missing = Missing::default();
     let ran = units.iter().try_for_each(|unit| {
         let mut run = first.take().map_or_else(|| open(unit), Ok)?;
         let mut own = matchers.take(&unit.labels);
         let (outcome, ran) = report.take(&mut run, &mut own, quiet);
         matchers.append(own);
-        total.frames += outcome.frames;
-        total.failures += outcome.failures;
-        total.losses.add(outcome.losses);
+        missing.add(outcome.missing());
         ran?;
         if outcome.interrupted {
             bail!(
-                "{INTERRUPTED}; the report holds what was scored before, and --resume goes on with \
+                "interrupted; the report holds what was scored before, and --resume goes on with \
                  it"
             );
         }
         Ok(())
     });
     // What came before an error or Ctrl-C is reported all the same.
-    let incomplete = match &ran {
-        Err(error) => Some(usage::one_line(error)),
-        Ok(()) => total.missing(),
-    };
-    let finished = report.finish(head(args, scenario, true), &matchers, incomplete);
+    let pairs = missing.pairs;
+    let ran_to_end = ran.as_ref().map_err(usage::one_line).copied();
+    let ending = ending(ran_to_end, missing, scenario.options.allow_loss);
+    let finished = report.finish(head(args, scenario, true), &matchers, ending);
     Ok(Scored {
         ran,
         finished,
-        total,
+        pairs,
         others,
         holds_earlier: false,
     })
@@ -396,20 +395,16 @@ fn groups(scenario: &Scenario, runs: usize) -> impl Iterator<Item = (Option<Stre
     stresses(scenario).flat_map(move |stress| (0..runs).map(move |place| (stress, place)))
 }
 
-/// How a report says that Ctrl-C ended its run.
-const INTERRUPTED: &str = "interrupted";
-
 /// Says that a run goes lost that could go on.
 fn warn_of_unfinished(folder: &Path) {
     let rows = folder.join("rows.csv").metadata();
-    let was_killed = || !folder.join("summary.json").exists();
-    let was_interrupted = || {
-        let summary = std::fs::read_to_string(folder.join("summary.json")).unwrap_or_default();
-        let summary = serde_json::from_str::<serde_json::Value>(&summary).unwrap_or_default();
-        let why = summary["incomplete"].as_str();
-        why.is_some_and(|why| why.starts_with(INTERRUPTED))
+    let is_unfinished = || match read_ending(folder) {
+        Ok(Some(ending)) => ending.state == RunState::Interrupted,
+        Ok(None) => true,
+        // Of an earlier svl, which says it otherwise.
+        Err(_) => false,
     };
-    if rows.is_ok_and(|rows| rows.len() > 0) && (was_killed() || was_interrupted()) {
+    if rows.is_ok_and(|rows| rows.len() > 0) && is_unfinished() {
         tracing::warn!(
             "{}: holds an unfinished run, which is scored anew; --resume would go on with it",
             folder.display()
@@ -471,6 +466,15 @@ struct ScoreAnswer<'a> {
     summary: &'a Summary,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     gate: &'a [GateResult],
+}
+
+/// Pairs that are missing, as a test beside the limits.
+fn losses_case(summary: &Summary) -> TestCase {
+    let why = summary.ending.incomplete.clone();
+    TestCase {
+        name: "no more is lost than --allow-loss allows".to_owned(),
+        result: why.map_or(TestResult::Passed, TestResult::Failed),
+    }
 }
 
 /// A result for the terminal.

@@ -6,6 +6,7 @@ use crate::cli::shared::terminal::WarningLog;
 use std::path::{Path, PathBuf};
 use svl::console::Watch;
 use svl::evaluation::{MANIFEST, ReportContent, ReportHead, Shard};
+use svl::losses::RunEnding;
 use svl::manifest::Manifest;
 use svl::outputs::write_json;
 use svl::report::{GateResult, ResultLog, Summary};
@@ -114,7 +115,7 @@ impl ScoreReport {
         self,
         head: ReportHead<'_>,
         matchers: &Matchers,
-        incomplete: Option<String>,
+        ending: RunEnding,
     ) -> anyhow::Result<(Summary, Vec<GateResult>)> {
         let Self {
             folder,
@@ -130,7 +131,7 @@ impl ScoreReport {
             pictures: results.pictures,
             ..ReportContent::default()
         };
-        Ok(collected.write(&folder, head, manifest, incomplete, WarningLog::lines())?)
+        Ok(collected.write(&folder, head, manifest, ending, WarningLog::lines())?)
     }
 }
 
@@ -140,7 +141,8 @@ pub(super) struct Scored {
     pub(super) ran: anyhow::Result<()>,
     /// What came before is reported all the same.
     pub(super) finished: anyhow::Result<(Summary, Vec<GateResult>)>,
-    pub(super) total: Outcome,
+    /// Pairs that were taken.
+    pub(super) pairs: u64,
     /// Folders of interrupted parts, which the report holds now.
     pub(super) others: Vec<PathBuf>,
     /// Whether it holds all that the report before it had, even where it ended early.

@@ -234,6 +234,10 @@ impl PairSource for Foreign {
         self.partners.unpaired()
     }
 
+    fn outside(&self) -> u64 {
+        self.partners.outside()
+    }
+
     fn late(&self) -> u64 {
         self.partners.late()
     }

@@ -1,7 +1,7 @@
 //! Pairs the images of two topics by their nearest stamps, in whatever order they come.
 
 use crate::pairing::{Nearest, WaitingStamps};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound;
 use svl_core::stereo::Side;
 
@@ -26,6 +26,10 @@ pub(super) struct StampPairing<T> {
     bytes: usize,
     ended: bool,
     unpaired: u64,
+    /// First and last stamp of each camera.
+    spans: [Option<(u64, u64)>; 2],
+    /// Stamps of the unpaired images of each camera that are outside the span of the other.
+    outside: [BTreeSet<u64>; 2],
     /// The smallest skew above the limit.
     nearest_miss_ns: Option<u64>,
     /// Stamp of the latest image of each camera that was dropped for lack of memory.
@@ -42,15 +46,22 @@ impl<T> StampPairing<T> {
             bytes: 0,
             ended: false,
             unpaired: 0,
+            spans: [None; 2],
+            outside: [BTreeSet::new(), BTreeSet::new()],
             nearest_miss_ns: None,
             crowded_out: [None; 2],
             late: 0,
         }
     }
 
-    /// Images without a partner.
+    /// Images without a partner, while both cameras had images.
     pub(super) fn unpaired(&self) -> u64 {
         self.unpaired
+    }
+
+    /// Images without a partner before the other camera's first image or after its last.
+    pub(super) fn outside(&self) -> u64 {
+        self.outside.iter().map(|stamps| stamps.len() as u64).sum()
     }
 
     /// Images that came after those of their time had been dropped for lack of memory.
@@ -66,6 +77,7 @@ impl<T> StampPairing<T> {
     pub(super) fn push(&mut self, camera: Side, stamp: u64, image: T, bytes: usize) {
         let bytes = bytes.saturating_add(ENTRY_BYTES);
         let camera = camera as usize;
+        self.widen_span(camera, stamp);
         let given_up = self.crowded_out[1 - camera];
         self.late += u64::from(
             given_up.is_some_and(|given_up| given_up >= stamp.saturating_sub(self.max_skew_ns)),
@@ -169,7 +181,28 @@ impl<T> StampPairing<T> {
         if !self.ended && self.bytes > WAITING_BYTES {
             self.crowded_out[camera] = self.crowded_out[camera].max(Some(stamp));
         }
-        self.unpaired += u64::from(self.take(camera, stamp).is_some());
+        if self.take(camera, stamp).is_none() {
+            return;
+        }
+        let is_inside = |(first, last)| (first..=last).contains(&stamp);
+        let is_outside = !self.spans[1 - camera].is_some_and(is_inside);
+        // A second image with the same stamp is one too many, wherever it is.
+        if !(is_outside && self.outside[camera].insert(stamp)) {
+            self.unpaired += 1;
+        }
+    }
+
+    /// Takes a stamp into a camera's span. Images of the other that were outside it may be inside
+    /// now: they are losses.
+    fn widen_span(&mut self, camera: usize, stamp: u64) {
+        let (first, last) = self.spans[camera].unwrap_or((stamp, stamp));
+        let (first, last) = (first.min(stamp), last.max(stamp));
+        self.spans[camera] = Some((first, last));
+        let outside = &mut self.outside[1 - camera];
+        while let Some(&inside) = outside.range(first..=last).next() {
+            outside.remove(&inside);
+            self.unpaired += 1;
+        }
     }
 }
 
@@ -178,8 +211,9 @@ mod tests {
     use super::*;
     use Side::{Left, Right};
 
-    /// The stamps of the pairs made of images that come in this order, and how many are left over.
-    fn pairs(max_skew_ns: u64, images: &[(Side, u64)]) -> (Vec<(u64, u64)>, u64) {
+    /// The stamps of the pairs made of images that come in this order, and how many are left over:
+    /// those without a partner, and those outside the overlap.
+    fn pairs(max_skew_ns: u64, images: &[(Side, u64)]) -> (Vec<(u64, u64)>, [u64; 2]) {
         let mut partners = StampPairing::new(max_skew_ns);
         let mut pairs = Vec::new();
         let mut collect = |partners: &mut StampPairing<()>| {
@@ -193,7 +227,7 @@ mod tests {
         }
         partners.end();
         collect(&mut partners);
-        (pairs, partners.unpaired())
+        (pairs, [partners.unpaired(), partners.outside()])
     }
 
     #[test]
@@ -206,10 +240,10 @@ mod tests {
             (Right, 306),
             (Left, 300),
         ];
-        assert_eq!(pairs(5, &images), (vec![(100, 103), (200, 196)], 2));
+        assert_eq!(pairs(5, &images), (vec![(100, 103), (200, 196)], [1, 1]));
         assert_eq!(
             pairs(6, &images),
-            (vec![(100, 103), (200, 196), (300, 306)], 0)
+            (vec![(100, 103), (200, 196), (300, 306)], [0, 0])
         );
     }
 
@@ -222,7 +256,7 @@ mod tests {
             (Right, 153),
             (Left, 166),
         ];
-        assert_eq!(pairs(30, &images), (vec![(133, 120), (166, 153)], 1));
+        assert_eq!(pairs(30, &images), (vec![(133, 120), (166, 153)], [0, 1]));
     }
 
     #[test]
@@ -231,9 +265,28 @@ mod tests {
         let rights = (0..20).filter(|i| i % 7 != 3).map(|i| (Right, i * 100 + 1));
         let mut images: Vec<_> = lefts.chain(rights).collect();
         images.sort_by_key(|&(_, stamp)| stamp);
-        let (found, unpaired) = pairs(5, &images);
-        assert_eq!((found.len(), unpaired), (17, 3));
+        let (found, left_over) = pairs(5, &images);
+        assert_eq!((found.len(), left_over), (17, [3, 0]));
         assert!(found.iter().all(|(left, right)| left + 1 == *right));
+    }
+
+    #[test]
+    fn what_is_outside_the_overlap_is_known_in_any_order() {
+        // Left from 0 on, right to 1900; the right one pauses, and loses one image.
+        let lefts = (0..150).map(|i| (Left, i * 10));
+        let rights = (50..190).filter(|i| !(60..80).contains(i) && *i != 100);
+        let mut images: Vec<_> = lefts.chain(rights.map(|i| (Right, i * 10))).collect();
+        let mut random = fastrand::Rng::with_seed(9);
+        for order in 0..9 {
+            match order {
+                0 => images.sort_by_key(|&(_, stamp)| stamp),
+                1 => images.sort_by_key(|&(camera, stamp)| (camera == Right, stamp)),
+                2 => images.reverse(),
+                _ => random.shuffle(&mut images),
+            }
+            let (found, left_over) = pairs(2, &images);
+            assert_eq!((found.len(), left_over), (79, [20 + 1, 50 + 40]), "{order}");
+        }
     }
 
     #[test]
@@ -248,7 +301,7 @@ mod tests {
         ];
         assert_eq!(
             pairs(0, &images),
-            (vec![(100, 100), (200, 200), (300, 300)], 0)
+            (vec![(100, 100), (200, 200), (300, 300)], [0, 0])
         );
     }
 
@@ -264,19 +317,19 @@ mod tests {
             (
                 found,
                 partners.waiting[0].len(),
-                partners.unpaired(),
+                [partners.unpaired(), partners.outside()],
                 partners.late(),
             )
         };
-        assert_eq!(push(Left, 0..1500), (0, 100, 50, 0));
+        assert_eq!(push(Left, 0..1500), (0, 100, [0, 50], 0));
         // The first fifty are reported as what they are: late.
-        assert_eq!(push(Right, 0..1500), (100, 0, 100, 50));
+        assert_eq!(push(Right, 0..1500), (100, 0, [100, 0], 50));
         assert_eq!(
             push(Left, 5000..6500),
-            (0, 100, 150, 50),
+            (0, 100, [100, 50], 50),
             "nobody is late where no partner comes"
         );
-        assert_eq!(push(Right, 6500..6510), (0, 99, 151, 50));
+        assert_eq!(push(Right, 6500..6510), (0, 99, [151, 0], 50));
     }
 
     #[test]
@@ -286,12 +339,12 @@ mod tests {
         let rights = (0..300).map(|i| (Right, 100 * i + i % 4));
         let mut images: Vec<_> = lefts.chain(rights).collect();
         let all: Vec<_> = (0..300).map(|i| (100 * i, 100 * i + i % 4)).collect();
-        assert_eq!(pairs(5, &images), (all.clone(), 0));
+        assert_eq!(pairs(5, &images), (all.clone(), [0, 0]));
         for _ in 0..100 {
             random.shuffle(&mut images);
-            assert_eq!(pairs(5, &images), (all.clone(), 0));
+            assert_eq!(pairs(5, &images), (all.clone(), [0, 0]));
             images.reverse();
-            assert_eq!(pairs(5, &images).1, 0);
+            assert_eq!(pairs(5, &images).1, [0, 0]);
         }
     }
 
@@ -327,8 +380,16 @@ mod tests {
             let images: Vec<_> = (0..60)
                 .map(|_| (camera(random.bool()), random.u64(0..500)))
                 .collect();
-            let (found, unpaired) = pairs(random.u64(0..40), &images);
-            assert_eq!(2 * found.len() as u64 + unpaired, 60);
+            let (found, left_over) = pairs(random.u64(0..40), &images);
+            assert_eq!(2 * found.len() as u64 + left_over.iter().sum::<u64>(), 60);
+            let stamps = |of: Side| images.iter().filter(move |(c, _)| *c == of).map(|i| i.1);
+            let first = stamps(Left).min().max(stamps(Right).min()).unwrap();
+            let last = stamps(Left).max().min(stamps(Right).max()).unwrap();
+            let beyond: BTreeSet<_> = images
+                .iter()
+                .filter(|(_, stamp)| !(first..=last).contains(stamp))
+                .collect();
+            assert!(left_over[1] <= beyond.len() as u64);
         }
         assert_eq!(
             pairs(u64::MAX, &[(Left, 0), (Right, u64::MAX), (Left, u64::MAX)]).0,

@@ -8,6 +8,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use svl::calibrate::distance::TargetMeasurement;
 use svl::console::Watch;
+use svl::losses::RunEnding;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::run::{Matchers, Pace, complete, run_through};
@@ -219,7 +220,7 @@ impl Measuring<'_> {
         );
         sink::finish(sinks)?;
         ran?;
-        complete(&outcome)?;
+        complete(&RunEnding::new(outcome.missing(), None))?;
         let (grids, rigs): (Vec<_>, Vec<_>) = kept.take().into_iter().unzip();
         let rig = rigs.into_iter().flatten().next_back();
         Ok((grids.into_iter().flatten().collect(), rig))

@@ -1,0 +1,301 @@
+//! Losses of a run: what it misses, how much of that is allowed, and how it ended.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt::{Display, Formatter};
+use svl_core::counted;
+use svl_core::stereo::Losses;
+
+/// Losses with which a run is complete, written `3` or `1%`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "WrittenLimit", into = "String")]
+pub enum LossLimit {
+    Pairs(u64),
+    /// Of the pairs.
+    Percent(f64),
+}
+
+/// As a scenario has it.
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected a number of pairs as 3, or per cent as \"1%\""
+)]
+enum WrittenLimit {
+    Pairs(u64),
+    Text(String),
+}
+
+impl LossLimit {
+    fn is_exceeded(self, lost: u64, pairs: u64) -> bool {
+        match self {
+            Self::Pairs(most) => lost > most,
+            // One of 1000 is 0.1 %, whatever is rounded on the way.
+            Self::Percent(most) => 100.0 * lost as f64 > most * pairs as f64 * (1.0 + 1e-12),
+        }
+    }
+}
+
+impl std::str::FromStr for LossLimit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let limit = match text.strip_suffix('%') {
+            Some(percent) => percent.trim().parse().ok().map(Self::Percent),
+            None => text.parse().ok().map(Self::Pairs),
+        };
+        let is_share = |limit: &Self| match limit {
+            Self::Pairs(_) => true,
+            Self::Percent(percent) => (0.0..=100.0).contains(percent),
+        };
+        let expected = "expected a number of pairs as 3, or per cent as 1%, at most 100%";
+        limit.filter(is_share).ok_or_else(|| expected.to_owned())
+    }
+}
+
+impl TryFrom<WrittenLimit> for LossLimit {
+    type Error = String;
+
+    fn try_from(written: WrittenLimit) -> Result<Self, String> {
+        match written {
+            WrittenLimit::Pairs(pairs) => Ok(Self::Pairs(pairs)),
+            WrittenLimit::Text(text) => text.parse(),
+        }
+    }
+}
+
+impl From<LossLimit> for String {
+    fn from(limit: LossLimit) -> Self {
+        limit.to_string()
+    }
+}
+
+impl Display for LossLimit {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Pairs(pairs) => write!(f, "{pairs}"),
+            Self::Percent(percent) => write!(f, "{percent}%"),
+        }
+    }
+}
+
+/// What a run misses, and of how much. Those of its shards add up to that of the whole.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Missing {
+    /// Pairs that were taken, of every run and level of stress.
+    pub pairs: u64,
+    #[serde(flatten)]
+    pub losses: Losses,
+    /// Of each algorithm.
+    pub algorithms: BTreeMap<String, FailedPairs>,
+}
+
+/// Pairs of an algorithm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FailedPairs {
+    pub pairs: u64,
+    /// On these it failed.
+    pub failed: u64,
+}
+
+impl Missing {
+    /// Adds what another run misses.
+    pub fn add(&mut self, other: Self) {
+        self.pairs += other.pairs;
+        self.losses.add(other.losses);
+        for (label, of) in other.algorithms {
+            self.add_failures(label, of);
+        }
+    }
+
+    pub fn add_failures(&mut self, label: String, of: FailedPairs) {
+        let own = self.algorithms.entry(label).or_default();
+        own.pairs += of.pairs;
+        own.failed += of.failed;
+    }
+
+    /// Whether the pairs that are lost, or those that an algorithm failed on, are more than these.
+    fn exceeds(&self, limit: LossLimit) -> bool {
+        let lost = self.losses.lost();
+        let read = self.pairs + self.losses.skipped + lost;
+        let mut algorithms = self.algorithms.values();
+        limit.is_exceeded(lost, read) || algorithms.any(|of| limit.is_exceeded(of.failed, of.pairs))
+    }
+
+    /// For people; nothing where nothing is missing.
+    pub fn words(&self) -> Option<String> {
+        let Losses {
+            unpaired,
+            late,
+            unreadable,
+            cut,
+            outside: _,
+            without_truth: _,
+            skipped: _,
+            grabber: _,
+        } = self.losses;
+        let failures = self.algorithms.values().map(|of| of.failed).sum();
+        let count = |n: u64, noun: &str| (n > 0).then(|| counted(n, noun));
+        let missing = [
+            count(unreadable, "pair").map(|n| n + " could not be read"),
+            count(unpaired, "image").map(|n| n + " had no partner"),
+            count(late, "image").map(|n| n + " came too late"),
+            count(cut, "frame").map(|n| n + " of a video that is cut off"),
+            count(failures, "pair").map(|n| format!("algorithms failed on {n}")),
+        ];
+        let missing: Vec<_> = missing.into_iter().flatten().collect();
+        (!missing.is_empty()).then(|| missing.join(" and "))
+    }
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RunState {
+    /// At the end of its sources, with all that it was to have but for losses that are allowed.
+    #[default]
+    Complete,
+    /// At the end of its sources, with more losses than are allowed.
+    Lossy,
+    /// Early: the user interrupted it.
+    Interrupted,
+    /// Early, with an error.
+    Failed,
+}
+
+/// How a run ended, and what it misses.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunEnding {
+    pub state: RunState,
+    /// Why it is not complete, for people.
+    pub incomplete: Option<String>,
+    pub missing: Missing,
+}
+
+impl RunEnding {
+    /// That of a run that came to the end of its sources.
+    pub fn new(missing: Missing, allowed: Option<LossLimit>) -> Self {
+        let is_lossy = missing.exceeds(allowed.unwrap_or(LossLimit::Pairs(0)));
+        let more = allowed.map(|limit| format!(", more than {limit}"));
+        let words = missing.words().filter(|_| is_lossy);
+        Self {
+            state: match is_lossy {
+                true => RunState::Lossy,
+                false => RunState::Complete,
+            },
+            incomplete: words.map(|words| words + &more.unwrap_or_default()),
+            missing,
+        }
+    }
+
+    /// That of a run that ended early.
+    pub fn early(state: RunState, why: String, missing: Missing) -> Self {
+        Self {
+            state,
+            incomplete: Some(why),
+            missing,
+        }
+    }
+
+    /// Whether it came to the end of its sources.
+    pub fn is_whole(&self) -> bool {
+        matches!(self.state, RunState::Complete | RunState::Lossy)
+    }
+
+    /// What is not scored of a run and yet does not make it incomplete, for people.
+    pub fn note(&self) -> Option<String> {
+        let allowed = self.missing.words();
+        let allowed = allowed.filter(|_| self.state == RunState::Complete);
+        let outside = counted(self.missing.losses.outside, "image");
+        let outside = (self.missing.losses.outside > 0)
+            .then(|| format!("{outside} outside the overlap of both cameras"));
+        let parts = [allowed.map(|words| words + ", as is allowed"), outside];
+        let parts: Vec<_> = parts.into_iter().flatten().collect();
+        (!parts.is_empty()).then(|| parts.join("; "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn missing(pairs: u64, losses: Losses, failed: &[(u64, u64)]) -> Missing {
+        let of = |(i, &(pairs, failed)): (usize, &(u64, u64))| {
+            (format!("a{i}"), FailedPairs { pairs, failed })
+        };
+        Missing {
+            pairs,
+            losses,
+            algorithms: failed.iter().enumerate().map(of).collect(),
+        }
+    }
+
+    fn state(missing: &Missing, limit: Option<&str>) -> RunState {
+        let limit = limit.map(|limit| limit.parse().unwrap());
+        RunEnding::new(missing.clone(), limit).state
+    }
+
+    #[test]
+    fn a_limit_is_a_number_or_per_cent() {
+        for (text, limit) in [
+            ("0", LossLimit::Pairs(0)),
+            ("12", LossLimit::Pairs(12)),
+            ("0.5%", LossLimit::Percent(0.5)),
+            ("100 %", LossLimit::Percent(100.0)),
+        ] {
+            assert_eq!(text.parse(), Ok(limit));
+            assert_eq!(limit.to_string().parse(), Ok(limit));
+        }
+        for wrong in ["", "%", "-1", "1.5", "101%", "-1%", "NaN%", "inf%", "one"] {
+            assert!(wrong.parse::<LossLimit>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn lost_pairs_are_per_cent_of_all_that_were_read() {
+        let unpaired = |unpaired, skipped| Losses {
+            unpaired,
+            skipped,
+            outside: 500,
+            ..Losses::default()
+        };
+        let one = missing(199, unpaired(1, 0), &[]);
+        let states = [None, Some("0"), Some("0.4%"), Some("0.5%"), Some("1")];
+        assert_eq!(
+            states.map(|limit| state(&one, limit) == RunState::Complete),
+            [false, false, false, true, true]
+        );
+        // Every tenth of them was asked for.
+        let one = missing(20, unpaired(1, 179), &[]);
+        assert_eq!(state(&one, Some("0.5%")), RunState::Complete);
+        assert_eq!(
+            state(&missing(9, unpaired(0, 0), &[]), None),
+            RunState::Complete
+        );
+    }
+
+    #[test]
+    fn each_algorithm_may_fail_on_so_many() {
+        let losses = Losses::default;
+        let few = missing(200, losses(), &[(200, 2), (200, 2), (200, 2)]);
+        assert_eq!(state(&few, Some("1%")), RunState::Complete);
+        assert_eq!(state(&few, Some("1")), RunState::Lossy);
+        let all = missing(200, losses(), &[(200, 0), (200, 200), (200, 0)]);
+        assert_eq!(state(&all, Some("50%")), RunState::Lossy);
+    }
+
+    #[test]
+    fn shards_add_up() {
+        let losses = Losses {
+            unreadable: 1,
+            ..Losses::default()
+        };
+        let mut all = missing(10, losses.clone(), &[(10, 1)]);
+        all.add(missing(5, losses, &[(5, 0), (5, 5)]));
+        let words = "2 pairs could not be read and algorithms failed on 6 pairs";
+        assert_eq!(all.words().as_deref(), Some(words));
+        assert_eq!((all.pairs, all.losses.lost()), (15, 2));
+        let json = serde_json::to_string(&all).unwrap();
+        assert_eq!(serde_json::from_str::<Missing>(&json).unwrap(), all);
+    }
+}

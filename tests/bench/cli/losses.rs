@@ -1,0 +1,284 @@
+//! What a run misses: told, allowed by `--allow-loss`, and added up over shards.
+#![cfg(unix)]
+
+use super::fixture::{Fixture, assert_says, pgm};
+use super::shard::snakemake;
+use crate::recording::bag::{self, ros_image};
+use serde_json::Value;
+
+const SIZE: (usize, usize) = (24, 16);
+
+/// A bag with images of both cameras at these numbers, thirty a second.
+fn write_bag(
+    fixture: &Fixture,
+    name: &str,
+    lefts: impl Iterator<Item = u64>,
+    rights: impl Iterator<Item = u64>,
+) {
+    let pixels: Vec<u8> = (0..SIZE.0 * SIZE.1).map(|i| (i * i % 251) as u8).collect();
+    let image = |topic, i: u64| {
+        ros_image(
+            topic,
+            1_000_000_000 + i * 33_333_333,
+            SIZE,
+            "mono8",
+            &pixels,
+        )
+    };
+    let lefts = lefts.map(|i| image("/cam0/image_rect", i));
+    let mut messages: Vec<_> = lefts
+        .chain(rights.map(|i| image("/cam1/image_rect", i)))
+        .collect();
+    messages.sort_by_key(|message| message.log_time);
+    let folder = tempfile::tempdir().unwrap();
+    let written = bag::write(folder.path(), &messages);
+    std::fs::copy(written, fixture.path(name)).unwrap();
+}
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap()
+}
+
+const SCORE: &str = "--algo v3:max_disparity=8 --rerun none -q";
+
+#[test]
+fn cameras_that_start_and_stop_apart_lose_nothing() {
+    let fixture = Fixture::new();
+    write_bag(&fixture, "bag.mcap", 0..40, 9..52);
+    let score = fixture.json(&format!("score bag.mcap {SCORE} --json"));
+    assert_eq!(score["state"], "complete");
+    assert_eq!(score["incomplete"], Value::Null);
+    let missing = &score["missing"];
+    assert_eq!(
+        ["pairs", "outside", "unpaired"].map(|key| missing[key].as_u64()),
+        [Some(31), Some(9 + 12), Some(0)]
+    );
+    let page = fixture.text("reports/bag/index.html");
+    assert_says(&page, &["21 images outside the overlap of both cameras"]);
+    let told = "21 images outside the overlap of both cameras";
+    let ran = fixture.svl("replay bag.mcap --algo v3:max_disparity=8");
+    assert_says(&ran.stdout, &[told]);
+    assert!(!ran.stderr.contains("dropped"), "{}", ran.stderr);
+    ran.done();
+    let ran = fixture.svl("record bag.mcap -o own.mcap");
+    assert_says(&ran.stderr, &[told]);
+    ran.done();
+    let ran = fixture.svl("record bag.mcap -o quiet.mcap -q");
+    assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""));
+    // What svl recorded has no such images any more.
+    let own = fixture.json(&format!("score own.mcap {SCORE} --json"));
+    assert_eq!(own["missing"]["outside"], 0);
+}
+
+#[test]
+fn one_image_of_two_hundred_may_be_allowed() {
+    let fixture = Fixture::new();
+    write_bag(&fixture, "bag.mcap", 0..200, (0..200).filter(|i| *i != 77));
+    // One of 200 pairs that were read is 0.5 %.
+    for (allowed, code) in [
+        ("", 4),
+        ("--allow-loss 0", 4),
+        ("--allow-loss 0.4%", 4),
+        ("--allow-loss 0.5%", 0),
+        ("--allow-loss 1", 0),
+        // Of all that were read, not of those that were asked for.
+        ("--allow-loss 0.5% --every 20", 0),
+    ] {
+        let score = format!("score bag.mcap {SCORE} --json {allowed}");
+        let replay = "replay bag.mcap --algo v3:max_disparity=8 -q --json";
+        for line in [score, format!("{replay} {allowed}")] {
+            let ran = fixture.svl(&line);
+            assert_eq!(ran.code, Some(code), "{line}: {}", ran.stderr);
+            let answer = json(&ran.stdout);
+            assert_eq!(answer["missing"]["unpaired"], 1);
+            let state = if code == 0 { "complete" } else { "lossy" };
+            assert_eq!(answer["state"], state);
+            assert_eq!(answer["incomplete"].is_null(), code == 0);
+        }
+        let ran = fixture.svl(&format!("record bag.mcap -o own.mcap --force {allowed}"));
+        assert_eq!(ran.code, Some(code), "{}", ran.stderr);
+    }
+    let ran = fixture.svl("replay bag.mcap --algo v3:max_disparity=8 --allow-loss 1%");
+    assert_says(&ran.stdout, &["Not scored: 1 image had no partner"]);
+    fixture.fails(
+        "
+        score bag.mcap --allow-loss -1 => 2: --allow-loss | per cent as 1%
+        replay bag.mcap --allow-loss 101% => 2: --allow-loss | per cent as 1%
+        calibrate check bag.mcap --allow-loss 1 => 2: --allow-loss
+        calibrate board bag.mcap -o c.xml --yes --allow-loss 1 => 2: --allow-loss
+        ",
+    );
+}
+
+#[test]
+fn a_scenario_allows_losses_and_its_description_says_so() {
+    let fixture = Fixture::new();
+    write_bag(&fixture, "bag.mcap", 0..20, (0..20).filter(|i| *i != 7));
+    let scenario = |limit: &str| {
+        format!(
+            "name = \"s\"\nalgorithms = [\"v3:max_disparity=8\"]\n[source]\nkind = \
+             \"recording\"\nfiles = [\"bag.mcap\"]\nallow_loss = {limit}\n"
+        )
+    };
+    for (limit, code) in [("1", 0), ("\"5%\"", 0), ("0", 4), ("\"4.9%\"", 4)] {
+        fixture.write("s.toml", scenario(limit));
+        let ran = fixture.svl("score s.toml -q --rerun none");
+        assert_eq!(ran.code, Some(code), "{limit}: {}", ran.stderr);
+        let printed = fixture.run("score s.toml --print-scenario");
+        assert_says(&printed, &["allow_loss = "]);
+        let manifest = json(&fixture.text("reports/s/manifest.json"));
+        let kept = manifest["description"]["source"]["allow_loss"].as_str();
+        assert_eq!(kept, Some(limit.trim_matches('"')));
+    }
+    // An option replaces the key.
+    fixture.run("score s.toml -q --rerun none --allow-loss 5%");
+    fixture.write("s.toml", scenario("\"much\""));
+    fixture.fails("score s.toml => 1: s.toml | per cent as 1%");
+    // Reports of other limits are compared.
+    fixture.write("s.toml", scenario("1"));
+    fixture.run("score s.toml -q --rerun none --out other");
+    fixture.run("compare reports/s other --fail-on worse:known");
+}
+
+/// Answers pairs of 40x20 pixels with zeros, but those whose first pixel is 7 with an error.
+const SORTS_OUT: &str = r#"
+while read -r line; do
+  seq=${line#*'"seq":'}
+  seq=${seq%%[,\}]*}
+  first=$(head -c 1 | od -An -tu1)
+  head -c 1599 >/dev/null
+  if [ $first -eq 7 ]; then
+    echo "{\"seq\":$seq,\"error\":\"seven\"}"
+  else
+    echo "{\"seq\":$seq,\"millis\":1}"
+    head -c 3200 /dev/zero
+  fi
+done
+"#;
+
+/// Two folders of three pairs, of which the program fails on one.
+fn with_a_bad_pair() -> Fixture {
+    let fixture = Fixture::new();
+    fixture.write("m.sh", SORTS_OUT);
+    for (run, pair) in (0..2).flat_map(|run| (0..3).map(move |pair| (run, pair))) {
+        let first = if (run, pair) == (1, 1) { 7 } else { 9 };
+        for side in ["left", "right"] {
+            let mut pixels: Vec<u8> = (0..800).map(|i| (i * (i + pair) % 251) as u8).collect();
+            pixels[0] = first;
+            let name = format!("run{run}/{side}/{pair}.pgm");
+            fixture.write(&name, pgm(40, 20, &pixels));
+        }
+    }
+    let text = "name = \"two\"\nalgorithms = [\"m=exec:command='sh m.sh'\", \
+                \"v3:max_disparity=8\"]\n[source]\nkind = \"recording\"\nfiles = [\"run*\"]\n";
+    fixture.write("two.toml", text);
+    fixture
+}
+
+#[test]
+fn shards_that_miss_something_are_merged() {
+    let fixture = with_a_bad_pair();
+    let line = "score two.toml --rerun none -q";
+    let whole = fixture.svl(&format!("{line} --out whole --json"));
+    assert_eq!(whole.code, Some(4), "{}", whole.stderr);
+    let whole = json(&whole.stdout);
+    let failed = &whole["missing"]["algorithms"]["m"];
+    assert_eq!(
+        (&failed["pairs"], &failed["failed"]),
+        (&6.into(), &1.into())
+    );
+    let shard = |i: u8, more: &str| {
+        let ran = fixture.svl(&format!("{line} --shard {i}/2 --out p{i} {more}"));
+        assert!(ran.code.is_some(), "{}", ran.stderr);
+        ran.code
+    };
+    assert_eq!((shard(1, ""), shard(2, "")), (Some(0), Some(4)));
+    let merged = fixture.svl("merge p1 p2 --out all -q --json");
+    assert_eq!(merged.code, Some(4), "{}", merged.stderr);
+    assert_says(&merged.stderr, &["algorithms failed on 1 pair"]);
+    let merged = json(&merged.stdout);
+    for key in ["missing", "state", "incomplete", "pairs_hash"] {
+        assert_eq!(merged[key], whole[key], "{key}");
+    }
+    assert_eq!(merged["state"], "lossy");
+    assert_says(
+        &fixture.text("all/summary.md"),
+        &["algorithms failed on 1 pair"],
+    );
+    // One of six is 17 %.
+    let allowed = |limit: &str| {
+        let ran = fixture.svl(&format!("merge p1 p2 --out all -q --allow-loss {limit}"));
+        (
+            ran.code,
+            json(&fixture.text("all/summary.json"))["state"].clone(),
+        )
+    };
+    assert_eq!(allowed("17%"), (Some(0), "complete".into()));
+    assert_eq!(allowed("16%"), (Some(4), "lossy".into()));
+    assert_eq!(allowed("1"), (Some(0), "complete".into()));
+    // A part may allow another share than the whole: it is no other run.
+    assert_eq!(shard(2, "--allow-loss 50% --resume"), Some(0));
+    assert_eq!(shard(1, "--allow-loss 17%"), Some(0));
+    fixture.run("merge p1 p2 --out all -q");
+    // One that ended early is refused, whatever the words are.
+    let early = json(&fixture.text("p2/summary.json"));
+    for state in ["interrupted", "failed"] {
+        let mut early = early.clone();
+        early["state"] = state.into();
+        fixture.write("p2/summary.json", early.to_string());
+        fixture.fails("merge p1 p2 --out all => 1: p2: is incomplete | --resume");
+    }
+}
+
+#[test]
+fn a_workflow_whose_shard_misses_a_pair_ends_with_the_report() {
+    let fixture = with_a_bad_pair();
+    let config = ["scenario=two.toml", "shards=2", "out=s"];
+    let Some(ran) = snakemake(&fixture, &[&config[..], &["args=--rerun none"]].concat()) else {
+        return;
+    };
+    assert!(!ran.status.success());
+    assert_says(
+        &String::from_utf8_lossy(&ran.stderr),
+        &["s/all: algorithms failed on 1 pair"],
+    );
+    let state = || json(&fixture.text("s/all/summary.json"))["state"].clone();
+    assert_eq!(state(), "lossy");
+    // Nothing is done again but the judgement of what is there.
+    let began = || json(&fixture.text("s/all/manifest.json"))["run_id"].clone();
+    let before = began();
+    let args = "args=--rerun none --allow-loss 20%";
+    let again = || snakemake(&fixture, &[&config[..], &[args]].concat()).unwrap();
+    again();
+    assert_eq!(began(), before);
+    for file in ["part1", "part2", "all"] {
+        std::fs::remove_file(fixture.path(&format!("s/{file}/summary.json"))).unwrap();
+    }
+    let ran = again();
+    assert!(
+        ran.status.success(),
+        "{}",
+        String::from_utf8_lossy(&ran.stderr)
+    );
+    assert_eq!(state(), "complete");
+}
+
+#[test]
+fn what_is_missing_is_a_test_of_junits_xml() {
+    let fixture = with_a_bad_pair();
+    let text = fixture.text("two.toml");
+    let gated = |min: &str| {
+        let limit = "[[gate]]\nalgorithm = \"v3:max_disparity=8\"\nmetric = \"coverage\"\n";
+        fixture.write("two.toml", format!("{text}{limit}min = {min}\n"))
+    };
+    gated("0.0");
+    let line = "score two.toml --rerun none -q --gate --junit j.xml";
+    assert_eq!(fixture.svl(line).code, Some(4));
+    assert_says(&fixture.text("j.xml"), &["tests=\"2\" failures=\"1\""]);
+    fixture.run(&format!("{line} --allow-loss 20%"));
+    assert_says(&fixture.text("j.xml"), &["tests=\"2\" failures=\"0\""]);
+    // A broken limit weighs more than what is missing.
+    gated("1.0");
+    assert_eq!(fixture.svl(line).code, Some(3));
+    assert_says(&fixture.text("j.xml"), &["tests=\"2\" failures=\"2\""]);
+}
