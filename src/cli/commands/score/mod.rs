@@ -472,7 +472,7 @@ struct ScoreAnswer<'a> {
 fn losses_case(summary: &Summary) -> TestCase {
     let why = summary.ending.incomplete.clone();
     TestCase {
-        name: "no more is lost than --allow-loss allows".to_owned(),
+        name: "losses".to_owned(),
         result: why.map_or(TestResult::Passed, TestResult::Failed),
     }
 }

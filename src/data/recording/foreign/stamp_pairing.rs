@@ -367,7 +367,10 @@ mod tests {
             }
             partners.end();
             found += std::iter::from_fn(|| partners.pop()).count();
-            assert_eq!((found, partners.unpaired()), (666, 334));
+            assert_eq!(
+                (found, partners.unpaired(), partners.outside()),
+                (666, 332, 2)
+            );
             assert!(most < 20 + 40 * usize::from(jitter > 0), "{most}");
         }
     }
