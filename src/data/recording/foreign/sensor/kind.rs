@@ -14,6 +14,16 @@ pub(super) enum Measured {
     Points(Vec<Point3<f64>>),
 }
 
+impl Measured {
+    /// Memory that it takes.
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::Depth(depth) => size_of::<f32>() * depth.width() * depth.height(),
+            Self::Points(points) => size_of::<Point3<f64>>() * points.len(),
+        }
+    }
+}
+
 /// Reads a message of a channel.
 type Read<T> = fn(&Channel, &[u8]) -> Result<T, String>;
 
@@ -134,7 +144,10 @@ impl MeasuredKind {
 }
 
 /// The stamp of a message, if any, and the name of its frame.
-pub(super) fn head(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, String), String> {
+pub(in crate::recording::foreign) fn head(
+    channel: &Channel,
+    data: &[u8],
+) -> Result<(Option<u64>, String), String> {
     macro_rules! foxglove {
         ($kind:ident) => {{
             let message: messages::$kind = decode_protobuf(data)?;
