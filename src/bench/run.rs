@@ -348,7 +348,7 @@ fn in_turn(
     while let Some(frame) = source.next()? {
         let matched = matching.matched(&frame)?;
         let judged = judged(matching.judge, frame, matched);
-        push(sinks, &judged)?;
+        push(matching.judge, sinks, &judged)?;
         *taken += 1;
         if source.listens() {
             source.hear(&judged);
@@ -389,7 +389,7 @@ fn side_by_side(
         let push_all = move || {
             for (frame, matched) in received {
                 let judged = judged(judge, frame, matched);
-                push(sinks, &judged)?;
+                push(judge, sinks, &judged)?;
                 *taken += 1;
                 // At the end the receiver is gone.
                 let _ = give_back.send(spent(judged));
@@ -469,7 +469,7 @@ fn in_batches(
             let push_all = || -> Result<Vec<Spent>> {
                 let mut back = Vec::new();
                 for judged in received {
-                    push(sinks, &judged)?;
+                    push(judge, sinks, &judged)?;
                     *taken += 1;
                     back.push(spent(judged));
                 }
@@ -597,7 +597,8 @@ fn judged(judge: &Judge, frame: Frame, matched: Vec<Matched>) -> Judged {
     judged
 }
 
-fn push(sinks: &mut [Box<dyn Sink>], judged: &Judged) -> Result<()> {
+fn push(judge: &Judge, sinks: &mut [Box<dyn Sink>], judged: &Judged) -> Result<()> {
+    judge.check_pair(judged)?;
     sinks.iter_mut().try_for_each(|sink| sink.take(judged))
 }
 
