@@ -247,7 +247,7 @@ impl PairSource for Foreign {
     fn stamps(&self) -> PairStamps {
         PairStamps::Nearest {
             topics: self.images.clone(),
-            pairing: StampPairing::new(self.max_skew_ns),
+            pairing: Box::new(StampPairing::new(self.max_skew_ns)),
             next: 0,
         }
     }

@@ -1,6 +1,5 @@
 //! The stamps of a recording's pairs, without their images.
 
-use super::sensor::head;
 use super::stamp_pairing::StampPairing;
 use crate::recording::TopicKind;
 use crate::recording::container::unpack_message;
@@ -15,18 +14,20 @@ pub(in crate::recording) enum PairStamps {
     /// By the stamps of two topics, as [`super::Foreign`] pairs their images.
     Nearest {
         topics: [String; 2],
-        pairing: StampPairing<()>,
+        pairing: Box<StampPairing<()>>,
         next: u64,
     },
 }
 
 impl PairStamps {
-    /// Adds stamps and sequences of the pairs that a message completes.
+    /// Adds stamps and sequences of the pairs that a message completes. `head` reads the stamp of
+    /// an image.
     pub(super) fn take_in(
         &mut self,
         channel: &Channel,
         log_time: u64,
         data: &[u8],
+        head: fn(&Channel, &[u8]) -> Result<(Option<u64>, String), String>,
         pairs: &mut Vec<(u64, u64)>,
     ) {
         match self {

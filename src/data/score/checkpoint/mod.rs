@@ -259,8 +259,8 @@ impl Checkpoint {
         let (frame, labelled) = (pair.frame, &pair.hash);
         self.wrong(format!(
             "frame {frame} is not the pair that was labelled, by their hashes {found} and \
-             {labelled}: score the recording of then, read with the same options, label it anew, or \
-             remove `pair`"
+             {labelled}: score the recording of then, read with the same options, label it anew, \
+             or remove `pair`"
         ))
     }
 

@@ -144,10 +144,7 @@ impl MeasuredKind {
 }
 
 /// The stamp of a message, if any, and the name of its frame.
-pub(in crate::recording::foreign) fn head(
-    channel: &Channel,
-    data: &[u8],
-) -> Result<(Option<u64>, String), String> {
+pub(super) fn head(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, String), String> {
     macro_rules! foxglove {
         ($kind:ident) => {{
             let message: messages::$kind = decode_protobuf(data)?;

@@ -96,7 +96,7 @@ impl Measurements {
                 else {
                     continue;
                 };
-                of_pairs.take_in(channel, log_time, &data, &mut pairs);
+                of_pairs.take_in(channel, log_time, &data, kind::head, &mut pairs);
                 if channel.topic == topic {
                     let head = kind::head(channel, &data);
                     stamps.extend(head.map(|(stamp, _)| (stamp.unwrap_or(log_time), next)));
@@ -174,8 +174,8 @@ impl Measurements {
         if by_order > 0 {
             let (path, topic) = (self.recording.path().display(), &self.topic);
             tracing::warn!(
-                "{path}: --truth {topic}: {by_order} pairs share their stamps, as many measurements \
-                 do: taken in the order of the file"
+                "{path}: --truth {topic}: {by_order} pairs share their stamps, as many \
+                 measurements do: taken in the order of the file"
             );
         }
         Ok(())

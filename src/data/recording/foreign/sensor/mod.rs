@@ -10,7 +10,6 @@ mod view;
 use super::{PairStamps, topics};
 use crate::recording::messages::{Channel, EventReader, FileEvent};
 use crate::recording::{Recording, truth};
-pub(super) use kind::head;
 use measurements::Measurements;
 use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity, TruthKind, TruthOrigin};
 use svl_core::{Error, Result};
