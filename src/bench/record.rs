@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 use svl_core::{Error, Result};
 use svl_data::manifest::Manifest;
-use svl_data::recording::RecordingFormat;
+use svl_data::recording::{Header, Recording, RecordingFormat};
 use svl_data::scenario::Scenario;
 use svl_data::score::Judge;
 
@@ -75,7 +75,8 @@ const ABANDONED: Duration = Duration::from_secs(60);
 /// complete.
 ///
 /// # Errors
-/// Those of [`open_arena`] and [`record`]; [`Error::Invalid`] when the monitor ends the run.
+/// Those of [`open_arena`] and [`record`]; [`Error::Format`] where the file with that name is
+/// another recording; [`Error::Invalid`] when the monitor ends the run.
 pub fn cached_run(
     folder: &Path,
     scenario: &Scenario,
@@ -87,6 +88,9 @@ pub fn cached_run(
     let key: String = hash.chars().take(12).collect();
     let path = folder.join(format!("{}-{key}.mcap", opened.stem));
     remove_abandoned(folder);
+    if path.exists() {
+        check_header(&path, &opened.header)?;
+    }
     match is_complete(&path, opened.source.pairs()) {
         Ok(true) => return Ok(path),
         Ok(false) if !path.exists() => {}
@@ -108,6 +112,29 @@ pub fn cached_run(
         let _ = std::fs::remove_file(&partial);
     }
     complete.map(|()| path)
+}
+
+/// Refuses a file that is not the recording after which it is named: it is neither scored nor
+/// replaced.
+fn check_header(path: &Path, expected: &Header) -> Result<()> {
+    let cure = "move or remove it, and it is recorded again";
+    let found = Recording::open(path).and_then(|recording| recording.header());
+    let found = found.map_err(|error| Error::Invalid(format!("{error}; {cure}")))?;
+    let seed = |header: &Header| {
+        header
+            .seed
+            .map_or("no seed".into(), |seed| format!("seed {seed}"))
+    };
+    let scenario = expected.scenario.as_deref().unwrap_or_default();
+    let is_of = match found.changes {
+        Some(changes) => format!("changed pairs ({changes})"),
+        None if found.seed != expected.seed => seed(&found),
+        None if found.hash != expected.hash => "other parameters".to_owned(),
+        None => return Ok(()),
+    };
+    let wanted = seed(expected);
+    let reason = format!("is of {is_of}, not of '{scenario}' with {wanted}; {cure}");
+    Err(Error::format(path, reason))
 }
 
 /// Whether a recording has its summary, and all pairs by it. Damage before that is met in reading.

@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use svl_core::Result;
 use svl_core::stereo::Frame;
-use svl_data::score::Judged;
+use svl_data::score::{Judge, Judged};
 
 /// Everything in the calling thread, frame by frame.
 pub(super) fn in_turn(
@@ -22,7 +22,7 @@ pub(super) fn in_turn(
     while let Some(frame) = source.next()? {
         let matched = matching.matched(&frame)?;
         let judged = judged(matching.judge, frame, matched);
-        push(sinks, &judged)?;
+        push(matching.judge, sinks, &judged)?;
         *taken += 1;
         if source.listens() {
             source.hear(&judged);
@@ -63,7 +63,7 @@ pub(super) fn side_by_side(
         let push_all = move || {
             for (frame, matched) in received {
                 let judged = judged(judge, frame, matched);
-                push(sinks, &judged)?;
+                push(judge, sinks, &judged)?;
                 *taken += 1;
                 // At the end the receiver is gone.
                 let _ = give_back.send(spent(judged));
@@ -143,7 +143,7 @@ pub(super) fn in_batches(
             let push_all = || -> Result<Vec<Spent>> {
                 let mut back = Vec::new();
                 for judged in received {
-                    push(sinks, &judged)?;
+                    push(judge, sinks, &judged)?;
                     *taken += 1;
                     back.push(spent(judged));
                 }
@@ -221,7 +221,8 @@ fn in_own_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     idle().push(pool);
     done
 }
-fn push(sinks: &mut [Box<dyn Sink>], judged: &Judged) -> Result<()> {
+fn push(judge: &Judge, sinks: &mut [Box<dyn Sink>], judged: &Judged) -> Result<()> {
+    judge.check_pair(judged)?;
     sinks.iter_mut().try_for_each(|sink| sink.take(judged))
 }
 

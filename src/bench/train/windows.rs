@@ -67,13 +67,16 @@ pub fn windows(
             let group = names.len();
             let of_frame = {
                 let (mut spectrum, empty) = (Spectrum::new(features.window), samples.empty());
-                let labels = labels.as_ref().map(|(_, labels)| labels.clone());
+                let labels = labels.clone();
                 CollectSink::new(move |judged| {
+                    let (mut samples, frame) = (empty.clone(), &judged.frame);
                     let labels = match &labels {
-                        Some(labels) => WindowLabels::Given(labels),
+                        Some((path, labels)) => {
+                            labels.check(path, frame.sequence, || judged.pair_hash())?;
+                            WindowLabels::Given(labels)
+                        }
                         None => WindowLabels::Truth { range_px },
                     };
-                    let (mut samples, frame) = (empty.clone(), &judged.frame);
                     let added = samples.add(&mut spectrum, frame, group, &labels);
                     added.map(|()| (frame.sequence, samples))
                 })

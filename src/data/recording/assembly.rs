@@ -1,6 +1,7 @@
 //! Assembles the frames of svl's own recordings from their messages, by the stamps in
 //! `/stereo/sync`.
 
+use super::foreign::PairStamps;
 use super::geometry;
 use super::messages::Channel;
 use super::sync::{PairGeometry, StereoSync};
@@ -178,6 +179,10 @@ impl PairSource for PairAssembler {
 
     fn left_topic(&self) -> &str {
         TopicKind::Image(Side::Left).topic()
+    }
+
+    fn stamps(&self) -> PairStamps {
+        PairStamps::Synced
     }
 
     fn why_none(&self) -> String {

@@ -212,6 +212,9 @@ trait PairSource: Send {
     /// Topic of the left images.
     fn left_topic(&self) -> &str;
 
+    /// How the stamps of the messages make pairs.
+    fn stamps(&self) -> foreign::PairStamps;
+
     /// How many bits the 16-bit images use.
     fn depth(&self) -> BitDepth {
         BitDepth::FULL

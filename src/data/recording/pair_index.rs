@@ -22,7 +22,7 @@ pub(super) struct PairPlace {
 }
 
 impl PairIndex {
-    /// Nothing where the file has no intact index of all its pairs.
+    /// Nothing where the file has no intact index of all its pairs, or pairs share a stamp.
     ///
     /// # Errors
     /// [`svl_core::Error::Io`].
@@ -52,7 +52,9 @@ impl PairIndex {
                 }));
             }
         }
-        let is_whole = contents.declared.count(topic) == Some(pairs.len() as u64);
+        let is_whole = contents.declared.count(topic) == Some(pairs.len() as u64)
+            // A stamp of several pairs does not say which one is meant.
+            && pairs.is_sorted_by(|a, b| a.stamp_ns < b.stamp_ns);
         let declared = contents.declared;
         Ok(is_whole.then_some(Self { declared, pairs }))
     }

@@ -148,7 +148,8 @@ impl Reader {
     /// # Errors
     /// Those of [`TruthTopic::open`].
     pub fn truth(&self, selection: &TruthSelection) -> Result<TruthTopic> {
-        TruthTopic::open(&self.recording, self.source.left_topic(), selection)
+        let (left, pairs) = (self.source.left_topic(), self.source.stamps());
+        TruthTopic::open(&self.recording, left, pairs, selection)
     }
 
     /// How many bits the 16-bit images use of a recording that svl did not write.
@@ -169,7 +170,7 @@ impl Reader {
 
     /// Makes [`Reader::next_pair`] give the pair at `index`, counted from 0. False, and nothing is
     /// changed, where the recording has no index of its pairs: svl did not write it, or not to its
-    /// end.
+    /// end, or its pairs share stamps.
     ///
     /// # Errors
     /// [`Error::Format`] where the pair is not where the index says: the file has to be opened

@@ -162,6 +162,16 @@ impl Judge {
         }
     }
 
+    /// Refuses the frame of a checkpoint that a person labelled on another pair.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Invalid`] with the checkpoint and the cure.
+    pub fn check_pair(&self, judged: &Judged) -> svl_core::Result<()> {
+        self.checkpoints.iter().try_for_each(|checkpoint| {
+            checkpoint.check_pair(&judged.frame, &self.run, || judged.pair_hash())
+        })
+    }
+
     fn rule(&self, frame: &Frame) -> CellRule {
         self.cells.for_rig(frame.rig().is_some())
     }

@@ -15,7 +15,7 @@ mod surfaces;
 pub use cells::{CellJudgement, CellTally, Verdict, is_right, judge_cells, true_grid};
 pub use checkpoint::{
     CellExpectation, CellFinding, Checkpoint, CheckpointFrame, CheckpointPlace, CheckpointTally,
-    ExpectedCell, RunPart,
+    ExpectedCell, LabelledPair, RunPart,
 };
 pub use disparity::DisparityScore;
 pub use filtered::FilterTally;

@@ -192,6 +192,19 @@ fn a_scenario_trains_its_filter_first_and_keeps_it() {
         .failed(1, &["x.safetensors"]);
 }
 
+/// A table of labels without its last column, which has a hash in every line.
+fn labels_of(fixture: &Fixture, table: &str) -> String {
+    let text = fixture.text(table);
+    let mut lines = text.lines().map(|line| line.rsplit_once(',').unwrap());
+    let (head, last) = lines.next().unwrap();
+    assert_eq!(last, "pair_hash");
+    let rows = lines.map(|(row, hash)| {
+        assert_eq!(hash.len(), 32, "{row},{hash}");
+        format!("{row}\n")
+    });
+    format!("{head}\n{}", rows.collect::<String>())
+}
+
 #[test]
 fn a_person_labels_windows_and_frames() {
     let fixture = Fixture::new();
@@ -210,17 +223,18 @@ fn a_person_labels_windows_and_frames() {
         ],
     );
     let table = "sequence,window,label\n0,0x0,other\n0,1x0,other\n0,3x0,floor\n0,4x1,floor\n";
-    assert_eq!(fixture.text("run.floor.csv"), table);
+    assert_eq!(labels_of(&fixture, "run.floor.csv"), table);
     // It goes on where it ended; Ctrl-C keeps what is there.
     let stopped = label("windows --filter floor", "screen a backspace u b ctrl-c");
     assert_says(&stopped.stdout, &["going on at frame 0 with 4 labels"]);
     stopped.failed(1, &["what was labelled is kept"]);
-    assert_eq!(fixture.text("run.floor.csv"), table);
+    assert_eq!(labels_of(&fixture, "run.floor.csv"), table);
 
     label("frames --filter too-close", "b b a s a u q").done();
     let table = "sequence,window,label\n0,,clear\n1,,clear\n2,,too-close\n";
-    assert_eq!(fixture.text("run.too-close.csv"), table);
-    fixture.write("run.too-close.csv", table.to_owned() + "9,,clear\n");
+    assert_eq!(labels_of(&fixture, "run.too-close.csv"), table);
+    let table = fixture.text("run.too-close.csv");
+    fixture.write("run.too-close.csv", table + "9,,clear,0\n");
     fixture.fails(
         "-q train filter run.mcap --filter too-close -o t.safetensors => 1: run.too-close.csv | \
          frame 9",
@@ -244,7 +258,46 @@ fn labels_are_given_in_a_terminal() {
     let screen = String::from_utf8_lossy(&screen);
     assert_says(&screen, &["Backspace", "run.floor.csv: 1 floor, 2 other"]);
     let table = "sequence,window,label\n0,0x0,floor\n0,1x0,other\n1,2x0,other\n";
-    assert_eq!(fixture.text("run.floor.csv"), table);
+    assert_eq!(labels_of(&fixture, "run.floor.csv"), table);
+}
+
+#[test]
+fn labels_are_of_the_recording_that_was_labelled() {
+    let fixture = Fixture::new();
+    fixture.run("record --frames 4 -o run.mcap");
+    fixture.write("keys", "b a b q");
+    let label = "label frames run.mcap --filter floor --script keys";
+    fixture.run(label);
+    let table = fixture.text("run.floor.csv");
+    // As the tables of a report name pairs.
+    fixture.run("-q replay run.mcap --algo v3 --rows rows.csv");
+    let rows = fixture.text("rows.csv");
+    let hash = table.lines().nth(2).unwrap().rsplit(',').next().unwrap();
+    assert_eq!(rows.lines().filter(|row| row.contains(hash)).count(), 1);
+
+    let train = "-q train filter run.mcap --filter floor -o f.safetensors";
+    let refused = "run.floor.csv: labels another frame | than run.mcap has | label anew";
+    fixture.run("record --frames 4 --seed 2 -o run.mcap --force");
+    fixture.fails(&format!("{train} => 1: {refused}\n{label} => 1: {refused}"));
+    assert_eq!(fixture.text("run.floor.csv"), table, "nothing is written");
+    // The recording of then, read otherwise: other windows.
+    fixture.run("record --frames 4 -o run.mcap --force");
+    fixture.fails(&format!(
+        "{train} --scale 0.5 => 1: {refused}
+        {train} => 1: 1 recording | three or more"
+    ));
+
+    let contradictory = table.clone() + "1,,other,\n";
+    fixture.write("run.floor.csv", contradictory);
+    let both = "run.floor.csv: line 5: frame 1 is 'other', and not in line 3";
+    fixture.fails(&format!("{train} => 1: {both}\n{label} => 1: {both}"));
+    // A table of earlier svl says nothing of its recording.
+    fixture.write("run.floor.csv", "sequence,window,label\n0,,floor\n");
+    let warned = fixture.svl(train.trim_start_matches("-q "));
+    assert_says(
+        &warned.stderr,
+        &["run.floor.csv: has no pair_hash for frame 0"],
+    );
 }
 
 #[test]
@@ -288,10 +341,10 @@ fn what_cannot_be_trained_or_run_is_refused_in_one_line() {
             fixture.path(&format!("{run}.mcap")),
         )
         .unwrap();
-        fixture.write(
-            &format!("{run}.floor.csv"),
-            "sequence,window,label\n0,,floor\n",
-        );
+        fixture.write("keys", "a q");
+        fixture.run(&format!(
+            "label frames {run}.mcap --filter floor --script keys"
+        ));
     }
     fixture.write("mine.safetensors", "mine");
     let cut = &FLOOR.0[..FLOOR.0.len() - 100];

@@ -55,12 +55,40 @@ fn what_is_labelled_is_scored() {
     label(&fixture, "run.mcap", keys).done();
     let extended = fixture.text("run.toml");
     let added = extended.strip_prefix(edited.as_str()).unwrap();
-    let expected = "\n\n[[checkpoint]]\nnumber = 2\nname = \"wall\"\ndescription = \"\"\nframes = \
-                    [3, 3]\n\n[[checkpoint.cell]]\nat = [0, 0]\ndistance_m = 1.5\ntolerance_m = \
-                    0.2\n";
+    let pair = scored_pair(&fixture, 3);
+    let expected = format!(
+        "\n\n[[checkpoint]]\nnumber = 2\nname = \"wall\"\ndescription = \"\"\nframes = [3, \
+         3]\npair = {{ frame = 3, hash = \"{pair}\" }}\n\n[[checkpoint.cell]]\nat = [0, \
+         0]\ndistance_m = 1.5\ntolerance_m = 0.2\n"
+    );
     assert_eq!(added, expected);
     fixture.run("score run.toml --out report -q");
     assert_says(&fixture.text("report/checkpoints.csv"), &["2,wall,v3"]);
+    // What makes pairs worse does not change what is seen in them.
+    fixture.run("score run.toml --out report -q --stress noise");
+
+    fixture.run("record --frames 12 --seed 2 -o run.mcap --force");
+    let words = [
+        "checkpoint 2 (wall): frame 3 is not the pair that was labelled",
+        &pair,
+        "label it anew",
+    ];
+    fixture
+        .svl("score run.toml --out other -q")
+        .failed(1, &words);
+}
+
+/// The hash of a pair in the report's rows.
+fn scored_pair(fixture: &Fixture, sequence: u64) -> String {
+    let rows = fixture.text("report/rows.csv");
+    let column = |name| {
+        let head = rows.lines().next().unwrap();
+        head.split(',').position(|column| column == name).unwrap()
+    };
+    let (sequences, hashes) = (column("sequence"), column("pair_hash"));
+    let mut rows = rows.lines().map(|row| row.split(',').collect::<Vec<_>>());
+    let row = rows.find(|row| row[sequences] == sequence.to_string());
+    row.unwrap()[hashes].to_owned()
 }
 
 #[test]
@@ -83,6 +111,12 @@ fn an_interrupted_session_goes_on() {
     fixture.run("record --frames 2 -o other.mcap");
     let words = "own.toml.draft: holds labels of run.mcap; finish it, or remove the file";
     label(&fixture, "other.mcap -o own.toml", "q").failed(1, &[words]);
+    // Another recording of that name.
+    std::fs::rename(fixture.path("run.mcap"), fixture.path("kept.mcap")).unwrap();
+    fixture.run("record --frames 12 --seed 2 -o run.mcap");
+    let words = "own.toml.draft: holds labels of another frame 3 than run.mcap has";
+    label(&fixture, args, "q d").failed(1, &[words]);
+    std::fs::rename(fixture.path("kept.mcap"), fixture.path("run.mcap")).unwrap();
     assert_eq!(label(&fixture, args, "q d").done(), "");
     assert!(!fixture.path("own.toml.draft").exists() && !fixture.path("own.toml").exists());
 }

@@ -14,5 +14,6 @@ mod round_trip;
 mod seek;
 mod sensor;
 mod sensor_truth;
+mod stamps;
 mod summary;
 mod unchecked;

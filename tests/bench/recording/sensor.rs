@@ -10,17 +10,17 @@ use svl::scenario::SourceOptions;
 use svl::source::{Opened, Request, open_recording};
 use svl::stereo::{Frame, Truth, TruthDensity, TruthKind, TruthOrigin};
 
-const SIZE: (usize, usize) = (24, 16);
-const START_NS: u64 = 1_700_000_000_000_000_000;
+pub(super) const SIZE: (usize, usize) = (24, 16);
+pub(super) const START_NS: u64 = 1_700_000_000_000_000_000;
 /// Focal length times baseline of [`pairs`], pixels times metres.
-const FB: f64 = 14.432;
+pub(super) const FB: f64 = 14.432;
 
 fn stamp(i: u64) -> u64 {
     START_NS + i * PERIOD_NS
 }
 
 /// Two rectified pairs in frame `cam`, with a rig.
-fn pairs() -> Vec<Message> {
+pub(super) fn pairs() -> Vec<Message> {
     let pair = |i| {
         let [left, right] = [2 * i, 2 * i + 1].map(|seed| image(SIZE, seed).pixels().collect());
         let pixels: [Vec<u8>; 2] = [left, right];
@@ -34,7 +34,11 @@ fn pairs() -> Vec<Message> {
     (0..2).flat_map(pair).collect()
 }
 
-fn depth32(i: u64, size: (usize, usize), depth: impl Fn(usize, usize) -> f32) -> Message {
+pub(super) fn depth32(
+    i: u64,
+    size: (usize, usize),
+    depth: impl Fn(usize, usize) -> f32,
+) -> Message {
     let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
     let bytes: Vec<u8> = pixels
         .flat_map(|(x, y)| depth(x, y).to_le_bytes())
@@ -115,7 +119,7 @@ fn of(messages: impl IntoIterator<Item = Message>) -> (tempfile::TempDir, PathBu
     (folder, path)
 }
 
-fn open(path: &Path, topic: &str) -> svl::Result<Opened> {
+pub(super) fn open(path: &Path, topic: &str) -> svl::Result<Opened> {
     open_recording(&Request {
         options: SourceOptions {
             truth: Some(topic.to_owned()),
@@ -126,7 +130,10 @@ fn open(path: &Path, topic: &str) -> svl::Result<Opened> {
 }
 
 /// The truths of the two pairs, and how many lack one.
-fn truths(messages: impl IntoIterator<Item = Message>, topic: &str) -> (Vec<Option<Truth>>, u64) {
+pub(super) fn truths(
+    messages: impl IntoIterator<Item = Message>,
+    topic: &str,
+) -> (Vec<Option<Truth>>, u64) {
     let (_folder, path) = of(pairs().into_iter().chain(messages));
     let mut source = open(&path, topic).unwrap().source;
     let frames: Vec<Frame> = std::iter::from_fn(|| source.next().unwrap()).collect();
@@ -139,7 +146,7 @@ fn truths(messages: impl IntoIterator<Item = Message>, topic: &str) -> (Vec<Opti
 
 /// The error of opening the source or reading its pairs, in one line.
 #[track_caller]
-fn refused(messages: impl IntoIterator<Item = Message>, topic: &str, words: &[&str]) {
+pub(super) fn refused(messages: impl IntoIterator<Item = Message>, topic: &str, words: &[&str]) {
     let (_folder, path) = of(messages);
     let read = open(&path, topic).and_then(|mut opened| {
         while opened.source.next()?.is_some() {}

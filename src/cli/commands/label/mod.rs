@@ -39,7 +39,8 @@ Examples:
 
 Keys: a it shows it, b it does not, s skip, Backspace back, u undo, q quit;
 ? shows all. The table beside the recording is written at every key: the same
-command goes on where it ended. It can be edited by hand.";
+command goes on where it ended. It can be edited by hand. Its pair_hash says
+which pairs were labelled: another recording of that name is refused.";
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.what {

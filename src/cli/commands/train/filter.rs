@@ -191,10 +191,15 @@ fn labelled(args: &Args, terminal: &Terminal) -> anyhow::Result<Vec<LabelledRuns
         }
         let files = [path.display().to_string()];
         scenarios.push(Scenario::of_recordings(&files, Vec::new())?);
-        labels.push(Some((
-            path.clone(),
-            FrameLabels::read(&table, args.filter)?,
-        )));
+        let of_table = FrameLabels::read(&table, args.filter)?;
+        if let Some(sequence) = of_table.untied() {
+            let (table, path) = (table.display(), path.display());
+            tracing::warn!(
+                "{table}: has no pair_hash for frame {sequence}: taken as labels of {path}, \
+                 unchecked; `svl label` writes it with every label"
+            );
+        }
+        labels.push(Some((path.clone(), of_table)));
     }
     let named = args.labelled[0].display().to_string();
     runs::change(&mut scenarios, &args.source, &named)?;

@@ -1,11 +1,12 @@
 //! Labels of frames and windows: a small table beside the recording that a person can read.
 //!
 //! ```text
-//! sequence,window,label
-//! 0,,floor
-//! 1,3x2,other
+//! sequence,window,label,pair_hash
+//! 0,,floor,0d3b6d2f3f9f54c20ab1e6cd50a4bb1e
+//! 1,3x2,other,99aa06d3014798d86001c324468d497f
 //! ```
 //!
+//! The hash is that of the frame's pair, as in the tables of a report: labels are of these pixels.
 //! A window of the floor is named as its cell of the 5 x 3 grid, COLUMNxROW from 0; of *too close*
 //! it is 0x0 or 1x0. Without a window the label is of all windows of the frame.
 
@@ -21,19 +22,22 @@ pub struct FrameLabels {
     pub kind: FilterKind,
     /// By frame and window; that of no window is of all.
     labels: BTreeMap<(u64, Option<usize>), bool>,
+    /// Hashes of the pairs of the frames, where they are known.
+    pairs: BTreeMap<u64, u128>,
 }
 
 /// Largest table that is read, bytes.
 const MAX_BYTES: u64 = 64 << 20;
 
 /// Columns of the table.
-const HEAD: [&str; 3] = ["sequence", "window", "label"];
+const HEAD: [&str; 4] = ["sequence", "window", "label", "pair_hash"];
 
 impl FrameLabels {
     pub fn new(kind: FilterKind) -> Self {
         Self {
             kind,
             labels: BTreeMap::new(),
+            pairs: BTreeMap::new(),
         }
     }
 
@@ -71,13 +75,16 @@ impl FrameLabels {
     pub fn read(path: &Path, kind: FilterKind) -> Result<Self> {
         let text = crate::files::read_text(path, MAX_BYTES)?;
         let mut labels = Self::new(kind);
+        // Lines of the labels, and of the hashes.
+        let (mut lines, mut pair_lines) = (BTreeMap::new(), BTreeMap::new());
         let mut rows = csv::ReaderBuilder::new();
         let mut rows = rows.trim(csv::Trim::All).from_reader(text.as_bytes());
         let wrong = |line: u64, what: String| Error::format(path, format!("line {line}: {what}"));
         let head = rows
             .headers()
             .map_err(|e| Error::format(path, e.to_string()))?;
-        if head.iter().ne(HEAD) {
+        // Of earlier svl, without hashes.
+        if head.iter().ne(HEAD) && head.iter().ne(HEAD[..3].iter().copied()) {
             let expected = HEAD.join(",");
             return Err(Error::format(
                 path,
@@ -87,7 +94,8 @@ impl FrameLabels {
         for row in rows.records() {
             let row = row.map_err(|e| Error::format(path, e.to_string()))?;
             let line = row.position().map_or(0, csv::Position::line);
-            let [sequence, window, label] = [0, 1, 2].map(|i| row.get(i).unwrap_or_default());
+            let [sequence, window, label, pair_hash] =
+                [0, 1, 2, 3].map(|i| row.get(i).unwrap_or_default());
             let sequence = sequence.parse();
             let sequence =
                 sequence.map_err(|_| wrong(line, "its sequence is no number of a frame".into()))?;
@@ -117,7 +125,35 @@ impl FrameLabels {
                     ));
                 }
             };
+            let before = lines.insert((sequence, window), line);
+            if let Some(before) = before.filter(|_| labels.get(sequence, window) != Some(is)) {
+                let window = window.map(|window| Self::window_name(kind, window));
+                let of = window.map_or(String::new(), |window| format!(", window {window}"));
+                return Err(wrong(
+                    line,
+                    format!(
+                        "frame {sequence}{of} is '{label}', and not in line {before}; keep one"
+                    ),
+                ));
+            }
             labels.set(sequence, window, Some(is));
+            if pair_hash.is_empty() {
+                continue;
+            }
+            let Ok(pair_hash) = u128::from_str_radix(pair_hash, 16) else {
+                return Err(wrong(line, format!("'{pair_hash}' is no pair_hash")));
+            };
+            let before = pair_lines.insert(sequence, line);
+            if let Some(before) = before.filter(|_| labels.pairs[&sequence] != pair_hash) {
+                return Err(wrong(
+                    line,
+                    format!(
+                        "frame {sequence} has another pair_hash in line {before}; keep the labels \
+                         of one recording"
+                    ),
+                ));
+            }
+            labels.tie(sequence, pair_hash);
         }
         Ok(labels)
     }
@@ -128,7 +164,9 @@ impl FrameLabels {
         for ((sequence, window), is) in &self.labels {
             let window = window.map(|window| Self::window_name(self.kind, window));
             let label = self.category(*is);
-            text += &format!("{sequence},{},{label}\n", window.unwrap_or_default());
+            let pair = self.pairs.get(sequence).map(|hash| format!("{hash:032x}"));
+            let [window, pair] = [window, pair].map(Option::unwrap_or_default);
+            text += &format!("{sequence},{window},{label},{pair}\n");
         }
         text
     }
@@ -144,6 +182,43 @@ impl FrameLabels {
             Some(is) => self.labels.insert((sequence, window), is),
             None => self.labels.remove(&(sequence, window)),
         };
+    }
+
+    /// Says of which pair the labels of a frame are.
+    pub fn tie(&mut self, sequence: u64, pair_hash: u128) {
+        self.pairs.insert(sequence, pair_hash);
+    }
+
+    /// A labelled frame of which the table does not say which pair it is.
+    pub fn untied(&self) -> Option<u64> {
+        self.sequences().find(|of| !self.pairs.contains_key(of))
+    }
+
+    /// Refuses the pair of another recording, or of the same one read otherwise. `source`: the
+    /// recording beside the table.
+    ///
+    /// # Errors
+    /// [`Error::Format`] with the frame and the cure.
+    pub fn check(
+        &self,
+        source: &Path,
+        sequence: u64,
+        pair_hash: impl FnOnce() -> u128,
+    ) -> Result<()> {
+        let Some(expected) = self.pairs.get(&sequence) else {
+            return Ok(());
+        };
+        let found = pair_hash();
+        if found == *expected {
+            return Ok(());
+        }
+        let reason = format!(
+            "labels another frame {sequence} than {} has, by their pair_hash {expected:032x} and \
+             {found:032x}; name the recording that was labelled, read with the options of then, or \
+             move the table away and label anew",
+            source.display()
+        );
+        Err(Error::format(Self::path(source, self.kind), reason))
     }
 
     /// The label that was given to a window, or to a frame.
@@ -198,11 +273,20 @@ mod tests {
         labels.set(3, Some(0), Some(true));
         labels.set(3, Some(1), Some(true));
         labels.set(3, Some(1), None);
+        labels.tie(7, 0xabc);
+        assert_eq!(labels.untied(), Some(3));
         let text = labels.to_text();
         assert_eq!(
             text,
-            "sequence,window,label\n3,0x0,floor\n7,,floor\n7,3x2,other\n"
+            format!(
+                "sequence,window,label,pair_hash\n3,0x0,floor,\n7,,floor,{0:032x}\n7,3x2,other,\
+                 {0:032x}\n",
+                0xabc
+            )
         );
+        // Of earlier svl.
+        let old = read("sequence,window,label\n3,0x0,floor\n").unwrap();
+        assert_eq!((old.untied(), old.counts()), (Some(3), [1, 0]));
         assert_eq!(read(&text).unwrap(), labels);
         assert_eq!(
             [labels.of(7, 13), labels.of(7, 2), labels.of(3, 1)],
@@ -220,8 +304,38 @@ mod tests {
     }
 
     #[test]
+    fn labels_are_of_their_pair() {
+        let mut labels = FrameLabels::new(FilterKind::Floor);
+        labels.set(7, None, Some(true));
+        let source = Path::new("a/run.mcap");
+        labels.check(source, 7, || 1).unwrap();
+        labels.tie(7, 0xabc);
+        labels.check(source, 7, || 0xabc).unwrap();
+        labels.check(source, 8, || 1).unwrap();
+        let error = labels.check(source, 7, || 1).unwrap_err().to_string();
+        let words = "a/run.floor.csv: labels another frame 7 than a/run.mcap has";
+        assert!(error.starts_with(words) && !error.contains('\n'), "{error}");
+    }
+
+    #[test]
     fn wrong_lines_are_named() {
         for (text, reason) in [
+            (
+                "sequence,window,label,pair_hash\n1,3x2,floor,\n0,,floor,\n1,3x2,other,\n",
+                "line 4: frame 1, window 3x2 is 'other', and not in line 2",
+            ),
+            (
+                "sequence,window,label\n1,,floor\n1,,floor\n1,,other\n",
+                "line 4: frame 1 is 'other', and not in line 3",
+            ),
+            (
+                "sequence,window,label,pair_hash\n1,,floor,ab\n1,0x0,other,ac\n",
+                "line 3: frame 1 has another pair_hash in line 2",
+            ),
+            (
+                "sequence,window,label,pair_hash\n1,,floor,xy\n",
+                "line 2: 'xy' is no pair_hash",
+            ),
             ("sequence,label\n", "first line"),
             (
                 "sequence,window,label\n1,,floor\nx,,floor\n",

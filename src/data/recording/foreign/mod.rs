@@ -4,11 +4,13 @@ mod bayer;
 mod camera;
 mod image;
 mod json;
+mod pair_stamps;
 mod pixels;
 mod sensor;
 mod stamp_pairing;
 mod topics;
 
+pub(super) use pair_stamps::PairStamps;
 pub use sensor::{RawCamera, TruthSelection, TruthTopic};
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
@@ -244,6 +246,14 @@ impl PairSource for Foreign {
 
     fn left_topic(&self) -> &str {
         &self.images[0]
+    }
+
+    fn stamps(&self) -> PairStamps {
+        PairStamps::Nearest {
+            topics: self.images.clone(),
+            pairing: Box::new(StampPairing::new(self.max_skew_ns)),
+            next: 0,
+        }
     }
 
     fn depth(&self) -> BitDepth {

@@ -17,7 +17,7 @@ const LATER: usize = 8;
 const FARTHER: usize = 8;
 
 /// Images of two cameras that wait for their partners.
-pub(super) struct StampPairing<T> {
+pub(in crate::recording) struct StampPairing<T> {
     max_skew_ns: u64,
     waiting: [BTreeMap<u64, (T, usize)>; 2],
     /// Number of later images of each camera after which no earlier one can come: 0 where all came

@@ -29,6 +29,8 @@ pub struct Checkpoint {
     pub place: CheckpointPlace,
     /// The run that they belong to, of a scenario of recordings: the end of its file's path.
     pub file: Option<String>,
+    /// The frame at which a person labelled it, with its pair.
+    pub pair: Option<LabelledPair>,
     /// None of these may be wrong; needs truth.
     pub cells: Vec<[usize; 2]>,
     /// All of these must be right; needs truth.
@@ -37,6 +39,29 @@ pub struct Checkpoint {
     pub order: Vec<Vec<[usize; 2]>>,
     /// What was measured or judged by eye; needs no truth.
     pub expected: Vec<ExpectedCell>,
+}
+
+/// The pair that a person saw.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LabelledPair {
+    pub frame: u64,
+    /// Of its pixels, as in the tables of a report.
+    pub hash: String,
+}
+
+impl LabelledPair {
+    /// That of a frame.
+    pub fn new(frame: &Frame) -> Self {
+        Self {
+            frame: frame.sequence,
+            hash: hash_words(frame.pair.hash()),
+        }
+    }
+}
+
+fn hash_words(hash: u128) -> String {
+    format!("{hash:032x}")
 }
 
 /// A checkpoint as it stands in a file.
@@ -54,6 +79,7 @@ struct CheckpointTable {
     frames: Option<[u64; 2]>,
     seconds: Option<[f64; 2]>,
     file: Option<String>,
+    pair: Option<LabelledPair>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     cells: Vec<[usize; 2]>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -85,6 +111,7 @@ impl TryFrom<CheckpointTable> for Checkpoint {
             description: table.description,
             place,
             file: table.file,
+            pair: table.pair,
             cells: table.cells,
             must: table.must,
             order: table.order,
@@ -114,6 +141,7 @@ impl From<Checkpoint> for CheckpointTable {
             frames,
             seconds,
             file: checkpoint.file,
+            pair: checkpoint.pair,
             cells: checkpoint.cells,
             must: checkpoint.must,
             order: checkpoint.order,
@@ -204,6 +232,36 @@ impl Checkpoint {
             ));
         }
         Ok(())
+    }
+
+    /// Refuses a frame that was another pair when it was labelled. `hash`: of its pair.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the cure.
+    pub(super) fn check_pair(
+        &self,
+        frame: &Frame,
+        run: &RunPart,
+        hash: impl FnOnce() -> u128,
+    ) -> Result<()> {
+        let Some(pair) = &self.pair else {
+            return Ok(());
+        };
+        // A perturbation changes pairs, not what is seen in them.
+        let is_other_run = run.stress.is_some() || !run.is_in(self.file.as_deref());
+        if is_other_run || frame.sequence != pair.frame {
+            return Ok(());
+        }
+        let found = hash_words(hash());
+        if found == pair.hash {
+            return Ok(());
+        }
+        let (frame, labelled) = (pair.frame, &pair.hash);
+        self.wrong(format!(
+            "frame {frame} is not the pair that was labelled, by their hashes {found} and \
+             {labelled}: score the recording of then, read with the same options, label it anew, \
+             or remove `pair`"
+        ))
     }
 
     /// Whether a frame of that run shows this checkpoint.
@@ -364,6 +422,7 @@ mod tests {
                 heading_tolerance_deg: 5.0,
             },
             file: None,
+            pair: None,
             cells: vec![[0, 0], [1, 0], [2, 0]],
             must: vec![[1, 0]],
             order: vec![vec![[0, 0], [1, 0]], vec![[2, 0], [1, 0]]],

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use svl::score::LabelledPair;
 
 /// A checkpoint as far as it is labelled.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -16,7 +17,7 @@ pub(super) struct Draft {
     pub(super) first: Option<u64>,
     pub(super) last: Option<u64>,
     /// The frame at which the first cell was labelled.
-    pub(super) labelled_at: Option<u64>,
+    pub(super) pair: Option<LabelledPair>,
     /// By `[row, column]`: in raster order.
     pub(super) cells: BTreeMap<[usize; 2], CellLabel>,
 }
@@ -29,7 +30,7 @@ impl Draft {
 
     /// Its frames, both ends among them; where neither end was set, the one that was labelled.
     pub(super) fn frames(&self, shown: u64) -> [u64; 2] {
-        let labelled_at = self.labelled_at.unwrap_or(shown);
+        let labelled_at = self.pair.as_ref().map_or(shown, |pair| pair.frame);
         let first = self
             .first
             .unwrap_or(labelled_at.min(self.last.unwrap_or(u64::MAX)));
@@ -91,7 +92,7 @@ struct DraftTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     last: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    labelled_at: Option<u64>,
+    pair: Option<LabelledPair>,
     #[serde(default)]
     cell: Vec<DraftCell>,
 }
@@ -155,7 +156,7 @@ impl DraftFile {
             name: table.name,
             first: table.first,
             last: table.last,
-            labelled_at: table.labelled_at,
+            pair: table.pair,
             cells: cells.ok().with_context(wrong)?,
         };
         Ok((table.shown, draft))
@@ -180,7 +181,7 @@ impl DraftFile {
             name: draft.name.clone(),
             first: draft.first,
             last: draft.last,
-            labelled_at: draft.labelled_at,
+            pair: draft.pair.clone(),
             cell: draft.cells.iter().map(cell).collect(),
         };
         replace(&self.path, &toml::to_string(&table)?, false)?;
@@ -232,12 +233,19 @@ pub(super) fn replace(path: &Path, text: &str, synced: bool) -> anyhow::Result<(
 mod tests {
     use super::*;
 
+    fn pair(frame: u64) -> LabelledPair {
+        LabelledPair {
+            frame,
+            hash: "1f".into(),
+        }
+    }
+
     fn draft() -> Draft {
         Draft {
             name: "the \"shelf\"".into(),
             first: Some(3),
             last: None,
-            labelled_at: Some(5),
+            pair: Some(pair(5)),
             cells: [
                 ([1, 0], "0.43".parse().unwrap()),
                 ([0, 4], "free".parse().unwrap()),
@@ -276,11 +284,11 @@ mod tests {
 
     #[test]
     fn ends_that_were_not_set_follow_the_labels() {
-        let frames = |first, last, labelled_at| {
+        let frames = |first, last, labelled_at: Option<u64>| {
             let draft = Draft {
                 first,
                 last,
-                labelled_at,
+                pair: labelled_at.map(pair),
                 ..Draft::default()
             };
             draft.frames(50)

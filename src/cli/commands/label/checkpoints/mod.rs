@@ -25,6 +25,7 @@ use std::path::{Path, PathBuf};
 use svl::counted;
 use svl::matcher::Algorithm;
 use svl::scenario::ScenarioSource;
+use svl::score::LabelledPair;
 use svl::source::Request;
 use svl::stereo::GridShape;
 use tool::Labelling;
@@ -139,6 +140,17 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         written: Vec::new(),
     };
     if let Some((shown, draft)) = found {
+        if let Some(pair) = &draft.pair {
+            stepper.go_to(pair.frame);
+            if LabelledPair::new(stepper.frame()) != *pair {
+                bail!(
+                    "{}: holds labels of another frame {} than {name} has; finish it with the \
+                     recording of then, or remove the file",
+                    tool.draft_file.path().display(),
+                    pair.frame
+                );
+            }
+        }
         stepper.go_to(shown);
         let cells = counted(draft.cells.len(), "labelled cell");
         stepper.say(format!("going on at frame {shown} with {cells}"));

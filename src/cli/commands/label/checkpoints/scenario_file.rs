@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use svl::matcher::Algorithm;
 use svl::scenario::{Scenario, ScenarioSource, SeedList, SourceOptions};
-use svl::score::{CellExpectation, RunPart};
+use svl::score::{CellExpectation, LabelledPair, RunPart};
 use svl::source::{ArenaSource, Opened};
 use svl::stereo::GridShape;
 
@@ -186,6 +186,13 @@ impl ScenarioFile {
             writeln!(text, "file = {}", quoted(file))?;
         }
         writeln!(text, "frames = [{first}, {last}]")?;
+        if let Some(LabelledPair { frame, hash }) = &draft.pair {
+            writeln!(
+                text,
+                "pair = {{ frame = {frame}, hash = {} }}",
+                quoted(hash)
+            )?;
+        }
         let must = draft
             .cells
             .iter()

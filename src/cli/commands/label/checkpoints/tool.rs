@@ -8,7 +8,7 @@ use super::scenario_file::ScenarioFile;
 use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, Stepper, picture};
 use ratatui::layout::Rect;
 use svl::counted;
-use svl::score::{ExpectedCell, RunPart, Verdict};
+use svl::score::{ExpectedCell, LabelledPair, RunPart, Verdict};
 use svl::sink::{CellNote, StepView};
 use svl::stereo::{Frame, GridShape};
 
@@ -87,11 +87,10 @@ impl Labelling {
             None => drop(self.draft.cells.remove(&[row, column])),
         }
         if self.draft.cells.is_empty() {
-            self.draft.labelled_at = None;
+            self.draft.pair = None;
         } else {
-            self.draft
-                .labelled_at
-                .get_or_insert(stepper.frame().sequence);
+            let of_frame = || LabelledPair::new(stepper.frame());
+            self.draft.pair.get_or_insert_with(of_frame);
         }
     }
 

@@ -83,6 +83,7 @@ pub(super) fn run(args: &Args, of_windows: bool, quiet: bool) -> anyhow::Result<
     }
     let mut tool = Categorizer {
         labels,
+        source: PathBuf::from(name),
         path,
         of_windows,
         window: 0,
@@ -124,7 +125,7 @@ fn from_truth(
             };
             windows.corners().iter().map(of).collect::<Vec<_>>()
         });
-        labels.map(|labels| (frame.sequence, labels))
+        labels.map(|labels| (frame.sequence, judged.pair_hash(), labels))
     });
     let collected = of_frame.outbox();
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
@@ -153,7 +154,8 @@ fn from_truth(
     sinks.drain(..).try_for_each(Sink::finish)?;
     let mut labels = FrameLabels::new(kind);
     for of_frame in collected.take() {
-        let (sequence, windows) = of_frame?;
+        let (sequence, pair_hash, windows) = of_frame?;
+        labels.tie(sequence, pair_hash);
         if of_windows {
             for (window, is) in windows
                 .into_iter()

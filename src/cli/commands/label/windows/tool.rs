@@ -29,6 +29,7 @@ const PANEL: u16 = 28;
 /// A person at work.
 pub(super) struct Categorizer {
     pub(super) labels: FrameLabels,
+    pub(super) source: PathBuf,
     pub(super) path: PathBuf,
     /// Whether windows are labelled, not whole frames.
     pub(super) of_windows: bool,
@@ -62,6 +63,7 @@ impl Categorizer {
             before,
         });
         self.labels.set(sequence, window, is);
+        self.labels.tie(sequence, stepper.frame().pair.hash());
         self.save()?;
         self.next(stepper);
         Ok(())
@@ -164,8 +166,10 @@ impl StepTool for Categorizer {
     }
 
     fn show(&mut self, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
-        windows(self, stepper.frame())?;
-        Ok(())
+        let frame = stepper.frame();
+        windows(self, frame)?;
+        let pair_hash = || frame.pair.hash();
+        Ok(self.labels.check(&self.source, frame.sequence, pair_hash)?)
     }
 
     fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {

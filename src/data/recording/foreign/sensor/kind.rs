@@ -14,6 +14,16 @@ pub(super) enum Measured {
     Points(Vec<Point3<f64>>),
 }
 
+impl Measured {
+    /// Memory that it takes.
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::Depth(depth) => size_of::<f32>() * depth.width() * depth.height(),
+            Self::Points(points) => size_of::<Point3<f64>>() * points.len(),
+        }
+    }
+}
+
 /// Reads a message of a channel.
 type Read<T> = fn(&Channel, &[u8]) -> Result<T, String>;
 

@@ -1,18 +1,16 @@
 //! Truth from another sensor of the recording: depth images, point clouds, laser scans.
 
-mod clock;
 mod depth_image;
 mod kind;
+mod measurements;
 mod points;
 mod transforms;
 mod view;
 
-use super::topics;
+use super::{PairStamps, topics};
 use crate::recording::messages::{Channel, EventReader, FileEvent};
 use crate::recording::{Recording, truth};
-use kind::{Measured, MeasuredKind};
-use std::collections::BTreeMap;
-use std::sync::Arc;
+use measurements::Measurements;
 use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity, TruthKind, TruthOrigin};
 use svl_core::{Error, Result};
 pub use view::RawCamera;
@@ -32,60 +30,45 @@ impl TruthSelection {
 }
 
 /// The measurements of a topic, as truths of the pairs of the same recording.
-///
-/// They are read on their own, in the order of the file, with those around the current pair in
-/// memory.
 pub struct TruthTopic {
     recording: Recording,
-    left: String,
-    selection: TruthSelection,
-    kind: &'static MeasuredKind,
+    topic: String,
+    measurements: Measurements,
     setup: Setup,
     /// How measurements are seen by the left camera, known from the first pair on.
     view: Option<View>,
-    messages: Box<dyn EventReader>,
-    /// Index of the file that is read next.
-    next_file: usize,
-    ended: bool,
-    /// Measurements around the current pair, by stamp.
-    waiting: BTreeMap<u64, Arc<Measured>>,
-    /// Whether the stamps of pairs and measurements were found to overlap.
-    same_clock: bool,
-    warned: bool,
     without: u64,
 }
 
 impl TruthTopic {
-    /// Finds the topic, the left camera and the transform between the two. `left`: the topic of the
-    /// left images.
+    /// Finds the topic, the left camera, the transform between the two, and which measurement is of
+    /// which pair. `left`: the topic of the left images.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] where the topic is missing or of another type, its first
-    /// message cannot be read, or no transform leads to the left camera.
-    pub fn open(recording: &Recording, left: &str, selection: &TruthSelection) -> Result<Self> {
+    /// message cannot be read, no transform leads to the left camera, the stamps are of another
+    /// clock, or several pairs or measurements share one.
+    pub(in crate::recording) fn open(
+        recording: &Recording,
+        left: &str,
+        pairs: PairStamps,
+        selection: &TruthSelection,
+    ) -> Result<Self> {
         let channels = recording.channels()?;
+        let TruthSelection { topic, max_skew_ns } = selection;
         let wrong = |reason: String| {
-            let reason = format!("--truth {}: {reason}", selection.topic);
+            let reason = format!("--truth {topic}: {reason}");
             Error::format(recording.path(), reason)
         };
-        let kind = kind::of(&channels, &selection.topic, left).map_err(wrong)?;
-        let setup = Setup::find(recording, &channels, left, &selection.topic, kind)?;
-        let setup = setup.map_err(wrong)?;
-        let first = recording.files().next();
-        let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
+        let kind = kind::of(&channels, topic, left).map_err(wrong)?;
+        let setup = Setup::find(recording, &channels, left, topic, kind)?.map_err(wrong)?;
+        let measurements = Measurements::find(recording, (topic, *max_skew_ns), kind, pairs)?;
         Ok(Self {
-            messages: first.messages()?,
             recording: recording.clone(),
-            left: left.to_owned(),
-            selection: selection.clone(),
-            kind,
+            topic: topic.clone(),
+            measurements: measurements.map_err(wrong)?,
             setup,
             view: None,
-            next_file: 1,
-            ended: false,
-            waiting: BTreeMap::new(),
-            same_clock: false,
-            warned: false,
             without: 0,
         })
     }
@@ -99,15 +82,15 @@ impl TruthTopic {
     /// left camera, where svl rectified the pair.
     ///
     /// # Errors
-    /// [`Error::Format`] for a pair without rig, for depth images that cannot be placed in the left
-    /// image, and where the stamps are of another clock.
+    /// [`Error::Format`] for a pair without rig, and for depth images that cannot be placed in the
+    /// left image; [`Error::Io`].
     pub fn attach(&mut self, frame: &mut Frame, raw: Option<&RawCamera>) -> Result<()> {
         let Some(rig) = frame.rig().copied() else {
             let why = "pairs without a calibration have no distances to compare: --calib FILE";
             return Err(self.wrong(why));
         };
         frame.truth = None;
-        let Some(measured) = self.nearest(frame.stamp_ns)? else {
+        let Some(measured) = self.measurements.of(frame)? else {
             self.without += 1;
             return Ok(());
         };
@@ -115,9 +98,7 @@ impl TruthTopic {
         let view = match self.view.take() {
             Some(view) => view,
             None => {
-                let view = self
-                    .setup
-                    .view(&self.selection.topic, &measured, &rig, size, raw);
+                let view = self.setup.view(&self.topic, &measured, &rig, size, raw);
                 view.map_err(|reason| self.wrong(&reason))?
             }
         };
@@ -130,81 +111,14 @@ impl TruthTopic {
             surface: None,
             kind: TruthKind {
                 density,
-                origin: TruthOrigin::Sensor(self.selection.topic.clone()),
+                origin: TruthOrigin::Sensor(self.topic.clone()),
             },
         });
         Ok(())
     }
 
     fn wrong(&self, reason: &str) -> Error {
-        let reason = format!("--truth {}: {reason}", self.selection.topic);
+        let reason = format!("--truth {}: {reason}", self.topic);
         Error::format(self.recording.path(), reason)
-    }
-
-    /// The measurement nearest to a stamp, within the limit.
-    fn nearest(&mut self, stamp_ns: u64) -> Result<Option<Arc<Measured>>> {
-        let limit = self.selection.max_skew_ns;
-        self.read_beyond(stamp_ns.saturating_add(limit));
-        self.waiting
-            .retain(|stamp, _| stamp.saturating_add(limit) >= stamp_ns);
-        let nearest = self
-            .waiting
-            .iter()
-            .min_by_key(|(stamp, _)| stamp.abs_diff(stamp_ns));
-        let off_ns = nearest.map(|(stamp, _)| stamp.abs_diff(stamp_ns));
-        let found = nearest.filter(|_| off_ns <= Some(limit));
-        let found = found.map(|(_, measured)| Arc::clone(measured));
-        if found.is_some() {
-            self.same_clock = true;
-        } else if !self.same_clock && off_ns.is_none_or(|off| off > clock::SUSPICIOUS_NS) {
-            clock::check(&self.recording, [&self.left, &self.selection.topic], limit)?
-                .map_err(|reason| self.wrong(&reason))?;
-            self.same_clock = true;
-        }
-        Ok(found)
-    }
-
-    /// Reads measurements until one has that stamp or a later one.
-    fn read_beyond(&mut self, stamp_ns: u64) {
-        while !self.ended
-            && self
-                .waiting
-                .last_key_value()
-                .is_none_or(|(last, _)| *last < stamp_ns)
-        {
-            match self.messages.next() {
-                Ok(Some(FileEvent::Message {
-                    channel,
-                    log_time,
-                    data,
-                })) if channel.topic == self.selection.topic => {
-                    let read = self.kind.read(channel, log_time, &data);
-                    match read {
-                        Ok((stamp, measured)) => {
-                            self.waiting.insert(stamp, Arc::new(measured));
-                        }
-                        Err(reason) if !self.warned => {
-                            let path = self.recording.path().display();
-                            let topic = &self.selection.topic;
-                            tracing::warn!("{path}: {topic} at {log_time} ns: {reason}; left out");
-                            self.warned = true;
-                        }
-                        Err(_) => {}
-                    }
-                }
-                Ok(Some(_)) => {}
-                // Damage is reported with the pairs.
-                Ok(None) | Err(_) => match self.recording.files().nth(self.next_file) {
-                    Some(next) => {
-                        self.next_file += 1;
-                        match next.messages() {
-                            Ok(messages) => self.messages = messages,
-                            Err(_) => self.ended = true,
-                        }
-                    }
-                    None => self.ended = true,
-                },
-            }
-        }
     }
 }

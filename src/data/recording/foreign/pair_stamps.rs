@@ -1,0 +1,74 @@
+//! The stamps of a recording's pairs, without their images.
+
+use super::stamp_pairing::StampPairing;
+use crate::recording::TopicKind;
+use crate::recording::container::unpack_message;
+use crate::recording::messages::Channel;
+use crate::recording::sync::StereoSync;
+use svl_core::stereo::Side;
+
+/// How messages make pairs.
+pub(in crate::recording) enum PairStamps {
+    /// By `/stereo/sync`, in svl's own recordings.
+    Synced,
+    /// By the stamps of two topics, as [`super::Foreign`] pairs their images.
+    Nearest {
+        topics: [String; 2],
+        pairing: Box<StampPairing<()>>,
+        next: u64,
+    },
+}
+
+impl PairStamps {
+    /// Adds stamps and sequences of the pairs that a message completes. `head` reads the stamp of
+    /// an image.
+    pub(super) fn take_in(
+        &mut self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+        head: fn(&Channel, &[u8]) -> Result<(Option<u64>, String), String>,
+        pairs: &mut Vec<(u64, u64)>,
+    ) {
+        match self {
+            Self::Synced if channel.topic == TopicKind::Sync.topic() => {
+                let sync = StereoSync::decode(&channel.schema, data);
+                pairs.extend(sync.map(|sync| (sync.left_stamp_ns, sync.sequence)));
+            }
+            Self::Synced => {}
+            Self::Nearest {
+                topics, pairing, ..
+            } => {
+                let of_topic = |side: &Side| topics[*side as usize] == channel.topic;
+                let Some(side) = Side::BOTH.into_iter().find(of_topic) else {
+                    return;
+                };
+                // What cannot be read is reported when it is read in its turn.
+                let stamp = unpack_message(data)
+                    .and_then(|unpacked| head(channel, unpacked.as_deref().unwrap_or(data)));
+                if let Ok((stamp, _)) = stamp {
+                    pairing.push(side, stamp.unwrap_or(log_time), (), data.len());
+                }
+            }
+        }
+        self.pop(pairs);
+    }
+
+    /// Adds those of the pairs that the end of the recording completes.
+    pub(super) fn end(&mut self, pairs: &mut Vec<(u64, u64)>) {
+        if let Self::Nearest { pairing, .. } = self {
+            pairing.end();
+        }
+        self.pop(pairs);
+    }
+
+    fn pop(&mut self, pairs: &mut Vec<(u64, u64)>) {
+        let Self::Nearest { pairing, next, .. } = self else {
+            return;
+        };
+        while let Some([(left_ns, ()), _]) = pairing.pop() {
+            pairs.push((left_ns, *next));
+            *next += 1;
+        }
+    }
+}

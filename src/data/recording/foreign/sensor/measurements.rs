@@ -1,0 +1,291 @@
+//! The measurements of a topic: which one is of which pair, and reading it wherever it lies.
+//!
+//! One pass over the recording collects the stamps of pairs and measurements, 16 bytes each. The
+//! measurements themselves are read on their own, in the order of the file where the pairs are.
+
+use super::{EventReader, FileEvent, Recording, kind};
+use crate::recording::foreign::PairStamps;
+use kind::{Measured, MeasuredKind};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use svl_core::stereo::Frame;
+use svl_core::{Error, Result};
+
+/// Limit of the bytes of measurements that wait for later pairs; beyond it they are read again.
+const HELD_BYTES: usize = 256 << 20;
+
+/// Stamps with the sequence of their pair, or the number of their message on the topic. Sorted by
+/// stamp; those of one stamp stay in the order of the file.
+#[derive(Default)]
+struct Stamps(Vec<(u64, u64)>);
+
+impl Stamps {
+    /// Those with this stamp.
+    fn at(&self, stamp_ns: u64) -> &[(u64, u64)] {
+        let first = self.0.partition_point(|(stamp, _)| *stamp < stamp_ns);
+        let rest = &self.0[first..];
+        &rest[..rest.partition_point(|(stamp, _)| *stamp == stamp_ns)]
+    }
+
+    /// The nearest one that `fits`, at most `limit_ns` away; the earlier of two as near.
+    fn nearest(
+        &self,
+        stamp_ns: u64,
+        limit_ns: u64,
+        fits: impl Fn(u64) -> bool,
+    ) -> Option<(u64, u64)> {
+        let (before, after) = self
+            .0
+            .split_at(self.0.partition_point(|(stamp, _)| *stamp < stamp_ns));
+        let is_near = |(stamp, _): &&(u64, u64)| stamp.abs_diff(stamp_ns) <= limit_ns;
+        let fits = |(_, number): &&(u64, u64)| fits(*number);
+        let before = before.iter().rev().take_while(is_near).find(fits);
+        let after = after.iter().take_while(is_near).find(fits);
+        let both = before.into_iter().chain(after);
+        both.min_by_key(|(stamp, _)| stamp.abs_diff(stamp_ns))
+            .copied()
+    }
+
+    fn range(&self) -> Option<(u64, u64)> {
+        Some((self.0.first()?.0, self.0.last()?.0))
+    }
+}
+
+/// The measurements of a topic.
+pub(super) struct Measurements {
+    recording: Recording,
+    topic: String,
+    limit_ns: u64,
+    kind: &'static MeasuredKind,
+    pairs: Stamps,
+    stamps: Stamps,
+    /// Number of the first message of each file.
+    starts: Vec<u64>,
+    messages: Box<dyn EventReader>,
+    /// Index of the file that is read next, and number of the message that is.
+    next_file: usize,
+    next: u64,
+    /// Those that the current pair or later ones need, by number, with their stamps.
+    held: BTreeMap<u64, (u64, Arc<Measured>)>,
+    unreadable: BTreeSet<u64>,
+}
+
+impl Measurements {
+    /// Collects the stamps.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`]. Inner: stamps that do not say which measurement is of which pair.
+    pub(super) fn find(
+        recording: &Recording,
+        (topic, limit_ns): (&str, u64),
+        kind: &'static MeasuredKind,
+        mut of_pairs: PairStamps,
+    ) -> Result<std::result::Result<Self, String>> {
+        let (mut pairs, mut stamps) = (Vec::new(), Vec::new());
+        let (mut starts, mut next) = (Vec::new(), 0);
+        for file in recording.files() {
+            starts.push(next);
+            let mut messages = file.messages()?;
+            // Damage is reported with the pairs.
+            while let Ok(Some(event)) = messages.next() {
+                let FileEvent::Message {
+                    channel,
+                    log_time,
+                    data,
+                } = event
+                else {
+                    continue;
+                };
+                of_pairs.take_in(channel, log_time, &data, kind::head, &mut pairs);
+                if channel.topic == topic {
+                    let head = kind::head(channel, &data);
+                    stamps.extend(head.map(|(stamp, _)| (stamp.unwrap_or(log_time), next)));
+                    next += 1;
+                }
+            }
+        }
+        of_pairs.end(&mut pairs);
+        pairs.sort_by_key(|(stamp, _)| *stamp);
+        stamps.sort_by_key(|(stamp, _)| *stamp);
+        let first = recording.files().next();
+        let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
+        let found = Self {
+            recording: recording.clone(),
+            topic: topic.to_owned(),
+            limit_ns,
+            kind,
+            pairs: Stamps(pairs),
+            stamps: Stamps(stamps),
+            starts,
+            messages: first.messages()?,
+            next_file: 1,
+            next: 0,
+            held: BTreeMap::new(),
+            unreadable: BTreeSet::new(),
+        };
+        Ok(found
+            .check_clock()
+            .and_then(|()| found.check_stamps())
+            .map(|()| found))
+    }
+
+    /// Refuses stamps of pairs and measurements that are of different times.
+    fn check_clock(&self) -> std::result::Result<(), String> {
+        let (Some(pairs), Some(measured)) = (self.pairs.range(), self.stamps.range()) else {
+            return Ok(());
+        };
+        let apart = |a: (u64, u64), b: (u64, u64)| a.1.saturating_add(self.limit_ns) < b.0;
+        if !apart(pairs, measured) && !apart(measured, pairs) {
+            return Ok(());
+        }
+        let range =
+            |(first, last): (u64, u64)| format!("{} to {} s", seconds(first), seconds(last));
+        Err(format!(
+            "its stamps are of another time: the pairs are from {}, the measurements from {}",
+            range(pairs),
+            range(measured)
+        ))
+    }
+
+    /// Warns where pairs get their measurements by order, and refuses what no order tells.
+    fn check_stamps(&self) -> std::result::Result<(), String> {
+        let mut by_order = 0;
+        for &(stamp, _) in &self.pairs.0 {
+            let Some((nearest, _)) = self.stamps.nearest(stamp, self.limit_ns, |_| true) else {
+                continue;
+            };
+            let counts = [self.pairs.at(stamp).len(), self.stamps.at(nearest).len()];
+            let [pairs, measured] = counts;
+            if counts == [1, 1] {
+                continue;
+            }
+            if stamp != nearest || pairs != measured {
+                return Err(format!(
+                    "{} with the stamp {} s and {} with {} s: nothing says which belong together; \
+                     name another topic, or give the messages stamps of their own",
+                    svl_core::counted(pairs as u64, "pair"),
+                    seconds(stamp),
+                    svl_core::counted(measured as u64, "measurement"),
+                    seconds(nearest)
+                ));
+            }
+            by_order += 1;
+        }
+        if by_order > 0 {
+            let (path, topic) = (self.recording.path().display(), &self.topic);
+            tracing::warn!(
+                "{path}: --truth {topic}: {by_order} pairs share their stamps, as many \
+                 measurements do: taken in the order of the file"
+            );
+        }
+        Ok(())
+    }
+
+    /// The measurement of a pair, or none within the limit.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`].
+    pub(super) fn of(&mut self, frame: &Frame) -> Result<Option<Arc<Measured>>> {
+        let (stamp_ns, limit_ns) = (frame.stamp_ns, self.limit_ns);
+        self.held
+            .retain(|_, (stamp, _)| stamp.saturating_add(limit_ns) >= stamp_ns);
+        let sharing = self.pairs.at(stamp_ns);
+        if sharing.len() > 1 {
+            let mut pairs = sharing.iter().zip(self.stamps.at(stamp_ns));
+            let own = pairs.find(|((_, sequence), _)| *sequence == frame.sequence);
+            return match own {
+                Some((_, &(_, number))) => self.fetch(number, stamp_ns),
+                None => Ok(None),
+            };
+        }
+        // One that cannot be read leaves the pair to the next nearest.
+        loop {
+            let readable = |number: u64| !self.unreadable.contains(&number);
+            let Some((_, number)) = self.stamps.nearest(stamp_ns, limit_ns, readable) else {
+                return Ok(None);
+            };
+            if let Some(found) = self.fetch(number, stamp_ns)? {
+                return Ok(Some(found));
+            }
+        }
+    }
+
+    /// Reads on, or again from the start of its file, to a message. Others on the way that later
+    /// pairs may need are kept.
+    fn fetch(&mut self, number: u64, stamp_ns: u64) -> Result<Option<Arc<Measured>>> {
+        if let Some((_, held)) = self.held.get(&number) {
+            return Ok(Some(Arc::clone(held)));
+        }
+        if self.unreadable.contains(&number) {
+            return Ok(None);
+        }
+        let file = self.starts.partition_point(|first| *first <= number) - 1;
+        if number < self.next || file >= self.next_file {
+            self.go_to(file)?;
+        }
+        while self.next <= number {
+            match self.messages.next() {
+                Ok(Some(FileEvent::Message {
+                    channel,
+                    log_time,
+                    data,
+                })) if channel.topic == self.topic => {
+                    let this = self.next;
+                    self.next += 1;
+                    let head = kind::head(channel, &data).ok();
+                    let is_later = head.is_some_and(|(s, _)| s.unwrap_or(log_time) > stamp_ns);
+                    if this != number && (!is_later || bytes(&self.held) > HELD_BYTES) {
+                        continue;
+                    }
+                    match self.kind.read(channel, log_time, &data) {
+                        Ok((stamp, measured)) => {
+                            self.held.insert(this, (stamp, Arc::new(measured)));
+                        }
+                        Err(reason) => {
+                            if self.unreadable.is_empty() {
+                                let (path, topic) = (self.recording.path().display(), &self.topic);
+                                tracing::warn!(
+                                    "{path}: {topic} at {log_time} ns: {reason}; left out"
+                                );
+                            }
+                            self.unreadable.insert(this);
+                        }
+                    }
+                }
+                Ok(Some(_)) => {}
+                // Damage is reported with the pairs.
+                Ok(None) | Err(_) if self.next_file < self.starts.len() => {
+                    self.go_to(self.next_file)?;
+                }
+                // The file is another one by now.
+                Ok(None) | Err(_) => {
+                    self.unreadable.insert(number);
+                    break;
+                }
+            }
+        }
+        let found = self.held.get(&number).map(|(_, held)| Arc::clone(held));
+        while self.held.len() > 1 && bytes(&self.held) > HELD_BYTES {
+            self.held.pop_first();
+        }
+        Ok(found)
+    }
+
+    /// Reads on from the start of a file.
+    fn go_to(&mut self, file: usize) -> Result<()> {
+        if let Some(found) = self.recording.files().nth(file) {
+            self.messages = found.messages()?;
+            self.next = self.starts[file];
+            self.next_file = file + 1;
+        }
+        Ok(())
+    }
+}
+
+fn bytes(held: &BTreeMap<u64, (u64, Arc<Measured>)>) -> usize {
+    held.values().map(|(_, measured)| measured.bytes()).sum()
+}
+
+fn seconds(ns: u64) -> String {
+    format!("{:.3}", ns as f64 / 1e9)
+}
