@@ -12,8 +12,9 @@ use svl_core::stereo::{CellRule, Plane, Rig};
 /// Parts of a cell along a side.
 const PARTS: usize = 8;
 
-/// Least share of a cell's parts that must have points for them to show the whole cell.
-const COVERED: f64 = 0.75;
+/// Least share of a cell's parts that must have points for them to stand for the cell, as half of
+/// the pixels do.
+const COVERED: f64 = 0.5;
 
 /// Least number of points of a cell, and of its points where a map has a disparity.
 const MIN_POINTS: usize = 10;
@@ -29,7 +30,7 @@ pub(super) struct SparseCell {
     points: Vec<(usize, usize, f64)>,
     /// The true disparities.
     pub truth: Weighted,
-    /// Whether points of enough parts are known.
+    /// Whether enough parts have points.
     covered: bool,
     centred: bool,
 }
@@ -84,8 +85,8 @@ impl SparseCell {
         self.points.len()
     }
 
-    /// Whether the points tell what a report must be: those of nearly the whole cell do, those of a
-    /// part where they lie about its middle and four fifths of them agree.
+    /// Whether the points tell what a report must be: those in half of the cell's parts do, others
+    /// where they lie about its middle and four fifths of them agree.
     pub fn is_scored(&self, rule: CellRule, rig: Option<&Rig>) -> bool {
         let points_agree = || {
             let [far, near] = [10, 90].map(|percent| depth_at(self.truth.percentile(percent), rig));
@@ -184,9 +185,9 @@ mod tests {
         };
         assert!(scored(&line(8, 2.0)) && !scored(&line(8, 2.1)) && !scored(&line(13, 0.0)));
         // The whole cell may be of two surfaces.
-        let two = |x: usize, y: usize| match (y % 4, x < 8) {
+        let two = |x: usize, y: usize| match (y % 8, x < 8) {
             (0, true) => 5.0,
-            (2, false) => 50.0,
+            (4, false) => 50.0,
             _ => NONE,
         };
         assert!(!scored(&two));
