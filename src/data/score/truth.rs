@@ -243,7 +243,7 @@ mod tests {
     /// A floor of 40 rows, of which every fourth is known: the score of a map, and how its cell is
     /// counted.
     fn floor(map: impl Fn(usize) -> f32) -> (CellJudgement, SurfaceTally) {
-        let known = |_: usize, y: usize| match y % 4 == 0 {
+        let known = |_: usize, y: usize| match y.is_multiple_of(4) {
             true => y as f32,
             false => f32::INFINITY,
         };
@@ -269,7 +269,13 @@ mod tests {
         let (off, tally) = floor(|y| y as f32 + 2.5);
         assert_eq!((off.verdict, tally.wrong), (Verdict::Wrong, 1));
         // Nothing at the points: the report itself.
-        let between = |y: usize| if y % 4 == 0 { f32::INFINITY } else { 18.5 };
+        let between = |y: usize| {
+            if y.is_multiple_of(4) {
+                f32::INFINITY
+            } else {
+                18.5
+            }
+        };
         assert_eq!(floor(between).0.verdict, Verdict::Wrong);
         let rule = |d| (floor(|_| d).1.right, floor(|_| d).1.near_right);
         assert_eq!([18.5, 26.0, 28.0].map(rule), [(0, 0), (0, 1), (0, 1)]);

@@ -18,7 +18,7 @@ type Known = Box<dyn Fn(usize, usize, (usize, usize)) -> bool>;
 /// Lines of a lidar that sees nothing of the upper third.
 fn lidar(rows: usize, columns: usize) -> Known {
     Box::new(move |x, y, (_, height)| {
-        y >= height / 3 && (y - height / 3) % rows == 0 && x % columns == 0
+        y >= height / 3 && (y - height / 3).is_multiple_of(rows) && x.is_multiple_of(columns)
     })
 }
 
