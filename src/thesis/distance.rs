@@ -190,7 +190,7 @@ fn focal_px(config: &ArenaConfig) -> f64 {
 
 /// The median of the medians of the cells that show the target; nothing of less than three.
 fn target_px(judged: &Judged, true_px: f64) -> Option<f64> {
-    let truth = judged.true_grid.as_ref()?;
+    let truth = judged.true_cells.as_ref()?.grid();
     let grid = &judged.estimates.first()?.estimate.grid;
     let near = |px: f32| (f64::from(px) - true_px).abs() < 0.5;
     // Both percentiles are at the target's disparity: the cell shows nothing else.

@@ -347,7 +347,8 @@ fn answer(situation: &Situation, judged: &Judged, algorithm: usize) -> Result<Si
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_data::score::true_grid;
+    use svl_core::stereo::CellRule;
+    use svl_data::score::TrueCells;
 
     /// An answer whose first `wrong` cells are wrong and whose others are right.
     fn answers(wrong: usize) -> SituationAnswer {
@@ -385,8 +386,11 @@ mod tests {
     fn the_door_fills_its_cell() {
         let arena = Arena::new(&small_escape(), stage::SEED).unwrap();
         let frame = arena.frame(0).unwrap();
-        let truth = true_grid(&frame, SHAPE).unwrap();
-        let distance = |column: usize| truth.cell(column, 1).depth.unwrap().distance_m.unwrap();
+        let truth = TrueCells::new(&frame, SHAPE, CellRule::default()).unwrap();
+        let distance = |column: usize| {
+            let cell = truth.grid().cell(column, 1);
+            cell.depth.unwrap().distance_m.unwrap()
+        };
         assert!(distance(DOOR) > 1.5 && distance(DOOR - 1) < 0.6 && distance(DOOR + 1) < 0.6);
     }
 }

@@ -45,10 +45,10 @@ impl RerunSink {
 
     /// Logs the truth: its depth grid and, where the frame has maps, its depths.
     pub(crate) fn push_truth(&self, judged: &Judged, scale: &Scale) -> Result<()> {
-        let (Some(truth), Some(grid)) = (&judged.frame.truth, &judged.true_grid) else {
+        let (Some(truth), Some(cells)) = (&judged.frame.truth, &judged.true_cells) else {
             return self.log("truth", &Clear::recursive());
         };
-        self.log_overlay("truth/overlay", grid, &judged.frame, scale)?;
+        self.log_overlay("truth/overlay", cells.grid(), &judged.frame, scale)?;
         match self.has_maps {
             true => self.log_depth("truth/depth", &truth.disparity, &judged.frame, scale),
             false => Ok(()),

@@ -208,6 +208,9 @@ record! {
         probability: Option<f64>,
         /// What made the pair worse, if anything did.
         stress: Option<String>,
+        /// Points of a truth that covers less than half of the cell: with `no-truth` they do not
+        /// suffice. Absent where the truth is dense or missing.
+        true_points: Option<u64>,
     }
 }
 

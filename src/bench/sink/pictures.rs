@@ -254,7 +254,7 @@ pub(crate) fn frame_shot(
         left: left(frame, WIDTH)?,
         size,
         estimate: marks(&estimate.grid),
-        truth: judged.true_grid.as_ref().map(marks),
+        truth: judged.true_cells.as_ref().map(|truth| marks(truth.grid())),
         preview: png(preview, WIDTH)?,
     })
 }

@@ -208,6 +208,7 @@ impl RunIdentity {
                     state: Some(cell.state()),
                     probability: cell.probability,
                     stress: self.stress.clone(),
+                    true_points: judgement.points.map(|points| points as u64),
                 }
             };
         estimate.grid.iter().enumerate().map(row).collect()

@@ -185,8 +185,8 @@ impl Truth {
     }
 }
 
-/// Whether a truth is of areas or of single points, which decides from how many pixels on a cell
-/// has a truth.
+/// Whether a truth is of areas or of single points, which decides what remains of it in shrunk
+/// pairs. How a cell is scored depends on how many of its pixels are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TruthDensity {

@@ -1,8 +1,8 @@
 //! Cells of frames with a truth, as the verdict table sees them.
 
-use crate::score::{Judge, Judged, TrueQuarters, is_right};
+use crate::score::{Judge, Judged, depth_at, is_right};
 use svl_core::matcher::Algorithm;
-use svl_core::stereo::{CellDepth, CellEvidence};
+use svl_core::stereo::{Cell, CellDepth, CellEvidence};
 use svl_core::{Error, Result};
 
 /// A cell that could be reported, or not.
@@ -70,35 +70,29 @@ pub fn cell_samples(
     target: CellTarget,
     group: usize,
 ) -> Vec<CellSample> {
-    let (Some(truth), Some(grid)) = (&judged.frame.truth, &judged.true_grid) else {
+    let (Some(truth), Some(scored)) = (&judged.true_cells, judged.estimates.first()) else {
         return Vec::new();
     };
-    let Some(estimate) = judged.estimates.first() else {
-        return Vec::new();
-    };
+    let (estimate, map) = (&scored.estimate, scored.estimate.disparity.disparity());
     let rig = judged.frame.rig();
     let rule = judge.cells.for_rig(rig.is_some());
     let wanted: Vec<_> = match target {
-        CellTarget::Median => grid.iter().map(|(_, cell)| cell.depth).collect(),
-        CellTarget::Near => TrueQuarters::new(truth, grid, rule, rig).depths().collect(),
+        CellTarget::Median => truth.grid().iter().map(|(_, cell)| cell.depth).collect(),
+        CellTarget::Near => truth.near().collect(),
     };
-    let cells = estimate.estimate.grid.iter().zip(wanted);
-    let sample = |((_, cell), truth): ((_, &svl_core::stereo::Cell), Option<CellDepth>)| {
+    let cells = estimate.grid.iter().zip(wanted).enumerate();
+    let sample = |(i, ((_, cell), wanted)): (usize, ((_, &Cell), Option<CellDepth>))| {
         let reported = cell.evidence.map(|evidence| {
             let median_px = evidence.report as f32 / svl_core::depth::decision::BINS_PER_PX as f32;
-            CellDepth {
-                median_px,
-                p20_px: median_px,
-                p80_px: median_px,
-                distance_m: rig.and_then(|rig| rig.depth_m(f64::from(median_px))),
-            }
+            depth_at(median_px, rig)
         });
-        let reported = reported.as_ref().filter(|depth| depth.median_px > 0.0);
+        let reported = reported.filter(|depth| depth.median_px > 0.0);
+        let reported = reported.map(|depth| truth.at_truth(i, depth, map));
         Some(CellSample {
             group,
             evidence: cell.evidence,
             // Nothing where the rule finds no truth, as at infinity.
-            right: is_right(&truth?, reported, rule)?,
+            right: is_right(&wanted?, reported.as_ref(), rule)?,
             known: cell.depth.is_some(),
         })
     };

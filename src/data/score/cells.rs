@@ -1,9 +1,6 @@
 //! Scores cells of the depth grid against the truth: right, wrong, unknown, obstacles.
 
-use svl_core::depth::{self, CellDecision, GridSettings};
-use svl_core::stereo::{
-    Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, TruthDensity, TruthOrigin,
-};
+use svl_core::stereo::{Cell, CellDepth, CellRule, DepthGrid, Rig};
 
 /// The score of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -13,7 +10,7 @@ pub enum Verdict {
     Wrong,
     /// The algorithm leaves the cell unknown, which is not wrong: the thesis's red dot.
     Unknown,
-    /// The truth is unknown there.
+    /// The truth is unknown there, or of too few points to tell.
     NoTruth,
 }
 
@@ -45,6 +42,9 @@ pub struct CellJudgement {
     pub missed_obstacle: bool,
     /// Reported nearer than `obstacle_m`, truly farther than `clear_m`.
     pub false_obstacle: bool,
+    /// The number of the truth's points where they cover less than half of the cell; absent where
+    /// the truth is dense or missing.
+    pub points: Option<usize>,
 }
 
 impl CellJudgement {
@@ -55,6 +55,7 @@ impl CellJudgement {
         true_m: None,
         missed_obstacle: false,
         false_obstacle: false,
+        points: None,
     };
 }
 
@@ -86,50 +87,6 @@ impl CellTally {
     }
 }
 
-/// Least share of a cell's pixels whose truth must be known for the cell to have a dense truth.
-const MIN_KNOWN: f64 = 0.5;
-
-/// Least number of a cell's pixels whose truth must be known for the cell to have a sparse truth.
-const MIN_SAMPLES: usize = 10;
-
-/// The true grid of a frame: per cell the median true disparity of its pixels, and its distance. A
-/// cell has a truth when at least half of its pixels do; of a sparse truth, when at least ten do;
-/// of a reference's disparities, when as many are sure as make an algorithm's cell known
-/// ([`depth::MIN_VALID`]). Nothing for a frame without truth.
-pub fn true_grid(frame: &Frame, shape: GridShape) -> Option<DepthGrid> {
-    let truth = frame.truth.as_ref()?;
-    let min_valid = match (truth.kind.density, &truth.kind.origin) {
-        (TruthDensity::Sparse, _) => 0.0,
-        (TruthDensity::Dense, TruthOrigin::Reference(_)) => depth::MIN_VALID,
-        (TruthDensity::Dense, _) => MIN_KNOWN,
-    };
-    let settings = GridSettings {
-        min_valid,
-        decision: CellDecision::Median,
-        ..shape.into()
-    };
-    let grid = depth::grid(&truth.disparity, settings, frame.rig());
-    Some(match truth.kind.density {
-        TruthDensity::Dense => grid,
-        TruthDensity::Sparse => with_samples(&grid, truth.disparity.size()),
-    })
-}
-
-/// The cells that have enough samples.
-fn with_samples(grid: &DepthGrid, size: (usize, usize)) -> DepthGrid {
-    let shape = grid.shape();
-    let cell = |(place, cell): ((usize, usize), &Cell)| {
-        let (columns, rows) = shape.pixels(place, size);
-        let samples = (cell.valid_share * (columns.len() * rows.len()) as f64).round();
-        Cell {
-            depth: cell.depth.filter(|_| samples >= MIN_SAMPLES as f64),
-            ..*cell
-        }
-    };
-    let cells = grid.iter().map(cell).collect();
-    DepthGrid::new(shape, cells).expect("as many cells as before")
-}
-
 /// Scores every cell of `reported` by the true grid, which has the same shape, in raster order.
 pub fn judge_cells(truth: &DepthGrid, reported: &DepthGrid, rule: CellRule) -> Vec<CellJudgement> {
     debug_assert_eq!(truth.shape(), reported.shape());
@@ -156,6 +113,16 @@ pub fn is_right(truth: &CellDepth, reported: Option<&CellDepth>, rule: CellRule)
     match judge_cell(Some(truth), reported, rule).verdict {
         Verdict::NoTruth => None,
         verdict => Some(verdict == Verdict::Right),
+    }
+}
+
+/// One disparity for a whole cell.
+pub(crate) fn depth_at(disparity_px: f32, rig: Option<&Rig>) -> CellDepth {
+    CellDepth {
+        median_px: disparity_px,
+        p20_px: disparity_px,
+        p80_px: disparity_px,
+        distance_m: rig.and_then(|rig| rig.depth_m(f64::from(disparity_px))),
     }
 }
 
@@ -204,13 +171,13 @@ fn judge_cell(
         missed_obstacle: true_m.is_some_and(|t| t < obstacle_m)
             && reported.is_some_and(|r| r.distance_m.is_none_or(|z| z > clear_m)),
         false_obstacle: distances.is_some_and(|(z_true, z)| z < obstacle_m && z_true > clear_m),
+        points: None,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::{Exposure, Geometry, Gray, Plane, StereoPair, Truth, TruthKind};
 
     fn reported(distance_m: f64) -> CellDepth {
         CellDepth {
@@ -284,53 +251,6 @@ mod tests {
             judge_cell(None, Some(&reported(1.0)), CellRule::default()).verdict,
             Verdict::NoTruth
         );
-    }
-
-    #[test]
-    fn sparse_truth_is_judged_from_ten_samples_on() {
-        let shape = GridShape {
-            columns: 2,
-            rows: 1,
-        };
-        // Ten samples in the left cell, nine in the right one.
-        let plane = |known: fn(usize) -> bool| {
-            Plane::from_fn(
-                80,
-                1,
-                |x, _| if known(x) { x as f32 } else { f32::INFINITY },
-            )
-            .unwrap()
-        };
-        let frame = |disparity, density| {
-            let image = Gray::filled(80, 1, 0).unwrap();
-            Frame {
-                sequence: 0,
-                stamp_ns: 0,
-                name: None,
-                pair: StereoPair::new(image.clone(), image).unwrap(),
-                geometry: Geometry::Rectified(None),
-                pose: None,
-                truth: Some(Truth {
-                    kind: TruthKind {
-                        density,
-                        ..TruthKind::default()
-                    },
-                    ..Truth::exact(disparity, None)
-                }),
-                color: None,
-                exposure: Exposure::default(),
-            }
-        };
-        let known = |frame: &Frame| {
-            let grid = true_grid(frame, shape).unwrap();
-            [0, 1].map(|column| grid.cell(column, 0).depth.map(|depth| depth.median_px))
-        };
-        let sparse = plane(|x| x % 4 == 0 && x < 76);
-        assert_eq!(
-            known(&frame(sparse.clone(), TruthDensity::Sparse)),
-            [Some(16.0), None]
-        );
-        assert_eq!(known(&frame(sparse, TruthDensity::Dense)), [None, None]);
     }
 
     #[test]

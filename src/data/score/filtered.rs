@@ -1,8 +1,8 @@
 //! What filters are for: obstacles that are floor, obstacles that a filter takes away, and what is
 //! nearer than the range of disparities.
 
-use super::{CellJudgement, Verdict, judge_cells};
-use svl_core::stereo::{CellRule, DepthGrid, Estimate, Frame, Surface};
+use super::{CellJudgement, TrueCells, Verdict};
+use svl_core::stereo::{CellRule, Estimate, Frame, Surface};
 
 /// Counts over the cells of a frame with exact truth and a rig.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,7 +32,7 @@ impl FilterTally {
     /// `cells` are the judgements of the estimate's grid.
     pub fn new(
         frame: &Frame,
-        true_grid: &DepthGrid,
+        true_cells: &TrueCells,
         estimate: &Estimate,
         cells: &[CellJudgement],
         rule: CellRule,
@@ -44,9 +44,13 @@ impl FilterTally {
         let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
         let px = |distance_m| rig.disparity_px(distance_m) as f32;
         let (obstacle_px, clear_px) = (px(obstacle_m), px(clear_m));
-        let (shape, size) = (true_grid.shape(), truth.disparity.size());
+        let (shape, size) = (true_cells.grid().shape(), truth.disparity.size());
         // Share of a cell's pixels that a function of disparity and surface is true for.
-        let share = |place, is: &dyn Fn(f32, Surface) -> bool| {
+        let share = |place: (usize, usize), is: &dyn Fn(f32, Surface) -> bool| {
+            let of_truth = &true_cells.cells()[place.1 * shape.columns + place.0];
+            if let Some(points) = &of_truth.sparse {
+                return points.truth.share(|d| is(d, Surface::Unknown));
+            }
             let (columns, rows) = shape.pixels(place, size);
             let pixels = columns.len() * rows.len();
             let surfaces = truth.surface.as_ref();
@@ -82,7 +86,8 @@ impl FilterTally {
             })
         });
         let before = estimate.unfiltered.as_ref();
-        let before = before.map(|grid| judge_cells(true_grid, grid, rule));
+        let map = estimate.disparity.disparity();
+        let before = before.map(|grid| true_cells.judge(&true_cells.reported(grid, map)));
         let right_before = |with_filter: bool| {
             let before = before.as_ref().filter(|_| knows_surfaces)?;
             Some(count(&|i, place| {
@@ -121,7 +126,6 @@ impl FilterTally {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::score::true_grid;
     use svl_core::depth::{GridSettings, grid};
     use svl_core::stereo::{
         DisparityMap, Exposure, Geometry, Gray, GridShape, Plane, Rig, StereoPair, Truth,
@@ -179,10 +183,10 @@ mod tests {
             range_px: Some(40.0),
             times: Default::default(),
         };
-        let true_grid = true_grid(&frame, settings.shape()).unwrap();
         let rule = CellRule::default();
-        let cells = judge_cells(&true_grid, &estimate.grid, rule);
-        FilterTally::new(&frame, &true_grid, &estimate, &cells, rule)
+        let true_cells = TrueCells::new(&frame, settings.shape(), rule).unwrap();
+        let cells = true_cells.judge(&estimate.grid);
+        FilterTally::new(&frame, &true_cells, &estimate, &cells, rule)
     }
 
     const NONE: f32 = f32::INFINITY;

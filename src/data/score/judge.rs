@@ -2,8 +2,8 @@
 
 use super::{
     CellJudgement, CellSupport, CellTally, Checkpoint, CheckpointFrame, Correlations,
-    DisparityScore, FilterTally, FrameFacts, MetricValues, RunPart, SurfaceTally, TrueQuarters,
-    agreed_cells, judge_cells, true_grid, unrivalled_cells,
+    DisparityScore, FilterTally, FrameFacts, MetricValues, RunPart, SurfaceTally, TrueCells,
+    agreed_cells, unrivalled_cells,
 };
 use std::sync::OnceLock;
 use svl_core::depth::GridSettings;
@@ -33,8 +33,8 @@ pub struct Judged {
     pub estimates: Vec<JudgedEstimate>,
     /// The algorithms that failed on the frame.
     pub failures: Vec<MatchFailure>,
-    /// The depth grid of the truth; absent without truth or without estimates.
-    pub true_grid: Option<DepthGrid>,
+    /// The truth of the cells; absent without truth or without estimates.
+    pub true_cells: Option<TrueCells>,
     pair_hash: OnceLock<u128>,
     input_hash: OnceLock<u128>,
 }
@@ -76,27 +76,23 @@ impl Judge {
     /// Scores the estimates of a frame.
     pub fn judge(&self, frame: Frame, estimates: Vec<Estimate>) -> Judged {
         // A recording without algorithms needs no truth grid, which costs a median per cell.
-        let true_grid = match estimates.is_empty() {
+        let true_cells = match estimates.is_empty() {
             true => None,
-            false => true_grid(&frame, self.grid.shape()),
+            false => TrueCells::new(&frame, self.grid.shape(), self.rule(&frame)),
         };
-        let quarters = frame
-            .truth
-            .as_ref()
-            .zip(true_grid.as_ref())
-            .map(|(truth, grid)| TrueQuarters::new(truth, grid, self.rule(&frame), frame.rig()));
-        let true_cells = true_grid.as_ref().zip(quarters.as_ref());
         let supports = self.supports(&frame, &estimates);
         let estimates = estimates
             .into_iter()
             .zip(supports)
-            .map(|(estimate, support)| self.judge_estimate(&frame, true_cells, estimate, support))
+            .map(|(estimate, support)| {
+                self.judge_estimate(&frame, true_cells.as_ref(), estimate, support)
+            })
             .collect();
         Judged {
             failures: Vec::new(),
             frame,
             estimates,
-            true_grid,
+            true_cells,
             pair_hash: OnceLock::new(),
             input_hash: OnceLock::new(),
         }
@@ -128,19 +124,21 @@ impl Judge {
     fn judge_estimate(
         &self,
         frame: &Frame,
-        true_cells: Option<(&DepthGrid, &TrueQuarters)>,
+        true_cells: Option<&TrueCells>,
         estimate: Estimate,
         support: CellSupport,
     ) -> JudgedEstimate {
         let map = &estimate.disparity;
         let rule = self.rule(frame);
-        let cells = true_cells.map(|(truth, _)| judge_cells(truth, &estimate.grid, rule));
-        let surfaces = true_cells.map(|(truth, quarters)| {
-            SurfaceTally::new(frame, truth, quarters, &estimate.grid, rule)
-        });
+        let reported = |truth: &TrueCells| truth.reported(&estimate.grid, map.disparity());
+        let at_truth = true_cells.map(|truth| (truth, reported(truth)));
+        let at_truth = at_truth.as_ref();
+        let cells = at_truth.map(|(truth, reported)| truth.judge(reported));
+        let surfaces =
+            at_truth.map(|(truth, reported)| SurfaceTally::new(frame, truth, reported, rule));
         let filtered = true_cells
             .zip(cells.as_deref())
-            .map(|((truth, _), cells)| FilterTally::new(frame, truth, &estimate, cells, rule));
+            .map(|(truth, cells)| FilterTally::new(frame, truth, &estimate, cells, rule));
         let truth = frame.truth.as_ref();
         // Collected once: every metric reads the same scores.
         let facts = FrameFacts {

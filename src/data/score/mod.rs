@@ -9,10 +9,13 @@ mod judge;
 mod metrics;
 mod photometric;
 pub mod protocol;
+mod sparse;
 mod support;
 mod surfaces;
+mod truth;
 
-pub use cells::{CellJudgement, CellTally, Verdict, is_right, judge_cells, true_grid};
+pub(crate) use cells::depth_at;
+pub use cells::{CellJudgement, CellTally, Verdict, is_right, judge_cells};
 pub use checkpoint::{
     CellExpectation, CellFinding, Checkpoint, CheckpointFrame, CheckpointPlace, CheckpointTally,
     ExpectedCell, LabelledPair, RunPart,
@@ -26,4 +29,5 @@ pub use metrics::{
 };
 pub use photometric::Correlations;
 pub use support::{agreed_cells, supported_cells, unrivalled_cells};
-pub use surfaces::{SurfaceTally, TrueQuarters};
+pub use surfaces::SurfaceTally;
+pub use truth::TrueCells;

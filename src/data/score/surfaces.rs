@@ -3,30 +3,15 @@
 //! The median rule calls an algorithm wrong that names the nearer of two surfaces, and overlooks an
 //! obstacle that fills a quarter of a cell. These counts stand beside it.
 
+use super::TrueCells;
 use std::ops::Range;
-use svl_core::stereo::{CellDepth, CellRule, DepthGrid, Frame, Plane, Rig, Truth};
+use svl_core::stereo::{CellDepth, CellRule, DepthGrid, Frame, Plane, Rig};
 
 /// Least share of a cell's true pixels that a report names.
 const NAMED: f64 = 0.25;
 
-/// Rank of the true disparity that is the nearest quarter's.
-const NEAR_PERCENT: usize = 75;
-
 /// Greatest share of a cell that is not clear where a reported obstacle is none.
 const CLEAR: f64 = 0.05;
-
-/// The nearest quarters of a frame's true cells, in raster order.
-#[derive(Clone, Debug)]
-pub struct TrueQuarters(Vec<Option<TrueQuarter>>);
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct TrueQuarter {
-    near_px: f64,
-    /// Absent without a rig, or at infinity.
-    near_m: Option<f64>,
-    /// Share of the cell's true pixels that is nearer than what is clear.
-    not_clear: f64,
-}
 
 /// Counts over the cells of a frame that have a truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -43,51 +28,12 @@ pub struct SurfaceTally {
     pub near_wrong: usize,
 }
 
-impl TrueQuarters {
-    /// Of the cells that `true_grid` knows.
-    pub fn new(truth: &Truth, true_grid: &DepthGrid, rule: CellRule, rig: Option<&Rig>) -> Self {
-        let (shape, size) = (true_grid.shape(), truth.disparity.size());
-        let (_, clear_m) = rule.obstacle_and_clear_m();
-        // Nearer is of a greater disparity.
-        let clear_px = rig.map_or(f64::INFINITY, |rig| rig.disparity_px(clear_m));
-        let mut values = Vec::new();
-        let quarter = |(place, cell): ((usize, usize), &svl_core::stereo::Cell)| {
-            cell.depth?;
-            let (columns, rows) = shape.pixels(place, size);
-            values.clear();
-            values.extend(finite(&truth.disparity, &columns, rows));
-            let near = values.iter().filter(|&&d| f64::from(d) > clear_px).count();
-            let rank = NEAR_PERCENT * values.len() / 100;
-            let (_, near_px, _) = values.select_nth_unstable_by(rank, f32::total_cmp);
-            let near_px = f64::from(*near_px);
-            Some(TrueQuarter {
-                near_px,
-                near_m: rig.and_then(|rig| rig.depth_m(near_px)),
-                not_clear: near as f64 / values.len() as f64,
-            })
-        };
-        Self(true_grid.iter().map(quarter).collect())
-    }
-
-    /// The nearest quarters, where the cells have a truth.
-    pub fn depths(&self) -> impl Iterator<Item = Option<CellDepth>> {
-        self.0.iter().map(|quarter| {
-            quarter.map(|quarter| CellDepth {
-                median_px: quarter.near_px as f32,
-                p20_px: quarter.near_px as f32,
-                p80_px: quarter.near_px as f32,
-                distance_m: quarter.near_m,
-            })
-        })
-    }
-}
-
 impl SurfaceTally {
-    /// Judges the cells of `reported` by the frame's truth.
+    /// Judges the cells of `reported` by the frame's truth; it is what [`TrueCells::reported`]
+    /// returns.
     pub fn new(
         frame: &Frame,
-        true_grid: &DepthGrid,
-        quarters: &TrueQuarters,
+        true_cells: &TrueCells,
         reported: &DepthGrid,
         rule: CellRule,
     ) -> Self {
@@ -96,9 +42,10 @@ impl SurfaceTally {
             return tally;
         };
         let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
-        let cells = true_grid.iter().zip(reported.iter()).zip(&quarters.0);
-        for (((place, median), (_, cell)), quarter) in cells {
-            let (Some(median), Some(report), Some(quarter)) = (&median.depth, &cell.depth, quarter)
+        let truths = true_cells.grid().iter().zip(true_cells.cells());
+        for (((place, median), of_truth), (_, cell)) in truths.zip(reported.iter()) {
+            let (Some(median), Some(report), Some(quarter)) =
+                (&median.depth, &cell.depth, &of_truth.quarter)
             else {
                 continue;
             };
@@ -112,6 +59,9 @@ impl SurfaceTally {
                     || agrees(report, true_px, rule, frame.rig(), surface)
             };
             let named = || {
+                if let Some(points) = &of_truth.sparse {
+                    return points.truth.share(|d| agrees(d.into(), true)) >= NAMED;
+                }
                 let (columns, rows) = shape.pixels(place, truth.disparity.size());
                 let pixels = || finite(&truth.disparity, &columns, rows.clone());
                 let agreeing = pixels().filter(|&d| agrees(d.into(), true)).count();
@@ -122,13 +72,13 @@ impl SurfaceTally {
                 true => tally.right += 1,
                 false => tally.wrong += 1,
             }
-            match agrees(quarter.near_px, false) {
+            match agrees(quarter.near.median_px.into(), false) {
                 true => tally.near_right += 1,
                 false => tally.near_wrong += 1,
             }
             let is_clear = report.distance_m.is_none_or(|z| z > clear_m);
             let is_obstacle = report.distance_m.is_some_and(|z| z < obstacle_m);
-            let near_obstacle = quarter.near_m.is_some_and(|z| z < obstacle_m);
+            let near_obstacle = quarter.near.distance_m.is_some_and(|z| z < obstacle_m);
             tally.missed += usize::from(near_obstacle && is_clear);
             tally.falsely += usize::from(is_obstacle && quarter.not_clear < CLEAR);
         }
@@ -182,7 +132,7 @@ fn finite<'a>(
 mod tests {
     use super::*;
     use svl_core::depth::{GridSettings, grid};
-    use svl_core::stereo::{Exposure, Geometry, Gray, GridShape, StereoPair};
+    use svl_core::stereo::{Exposure, Geometry, Gray, GridShape, StereoPair, Truth};
 
     /// A cell of ten pixels: `near` of them at 0.4 m, the others at 2 m, and what a report of
     /// `distance_m` is counted as.
@@ -207,13 +157,11 @@ mod tests {
             columns: 1,
             rows: 1,
         });
-        let truth = frame.truth.as_ref().unwrap();
-        let true_grid = grid(&truth.disparity, settings, Some(&rig));
         let report = Plane::filled(10, 1, (10.0 / distance_m) as f32).unwrap();
         let reported = grid(&report, settings, Some(&rig));
         let rule = CellRule::default();
-        let quarters = TrueQuarters::new(truth, &true_grid, rule, Some(&rig));
-        SurfaceTally::new(&frame, &true_grid, &quarters, &reported, rule)
+        let true_cells = TrueCells::new(&frame, settings.shape(), rule).unwrap();
+        SurfaceTally::new(&frame, &true_cells, &reported, rule)
     }
 
     #[test]

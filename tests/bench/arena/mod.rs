@@ -5,6 +5,7 @@ mod config;
 mod perturbed;
 mod pictures;
 mod scenario;
+mod sparse;
 mod truth;
 mod v5;
 

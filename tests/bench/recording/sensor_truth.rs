@@ -11,10 +11,10 @@ use std::path::{Path, PathBuf};
 use svl::depth::{GridSettings, grid};
 use svl::matcher::Algorithm;
 use svl::scenario::SourceOptions;
-use svl::score::{CellJudgement, CellTally, Verdict, judge_cells, true_grid};
+use svl::score::{CellJudgement, CellTally, TrueCells, Verdict};
 use svl::source::{Request, open_recording};
 use svl::stereo::{
-    CellRule, DepthGrid, Frame, Plane, RectifiedPair, Truth, TruthDensity, TruthKind,
+    CellRule, DepthGrid, DisparityMap, Frame, Plane, RectifiedPair, Truth, TruthDensity, TruthKind,
 };
 
 const FRAMES: u64 = 40;
@@ -96,11 +96,11 @@ fn sampled(exact: &Frame, sensor: &Frame) -> Frame {
 }
 
 /// The judgements of all frames' cells against the truths of `frames`.
-fn judged(frames: &[Frame], grids: &[DepthGrid]) -> Vec<CellJudgement> {
-    let pairs = frames.iter().zip(grids);
-    let judged = pairs.map(|(frame, grid)| {
-        let truth = true_grid(frame, grid.shape()).unwrap();
-        judge_cells(&truth, grid, CellRule::default())
+fn judged(frames: &[Frame], matched: &[(DisparityMap, DepthGrid)]) -> Vec<CellJudgement> {
+    let pairs = frames.iter().zip(matched);
+    let judged = pairs.map(|(frame, (map, grid))| {
+        let truth = TrueCells::new(frame, grid.shape(), CellRule::default()).unwrap();
+        truth.judge(&truth.reported(grid, map.disparity()))
     });
     judged.flatten().collect()
 }
@@ -129,15 +129,16 @@ fn alike(a: &[CellJudgement], b: &[CellJudgement]) -> f64 {
     equal as f64 / both.len() as f64
 }
 
-/// Each algorithm's grids of the frames.
-fn matched(frames: &[Frame]) -> [Vec<DepthGrid>; 3] {
+/// Each algorithm's maps and grids of the frames.
+fn matched(frames: &[Frame]) -> [Vec<(DisparityMap, DepthGrid)>; 3] {
     ALGORITHMS.map(|name| {
         let algorithm: Algorithm = name.parse().unwrap();
         let of = |frame: &Frame| {
             let pair = RectifiedPair::assume(&frame.pair);
             let output = algorithm.match_pair(pair, frame.rig().copied()).unwrap();
-            let disparity = output.disparity.disparity();
-            grid(disparity, GridSettings::default(), frame.rig())
+            let map = output.disparity;
+            let grid = grid(map.disparity(), GridSettings::default(), frame.rig());
+            (map, grid)
         };
         frames.iter().map(of).collect()
     })

@@ -84,6 +84,7 @@ pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
         }),
         probability: (verdict == Verdict::Right).then_some(0.75),
         stress: None,
+        true_points: None,
     }
 }
 

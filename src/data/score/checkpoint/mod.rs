@@ -450,6 +450,7 @@ mod tests {
             true_m: Some(1.0),
             missed_obstacle: false,
             false_obstacle: false,
+            points: None,
         };
         let judgements = cells.map(|(_, verdict)| judgement(verdict));
         opening().judge(&grid, Some(&judgements), CellRule::default())

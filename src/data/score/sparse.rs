@@ -1,0 +1,223 @@
+//! Cells whose truth is points: a lidar's, KITTI's, a laser scan's.
+//!
+//! Points lie elsewhere in a cell than its pixels, so their median is not the cell's. Two things
+//! correct for that: every part of the cell that has points counts alike, however many it has; and
+//! a report is moved by the difference between the algorithm's own map at the points and in the
+//! whole cell. `tests/bench/arena/sparse.rs` compares the scores with those of a dense truth.
+
+use super::cells::{depth_at, is_right};
+use std::ops::Range;
+use svl_core::stereo::{CellRule, Plane, Rig};
+
+/// Parts of a cell along a side.
+const PARTS: usize = 8;
+
+/// Least share of a cell's parts that must have points for them to stand for the cell, as half of
+/// the pixels do.
+const COVERED: f64 = 0.5;
+
+/// Least number of points of a cell, and of its points where a map has a disparity.
+const MIN_POINTS: usize = 10;
+
+/// Greatest distance of the points' centre from the cell's, as a share of its sides, where they
+/// show only a part of it.
+const OFF_CENTRE: f64 = 0.2;
+
+/// The points of a cell.
+#[derive(Clone, Debug)]
+pub(super) struct SparseCell {
+    /// Column, row and weight.
+    points: Vec<(usize, usize, f64)>,
+    /// The true disparities.
+    pub truth: Weighted,
+    /// Whether enough parts have points.
+    covered: bool,
+    centred: bool,
+}
+
+/// Disparities in ascending order, each with its weight.
+#[derive(Clone, Debug)]
+pub(super) struct Weighted(Vec<(f32, f64)>);
+
+impl SparseCell {
+    /// The known pixels of a cell.
+    pub fn new(truth: &Plane<f32>, columns: &Range<usize>, rows: &Range<usize>) -> Self {
+        let part_of = |i: usize, side: &Range<usize>| (i - side.start) * PARTS / side.len();
+        let known = || {
+            rows.clone().flat_map(|y| {
+                let row = truth.row(y);
+                let known = columns.clone().filter(|&x| row[x].is_finite());
+                known.map(move |x| (x, y))
+            })
+        };
+        let mut counts = [[0u32; PARTS]; PARTS];
+        for (x, y) in known() {
+            counts[part_of(y, rows)][part_of(x, columns)] += 1;
+        }
+        let weight = |x, y| 1.0 / f64::from(counts[part_of(y, rows)][part_of(x, columns)]);
+        let points: Vec<_> = known().map(|(x, y)| (x, y, weight(x, y))).collect();
+        // A small cell has fewer parts.
+        let parts = columns.len().min(PARTS) * rows.len().min(PARTS);
+        let with_points = counts.iter().flatten().filter(|&&count| count > 0).count();
+        let offset = |at: fn(&(usize, usize, f64)) -> usize, side: &Range<usize>| {
+            let sum = |(of, all), point: &(usize, usize, f64)| {
+                let place = (at(point) - side.start) as f64 + 0.5;
+                (of + point.2 * place, all + point.2)
+            };
+            let (of, all) = points.iter().fold((0.0, 0.0), sum);
+            (of / (all * side.len() as f64) - 0.5).abs()
+        };
+        Self {
+            truth: Weighted::new(
+                points
+                    .iter()
+                    .map(|&(x, y, w)| (truth.get(x, y), w))
+                    .collect(),
+            ),
+            covered: with_points as f64 >= COVERED * parts as f64,
+            centred: offset(|p| p.0, columns).max(offset(|p| p.1, rows)) <= OFF_CENTRE,
+            points,
+        }
+    }
+
+    /// The number of points.
+    pub fn count(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether the points tell what a report must be: those in half of the cell's parts do, others
+    /// where they lie about its middle and four fifths of them agree.
+    pub fn is_scored(&self, rule: CellRule, rig: Option<&Rig>) -> bool {
+        let points_agree = || {
+            let [far, near] = [10, 90].map(|percent| depth_at(self.truth.percentile(percent), rig));
+            // The nearer one has the smaller tolerance.
+            is_right(&near, Some(&far), rule) == Some(true)
+        };
+        self.count() >= MIN_POINTS && (self.covered || self.centred && points_agree())
+    }
+
+    /// By how much the map's median at the points exceeds that in the whole cell; 0 where the points
+    /// are of a part of the cell, or the map has too few disparities at them.
+    pub fn map_offset(&self, map: &Plane<f32>, columns: &Range<usize>, rows: &Range<usize>) -> f32 {
+        let known = |&(x, y, weight): &(usize, usize, f64)| {
+            let d = map.get(x, y);
+            d.is_finite().then_some((d, weight))
+        };
+        let at_points: Vec<_> = self.points.iter().filter_map(known).collect();
+        if at_points.len() < MIN_POINTS || !self.covered {
+            return 0.0;
+        }
+        let mut all: Vec<f32> = Vec::with_capacity(columns.len() * rows.len());
+        for y in rows.clone() {
+            all.extend(map.row(y)[columns.clone()].iter().filter(|d| d.is_finite()));
+        }
+        let middle = (all.len() - 1) / 2;
+        let (_, median, _) = all.select_nth_unstable_by(middle, f32::total_cmp);
+        Weighted::new(at_points).percentile(50) - *median
+    }
+}
+
+impl Weighted {
+    fn new(mut values: Vec<(f32, f64)>) -> Self {
+        values.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Self(values)
+    }
+
+    fn total(&self) -> f64 {
+        self.0.iter().map(|(_, weight)| weight).sum()
+    }
+
+    /// By nearest rank; infinity of nothing.
+    pub fn percentile(&self, percent: usize) -> f32 {
+        // Sums of weights are rounded.
+        let wanted = percent as f64 / 100.0 * self.total() - 1e-9;
+        let mut sum = 0.0;
+        let mut reached = self.0.iter().skip_while(|(_, weight)| {
+            sum += weight;
+            sum < wanted
+        });
+        let last = reached.next().or(self.0.last());
+        last.map_or(f32::INFINITY, |(value, _)| *value)
+    }
+
+    /// The share of the weight that a function is true of, 0..=1.
+    pub fn share(&self, is: impl Fn(f32) -> bool) -> f64 {
+        let of = self.0.iter().filter(|(value, _)| is(*value));
+        of.map(|(_, weight)| weight).sum::<f64>() / self.total()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NONE: f32 = f32::INFINITY;
+    const RULE: CellRule = CellRule::Disparity { tolerance_px: 2.0 };
+
+    /// The points of a cell of 16 x 16 pixels.
+    fn cell(truth: impl Fn(usize, usize) -> f32) -> SparseCell {
+        let truth = Plane::from_fn(16, 16, truth).unwrap();
+        SparseCell::new(&truth, &(0..16), &(0..16))
+    }
+
+    #[test]
+    fn parts_count_alike_however_many_points_they_have() {
+        // A floor of 16 rows; of the upper half all points, of the lower one every fourth.
+        let floor = cell(|x, y| match y < 8 || (x + y) % 4 == 0 {
+            true => y as f32,
+            false => NONE,
+        });
+        assert!(floor.is_scored(RULE, None));
+        assert_eq!(floor.truth.percentile(50), 7.0);
+        assert_eq!(floor.truth.share(|d| d < 8.0), 0.5);
+    }
+
+    #[test]
+    fn points_of_a_part_are_scored_where_one_surface_surrounds_the_middle() {
+        let scored = |truth: &dyn Fn(usize, usize) -> f32| cell(truth).is_scored(RULE, None);
+        // A line of a laser scan, and one at the border.
+        let line = |at: usize, jump: f32| {
+            move |x: usize, y: usize| match (y == at, x < 8) {
+                (false, _) => NONE,
+                (true, true) => 5.0,
+                (true, false) => 5.0 + jump,
+            }
+        };
+        assert!(scored(&line(8, 2.0)) && !scored(&line(8, 2.1)) && !scored(&line(13, 0.0)));
+        // The whole cell may be of two surfaces.
+        let two = |x: usize, y: usize| match (y % 8, x < 8) {
+            (0, true) => 5.0,
+            (4, false) => 50.0,
+            _ => NONE,
+        };
+        assert!(!scored(&two));
+        let whole = |x: usize, y: usize| match (y % 2, x < 8) {
+            (1, _) => NONE,
+            (_, true) => 5.0,
+            (_, false) => 50.0,
+        };
+        assert!(scored(&whole));
+        // Nine points.
+        assert!(!scored(&|x, y| if x % 6 == 2 && y % 6 == 2 {
+            5.0
+        } else {
+            NONE
+        }));
+    }
+
+    #[test]
+    fn a_map_is_read_at_the_points() {
+        // The true points are of the even rows, where the map has its rows' numbers.
+        let points = cell(|_, y| if y % 2 == 0 { y as f32 } else { NONE });
+        let offset = |map: &dyn Fn(usize, usize) -> f32| {
+            let map = Plane::from_fn(16, 16, map).unwrap();
+            points.map_offset(&map, &(0..16), &(0..16))
+        };
+        assert_eq!(offset(&|_, y| y as f32), 6.0 - 7.0);
+        // Nine disparities at the points are too few.
+        assert_eq!(
+            offset(&|x, y| if x < 9 && y == 0 { 3.0 } else { NONE }),
+            0.0
+        );
+    }
+}

@@ -1,0 +1,283 @@
+//! The truth of a frame by cells: what every score of cells is compared with.
+//!
+//! Where the truth covers at least half of a cell's pixels, these are the cell. Where it covers
+//! less, the cell is scored by the points that it has ([`SparseCell`]), or not at all.
+
+use super::cells::{CellJudgement, depth_at, judge_cells};
+use super::sparse::SparseCell;
+use std::borrow::Cow;
+use std::ops::Range;
+use svl_core::depth::{self, CellDecision, GridSettings};
+use svl_core::stereo::{
+    Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, Plane, Rig, Truth, TruthOrigin,
+};
+
+/// Least share of a cell's pixels whose truth must be known for the cell to have a dense truth.
+const MIN_KNOWN: f64 = 0.5;
+
+/// Rank of the true disparity that is the nearest quarter's.
+const NEAR_PERCENT: usize = 75;
+
+/// The truth of a frame's cells.
+#[derive(Clone, Debug)]
+pub struct TrueCells {
+    grid: DepthGrid,
+    /// In raster order.
+    cells: Vec<TrueCell>,
+    rule: CellRule,
+    rig: Option<Rig>,
+}
+
+#[derive(Clone, Debug, Default)]
+pub(super) struct TrueCell {
+    /// Where the truth covers less than half of the pixels.
+    pub sparse: Option<SparseCell>,
+    /// Absent where the cell is not scored.
+    pub quarter: Option<TrueQuarter>,
+}
+
+/// The nearest quarter of a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct TrueQuarter {
+    pub near: CellDepth,
+    /// Share of the cell's true pixels that is nearer than what is clear.
+    pub not_clear: f64,
+}
+
+impl TrueCells {
+    /// The cells of a frame with truth, scored by `rule`. Of a reference's disparities as many must
+    /// be sure as make an algorithm's cell known ([`depth::MIN_VALID`]).
+    pub fn new(frame: &Frame, shape: GridShape, rule: CellRule) -> Option<Self> {
+        let (truth, rig) = (frame.truth.as_ref()?, frame.rig());
+        let is_reference = matches!(truth.kind.origin, TruthOrigin::Reference(_));
+        let settings = GridSettings {
+            min_valid: if is_reference {
+                depth::MIN_VALID
+            } else {
+                MIN_KNOWN
+            },
+            decision: CellDecision::Median,
+            ..shape.into()
+        };
+        let mut grid = depth::grid(&truth.disparity, settings, rig);
+        let true_cell = |(place, cell): ((usize, usize), &mut Cell)| {
+            let (columns, rows) = shape.pixels(place, truth.disparity.size());
+            let is_sparse = cell.depth.is_none() && cell.valid_share > 0.0 && !is_reference;
+            let sparse = is_sparse.then(|| SparseCell::new(&truth.disparity, &columns, &rows));
+            if let Some(points) = sparse.as_ref().filter(|points| points.is_scored(rule, rig)) {
+                let [p20, median, p80] = [20, 50, 80].map(|p| points.truth.percentile(p));
+                cell.depth = Some(CellDepth {
+                    p20_px: p20,
+                    p80_px: p80,
+                    ..depth_at(median, rig)
+                });
+            }
+            let quarter = cell.depth.map(|_| match &sparse {
+                Some(points) => TrueQuarter::of_points(points, rule, rig),
+                None => TrueQuarter::new(truth, columns, rows, rule, rig),
+            });
+            TrueCell { sparse, quarter }
+        };
+        let cells = shape.iter().zip(grid.cells_mut()).map(true_cell).collect();
+        let rig = rig.copied();
+        Some(Self {
+            grid,
+            cells,
+            rule,
+            rig,
+        })
+    }
+
+    /// Per cell the median true disparity and its distance, where the cell is scored.
+    pub fn grid(&self) -> &DepthGrid {
+        &self.grid
+    }
+
+    /// The nearest quarters, where the cells are scored.
+    pub fn near(&self) -> impl Iterator<Item = Option<CellDepth>> {
+        let quarters = self.cells.iter().map(|cell| cell.quarter);
+        quarters.map(|quarter| quarter.map(|quarter| quarter.near))
+    }
+
+    /// The cells in raster order.
+    pub(super) fn cells(&self) -> &[TrueCell] {
+        &self.cells
+    }
+
+    /// What a cell's report comes to where its truth is: of a sparse truth the report moved by the
+    /// difference between the algorithm's map at the points and in the whole cell.
+    pub fn at_truth(&self, cell: usize, report: CellDepth, map: &Plane<f32>) -> CellDepth {
+        let TrueCell { sparse, quarter } = &self.cells[cell];
+        let Some(points) = sparse.as_ref().filter(|_| quarter.is_some()) else {
+            return report;
+        };
+        let shape = self.grid.shape();
+        let place = (cell % shape.columns, cell / shape.columns);
+        let (columns, rows) = shape.pixels(place, map.size());
+        let offset_px = points.map_offset(map, &columns, &rows);
+        CellDepth {
+            p20_px: report.p20_px,
+            p80_px: report.p80_px,
+            ..depth_at(report.median_px + offset_px, self.rig.as_ref())
+        }
+    }
+
+    /// [`TrueCells::at_truth`] of a grid. A cell that is too close claims a side, and stays.
+    pub fn reported<'a>(&self, reported: &'a DepthGrid, map: &Plane<f32>) -> Cow<'a, DepthGrid> {
+        debug_assert_eq!(self.grid.shape(), reported.shape());
+        let mut moved = Cow::Borrowed(reported);
+        if self.cells.iter().any(|cell| cell.sparse.is_some()) {
+            let cells = moved.to_mut().cells_mut().enumerate();
+            for (i, cell) in cells.filter(|(_, cell)| !cell.too_close) {
+                cell.depth = cell.depth.map(|depth| self.at_truth(i, depth, map));
+            }
+        }
+        moved
+    }
+
+    /// Scores every cell, in raster order; `reported` is what [`TrueCells::reported`] returns.
+    pub fn judge(&self, reported: &DepthGrid) -> Vec<CellJudgement> {
+        let mut judgements = judge_cells(&self.grid, reported, self.rule);
+        for (judgement, cell) in judgements.iter_mut().zip(&self.cells) {
+            judgement.points = cell.sparse.as_ref().map(SparseCell::count);
+        }
+        judgements
+    }
+}
+
+impl TrueQuarter {
+    fn new(
+        truth: &Truth,
+        columns: Range<usize>,
+        rows: Range<usize>,
+        rule: CellRule,
+        rig: Option<&Rig>,
+    ) -> Self {
+        let mut values: Vec<f32> = Vec::with_capacity(columns.len() * rows.len());
+        for y in rows {
+            let row = &truth.disparity.row(y)[columns.clone()];
+            values.extend(row.iter().filter(|d| d.is_finite()));
+        }
+        let clear_px = clear_px(rule, rig);
+        let near = values.iter().filter(|&&d| f64::from(d) > clear_px).count();
+        let rank = NEAR_PERCENT * values.len() / 100;
+        let (_, near_px, _) = values.select_nth_unstable_by(rank, f32::total_cmp);
+        Self {
+            near: depth_at(*near_px, rig),
+            not_clear: near as f64 / values.len() as f64,
+        }
+    }
+
+    fn of_points(points: &SparseCell, rule: CellRule, rig: Option<&Rig>) -> Self {
+        let clear_px = clear_px(rule, rig);
+        Self {
+            near: depth_at(points.truth.percentile(NEAR_PERCENT), rig),
+            not_clear: points.truth.share(|d| f64::from(d) > clear_px),
+        }
+    }
+}
+
+/// The disparity above which nothing is clear.
+fn clear_px(rule: CellRule, rig: Option<&Rig>) -> f64 {
+    let (_, clear_m) = rule.obstacle_and_clear_m();
+    rig.map_or(f64::INFINITY, |rig| rig.disparity_px(clear_m))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::score::{SurfaceTally, Verdict};
+    use svl_core::stereo::{Exposure, Geometry, Gray, StereoPair, TruthDensity, TruthKind};
+
+    const RULE: CellRule = CellRule::Disparity { tolerance_px: 2.0 };
+
+    fn frame(disparity: Plane<f32>, kind: TruthKind) -> Frame {
+        let (width, height) = disparity.size();
+        let image = Gray::filled(width, height, 0).unwrap();
+        Frame {
+            sequence: 0,
+            stamp_ns: 0,
+            name: None,
+            pair: StereoPair::new(image.clone(), image).unwrap(),
+            geometry: Geometry::Rectified(None),
+            pose: None,
+            truth: Some(Truth {
+                kind,
+                ..Truth::exact(disparity, None)
+            }),
+            color: None,
+            exposure: Exposure::default(),
+        }
+    }
+
+    #[test]
+    fn ten_points_are_scored_and_a_fifth_of_a_reference() {
+        let shape = GridShape {
+            columns: 2,
+            rows: 1,
+        };
+        let known = |is_known: fn(usize) -> bool, density, origin| {
+            let value = |x, _| if is_known(x) { x as f32 } else { f32::INFINITY };
+            let frame = frame(
+                Plane::from_fn(80, 1, value).unwrap(),
+                TruthKind { density, origin },
+            );
+            let cells = TrueCells::new(&frame, shape, RULE).unwrap();
+            let cells = [0, 1].map(|column| cells.grid().cell(column, 0).depth);
+            cells.map(|depth| depth.map(|depth| depth.median_px))
+        };
+        // Ten points in the left cell, nine in the right one.
+        let tenth = |x| x % 4 == 0 && x < 76;
+        for density in [TruthDensity::Sparse, TruthDensity::Dense] {
+            let cells = known(tenth, density, TruthOrigin::Exact);
+            assert_eq!(cells, [Some(16.0), None]);
+        }
+        let reference = |is_known| {
+            let origin = TruthOrigin::Reference("sgm".into());
+            known(is_known, TruthDensity::Dense, origin)
+        };
+        assert_eq!(reference(tenth), [Some(16.0), Some(56.0)]);
+        assert_eq!(reference(|x| x % 4 == 0 && x % 8 != 0), [None; 2]);
+    }
+
+    /// A floor of 40 rows, of which every fourth is known: the score of a map, and how its cell is
+    /// counted.
+    fn floor(map: impl Fn(usize) -> f32) -> (CellJudgement, SurfaceTally) {
+        let known = |_: usize, y: usize| match y.is_multiple_of(4) {
+            true => y as f32,
+            false => f32::INFINITY,
+        };
+        let frame = frame(Plane::from_fn(16, 40, known).unwrap(), TruthKind::default());
+        let shape = GridShape {
+            columns: 1,
+            rows: 1,
+        };
+        let cells = TrueCells::new(&frame, shape, RULE).unwrap();
+        let map = Plane::from_fn(16, 40, |_, y| map(y)).unwrap();
+        let reported = depth::grid(&map, shape.into(), None);
+        let moved = cells.reported(&reported, &map);
+        let tally = SurfaceTally::new(&frame, &cells, &moved, RULE);
+        (cells.judge(&moved)[0], tally)
+    }
+
+    #[test]
+    fn a_report_is_moved_to_the_points() {
+        // The points' median is 16, their 75th percentile 28, the map's median at them 16 of 19.
+        let (right, tally) = floor(|y| y as f32);
+        assert_eq!((right.verdict, right.points), (Verdict::Right, Some(160)));
+        assert_eq!((tally.right, tally.near_right), (1, 0));
+        let (off, tally) = floor(|y| y as f32 + 2.5);
+        assert_eq!((off.verdict, tally.wrong), (Verdict::Wrong, 1));
+        // Nothing at the points: the report itself.
+        let between = |y: usize| {
+            if y.is_multiple_of(4) {
+                f32::INFINITY
+            } else {
+                18.5
+            }
+        };
+        assert_eq!(floor(between).0.verdict, Verdict::Wrong);
+        let rule = |d| (floor(|_| d).1.right, floor(|_| d).1.near_right);
+        assert_eq!([18.5, 26.0, 28.0].map(rule), [(0, 0), (0, 1), (0, 1)]);
+    }
+}

@@ -1,0 +1,206 @@
+//! Cells scored by a sparse truth are right where those of the dense truth that it is drawn from
+//! are, in the patterns of a lidar, a laser scan and KITTI.
+
+use crate::common::datasets;
+use svl::arena::{Arena, ArenaConfig};
+use svl::depth::{GridSettings, grid};
+use svl::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl::score::{CellJudgement, Judge, Verdict};
+use svl::source::dataset::Scene;
+use svl::stereo::{
+    DisparityMap, Estimate, Frame, Plane, RectifiedPair, Truth, TruthDensity, TruthKind,
+};
+use svl::timing::StageTimes;
+
+/// Whether a pixel (x, y) of an image of a size is known.
+type Known = Box<dyn Fn(usize, usize, (usize, usize)) -> bool>;
+
+/// Lines of a lidar that sees nothing of the upper third.
+fn lidar(rows: usize, columns: usize) -> Known {
+    Box::new(move |x, y, (_, height)| {
+        y >= height / 3 && (y - height / 3).is_multiple_of(rows) && x.is_multiple_of(columns)
+    })
+}
+
+fn patterns() -> Vec<(&'static str, Known)> {
+    // As KITTI's: denser in the middle than below, with holes.
+    let uneven = |x: usize, y: usize, (_, height): (usize, usize)| {
+        let mixed = (x * 7919 + y * 104_729) as u64 * 0x9E37_79B9_7F4A_7C15;
+        let below = (height - y) as f64 / height as f64;
+        y >= height / 3 && (mixed >> 40) as f64 / f64::from(1 << 24) < below * below
+    };
+    let mut patterns: Vec<(_, Known)> = vec![
+        ("lidar, every 4th row, 2nd column", lidar(4, 2)),
+        ("lidar, every 6th row, 3rd column", lidar(6, 3)),
+        ("lidar, every 8th row, 3rd column", lidar(8, 3)),
+        ("laser scan in the middle row", {
+            Box::new(|_, y, (_, height)| y == height / 2)
+        }),
+        ("uneven", Box::new(uneven)),
+    ];
+    if let Some(folder) = datasets() {
+        let scene = Scene::find(&folder.join("kitti2012-000000_10"), "kitti").unwrap();
+        let mask = scene.read(0).unwrap().truth.unwrap().disparity;
+        let known = move |x: usize, y: usize, (width, height): (usize, usize)| {
+            let (w, h) = mask.size();
+            mask.get(x * w / width, y * h / height).is_finite()
+        };
+        patterns.push(("KITTI's own", Box::new(known)));
+    }
+    patterns
+}
+
+fn thinned(frame: &Frame, known: &Known) -> Frame {
+    let truth = &frame.truth.as_ref().unwrap().disparity;
+    let (width, height) = truth.size();
+    let kept = |x, y| match known(x, y, truth.size()) {
+        true => truth.get(x, y),
+        false => f32::INFINITY,
+    };
+    Frame {
+        truth: Some(Truth {
+            kind: TruthKind {
+                density: TruthDensity::Sparse,
+                ..TruthKind::default()
+            },
+            ..Truth::exact(Plane::from_fn(width, height, kept).unwrap(), None)
+        }),
+        ..frame.clone()
+    }
+}
+
+fn estimate(algorithm: &Algorithm, frame: &Frame) -> Estimate {
+    let judge = Judge::default();
+    let context = MatchContext::of(frame, judge.grid, judge.cells);
+    let mut output = MatchOutput::new().unwrap();
+    let mut matcher = algorithm.build().unwrap();
+    matcher
+        .compute(RectifiedPair::assume(&frame.pair), &context, &mut output)
+        .unwrap();
+    let own_grid = output.grid.is_some();
+    let map = output.disparity.disparity();
+    Estimate {
+        algorithm: String::new(),
+        grid: output
+            .grid
+            .unwrap_or_else(|| grid(map, GridSettings::default(), frame.rig())),
+        disparity: output.disparity,
+        own_grid,
+        unfiltered: None,
+        range_px: None,
+        times: StageTimes::default(),
+    }
+}
+
+fn judged(frame: Frame, estimate: Estimate) -> Vec<CellJudgement> {
+    let judged = Judge::default().judge(frame, vec![estimate]);
+    judged.estimates[0].cells.clone().unwrap()
+}
+
+#[derive(Clone, Copy, Default)]
+struct Tally {
+    scored: usize,
+    known: usize,
+    right: usize,
+    /// Called right, wrong, and not so by the dense truth.
+    falsely: [usize; 2],
+}
+
+impl Tally {
+    fn add(&mut self, dense: &CellJudgement, sparse: &CellJudgement) {
+        let is_known = sparse.verdict != Verdict::Unknown;
+        self.scored += 1;
+        self.known += usize::from(is_known);
+        self.right += usize::from(dense.verdict == Verdict::Right);
+        if dense.verdict != sparse.verdict {
+            self.falsely[usize::from(sparse.verdict == Verdict::Wrong)] += 1;
+        }
+    }
+
+    /// Of the cells, and of the known ones alone, %.
+    fn agreement(&self) -> [f64; 2] {
+        let off = self.falsely.iter().sum::<usize>() as f64;
+        [self.scored, self.known].map(|of| 100.0 * (1.0 - off / of as f64))
+    }
+}
+
+/// The algorithms' cells by sparse truths agree with those by the dense truth of the frames. An
+/// algorithm that answers cells only has no map to read at the points.
+fn agree(frames: &[Frame], algorithms: [&str; 4]) {
+    println!("| truth | algorithm | cells | known | right | agreement, % | of known cells, % |");
+    println!("|---|---|---:|---:|---:|---:|---:|");
+    let patterns = patterns();
+    for cells_only in [false, true] {
+        for name in algorithms {
+            let algorithm: Algorithm = name.parse().unwrap();
+            let mut tallies = vec![Tally::default(); patterns.len()];
+            for frame in frames {
+                let mut estimate = estimate(&algorithm, frame);
+                if cells_only {
+                    let (width, height) = frame.pair.size();
+                    estimate.disparity = DisparityMap::new(width, height).unwrap();
+                }
+                let dense = judged(frame.clone(), estimate.clone());
+                for ((_, known), tally) in patterns.iter().zip(&mut tallies) {
+                    let sparse = judged(thinned(frame, known), estimate.clone());
+                    let both = dense.iter().zip(&sparse);
+                    both.filter(|(dense, sparse)| {
+                        let has_dense = dense.points.is_none() && dense.true_px.is_some();
+                        has_dense && sparse.points.is_some() && sparse.verdict != Verdict::NoTruth
+                    })
+                    .for_each(|(dense, sparse)| tally.add(dense, sparse));
+                }
+            }
+            for ((pattern, _), tally) in patterns.iter().zip(tallies) {
+                let [all, known] = tally.agreement();
+                let Tally {
+                    scored,
+                    known: of,
+                    right,
+                    ..
+                } = tally;
+                let cells = if cells_only { " (cells only)" } else { "" };
+                println!(
+                    "| {pattern} | {name}{cells} | {scored} | {of} | {right} | {all:.1} | {known:.1} |"
+                );
+                assert!(all >= 95.0 && scored >= frames.len(), "{name}, {pattern}");
+            }
+        }
+    }
+}
+
+#[test]
+fn sparse_truth_scores_the_arena_s_cells_as_dense_truth_does() {
+    let arena = Arena::new(&ArenaConfig::default(), 1).unwrap();
+    let frames: Vec<_> = (0..280)
+        .step_by(11)
+        .map(|i| arena.frame(i).unwrap())
+        .collect();
+    agree(&frames, ["v3", "v5", "bm", "sgm"]);
+}
+
+#[test]
+fn sparse_truth_scores_real_scenes_cells_as_dense_truth_does() {
+    let Some(folder) = datasets() else {
+        return;
+    };
+    let scenes = "barn1 bull cones eth3d-playground_1l middlebury2006/Art middlebury2006/Baby1 \
+                  middlebury2006/Books middlebury2006/Cloth3 middlebury2006/Reindeer \
+                  middlebury2006/Wood1 middlebury2014q/Adirondack middlebury2014q/ArtL \
+                  middlebury2014q/Motorcycle middlebury2014q/Piano middlebury2014q/PianoL \
+                  middlebury2014q/Playroom teddy tsukuba venus";
+    let read = |name| {
+        Scene::find(&folder.join(name), name)
+            .unwrap()
+            .read(0)
+            .unwrap()
+    };
+    let frames: Vec<_> = scenes.split_whitespace().map(read).collect();
+    let algorithms = [
+        "v3:max_disparity=80",
+        "v5",
+        "bm:max_disparity=80",
+        "sgm:max_disparity=80",
+    ];
+    agree(&frames, algorithms);
+}
