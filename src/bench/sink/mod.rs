@@ -4,6 +4,7 @@ mod checkpoints;
 mod collect;
 mod pictures;
 mod recording;
+mod scale;
 mod table;
 mod viewer;
 
@@ -12,6 +13,7 @@ pub use collect::{CollectSink, WatchSink};
 pub(crate) use pictures::frame_shot;
 pub use pictures::{PictureSink, ReportPictures};
 pub use recording::RecordingSink;
+use scale::ScaleSink;
 pub(crate) use table::RunIdentity;
 pub use table::TableSink;
 pub use viewer::{
@@ -155,6 +157,7 @@ impl Sinks {
                 sinks.push(Box::new(TableSink::in_folder(folder, &rows)?));
                 sinks.push(Box::new(CheckpointSink::in_folder(folder, &checkpoints)?));
                 sinks.push(Box::new(PictureSink::new(&pictures)));
+                sinks.push(Box::<ScaleSink>::default());
             }
         }
         let tables = match request.report {

@@ -6,6 +6,7 @@ use super::{recordings, usage};
 use anyhow::bail;
 use std::path::Path;
 use svl::manifest::RunRecord;
+use svl::matcher::Algorithm;
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions};
 use svl::score::Judge;
 use svl::source::dataset::{Scene, SceneSource};
@@ -45,7 +46,10 @@ pub(crate) fn named(what: &[String]) -> anyhow::Result<Scenario> {
                 let cure = "name one scenario, or recordings";
                 return Err(usage::wrong(format!("{name}: is a scenario; {cure}")));
             }
-            Ok(Scenario::of_recordings(recordings, vec!["v5".parse()?])?)
+            Ok(Scenario::of_recordings(
+                recordings,
+                vec![Algorithm::default()],
+            )?)
         }
     }
 }

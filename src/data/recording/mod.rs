@@ -68,7 +68,7 @@ mod writer;
 pub use bag::{files, is_bag, only_file};
 pub use cells::{AlgorithmCells, CellReport};
 pub use dialect::{Dialect, RecordingFormat};
-pub use foreign::{RawCamera, Selection, TruthSelection, TruthTopic};
+pub use foreign::{RawCamera, Selection, TruthSelection, TruthTopic, UnpairedImages};
 pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;
 pub use opened::Recording;
@@ -204,8 +204,8 @@ trait PairSource: Send {
         0
     }
 
-    /// Topic of the left images.
-    fn left_topic(&self) -> &str;
+    /// Topics of the left and the right images.
+    fn topics(&self) -> [&str; 2];
 
     /// How many bits the 16-bit images use.
     fn depth(&self) -> BitDepth {
@@ -225,6 +225,11 @@ trait PairSource: Send {
     /// # Errors
     /// What is missing in the calibrations.
     fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
+        None
+    }
+
+    /// Focal lengths of the left camera along x and y, where the rig does not say all.
+    fn focal_px(&self) -> Option<(f64, f64)> {
         None
     }
 }

@@ -16,6 +16,23 @@ const LATER: usize = 8;
 /// Factor by which an image may be farther out of order than any before it.
 const FARTHER: usize = 8;
 
+/// Images without a partner, by where they are among the pairs of a recording.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct UnpairedImages {
+    /// Before the first pair: one camera began earlier.
+    pub before: u64,
+    /// Between two pairs.
+    pub inside: u64,
+    /// Behind the last pair: one camera ended later.
+    pub after: u64,
+}
+
+impl UnpairedImages {
+    pub fn total(self) -> u64 {
+        self.before + self.inside + self.after
+    }
+}
+
 /// Images of two cameras that wait for their partners.
 pub(super) struct StampPairing<T> {
     max_skew_ns: u64,
@@ -25,7 +42,8 @@ pub(super) struct StampPairing<T> {
     slack: [usize; 2],
     bytes: usize,
     ended: bool,
-    unpaired: u64,
+    unpaired: UnpairedImages,
+    has_pair: bool,
     /// The smallest skew above the limit.
     nearest_miss_ns: Option<u64>,
     /// Stamp of the latest image of each camera that was dropped for lack of memory.
@@ -41,15 +59,16 @@ impl<T> StampPairing<T> {
             slack: [0; 2],
             bytes: 0,
             ended: false,
-            unpaired: 0,
+            unpaired: UnpairedImages::default(),
+            has_pair: false,
             nearest_miss_ns: None,
             crowded_out: [None; 2],
             late: 0,
         }
     }
 
-    /// Images without a partner.
-    pub(super) fn unpaired(&self) -> u64 {
+    /// Images without a partner so far.
+    pub(super) fn unpaired(&self) -> UnpairedImages {
         self.unpaired
     }
 
@@ -85,7 +104,7 @@ impl<T> StampPairing<T> {
         self.bytes += bytes;
         if let Some((_, replaced)) = self.waiting[camera].insert(stamp, (image, bytes)) {
             self.bytes -= replaced;
-            self.unpaired += 1;
+            self.lose(1);
         }
     }
 
@@ -134,6 +153,8 @@ impl<T> StampPairing<T> {
                 Nearest::Pair | Nearest::Unknown => {
                     let first = (stamp, self.take(camera, stamp)?);
                     let second = (partner, self.take(1 - camera, partner)?);
+                    self.has_pair = true;
+                    self.unpaired.inside += std::mem::take(&mut self.unpaired.after);
                     return Some(match camera {
                         0 => [first, second],
                         _ => [second, first],
@@ -169,7 +190,16 @@ impl<T> StampPairing<T> {
         if !self.ended && self.bytes > WAITING_BYTES {
             self.crowded_out[camera] = self.crowded_out[camera].max(Some(stamp));
         }
-        self.unpaired += u64::from(self.take(camera, stamp).is_some());
+        let lost = u64::from(self.take(camera, stamp).is_some());
+        self.lose(lost);
+    }
+
+    /// Counts images without a partner: behind the last pair, until there is another one.
+    fn lose(&mut self, images: u64) {
+        match self.has_pair {
+            true => self.unpaired.after += images,
+            false => self.unpaired.before += images,
+        }
     }
 }
 
@@ -193,7 +223,24 @@ mod tests {
         }
         partners.end();
         collect(&mut partners);
-        (pairs, partners.unpaired())
+        (pairs, partners.unpaired().total())
+    }
+
+    #[test]
+    fn what_is_lost_at_the_edges_is_counted_apart() {
+        let mut partners = StampPairing::new(5);
+        // The right camera begins two periods later, misses one, and ends a period earlier.
+        (0..10).for_each(|i| partners.push(Left, 100 * i, (), 1));
+        let rights = (2..9).filter(|i| *i != 5);
+        rights.for_each(|i| partners.push(Right, 100 * i + 1, (), 1));
+        partners.end();
+        assert_eq!(std::iter::from_fn(|| partners.pop()).count(), 6);
+        let expected = UnpairedImages {
+            before: 2,
+            inside: 1,
+            after: 1,
+        };
+        assert_eq!(partners.unpaired(), expected);
     }
 
     #[test]
@@ -264,7 +311,7 @@ mod tests {
             (
                 found,
                 partners.waiting[0].len(),
-                partners.unpaired(),
+                partners.unpaired().total(),
                 partners.late(),
             )
         };
@@ -314,7 +361,7 @@ mod tests {
             }
             partners.end();
             found += std::iter::from_fn(|| partners.pop()).count();
-            assert_eq!((found, partners.unpaired()), (666, 334));
+            assert_eq!((found, partners.unpaired().total()), (666, 334));
             assert!(most < 20 + 40 * usize::from(jitter > 0), "{most}");
         }
     }

@@ -10,8 +10,9 @@ mod view;
 use super::topics;
 use crate::recording::messages::{Channel, EventReader, FileEvent};
 use crate::recording::{Recording, truth};
+pub(in crate::recording) use kind::head;
 use kind::{Measured, MeasuredKind};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity, TruthKind, TruthOrigin};
 use svl_core::{Error, Result};
@@ -52,7 +53,49 @@ pub struct TruthTopic {
     /// Whether the stamps of pairs and measurements were found to overlap.
     same_clock: bool,
     warned: bool,
+    warned_of_conflict: bool,
     without: u64,
+}
+
+/// The topics whose messages measure distances, but for those of the pairs, by the first message of
+/// each: of images only those of depths.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Format`].
+pub(in crate::recording) fn truth_topics(
+    recording: &Recording,
+    pairs: [&str; 2],
+) -> Result<Vec<String>> {
+    let channels = recording.channels()?;
+    let is_candidate = |channel: &&&Channel| {
+        !pairs.contains(&channel.topic.as_str())
+            // A map of disparities has the pixels of a depth image.
+            && !channel.topic.contains("disparity")
+            && kind::of(&channels, &channel.topic, pairs[0]).is_ok()
+    };
+    let candidates = channels.iter().filter(is_candidate);
+    let mut unknown: BTreeSet<_> = candidates.map(|channel| channel.topic.clone()).collect();
+    let mut found = BTreeSet::new();
+    for file in recording.files() {
+        let mut messages = file.messages()?;
+        // Damage is reported with the pairs.
+        while !unknown.is_empty()
+            && let Ok(Some(event)) = messages.next()
+        {
+            if let FileEvent::Message {
+                channel,
+                log_time,
+                data,
+            } = event
+                && unknown.remove(&channel.topic)
+                && let Ok(kind) = kind::of(&channels, &channel.topic, pairs[0])
+                && kind.read(channel, log_time, &data).is_ok()
+            {
+                found.insert(channel.topic.clone());
+            }
+        }
+    }
+    Ok(found.into_iter().collect())
 }
 
 impl TruthTopic {
@@ -86,6 +129,7 @@ impl TruthTopic {
             waiting: BTreeMap::new(),
             same_clock: false,
             warned: false,
+            warned_of_conflict: false,
             without: 0,
         })
     }
@@ -190,6 +234,19 @@ impl TruthTopic {
                             self.warned = true;
                         }
                         Err(_) => {}
+                    }
+                }
+                Ok(Some(FileEvent::Message { channel, data, .. })) => {
+                    if !self.warned_of_conflict
+                        && let Some(conflict) = self.setup.conflict(channel, &data)
+                    {
+                        let (path, topic) = (self.recording.path().display(), &channel.topic);
+                        tracing::warn!(
+                            "{path}: {topic}: {conflict}; the first one is used for {}: if it is \
+                             wrong, remove it from the bag",
+                            self.selection.topic
+                        );
+                        self.warned_of_conflict = true;
                     }
                 }
                 Ok(Some(_)) => {}
