@@ -81,7 +81,7 @@ impl Sink for ScaleSink {
         let found = algorithms.find_map(|(label, distances)| Some((label, scale(distances)?)));
         // Of a recording, not of an algorithm: one line.
         if let Some((label, scale)) = found {
-            let Scale {
+            let DistanceScale {
                 reported_m,
                 true_m,
                 cells,
@@ -104,7 +104,7 @@ impl Sink for ScaleSink {
 
 /// A factor between reported and true distances that has a usual cause.
 #[derive(Debug, PartialEq)]
-struct Scale {
+struct DistanceScale {
     reported_m: f64,
     true_m: f64,
     cells: usize,
@@ -112,7 +112,7 @@ struct Scale {
 }
 
 /// The scale of the distances; nothing where it is right, or of no usual factor.
-fn scale(distances: &[[f64; 2]]) -> Option<Scale> {
+fn scale(distances: &[[f64; 2]]) -> Option<DistanceScale> {
     if distances.len() < LEAST {
         return None;
     }
@@ -124,12 +124,15 @@ fn scale(distances: &[[f64; 2]]) -> Option<Scale> {
         let agreeing = distances.iter().filter(|[a, b]| is_near(a / b, *factor));
         is_near(reported_m / true_m, *factor) && 2 * agreeing.count() > distances.len()
     };
-    FACTORS.iter().find(is_usual).map(|(_, cause)| Scale {
-        reported_m,
-        true_m,
-        cells: distances.len(),
-        cause,
-    })
+    FACTORS
+        .iter()
+        .find(is_usual)
+        .map(|(_, cause)| DistanceScale {
+            reported_m,
+            true_m,
+            cells: distances.len(),
+            cause,
+        })
 }
 
 #[cfg(test)]

@@ -110,14 +110,14 @@ fn from_camera_info(info: ros::CameraInfo) -> Calibration {
 
 /// How a calibration differs from the one before it.
 #[derive(Debug, PartialEq)]
-pub(super) struct Change {
+pub(super) struct CalibrationChange {
     /// `P[0][0]`, before and after.
     focal_px: [f64; 2],
     /// `P[0][3]`, which is minus focal length times baseline.
     offset: [f64; 2],
 }
 
-impl std::fmt::Display for Change {
+impl std::fmt::Display for CalibrationChange {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self {
             focal_px: [focal, next_focal],
@@ -135,7 +135,7 @@ impl std::fmt::Display for Change {
 
 impl Calibration {
     /// How `next` differs; nothing where all numbers are the same.
-    pub(super) fn change(&self, next: &Self) -> Option<Change> {
+    pub(super) fn change(&self, next: &Self) -> Option<CalibrationChange> {
         let numbers = |of: &Self| [&of.k[..], &of.d, &of.r, &of.p].concat();
         // NaN, as of an uncalibrated camera, equals itself here.
         let bits = |of: &Self| {
@@ -147,7 +147,7 @@ impl Calibration {
         let is_same =
             self.size == next.size && self.model == next.model && bits(self) == bits(next);
         let of = |at: usize| [self, next].map(|of| of.p.get(at).copied().unwrap_or_default());
-        (!is_same).then(|| Change {
+        (!is_same).then(|| CalibrationChange {
             focal_px: of(0),
             offset: of(3),
         })

@@ -19,7 +19,7 @@ use super::container::unpack_message;
 use super::messages::{Channel, FileEvent};
 use super::{PairSource, Recording};
 use crate::files::{BitDepth, DECIDING_PAIRS};
-use camera::{Calibration, Change};
+use camera::{Calibration, CalibrationChange};
 use pixels::MessageImage;
 use stamp_pairing::StampPairing;
 use svl_core::counted;
@@ -190,7 +190,7 @@ impl Foreign {
         Ok(())
     }
 
-    fn warn_of_change(&self, topic: &str, log_time: u64, change: &Change) {
+    fn warn_of_change(&self, topic: &str, log_time: u64, change: &CalibrationChange) {
         let used = match self.are_raw() {
             true => "all pairs are rectified by the first one",
             false => "each pair has the last one before it",
