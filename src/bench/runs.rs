@@ -10,6 +10,7 @@ use crate::source::{
 };
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
+use svl_core::matcher::Algorithm;
 use svl_core::{Error, Result, interrupt};
 use svl_data::grab::Host;
 use svl_data::manifest::RunRecord;
@@ -48,7 +49,7 @@ pub fn named(what: &[String]) -> Result<Scenario> {
                 let cure = "name one scenario, or recordings";
                 return Err(Error::Usage(format!("{name}: is a scenario; {cure}")));
             }
-            Scenario::of_recordings(recordings, vec!["v5".parse()?])
+            Scenario::of_recordings(recordings, vec![Algorithm::default()])
         }
     }
 }

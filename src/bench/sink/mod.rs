@@ -5,6 +5,7 @@ mod collect;
 mod live;
 mod pictures;
 mod recording;
+mod scale;
 mod table;
 mod viewer;
 
@@ -14,6 +15,7 @@ pub use live::LiveTable;
 pub(crate) use pictures::frame_shot;
 pub use pictures::{PictureSink, ReportPictures};
 pub use recording::RecordingSink;
+use scale::ScaleSink;
 pub(crate) use table::RunIdentity;
 pub use table::TableSink;
 pub use viewer::{
@@ -157,6 +159,7 @@ impl Sinks {
                 sinks.push(Box::new(TableSink::in_folder(folder, &rows)?));
                 sinks.push(Box::new(CheckpointSink::in_folder(folder, &checkpoints)?));
                 sinks.push(Box::new(PictureSink::new(&pictures)));
+                sinks.push(Box::<ScaleSink>::default());
             }
         }
         let tables = match request.report {

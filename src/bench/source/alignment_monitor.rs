@@ -1,4 +1,4 @@
-//! Monitors the vertical misalignment of a source's pairs.
+//! Monitors a source's pairs: are they vertically misaligned, or left and right exchanged?
 
 use super::Source;
 use svl_core::Result;
@@ -6,7 +6,8 @@ use svl_core::counted;
 use svl_core::rectify::AlignmentMeter;
 use svl_core::stereo::Frame;
 
-/// A source that measures a few of its pairs, and warns once when they are vertically misaligned.
+/// A source that measures a few of its pairs, and warns once when they are vertically misaligned,
+/// or when left and right are exchanged.
 pub struct AlignmentMonitor<'a> {
     source: &'a mut dyn Source,
     meter: AlignmentMeter,
@@ -17,6 +18,8 @@ pub struct AlignmentMonitor<'a> {
 /// One in this many pairs is measured, up to this many in all: enough for a result, at little cost.
 const EVERY: u64 = 8;
 const MEASURED: u64 = 5;
+/// Share of points with a negative disparity from which left and right are exchanged.
+const EXCHANGED: f64 = 0.8;
 
 impl<'a> AlignmentMonitor<'a> {
     pub fn new(source: &'a mut dyn Source) -> Self {
@@ -40,6 +43,18 @@ impl<'a> AlignmentMonitor<'a> {
             Some(_) => false,
             None => std::mem::replace(&mut self.measured, MEASURED) < MEASURED,
         };
+        if last
+            && let Some(share) = self.meter.beyond_infinity()
+            && share > EXCHANGED
+        {
+            tracing::warn!(
+                "{}: left and right look exchanged: {:.0} % of {} points are farther right in the \
+                 right image; --left and --right name them the other way round",
+                self.source.name(),
+                100.0 * share,
+                self.meter.matches().len()
+            );
+        }
         if last && let Some(found) = self.meter.alignment().filter(|found| found.is_off()) {
             tracing::warn!(
                 "{}: vertical misalignment of {:.1} px (median of {} points in {}), which \

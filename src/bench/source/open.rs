@@ -49,7 +49,7 @@ impl<'a> Request<'a> {
         }
     }
 
-    fn selection(&self) -> Selection {
+    pub(super) fn selection(&self) -> Selection {
         let options = &self.options;
         Selection {
             left: options.left.clone(),
@@ -121,7 +121,7 @@ pub struct Opened {
     /// The truth of another sensor, where one was asked for.
     truth: Option<TruthTopic>,
     /// The left camera before svl rectified the pairs.
-    raw: Option<RawCamera>,
+    pub(super) raw: Option<RawCamera>,
     /// What a recording that svl did not write, or a folder, lacks.
     remarks: Vec<String>,
 }

@@ -247,6 +247,13 @@ impl std::fmt::Debug for Algorithm {
     }
 }
 
+impl Default for Algorithm {
+    /// What runs where a user names none: v5.
+    fn default() -> Self {
+        "v5".parse().expect("it is registered")
+    }
+}
+
 impl std::str::FromStr for Algorithm {
     type Err = Error;
 

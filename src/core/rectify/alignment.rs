@@ -66,6 +66,8 @@ const TOLERANCE_PX: f64 = 2.0;
 /// Fewest matches for a result: in all, and in a part of the image.
 const LEAST: usize = 40;
 const LEAST_OF_PART: usize = 8;
+/// Disparities that are negative by less may be of points far away.
+const BEYOND_PX: f64 = 1.0;
 /// Iterations of the robust plane fit.
 const STEPS: usize = 10;
 
@@ -93,6 +95,15 @@ impl AlignmentMeter {
     /// The matches collected so far.
     pub fn matches(&self) -> &[PointMatch] {
         &self.matches
+    }
+
+    /// Share of the matched points that are farther right in the right image: nearly none of a
+    /// rectified pair, nearly all where left and right are exchanged. `None` with too few matches.
+    pub fn beyond_infinity(&self) -> Option<f64> {
+        let is_beyond = |m: &&PointMatch| m.left.x - m.right.x < -BEYOND_PX;
+        let beyond = self.matches.iter().filter(is_beyond).count();
+        let share = beyond as f64 / self.matches.len() as f64;
+        (self.matches.len() >= LEAST).then_some(share)
     }
 
     /// The misalignment; `None` with too few matches.

@@ -177,8 +177,8 @@ impl PairSource for PairAssembler {
         self.unpaired
     }
 
-    fn left_topic(&self) -> &str {
-        TopicKind::Image(Side::Left).topic()
+    fn topics(&self) -> [&str; 2] {
+        Side::BOTH.map(|side| TopicKind::Image(side).topic())
     }
 
     fn stamps(&self) -> PairStamps {

@@ -68,7 +68,7 @@ mod writer;
 pub use bag::{files, is_bag, only_file};
 pub use cells::{AlgorithmCells, CellReport};
 pub use dialect::{Dialect, RecordingFormat};
-pub use foreign::{RawCamera, Selection, TruthSelection, TruthTopic};
+pub use foreign::{RawCamera, Selection, TruthSelection, TruthTopic, UnpairedImages};
 pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;
 pub use opened::Recording;
@@ -209,8 +209,8 @@ trait PairSource: Send {
         0
     }
 
-    /// Topic of the left images.
-    fn left_topic(&self) -> &str;
+    /// Topics of the left and the right images.
+    fn topics(&self) -> [&str; 2];
 
     /// How the stamps of the messages make pairs.
     fn stamps(&self) -> foreign::PairStamps;
@@ -233,6 +233,11 @@ trait PairSource: Send {
     /// # Errors
     /// What is missing in the calibrations.
     fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
+        None
+    }
+
+    /// Focal lengths of the left camera along x and y, where the rig does not say all.
+    fn focal_px(&self) -> Option<(f64, f64)> {
         None
     }
 }

@@ -2,7 +2,7 @@
 
 use super::assembly::PairAssembler;
 use super::container::Container;
-use super::foreign::{Foreign, Selection, TruthSelection, TruthTopic};
+use super::foreign::{Foreign, Selection, TruthSelection, TruthTopic, truth_topics};
 use super::messages::{EventReader, FileEvent};
 use super::pair_index::PairIndex;
 use super::{Header, PROFILE, PairSource, Recording, TopicKind, sync};
@@ -148,8 +148,17 @@ impl Reader {
     /// # Errors
     /// Those of [`TruthTopic::open`].
     pub fn truth(&self, selection: &TruthSelection) -> Result<TruthTopic> {
-        let (left, pairs) = (self.source.left_topic(), self.source.stamps());
+        let ([left, _], pairs) = (self.source.topics(), self.source.stamps());
         TruthTopic::open(&self.recording, left, pairs, selection)
+    }
+
+    /// The topics that measure distances, by the first message of each: those that
+    /// [`Reader::truth`] could take.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`].
+    pub fn truth_topics(&self) -> Result<Vec<String>> {
+        truth_topics(&self.recording, self.source.topics())
     }
 
     /// How many bits the 16-bit images use of a recording that svl did not write.
@@ -166,6 +175,12 @@ impl Reader {
     /// holds one. Where that is incomplete, a remark says why.
     pub fn calibration(&self) -> Option<StereoCalibration> {
         self.source.calibration()?.ok()
+    }
+
+    /// Focal lengths of the left camera along x and y, pixels, in a recording that svl did not
+    /// write: of raw images before rectification.
+    pub fn focal_px(&self) -> Option<(f64, f64)> {
+        self.source.focal_px()
     }
 
     /// Makes [`Reader::next_pair`] give the pair at `index`, counted from 0. False, and nothing is

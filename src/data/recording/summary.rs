@@ -1,7 +1,7 @@
 //! Summarizes a recording: topics, pairs, gaps, skew, damage.
 
-use super::container::Container;
-use super::foreign::{Selection, choose, is_image};
+use super::container::{Container, unpack_message};
+use super::foreign::{Selection, UnpairedImages, choose, head, is_image, pair_stamps};
 use super::messages::{Channel, EventReader, FileEvent, Messages};
 use super::salvage::DamagedPart;
 use super::skew::SkewSummary;
@@ -59,7 +59,7 @@ pub struct RecordingSummary {
     /// First and last stamp of any message.
     pub start_ns: u64,
     pub end_ns: u64,
-    /// Complete pairs of svl's own recordings.
+    /// Complete pairs; of other programs' recordings those that `svl replay` makes by the stamps.
     pub pairs: u64,
     /// Median period of the left images; nothing where their topic or their rate is unknown.
     pub period_ns: Option<u64>,
@@ -69,6 +69,10 @@ pub struct RecordingSummary {
     pub skew: Option<SkewSummary>,
     /// Unpaired images, as the recorder counted them.
     pub drops: u64,
+    /// Those of them before the first pair.
+    pub drops_before: u64,
+    /// Images without a partner in a recording that svl did not write.
+    pub unpaired: Option<UnpairedImages>,
 }
 
 /// A topic and its messages.
@@ -135,7 +139,7 @@ impl Recording {
                 (seen.library, seen.profile) = ("rosbag2, in SQLite".into(), "ros2".into());
                 let channels = file.channels()?;
                 let channels: Vec<_> = channels.iter().collect();
-                seen.stereo = choose(&channels, &Selection::default()).ok();
+                seen.choose(&channels);
                 return Ok(seen.summary(file.path(), file.len()));
             }
         };
@@ -148,7 +152,7 @@ impl Recording {
         // Neither the profile nor a sync message: svl did not write it.
         if seen.profile != PROFILE && seen.sequences.is_empty() {
             let channels = messages.channels();
-            seen.stereo = choose(&channels.iter().collect::<Vec<_>>(), &Selection::default()).ok();
+            seen.choose(&channels.iter().collect::<Vec<_>>());
             // Calibrations hold for images of one size, so their geometry is known with a pair.
             seen.geometry = Reader::new(self.clone(), &Selection::default())
                 .and_then(|mut reader| reader.next_pair())
@@ -184,8 +188,10 @@ struct SummaryScan {
     manifest: Option<Manifest>,
     attachments: Vec<(String, u64)>,
     topics: BTreeMap<String, Topic>,
-    /// Stamps of the images, by topic.
+    /// Log times of the images, by topic.
     stamps: BTreeMap<String, Vec<u64>>,
+    /// Stamps in the images of other programs, by topic, in the order of the file.
+    headers: BTreeMap<String, Vec<u64>>,
     pairs: u64,
     skews: Vec<i64>,
     sequences: BTreeSet<u64>,
@@ -193,6 +199,8 @@ struct SummaryScan {
     /// Row offsets of the results, by algorithm.
     row_offsets: BTreeMap<String, Vec<i8>>,
     drops: u64,
+    drops_before: Option<u64>,
+    unpaired: Option<UnpairedImages>,
     losses: Vec<DamagedPart>,
     missing: BTreeMap<String, u64>,
     checksums: bool,
@@ -257,6 +265,15 @@ impl SummaryScan {
                 Some(stamps) => stamps.push(stamp_ns),
                 None => drop(self.stamps.insert(channel.topic.clone(), vec![stamp_ns])),
             }
+            if self.profile != PROFILE {
+                let unpacked = unpack_message(data).ok().flatten();
+                let of_image = head(channel, unpacked.as_deref().unwrap_or(data));
+                // What cannot be read is reported by `svl replay`, and is no image here.
+                if let Ok((of_image, _)) = of_image {
+                    let stamps = self.headers.entry(channel.topic.clone()).or_default();
+                    stamps.push(of_image.unwrap_or(stamp_ns));
+                }
+            }
         }
         if TopicKind::from_topic(&channel.topic) == Some(TopicKind::Sync)
             && let Ok(sync) = StereoSync::decode(&channel.schema, data)
@@ -267,12 +284,25 @@ impl SummaryScan {
             self.geometry.insert(sync.geometry);
             // The counter of the recorder never falls; after damage the last one read holds.
             self.drops = self.drops.max(sync.exposure.drops);
+            self.drops_before.get_or_insert(sync.exposure.drops);
         }
         if let Some(Ok(result)) = AlgorithmResult::decode(&channel.schema, data)
             && let Some(row_offset_px) = result.row_offset_px
         {
             let offsets = self.row_offsets.entry(result.algorithm).or_default();
             offsets.push(row_offset_px);
+        }
+    }
+
+    /// Chooses the topics of the pairs in a recording of another program, and pairs their images.
+    fn choose(&mut self, channels: &[&Channel]) {
+        self.stereo = choose(channels, &Selection::default()).ok();
+        if let Some(topics) = &self.stereo {
+            let stamps = |topic| self.headers.get(topic).map_or(&[][..], Vec::as_slice);
+            let (skews, unpaired) = pair_stamps(topics.each_ref().map(stamps));
+            self.pairs = skews.len() as u64;
+            self.skews = skews;
+            self.unpaired = Some(unpaired);
         }
     }
 
@@ -350,6 +380,8 @@ impl SummaryScan {
                 .collect(),
             skew,
             drops: self.drops,
+            drops_before: self.drops_before.unwrap_or_default(),
+            unpaired: self.unpaired,
         }
     }
 }

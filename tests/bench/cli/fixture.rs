@@ -108,6 +108,27 @@ impl Fixture {
         self.write(right, pgm(width, height, &image(shift)));
     }
 
+    /// EuRoC's folder `mav0`, with two raw pairs of 64x48, fx = 60 px and a baseline of 0.1 m.
+    pub fn write_euroc(&self, fy: &str) {
+        for (camera, right) in [("cam0", "0.0"), ("cam1", "0.1")] {
+            let sensor = format!(
+                "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: [1.0, 0.0, 0.0, \
+                 {right}, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]\n\
+                 resolution: [64, 48]\ncamera_model: pinhole\n\
+                 intrinsics: [60.0, {fy}, 32.0, 24.0]\n\
+                 distortion_model: radial-tangential\n\
+                 distortion_coefficients: [-0.1, 0.01, 0.0, 0.0]\n"
+            );
+            self.write(&format!("mav0/{camera}/sensor.yaml"), sensor);
+            let csv = "#timestamp [ns],filename\n50000000,a.pgm\n100000000,b.pgm\n";
+            self.write(&format!("mav0/{camera}/data.csv"), csv);
+        }
+        for name in ["a", "b"] {
+            let image = |camera: &str| format!("mav0/{camera}/data/{name}.pgm");
+            self.write_pair(&image("cam0"), &image("cam1"), (64, 48), 3);
+        }
+    }
+
     /// The arena with few frames, as a scenario file.
     pub fn write_short_arena(&self, name: &str, frames: u64) -> PathBuf {
         let text = include_str!("../../../scenarios/arena.toml");

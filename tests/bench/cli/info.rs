@@ -44,6 +44,50 @@ fn says_whether_pairs_are_raw_and_misaligned() {
 }
 
 #[test]
+fn the_first_pairs_answer_the_first_questions() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("arena.toml", 3);
+    fixture.run("record arena.toml -o a.mcap");
+    fixture.run("record a.mcap --ros2 -o ros.mcap");
+    let first = |name: &str| fixture.json(&format!("info {name} --json"))["first_pairs"].take();
+    let own = first("a.mcap");
+    assert_eq!(own["size_px"], serde_json::json!([320, 240]));
+    let rig = |facts: &serde_json::Value, key: &str| facts["rig"][key].as_f64().unwrap();
+    assert!((rig(&own, "baseline_m") - 0.044).abs() < 1e-9);
+    let nearest = &own["nearest"];
+    let depth = rig(&own, "focal_px") * 0.044 / nearest["max_disparity_px"].as_f64().unwrap();
+    assert!((nearest["distance_m"].as_f64().unwrap() - depth).abs() < 1e-9);
+    assert_eq!(nearest["algorithm"], "v5");
+    let truth = |topic: &str, is_asked_for: bool| {
+        serde_json::json!([{
+            "topic": topic, "is_asked_for": is_asked_for, "pairs": 3, "scored_pairs": 3,
+            "cells": 45, "scored_cells": 45, "error": null
+        }])
+    };
+    assert_eq!(own["truths"], truth("/truth/depth", false));
+    let ros = first("ros.mcap");
+    assert_eq!(ros["truths"], truth("/truth/depth", true));
+    assert!((rig(&ros, "baseline_m") - 0.044).abs() < 1e-9);
+    let lines = [
+        "pairs      3: /stereo/left/image_rect, 10.00 a second, with /stereo/right/image_rect",
+        "images     320x240 px\nfocal      328.05 px\nbaseline   0.0440 m\nnearest    0.180 m",
+        "truth      --truth /truth/depth: scores 45 of 45 cells, in 3 of the first 3 pairs",
+    ];
+    assert_says(&fixture.run("info ros.mcap"), &lines);
+
+    // Raw images of pixels that are not square, in a folder.
+    fixture.write_euroc("57.0");
+    let facts = first("mav0");
+    assert_eq!(facts["geometry"], "raw");
+    assert_eq!(facts["focal_px"], serde_json::json!([60.0, 57.0]));
+    assert_eq!(facts["truths"], serde_json::json!([]));
+    let lines = ["geometry   raw", "fy 57.00 px, fy/fx 0.950; rectified to"];
+    assert_says(&fixture.run("info mav0"), &lines);
+    fixture.write("empty/notes.txt", "");
+    fixture.fails("info empty => 1: empty");
+}
+
+#[test]
 #[cfg(unix)]
 fn a_pipe_is_no_recording() {
     let fixture = Fixture::new();

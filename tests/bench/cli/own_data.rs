@@ -208,22 +208,7 @@ fn a_calibration_of_another_size_is_refused_everywhere() {
 #[test]
 fn euroc_s_cameras_rectify_its_folder() {
     let fixture = Fixture::new();
-    for (camera, right) in [("cam0", "0.0"), ("cam1", "0.1")] {
-        let sensor = format!(
-            "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: [1.0, 0.0, 0.0, {right}, \
-             0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]\nresolution: [64, 48]\n\
-             camera_model: pinhole\nintrinsics: [60.0, 60.0, 32.0, 24.0]\n\
-             distortion_model: radial-tangential\n\
-             distortion_coefficients: [-0.1, 0.01, 0.0, 0.0]\n"
-        );
-        fixture.write(&format!("mav0/{camera}/sensor.yaml"), sensor);
-        let csv = "#timestamp [ns],filename\n50000000,a.pgm\n100000000,b.pgm\n";
-        fixture.write(&format!("mav0/{camera}/data.csv"), csv);
-    }
-    for name in ["a", "b"] {
-        let image = |camera: &str| format!("mav0/{camera}/data/{name}.pgm");
-        fixture.write_pair(&image("cam0"), &image("cam1"), (64, 48), 3);
-    }
+    fixture.write_euroc("60.0");
     std::fs::create_dir(fixture.path("out")).unwrap();
     // Also from the folder above.
     for folder in ["mav0", "."] {
@@ -446,7 +431,7 @@ fn bags_of_a_foreign_writer() {
     }
     // A file of a bag alone, and what is in it.
     let info = fixture.run("info sqlite");
-    assert!(info.contains("those of /left/image_raw"), "{info}");
+    assert!(info.contains("pairs      6: /left/image_raw"), "{info}");
     let db3 = std::fs::read(fixture.path("sqlite/sqlite.db3")).unwrap();
     fixture.write("cut/cut.db3", &db3[..db3.len() * 2 / 3]);
     let ran = fixture.svl("record cut/cut.db3 -o cut.mcap");

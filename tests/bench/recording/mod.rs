@@ -8,6 +8,7 @@ mod disk;
 mod foreign_bags;
 mod foreign_readers;
 mod frames;
+mod hints;
 mod kill;
 mod recovery;
 mod round_trip;

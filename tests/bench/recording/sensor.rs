@@ -47,7 +47,7 @@ pub(super) fn depth32(
 }
 
 /// A sensor_msgs/msg/PointCloud2 of x, y, z as 32-bit floats.
-fn cloud(frame: &str, stamp: u64, points: &[[f32; 3]]) -> Message {
+pub(super) fn cloud(frame: &str, stamp: u64, points: &[[f32; 3]]) -> Message {
     cloud_with(frame, stamp, points, false, 12 * points.len() as u32)
 }
 
@@ -89,7 +89,7 @@ fn cloud_with(
 }
 
 /// A tf2_msgs/msg/TFMessage of translations.
-fn tf(topic: &'static str, links: &[(&str, &str, [f64; 3])]) -> Message {
+pub(super) fn tf(topic: &'static str, links: &[(&str, &str, [f64; 3])]) -> Message {
     let mut data = vec![0, 1, 0, 0];
     let mut cdr = re_cdr::CdrWriter::<re_cdr::LittleEndian>::new(&mut data);
     cdr.write_sequence_length(links.len());

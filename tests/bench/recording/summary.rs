@@ -2,7 +2,7 @@
 
 use super::bag;
 use super::frames::{PERIOD_NS, bare, full, record, summarize};
-use svl::recording::{Gap, ImageFormat, SkewSummary};
+use svl::recording::{Gap, ImageFormat, SkewSummary, UnpairedImages};
 use svl::stereo::Frame;
 
 const SIZE: (usize, usize) = (24, 16);
@@ -103,6 +103,25 @@ fn a_bag_has_the_gaps_of_its_left_images() {
         (summary.stereo, summary.period_ns, summary.gaps),
         (None, None, vec![])
     );
+}
+
+#[test]
+fn a_bag_s_images_without_a_partner_are_counted_at_its_edges_and_inside() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = |topic, i: u64| bag::ros_image(topic, i * PERIOD_NS, SIZE, "mono8", &[7; 24 * 16]);
+    // The left camera runs alone before the 4th and behind the 20th period, the right one misses
+    // two.
+    let lefts = (1..24).map(|i| image("/cam0/image", i));
+    let rights = (4..20).filter(|i| ![9, 10].contains(i));
+    let images = lefts.chain(rights.map(|i| image("/cam1/image", i)));
+    let summary = summarize(&bag::write(folder.path(), &images.collect::<Vec<_>>())).unwrap();
+    let unpaired = UnpairedImages {
+        before: 3,
+        inside: 2,
+        after: 4,
+    };
+    assert_eq!((summary.pairs, summary.unpaired), (14, Some(unpaired)));
+    assert_eq!(summary.skew.map(|skew| skew.max_ns), Some(0));
 }
 
 #[test]

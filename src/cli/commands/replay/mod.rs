@@ -163,7 +163,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let filters = args.filters.models()?;
     let algorithms = match (&args.algo[..], &before) {
         ([], Some(before)) => before.algorithms()?,
-        ([], None) => vec!["v5".parse()?],
+        ([], None) => vec![Algorithm::default()],
         (named, _) => named.to_vec(),
     };
     let algorithms = with_filters(algorithms, &filters);

@@ -173,7 +173,7 @@ struct Tuned<'a> {
 impl Args {
     fn algorithms(&self) -> anyhow::Result<Vec<Algorithm>> {
         Ok(match &self.algo[..] {
-            [] => vec!["v5".parse()?],
+            [] => vec![Algorithm::default()],
             algorithms => algorithms.to_vec(),
         })
     }

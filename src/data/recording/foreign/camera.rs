@@ -108,7 +108,61 @@ fn from_camera_info(info: ros::CameraInfo) -> Calibration {
     }
 }
 
+/// How a calibration differs from the one before it.
+#[derive(Debug, PartialEq)]
+pub(super) struct CalibrationChange {
+    /// `P[0][0]`, before and after.
+    focal_px: [f64; 2],
+    /// `P[0][3]`, which is minus focal length times baseline.
+    offset: [f64; 2],
+}
+
+impl std::fmt::Display for CalibrationChange {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            focal_px: [focal, next_focal],
+            offset: [offset, next_offset],
+        } = self;
+        if focal != next_focal {
+            write!(f, "focal length {focal:.2}, then {next_focal:.2} px")
+        } else if offset != next_offset {
+            write!(f, "P[0][3] {offset:.3}, then {next_offset:.3}")
+        } else {
+            f.write_str("with the same focal length")
+        }
+    }
+}
+
 impl Calibration {
+    /// How `next` differs; nothing where all numbers are the same.
+    pub(super) fn change(&self, next: &Self) -> Option<CalibrationChange> {
+        let numbers = |of: &Self| [&of.k[..], &of.d, &of.r, &of.p].concat();
+        // NaN, as of an uncalibrated camera, equals itself here.
+        let bits = |of: &Self| {
+            numbers(of)
+                .into_iter()
+                .map(f64::to_bits)
+                .collect::<Vec<_>>()
+        };
+        let is_same =
+            self.size == next.size && self.model == next.model && bits(self) == bits(next);
+        let of = |at: usize| [self, next].map(|of| of.p.get(at).copied().unwrap_or_default());
+        (!is_same).then(|| CalibrationChange {
+            focal_px: of(0),
+            offset: of(3),
+        })
+    }
+
+    /// Focal lengths along x and y: of a raw camera by K, else by P. Nothing where they are not
+    /// known.
+    pub(super) fn focal_px(&self, is_raw: bool) -> Option<(f64, f64)> {
+        let focal = match is_raw {
+            true => (*self.k.first()?, *self.k.get(4)?),
+            false => (*self.p.first()?, *self.p.get(5)?),
+        };
+        (focal.0 > 0.0 && focal.1 > 0.0).then_some(focal)
+    }
+
     /// Checks that it is for images of that size; a size of 0x0 is unknown and passes.
     ///
     /// # Errors
@@ -392,6 +446,24 @@ mod tests {
                 .is_err()
             );
         }
+    }
+
+    #[test]
+    fn a_change_of_any_number_is_one() {
+        let first = camera(500.0, 120.0, -50.0);
+        assert_eq!(first.change(&first), None);
+        let unknown = camera(f64::NAN, 120.0, -50.0);
+        assert_eq!(unknown.change(&unknown), None);
+        let change = first.change(&camera(250.0, 120.0, -25.0)).unwrap();
+        assert_eq!(change.focal_px, [500.0, 250.0]);
+        assert!(first.change(&camera(500.0, 121.0, -50.0)).is_some());
+        let distorted = Calibration {
+            d: vec![0.1],
+            ..first.clone()
+        };
+        assert!(first.change(&distorted).is_some());
+        assert_eq!(first.focal_px(true), Some((500.0, 500.0)));
+        assert_eq!(camera(0.0, 1.0, 0.0).focal_px(false), None);
     }
 
     #[test]

@@ -12,6 +12,8 @@ mod topics;
 
 pub(super) use pair_stamps::PairStamps;
 pub use sensor::{RawCamera, TruthSelection, TruthTopic};
+pub(super) use sensor::{head, truth_topics};
+pub use stamp_pairing::UnpairedImages;
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
 
@@ -19,7 +21,7 @@ use super::container::unpack_message;
 use super::messages::{Channel, FileEvent};
 use super::{PairSource, Recording};
 use crate::files::{BitDepth, DECIDING_PAIRS};
-use camera::Calibration;
+use camera::{Calibration, CalibrationChange};
 use pixels::MessageImage;
 use stamp_pairing::StampPairing;
 use svl_core::counted;
@@ -42,6 +44,10 @@ pub(super) struct Foreign {
     pairs: u64,
     /// Width and height of the last pair's images.
     size: (usize, usize),
+    /// The recording, as warnings name it.
+    name: String,
+    /// Whether the user was warned of a calibration that changes.
+    warned_of_change: bool,
 }
 
 impl Foreign {
@@ -68,6 +74,8 @@ impl Foreign {
             sequence: 0,
             pairs: 0,
             size: (0, 0),
+            name: recording.path().display().to_string(),
+            warned_of_change: false,
         };
         let mut first = FirstImages::default();
         for file in recording.files() {
@@ -80,7 +88,7 @@ impl Foreign {
                     Ok(Some(FileEvent::Message { channel, data, .. })) => {
                         let unpacked = unpack_message(&data).ok().flatten();
                         let data = unpacked.as_deref().unwrap_or(&data);
-                        drop(foreign.calibrate(channel, data));
+                        drop(foreign.calibrate_first(channel, data));
                         first.take_in(&foreign.images, channel, data);
                     }
                     Ok(Some(_)) => {}
@@ -145,13 +153,56 @@ impl Foreign {
             .any(|(topic, camera)| topic.is_some() && camera.is_none())
     }
 
-    fn calibrate(&mut self, channel: &Channel, data: &[u8]) -> std::result::Result<(), String> {
+    /// Takes in the first calibration of a camera.
+    fn calibrate_first(
+        &mut self,
+        channel: &Channel,
+        data: &[u8],
+    ) -> std::result::Result<(), String> {
         for (topic, camera) in self.calibrations.iter().zip(&mut self.cameras) {
-            if topic.as_ref() == Some(&channel.topic) {
+            if topic.as_ref() == Some(&channel.topic) && camera.is_none() {
                 *camera = Some(camera::decode(channel, data)?);
             }
         }
         Ok(())
+    }
+
+    /// Takes in the next calibration of a camera, and warns of the first that differs from the one
+    /// before it.
+    fn calibrate(
+        &mut self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+    ) -> std::result::Result<(), String> {
+        let mut change = None;
+        for (topic, camera) in self.calibrations.iter().zip(&mut self.cameras) {
+            if topic.as_ref() == Some(&channel.topic) {
+                let next = camera::decode(channel, data)?;
+                let before = camera.as_ref();
+                change = change.or_else(|| before.and_then(|before| before.change(&next)));
+                *camera = Some(next);
+            }
+        }
+        if let Some(change) = change
+            && !std::mem::replace(&mut self.warned_of_change, true)
+        {
+            self.warn_of_change(&channel.topic, log_time, &change);
+        }
+        Ok(())
+    }
+
+    fn warn_of_change(&self, topic: &str, log_time: u64, change: &CalibrationChange) {
+        let used = match self.are_raw() {
+            true => "all pairs are rectified by the first one",
+            false => "each pair has the last one before it",
+        };
+        tracing::warn!(
+            "{}: {topic}: the calibration changes at {:.3} s ({change}); {used}: if it is wrong, \
+             --from and --to leave that part out, or --calib FILE replaces it",
+            self.name,
+            log_time as f64 / 1e9
+        );
     }
 }
 
@@ -183,7 +234,7 @@ impl PairSource for Foreign {
                     .push(side, stamp.unwrap_or(log_time), image, bytes);
             }
         }
-        self.calibrate(channel, data).map(|()| None)
+        self.calibrate(channel, log_time, data).map(|()| None)
     }
 
     fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
@@ -244,8 +295,8 @@ impl PairSource for Foreign {
         self.partners.late()
     }
 
-    fn left_topic(&self) -> &str {
-        &self.images[0]
+    fn topics(&self) -> [&str; 2] {
+        self.images.each_ref().map(String::as_str)
     }
 
     fn stamps(&self) -> PairStamps {
@@ -302,6 +353,27 @@ impl PairSource for Foreign {
                 .and_then(|[left, right]| camera::calibration(left, right))
         })
     }
+
+    fn focal_px(&self) -> Option<(f64, f64)> {
+        self.cameras[0].as_ref()?.focal_px(self.are_raw())
+    }
+}
+
+/// Pairs images by their stamps alone: the skew of each pair, right minus left, and the images
+/// without a partner.
+pub(super) fn pair_stamps([left, right]: [&[u64]; 2]) -> (Vec<i64>, UnpairedImages) {
+    let mut partners = StampPairing::new(Selection::MAX_SKEW_NS);
+    for (side, stamps) in [(Side::Left, left), (Side::Right, right)] {
+        stamps
+            .iter()
+            .for_each(|stamp| partners.push(side, *stamp, (), 0));
+    }
+    partners.end();
+    let pairs = std::iter::from_fn(|| partners.pop());
+    let skews = pairs
+        .map(|[(left, ()), (right, ())]| right.wrapping_sub(left).cast_signed())
+        .collect();
+    (skews, partners.unpaired_images())
 }
 
 /// The largest values of the first 16-bit images of both cameras.

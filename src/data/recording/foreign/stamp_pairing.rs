@@ -16,6 +16,23 @@ const LATER: usize = 8;
 /// Factor by which an image may be farther out of order than any before it.
 const FARTHER: usize = 8;
 
+/// Images without a partner, by where they are in the recording.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct UnpairedImages {
+    /// Before the other camera's first image: one camera began earlier.
+    pub before: u64,
+    /// Between the other camera's images.
+    pub inside: u64,
+    /// After the other camera's last image: one camera ended later.
+    pub after: u64,
+}
+
+impl UnpairedImages {
+    pub fn total(self) -> u64 {
+        self.before + self.inside + self.after
+    }
+}
+
 /// Images of two cameras that wait for their partners.
 pub(in crate::recording) struct StampPairing<T> {
     max_skew_ns: u64,
@@ -52,6 +69,21 @@ impl<T> StampPairing<T> {
             crowded_out: [None; 2],
             late: 0,
         }
+    }
+
+    /// Images without a partner so far, by place.
+    pub(super) fn unpaired_images(&self) -> UnpairedImages {
+        let mut images = UnpairedImages {
+            inside: self.unpaired,
+            ..UnpairedImages::default()
+        };
+        for (camera, stamps) in self.outside.iter().enumerate() {
+            let first = self.spans[1 - camera].map_or(u64::MAX, |(first, _)| first);
+            let before = stamps.range(..first).count();
+            images.before += before as u64;
+            images.after += (stamps.len() - before) as u64;
+        }
+        images
     }
 
     /// Images without a partner, while both cameras had images.
@@ -228,6 +260,23 @@ mod tests {
         partners.end();
         collect(&mut partners);
         (pairs, [partners.unpaired(), partners.outside()])
+    }
+
+    #[test]
+    fn what_is_lost_at_the_edges_is_counted_apart() {
+        let mut partners = StampPairing::new(5);
+        // The right camera begins two periods later, misses one, and ends a period earlier.
+        (0..10).for_each(|i| partners.push(Left, 100 * i, (), 1));
+        let rights = (2..9).filter(|i| *i != 5);
+        rights.for_each(|i| partners.push(Right, 100 * i + 1, (), 1));
+        partners.end();
+        assert_eq!(std::iter::from_fn(|| partners.pop()).count(), 6);
+        let expected = UnpairedImages {
+            before: 2,
+            inside: 1,
+            after: 1,
+        };
+        assert_eq!(partners.unpaired_images(), expected);
     }
 
     #[test]

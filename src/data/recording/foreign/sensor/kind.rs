@@ -144,7 +144,10 @@ impl MeasuredKind {
 }
 
 /// The stamp of a message, if any, and the name of its frame.
-pub(super) fn head(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, String), String> {
+pub(in crate::recording) fn head(
+    channel: &Channel,
+    data: &[u8],
+) -> Result<(Option<u64>, String), String> {
     macro_rules! foxglove {
         ($kind:ident) => {{
             let message: messages::$kind = decode_protobuf(data)?;

@@ -3,7 +3,7 @@
 //! One pass over the recording collects the stamps of pairs and measurements, 16 bytes each. The
 //! measurements themselves are read on their own, in the order of the file where the pairs are.
 
-use super::{EventReader, FileEvent, Recording, kind};
+use super::{Channel, EventReader, FileEvent, Recording, kind};
 use crate::recording::foreign::PairStamps;
 use kind::{Measured, MeasuredKind};
 use std::collections::{BTreeMap, BTreeSet};
@@ -71,7 +71,7 @@ pub(super) struct Measurements {
 }
 
 impl Measurements {
-    /// Collects the stamps.
+    /// Collects the stamps. `look` sees all messages on the way.
     ///
     /// # Errors
     /// [`svl_core::Error::Io`]. Inner: stamps that do not say which measurement is of which pair.
@@ -80,6 +80,7 @@ impl Measurements {
         (topic, limit_ns): (&str, u64),
         kind: &'static MeasuredKind,
         mut of_pairs: PairStamps,
+        look: &mut dyn FnMut(&Channel, &[u8]),
     ) -> Result<std::result::Result<Self, String>> {
         let (mut pairs, mut stamps) = (Vec::new(), Vec::new());
         let (mut starts, mut next) = (Vec::new(), 0);
@@ -96,6 +97,7 @@ impl Measurements {
                 else {
                     continue;
                 };
+                look(channel, &data);
                 of_pairs.take_in(channel, log_time, &data, kind::head, &mut pairs);
                 if channel.topic == topic {
                     let head = kind::head(channel, &data);

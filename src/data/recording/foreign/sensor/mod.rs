@@ -10,7 +10,9 @@ mod view;
 use super::{PairStamps, topics};
 use crate::recording::messages::{Channel, EventReader, FileEvent};
 use crate::recording::{Recording, truth};
+pub(in crate::recording) use kind::head;
 use measurements::Measurements;
+use std::collections::BTreeSet;
 use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity, TruthKind, TruthOrigin};
 use svl_core::{Error, Result};
 pub use view::RawCamera;
@@ -40,6 +42,47 @@ pub struct TruthTopic {
     without: u64,
 }
 
+/// The topics whose messages measure distances, but for those of the pairs, by the first message of
+/// each: of images only those of depths.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Format`].
+pub(in crate::recording) fn truth_topics(
+    recording: &Recording,
+    pairs: [&str; 2],
+) -> Result<Vec<String>> {
+    let channels = recording.channels()?;
+    let is_candidate = |channel: &&&Channel| {
+        !pairs.contains(&channel.topic.as_str())
+            // A map of disparities has the pixels of a depth image.
+            && !channel.topic.contains("disparity")
+            && kind::of(&channels, &channel.topic, pairs[0]).is_ok()
+    };
+    let candidates = channels.iter().filter(is_candidate);
+    let mut unknown: BTreeSet<_> = candidates.map(|channel| channel.topic.clone()).collect();
+    let mut found = BTreeSet::new();
+    for file in recording.files() {
+        let mut messages = file.messages()?;
+        // Damage is reported with the pairs.
+        while !unknown.is_empty()
+            && let Ok(Some(event)) = messages.next()
+        {
+            if let FileEvent::Message {
+                channel,
+                log_time,
+                data,
+            } = event
+                && unknown.remove(&channel.topic)
+                && let Ok(kind) = kind::of(&channels, &channel.topic, pairs[0])
+                && kind.read(channel, log_time, &data).is_ok()
+            {
+                found.insert(channel.topic.clone());
+            }
+        }
+    }
+    Ok(found.into_iter().collect())
+}
+
 impl TruthTopic {
     /// Finds the topic, the left camera, the transform between the two, and which measurement is of
     /// which pair. `left`: the topic of the left images.
@@ -62,7 +105,22 @@ impl TruthTopic {
         };
         let kind = kind::of(&channels, topic, left).map_err(wrong)?;
         let setup = Setup::find(recording, &channels, left, topic, kind)?.map_err(wrong)?;
-        let measurements = Measurements::find(recording, (topic, *max_skew_ns), kind, pairs)?;
+        let mut conflict = None;
+        let mut look = |channel: &Channel, data: &[u8]| {
+            if conflict.is_none() {
+                let found = setup.conflict(channel, data);
+                conflict = found.map(|found| format!("{}: {found}", channel.topic));
+            }
+        };
+        let of = (topic.as_str(), *max_skew_ns);
+        let measurements = Measurements::find(recording, of, kind, pairs, &mut look)?;
+        if let Some(conflict) = conflict {
+            let path = recording.path().display();
+            tracing::warn!(
+                "{path}: {conflict}; the first one is used for {topic}: if it is wrong, remove it \
+                 from the bag"
+            );
+        }
         Ok(Self {
             recording: recording.clone(),
             topic: topic.clone(),

@@ -13,10 +13,46 @@ const MAX_FRAMES: usize = 10_000;
 
 /// Transforms by the name of the child's frame: the parent's, and the child's pose in it.
 #[derive(Default)]
-pub(super) struct Transforms(BTreeMap<String, (String, Isometry3<f64>)>);
+pub(super) struct Transforms(BTreeMap<String, Placed>);
+
+/// The parent of a frame, and the frame's pose in it.
+type Placed = (String, Isometry3<f64>);
 
 /// One transform: parent, child, translation, rotation as x, y, z, w.
 type Link = (String, String, [f64; 3], [f64; 4]);
+
+/// Transforms of one frame that are less apart are the same, up to the rounding of programs that
+/// publish them: metres, and radians.
+const SAME: f64 = 1e-4;
+
+/// A later transform of a frame that differs from the first, which counts.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Conflict {
+    child: String,
+    /// Parents of the first and of the later one.
+    parents: [String; 2],
+    apart_m: f64,
+    apart_degrees: f64,
+}
+
+impl std::fmt::Display for Conflict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            child,
+            parents: [parent, other],
+            apart_m,
+            apart_degrees,
+        } = self;
+        match parent == other {
+            true => write!(
+                f,
+                "two transforms of '{child}' in '{parent}' differ by {apart_m:.4} m and \
+                 {apart_degrees:.2}°"
+            ),
+            false => write!(f, "'{child}' has two parents, '{parent}' and '{other}'"),
+        }
+    }
+}
 
 impl Transforms {
     /// Whether the messages of a channel hold such transforms: those of ROS only in `/tf_static`,
@@ -36,6 +72,51 @@ impl Transforms {
     /// # Errors
     /// Why it cannot be read.
     pub(super) fn add(&mut self, channel: &Channel, data: &[u8]) -> Result<(), String> {
+        for (child, link) in Self::read(channel, data)? {
+            if self.0.len() < MAX_FRAMES {
+                self.0.entry(child).or_insert(link);
+            }
+        }
+        Ok(())
+    }
+
+    /// The first transform of a message that differs from the one that counts for its frame, among
+    /// those that lead `from` a frame `to` another.
+    pub(super) fn conflict(
+        &self,
+        (channel, data): (&Channel, &[u8]),
+        (to, from): (&str, &str),
+    ) -> Option<Conflict> {
+        let chain = self.chain(to, from);
+        let links = Self::read(channel, data).ok()?;
+        links.into_iter().find_map(|(child, (other, later))| {
+            let (parent, pose) = self.0.get(&child)?;
+            let apart = pose.inverse() * later;
+            let (apart_m, angle) = (apart.translation.vector.norm(), apart.rotation.angle());
+            let differs = *parent != other || apart_m > SAME || angle > SAME;
+            (differs && chain.contains(&child.as_str())).then(|| Conflict {
+                parents: [parent.clone(), other],
+                child,
+                apart_m,
+                apart_degrees: angle.to_degrees(),
+            })
+        })
+    }
+
+    /// The frames whose transforms lead `from` a frame `to` another: what is above both is not on
+    /// the way.
+    fn chain<'a>(&'a self, to: &'a str, from: &'a str) -> Vec<&'a str> {
+        let [to, from] = [to, from].map(|frame| {
+            let names = self.ancestors(frame).into_iter().map(|(name, _)| name);
+            names.collect::<Vec<_>>()
+        });
+        let is_common = |name: &&str| to.contains(name) && from.contains(name);
+        let both = to.iter().chain(&from).copied();
+        both.filter(|name| !is_common(name)).collect()
+    }
+
+    /// The transforms of a message: child, and its parent with the child's pose in it.
+    fn read(channel: &Channel, data: &[u8]) -> Result<Vec<(String, Placed)>, String> {
         let links: Vec<Link> = match channel.schema.as_str() {
             "foxglove.FrameTransform" => vec![link(decode_protobuf(data)?)?],
             "foxglove.FrameTransforms" => {
@@ -48,7 +129,7 @@ impl Transforms {
             }
             _ => ros::read(data, ros::transforms)?,
         };
-        for (parent, child, [x, y, z], [qx, qy, qz, qw]) in links {
+        let placed = |(parent, child, [x, y, z], [qx, qy, qz, qw]): Link| {
             let rotation = Quaternion::new(qw, qx, qy, qz);
             let numbers = [x, y, z, rotation.norm()];
             if !numbers.iter().all(|v| v.is_finite()) || (rotation.norm() - 1.0).abs() > 1e-3 {
@@ -58,12 +139,9 @@ impl Transforms {
                 Translation3::new(x, y, z),
                 UnitQuaternion::from_quaternion(rotation),
             );
-            if self.0.len() < MAX_FRAMES {
-                let (parent, child) = (plain(&parent).to_owned(), plain(&child).to_owned());
-                self.0.entry(child).or_insert((parent, pose));
-            }
-        }
-        Ok(())
+            Ok((plain(&child).to_owned(), (plain(&parent).to_owned(), pose)))
+        };
+        links.into_iter().map(placed).collect()
     }
 
     /// The pose of frame `from` in frame `to`, by their common ancestor.
@@ -160,6 +238,43 @@ mod tests {
             Some(Isometry3::identity())
         );
         assert!(transforms.listed().contains("mast → lidar"));
+    }
+
+    #[test]
+    fn transforms_that_differ_on_the_way_are_a_conflict() {
+        let transforms = tree(&[
+            ("world", "base", [0.0; 3], 0.0),
+            ("base", "camera", [1.0, 0.0, 0.0], 0.0),
+            ("base", "lidar", [0.0, 2.0, 0.0], 0.0),
+        ]);
+        let conflict = |parent: &str, child: &str, x: f64| {
+            let message = FrameTransform {
+                parent_frame_id: parent.to_owned(),
+                child_frame_id: child.to_owned(),
+                translation: Some(foxglove::messages::Vector3 { x, y: 2.0, z: 0.0 }),
+                rotation: Some(foxglove::messages::Quaternion {
+                    w: 1.0,
+                    ..Default::default()
+                }),
+                ..FrameTransform::default()
+            };
+            let mut data = Vec::new();
+            foxglove::Encode::encode(&message, &mut data).unwrap();
+            let channel = Channel {
+                topic: "/tf_static".to_owned(),
+                schema: "foxglove.FrameTransform".to_owned(),
+                encoding: "protobuf".to_owned(),
+            };
+            transforms.conflict((&channel, &data), ("camera", "/lidar"))
+        };
+        assert_eq!(conflict("base", "lidar", 0.0), None);
+        assert_eq!(conflict("base", "lidar", 1e-6), None, "rounding");
+        let apart = conflict("base", "/lidar", 0.1).unwrap();
+        assert!((apart.apart_m - 0.1).abs() < 1e-12, "{apart}");
+        assert_eq!(conflict("mast", "lidar", 0.0).unwrap().parents[1], "mast");
+        // Above both, and elsewhere.
+        assert_eq!(conflict("world", "base", 5.0), None);
+        assert_eq!(conflict("base", "arm", 5.0), None);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! How the left camera sees what another sensor measured.
 
 use super::kind::{self, Measured, MeasuredKind};
-use super::transforms::{Transforms, plain};
+use super::transforms::{Conflict, Transforms, plain};
 use super::{Channel, FileEvent, Plane, Recording, Rig, TruthDensity};
 use super::{topics, truth};
 use crate::recording::foreign::camera::{self, Calibration};
@@ -31,6 +31,9 @@ pub(super) struct Setup {
     left: Option<Calibration>,
     /// Of a depth image.
     own: Option<Calibration>,
+    transforms: Transforms,
+    /// Names of the left camera's and the sensor's frame.
+    frames: [String; 2],
 }
 
 /// What is looked for before the first pair.
@@ -105,7 +108,21 @@ impl Setup {
             is_left: left_from_sensor == Isometry3::identity(),
             left: found.left,
             own: found.own,
+            transforms: found.transforms,
+            frames: [
+                found.left_frame,
+                found.frame.and_then(std::result::Result::ok),
+            ]
+            .map(Option::unwrap_or_default),
         }))
+    }
+
+    /// A transform between sensor and camera in a message that differs from the one used.
+    pub(super) fn conflict(&self, channel: &Channel, data: &[u8]) -> Option<Conflict> {
+        let [left, sensor] = &self.frames;
+        Transforms::reads(channel)
+            .then(|| self.transforms.conflict((channel, data), (left, sensor)))
+            .flatten()
     }
 
     /// How the left camera of pairs of `size` sees measurements like `measured`.

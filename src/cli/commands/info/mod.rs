@@ -1,22 +1,34 @@
 //! `svl info`: what a recording holds, and whether it is intact.
 
+mod first_pairs;
+
 use crate::cli::shared::terminal::{
     LISTED, losses, missing, print, print_json, size, width, wrapped,
 };
 use std::path::PathBuf;
 use svl::counted;
 use svl::manifest::Manifest;
-use svl::recording::{Misalignment, Recording, RecordingSummary, SkewSummary, StampOrigin, Topic};
+use svl::recording::{
+    Misalignment, Recording, RecordingSummary, SkewSummary, StampOrigin, Topic, UnpairedImages,
+    is_bag,
+};
+use svl::source::SourceFacts;
 
 /// Show what a recording holds, and whether it is intact
+///
+/// Its first pairs say the size of the images, focal length and baseline, the nearest distance by
+/// the default range of disparities, and how many cells each ground truth would score. Of a folder
+/// of images these alone are shown.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   svl info recordings/arena.mcap
   svl info bag.mcap     which topics of a ROS 2 bag svl would take
+  svl info pictures/    image size, focal length, baseline, truth
   svl info recordings/arena.mcap --json | jq '.gaps | length'")]
 pub(crate) struct Args {
-    /// The recording; any other MCAP file will do, or the folder of a ROS 2 bag of one file
+    /// The recording; any other MCAP file will do, the folder of a ROS 2 bag of one file, or a
+    /// folder of images
     file: PathBuf,
     /// Print JSON
     #[arg(long)]
@@ -24,15 +36,68 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let summary = Recording::open(&args.file)?.summary()?;
+    let name = args.file.to_string_lossy();
+    let is_recording = !args.file.is_dir() || is_bag(&args.file);
+    let summary = match is_recording {
+        true => Some(Recording::open(&args.file)?.summary()?),
+        false => None,
+    };
+    // A recording without pairs has a summary all the same.
+    let (first_pairs, no_pairs) = match (SourceFacts::read(&name, is_recording), &summary) {
+        (Ok(facts), _) => (Some(facts), None),
+        (Err(error), Some(_)) => (None, Some(error.to_string())),
+        (Err(error), None) => return Err(error.into()),
+    };
+    let info = Info {
+        summary,
+        first_pairs,
+        no_pairs,
+    };
     if args.json {
-        print_json(&summary)
+        print_json(&info)
     } else {
-        print(&table(&summary))
+        print(&info.text(&name))
     }
 }
 
-fn table(summary: &RecordingSummary) -> String {
+/// What `--json` prints.
+#[derive(serde::Serialize)]
+struct Info {
+    #[serde(flatten)]
+    summary: Option<RecordingSummary>,
+    first_pairs: Option<SourceFacts>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    no_pairs: Option<String>,
+}
+
+impl Info {
+    fn text(&self, name: &str) -> String {
+        let facts = self.first_pairs.as_ref().map(first_pairs::lines);
+        let why_none = self.no_pairs.iter();
+        let why_none = why_none.map(|reason| format!("images     {reason}"));
+        let facts = facts.unwrap_or_else(|| why_none.collect());
+        match (&self.summary, &self.first_pairs) {
+            (Some(summary), _) => table(summary, facts),
+            (None, Some(SourceFacts { geometry, .. })) => {
+                let lines = [&[format!("geometry   {}", geometry.name())], &facts[..]].concat();
+                format!("{name}\n{}", aligned(&lines, width()))
+            }
+            (None, None) => String::new(),
+        }
+    }
+}
+
+/// The lines, broken at the last column below their values.
+fn aligned(lines: &[String], last: usize) -> String {
+    let line = |line: &String| match line.split_at_checked(COLUMN) {
+        // Aligned columns stay as they are.
+        Some((label, words)) if !words.starts_with(' ') => wrapped(label, COLUMN, words, last),
+        _ => format!("{line}\n"),
+    };
+    lines.iter().map(line).collect()
+}
+
+fn table(summary: &RecordingSummary, facts: Vec<String>) -> String {
     let mut lines = vec![
         format!(
             "{}: {}, {}",
@@ -83,7 +148,9 @@ fn table(summary: &RecordingSummary) -> String {
             ),
         );
     }
+    lines.extend(unpaired(summary));
     lines.extend(geometry(summary));
+    lines.extend(facts);
     lines.extend(
         summary
             .grabber
@@ -120,15 +187,8 @@ fn table(summary: &RecordingSummary) -> String {
             .map(|(name, bytes)| format!("attached   {name}, {}", counted(*bytes, "byte"))),
     );
     let last = width();
-    let lines = lines
-        .iter()
-        .map(|line| match line.split_at_checked(COLUMN) {
-            // Aligned columns stay as they are.
-            Some((label, words)) if !words.starts_with(' ') => wrapped(label, COLUMN, words, last),
-            _ => format!("{line}\n"),
-        });
     let topics = topics(&summary.topics, last);
-    format!("{}\n{}\n", lines.collect::<String>(), topics.join("\n"))
+    format!("{}\n{}\n", aligned(&lines, last), topics.join("\n"))
 }
 
 /// Column where the value of a line begins.
@@ -148,20 +208,39 @@ fn pairs(summary: &RecordingSummary) -> String {
         (None, rate) => rate.map_or(String::new(), |hz| format!(", {hz:.2} a second")),
     };
     if let Some([left, right]) = &summary.stereo {
-        return format!(
-            "pairs      those of {left}{rate}, and {right}, by their stamps: svl replay counts them"
-        );
+        let pairs = summary.pairs;
+        return format!("pairs      {pairs}: {left}{rate}, with {right}, by their stamps");
     }
     let missing = match summary.missing_pairs {
         0 => String::new(),
         n => format!(", {n} missing between the first and the last"),
     };
     // The grabber's own counts say more.
+    let before = match summary.drops_before {
+        0 => String::new(),
+        n => format!(" ({n} before the first pair)"),
+    };
     let dropped = match summary.grabber.is_empty() {
-        true => format!(", {} dropped", counted(summary.drops, "frame")),
+        true => format!(", {} dropped{before}", counted(summary.drops, "frame")),
         false => String::new(),
     };
     format!("pairs      {}{rate}{dropped}{missing}", summary.pairs)
+}
+
+/// Images without a partner: those at the edges, where one camera began earlier or ended later, and
+/// those between pairs, which were lost.
+fn unpaired(summary: &RecordingSummary) -> Option<String> {
+    let unpaired = summary.unpaired.filter(|unpaired| unpaired.total() > 0)?;
+    let UnpairedImages {
+        before,
+        inside,
+        after,
+    } = unpaired;
+    let total = counted(unpaired.total(), "image");
+    Some(format!(
+        "unpaired   {total}: {before} before the first pair, {inside} between pairs, {after} after \
+         the last"
+    ))
 }
 
 /// Whether the pairs are raw or rectified, and by which calibration.

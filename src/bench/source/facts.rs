@@ -1,0 +1,198 @@
+//! First answers about a source, by its first pairs: size, cameras, range, truth.
+
+use super::Source;
+use super::open::{Opened, Request, open, open_recording};
+use serde::Serialize;
+use std::time::{Duration, Instant};
+use svl_core::matcher::Algorithm;
+use svl_core::stereo::{CellRule, Frame, GridShape, Rig};
+use svl_core::{Error, Result};
+use svl_data::recording::{PairGeometry, Reader};
+use svl_data::scenario::SourceOptions;
+use svl_data::score::TrueCells;
+
+/// Pairs that are looked at for each truth, and the time after which no further one is.
+const PAIRS: u64 = 20;
+const TIME: Duration = Duration::from_secs(2);
+
+/// What the first pairs of a source say of all.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SourceFacts {
+    /// Width and height of an image, pixels.
+    pub size_px: (usize, usize),
+    pub geometry: PairGeometry,
+    /// Focal lengths of the left camera along x and y, pixels: of raw images before rectification.
+    pub focal_px: Option<(f64, f64)>,
+    /// The rig by which distances are computed; of raw images after rectification.
+    pub rig: Option<Rig>,
+    /// Whether size and rig are those of all pairs that were looked at.
+    pub is_constant: bool,
+    pub nearest: Option<NearestDistance>,
+    pub truths: Vec<TruthFacts>,
+}
+
+/// The nearest distance that an algorithm can report.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NearestDistance {
+    pub algorithm: String,
+    pub max_disparity_px: i32,
+    pub distance_m: f64,
+}
+
+/// A ground truth, and what of the first pairs it would score.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TruthFacts {
+    /// Its topic; nothing where the source is no recording.
+    pub topic: Option<String>,
+    /// Whether it has to be asked for (`--truth TOPIC`).
+    pub is_asked_for: bool,
+    /// Pairs that were looked at, and of them those with a cell that is scored.
+    pub pairs: u64,
+    pub scored_pairs: u64,
+    /// Cells of the default grid in the pairs that were looked at, and of them those scored.
+    pub cells: u64,
+    pub scored_cells: u64,
+    /// Why it cannot be a truth.
+    pub error: Option<String>,
+}
+
+impl SourceFacts {
+    /// Looks at the first pairs of what a user names; `is_recording` takes it for a recording.
+    ///
+    /// # Errors
+    /// Those of [`open`] and [`open_recording`]; why there is no first pair.
+    pub fn read(name: &str, is_recording: bool) -> Result<Self> {
+        let request = Request::new(name);
+        let mut opened = match is_recording {
+            true => open_recording(&request)?,
+            false => open(&request)?,
+        };
+        let (mut own, mut has_truth) = (TruthFacts::default(), false);
+        let mut first: Option<(Frame, bool)> = None;
+        look(&mut *opened.source, |frame| {
+            own.count(&frame);
+            has_truth |= frame.truth.is_some();
+            let (first, is_constant) = first.get_or_insert_with(|| (frame.clone(), true));
+            *is_constant &= first.pair.size() == frame.pair.size() && first.rig() == frame.rig();
+        })?;
+        let none = || Error::format(name, "has no pairs");
+        let (first, is_constant) = first.ok_or_else(none)?;
+        let rig = first.rig().copied();
+        let Recorded { focal_px, topics } = recorded(&opened)?;
+        Ok(Self {
+            size_px: first.pair.size(),
+            geometry: match opened.raw {
+                Some(_) => PairGeometry::Raw,
+                None => PairGeometry::from(&first.geometry),
+            },
+            focal_px: match &opened.raw {
+                Some(raw) => Some(raw.intrinsics.focal_px()),
+                None => focal_px.or(rig.map(|rig| (rig.focal_px(), rig.focal_px()))),
+            },
+            rig,
+            is_constant,
+            nearest: rig.as_ref().and_then(NearestDistance::of_default),
+            truths: match has_truth {
+                false => topics
+                    .into_iter()
+                    .map(|topic| TruthFacts::of_topic(name, topic, rig.is_some()))
+                    .collect(),
+                true => {
+                    own.topic = topics
+                        .into_iter()
+                        .find(|topic| topic.starts_with("/truth/"));
+                    vec![own]
+                }
+            },
+        })
+    }
+}
+
+/// Focal lengths, and topics that measure distances, in a recording.
+#[derive(Default)]
+struct Recorded {
+    focal_px: Option<(f64, f64)>,
+    topics: Vec<String>,
+}
+
+fn recorded(opened: &Opened) -> Result<Recorded> {
+    let Some(recording) = &opened.recording else {
+        return Ok(Recorded::default());
+    };
+    let reader = Reader::new(recording.clone(), &Request::new("").selection())?;
+    Ok(Recorded {
+        focal_px: reader.focal_px(),
+        topics: reader.truth_topics()?,
+    })
+}
+
+/// Looks at the first pairs, as many as there is time for.
+fn look(source: &mut dyn Source, mut see: impl FnMut(Frame)) -> Result<()> {
+    let begin = Instant::now();
+    for done in 0..PAIRS {
+        match source.next() {
+            Ok(Some(frame)) => see(frame),
+            Ok(None) => break,
+            Err(error) if done == 0 => return Err(error),
+            // Damage is reported with the recording.
+            Err(_) => break,
+        }
+        if begin.elapsed() > TIME {
+            break;
+        }
+    }
+    Ok(())
+}
+
+impl NearestDistance {
+    /// That of the default algorithm with its default range of disparities.
+    fn of_default(rig: &Rig) -> Option<Self> {
+        let algorithm = Algorithm::default();
+        let max_disparity_px = algorithm.max_disparity()?;
+        Some(Self {
+            distance_m: rig.depth_m(f64::from(max_disparity_px))?,
+            algorithm: algorithm.label().to_owned(),
+            max_disparity_px,
+        })
+    }
+}
+
+impl TruthFacts {
+    /// Of another sensor of a recording.
+    fn of_topic(name: &str, topic: String, has_rig: bool) -> Self {
+        let mut facts = Self {
+            topic: Some(topic.clone()),
+            is_asked_for: true,
+            ..Self::default()
+        };
+        if !has_rig {
+            let cure = "needs a calibration of the pairs: --calib FILE";
+            facts.error = Some(cure.to_owned());
+            return facts;
+        }
+        let request = Request {
+            options: SourceOptions {
+                truth: Some(topic),
+                ..SourceOptions::default()
+            },
+            ..Request::new(name)
+        };
+        let looked = open_recording(&request)
+            .and_then(|mut opened| look(&mut *opened.source, |frame| facts.count(&frame)));
+        facts.error = looked.err().map(|error| error.to_string());
+        facts
+    }
+
+    fn count(&mut self, frame: &Frame) {
+        let shape = GridShape::default();
+        self.pairs += 1;
+        self.cells += shape.cells() as u64;
+        let truth = TrueCells::new(frame, shape, CellRule::default());
+        let known = truth.map_or(0, |truth| {
+            let cells = truth.grid().iter();
+            cells.filter(|(_, cell)| cell.depth.is_some()).count() as u64
+        });
+        self.scored_pairs += u64::from(known > 0);
+        self.scored_cells += known;
+    }
+}

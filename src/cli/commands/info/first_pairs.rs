@@ -1,0 +1,80 @@
+//! What the first pairs say of a recording or a folder, as lines of `svl info`.
+
+use svl::recording::PairGeometry;
+use svl::source::{NearestDistance, SourceFacts, TruthFacts};
+
+/// Size, cameras, range and truth, by the first pairs.
+pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
+    let SourceFacts {
+        size_px: (width, height),
+        geometry,
+        focal_px,
+        rig,
+        is_constant,
+        nearest,
+        truths,
+    } = facts;
+    let others = match is_constant {
+        true => "",
+        false => " (the first pair; others have another size or calibration)",
+    };
+    let mut lines = vec![format!("images     {width}x{height} px{others}")];
+    let focal = focal_px.map(|(fx, fy)| match (fy / fx - 1.0).abs() < HALF_PER_MILLE {
+        true => format!("{fx:.2} px"),
+        false => format!("fx {fx:.2} px, fy {fy:.2} px, fy/fx {:.3}", fy / fx),
+    });
+    let focal = focal.unwrap_or_else(|| "not known".to_owned());
+    let rectified = match (geometry, rig) {
+        (PairGeometry::Raw, Some(rig)) => format!("; rectified to {:.2} px", rig.focal_px()),
+        _ => String::new(),
+    };
+    lines.push(format!("focal      {focal}{rectified}"));
+    lines.push(match rig {
+        Some(rig) => format!("baseline   {:.4} m", rig.baseline_m()),
+        None => {
+            "baseline   not known, so no distances; svl replay and score take --calib".to_owned()
+        }
+    });
+    lines.extend(nearest.as_ref().map(
+        |NearestDistance {
+             algorithm,
+             max_disparity_px,
+             distance_m,
+         }| {
+            format!(
+                "nearest    {distance_m:.3} m, at the {max_disparity_px} px that {algorithm} \
+                 searches by default"
+            )
+        },
+    ));
+    lines.extend(truths.iter().map(truth));
+    if truths.is_empty() {
+        lines.push("truth      none".to_owned());
+    }
+    lines
+}
+
+/// Focal lengths that differ by less are one, to 0.1 %.
+const HALF_PER_MILLE: f64 = 0.0005;
+
+fn truth(facts: &TruthFacts) -> String {
+    let TruthFacts {
+        topic,
+        is_asked_for,
+        pairs,
+        scored_pairs,
+        cells,
+        scored_cells,
+        error,
+    } = facts;
+    let option = if *is_asked_for { "--truth " } else { "" };
+    let topic = topic.as_deref().unwrap_or("in the folder");
+    if let Some(error) = error {
+        return format!("truth      {option}{topic}: {error}");
+    }
+    let of_pairs = match pairs {
+        1 => "the first pair".to_owned(),
+        n => format!("{scored_pairs} of the first {n} pairs"),
+    };
+    format!("truth      {option}{topic}: scores {scored_cells} of {cells} cells, in {of_pairs}")
+}

@@ -1,0 +1,179 @@
+//! Hints of `svl score`: each comes of a recording made for it, and none of a sound one.
+
+use super::bag::{self, Camera, Message, camera_info_of, ros_image};
+use super::frames::{PERIOD_NS, image, read, record};
+use super::sensor::{cloud, tf};
+use crate::cli::fixture::{Fixture, assert_says};
+use svl::recording::ImageFormat;
+use svl::stereo::{Frame, StereoPair};
+
+const SIZE: (usize, usize) = (64, 48);
+/// Words by which the hints are known: exchanged images, scale, calibration, transform.
+const HINTS: [&str; 4] = [
+    "look exchanged",
+    "probably",
+    "the calibration changes",
+    "is used for /points",
+];
+
+/// The warnings of a score that are hints, as indices of [`HINTS`] with their lines.
+#[track_caller]
+fn hints(fixture: &Fixture, what: &str) -> Vec<(usize, String)> {
+    let ran = fixture.svl(&format!("score {what} --rerun none --out report"));
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    let hint = |line: &str| {
+        let place = HINTS.iter().position(|words| line.contains(words))?;
+        Some((place, line.to_owned()))
+    };
+    ran.stderr.lines().filter_map(hint).collect()
+}
+
+/// The one hint that there is.
+#[track_caller]
+fn only(fixture: &Fixture, what: &str, place: usize) -> String {
+    match &hints(fixture, what)[..] {
+        [(found, line)] if *found == place => line.clone(),
+        other => panic!("{what}: {other:?}"),
+    }
+}
+
+/// The arena, and its pairs changed, as `changed.mcap`.
+fn arena(fixture: &Fixture) -> Vec<Frame> {
+    fixture.write_short_arena("arena.toml", 8);
+    fixture.run("record arena.toml -o arena.mcap");
+    read(&fixture.path("arena.mcap")).0
+}
+
+fn write(fixture: &Fixture, frames: impl Iterator<Item = Frame>) {
+    let frames: Vec<_> = frames.collect();
+    let path = record(&fixture.path(""), &frames, ImageFormat::Raw);
+    std::fs::rename(path, fixture.path("changed.mcap")).unwrap();
+}
+
+#[test]
+fn sound_recordings_have_none() {
+    let fixture = Fixture::new();
+    arena(&fixture);
+    fixture.run("record arena.mcap --ros2 -o ros.mcap");
+    assert_eq!(hints(&fixture, "arena.mcap --algo bm --algo v1"), []);
+    let ros = "ros.mcap --truth /truth/depth --algo bm --algo v5";
+    assert_eq!(hints(&fixture, ros), []);
+}
+
+#[test]
+fn distances_of_another_scale_than_the_truth_are_noticed() {
+    let fixture = Fixture::new();
+    let frames = arena(&fixture);
+    for (factor, cause) in [
+        (2.0, "twice the size"),
+        (0.5, "half the size"),
+        (1000.0, "the baseline is in millimetres"),
+        (0.001, "the truth is in millimetres"),
+    ] {
+        // The recording keeps depths, which are as many times nearer.
+        write(
+            &fixture,
+            frames.iter().cloned().map(|mut frame| {
+                let truth = frame.truth.as_mut().unwrap();
+                truth.disparity = truth.disparity.map(|d| d * factor);
+                frame
+            }),
+        );
+        let line = only(&fixture, "changed.mcap --algo v3 --algo bm", 1);
+        assert_says(&line, &["changed", cause, "--calib FILE"]);
+    }
+}
+
+#[test]
+fn exchanged_images_are_noticed() {
+    let fixture = Fixture::new();
+    let frames = arena(&fixture);
+    write(
+        &fixture,
+        frames.into_iter().map(|frame| {
+            let [left, right] = frame.pair.into_images();
+            Frame {
+                pair: StereoPair::new(right, left).unwrap(),
+                truth: None,
+                ..frame
+            }
+        }),
+    );
+    let line = only(&fixture, "changed.mcap --algo bm", 0);
+    assert_says(&line, &["changed.mcap", "--left and --right"]);
+    let cured = "changed.mcap --left /stereo/right/image --right /stereo/left/image --algo bm";
+    assert_eq!(hints(&fixture, cured), []);
+}
+
+fn stamp(i: u64) -> u64 {
+    1_700_000_000_000_000_000 + i * PERIOD_NS
+}
+
+/// Rectified pairs with a rig, whose right camera has these fourth columns of P, one after the
+/// other.
+fn pairs(offsets: &[f64]) -> Vec<Message> {
+    let pair = |(i, offset): (usize, &f64)| {
+        let i = i as u64;
+        let info = |topic, tx| {
+            let camera = Camera {
+                size: (SIZE.0 as u32, SIZE.1 as u32),
+                distortion: &[],
+                tx,
+                binning: 0,
+                roi: [0; 4],
+            };
+            camera_info_of(topic, stamp(i), &camera)
+        };
+        let image = |topic, seed| {
+            let pixels: Vec<u8> = image(SIZE, seed).pixels().collect();
+            ros_image(topic, stamp(i), SIZE, "mono8", &pixels)
+        };
+        [
+            info("/cam0/camera_info", 0.0),
+            info("/cam1/camera_info", *offset),
+            image("/cam0/image_rect", 2 * i),
+            image("/cam1/image_rect", 2 * i + 1),
+        ]
+    };
+    offsets.iter().enumerate().flat_map(pair).collect()
+}
+
+#[test]
+fn a_calibration_that_changes_is_noticed() {
+    let fixture = Fixture::new();
+    bag::write(&fixture.path(""), &pairs(&[-14.0; 4]));
+    assert_eq!(hints(&fixture, "bag.mcap --algo v3"), []);
+    bag::write(&fixture.path(""), &pairs(&[-14.0, -14.0, -28.0, -14.0]));
+    let line = only(&fixture, "bag.mcap --algo v3", 2);
+    assert_says(
+        &line,
+        &[
+            "/cam1/camera_info",
+            "-14.000, then -28.000",
+            "the last one before",
+        ],
+    );
+}
+
+#[test]
+fn transforms_that_differ_are_noticed() {
+    let fixture = Fixture::new();
+    let points = |i| cloud("lidar", stamp(i), &[[0.0, 0.0, 1.0]]);
+    let static_tf = |x: f64| tf("/tf_static", &[("cam", "lidar", [x, 0.0, 0.0])]);
+    let bag = |second: f64| {
+        let mut messages = vec![static_tf(0.1)];
+        messages.extend(pairs(&[-14.0; 3]));
+        messages.extend((0..2).map(points));
+        messages.push(static_tf(second));
+        messages.push(points(2));
+        bag::write(&fixture.path(""), &messages);
+        hints(&fixture, "bag.mcap --truth /points --algo v3")
+    };
+    assert_eq!(bag(0.1), []);
+    let found = bag(0.3);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_says(
+        &found[0].1,
+        &["/tf_static", "'lidar' in 'cam' differ by 0.2000 m"],
+    );
+}
