@@ -96,8 +96,8 @@ impl SparseCell {
         self.count() >= MIN_POINTS && (self.covered || self.centred && points_agree())
     }
 
-    /// By how much the map's median at the points exceeds that in the whole cell; 0 where the points
-    /// are of a part of the cell, or the map has too few disparities at them.
+    /// Excess of the map's median at the points over that in the whole cell; 0 if the points are of
+    /// a part of the cell, or the map has too few disparities at them.
     pub fn map_offset(&self, map: &Plane<f32>, columns: &Range<usize>, rows: &Range<usize>) -> f32 {
         let known = |&(x, y, weight): &(usize, usize, f64)| {
             let d = map.get(x, y);

@@ -160,9 +160,8 @@ fn agree(frames: &[Frame], algorithms: [&str; 4]) {
                     ..
                 } = tally;
                 let cells = if cells_only { " (cells only)" } else { "" };
-                println!(
-                    "| {pattern} | {name}{cells} | {scored} | {of} | {right} | {all:.1} | {known:.1} |"
-                );
+                let counts = format!("{scored} | {of} | {right} | {all:.1} | {known:.1}");
+                println!("| {pattern} | {name}{cells} | {counts} |");
                 assert!(all >= 95.0 && scored >= frames.len(), "{name}, {pattern}");
             }
         }

@@ -19,6 +19,9 @@ pub(in crate::recording) enum PairStamps {
     },
 }
 
+/// Reads the stamp, if it has one, and the frame of a message.
+type ReadHead = fn(&Channel, &[u8]) -> Result<(Option<u64>, String), String>;
+
 impl PairStamps {
     /// Adds stamps and sequences of the pairs that a message completes. `head` reads the stamp of
     /// an image.
@@ -27,7 +30,7 @@ impl PairStamps {
         channel: &Channel,
         log_time: u64,
         data: &[u8],
-        head: fn(&Channel, &[u8]) -> Result<(Option<u64>, String), String>,
+        head: ReadHead,
         pairs: &mut Vec<(u64, u64)>,
     ) {
         match self {
