@@ -34,8 +34,8 @@ pub use svl_core::{
     timing,
 };
 pub use svl_data::{
-    BuildInfo, agreement, arena, bootstrap, fetch, files, fit, grab, manifest, overlay, recording,
-    resize, scenario, score, slow_profile, stress,
+    BuildInfo, agreement, arena, bootstrap, fetch, files, fit, grab, manifest, memory, overlay,
+    recording, resize, scenario, score, slow_profile, stress,
 };
 pub use svl_thesis as reproduce;
 #[cfg(feature = "rerun")]

@@ -45,6 +45,7 @@ const PACKAGES: [Package; 7] = [
                 "build_info",
                 "pairing",
                 "files",
+                "memory",
                 "overlay",
             ],
             &["arena", "stress", "fetch", "manifest"],

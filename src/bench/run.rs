@@ -17,6 +17,7 @@ use svl_core::stereo::{DisparityMap, Estimate, Frame, Losses, RectifiedPair, Rig
 use svl_core::timing::StageTimes;
 use svl_core::{Error, Result};
 use svl_data::manifest::Manifest;
+use svl_data::memory::MemoryUse;
 use svl_data::score::{Judge, Judged, MetricValues};
 
 /// Watches a run and may end it.
@@ -34,15 +35,6 @@ pub trait Monitor {
         work();
         None
     }
-}
-
-/// Memory that some work allocated, bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct MemoryUse {
-    /// At most, beyond what was allocated before.
-    pub peak: usize,
-    /// More than before once the work was done; negative where it freed more.
-    pub kept: isize,
 }
 
 /// How fast frames are taken.

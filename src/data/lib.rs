@@ -14,6 +14,7 @@ pub mod files;
 pub mod fit;
 pub mod grab;
 pub mod manifest;
+pub mod memory;
 pub mod overlay;
 mod pairing;
 pub mod recording;

@@ -1,9 +1,8 @@
-//! What subcommands share: sources, outputs, the viewer, progress, live tables, memory, frame
+//! What subcommands share: sources, outputs, the viewer, progress, live tables, frame
 //! stepping, wrong usage.
 
 pub(crate) mod filters;
 pub(crate) mod live;
-pub(crate) mod memory;
 pub(crate) mod outputs;
 pub(crate) mod progress;
 pub(crate) mod recordings;

@@ -1,11 +1,15 @@
 //! The progress bars of long work, and Ctrl-C.
 
 use super::live::LiveTable;
-use super::memory;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
-use svl::run::{MemoryUse, Monitor};
+use svl::memory::{Counted, MemoryUse, used_by};
+use svl::run::Monitor;
+
+/// Counts what [`Progress`] says of memory.
+#[global_allocator]
+static ALLOCATOR: Counted = Counted;
 
 static HANDLER: OnceLock<()> = OnceLock::new();
 
@@ -106,7 +110,7 @@ impl Progress {
 
 impl Monitor for Progress {
     fn memory_of(&mut self, work: &mut dyn FnMut()) -> Option<MemoryUse> {
-        Some(memory::used_by(work))
+        Some(used_by(work))
     }
 
     fn failed(&mut self, failure: &str) {
@@ -224,5 +228,23 @@ impl Bytes {
     /// Takes the bar away.
     pub(crate) fn clear(self) {
         self.0.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_is_counted_at_its_peak_and_after() {
+        let mut kept = Vec::new();
+        let used = used_by(&mut || {
+            let large = vec![1_u8; 50_000_000];
+            kept = large[..10_000_000].to_vec();
+        });
+        // Other tests allocate and free meanwhile, but not as much.
+        assert!((55_000_000..70_000_000).contains(&used.peak), "{used:?}");
+        assert!((5_000_000..15_000_000).contains(&used.kept), "{used:?}");
+        assert_eq!(kept.len(), 10_000_000);
     }
 }
