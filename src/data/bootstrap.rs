@@ -5,6 +5,7 @@
 //! Circular Block-Resampling Procedure for Stationary Data", 1992, with blocks of twice the cube
 //! root of the drive's length, in which the arena's pairs forget each other.
 
+use std::ops::Range;
 use svl_core::statistics::{lower_median, upper_rank};
 
 /// Resamples drawn. Equal data give equal intervals: the generator begins with a fixed number.
@@ -42,7 +43,8 @@ pub type Interval = (f64, f64);
 
 /// Resamples of the items `0..n`.
 pub struct Resamples {
-    draws: Vec<Vec<usize>>,
+    /// Each the items of these ranges, one after the other.
+    draws: Vec<Vec<Range<usize>>>,
     /// Number of blocks in each.
     blocks: usize,
 }
@@ -58,21 +60,24 @@ impl Resamples {
     pub fn draw(stretches: &[usize], independent: bool) -> Self {
         let mut random = fastrand::Rng::with_seed(SEED);
         let mut draw = || {
-            let mut items = Vec::with_capacity(stretches.iter().sum());
+            let mut ranges = Vec::new();
             let mut begin = 0;
             for &length in stretches {
                 let block = if independent { 1 } else { block(length) };
-                let end = begin + length;
-                while items.len() < end {
+                let mut left = length;
+                while left > 0 {
                     let first = random.usize(0..length);
-                    let left = end - items.len();
+                    let taken = block.min(left);
+                    let end = (first + taken).min(length);
+                    ranges.push(begin + first..begin + end);
                     // Circular: a block that begins near the end goes on at the beginning, so all
                     // items are drawn equally often.
-                    items.extend((0..block.min(left)).map(|i| begin + (first + i) % length));
+                    ranges.push(begin..begin + taken - (end - first));
+                    left -= taken;
                 }
-                begin = end;
+                begin += length;
             }
-            items
+            ranges
         };
         let blocks = |&length: &usize| {
             if independent {
@@ -95,26 +100,45 @@ impl Resamples {
     /// The interval of a statistic of the items; none for too few blocks, or if some resample does
     /// not have it.
     pub fn interval(&self, statistic: &dyn Fn(&[usize]) -> Option<f64>) -> Option<Interval> {
+        self.interval_of(&|ranges| statistic(&items(ranges).collect::<Vec<_>>()))
+    }
+
+    fn interval_of(&self, statistic: &dyn Fn(&[Range<usize>]) -> Option<f64>) -> Option<Interval> {
         if self.blocks < FEWEST {
             return None;
         }
-        middle(
-            self.draws
-                .iter()
-                .map(|items| statistic(items))
-                .collect::<Option<_>>()?,
-        )
+        let values = self.draws.iter().map(|ranges| statistic(ranges));
+        middle(values.collect::<Option<_>>()?)
     }
+}
+
+fn items(ranges: &[Range<usize>]) -> impl Iterator<Item = usize> {
+    ranges.iter().cloned().flatten()
+}
+
+/// The sums of the rows of these items, in their order.
+fn sums<const N: usize>(rows: &[[f64; N]], ranges: &[Range<usize>]) -> [f64; N] {
+    let mut sums = [0.0; N];
+    for range in ranges {
+        for row in &rows[range.clone()] {
+            sums = std::array::from_fn(|i| sums[i] + row[i]);
+        }
+    }
+    sums
 }
 
 /// The values of a metric for the items, of which resamples are drawn.
 pub enum Sample {
     /// Numerator and denominator; the value is the ratio of their sums.
-    Ratio(Vec<(f64, f64)>),
+    Ratio(Vec<[f64; 2]>),
     /// The value is the sum.
     Count(Vec<f64>),
     /// The value is the median by nearest rank.
     Median(Vec<f64>),
+}
+
+fn ratio([numerator, denominator]: [f64; 2]) -> Option<f64> {
+    (denominator > 0.0).then(|| numerator / denominator)
 }
 
 impl Sample {
@@ -128,25 +152,21 @@ impl Sample {
 
     /// The metric over all items.
     pub fn total(&self) -> Option<f64> {
-        self.value(&(0..self.items()).collect::<Vec<_>>())
+        self.value(std::slice::from_ref(&(0..self.items())))
     }
 
-    /// The metric over `items`, each as often as it is listed.
-    fn value(&self, items: &[usize]) -> Option<f64> {
+    /// The metric over these items, each as often as it is listed.
+    fn value(&self, ranges: &[Range<usize>]) -> Option<f64> {
         match self {
-            Self::Ratio(parts) => {
-                let sum = |(a, b): (f64, f64), &i: &usize| (a + parts[i].0, b + parts[i].1);
-                let (numerator, denominator) = items.iter().fold((0.0, 0.0), sum);
-                (denominator > 0.0).then(|| numerator / denominator)
-            }
-            Self::Count(values) => Some(items.iter().map(|&i| values[i]).sum()),
-            Self::Median(values) => lower_median(items.iter().map(|&i| values[i])),
+            Self::Ratio(parts) => ratio(sums(parts, ranges)),
+            Self::Count(values) => Some(items(ranges).map(|i| values[i]).sum()),
+            Self::Median(values) => lower_median(items(ranges).map(|i| values[i])),
         }
     }
 
     /// The interval of the metric.
     pub fn interval(&self, resamples: &Resamples) -> Option<Interval> {
-        resamples.interval(&|items| self.value(items))
+        resamples.interval_of(&|ranges| self.value(ranges))
     }
 
     /// The interval of `difference(base, other)`, both of the same resample.
@@ -156,7 +176,26 @@ impl Sample {
         difference: fn(f64, f64) -> f64,
         resamples: &Resamples,
     ) -> Option<Interval> {
-        resamples.interval(&|items| Some(difference(base.value(items)?, other.value(items)?)))
+        // Sums wait for their last addition: both at once take the time of one.
+        match (base, other) {
+            (Self::Ratio(a), Self::Ratio(b)) => {
+                let both = a.iter().zip(b).map(|(&[a, b], &[c, d])| [a, b, c, d]);
+                let both: Vec<_> = both.collect();
+                resamples.interval_of(&|ranges| {
+                    let [a, b, c, d] = sums(&both, ranges);
+                    Some(difference(ratio([a, b])?, ratio([c, d])?))
+                })
+            }
+            (Self::Count(a), Self::Count(b)) => {
+                let both: Vec<_> = a.iter().zip(b).map(|(&a, &b)| [a, b]).collect();
+                resamples.interval_of(&|ranges| {
+                    let [a, b] = sums(&both, ranges);
+                    Some(difference(a, b))
+                })
+            }
+            _ => resamples
+                .interval_of(&|ranges| Some(difference(base.value(ranges)?, other.value(ranges)?))),
+        }
     }
 }
 
@@ -199,6 +238,7 @@ mod tests {
         assert_eq!(blocks, 1 + 1 + 2);
         assert_eq!(draws.len(), DRAWS);
         for draw in draws {
+            let draw: Vec<_> = items(&draw).collect();
             assert!(
                 draw[..3].iter().all(|&i| i < 3)
                     && draw[3] == 3

@@ -109,7 +109,8 @@ impl Resizer {
 }
 
 fn cropped<T: Copy>(plane: &Plane<T>, [x, y, width, height]: [usize; 4]) -> Result<Plane<T>> {
-    Plane::from_fn(width, height, |i, j| plane.get(x + i, y + j))
+    let rows = (y..y + height).map(|y| &plane.row(y)[x..x + width]);
+    Plane::from_vec(width, height, rows.collect::<Vec<_>>().concat())
 }
 
 /// Side of a shrunk image: whole pixels that lie inside the old one.
@@ -130,8 +131,13 @@ fn sampling(
         let [from, to] = [i, i + 1].map(|edge| edge as f64 / scale);
         from.round() as usize..(to.round() as usize).min(side)
     };
-    Plane::from_fn(side(width, scale), side(height, scale), |x, y| {
-        let (u, v) = (middle(x, width), middle(y, height));
+    let middles = |all: usize| -> Vec<_> {
+        let new = 0..side(all, scale);
+        new.map(|i| middle(i, all)).collect()
+    };
+    let (columns, rows) = (middles(width), middles(height));
+    Plane::from_fn(columns.len(), rows.len(), |x, y| {
+        let (u, v) = (columns[x], rows[y]);
         if density == TruthDensity::Dense || truth.get(u, v).is_finite() {
             return (u, v);
         }
@@ -164,9 +170,17 @@ fn shrunk(image: &Gray, scale: f64) -> Result<Gray> {
         columns.iter().map(mean).collect()
     };
     let narrow: Vec<Vec<f64>> = image.rows().map(means).collect();
-    Gray::from_fn(columns.len(), rows.len(), |x, y| {
-        rows[y].mean(|j| narrow[j][x]).round() as u8
-    })
+    let mut pixels = Vec::with_capacity(columns.len() * rows.len());
+    for Shares { first, weights } in &rows {
+        // A whole row at a time, which is compiled to vector instructions.
+        let mut means = vec![0.0; columns.len()];
+        for (weight, row) in weights.iter().zip(&narrow[*first..]) {
+            let values = means.iter_mut().zip(row);
+            values.for_each(|(mean, value)| *mean += weight * value);
+        }
+        pixels.extend(means.iter().map(|mean| mean.round() as u8));
+    }
+    Gray::from_vec(columns.len(), rows.len(), pixels)
 }
 
 /// The pixels that a new one covers, from the first on, and how much of each.

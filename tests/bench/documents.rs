@@ -107,8 +107,9 @@ const PARSED: &[(&str, &str)] = &[
 ];
 
 /// What makes a line quick.
-const SHORTER: [(&str, &str); 4] = [
+const SHORTER: [(&str, &str); 5] = [
     (" --duration 60", ""),
+    ("svl score arena ", "svl score scenarios/arena.toml "),
     ("svl record arena", "svl record --frames 4 arena"),
     (
         "svl record sim:",
@@ -214,7 +215,7 @@ fn inputs() -> Fixture {
         let name = path.file_name().unwrap().to_str().unwrap();
         fixture.write(&format!("scenarios/{name}"), fs::read(&path).unwrap());
     }
-    fixture.write_short_arena("scenarios/arena.toml", 4);
+    fixture.write_short_arena("scenarios/arena.toml", 2);
     fixture.write("calib.txt", CALIBRATION);
     fixture.write("mask0nocc.png", pgm(320, 240, &[255; 320 * 240]));
     let arena = Arena::new(&ArenaConfig::default(), 1).unwrap();

@@ -136,7 +136,7 @@ fn summary(rows: &[&DriveRow]) -> DriveSummary {
     let resamples = Resamples::draw(&[rows.len()], true);
     // A robot that never moved has no rate.
     let both = |of: fn(&DriveRow) -> f64, by: fn(&DriveRow) -> f64, scale: f64| {
-        let ratio = Sample::Ratio(rows.iter().map(|row| (of(row), by(row))).collect());
+        let ratio = Sample::Ratio(rows.iter().map(|row| [of(row), by(row)]).collect());
         let value = ratio.total().unwrap_or_default() * scale;
         let interval = ratio.interval(&resamples);
         (

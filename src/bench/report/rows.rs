@@ -5,6 +5,7 @@
 
 use polars::prelude::{Column, DataFrame, PolarsResult};
 use std::str::FromStr;
+use std::sync::LazyLock;
 use svl_core::stereo::CellState;
 use svl_data::files::ColumnPlaces;
 use svl_data::score::{METRICS, Metric, MetricValues, Verdict};
@@ -354,7 +355,7 @@ const FIRST_IN_ROWS: [&str; 10] = [
     "row_offset",
 ];
 
-fn metrics_in_rows() -> Vec<(&'static Metric, &'static str)> {
+static METRICS_IN_ROWS: LazyLock<Vec<(&Metric, &str)>> = LazyLock::new(|| {
     let first = FIRST_IN_ROWS.iter().filter_map(|name| Metric::find(name));
     // New metrics are appended, so that scripts that read columns by position go on working.
     let rest = METRICS
@@ -364,14 +365,14 @@ fn metrics_in_rows() -> Vec<(&'static Metric, &'static str)> {
         .chain(rest)
         .filter_map(|metric| Some((metric, metric.column()?.0)))
         .collect()
-}
+});
 
-fn metrics_in_summaries() -> Vec<(&'static Metric, &'static str)> {
+static METRICS_IN_SUMMARIES: LazyLock<Vec<(&Metric, &str)>> = LazyLock::new(|| {
     METRICS
         .iter()
         .filter_map(|metric| Some((metric, metric.column()?.0)))
         .collect()
-}
+});
 
 /// The metrics' columns of all frames of an algorithm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -390,11 +391,11 @@ macro_rules! metric_columns {
     ($($kind:ident, $order:ident, $new:expr;)*) => {$(
         impl RowField for $kind {
             fn columns(_: &'static str, columns: &mut Vec<&'static str>) {
-                columns.extend($order().into_iter().map(|(_, column)| column));
+                columns.extend($order.iter().map(|(_, column)| *column));
             }
 
             fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
-                values.extend($order().into_iter().map(|(metric, _)| match self.get(metric.name) {
+                values.extend($order.iter().map(|(metric, _)| match self.get(metric.name) {
                     value if metric.counts() => ColumnValue::Whole(value.map(|n| n as u64)),
                     value => ColumnValue::Real(value),
                 }));
@@ -403,7 +404,7 @@ macro_rules! metric_columns {
             /// A column that is missing is that of a metric younger than the file.
             fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, String> {
                 let mut metrics = MetricValues::default();
-                for (metric, column) in $order() {
+                for (metric, column) in $order.iter() {
                     if cells.get(column).is_some() {
                         metrics.set(metric.name, RowField::parse(column, cells)?);
                     }
@@ -412,23 +413,23 @@ macro_rules! metric_columns {
             }
 
             fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
-                let column = |(metric, column): (&'static Metric, &'static str)| {
+                let column = |(metric, column): &(&'static Metric, &'static str)| {
                     let values = fields.iter().map(|field| field.get(metric.name));
                     match metric.counts() {
                         true => {
                             let counts: Vec<_> = values.map(|v| v.map(|n| n as u64)).collect();
-                            Column::new(column.into(), counts)
+                            Column::new((*column).into(), counts)
                         }
-                        false => Column::new(column.into(), values.collect::<Vec<_>>()),
+                        false => Column::new((*column).into(), values.collect::<Vec<_>>()),
                     }
                 };
-                $order().into_iter().map(column).collect()
+                $order.iter().map(column).collect()
             }
         }
     )*};
 }
 
 metric_columns! {
-    MetricValues, metrics_in_rows, std::convert::identity;
-    MetricTotals, metrics_in_summaries, MetricTotals;
+    MetricValues, METRICS_IN_ROWS, std::convert::identity;
+    MetricTotals, METRICS_IN_SUMMARIES, MetricTotals;
 }

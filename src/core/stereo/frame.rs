@@ -265,6 +265,7 @@ pub enum Visibility {
 
 impl Visibility {
     /// From a mask's grey value; anything but 128 and 255 is unknown.
+    #[inline]
     pub fn from_code(code: u8) -> Self {
         match code {
             255 => Self::Visible,
@@ -291,10 +292,15 @@ pub enum Surface {
 
 impl Surface {
     /// From a grey value; one that is none of theirs is unknown.
+    #[inline]
     pub fn from_code(code: u8) -> Self {
-        let all = [Self::Floor, Self::Room, Self::Wall, Self::Object];
-        let of_code = all.into_iter().find(|surface| *surface as u8 == code);
-        of_code.unwrap_or(Self::Unknown)
+        match code {
+            64 => Self::Floor,
+            128 => Self::Room,
+            192 => Self::Wall,
+            255 => Self::Object,
+            _ => Self::Unknown,
+        }
     }
 }
 

@@ -75,10 +75,9 @@ impl<T: Copy> Plane<T> {
     /// [`Error::Dimensions`].
     pub fn from_fn(width: usize, height: usize, f: impl Fn(usize, usize) -> T) -> Result<Self> {
         check_size(width, height)?;
-        let data = (0..height)
-            .flat_map(|y| (0..width).map(move |x| (x, y)))
-            .map(|(x, y)| f(x, y))
-            .collect();
+        let mut data = Vec::with_capacity(width * height);
+        // Row by row: a chain of all pixels does not know its length.
+        (0..height).for_each(|y| data.extend((0..width).map(|x| f(x, y))));
         Ok(Self {
             width,
             height,

@@ -73,9 +73,7 @@ impl Arena {
     /// [`Error::Invalid`] with the key of a number out of its range, or with the place where the
     /// robot would touch something.
     pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
-        config.check()?;
-        let walk = Walk::new(config, seed)?;
-        check_clearance(config, &walk, &Objects::new(&config.world))?;
+        let (walk, _) = Self::way(config, seed)?;
         let world = ArenaWorld::new(config, seed)?;
         Ok(Self { world, walk })
     }
@@ -114,10 +112,22 @@ impl Arena {
         self.world.frame(index, self.pose(index), &twist)
     }
 
-    /// The true geometry and the middle of the robot's way, as line strips for a 3D viewer.
-    pub fn wireframe(&self) -> Vec<WireObject> {
-        let world = &self.world.config.world;
-        wireframe::wires(&self.world.scene.objects, &self.walk, world)
+    /// The true geometry of a run and the middle of the robot's way, as line strips for a 3D
+    /// viewer; no pictures are painted for it.
+    ///
+    /// # Errors
+    /// As [`Arena::new`].
+    pub fn wireframe(config: &ArenaConfig, seed: u64) -> Result<Vec<WireObject>> {
+        let (walk, objects) = Self::way(config, seed)?;
+        Ok(wireframe::wires(&objects, &walk, &config.world))
+    }
+
+    /// The robot's way, and what it does not touch on it.
+    fn way(config: &ArenaConfig, seed: u64) -> Result<(Walk, Objects)> {
+        config.check()?;
+        let (walk, objects) = (Walk::new(config, seed)?, Objects::new(&config.world));
+        check_clearance(config, &walk, &objects)?;
+        Ok((walk, objects))
     }
 }
 

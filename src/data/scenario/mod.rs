@@ -265,9 +265,9 @@ impl Scenario {
     /// sources have none.
     pub fn wireframe(&self, seed: Option<u64>) -> Vec<WireObject> {
         match &self.source {
-            ScenarioSource::Arena { config, seeds } => Arena::new(config, seed.unwrap_or(seeds[0]))
-                .map(|arena| arena.wireframe())
-                .unwrap_or_default(),
+            ScenarioSource::Arena { config, seeds } => {
+                Arena::wireframe(config, seed.unwrap_or(seeds[0])).unwrap_or_default()
+            }
             ScenarioSource::Drive { .. }
             | ScenarioSource::Dataset { .. }
             | ScenarioSource::Recording(_) => Vec::new(),

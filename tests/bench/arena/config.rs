@@ -65,7 +65,7 @@ fn the_wireframe_shows_everything_that_stands_there() {
         above_floor_m: 0.1,
         heading_deg: 90.0,
     }];
-    let wires = Arena::new(&config, 1).unwrap().wireframe();
+    let wires = Arena::wireframe(&config, 1).unwrap();
     let names: Vec<&str> = wires.iter().map(|w| w.name.as_str()).collect();
     assert_eq!(
         names,

@@ -5,7 +5,7 @@ use super::fixture::{Fixture, assert_says};
 /// A short arena scored by each of these algorithms into a folder of that number.
 fn scored(algorithms: &[&str]) -> Fixture {
     let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 40);
+    fixture.write_recorded_arena("short.toml", 40);
     for (i, names) in algorithms.iter().enumerate() {
         fixture.run(&format!("score short.toml -q --out {i} --algo {names}"));
     }

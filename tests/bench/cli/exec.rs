@@ -78,7 +78,7 @@ fn the_others_go_on_when_one_fails() {
 #[test]
 fn a_score_lacks_what_failed_and_judges_the_rest_by_its_name() {
     let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 60);
+    fixture.write_recorded_arena("short.toml", 60);
     let alone = fixture.run(&[
         "score",
         "short.toml",

@@ -3,7 +3,9 @@
 pub use crate::common::{assert_says, datasets};
 
 use assert_cmd::Command;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
 use tempfile::TempDir;
 
 pub struct Fixture {
@@ -140,6 +142,32 @@ impl Fixture {
                 _ => line.to_owned(),
             });
         self.write(name, lines.collect::<Vec<_>>().join("\n"))
+    }
+
+    /// As [`Fixture::write_short_arena`], with the recordings of its two runs, which are simulated
+    /// once for all tests.
+    pub fn write_recorded_arena(&self, name: &str, frames: u64) -> PathBuf {
+        type Files = Vec<(std::ffi::OsString, Vec<u8>)>;
+        static RECORDED: Mutex<BTreeMap<u64, Arc<Files>>> = Mutex::new(BTreeMap::new());
+        let mut recorded = RECORDED.lock().unwrap_or_else(PoisonError::into_inner);
+        let record = || {
+            let fixture = Self::new();
+            fixture.write_short_arena("short.toml", frames);
+            fixture.run("score short.toml --algo truth --rerun none -q");
+            let entries = std::fs::read_dir(fixture.path("recordings")).unwrap();
+            let file = |entry: std::io::Result<std::fs::DirEntry>| {
+                let entry = entry.unwrap();
+                (entry.file_name(), std::fs::read(entry.path()).unwrap())
+            };
+            Arc::new(entries.map(file).collect::<Files>())
+        };
+        let files = Arc::clone(recorded.entry(frames).or_insert_with(record));
+        drop(recorded);
+        std::fs::create_dir_all(self.path("recordings")).unwrap();
+        for (name, bytes) in &*files {
+            std::fs::write(self.path("recordings").join(name), bytes).unwrap();
+        }
+        self.write_short_arena(name, frames)
     }
 }
 

@@ -8,7 +8,7 @@ const SCORE: &str = "score short.toml --algo v3 --algo bm --algo v5 --out r";
 
 fn short_arena() -> Fixture {
     let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 60);
+    fixture.write_recorded_arena("short.toml", 60);
     fixture
 }
 

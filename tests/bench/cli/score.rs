@@ -5,7 +5,7 @@ use super::fixture::{Fixture, assert_says, datasets};
 #[test]
 fn scores_the_arena_and_writes_the_whole_report() {
     let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 60);
+    fixture.write_short_arena("short.toml", 20);
     let text = fixture.run("score short.toml");
     assert_says(&text, &["v3", "reports/arena/index.html"]);
     for file in ["summary", "verdicts", "rows", "cells", "checkpoints"] {
@@ -20,7 +20,7 @@ fn scores_the_arena_and_writes_the_whole_report() {
     }
     let json: serde_json::Value =
         serde_json::from_slice(&fixture.bytes("reports/arena/summary.json")).unwrap();
-    assert_eq!(json["algorithms"][0]["pairs"], 120);
+    assert_eq!(json["algorithms"][0]["pairs"], 40);
     let html = fixture.text("reports/arena/index.html");
     assert!(html.contains("<svg") && !html.contains("http://localhost"));
     assert!(
@@ -166,7 +166,7 @@ fn real_scenes_score_as_measured() {
 #[test]
 fn a_gate_passes_v3_and_stops_a_worse_one() {
     let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 60);
+    fixture.write_recorded_arena("short.toml", 60);
     let text = fixture.text("short.toml");
     // So few frames have their own numbers.
     let limits = "[[gate]]\nalgorithm = \"v3\"\nmetric = \"passed\"\nmin = 0.9\n";
@@ -265,7 +265,7 @@ fn a_gate_that_judges_nothing_does_not_pass() {
 #[test]
 fn truth_is_the_best_line_and_checks_the_checkpoints() {
     let fixture = Fixture::new();
-    fixture.write_short_arena("short.toml", 60);
+    fixture.write_recorded_arena("short.toml", 60);
     let json = fixture.json("score short.toml -q --json --algo truth --algo v3 --out both");
     let right = |i: usize| json["algorithms"][i]["cells_right"].as_u64().unwrap();
     assert!(right(0) > 1790 && right(1) < right(0), "{json}");
@@ -319,7 +319,7 @@ fn other_seeds_are_scored_and_said() {
 #[test]
 fn the_safe_choice_decides_the_cells_of_any_map() {
     let fixture = Fixture::new();
-    fixture.write_short_arena("median.toml", 40);
+    fixture.write_recorded_arena("median.toml", 40);
     let median = fixture.text("median.toml");
     let safe = |decision: &str| {
         let with = format!("[grid]\ndecision = \"{decision}\"\n");

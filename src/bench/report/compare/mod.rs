@@ -397,9 +397,7 @@ fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
     match metric.origin {
         MetricOrigin::Frame { total, .. } => match total {
             MetricTotal::Mean => Some(Sample::Ratio(
-                values()
-                    .map(|v| v.map_or((0.0, 0.0), |v| (v, 1.0)))
-                    .collect(),
+                values().map(|v| v.map_or([0.0; 2], |v| [v, 1.0])).collect(),
             )),
             MetricTotal::Sum => values()
                 .any(|v| v.is_some())
@@ -407,7 +405,8 @@ fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
             MetricTotal::ShareOf(_) => {
                 let part = |row: &&Row| {
                     let part = row.metrics.get(metric.name);
-                    part.zip(row.metrics.whole(metric)).unwrap_or_default()
+                    let both = part.zip(row.metrics.whole(metric));
+                    both.map_or([0.0; 2], |(part, whole)| [part, whole])
                 };
                 Some(Sample::Ratio(rows.iter().map(part).collect()))
             }
