@@ -226,3 +226,24 @@ pub fn data_folder(named: Option<&Path>) -> Option<PathBuf> {
         .map(Path::to_owned)
         .or_else(|| variable().map(PathBuf::from))
 }
+
+/// Warns of algorithms that are scored against themselves.
+pub fn warn_of_own_reference(options: &SourceOptions, algorithms: &[Algorithm]) -> Result<()> {
+    let references = options.references()?;
+    let is_reference = |algorithm: &&Algorithm| {
+        let name = algorithm.spec().name;
+        // exec is any program.
+        let same = |reference: &Algorithm| {
+            reference.spec().name == name
+                && (name != "exec" || reference.parameters() == algorithm.parameters())
+        };
+        references.iter().any(same)
+    };
+    for algorithm in algorithms.iter().filter(is_reference) {
+        tracing::warn!(
+            "{}: is judged against itself: it shares the reference's errors",
+            algorithm.label()
+        );
+    }
+    Ok(())
+}

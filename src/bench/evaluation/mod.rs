@@ -1,11 +1,18 @@
-//! Evaluations: the report of a run, whole or in parts.
+//! Evaluations: scenarios through their algorithms into a report, whole or in parts.
 
+mod drives;
+mod evaluate;
 mod folder;
 mod maps;
+mod merge;
 mod part;
+mod plan;
+mod scored_runs;
 mod sweeps;
 
-pub use folder::{COURSES, MANIFEST, REPORT, ReportContent, ReportHead, is_recording, read_ending};
-pub use maps::maps;
-pub use part::{PART, ReportPart, ReportRun, Shard};
+pub use evaluate::Evaluation;
+pub use folder::{MANIFEST, REPORT};
+pub use merge::Parts;
+pub use part::Shard;
+pub use plan::EvaluationPlan;
 pub use sweeps::number;

@@ -12,12 +12,47 @@ use svl_data::files::ColumnPlaces;
 use svl_data::manifest::{Manifest, Purpose};
 use svl_data::score::RunPart;
 
+/// The run that a killed or interrupted `svl score` left in a folder.
+pub struct EarlierRun {
+    /// The folders `folder.earlier-N` that the same run left when it was resumed and killed again.
+    pub others: Vec<PathBuf>,
+}
+
+impl EarlierRun {
+    /// Opens the run of a folder that `manifest` resumes: run id and beginning become those of the
+    /// earlier one. None without a report there.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] with the differences if the report is of another run: its times and
+    /// results would not be comparable. [`Error::Io`].
+    pub fn open(folder: &Path, manifest: &mut Manifest) -> Result<Option<Self>> {
+        if !folder.join("manifest.json").is_file() {
+            return Ok(None);
+        }
+        let earlier = Manifest::read(folder)?;
+        let differences = earlier.differences(manifest, Purpose::Resume)?;
+        if !differences.is_empty() {
+            return Err(Error::Invalid(format!(
+                "{}: cannot be resumed, as it was another run: {}; without --resume it is scored \
+                 anew",
+                folder.display(),
+                differences.join("; ")
+            )));
+        }
+        let mut others = set_aside(folder);
+        others.retain(|other| Manifest::read(other).is_ok_and(|of| of.run_id == earlier.run_id));
+        let resumed = std::mem::replace(&mut manifest.began, earlier.began);
+        manifest.run_id = earlier.run_id;
+        manifest.resumed = earlier.resumed;
+        manifest.resumed.push(resumed);
+        Ok(Some(Self { others }))
+    }
+}
+
 /// Results of an earlier run, by run, seed, pair and algorithm.
 #[derive(Default)]
 pub struct ResultLog {
     results: HashMap<PairKey, HashMap<String, LoggedResult>>,
-    /// The manifest that the report had.
-    manifest: Option<Manifest>,
     /// The folders that it stands in besides the report's own.
     others: Vec<PathBuf>,
 }
@@ -49,38 +84,22 @@ pub struct LoggedResult {
 }
 
 impl ResultLog {
-    /// Reads what a killed or interrupted `svl score` left in `folder`, and in the folders
-    /// `folder.earlier-N` that the same run left when it was resumed and killed again. Lines that
-    /// were not written whole are left out, and results without all their cells. Without a report
-    /// there the log is empty.
+    /// Reads the results of the run that `manifest` resumes from its folder, and says so in the
+    /// manifest. Lines that were not written whole are left out, and results without all their
+    /// cells. Without a report there the log is empty.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with what differs, when the report there is not of the same run as
-    /// `manifest`: its times and results would not be comparable. [`Error::Io`],
-    /// [`Error::Format`].
-    pub fn read(folder: &Path, manifest: &Manifest, grid: GridSettings) -> Result<Self> {
-        if !folder.join("manifest.json").is_file() {
+    /// As [`EarlierRun::open`]; [`Error::Format`].
+    pub fn read(folder: &Path, manifest: &mut Manifest, grid: GridSettings) -> Result<Self> {
+        let Some(earlier) = EarlierRun::open(folder, manifest)? else {
             return Ok(Self::default());
-        }
-        let earlier = Manifest::read(folder)?;
-        let differences = earlier.differences(manifest, Purpose::Resume)?;
-        if !differences.is_empty() {
-            return Err(Error::Invalid(format!(
-                "{}: cannot be resumed, as it was another run: {}; without --resume it is scored \
-                 anew",
-                folder.display(),
-                differences.join("; ")
-            )));
-        }
+        };
         let mut log = Self::default();
         log.take(folder, grid)?;
-        for other in set_aside(folder) {
-            if Manifest::read(&other).is_ok_and(|of| of.run_id == earlier.run_id) {
-                log.take(&other, grid)?;
-                log.others.push(other);
-            }
+        for other in &earlier.others {
+            log.take(other, grid)?;
         }
-        log.manifest = Some(earlier);
+        log.others = earlier.others;
         Ok(log)
     }
 
@@ -126,16 +145,6 @@ impl ResultLog {
 
     pub fn is_empty(&self) -> bool {
         self.results.is_empty()
-    }
-
-    /// Run id and beginning are those of the run that goes on.
-    pub fn continue_in(&self, manifest: &mut Manifest) {
-        if let Some(earlier) = &self.manifest {
-            let resumed = std::mem::replace(&mut manifest.began, earlier.began.clone());
-            manifest.run_id.clone_from(&earlier.run_id);
-            manifest.resumed.clone_from(&earlier.resumed);
-            manifest.resumed.push(resumed);
-        }
     }
 
     /// The folders that the log was read from besides the report's own.

@@ -36,7 +36,7 @@ pub use csv_rows::{RowReader, read_rows};
 pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};
-pub use log::{LoggedPair, LoggedResult, ResultLog, whole_rows};
+pub use log::{EarlierRun, LoggedPair, LoggedResult, ResultLog, whole_rows};
 pub use merge::merge_rows;
 pub use rows::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, MetricTotals, Record, Row,

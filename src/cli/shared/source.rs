@@ -7,9 +7,8 @@ use clap::builder::{NonEmptyStringValueParser, PossibleValue, TypedValueParser};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use svl::grab::{self, DRIVERS, Driver, GrabRequest, PairBy, RATES_HZ, TriggerSource, WhenFull};
-use svl::matcher::{Algorithm, Range, Value};
+use svl::matcher::{Range, Value};
 use svl::recording::files;
-use svl::scenario::SourceOptions;
 use svl::source::{CAMERAS, Opened, Request, SOURCES};
 
 /// Options of a scenario's source that commands which open one source do not take.
@@ -19,30 +18,6 @@ pub(crate) const OF_SCENARIOS: &[&str] = &["data", "scenes", "seeds", "reference
 pub(crate) fn hidden(arg: clap::Arg, keys: &[&str]) -> clap::Arg {
     let is_refused = keys.contains(&arg.get_id().as_str());
     arg.hide(is_refused)
-}
-
-/// Warns of algorithms that are scored against themselves.
-pub(crate) fn warn_of_own_reference(
-    options: &SourceOptions,
-    algorithms: &[Algorithm],
-) -> svl::Result<()> {
-    let references = options.references()?;
-    let is_reference = |algorithm: &&Algorithm| {
-        let name = algorithm.spec().name;
-        // exec is any program.
-        let same = |reference: &Algorithm| {
-            reference.spec().name == name
-                && (name != "exec" || reference.parameters() == algorithm.parameters())
-        };
-        references.iter().any(same)
-    };
-    for algorithm in algorithms.iter().filter(is_reference) {
-        tracing::warn!(
-            "{}: is judged against itself: it shares the reference's errors",
-            algorithm.label()
-        );
-    }
-    Ok(())
 }
 
 /// Options that only cameras take.

@@ -20,7 +20,7 @@ use svl::outputs::Outputs;
 use svl::recording::{AlgorithmCells, ImageFormat};
 use svl::report::Summary;
 use svl::run::{Matchers, Pace, complete, ending, run_through};
-use svl::runs::{RECORDINGS, cached_run, open_recording};
+use svl::runs::{RECORDINGS, cached_run, open_recording, warn_of_own_reference};
 use svl::scenario::{Scenario, SourceOptions};
 use svl::score::{Judge, Judged};
 use svl::sink::{
@@ -168,7 +168,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let algorithms = with_filters(algorithms, &filters);
     let mut matchers = Matchers::new(&algorithms)?;
-    source::warn_of_own_reference(&args.options, &algorithms)?;
+    warn_of_own_reference(&args.options, &algorithms)?;
 
     outputs.set_aside()?;
     let mut manifest = Manifest {

@@ -1,32 +1,22 @@
 //! `svl score`: scores algorithms on a scenario or on recordings, and writes a report.
 
-mod drive;
-mod report;
 mod scenario;
 mod sweep;
 
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::progress::{Terminal, listen_for_interrupt};
-use crate::cli::shared::source::warn_of_own_reference;
 use crate::cli::shared::terminal::{print, print_json, width};
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
-use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
-use drive::KeptDrives;
-use report::{ScoreReport, Scored, head, report_manifest};
-use scenario::stresses;
 use std::path::{Path, PathBuf};
-use svl::evaluation::{REPORT, ReportPart, ReportRun, Shard, read_ending};
-use svl::losses::{Missing, RunState};
+use svl::evaluation::{Evaluation, EvaluationPlan, REPORT, Shard};
 use svl::outputs::{Outputs, write};
-use svl::report::{GateResult, GateState, ResultLog, Summary, TestCase, TestResult, junit};
-use svl::run::{Matchers, Pace, complete, ending};
-use svl::runs::{self, ScoredSource, runs as open_runs};
+use svl::report::{GateResult, GateState, Summary, TestCase, TestResult, junit};
+use svl::run::complete;
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{METRICS, Metric};
-use svl::sink::{LiveTable, REPORT_RUN, RerunDetail, RerunTarget};
-use svl::stress::Stress;
+use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget, Viewer};
 use sweep::{Algorithms, MAX_ALGORITHMS};
 
 /// Score algorithms on a scenario or on recordings, and write a report
@@ -169,58 +159,24 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // The file of the CI's run before is of no more use than its report.
     let junit_path = args.junit.iter().map(PathBuf::as_path);
     let mut junit_file = Outputs::claim(true, [], junit_path)?;
-    if !args.resume {
-        warn_of_unfinished(&folder);
-    }
-    let scored = match &scenario.source {
-        ScenarioSource::Drive { .. } => drive::score(
-            args,
-            (&scenario, description),
-            &folder,
-            (&mut outputs, &mut junit_file),
-            quiet,
-        ),
-        _ => score_runs(
-            args,
-            (&scenario, description),
-            &folder,
-            (&mut outputs, &mut junit_file),
-            quiet,
-        ),
+    check_kind(args, &scenario)?;
+    let plan = EvaluationPlan {
+        scenario: &scenario,
+        description,
+        algorithms_file: args.algo.is_empty().then_some(named.as_str()),
+        folder: &folder,
+        rounds: args.repeat,
+        keep_drives: args.drives != Some(KeptDrives::None),
+        shard: args.shard,
+        resume: args.resume,
+        sort: args.sort,
+        gate: args.gate,
+        viewer: chosen_viewer(args, &folder)?,
     };
-    let Scored {
-        ran,
-        finished,
-        pairs,
-        others,
-        holds_earlier,
-    } = scored?;
-    // Decided before anything is printed: a full standard output costs no report, and a full disk
-    // no row that was written.
-    match (&ran, &finished) {
-        (Ok(()), Ok(_)) => {
-            if args.shard.is_some() {
-                ReportPart::complete(&folder)?;
-            }
-            outputs.commit();
-            // The report has what an interrupted part of it left there.
-            for other in &others {
-                if let Err(error) = std::fs::remove_dir_all(other) {
-                    tracing::warn!("{}: cannot be removed: {error}", other.display());
-                }
-            }
-        }
-        (Err(_), Ok(_)) if holds_earlier => outputs.commit(),
-        _ if finished.is_ok() || pairs > 0 => outputs.keep_both(),
-        _ => drop(outputs),
-    }
-    let (summary, results) = match (finished, ran.is_err()) {
-        (Err(_), true) => return ran,
-        (finished, _) => finished?,
-    };
-    warn_of_nothing_scored(&scenario, &summary);
+    junit_file.set_aside()?;
+    let Evaluation { summary, gate, ran } = plan.evaluate(outputs, &Terminal { quiet })?;
     if let Some(path) = &args.junit {
-        let cases = results.iter().map(GateResult::test_case);
+        let cases = gate.iter().map(GateResult::test_case);
         let cases: Vec<_> = cases.chain([losses_case(&summary)]).collect();
         write(path, junit(&format!("svl score {}", scenario.name), &cases))?;
         junit_file.commit();
@@ -228,200 +184,80 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if args.json {
         print_json(&ScoreAnswer {
             summary: &summary,
-            gate: &results,
+            gate: &gate,
         })?;
     } else {
-        let gate: String = results.iter().map(gate_line).collect();
+        let lines: String = gate.iter().map(gate_line).collect();
         let width = width();
         print(&format!(
-            "{summary:width$}\n{}\n{gate}",
+            "{summary:width$}\n{}\n{lines}",
             folder.join("index.html").display()
         ))?;
     }
     ran?;
     match (args.gate, args.check) {
-        (true, _) => pass_gate(&results)?,
+        (true, _) => pass_gate(&gate)?,
         (_, true) => pass_check(&summary)?,
         _ => {}
     }
     Ok(complete(&summary.ending)?)
 }
 
-/// Scores the runs of a scenario, one after the other.
-fn score_runs(
+/// Which drives are kept as recordings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum KeptDrives {
+    All,
+    None,
+}
+
+/// Refuses options that have no meaning for the scenario.
+fn check_kind(args: &Args, scenario: &Scenario) -> anyhow::Result<()> {
+    if !matches!(scenario.source, ScenarioSource::Drive { .. }) {
+        let name = &scenario.name;
+        return match args.drives {
+            Some(_) => Err(usage::wrong(format!(
+                "--drives is for scenarios of drives; '{name}' has none"
+            ))),
+            None => Ok(()),
+        };
+    }
+    let given = [
+        (
+            args.repeat > 1,
+            "--repeat",
+            "the times of drives are not measured alone",
+        ),
+        (
+            args.rerun.is_some(),
+            "--rerun",
+            "each drive is a recording in the report's folder, which `svl view` shows",
+        ),
+        (
+            args.check,
+            "--check",
+            "the algorithm truth is the check of a drive",
+        ),
+    ];
+    match given.into_iter().find(|(is_given, ..)| *is_given) {
+        Some((_, option, why)) => Err(usage::wrong(format!("{option} is not for drives: {why}"))),
+        None => Ok(()),
+    }
+}
+
+/// The viewer that shows the run, and where.
+fn chosen_viewer(
     args: &Args,
-    (scenario, description): (&Scenario, serde_json::Value),
     folder: &Path,
-    (outputs, junit_file): (&mut Outputs, &mut Outputs),
-    quiet: bool,
-) -> anyhow::Result<Scored> {
-    if args.drives.is_some() {
-        let words = format!(
-            "--drives is for scenarios of drives; '{}' has none",
-            scenario.name
-        );
-        return Err(usage::wrong(words));
-    }
-    let mut matchers =
-        Matchers::new(&scenario.algorithms).map_err(|error| match args.algo.is_empty() {
-            // The file is wrong, not the command line.
-            true => svl::Error::format(&args.what[0], error.to_string()),
-            false => error,
-        })?;
-    let rerun = match &args.rerun {
+) -> anyhow::Result<Option<(&'static dyn Viewer, RerunTarget, RerunDetail)>> {
+    let chosen = match &args.rerun {
         // Without a viewer the report is whole but for its run.rrd.
-        None => viewer()
-            .ok()
-            .map(|viewer| (viewer, RerunTarget::File(folder.join(REPORT_RUN)))),
-        Some(choice) => {
-            let target = choice.target().cloned();
-            target
-                .map(|target| svl::Result::Ok((viewer()?, target)))
-                .transpose()?
-        }
+        None => (viewer().ok()).map(|viewer| (viewer, RerunTarget::File(folder.join(REPORT_RUN)))),
+        Some(choice) => match choice.target().cloned() {
+            Some(target) => Some((viewer()?, target)),
+            None => None,
+        },
     };
-    let terminal = &Terminal { quiet };
-    let runs = open_runs(scenario, terminal)?;
-    warn_of_own_reference(&scenario.options, &scenario.algorithms)?;
-    let pace = Pace::Measured {
-        rounds: args.repeat,
-    };
-    let key = |(stress, place): (Option<Stress>, usize)| ReportRun {
-        run: runs[place].record().map(|record| record.name),
-        seed: runs[place].seed(),
-        stress: stress.map(|stress| stress.to_string()),
-    };
-    let keys = groups(scenario, runs.len()).map(key).collect();
-    let records = runs.iter().filter_map(ScoredSource::record);
-    let mut manifest = report_manifest(scenario, description, pace, args.shard)?;
-    manifest.runs = records.collect();
-    let live = LiveTable::default();
-    let units = RunUnit::all(scenario, &runs, args.shard);
-    let mut runs: Vec<_> = runs.into_iter().map(Some).collect();
-    let mut open = |unit: &RunUnit| {
-        // Those that are perturbed are opened anew.
-        let run = match runs[unit.place].take_if(|_| unit.stress.is_none()) {
-            Some(run) => run,
-            None => runs::run_at(scenario, unit.place, terminal)?,
-        };
-        let (mut run, mut judge) = run.open(scenario, terminal, Some(&live))?;
-        if let Some(stress) = unit.stress {
-            run = run.stressed(stress);
-            judge = run.judge(&scenario.judge())?;
-        }
-        anyhow::Ok((run, judge))
-    };
-    // The first before the report is begun: Ctrl-C there leaves an earlier one as it is.
-    let mut first = units.first().map(&mut open).transpose()?;
-    let log = match args.resume {
-        true => ResultLog::read(folder, &manifest, scenario.grid)?,
-        false => ResultLog::default(),
-    };
-    log.continue_in(&mut manifest);
-    let others = log.others().to_vec();
-    outputs.set_aside()?;
-    junit_file.set_aside()?;
-    if let Some(shard) = args.shard {
-        ReportPart::write(folder, scenario, shard, keys)?;
-    }
-    let mut report = {
-        let rerun = rerun.map(|(viewer, target)| (viewer, target, args.rerun_detail));
-        ScoreReport::begin(scenario, folder, rerun, (manifest, log), &live, pace)?
-    };
-    let mut missing = Missing::default();
-    let ran = units.iter().try_for_each(|unit| {
-        let mut run = first.take().map_or_else(|| open(unit), Ok)?;
-        let mut own = matchers.take(&unit.labels);
-        let (outcome, ran) = report.take(&mut run, &mut own, quiet);
-        matchers.append(own);
-        missing.add(outcome.missing());
-        ran?;
-        if outcome.interrupted {
-            bail!(
-                "interrupted; the report holds what was scored before, and --resume goes on with \
-                 it"
-            );
-        }
-        Ok(())
-    });
-    // What came before an error or Ctrl-C is reported all the same.
-    let pairs = missing.pairs;
-    let ran_to_end = ran.as_ref().map_err(usage::one_line).copied();
-    let ending = ending(ran_to_end, missing, scenario.options.allow_loss);
-    let finished = report.finish(head(args, scenario, true), &matchers, ending);
-    Ok(Scored {
-        ran,
-        finished,
-        pairs,
-        others,
-        holds_earlier: false,
-    })
-}
-
-/// A run through some of the algorithms, as it is or made worse.
-struct RunUnit<'a> {
-    /// Of the run among those of the scenario.
-    place: usize,
-    stress: Option<Stress>,
-    labels: Vec<&'a str>,
-}
-
-impl<'a> RunUnit<'a> {
-    /// Those of a shard, in their order. The algorithms of a run of the arena are shared out; of
-    /// other runs all stay together, as without truth they are compared with each other.
-    fn all(scenario: &'a Scenario, runs: &[ScoredSource], shard: Option<Shard>) -> Vec<Self> {
-        let labels = scenario.labels();
-        let shares_out = matches!(scenario.source, ScenarioSource::Arena { .. });
-        let groups = groups(scenario, runs.len());
-        let unit = |(group, (stress, place)): (usize, (Option<Stress>, usize))| {
-            let takes = |unit: usize| shard.is_none_or(|shard| shard.takes(unit));
-            let labels = labels.iter().enumerate().filter(|(i, _)| match shares_out {
-                true => takes(group * labels.len() + i),
-                false => takes(group),
-            });
-            Self {
-                place,
-                stress,
-                labels: labels.map(|(_, label)| *label).collect(),
-            }
-        };
-        let units = groups.enumerate().map(unit);
-        units.filter(|unit| !unit.labels.is_empty()).collect()
-    }
-}
-
-/// All runs of a scenario, first as they are, then made worse.
-fn groups(scenario: &Scenario, runs: usize) -> impl Iterator<Item = (Option<Stress>, usize)> {
-    stresses(scenario).flat_map(move |stress| (0..runs).map(move |place| (stress, place)))
-}
-
-/// Says that a run goes lost that could go on.
-fn warn_of_unfinished(folder: &Path) {
-    let rows = folder.join("rows.csv").metadata();
-    let is_unfinished = || match read_ending(folder) {
-        Ok(Some(ending)) => ending.state == RunState::Interrupted,
-        Ok(None) => true,
-        // Of an earlier svl, which says it otherwise.
-        Err(_) => false,
-    };
-    if rows.is_ok_and(|rows| rows.len() > 0) && is_unfinished() {
-        tracing::warn!(
-            "{}: holds an unfinished run, which is scored anew; --resume would go on with it",
-            folder.display()
-        );
-    }
-}
-
-/// Warns where frames have a truth, but no cell has enough of it to be scored.
-fn warn_of_nothing_scored(scenario: &Scenario, summary: &Summary) {
-    let mut of = summary.algorithms.iter();
-    if let Some(of) = of.find(|of| of.scored_cells == Some(0)) {
-        let cells = of.pairs * scenario.grid.shape().cells() as u64;
-        tracing::warn!(
-            "{}: 0 of {cells} cells have a ground truth, so none is scored against it",
-            scenario.name
-        );
-    }
+    Ok(chosen.map(|(viewer, target)| (viewer, target, args.rerun_detail)))
 }
 
 /// Refuses a scenario whose checkpoints the truth itself fails.

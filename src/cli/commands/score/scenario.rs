@@ -11,8 +11,7 @@ use svl::filter::without_filters;
 use svl::matcher::Algorithm;
 use svl::outputs::{Outputs, write};
 use svl::runs;
-use svl::scenario::{Limit, Scenario, StressLevels, distinct_kinds};
-use svl::stress::Stress;
+use svl::scenario::{Limit, Scenario, distinct_kinds};
 use svl::train::{of_scenario, with_filters};
 
 /// The description of the run: the scenario that is named, or that of the recordings that are, as
@@ -112,10 +111,4 @@ pub(super) fn add_filters(scenario: &mut Scenario, args: &Args, quiet: bool) -> 
         scenario.algorithms = with_filters(algorithms, &filters);
     }
     Ok(())
-}
-
-/// None, then all levels of the scenario's stress.
-pub(super) fn stresses(scenario: &Scenario) -> impl Iterator<Item = Option<Stress>> {
-    let stresses = scenario.stress.iter().flat_map(StressLevels::stresses);
-    std::iter::once(None).chain(stresses.copied().map(Some))
 }

@@ -1,39 +1,29 @@
 //! The drives of a scenario: each course with each algorithm at the wheel, several at once.
 
-use super::Args;
-use super::report::{Scored, head, report_manifest};
-use super::scenario::stresses;
-use crate::cli::shared::progress::{Terminal, interrupted};
-use crate::cli::shared::terminal::WarningLog;
-use crate::cli::shared::usage;
-use anyhow::bail;
+use super::folder::{COURSES, MANIFEST, ReportContent};
+use super::maps::maps;
+use super::part::{ReportPart, ReportRun};
+use super::plan::{Evaluated, EvaluationPlan};
+use crate::console::{Bar, Console, Unit};
+use crate::drive::{Course, DrivePlan, DriveResult};
+use crate::outputs::{Outputs, write_json};
+use crate::report::html::CheckpointFigure;
+use crate::report::{
+    CellRow, CoursePlan, DriveRow, EarlierRun, FailureRow, GateResult, Row, Summary, Table,
+    TrackRow, whole_rows,
+};
+use crate::run::{Monitor, Pace, ending};
+use crate::sink::ReportPictures;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use svl::console::{Bar, Console, Unit};
-use svl::drive::{Course, DrivePlan, DriveResult};
-use svl::evaluation::{COURSES, MANIFEST, ReportContent, ReportPart, ReportRun, Shard, maps};
-use svl::losses::{FailedPairs, Missing, RunEnding};
-use svl::manifest::{Manifest, Purpose};
-use svl::outputs::{Outputs, write_json};
-use svl::report::html::CheckpointFigure;
-use svl::report::{
-    CellRow, CoursePlan, DriveRow, FailureRow, GateResult, Row, Summary, Table, TrackRow,
-    whole_rows,
-};
-use svl::run::{Monitor, Pace, ending};
-use svl::scenario::{Scenario, ScenarioSource};
-use svl::sink::ReportPictures;
-use svl::stress::Stress;
-
-/// Which drives are kept as recordings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(super) enum KeptDrives {
-    All,
-    None,
-}
+use svl_core::{Error, Result, interrupt};
+use svl_data::losses::{FailedPairs, Missing, RunEnding};
+use svl_data::manifest::Manifest;
+use svl_data::scenario::{Scenario, ScenarioSource};
+use svl_data::stress::Stress;
 
 /// A drive of the scenario, by the places of course and algorithm in it.
 #[derive(Clone, Copy)]
@@ -70,32 +60,34 @@ fn recording_name(scenario: &Scenario, seed: u64, unit: DriveUnit) -> String {
 }
 
 /// Runs all drives and writes their report.
-pub(super) fn score(
-    args: &Args,
-    (scenario, description): (&Scenario, serde_json::Value),
-    folder: &Path,
-    (outputs, junit_file): (&mut Outputs, &mut Outputs),
-    quiet: bool,
-) -> anyhow::Result<Scored> {
-    refuse(args)?;
+pub(super) fn evaluate(
+    plan: &EvaluationPlan<'_>,
+    outputs: &mut Outputs,
+    console: &dyn Console,
+) -> Result<Evaluated> {
+    let (scenario, folder) = (plan.scenario, plan.folder);
     let ScenarioSource::Drive { seeds, .. } = &scenario.source else {
-        bail!("scenario '{}' has no drives", scenario.name);
+        return Err(Error::Invalid(format!(
+            "scenario '{}' has no drives",
+            scenario.name
+        )));
     };
-    let mut manifest = report_manifest(scenario, description, Pace::Asap, args.shard)?;
+    let mut manifest = plan.manifest(Pace::Asap)?;
     manifest.times = Some("matching while other drives run".to_owned());
-    let earlier = match args.resume {
+    let earlier = match plan.resume {
         true => EarlierDrives::read(folder, &mut manifest)?,
         false => EarlierDrives::default(),
     };
     outputs.set_aside()?;
-    junit_file.set_aside()?;
     let kept = earlier.drives.values().flat_map(|result| &result.drives);
     for name in kept.filter_map(|row| row.recording.as_ref()) {
         outputs.bring_back(name)?;
     }
     let mut report = DriveReport::begin(folder, manifest, scenario)?;
-    if let Some(shard) = args.shard {
-        let texts = stresses(scenario).map(|level| level.map(|stress| stress.to_string()));
+    if let Some(shard) = plan.shard {
+        let texts = plan
+            .stresses()
+            .map(|level| level.map(|stress| stress.to_string()));
         let texts: Vec<_> = texts.collect();
         let runs = seeds.iter().flat_map(|seed| {
             let of_course = texts.iter();
@@ -103,8 +95,7 @@ pub(super) fn score(
         });
         ReportPart::write(folder, scenario, shard, runs.collect())?;
     }
-    let keep = args.drives.unwrap_or(KeptDrives::All);
-    let ran = report.drive_all(scenario, seeds, earlier, (keep, args.shard), quiet);
+    let ran = report.drive_all(plan, seeds, earlier, console);
     let mut missing = Missing::default();
     for row in &report.collected.drives {
         let (pairs, failed) = (row.frames, row.failures);
@@ -112,41 +103,16 @@ pub(super) fn score(
         missing.add_failures(row.algorithm.clone(), FailedPairs { pairs, failed });
     }
     let pairs = missing.pairs;
-    let ran_to_end = ran.as_ref().map_err(usage::one_line).copied();
+    let ran_to_end = ran.as_ref().map_err(ToString::to_string).copied();
     let ending = ending(ran_to_end, missing, scenario.options.allow_loss);
-    let finished = report.finish(scenario, args, ending);
-    Ok(Scored {
+    let finished = report.finish(plan, ending, console.warnings());
+    Ok(Evaluated {
         ran,
         finished,
         pairs,
         others: Vec::new(),
-        holds_earlier: args.resume,
+        holds_earlier: plan.resume,
     })
-}
-
-/// Refuses options that have no meaning for drives.
-fn refuse(args: &Args) -> anyhow::Result<()> {
-    let given = [
-        (
-            args.repeat > 1,
-            "--repeat",
-            "the times of drives are not measured alone",
-        ),
-        (
-            args.rerun.is_some(),
-            "--rerun",
-            "each drive is a recording in the report's folder, which `svl view` shows",
-        ),
-        (
-            args.check,
-            "--check",
-            "the algorithm truth is the check of a drive",
-        ),
-    ];
-    match given.into_iter().find(|(is_given, ..)| *is_given) {
-        Some((_, option, why)) => Err(usage::wrong(format!("{option} is not for drives: {why}"))),
-        None => Ok(()),
-    }
 }
 
 /// Seed, algorithm and stress of a drive.
@@ -161,24 +127,10 @@ struct EarlierDrives {
 
 impl EarlierDrives {
     /// Reads a folder's, and says in `manifest` that the run goes on.
-    fn read(folder: &Path, manifest: &mut Manifest) -> anyhow::Result<Self> {
-        if !folder.join(MANIFEST).is_file() {
+    fn read(folder: &Path, manifest: &mut Manifest) -> Result<Self> {
+        if EarlierRun::open(folder, manifest)?.is_none() {
             return Ok(Self::default());
         }
-        let earlier = Manifest::read(folder)?;
-        let differences = earlier.differences(manifest, Purpose::Resume)?;
-        if !differences.is_empty() {
-            let shown = folder.display();
-            bail!(
-                "{shown}: cannot be resumed, as it was another run: {}; without --resume it is \
-                 scored anew",
-                differences.join("; ")
-            );
-        }
-        let resumed = std::mem::replace(&mut manifest.began, earlier.began);
-        manifest.run_id = earlier.run_id;
-        manifest.resumed = earlier.resumed;
-        manifest.resumed.push(resumed);
         let key = |seed: u64, algorithm: &str, stress: &Option<String>| {
             (seed, algorithm.to_owned(), stress.clone())
         };
@@ -240,7 +192,7 @@ struct DriveReport {
 }
 
 impl DriveReport {
-    fn begin(folder: &Path, manifest: Manifest, scenario: &Scenario) -> anyhow::Result<Self> {
+    fn begin(folder: &Path, manifest: Manifest, scenario: &Scenario) -> Result<Self> {
         write_json(&folder.join(MANIFEST), &manifest)?;
         Ok(Self {
             folder: folder.to_owned(),
@@ -260,15 +212,15 @@ impl DriveReport {
     /// All drives, several at once; they are taken in their order.
     fn drive_all(
         &mut self,
-        scenario: &Scenario,
+        plan: &EvaluationPlan<'_>,
         seeds: &[u64],
         mut earlier: EarlierDrives,
-        (keep, shard): (KeptDrives, Option<Shard>),
-        quiet: bool,
-    ) -> anyhow::Result<()> {
+        console: &dyn Console,
+    ) -> Result<()> {
+        let (scenario, shard) = (plan.scenario, plan.shard);
         let algorithms = 0..scenario.algorithms.len();
         let courses = 0..seeds.len();
-        let levels: Vec<_> = stresses(scenario).collect();
+        let levels: Vec<_> = plan.stresses().collect();
         let units = courses.flat_map(|course| {
             let algorithms = algorithms.clone();
             levels.iter().flat_map(move |&stress| {
@@ -295,8 +247,8 @@ impl DriveReport {
             courses: Courses::new(scenario, seeds, todo.iter().map(|&i| units[i].course)),
             manifest: self.manifest.clone(),
             folder: self.folder.clone(),
-            keep,
-            bar: Terminal { quiet }.bar(
+            keep: plan.keep_drives,
+            bar: console.bar(
                 &format!("score {}", scenario.name),
                 Unit::Drives,
                 Some(todo.len() as u64),
@@ -328,7 +280,9 @@ impl DriveReport {
                 while known[i].is_none() {
                     // The threads ended early.
                     let Ok((j, driven)) = received.recv() else {
-                        bail!("interrupted; --resume goes on with the drives that are whole");
+                        return Err(Error::Invalid(format!(
+                            "interrupted; --resume goes on with the drives that are whole"
+                        )));
                     };
                     known[j] = Some(driven?);
                 }
@@ -358,7 +312,7 @@ impl DriveReport {
     }
 
     /// Takes a drive; its own row is written last, so that it says that the others are there.
-    fn take(&mut self, unit: DriveUnit, result: DriveResult) -> anyhow::Result<()> {
+    fn take(&mut self, unit: DriveUnit, result: DriveResult) -> Result<()> {
         let DriveResult {
             drives,
             track,
@@ -391,10 +345,10 @@ impl DriveReport {
 
     fn finish(
         mut self,
-        scenario: &Scenario,
-        args: &Args,
+        plan: &EvaluationPlan<'_>,
         ending: RunEnding,
-    ) -> anyhow::Result<(Summary, Vec<GateResult>)> {
+        warnings: Vec<String>,
+    ) -> Result<(Summary, Vec<GateResult>)> {
         self.cells.finish()?;
         self.rows.finish()?;
         self.tracks.finish()?;
@@ -407,10 +361,8 @@ impl DriveReport {
             figures: worst.map(|(_, figure)| figure).collect(),
             scenes: Vec::new(),
         };
-        let head = head(args, scenario, false);
-        let warnings = WarningLog::lines();
-        let written = self.collected;
-        Ok(written.write(&self.folder, head, self.manifest, ending, warnings)?)
+        let (head, content) = (plan.head(false), self.collected);
+        content.write(&self.folder, head, self.manifest, ending, warnings)
     }
 }
 
@@ -421,7 +373,7 @@ struct DriveWork<'a> {
     courses: Courses<'a>,
     manifest: Manifest,
     folder: PathBuf,
-    keep: KeptDrives,
+    keep: bool,
     bar: Box<dyn Bar>,
     frames: AtomicU64,
     is_over: AtomicBool,
@@ -429,14 +381,14 @@ struct DriveWork<'a> {
 
 impl DriveWork<'_> {
     fn is_over(&self) -> bool {
-        self.is_over.load(Ordering::Relaxed) || interrupted()
+        self.is_over.load(Ordering::Relaxed) || interrupt::requested()
     }
 
-    fn drive(&self, unit: DriveUnit) -> svl::Result<DriveResult> {
+    fn drive(&self, unit: DriveUnit) -> Result<DriveResult> {
         let course = self.courses.get(unit.course)?;
         let seed = self.seeds[unit.course];
         let name = recording_name(self.scenario, seed, unit);
-        let recording = (self.keep == KeptDrives::All).then(|| self.folder.join(name));
+        let recording = self.keep.then(|| self.folder.join(name));
         let plan = DrivePlan {
             scenario: self.scenario,
             manifest: &self.manifest,
@@ -504,7 +456,7 @@ impl<'a> Courses<'a> {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn get(&self, place: usize) -> svl::Result<Arc<Course>> {
+    fn get(&self, place: usize) -> Result<Arc<Course>> {
         let mut slot = self.slot(place);
         if let Some(course) = &slot.course {
             return Ok(Arc::clone(course));

@@ -1,14 +1,23 @@
 //! The tables of the parts, row by row, in the order of the whole.
 
-use super::FoundPart;
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
-use svl::console::Bar;
-use svl::evaluation::{ReportPart, ReportRun};
-use svl::manifest::Manifest;
-use svl::report::{
+use super::super::part::{ReportPart, ReportRun};
+use crate::console::Bar;
+use crate::report::{
     CellRow, CheckpointRow, DriveRow, FailureRow, Record, Row, Table, TrackRow, merge_rows,
 };
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use svl_core::{Error, Result};
+use svl_data::losses::Missing;
+use svl_data::manifest::Manifest;
+
+/// A part with its folder.
+pub(super) struct FoundPart {
+    pub(super) folder: PathBuf,
+    pub(super) part: ReportPart,
+    pub(super) manifest: Manifest,
+    pub(super) missing: Missing,
+}
 
 /// Places of runs and algorithms in the whole.
 pub(super) struct MergeOrder {
@@ -35,11 +44,11 @@ impl MergeOrder {
     }
 
     /// The place of a row: run, then algorithm or pair, whichever comes first.
-    fn place(&self, row: &impl PlacedRow) -> svl::Result<(usize, u64, u64)> {
+    fn place(&self, row: &impl PlacedRow) -> Result<(usize, u64, u64)> {
         let (run, algorithm, sequence) = row.key();
         let known = self.run(&run).zip(self.algorithms.get(algorithm));
         let (run, algorithm) = known.ok_or_else(|| {
-            svl::Error::Invalid(format!(
+            Error::Invalid(format!(
                 "a part has a row of another run: {run:?}, {algorithm}"
             ))
         })?;
@@ -104,11 +113,7 @@ pub(super) struct TableMerge<'a> {
 impl TableMerge<'_> {
     /// Merges the tables of that name, whose rows are in their order in every part. `keep` gets the
     /// rows of the whole in turn.
-    pub(super) fn merge<R: PlacedRow>(
-        &self,
-        name: &str,
-        mut keep: impl FnMut(&[R]),
-    ) -> anyhow::Result<()> {
+    pub(super) fn merge<R: PlacedRow>(&self, name: &str, mut keep: impl FnMut(&[R])) -> Result<()> {
         let file = format!("{name}.csv");
         let paths = self.parts.iter().map(|found| found.folder.join(&file));
         let paths: Vec<PathBuf> = paths.filter(|path| path.exists()).collect();
@@ -121,11 +126,7 @@ impl TableMerge<'_> {
     }
 
     /// As [`TableMerge::merge`], of rows that are all held and in any order.
-    pub(super) fn sort<R: PlacedRow>(
-        &self,
-        name: &str,
-        mut rows: Vec<R>,
-    ) -> anyhow::Result<Vec<R>> {
+    pub(super) fn sort<R: PlacedRow>(&self, name: &str, mut rows: Vec<R>) -> Result<Vec<R>> {
         rows.sort_by_cached_key(|row| self.order.place(row).unwrap_or_default());
         let rows = self.taken(rows, &mut |_| ())?;
         let mut table = Table::create_both(self.out, name)?;
@@ -134,14 +135,10 @@ impl TableMerge<'_> {
         Ok(rows)
     }
 
-    fn taken<R: PlacedRow>(
-        &self,
-        mut rows: Vec<R>,
-        keep: &mut impl FnMut(&[R]),
-    ) -> svl::Result<Vec<R>> {
+    fn taken<R: PlacedRow>(&self, mut rows: Vec<R>, keep: &mut impl FnMut(&[R])) -> Result<Vec<R>> {
         rows.iter().for_each(|_| self.bar.step());
-        if svl::interrupt::requested() {
-            return Err(svl::Error::Invalid("interrupted".into()));
+        if svl_core::interrupt::requested() {
+            return Err(Error::Invalid("interrupted".into()));
         }
         rows.iter_mut().for_each(|row| row.set_run_id(&self.id));
         keep(&rows);

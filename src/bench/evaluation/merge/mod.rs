@@ -1,119 +1,84 @@
-//! `svl merge`: makes one report of the parts that shards of a run left.
+//! Merges the parts of a report that shards of a run left.
 
 mod tables;
 
-use crate::cli::shared::progress::Terminal;
-use crate::cli::shared::terminal::{print, print_json, width};
-use crate::cli::shared::usage;
-use anyhow::{Context, bail};
+use super::folder::{COURSES, MANIFEST, ReportContent, ReportHead, read_ending};
+use super::maps::maps;
+use super::part::{PART, ReportPart, ReportRun};
+use crate::console::{Console, Unit};
+use crate::outputs::write_json;
+use crate::report::{CellRow, CoursePlan, DriveRow, FailureRow, Summary, TrackRow, read_rows};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use svl::console::{Console, Unit};
-use svl::evaluation::{
-    COURSES, MANIFEST, PART, REPORT, ReportContent, ReportHead, ReportPart, ReportRun, maps,
-    read_ending,
-};
-use svl::files::relative_path;
-use svl::losses::{LossLimit, Missing, RunEnding};
-use svl::manifest::{AlgorithmRecord, Manifest, PartRecord, Purpose};
-use svl::matcher::{Algorithm, ProgramRecord};
-use svl::outputs::{Outputs, write_json};
-use svl::report::{CellRow, CoursePlan, DriveRow, FailureRow, Summary, TrackRow, read_rows};
-use svl::run::complete;
-use tables::{MergeOrder, TableMerge};
+use svl_core::matcher::{Algorithm, ProgramRecord};
+use svl_core::{Error, Result};
+use svl_data::files::relative_path;
+use svl_data::losses::{LossLimit, Missing, RunEnding};
+use svl_data::manifest::{AlgorithmRecord, Manifest, PartRecord, Purpose};
+use tables::{FoundPart, MergeOrder, TableMerge};
 
-/// Make one report of the parts that `svl score --shard` left
-///
-/// The report has the tables and hashes of a run on one machine; times are those of the parts,
-/// whose machines it lists. Their pages and their runs for Rerun stay where they are, and are
-/// linked.
-#[derive(clap::Args)]
-#[command(after_help = "\
-Examples:
-  svl score scenarios/drive.toml --shard 1/2 --out part1
-  svl score scenarios/drive.toml --shard 2/2 --out part2
-  svl merge part1 part2 --out reports/all
+/// All parts of one report.
+pub struct Parts(Vec<FoundPart>);
 
-The order of the parts does not matter. All shards of one run are needed, of
-one svl and one scenario with the same options, each at its end. What they miss
-is added up: with more than --allow-loss the exit status is 4.")]
-pub(in crate::cli) struct Args {
-    /// Folders that `svl score --shard` wrote
-    #[arg(value_name = "PART", required = true)]
-    parts: Vec<PathBuf>,
-    /// Folder for the report; a report of svl's that is there is replaced
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-    /// Exit with 0 where no more is lost in all parts together: N pairs, or P per cent, as `svl
-    /// score` counts them [default: that of the run; 0]
-    #[arg(long, value_name = "N|P%", allow_negative_numbers = true)]
-    allow_loss: Option<LossLimit>,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
-}
-
-/// A part with its folder.
-struct FoundPart {
-    folder: PathBuf,
-    part: ReportPart,
-    manifest: Manifest,
-    missing: Missing,
-}
-
-pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let parts = read_parts(&args.parts)?;
-    let out = args.out.canonicalize();
-    if let Some(found) = parts
-        .iter()
-        .find(|part| part.folder.canonicalize().ok() == out.as_ref().ok().cloned())
-    {
-        let shown = found.folder.display();
-        return Err(usage::wrong(format!(
-            "{shown}: is a part; name another folder with --out"
-        )));
+impl Parts {
+    /// Reads the folders that `svl score --shard` wrote.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for parts that are incomplete, missing, or of another run; [`Error::Io`],
+    /// [`Error::Format`].
+    pub fn read(folders: &[PathBuf]) -> Result<Self> {
+        read_parts(folders).map(Self)
     }
-    let mut outputs = Outputs::claim_folder(&args.out, &REPORT)?;
-    outputs.set_aside()?;
-    let summary = merge(&parts, args, quiet)?;
-    outputs.commit();
-    if args.json {
-        print_json(&summary)?;
-    } else {
-        let width = width();
-        print(&format!(
-            "{summary:width$}\n{}\n",
-            args.out.join("index.html").display()
-        ))?;
+
+    /// The folder of the part that is at that path.
+    pub fn folder_at(&self, path: &Path) -> Option<&Path> {
+        let path = path.canonicalize().ok()?;
+        let mut folders = self.0.iter().map(|part| part.folder.as_path());
+        folders.find(|folder| folder.canonicalize().is_ok_and(|folder| folder == path))
     }
-    Ok(complete(&summary.ending)?)
+
+    /// Writes their report into a folder. `allow_loss`: the limit of what is lost, in place of that
+    /// of the run.
+    ///
+    /// # Errors
+    /// As [`Parts::read`].
+    pub fn merge(
+        &self,
+        out: &Path,
+        allow_loss: Option<LossLimit>,
+        console: &dyn Console,
+    ) -> Result<Summary> {
+        merge(&self.0, out, allow_loss, console)
+    }
 }
 
 /// The parts in the order of their shards, all of one run.
-fn read_parts(folders: &[PathBuf]) -> anyhow::Result<Vec<FoundPart>> {
+fn read_parts(folders: &[PathBuf]) -> Result<Vec<FoundPart>> {
     let mut parts: Vec<_> = folders
         .iter()
         .map(|folder| read_part(folder))
-        .collect::<Result<_, _>>()?;
+        .collect::<Result<_>>()?;
     parts.sort_by_key(|found| found.part.shard.number);
     let first = &parts[0];
     for pair in parts.windows(2) {
         let (before, found) = (&pair[0], &pair[1]);
         let shown = found.folder.display();
         if found.part.shard.of != first.part.shard.of {
-            bail!(
+            return Err(Error::Invalid(format!(
                 "{shown}: is shard {}, but {} is {}: all must be of one number of shards",
                 found.part.shard,
                 first.folder.display(),
                 first.part.shard
-            );
+            )));
         }
         let differences = first
             .manifest
             .differences(&found.manifest, Purpose::Merge)?;
         if !differences.is_empty() {
             let (first, why) = (first.folder.display(), differences.join("; "));
-            bail!("{shown}: is not of the same run as {first}: {why}");
+            return Err(Error::Invalid(format!(
+                "{shown}: is not of the same run as {first}: {why}"
+            )));
         }
         let of_first = ReportPart {
             shard: found.part.shard,
@@ -122,11 +87,16 @@ fn read_parts(folders: &[PathBuf]) -> anyhow::Result<Vec<FoundPart>> {
         };
         if found.part != of_first {
             let first = first.folder.display();
-            bail!("{shown}: is not of the same run as {first}: its runs or cell rule were others");
+            return Err(Error::Invalid(format!(
+                "{shown}: is not of the same run as {first}: its runs or cell rule were others"
+            )));
         }
         if found.part.shard == before.part.shard {
             let before = before.folder.display();
-            bail!("{shown}: is shard {}, and so is {before}", found.part.shard);
+            return Err(Error::Invalid(format!(
+                "{shown}: is shard {}, and so is {before}",
+                found.part.shard
+            )));
         }
     }
     let has = |number: usize| parts.iter().any(|found| found.part.shard.number == number);
@@ -135,34 +105,42 @@ fn read_parts(folders: &[PathBuf]) -> anyhow::Result<Vec<FoundPart>> {
     if let [first, ..] = missing[..] {
         let names: Vec<_> = missing.iter().take(5).map(usize::to_string).collect();
         let more = if missing.len() > 5 { ", …" } else { "" };
-        bail!(
+        return Err(Error::Invalid(format!(
             "shard {}{more} of {of} missing: run it, svl score … --shard {first}/{of} --out DIR",
             names.join(", ")
-        );
+        )));
     }
     Ok(parts)
 }
 
-fn read_part(folder: &Path) -> anyhow::Result<FoundPart> {
+fn read_part(folder: &Path) -> Result<FoundPart> {
     let shown = folder.display();
     if !folder.join(PART).is_file() {
-        bail!("{shown}: is no part of a report; `svl score --shard I/N` writes them");
+        return Err(Error::Invalid(format!(
+            "{shown}: is no part of a report; `svl score --shard I/N` writes them"
+        )));
     }
     let part = ReportPart::read(folder)?;
     let manifest = Manifest::read(folder)?;
     let again = "run it again, with --resume";
     let Some(ending) = read_ending(folder)? else {
-        bail!("{shown}: is incomplete: it was killed; {again}");
+        return Err(Error::Invalid(format!(
+            "{shown}: is incomplete: it was killed; {again}"
+        )));
     };
     if !ending.is_whole() {
         let why = ending.incomplete.unwrap_or_default();
-        bail!("{shown}: is incomplete: {why}; {again}");
+        return Err(Error::Invalid(format!(
+            "{shown}: is incomplete: {why}; {again}"
+        )));
     }
     if part.tables.is_empty() {
-        bail!("{shown}: is incomplete; {again}");
+        return Err(Error::Invalid(format!("{shown}: is incomplete; {again}")));
     }
     if let Some(table) = part.damaged(folder) {
-        bail!("{shown}: {table} is not as it was written; copy or run it again");
+        return Err(Error::Invalid(format!(
+            "{shown}: {table} is not as it was written; copy or run it again"
+        )));
     }
     Ok(FoundPart {
         folder: folder.to_owned(),
@@ -172,18 +150,21 @@ fn read_part(folder: &Path) -> anyhow::Result<FoundPart> {
     })
 }
 
-fn merge(parts: &[FoundPart], args: &Args, quiet: bool) -> anyhow::Result<Summary> {
-    let out = &args.out;
+fn merge(
+    parts: &[FoundPart],
+    out: &Path,
+    allow_loss: Option<LossLimit>,
+    console: &dyn Console,
+) -> Result<Summary> {
     let part = &parts[0].part;
     let manifest = merged_manifest(parts, out)?;
     write_json(&out.join(MANIFEST), &manifest)?;
-    let terminal = Terminal { quiet };
     let tables = TableMerge {
         parts,
         out,
         order: MergeOrder::new(part, &manifest),
         id: manifest.run_id.clone(),
-        bar: terminal.bar("merge", Unit::Rows, None),
+        bar: console.bar("merge", Unit::Rows, None),
     };
     let mut collected = ReportContent::default();
     tables.merge("cells", |_: &[CellRow]| ())?;
@@ -214,9 +195,9 @@ fn merge(parts: &[FoundPart], args: &Args, quiet: bool) -> anyhow::Result<Summar
     parts
         .iter()
         .for_each(|found| missing.add(found.missing.clone()));
-    let allowed = args.allow_loss.or(manifest.allow_loss()?);
+    let allowed = allow_loss.or(manifest.allow_loss()?);
     let ending = RunEnding::new(missing, allowed);
-    let (summary, _) = collected.write(out, head, manifest, ending, terminal.warnings())?;
+    let (summary, _) = collected.write(out, head, manifest, ending, console.warnings())?;
     Ok(summary)
 }
 
@@ -230,7 +211,7 @@ fn algorithm(record: &AlgorithmRecord) -> Option<Algorithm> {
     Some(algorithm.called(record.label.clone()))
 }
 
-fn merge_drives(tables: &TableMerge<'_>, collected: &mut ReportContent) -> anyhow::Result<()> {
+fn merge_drives(tables: &TableMerge<'_>, collected: &mut ReportContent) -> Result<()> {
     let mut drives: Vec<DriveRow> = Vec::new();
     let mut plans: BTreeMap<Option<usize>, CoursePlan> = BTreeMap::new();
     for found in tables.parts {
@@ -240,9 +221,9 @@ fn merge_drives(tables: &TableMerge<'_>, collected: &mut ReportContent) -> anyho
             drives.push(row);
         }
         let path = found.folder.join(COURSES);
-        let text = std::fs::read_to_string(&path).map_err(|e| svl::Error::io(&path, e))?;
+        let text = std::fs::read_to_string(&path).map_err(|e| Error::io(&path, e))?;
         let own: Vec<CoursePlan> =
-            serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+            serde_json::from_str(&text).map_err(|e| Error::format(&path, e.to_string()))?;
         let place = |plan: &CoursePlan| tables.order.run(&ReportRun::course(plan.seed, None));
         plans.extend(own.into_iter().map(|plan| (place(&plan), plan)));
     }
@@ -256,7 +237,7 @@ fn merge_drives(tables: &TableMerge<'_>, collected: &mut ReportContent) -> anyho
 }
 
 /// The manifest of the whole: that of the first part, with what the others add.
-fn merged_manifest(parts: &[FoundPart], out: &Path) -> anyhow::Result<Manifest> {
+fn merged_manifest(parts: &[FoundPart], out: &Path) -> Result<Manifest> {
     let first = &parts[0].manifest;
     let record = |found: &FoundPart| PartRecord {
         shard: found.part.shard.to_string(),

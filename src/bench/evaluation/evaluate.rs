@@ -1,0 +1,99 @@
+//! Evaluates a scenario: its runs or its drives, into the report's folder.
+
+use super::folder::read_ending;
+use super::part::ReportPart;
+use super::plan::{Evaluated, EvaluationPlan};
+use super::{drives, scored_runs};
+use crate::console::Console;
+use crate::outputs::Outputs;
+use crate::report::{GateResult, Summary};
+use std::path::Path;
+use svl_core::Result;
+use svl_data::losses::RunState;
+use svl_data::scenario::{Scenario, ScenarioSource};
+
+/// A report that is written.
+pub struct Evaluation {
+    pub summary: Summary,
+    /// The results of the limits, if they were asked for.
+    pub gate: Vec<GateResult>,
+    /// Why the run ended early, if it did.
+    pub ran: Result<()>,
+}
+
+impl EvaluationPlan<'_> {
+    /// Runs all of it into the folder, which `outputs` claims.
+    ///
+    /// # Errors
+    /// Those of sources, algorithms and files that leave no report. What came before an error in
+    /// the midst of the run is reported, see [`Evaluation::ran`].
+    pub fn evaluate(&self, mut outputs: Outputs, console: &dyn Console) -> Result<Evaluation> {
+        if !self.resume {
+            warn_of_unfinished(self.folder);
+        }
+        let evaluate = match &self.scenario.source {
+            ScenarioSource::Drive { .. } => drives::evaluate,
+            _ => scored_runs::evaluate,
+        };
+        let Evaluated {
+            ran,
+            finished,
+            pairs,
+            others,
+            holds_earlier,
+        } = evaluate(self, &mut outputs, console)?;
+        match (&ran, &finished) {
+            (Ok(()), Ok(_)) => {
+                if self.shard.is_some() {
+                    ReportPart::complete(self.folder)?;
+                }
+                outputs.commit();
+                // The report has what an interrupted part of it left there.
+                for other in &others {
+                    if let Err(error) = std::fs::remove_dir_all(other) {
+                        tracing::warn!("{}: cannot be removed: {error}", other.display());
+                    }
+                }
+            }
+            (Err(_), Ok(_)) if holds_earlier => outputs.commit(),
+            _ if finished.is_ok() || pairs > 0 => outputs.keep_both(),
+            _ => drop(outputs),
+        }
+        let ran = match finished {
+            Ok(_) => ran,
+            Err(_) => Ok(ran?),
+        };
+        let (summary, gate) = finished?;
+        warn_of_nothing_scored(self.scenario, &summary);
+        Ok(Evaluation { summary, gate, ran })
+    }
+}
+
+/// Says that a run goes lost that could go on.
+fn warn_of_unfinished(folder: &Path) {
+    let rows = folder.join("rows.csv").metadata();
+    let is_unfinished = || match read_ending(folder) {
+        Ok(Some(ending)) => ending.state == RunState::Interrupted,
+        Ok(None) => true,
+        // Of an earlier svl, which says it otherwise.
+        Err(_) => false,
+    };
+    if rows.is_ok_and(|rows| rows.len() > 0) && is_unfinished() {
+        tracing::warn!(
+            "{}: holds an unfinished run, which is scored anew; --resume would go on with it",
+            folder.display()
+        );
+    }
+}
+
+/// Warns where frames have a truth, but no cell has enough of it to be scored.
+fn warn_of_nothing_scored(scenario: &Scenario, summary: &Summary) {
+    let mut of = summary.algorithms.iter();
+    if let Some(of) = of.find(|of| of.scored_cells == Some(0)) {
+        let cells = of.pairs * scenario.grid.shape().cells() as u64;
+        tracing::warn!(
+            "{}: 0 of {cells} cells have a ground truth, so none is scored against it",
+            scenario.name
+        );
+    }
+}

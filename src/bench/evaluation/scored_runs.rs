@@ -1,0 +1,244 @@
+//! The runs of a scenario through its algorithms, one after the other, into a report.
+
+use super::folder::{MANIFEST, ReportContent};
+use super::part::{ReportPart, ReportRun};
+use super::plan::{Evaluated, EvaluationPlan};
+use crate::console::{Console, Watch};
+use crate::outputs::{Outputs, write_json};
+use crate::report::{GateResult, ResultLog, Summary};
+use crate::run::{Matchers, Outcome, Pace, ending, run_through};
+use crate::runs::{self, ScoredSource, warn_of_own_reference};
+use crate::sink::{LiveTable, RunInfo, RunStart, SinkRequest, Sinks, ViewerRequest};
+use crate::source::{RunSource, Source};
+use std::path::PathBuf;
+use svl_core::{Error, Result};
+use svl_data::losses::{Missing, RunEnding};
+use svl_data::manifest::Manifest;
+use svl_data::scenario::ScenarioSource;
+use svl_data::score::Judge;
+use svl_data::stress::Stress;
+
+/// Most algorithms that Rerun shows.
+const MAX_SHOWN: usize = 32;
+
+struct ScoreReport {
+    folder: PathBuf,
+    manifest: Manifest,
+    /// What an earlier part of the run left.
+    log: ResultLog,
+    sinks: Sinks,
+    live: LiveTable,
+    pace: Pace,
+}
+
+impl ScoreReport {
+    fn begin(
+        plan: &EvaluationPlan<'_>,
+        (manifest, log): (Manifest, ResultLog),
+        live: &LiveTable,
+        pace: Pace,
+    ) -> Result<Self> {
+        let (scenario, folder) = (plan.scenario, plan.folder);
+        write_json(&folder.join(MANIFEST), &manifest)?;
+        let info = RunInfo::new(&manifest, scenario.wireframe(None));
+        let mut sinks = Sinks::open(SinkRequest {
+            report: Some(folder),
+            // More have no room in a viewer, nor the file on a disk.
+            viewer: (plan.viewer.clone())
+                .filter(|_| scenario.algorithms.len() <= MAX_SHOWN)
+                .map(|(viewer, target, detail)| ViewerRequest {
+                    viewer,
+                    target,
+                    detail,
+                    info,
+                }),
+            ..SinkRequest::default()
+        })?;
+        sinks.push(live.clone());
+        Ok(Self {
+            folder: folder.to_owned(),
+            manifest,
+            log,
+            sinks,
+            live: live.clone(),
+            pace,
+        })
+    }
+
+    /// Scores a run.
+    fn take(
+        &mut self,
+        (run, judge): &mut (RunSource, Judge),
+        matchers: &mut Matchers,
+        console: &dyn Console,
+    ) -> (Outcome, Result<()>) {
+        let start = RunStart {
+            manifest: &self.manifest,
+            log: Some(&self.log),
+            seed: run.seed,
+            judge,
+        };
+        let title = match run.seed {
+            Some(seed) => format!("score {}, seed {seed}", self.manifest.scenario),
+            None => format!("score {}", run.name()),
+        };
+        let title = match &judge.run.stress {
+            Some(stress) => format!("{title}, {stress}"),
+            None => title,
+        };
+        let watch = Watch::new(console, &title, run.pairs(), Some(&self.live));
+        let sinks = match &judge.run.stress {
+            None => self.sinks.as_mut_slice(),
+            Some(_) => self.sinks.tables_mut(),
+        };
+        run_through(run, matchers, &start, self.pace, sinks, watch)
+    }
+
+    fn finish(
+        self,
+        plan: &EvaluationPlan<'_>,
+        matchers: &Matchers,
+        ending: RunEnding,
+        warnings: Vec<String>,
+    ) -> Result<(Summary, Vec<GateResult>)> {
+        let Self {
+            folder,
+            mut manifest,
+            ..
+        } = self;
+        let (results, finished) = self.sinks.finish();
+        finished?;
+        matchers.complete(&mut manifest);
+        let collected = ReportContent {
+            rows: results.rows,
+            checkpoints: results.checkpoints,
+            pictures: results.pictures,
+            ..ReportContent::default()
+        };
+        collected.write(&folder, plan.head(true), manifest, ending, warnings)
+    }
+}
+
+/// Scores the runs of a scenario, one after the other.
+pub(super) fn evaluate(
+    plan: &EvaluationPlan<'_>,
+    outputs: &mut Outputs,
+    console: &dyn Console,
+) -> Result<Evaluated> {
+    let (scenario, folder) = (plan.scenario, plan.folder);
+    let mut matchers =
+        Matchers::new(&scenario.algorithms).map_err(|error| match plan.algorithms_file {
+            // The file is wrong, not the command line.
+            Some(file) => Error::format(file, error.to_string()),
+            None => error,
+        })?;
+    let runs = runs::runs(scenario, console)?;
+    warn_of_own_reference(&scenario.options, &scenario.algorithms)?;
+    let pace = Pace::Measured {
+        rounds: plan.rounds,
+    };
+    let key = |(stress, place): (Option<Stress>, usize)| ReportRun {
+        run: runs[place].record().map(|record| record.name),
+        seed: runs[place].seed(),
+        stress: stress.map(|stress| stress.to_string()),
+    };
+    let keys = groups(plan, runs.len()).map(key).collect();
+    let records = runs.iter().filter_map(ScoredSource::record);
+    let mut manifest = plan.manifest(pace)?;
+    manifest.runs = records.collect();
+    let live = LiveTable::default();
+    let units = RunUnit::all(plan, &runs);
+    let mut runs: Vec<_> = runs.into_iter().map(Some).collect();
+    let mut open = |unit: &RunUnit| {
+        // Those that are perturbed are opened anew.
+        let run = match runs[unit.place].take_if(|_| unit.stress.is_none()) {
+            Some(run) => run,
+            None => runs::run_at(scenario, unit.place, console)?,
+        };
+        let (mut run, mut judge) = run.open(scenario, console, Some(&live))?;
+        if let Some(stress) = unit.stress {
+            run = run.stressed(stress);
+            judge = run.judge(&scenario.judge())?;
+        }
+        Result::Ok((run, judge))
+    };
+    // The first before the report is begun: Ctrl-C there leaves an earlier one as it is.
+    let mut first = units.first().map(&mut open).transpose()?;
+    let log = match plan.resume {
+        true => ResultLog::read(folder, &mut manifest, scenario.grid)?,
+        false => ResultLog::default(),
+    };
+    let others = log.others().to_vec();
+    outputs.set_aside()?;
+    if let Some(shard) = plan.shard {
+        ReportPart::write(folder, scenario, shard, keys)?;
+    }
+    let mut report = ScoreReport::begin(plan, (manifest, log), &live, pace)?;
+    let mut missing = Missing::default();
+    let ran = units.iter().try_for_each(|unit| {
+        let mut run = first.take().map_or_else(|| open(unit), Ok)?;
+        let mut own = matchers.take(&unit.labels);
+        let (outcome, ran) = report.take(&mut run, &mut own, console);
+        matchers.append(own);
+        missing.add(outcome.missing());
+        ran?;
+        if outcome.interrupted {
+            return Err(Error::Invalid(format!(
+                "interrupted; the report holds what was scored before, and --resume goes on with \
+                 it"
+            )));
+        }
+        Ok(())
+    });
+    // What came before an error or Ctrl-C is reported all the same.
+    let pairs = missing.pairs;
+    let ran_to_end = ran.as_ref().map_err(ToString::to_string).copied();
+    let ending = ending(ran_to_end, missing, scenario.options.allow_loss);
+    let finished = report.finish(plan, &matchers, ending, console.warnings());
+    Ok(Evaluated {
+        ran,
+        finished,
+        pairs,
+        others,
+        holds_earlier: false,
+    })
+}
+
+/// A run through some of the algorithms, as it is or made worse.
+struct RunUnit<'a> {
+    /// Of the run among those of the scenario.
+    place: usize,
+    stress: Option<Stress>,
+    labels: Vec<&'a str>,
+}
+
+impl<'a> RunUnit<'a> {
+    /// Those of a shard, in their order. The algorithms of a run of the arena are shared out; of
+    /// other runs all stay together, as without truth they are compared with each other.
+    fn all(plan: &EvaluationPlan<'a>, runs: &[ScoredSource]) -> Vec<Self> {
+        let (scenario, shard) = (plan.scenario, plan.shard);
+        let labels = scenario.labels();
+        let shares_out = matches!(scenario.source, ScenarioSource::Arena { .. });
+        let groups = groups(plan, runs.len());
+        let unit = |(group, (stress, place)): (usize, (Option<Stress>, usize))| {
+            let takes = |unit: usize| shard.is_none_or(|shard| shard.takes(unit));
+            let labels = labels.iter().enumerate().filter(|(i, _)| match shares_out {
+                true => takes(group * labels.len() + i),
+                false => takes(group),
+            });
+            Self {
+                place,
+                stress,
+                labels: labels.map(|(_, label)| *label).collect(),
+            }
+        };
+        let units = groups.enumerate().map(unit);
+        units.filter(|unit| !unit.labels.is_empty()).collect()
+    }
+}
+
+/// All runs of a scenario, first as they are, then made worse.
+fn groups(plan: &EvaluationPlan<'_>, runs: usize) -> impl Iterator<Item = (Option<Stress>, usize)> {
+    plan.stresses()
+        .flat_map(move |stress| (0..runs).map(move |place| (stress, place)))
+}

@@ -1,0 +1,65 @@
+//! `svl merge`: makes one report of the parts that shards of a run left.
+
+use crate::cli::shared::progress::Terminal;
+use crate::cli::shared::terminal::{print, print_json, width};
+use crate::cli::shared::usage;
+use std::path::PathBuf;
+use svl::evaluation::{Parts, REPORT};
+use svl::losses::LossLimit;
+use svl::outputs::Outputs;
+use svl::run::complete;
+
+/// Make one report of the parts that `svl score --shard` left
+///
+/// The report has the tables and hashes of a run on one machine; times are those of the parts,
+/// whose machines it lists. Their pages and their runs for Rerun stay where they are, and are
+/// linked.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl score scenarios/drive.toml --shard 1/2 --out part1
+  svl score scenarios/drive.toml --shard 2/2 --out part2
+  svl merge part1 part2 --out reports/all
+
+The order of the parts does not matter. All shards of one run are needed, of
+one svl and one scenario with the same options, each at its end. Their losses
+are added up: with more than --allow-loss the exit status is 4.")]
+pub(in crate::cli) struct Args {
+    /// Folders that `svl score --shard` wrote
+    #[arg(value_name = "PART", required = true)]
+    parts: Vec<PathBuf>,
+    /// Folder for the report; a report of svl's that is there is replaced
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Exit with 0 where no more is lost in all parts together: N pairs, or P per cent, as `svl
+    /// score` counts them [default: that of the run; 0]
+    #[arg(long, value_name = "N|P%", allow_negative_numbers = true)]
+    allow_loss: Option<LossLimit>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let parts = Parts::read(&args.parts)?;
+    if let Some(folder) = parts.folder_at(&args.out) {
+        let shown = folder.display();
+        return Err(usage::wrong(format!(
+            "{shown}: is a part; name another folder with --out"
+        )));
+    }
+    let mut outputs = Outputs::claim_folder(&args.out, &REPORT)?;
+    outputs.set_aside()?;
+    let summary = parts.merge(&args.out, args.allow_loss, &Terminal { quiet })?;
+    outputs.commit();
+    if args.json {
+        print_json(&summary)?;
+    } else {
+        let width = width();
+        print(&format!(
+            "{summary:width$}\n{}\n",
+            args.out.join("index.html").display()
+        ))?;
+    }
+    Ok(complete(&summary.ending)?)
+}
