@@ -1,0 +1,358 @@
+//! Pairs in memory that a search runs settings on.
+
+use super::sample::{self, Sampler, spread_order};
+use super::{Evaluated, Evaluator, FrontEntry, Goal, Search, Space, TrialValues, TunedAlgorithm};
+use crate::console::{Bar, Console, Unit};
+use crate::report::compare::{changes, total};
+use crate::report::{Row, pareto_front};
+use crate::run::{Matchers, Monitor, Pace};
+use crate::runs::runs;
+use crate::sink::{Outbox, RunStart, Sink, TableSink, finish};
+use crate::source::Source;
+use std::sync::Arc;
+use svl_core::matcher::Algorithm;
+use svl_core::stereo::Frame;
+use svl_core::{Error, Result, interrupt};
+use svl_data::manifest::Manifest;
+use svl_data::scenario::Scenario;
+use svl_data::score::{Judge, Metric};
+
+/// Most memory of the frames that are searched on, and of those that judge, bytes.
+const FRAME_BYTES: usize = 1 << 30;
+
+/// Times as many pairs judge what was found, where there are as many.
+const TEST_PAIRS: usize = 4;
+
+/// Settings of a Pareto front that are shown.
+const FRONT: usize = 16;
+
+/// Frames of a run, in memory.
+pub struct HeldRun {
+    pub name: String,
+    seed: Option<u64>,
+    judge: Judge,
+    pub frames: Vec<Arc<Frame>>,
+}
+
+impl HeldRun {
+    pub(super) fn judge(&self) -> &Judge {
+        &self.judge
+    }
+}
+
+/// The pairs that are searched on, and those that judge.
+pub struct SearchData {
+    pub training: Vec<HeldRun>,
+    pub test: Vec<HeldRun>,
+    /// Why the test says less than it could.
+    pub caution: Option<String>,
+    /// The scenario that judges, where it is another.
+    pub tested: Option<Scenario>,
+}
+
+impl SearchData {
+    /// Reads about `wanted` pairs of the runs of `scenario`, and those of `tested`, which judge;
+    /// without it a part is held out.
+    ///
+    /// # Errors
+    /// Those of the sources; [`Error::Usage`] for a test on what is searched on.
+    pub fn read(
+        scenario: &Scenario,
+        tested: Option<Scenario>,
+        wanted: usize,
+        console: &dyn Console,
+    ) -> Result<Self> {
+        if let Some(tested) = tested {
+            let training = parts(scenario, wanted, console)?;
+            let test = parts(&tested, TEST_PAIRS * wanted, console)?;
+            refuse_same(&training, &test)?;
+            return Ok(Self {
+                training,
+                test,
+                caution: None,
+                tested: Some(tested),
+            });
+        }
+        // A part of the runs is held out, or of one run its end, or of scenes every third.
+        let mut training = parts(scenario, wanted * 3 / 2, console)?;
+        let (test, caution) = match &mut training[..] {
+            [only] => {
+                let frames = std::mem::take(&mut only.frames);
+                let are_scenes = frames.iter().all(|frame| frame.name.is_some());
+                let is_test = |i: usize| match are_scenes {
+                    true => i % 3 == 2,
+                    false => i >= frames.len() * 2 / 3,
+                };
+                let side = |test: bool| {
+                    let frames = frames.iter().enumerate();
+                    let frames = frames.filter(|(i, _)| is_test(*i) == test);
+                    frames
+                        .map(|(_, frame)| Arc::clone(frame))
+                        .collect::<Vec<_>>()
+                };
+                let (kept, held_out) = (side(false), side(true));
+                let caution = (!are_scenes).then(|| {
+                    "The test is the last third of the same recording: it says little of others; \
+                     name some with --test."
+                        .to_owned()
+                });
+                let test = HeldRun {
+                    name: format!("{}, held out", only.name),
+                    seed: only.seed,
+                    judge: only.judge.clone(),
+                    frames: held_out,
+                };
+                only.frames = kept;
+                (vec![test], caution)
+            }
+            all => {
+                let held_out = (all.len() / 4).max(1);
+                let first = all.len() - held_out;
+                (training.split_off(first), None)
+            }
+        };
+        Ok(Self {
+            training,
+            test,
+            caution,
+            tested: None,
+        })
+    }
+}
+
+/// Refuses a test on what was searched on.
+fn refuse_same(training: &[HeldRun], test: &[HeldRun]) -> Result<()> {
+    let hashes: std::collections::BTreeSet<_> = training
+        .iter()
+        .flat_map(|part| part.frames.iter().map(|frame| frame.pair.hash()))
+        .collect();
+    for part in test {
+        if part
+            .frames
+            .iter()
+            .any(|frame| hashes.contains(&frame.pair.hash()))
+        {
+            let cure = "a test on pairs that were searched on proves nothing: name others";
+            return Err(Error::Usage(format!("{}: {cure}", part.name)));
+        }
+    }
+    Ok(())
+}
+
+/// About `wanted` pairs of the runs of a scenario, equally many of each.
+fn parts(scenario: &Scenario, wanted: usize, console: &dyn Console) -> Result<Vec<HeldRun>> {
+    let runs = runs(scenario, console)?;
+    let count = runs.len().max(1);
+    let mut parts = Vec::new();
+    for run in runs {
+        let (run, judge) = run.open(scenario, console, None)?;
+        let (seed, mut name) = (run.seed, run.name());
+        if let Some(seed) = seed {
+            name = format!("{} seed {seed}", scenario.name);
+        }
+        let each = wanted.div_ceil(count);
+        let bar = console.bar(&format!("read {name}"), Unit::Pairs, Some(each as u64));
+        let sampler = Sampler::new(Box::new(run), each, FRAME_BYTES / count);
+        let frames = sampler.read_all(|| {
+            bar.step();
+            !interrupt::requested()
+        });
+        drop(bar);
+        if interrupt::requested() {
+            return Err(Error::Invalid(format!("interrupted; nothing is written")));
+        }
+        let frames = frames?;
+        if frames.iter().any(|frame| frame.rectified().is_err()) {
+            tracing::warn!(
+                "{name}: its pairs are raw, and taken as rectified; --calib names a calibration"
+            );
+        }
+        parts.push(HeldRun {
+            name,
+            seed,
+            judge,
+            frames,
+        });
+    }
+    Ok(parts)
+}
+
+/// Runs algorithms over the frames in memory.
+pub struct HeldRuns<'a> {
+    pub parts: &'a [HeldRun],
+    /// Whether some of the pairs have a truth.
+    pub has_truth: bool,
+    /// Counts matchings.
+    pub bar: Option<Box<dyn Bar>>,
+}
+
+/// Counts matchings.
+struct MatchingCount<'a> {
+    bar: Option<&'a dyn Bar>,
+    algorithms: usize,
+}
+
+impl Monitor for MatchingCount<'_> {
+    fn go_on(&mut self, _: u64) -> bool {
+        for bar in self.bar.iter().cycle().take(self.algorithms) {
+            bar.step();
+        }
+        !interrupt::requested()
+    }
+
+    /// It has no result then, which is all that matters.
+    fn failed(&mut self, _: &str) {}
+}
+
+impl HeldRuns<'_> {
+    /// The rows per algorithm, of `pairs` spread over all; nothing when interrupted.
+    fn rows(&self, algorithms: &[Algorithm], pairs: usize) -> Result<Option<Vec<Vec<Row>>>> {
+        let labels: Vec<_> = (0..algorithms.len())
+            .map(|i| format!("setting-{i}"))
+            .collect();
+        let labelled = algorithms.iter().cloned().zip(&labels);
+        let labelled: Vec<_> = labelled.map(|(a, label)| a.called(label.clone())).collect();
+        let manifest = Manifest::new("tune", &labelled)?;
+        let mut matchers = Matchers::new(&labelled)?.without_warnings();
+        let all: usize = self.parts.iter().map(|part| part.frames.len()).sum();
+        let mut chosen = spread_order(all);
+        chosen.truncate(pairs);
+        chosen.sort_unstable();
+        let mut of_labels = vec![Vec::new(); labels.len()];
+        let mut first = 0;
+        for part in self.parts {
+            let end = first + part.frames.len();
+            let indices = chosen.iter().filter(|i| (first..end).contains(*i));
+            let frames: Vec<_> = indices
+                .map(|i| Arc::clone(&part.frames[i - first]))
+                .collect();
+            first = end;
+            if frames.is_empty() {
+                continue;
+            }
+            let judge = Judge {
+                photometric: !self.has_truth,
+                ..part.judge.clone()
+            };
+            let start = RunStart {
+                manifest: &manifest,
+                log: None,
+                seed: part.seed,
+                judge: &judge,
+            };
+            let rows = Outbox::default();
+            let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(TableSink::new(None, None, &rows)?)];
+            let mut counting = MatchingCount {
+                bar: self.bar.as_deref(),
+                algorithms: labels.len(),
+            };
+            let pace = Pace::Measured { rounds: 1 };
+            let outcome = sample::evaluate(
+                &frames,
+                &mut matchers,
+                &start,
+                pace,
+                &mut sinks,
+                &mut counting,
+            )?;
+            finish(sinks)?;
+            if outcome.interrupted {
+                return Ok(None);
+            }
+            for row in rows.take() {
+                if let Some(place) = labels.iter().position(|label| *label == row.algorithm) {
+                    of_labels[place].push(row);
+                }
+            }
+        }
+        Ok(Some(of_labels))
+    }
+}
+
+impl Evaluator for HeldRuns<'_> {
+    fn evaluate(
+        &mut self,
+        algorithms: &[Algorithm],
+        pairs: usize,
+    ) -> Result<Option<Vec<Option<TrialValues>>>> {
+        let rows = self.rows(algorithms, pairs)?;
+        let values = |rows: Vec<Row>| {
+            let rows: Vec<_> = rows.iter().collect();
+            // The median of others depends on who they are.
+            let value = |metric: &'static Metric| match metric.name {
+                "agreed" => None,
+                _ => total(metric, &rows),
+            };
+            (rows.len() == pairs).then(|| TrialValues::from_fn(value))
+        };
+        Ok(rows.map(|rows| rows.into_iter().map(values).collect()))
+    }
+}
+
+/// The result of a search, scored on the test.
+///
+/// # Errors
+/// Those of the matchers.
+pub fn found(
+    space: &Space,
+    search: &Search<'_>,
+    goal: &Goal,
+    training: &[HeldRun],
+    test: &[HeldRun],
+    has_truth: bool,
+    console: &dyn Console,
+) -> Result<TunedAlgorithm> {
+    let best = search.best().clone();
+    let ranked = search.ranked();
+    let reference = ranked
+        .iter()
+        .find(|of| of.algorithm.written() == space.base.written())
+        .map(|of| of.values.clone())
+        .unwrap_or_default();
+    let (_, front) = pareto_front(&ranked, |of, metric| of.values.get(metric));
+    // The best first, which a setting that breaks a bound may dominate.
+    let is_other = |of: &&&Evaluated| of.algorithm.written() != best.written();
+    let first = ranked.first().into_iter();
+    let front = first.chain(front.into_iter().filter(is_other)).take(FRONT);
+    let front = front
+        .map(|of| FrontEntry::new(of, goal, &reference))
+        .collect();
+    let both = [space.base.clone(), best.clone()];
+    let compared = |what: &str, parts: &[HeldRun]| -> Result<_> {
+        let pairs: usize = parts.iter().map(|part| part.frames.len()).sum();
+        if interrupt::requested() || best.written() == space.base.written() || pairs == 0 {
+            return Ok((Vec::new(), pairs));
+        }
+        let title = format!("{what} {}", space.base.label());
+        let mut runs = HeldRuns {
+            parts,
+            has_truth,
+            bar: Some(console.bar(&title, Unit::Pairs, Some(2 * pairs as u64))),
+        };
+        let rows = runs.rows(&both, pairs);
+        runs.bar = None;
+        let changed = rows?.map(|rows| {
+            let sides = rows.iter().map(|rows| rows.iter().collect::<Vec<_>>());
+            match &sides.collect::<Vec<_>>()[..] {
+                [base, other] if base.len() == other.len() => changes(base, other),
+                _ => Vec::new(),
+            }
+        });
+        Ok((changed.unwrap_or_default(), pairs))
+    };
+    let (training, _) = compared("train", training)?;
+    let (test, test_pairs) = compared("test", test)?;
+    let tried = search.tried();
+    Ok(TunedAlgorithm {
+        reference: space.base.written(),
+        best: best.written(),
+        objective: goal.objective.name,
+        axes: space.axes.iter().map(ToString::to_string).collect(),
+        tried,
+        finalists: ranked.len(),
+        front,
+        training,
+        test,
+        test_pairs,
+    })
+}

@@ -1,0 +1,157 @@
+//! The log of a search, which a later one resumes.
+
+use super::held::HeldRun;
+use super::{Known, LoggedTrial, TrialValues};
+use crate::outputs::Outputs;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use svl_core::filter::FilterModel;
+use svl_core::matcher::Algorithm;
+use svl_core::stereo::Truth;
+use svl_core::{Error, Result};
+use svl_data::manifest::{Manifest, hash};
+use svl_data::score::{METRICS, Metric};
+
+/// The log of the trials: a row for each setting and number of pairs, written as it is known.
+pub struct TrialLog {
+    writer: csv::Writer<std::fs::File>,
+    /// What the values depend on: the pairs, and how they are judged.
+    key: String,
+    /// Of an earlier search: algorithm, setting, pairs.
+    known: BTreeMap<(String, String, usize), Option<TrialValues>>,
+}
+
+const HEAD: [&str; 5] = ["data", "algorithm", "generation", "pairs", "setting"];
+
+impl TrialLog {
+    /// Opens the log of a search on `training`; with `resume` the one at `path` is continued.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for the log of another search; [`Error::Io`], [`Error::Format`].
+    pub fn open(
+        path: &Path,
+        training: &[HeldRun],
+        filters: &[Arc<FilterModel>],
+        resume: bool,
+        logs: Outputs,
+    ) -> Result<Self> {
+        let made = Manifest::new("tune", &[])?;
+        let mut words = format!("{} {:?}", made.svl, made.git_revision);
+        let filters = filters.iter().map(|filter| filter.hash());
+        filters.for_each(|hash| words += &format!(" {hash:x}"));
+        for part in training {
+            words += &format!("{:?} {:?}", part.judge().grid, part.judge().cells);
+            for frame in &part.frames {
+                // The same pairs are judged otherwise by another sensor or reference.
+                let truth = frame.truth.as_ref().map(Truth::hash);
+                words += &format!(" {:x} {truth:x?}", frame.pair.hash());
+            }
+        }
+        let key = hash(&words)[..12].to_owned();
+        let is_there = path.metadata().is_ok_and(|of| of.len() > 0);
+        let mut known = BTreeMap::new();
+        if resume && is_there {
+            let text = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+            // What was being written when the search was killed is no row.
+            let whole = text
+                .iter()
+                .rposition(|byte| *byte == b'\n')
+                .map_or(0, |end| end + 1);
+            let mut reader = csv::Reader::from_reader(&text[..whole]);
+            for record in reader.deserialize() {
+                let record: BTreeMap<String, String> =
+                    record.map_err(|e| Error::format(path, format!("is not a log: {e}")))?;
+                let Some((place, values)) = entry(&record, &key) else {
+                    let cure = "remove it, or name another --out";
+                    return Err(Error::Invalid(format!(
+                        "{}: is the log of a search on other pairs, or of another svl; {cure}",
+                        path.display()
+                    )));
+                };
+                known.insert(place, values);
+            }
+            // It goes on.
+            std::fs::OpenOptions::new()
+                .write(true)
+                .open(path)
+                .and_then(|file| file.set_len(whole as u64))
+                .map_err(|e| Error::io(path, e))?;
+            logs.keep_both();
+        } else {
+            if resume {
+                tracing::warn!("{}: there is no log to go on from", path.display());
+            }
+            let mut logs = logs;
+            logs.set_aside()?;
+            logs.commit();
+        }
+        let file = std::fs::OpenOptions::new()
+            .create(true)
+            .append(true)
+            .open(path)
+            .map_err(|e| Error::io(path, e))?;
+        let mut log = Self {
+            writer: csv::Writer::from_writer(file),
+            key,
+            known,
+        };
+        if !(resume && is_there) {
+            let metrics = METRICS.iter().map(|metric| metric.name);
+            let written = log.writer.write_record(HEAD.into_iter().chain(metrics));
+            written.map_err(|e| Error::io(path, e.into()))?;
+        }
+        Ok(log)
+    }
+
+    /// The trials of an algorithm that are known.
+    pub fn known(&self, base: &Algorithm) -> Known {
+        let of = self.known.iter();
+        let of = of.filter(|((algorithm, _, _), _)| *algorithm == base.written());
+        of.map(|((_, setting, pairs), values)| ((setting.clone(), *pairs), values.clone()))
+            .collect()
+    }
+
+    /// Writes a trial.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write(&mut self, base: &Algorithm, trial: &LoggedTrial<'_>) -> Result<()> {
+        let head = [
+            self.key.clone(),
+            base.written(),
+            trial.generation.to_string(),
+            trial.pairs.to_string(),
+            trial.setting.to_owned(),
+        ];
+        let value = |metric| trial.values.and_then(|values| values.get(metric));
+        let metrics = METRICS
+            .iter()
+            .map(|metric| value(metric).map_or(String::new(), |v| v.to_string()));
+        let written = self.writer.write_record(head.into_iter().chain(metrics));
+        let written = written
+            .map_err(std::io::Error::from)
+            .and_then(|()| self.writer.flush());
+        written.map_err(|error| Error::io("the log of the search", error))
+    }
+}
+
+/// A row of a log with that key.
+fn entry(
+    record: &BTreeMap<String, String>,
+    key: &str,
+) -> Option<((String, String, usize), Option<TrialValues>)> {
+    let text = |name: &str| record.get(name).map(String::as_str);
+    if text("data")? != key {
+        return None;
+    }
+    let place = (
+        text("algorithm")?.to_owned(),
+        text("setting")?.to_owned(),
+        text("pairs")?.parse().ok()?,
+    );
+    let value = |metric: &'static Metric| text(metric.name)?.parse().ok();
+    let values = TrialValues::from_fn(value);
+    let is_failed = values == TrialValues::default();
+    Some((place, (!is_failed).then_some(values)))
+}
