@@ -280,9 +280,10 @@ impl DriveReport {
                 while known[i].is_none() {
                     // The threads ended early.
                     let Ok((j, driven)) = received.recv() else {
-                        return Err(Error::Invalid(format!(
+                        return Err(Error::Invalid(
                             "interrupted; --resume goes on with the drives that are whole"
-                        )));
+                                .to_owned(),
+                        ));
                     };
                     known[j] = Some(driven?);
                 }

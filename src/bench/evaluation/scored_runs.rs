@@ -183,10 +183,11 @@ pub(super) fn evaluate(
         missing.add(outcome.missing());
         ran?;
         if outcome.interrupted {
-            return Err(Error::Invalid(format!(
+            return Err(Error::Invalid(
                 "interrupted; the report holds what was scored before, and --resume goes on with \
                  it"
-            )));
+                .to_owned(),
+            ));
         }
         Ok(())
     });

@@ -1,7 +1,9 @@
 //! First answers about a source, by its first pairs: size, cameras, range, truth.
 
 use super::Source;
-use super::open::{Opened, Request, open, open_recording};
+use super::open::{open, open_recording};
+use super::opened::Opened;
+use super::request::Request;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 use svl_core::matcher::Algorithm;

@@ -11,9 +11,11 @@ mod limited;
 mod live;
 mod measured;
 mod open;
+mod opened;
 mod recording;
 mod rectified;
 mod reference;
+mod request;
 mod resized;
 mod runs;
 mod stressed;
@@ -29,12 +31,13 @@ pub use limited::Limited;
 pub use live::LiveSource;
 pub use measured::MeasuredSource;
 pub use open::{
-    CAMERAS, Opened, Request, SOURCES, SourceKind, SourceOption, expected, open, open_arena,
-    open_recording,
+    CAMERAS, SOURCES, SourceKind, SourceOption, expected, open, open_arena, open_recording,
 };
+pub use opened::Opened;
 pub use recording::RecordingSource;
 pub use rectified::{AssumeRectified, RectifiedSource};
 pub use reference::ReferenceSource;
+pub use request::Request;
 pub use resized::Resized;
 pub use runs::{RunSource, run_request};
 pub use stressed::StressedSource;

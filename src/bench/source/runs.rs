@@ -1,6 +1,7 @@
 //! The runs of a scenario: sources with what identifies them.
 
-use super::open::{Opened, Request};
+use super::opened::Opened;
+use super::request::Request;
 use super::{Limited, Source, StressedSource};
 use std::io::ErrorKind;
 use svl_core::stereo::Frame;

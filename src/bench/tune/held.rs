@@ -159,7 +159,7 @@ fn parts(scenario: &Scenario, wanted: usize, console: &dyn Console) -> Result<Ve
         });
         drop(bar);
         if interrupt::requested() {
-            return Err(Error::Invalid(format!("interrupted; nothing is written")));
+            return Err(Error::Invalid("interrupted; nothing is written".to_owned()));
         }
         let frames = frames?;
         if frames.iter().any(|frame| frame.rectified().is_err()) {

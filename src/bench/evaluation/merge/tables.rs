@@ -122,7 +122,7 @@ impl TableMerge<'_> {
         merge_rows(&paths, place, |rows| {
             table.push(self.taken(rows, &mut keep)?)
         })?;
-        Ok(table.finish()?)
+        table.finish()
     }
 
     /// As [`TableMerge::merge`], of rows that are all held and in any order.

@@ -2,39 +2,20 @@
 
 mod history;
 mod markdown;
+mod scored_run;
 mod text;
 
-use super::drives::DriveRow;
-use super::read_rows;
-use super::rows::{CheckpointRow, Row};
+use super::rows::Row;
 pub use history::{History, HistoryLine, HistoryReport, LeftOut, ScenarioHistory};
-use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+pub use scored_run::ScoredRun;
+use scored_run::run_key;
+use serde::Serialize;
+use std::path::PathBuf;
 use svl_core::{Error, Result, counted};
 use svl_data::bootstrap::{self, Interval, IntervalMethod, Resamples, Sample};
 use svl_data::manifest::{Manifest, Purpose};
 use svl_data::score::{Better, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit};
 pub use text::{signed, verdict};
-
-/// A report of `svl score` as its folder holds it.
-pub struct ScoredRun {
-    pub folder: PathBuf,
-    pub manifest: Manifest,
-    /// Why it is incomplete, if it is.
-    incomplete: Option<String>,
-    /// Of the pairs as they are, without stress.
-    rows: Vec<Row>,
-    checkpoints: Vec<CheckpointRow>,
-    drives: Vec<DriveRow>,
-}
-
-/// The part of `summary.json` that is read.
-#[derive(Deserialize)]
-struct Whole {
-    incomplete: Option<String>,
-}
 
 /// The differences of the second run from the first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -149,119 +130,6 @@ impl ReportOrigin {
             times: manifest.times.clone(),
         }
     }
-}
-
-impl ScoredRun {
-    /// Reads a report, `FOLDER`, or one algorithm of it, `FOLDER#LABEL`.
-    ///
-    /// # Errors
-    /// As [`ScoredRun::read`]; [`Error::Invalid`] for a label that the report does not have.
-    pub fn named(text: &str) -> Result<Self> {
-        let whole = Path::new(text);
-        let Some((folder, label)) = text.rsplit_once('#').filter(|_| !whole.exists()) else {
-            return Self::read(whole);
-        };
-        let mut run = Self::read(Path::new(folder))?;
-        if !run.labels().contains(&label) {
-            let labels = run.labels().join(", ");
-            return Err(Error::Invalid(format!(
-                "{text}: the report has no algorithm '{label}'; it has {labels}"
-            )));
-        }
-        run.manifest.algorithms.retain(|a| a.label == label);
-        run.folder = text.into();
-        Ok(run)
-    }
-
-    /// Reads a report.
-    ///
-    /// # Errors
-    /// [`Error::Io`], [`Error::Format`] with the file that is missing or is no part of a report.
-    pub fn read(folder: &Path) -> Result<Self> {
-        // The manifest is written first, so an interrupted report has one too.
-        if !folder.join("manifest.json").is_file() {
-            return Err(Error::format(
-                folder,
-                "is not a report of `svl score`: it has no manifest.json",
-            ));
-        }
-        let manifest = Manifest::read(folder)?;
-        let summary = folder.join("summary.json");
-        let incomplete = match summary.is_file() {
-            true => read_json::<Whole>(&summary)?.incomplete,
-            false => Some("it was never finished".to_owned()),
-        };
-        let mut rows: Vec<Row> = read_rows(&folder.join("rows.csv"))?;
-        rows.retain(|row| row.stress.is_none());
-        let drives = folder.join("drives.csv");
-        let (drives, checkpoints) = match drives.is_file() {
-            true => (read_rows(&drives)?, Vec::new()),
-            false => (Vec::new(), read_rows(&folder.join("checkpoints.csv"))?),
-        };
-        let mut checkpoints: Vec<CheckpointRow> = checkpoints;
-        checkpoints.retain(|row| row.stress.is_none());
-        Ok(Self {
-            folder: folder.to_owned(),
-            manifest,
-            incomplete,
-            rows,
-            checkpoints,
-            drives,
-        })
-    }
-
-    fn labels(&self) -> Vec<&str> {
-        self.manifest
-            .algorithms
-            .iter()
-            .map(|a| a.label.as_str())
-            .collect()
-    }
-
-    fn parameters_hash(&self, label: &str) -> Option<&str> {
-        self.manifest
-            .algorithms
-            .iter()
-            .find(|a| a.label == label)
-            .map(|a| a.parameters_hash.as_str())
-    }
-
-    /// The rows of an algorithm by run, sequence and name of their pairs.
-    fn rows(&self, label: &str) -> BTreeMap<(RunKey<'_>, u64, &str), &Row> {
-        let own = self.rows.iter().filter(|row| row.algorithm == label);
-        own.map(|row| ((run_key(row), row.sequence, row.name.as_str()), row))
-            .collect()
-    }
-
-    /// Frames and passed frames per checkpoint over those runs, with its name.
-    fn checkpoints(&self, label: &str, runs: &[RunKey<'_>]) -> BTreeMap<u32, (&str, u64, u64)> {
-        let mut sums = BTreeMap::new();
-        let own = self
-            .checkpoints
-            .iter()
-            .filter(|row| row.algorithm == label)
-            .filter(|row| runs.contains(&(row.seed, row.run.as_deref())));
-        for row in own {
-            let (_, frames, passed) =
-                sums.entry(row.checkpoint)
-                    .or_insert((row.name.as_str(), 0, 0));
-            *frames += row.frames;
-            *passed += row.passed;
-        }
-        sums
-    }
-}
-
-/// What tells the runs of a report apart: the seed, and the recording.
-type RunKey<'a> = (Option<u64>, Option<&'a str>);
-
-fn run_key(row: &Row) -> RunKey<'_> {
-    (row.seed, row.run.as_deref())
-}
-
-fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-    serde_json::from_str(&text).map_err(|e| Error::format(path, e.to_string()))
 }
 
 impl Comparison {

@@ -4,19 +4,15 @@ use crate::cli::shared::progress::{Terminal, interrupted};
 use crate::cli::shared::terminal::{print, print_json};
 use crate::cli::shared::usage;
 use anyhow::bail;
-use std::path::{Path, PathBuf};
-use svl::console::{Console, Unit, Watch};
-use svl::depth::decision::Feature;
-use svl::fit::{CellSample, CellTarget, FOLDS, cell_samples, fit_cells};
+use std::path::PathBuf;
+use svl::console::{Console, Unit};
+use svl::fit::{CellSample, CellTarget, FOLDS, fit_cells};
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::{Outputs, write};
-use svl::run::{Matchers, Pace, run_through};
-use svl::runs::{self, runs};
+use svl::runs;
 use svl::scenario::{Scenario, SourceOptions};
-use svl::sink::{CollectSink, RunStart, Sink};
-use svl::source::Source;
-use svl::train::CellTraining;
+use svl::train::{CellTraining, LearnedCells, samples_csv};
 
 /// Fit the table by which the cells of v5 become known
 ///
@@ -74,15 +70,16 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let page = args.out.with_extension("html");
     let paths = [&args.out, &page].into_iter().chain(&args.samples);
     let mut outputs = Outputs::claim(args.force, [], paths.map(PathBuf::as_path))?;
-    let mut learned = Learned::default();
+    let terminal = &Terminal { quiet };
+    let mut learned = LearnedCells::default();
     let scenarios = args.scenarios.iter().map(|path| Scenario::read(path));
     let mut scenarios = scenarios.collect::<svl::Result<Vec<_>>>()?;
     let named = args.scenarios[0].display().to_string();
     runs::change(&mut scenarios, &args.source, &named)?;
     for (scenario, path) in scenarios.into_iter().zip(&args.scenarios) {
-        learned.learn(scenario, path, args, target, quiet)?;
+        learned.learn(scenario, path, &args.algo, target, terminal)?;
     }
-    let Learned {
+    let LearnedCells {
         samples,
         groups,
         scenarios,
@@ -101,7 +98,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if groups.len() < 2 {
         bail!("one run cannot be held out of itself; take more seeds, scenes or recordings");
     }
-    let bar = Terminal { quiet }.bar("fit", Unit::Pairs, Some(FOLDS as u64 + 1));
+    let bar = terminal.bar("fit", Unit::Pairs, Some(FOLDS as u64 + 1));
     let weights: Vec<_> = scenarios
         .iter()
         .flat_map(|(_, cells)| std::iter::repeat_n(1.0 / (*cells as f64).sqrt(), *cells))
@@ -150,110 +147,4 @@ fn header(manifest: &Manifest, groups: &[String], training: &CellTraining) -> St
     text += ".\n# Runs and scenes: ";
     text += &groups.join(", ");
     text + "\n\n"
-}
-
-fn samples_csv(samples: &[CellSample], groups: &[String]) -> anyhow::Result<Vec<u8>> {
-    let mut csv = csv::Writer::from_writer(Vec::new());
-    let head = ["group", "report", "target"];
-    csv.write_record(
-        head.into_iter()
-            .chain(Feature::ALL.map(Feature::name))
-            .chain(["right", "known"]),
-    )?;
-    for sample in samples {
-        let numbers = |evidence: svl::stereo::CellEvidence| {
-            [evidence.report, evidence.target]
-                .into_iter()
-                .chain(evidence.features)
-        };
-        let numbers: Vec<_> = match sample.evidence {
-            Some(evidence) => numbers(evidence).map(|n| n.to_string()).collect(),
-            None => vec![String::new(); 2 + Feature::ALL.len()],
-        };
-        let ends = [sample.right, sample.known].map(|is| u8::from(is).to_string());
-        let group = std::iter::once(groups[sample.group].clone());
-        csv.write_record(group.chain(numbers).chain(ends))?;
-    }
-    Ok(csv.into_inner()?)
-}
-
-/// The cells of all scenarios.
-#[derive(Default)]
-struct Learned {
-    samples: Vec<CellSample>,
-    /// Runs and scenes.
-    groups: Vec<String>,
-    /// With the number of their cells.
-    scenarios: Vec<(String, usize)>,
-}
-
-impl Learned {
-    fn learn(
-        &mut self,
-        mut scenario: Scenario,
-        path: &Path,
-        args: &Args,
-        target: CellTarget,
-        quiet: bool,
-    ) -> anyhow::Result<()> {
-        scenario.algorithms = vec![args.algo.clone()];
-        let mut matchers = Matchers::new(&scenario.algorithms)?;
-        let manifest = Manifest::new(&scenario.name, &scenario.algorithms)?;
-        let before = self.samples.len();
-        let terminal = &Terminal { quiet };
-        for run in runs(&scenario, terminal)? {
-            let (mut run, judge) = run.open(&scenario, terminal, None)?;
-            let of_frame = {
-                let judge = judge.clone();
-                CollectSink::new(move |judged| {
-                    let samples = cell_samples(&judge, judged, target, 0);
-                    (judged.frame.name.clone(), samples)
-                })
-            };
-            let collected = of_frame.outbox();
-            let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
-            let start = RunStart {
-                manifest: &manifest,
-                log: None,
-                seed: run.seed,
-                judge: &judge,
-            };
-            // The same walk in another arena is no other scene.
-            let name = match run.seed {
-                Some(seed) => format!("arena seed {seed}"),
-                None => run.name(),
-            };
-            let title = format!("learn {}, {name}", scenario.name);
-            let watch = Watch::new(terminal, &title, run.pairs(), None);
-            let (pace, sinks) = (Pace::Asap, &mut sinks);
-            let (_, ran) = run_through(&mut run, &mut matchers, &start, pace, sinks, watch);
-            ran?;
-            sinks.drain(..).try_for_each(Sink::finish)?;
-            if interrupted() {
-                bail!("interrupted; nothing is written");
-            }
-            for (scene, samples) in collected.take() {
-                let group = self.group(scene.map_or(name.clone(), |scene| scene));
-                let samples = samples.into_iter();
-                self.samples
-                    .extend(samples.map(|sample| CellSample { group, ..sample }));
-            }
-        }
-        let cells = self.samples.len() - before;
-        if !self.samples[before..].iter().any(CellSample::is_reportable) {
-            let cure = "frames need a truth, and the algorithm has to say what its cells rest on: \
-                        v5 does, others with decision = \"safe\" under [grid]";
-            bail!("{}: has no cells to learn from; {cure}", path.display());
-        }
-        self.scenarios.push((scenario.name, cells));
-        Ok(())
-    }
-
-    fn group(&mut self, name: String) -> usize {
-        let known = self.groups.iter().position(|group| *group == name);
-        known.unwrap_or_else(|| {
-            self.groups.push(name);
-            self.groups.len() - 1
-        })
-    }
 }

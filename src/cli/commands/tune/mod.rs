@@ -1,6 +1,7 @@
 //! `svl tune`: turn the parameters of algorithms by hand, or let them be searched.
 
 mod auto;
+mod shown;
 mod tool;
 mod worker;
 

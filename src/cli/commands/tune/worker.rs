@@ -1,24 +1,21 @@
 //! What runs while a person turns knobs: the frame that is shown first, for the screen and for
 //! Rerun, then a sample of the source, until something else is wanted.
 
+use super::shown::{FrameView, Job, LABELS, SampleView, Shown, Watched, title, watch};
 use crate::cli::shared::viewer;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use svl::manifest::Manifest;
-use svl::matcher::Algorithm;
 use svl::report::Row;
-use svl::report::compare::{Change, changes};
+use svl::report::compare::changes;
 use svl::run::{Matchers, Monitor, Pace};
-use svl::score::{Judge, Judged, Metric, MetricValues};
+use svl::score::{Judge, Judged, Metric};
 use svl::sink::{Outbox, RerunTarget, RunInfo, RunStart, Sink, TableSink};
 use svl::sink::{WatchSink, finish};
-use svl::stereo::{Frame, Gray, Reason};
+use svl::stereo::Frame;
 use svl::tune::{Sampler, TunedSetting, evaluate, spread_order};
-
-/// Labels of the setting that is turned and of the one that it is compared with.
-pub(super) const LABELS: [&str; 2] = ["now", "compared"];
 
 /// For how long frames of the sample are matched before something else is looked for.
 const CHUNK: Duration = Duration::from_millis(20);
@@ -31,79 +28,6 @@ const SEEN: usize = 64;
 
 /// Delays and settings that are remembered: as many as a person makes in a day.
 const REMEMBERED: usize = 10_000;
-
-/// What is to be shown.
-#[derive(Clone)]
-pub(super) struct Job {
-    pub(super) frame: Arc<Frame>,
-    /// The one that is turned, the one that it is compared with. The grid and the cells of the
-    /// first hold for both.
-    pub(super) settings: [TunedSetting; 2],
-    /// When the key was pressed that asked for it, if one was.
-    pub(super) since: Option<Instant>,
-}
-
-/// What there is to show.
-#[derive(Clone, Default)]
-pub(super) struct Shown {
-    /// Counts the jobs that were asked for, and the last of them whose frame is done.
-    pub(super) wanted: u64,
-    pub(super) done: u64,
-    pub(super) frame: Option<FrameView>,
-    pub(super) sample: SampleView,
-    /// What went wrong, to be said once.
-    pub(super) says: Option<String>,
-    /// Why a setting gave nothing.
-    pub(super) failure: Option<String>,
-    /// From keys to Rerun, microseconds; to the screen where there is no Rerun.
-    pub(super) delays: Arc<VecDeque<u64>>,
-    pub(super) has_viewer: bool,
-    /// Settings that were run over the whole sample, by what they are written as, in that order.
-    pub(super) tried: Arc<Vec<(String, Vec<Change>)>>,
-}
-
-/// The frame, through the setting and the one compared with.
-#[derive(Clone)]
-pub(super) struct FrameView {
-    pub(super) metrics: [Option<MetricValues>; 2],
-    pub(super) ms: [Option<f64>; 2],
-    /// Pixels per reason.
-    pub(super) why: [[usize; Reason::ALL.len()]; 2],
-    pub(super) pixels: usize,
-    /// Disparities, from far and dark to near and light.
-    pub(super) pictures: [Option<Arc<Gray>>; 2],
-}
-
-/// The sample, as far as it is done.
-#[derive(Clone, Default)]
-pub(super) struct SampleView {
-    pub(super) done: usize,
-    pub(super) of: usize,
-    pub(super) changes: Vec<Change>,
-    /// By which frames are ranked, and whether a larger value is worse.
-    pub(super) ranked_by: Option<(&'static Metric, bool)>,
-    /// Frames in their order with their values by it.
-    pub(super) values: Vec<(u64, Option<f64>)>,
-}
-
-impl SampleView {
-    /// Frames by that metric, the worst first.
-    pub(super) fn worst(&self) -> Vec<(u64, f64)> {
-        let Some((_, larger_is_worse)) = self.ranked_by else {
-            return Vec::new();
-        };
-        let mut ranked: Vec<_> = self
-            .values
-            .iter()
-            .filter_map(|(sequence, value)| Some((*sequence, (*value)?)))
-            .collect();
-        ranked.sort_by(|(_, a), (_, b)| match larger_is_worse {
-            true => b.total_cmp(a),
-            false => a.total_cmp(b),
-        });
-        ranked
-    }
-}
 
 struct State {
     job: Option<Job>,
@@ -531,68 +455,4 @@ impl Bench {
         sample.ranked_by = ranked_by;
         sample.values = values;
     }
-}
-
-/// What is kept of an estimate.
-#[derive(Clone)]
-struct Watched {
-    algorithm: String,
-    why: [usize; Reason::ALL.len()],
-    picture: Option<Arc<Gray>>,
-}
-
-fn watch(judged: &Judged) -> Vec<Watched> {
-    let estimates = judged.estimates.iter().map(|scored| &scored.estimate);
-    let watched = estimates.map(|estimate| {
-        let map = estimate.disparity.disparity();
-        let nearest = map
-            .pixels()
-            .filter(|d| d.is_finite())
-            .fold(1.0_f32, f32::max);
-        let range = estimate.range_px.map_or(nearest, |range| range as f32);
-        let picture = Gray::from_fn(map.width(), map.height(), |x, y| {
-            let d = map.get(x, y);
-            if d.is_finite() {
-                (32.0 + 223.0 * (d / range).clamp(0.0, 1.0)) as u8
-            } else {
-                0
-            }
-        });
-        Watched {
-            algorithm: estimate.algorithm.clone(),
-            why: estimate.disparity.tally(),
-            picture: picture.ok().map(Arc::new),
-        }
-    });
-    watched.collect()
-}
-
-impl FrameView {
-    fn new(frame: &Frame, rows: &[Row], watched: &[Watched]) -> Self {
-        let row = |label: &str| rows.iter().find(|row| row.algorithm == label);
-        let of = |label: &str| watched.iter().find(|of| of.algorithm == label);
-        let (width, height) = frame.pair.size();
-        Self {
-            metrics: LABELS.map(|label| row(label).map(|row| row.metrics)),
-            ms: [None; 2],
-            why: LABELS.map(|label| of(label).map_or([0; Reason::ALL.len()], |of| of.why)),
-            pixels: width * height,
-            pictures: LABELS.map(|label| of(label).and_then(|of| of.picture.clone())),
-        }
-    }
-}
-
-/// A share of delays in milliseconds, by nearest rank.
-pub(super) fn delay_ms(delays: &VecDeque<u64>, share: f64) -> Option<f64> {
-    let mut sorted: Vec<_> = delays.iter().copied().collect();
-    sorted.sort_unstable();
-    let us = svl::statistics::nearest_rank(&sorted, share)?;
-    Some(Duration::from_micros(us).as_secs_f64() * 1e3)
-}
-
-/// The algorithm as it runs, with its filters.
-pub(super) fn title(algorithm: &Algorithm) -> String {
-    let filters = algorithm.filters().iter();
-    let filters = filters.map(|filter| format!("+{}", filter.kind));
-    algorithm.written() + &filters.collect::<String>()
 }

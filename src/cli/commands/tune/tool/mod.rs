@@ -2,7 +2,8 @@
 
 mod view;
 
-use super::worker::{Job, Shown, TuneWorker, delay_ms, title};
+use super::shown::{Job, Shown, delay_ms, title};
+use super::worker::TuneWorker;
 use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, StepTool, Stepper};
 use ratatui::layout::{Position, Rect};
 use std::fmt::Write;

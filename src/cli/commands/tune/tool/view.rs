@@ -2,7 +2,7 @@
 //! room, the disparities.
 
 use super::Tuner;
-use crate::cli::commands::tune::worker::{FrameView, SampleView, Shown, title};
+use crate::cli::commands::tune::shown::{FrameView, SampleView, Shown, title};
 use crate::cli::shared::stepper::{Stepper, picture};
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};

@@ -1,0 +1,218 @@
+//! A source that is open, with all that a recording of it says.
+
+use super::calibration::{self, Calib, CalibrationFiles};
+use super::request::Request;
+use super::{Limited, MeasuredSource, RectifiedSource, ReferenceSource, Resized, Source};
+use std::path::Path;
+use svl_core::rectify::Rectifier;
+use svl_core::stereo::StereoCalibration;
+use svl_core::{Error, Result};
+use svl_data::manifest::{Manifest, RunRecord, hash, hash_bytes};
+use svl_data::recording::{
+    CALIBRATION, Header, RawCamera, Recording, RecordingFormat, SCENARIO, TruthTopic, Writer,
+};
+use svl_data::scenario::{CropScale, PairRange};
+
+/// A source, and what a recording of it holds besides its pairs.
+pub struct Opened {
+    pub source: Box<dyn Source>,
+    pub header: Header,
+    /// Text of the scenario file it came from.
+    pub scenario: Option<String>,
+    /// Names and contents of the calibration files by which its pairs were rectified, or can be.
+    pub calibration: CalibrationFiles,
+    /// A file stem for its recording.
+    pub stem: String,
+    /// Whether frames come in real time.
+    pub is_live: bool,
+    /// The recording that it reads.
+    pub recording: Option<Recording>,
+    /// Stamp of the first pair, where pairs before the first frame were left out.
+    pub start_ns: Option<u64>,
+    /// What the user should know that is no warning.
+    pub notes: Vec<String>,
+    /// What a recording or folder of raw images says of its cameras.
+    pub(super) own_calibration: Option<StereoCalibration>,
+    /// The truth of another sensor, where one was asked for.
+    pub(super) truth: Option<TruthTopic>,
+    /// The left camera before svl rectified the pairs.
+    pub(super) raw: Option<RawCamera>,
+    /// What a recording that svl did not write, or a folder, lacks.
+    pub(super) remarks: Vec<String>,
+}
+
+impl Opened {
+    pub(super) fn new(
+        source: impl Source + 'static,
+        header: Header,
+        stem: impl Into<String>,
+    ) -> Self {
+        Self {
+            source: Box::new(source),
+            header,
+            scenario: None,
+            calibration: CalibrationFiles::new(),
+            stem: stem.into(),
+            is_live: false,
+            recording: None,
+            start_ns: None,
+            notes: Vec::new(),
+            own_calibration: None,
+            truth: None,
+            raw: None,
+            remarks: Vec::new(),
+        }
+    }
+
+    /// The pairs that the request asks for, rectified, cropped and shrunk as it says.
+    pub(super) fn prepared(mut self, request: &Request<'_>) -> Result<Self> {
+        let (range, window) = (request.options.range(), request.options.window());
+        let changes = [range.words(), window.words()];
+        let changes: Vec<_> = changes.into_iter().flatten().collect();
+        if !changes.is_empty() {
+            self.header.changes = Some(changes.join(", "));
+        }
+        if range != PairRange::default() {
+            let mut limited = Limited::new(self.source, range, None);
+            // Read now: what lies before the range is known only then.
+            limited.first();
+            self.start_ns = limited.start_ns();
+            self.source = Box::new(limited);
+        }
+        self = self.rectified(request)?.measured();
+        if window != CropScale::default() {
+            self.source = Box::new(Resized::new(self.source, window));
+        }
+        let references = request.options.references()?;
+        if !references.is_empty() {
+            self.source = Box::new(ReferenceSource::new(self.source, &references)?);
+        }
+        Ok(self)
+    }
+
+    /// Rectifies the pairs as the request says.
+    fn rectified(mut self, request: &Request<'_>) -> Result<Self> {
+        let name = self.source.name();
+        let (calib, alpha) = (request.calib(), request.options.alpha);
+        let (rectifier, by, files) = match (&calib, &self.own_calibration) {
+            (Calib::File(path), _) => {
+                let (calibration, files) = calibration::read(path)?;
+                let calibration = calibration::framed(calibration, alpha)?;
+                let rectifier = Rectifier::new(&calibration)?;
+                self.raw = raw_camera(&calibration, &rectifier);
+                if rectifier.rig().is_none() {
+                    let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` says how \
+                                large they are";
+                    tracing::warn!(
+                        "{}: is in squares of its board, so there are no distances; {cure}",
+                        path.display()
+                    );
+                }
+                let names: Vec<_> = files.iter().map(|(name, _)| name.as_str()).collect();
+                (Some(rectifier), names.join(", "), files)
+            }
+            (Calib::Estimate, _) => {
+                let by = "an estimate from its pictures".to_owned();
+                (None, by, CalibrationFiles::new())
+            }
+            (Calib::Own, Some(own)) => {
+                self.notes.push(format!(
+                    "{name}: raw images, rectified by what it says of its cameras; --calib none \
+                     leaves them"
+                ));
+                let by = match self.recording {
+                    Some(_) => "what the recording says of its cameras",
+                    None => "what the folder says of its cameras",
+                };
+                let by = by.to_owned();
+                let rectifier = Rectifier::new(own)?;
+                self.raw = raw_camera(own, &rectifier);
+                (Some(rectifier), by, CalibrationFiles::new())
+            }
+            (Calib::None, _) if alpha.is_some() => {
+                return Err(Error::Usage(
+                    "--alpha is for pairs that are rectified; omit it or --calib none".into(),
+                ));
+            }
+            (Calib::Own | Calib::None | Calib::Raw, own) => {
+                if calib != Calib::Raw {
+                    let remarks = self.remarks.iter();
+                    remarks.for_each(|remark| tracing::warn!("{name}: {remark}"));
+                }
+                // A recording of raw pairs keeps what would rectify them.
+                let own = own.as_ref().map(calibration::written).transpose()?;
+                self.calibration.extend(own.unwrap_or_default());
+                return Ok(self);
+            }
+        };
+        self.source = Box::new(match rectifier {
+            Some(rectifier) => RectifiedSource::new(self.source, rectifier)?,
+            None => {
+                let framing = calibration::framing(alpha.unwrap_or(0.0));
+                RectifiedSource::estimated(self.source, &framing)?
+            }
+        });
+        self.header.calibration = Some(by);
+        self.calibration = files;
+        Ok(self)
+    }
+
+    /// Gives the pairs the truth of another sensor, where one was asked for.
+    pub(super) fn measured(mut self) -> Self {
+        if let Some(truth) = self.truth.take() {
+            self.source = Box::new(MeasuredSource::new(self.source, truth, self.raw));
+        }
+        self
+    }
+
+    /// The recording at that path, which rows call `name`, as it was opened.
+    pub fn record(&self, name: &str, path: &Path) -> RunRecord {
+        let by = self.header.calibration.as_ref();
+        let rectified = by.map(|by| format!("rectified by {by}"));
+        let changes: Vec<_> = rectified
+            .into_iter()
+            .chain(self.header.changes.clone())
+            .collect();
+        let changes = (!changes.is_empty()).then(|| changes.join(", "));
+        let files = self.calibration.iter();
+        let hashes: Vec<_> = files.map(|(_, bytes)| hash_bytes(bytes)).collect();
+        RunRecord {
+            calibration: (!hashes.is_empty()).then(|| hash(&hashes.join("\n"))),
+            ..RunRecord::new(name, path, changes)
+        }
+    }
+
+    /// Name of the scenario, or of the source.
+    pub fn title(&self) -> &str {
+        self.header.scenario.as_deref().unwrap_or(&self.stem)
+    }
+
+    /// Creates a recording of this source: header, manifest, scenario and calibration.
+    ///
+    /// # Errors
+    /// Those of [`Writer::create`] and [`Writer::attach`].
+    pub fn writer(
+        &self,
+        path: &Path,
+        format: impl Into<RecordingFormat>,
+        manifest: &Manifest,
+    ) -> Result<Writer> {
+        let mut writer = Writer::create(path, &self.header, format)?;
+        writer.identify(manifest)?;
+        if let Some(text) = &self.scenario {
+            writer.attach(SCENARIO, "application/toml", text.as_bytes())?;
+        }
+        for (name, bytes) in &self.calibration {
+            let name = format!("{CALIBRATION}{name}");
+            writer.attach(&name, "application/octet-stream", bytes)?;
+        }
+        Ok(writer)
+    }
+}
+
+fn raw_camera(calibration: &StereoCalibration, rectifier: &Rectifier) -> Option<RawCamera> {
+    Some(RawCamera {
+        intrinsics: *calibration.left(),
+        rotation: rectifier.rotation()?,
+    })
+}

@@ -1,0 +1,85 @@
+//! What a user asks of a source: its name and its options.
+
+use super::FolderRequest;
+use super::calibration::Calib;
+use svl_data::grab::{GrabRequest, Host};
+use svl_data::recording::{Selection, TruthSelection};
+use svl_data::scenario::SourceOptions;
+
+/// What to open, and how.
+#[derive(Clone)]
+pub struct Request<'a> {
+    /// As [`super::SOURCES`] writes it, or a path.
+    pub name: &'a str,
+    /// Seed of a simulated source [default: 1].
+    pub seed: Option<u64>,
+    /// Options of reading; seeds, files and scenes are those of scenarios.
+    pub options: SourceOptions,
+    /// The pairs stay raw, to calibrate cameras with.
+    pub raw: bool,
+    /// How to grab from cameras; its skew and its seed are those of this request.
+    pub grab: GrabRequest,
+    pub host: Host<'a>,
+}
+
+impl<'a> Request<'a> {
+    /// Opens `name` with all defaults.
+    pub fn new(name: &'a str) -> Self {
+        Self {
+            name,
+            seed: None,
+            options: SourceOptions::default(),
+            raw: false,
+            grab: GrabRequest::default(),
+            host: Host::default(),
+        }
+    }
+
+    pub(super) fn selection(&self) -> Selection {
+        let options = &self.options;
+        Selection {
+            left: options.left.clone(),
+            right: options.right.clone(),
+            max_skew_ns: self.max_skew_ns().unwrap_or(Selection::MAX_SKEW_NS),
+            bits: options.bits,
+        }
+    }
+
+    pub(super) fn max_skew_ns(&self) -> Option<u64> {
+        self.options.max_skew_ms.map(nanoseconds)
+    }
+
+    pub(super) fn truth(&self) -> Option<TruthSelection> {
+        let max_skew_ns = self.options.truth_skew_ms.map(nanoseconds);
+        Some(TruthSelection {
+            topic: self.options.truth.clone()?,
+            max_skew_ns: max_skew_ns.unwrap_or(TruthSelection::MAX_SKEW_NS),
+        })
+    }
+
+    /// What rectifies the pairs.
+    pub fn calib(&self) -> Calib {
+        match &self.options.calib {
+            _ if self.raw => Calib::Raw,
+            Some(calib) => calib.parse().unwrap_or_default(),
+            None => Calib::Own,
+        }
+    }
+
+    pub(super) fn topics(&self) -> [Option<String>; 2] {
+        [self.options.left.clone(), self.options.right.clone()]
+    }
+
+    pub(super) fn of_folder(&self) -> FolderRequest {
+        FolderRequest {
+            images: self.topics(),
+            side_by_side: self.options.side_by_side,
+            fps: self.options.fps,
+            bits: self.options.bits,
+        }
+    }
+}
+
+fn nanoseconds(ms: f64) -> u64 {
+    (ms * 1e6) as u64
+}

@@ -1,0 +1,133 @@
+//! Cells of scenarios that the table of v5 is learned from.
+
+use crate::console::{Console, Watch};
+use crate::run::{Matchers, Pace, run_through};
+use crate::runs::runs;
+use crate::sink::{CollectSink, RunStart, Sink};
+use crate::source::Source;
+use std::path::Path;
+use svl_core::depth::decision::Feature;
+use svl_core::matcher::Algorithm;
+use svl_core::stereo::CellEvidence;
+use svl_core::{Error, Result, interrupt};
+use svl_data::fit::{CellSample, CellTarget, cell_samples};
+use svl_data::manifest::Manifest;
+use svl_data::scenario::Scenario;
+
+/// The cells of all scenarios.
+#[derive(Default)]
+pub struct LearnedCells {
+    pub samples: Vec<CellSample>,
+    /// Runs and scenes.
+    pub groups: Vec<String>,
+    /// With the number of their cells.
+    pub scenarios: Vec<(String, usize)>,
+}
+
+impl LearnedCells {
+    /// Adds the cells of a scenario, which is in the file at `path`, through an algorithm.
+    ///
+    /// # Errors
+    /// Those of the runs; [`Error::Invalid`] for a scenario without cells to learn from.
+    pub fn learn(
+        &mut self,
+        mut scenario: Scenario,
+        path: &Path,
+        algorithm: &Algorithm,
+        target: CellTarget,
+        console: &dyn Console,
+    ) -> Result<()> {
+        scenario.algorithms = vec![algorithm.clone()];
+        let mut matchers = Matchers::new(&scenario.algorithms)?;
+        let manifest = Manifest::new(&scenario.name, &scenario.algorithms)?;
+        let before = self.samples.len();
+        for run in runs(&scenario, console)? {
+            let (mut run, judge) = run.open(&scenario, console, None)?;
+            let of_frame = {
+                let judge = judge.clone();
+                CollectSink::new(move |judged| {
+                    let samples = cell_samples(&judge, judged, target, 0);
+                    (judged.frame.name.clone(), samples)
+                })
+            };
+            let collected = of_frame.outbox();
+            let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
+            let start = RunStart {
+                manifest: &manifest,
+                log: None,
+                seed: run.seed,
+                judge: &judge,
+            };
+            // The same walk in another arena is no other scene.
+            let name = match run.seed {
+                Some(seed) => format!("arena seed {seed}"),
+                None => run.name(),
+            };
+            let title = format!("learn {}, {name}", scenario.name);
+            let watch = Watch::new(console, &title, run.pairs(), None);
+            let (pace, sinks) = (Pace::Asap, &mut sinks);
+            let (_, ran) = run_through(&mut run, &mut matchers, &start, pace, sinks, watch);
+            ran?;
+            sinks.drain(..).try_for_each(Sink::finish)?;
+            if interrupt::requested() {
+                return Err(Error::Invalid("interrupted; nothing is written".to_owned()));
+            }
+            for (scene, samples) in collected.take() {
+                let group = self.group(scene.map_or(name.clone(), |scene| scene));
+                let samples = samples.into_iter();
+                self.samples
+                    .extend(samples.map(|sample| CellSample { group, ..sample }));
+            }
+        }
+        let cells = self.samples.len() - before;
+        if !self.samples[before..].iter().any(CellSample::is_reportable) {
+            let cure = "frames need a truth, and the algorithm has to say what its cells rest on: \
+                        v5 does, others with decision = \"safe\" under [grid]";
+            return Err(Error::Invalid(format!(
+                "{}: has no cells to learn from; {cure}",
+                path.display()
+            )));
+        }
+        self.scenarios.push((scenario.name, cells));
+        Ok(())
+    }
+
+    fn group(&mut self, name: String) -> usize {
+        let known = self.groups.iter().position(|group| *group == name);
+        known.unwrap_or_else(|| {
+            self.groups.push(name);
+            self.groups.len() - 1
+        })
+    }
+}
+/// The samples as CSV: run or scene, the evidence, whether the cell was right and known.
+///
+/// # Errors
+/// [`Error::Invalid`] with what the csv crate says.
+pub fn samples_csv(samples: &[CellSample], groups: &[String]) -> Result<Vec<u8>> {
+    let invalid = |e: csv::Error| Error::Invalid(e.to_string());
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    let head = ["group", "report", "target"];
+    csv.write_record(
+        head.into_iter()
+            .chain(Feature::ALL.map(Feature::name))
+            .chain(["right", "known"]),
+    )
+    .map_err(invalid)?;
+    for sample in samples {
+        let numbers = |evidence: CellEvidence| {
+            [evidence.report, evidence.target]
+                .into_iter()
+                .chain(evidence.features)
+        };
+        let numbers: Vec<_> = match sample.evidence {
+            Some(evidence) => numbers(evidence).map(|n| n.to_string()).collect(),
+            None => vec![String::new(); 2 + Feature::ALL.len()],
+        };
+        let ends = [sample.right, sample.known].map(|is| u8::from(is).to_string());
+        let group = std::iter::once(groups[sample.group].clone());
+        csv.write_record(group.chain(numbers).chain(ends))
+            .map_err(invalid)?;
+    }
+    csv.into_inner().map_err(|e| Error::Invalid(e.to_string()))
+}
