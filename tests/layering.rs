@@ -65,7 +65,8 @@ const PACKAGES: [Package; 7] = [
             &["console"],
             &["record"],
             &["runs"],
-            &["train", "tune", "drive", "evaluation"],
+            &["train", "tune", "drive"],
+            &["evaluation"],
         ],
     },
     Package {

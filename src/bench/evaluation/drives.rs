@@ -3,7 +3,7 @@
 use super::folder::{COURSES, MANIFEST, ReportContent};
 use super::maps::maps;
 use super::part::{ReportPart, ReportRun};
-use super::plan::{Evaluated, EvaluationPlan};
+use super::plan::{EndedRun, EvaluationPlan};
 use crate::console::{Bar, Console, Unit};
 use crate::drive::{Course, DrivePlan, DriveResult};
 use crate::outputs::{Outputs, write_json};
@@ -64,7 +64,7 @@ pub(super) fn evaluate(
     plan: &EvaluationPlan<'_>,
     outputs: &mut Outputs,
     console: &dyn Console,
-) -> Result<Evaluated> {
+) -> Result<EndedRun> {
     let (scenario, folder) = (plan.scenario, plan.folder);
     let ScenarioSource::Drive { seeds, .. } = &scenario.source else {
         return Err(Error::Invalid(format!(
@@ -106,7 +106,7 @@ pub(super) fn evaluate(
     let ran_to_end = ran.as_ref().map_err(ToString::to_string).copied();
     let ending = ending(ran_to_end, missing, scenario.options.allow_loss);
     let finished = report.finish(plan, ending, console.warnings());
-    Ok(Evaluated {
+    Ok(EndedRun {
         ran,
         finished,
         pairs,

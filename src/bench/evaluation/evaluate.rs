@@ -2,7 +2,7 @@
 
 use super::folder::read_ending;
 use super::part::ReportPart;
-use super::plan::{Evaluated, EvaluationPlan};
+use super::plan::{EndedRun, EvaluationPlan};
 use super::{drives, scored_runs};
 use crate::console::Console;
 use crate::outputs::Outputs;
@@ -35,7 +35,7 @@ impl EvaluationPlan<'_> {
             ScenarioSource::Drive { .. } => drives::evaluate,
             _ => scored_runs::evaluate,
         };
-        let Evaluated {
+        let EndedRun {
             ran,
             finished,
             pairs,

@@ -36,7 +36,7 @@ pub struct EvaluationPlan<'a> {
 }
 
 /// A run that is over, and its report.
-pub(super) struct Evaluated {
+pub(super) struct EndedRun {
     /// Why it ended early, if it did.
     pub(super) ran: Result<()>,
     /// What came before is reported all the same.

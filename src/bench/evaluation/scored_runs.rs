@@ -2,7 +2,7 @@
 
 use super::folder::{MANIFEST, ReportContent};
 use super::part::{ReportPart, ReportRun};
-use super::plan::{Evaluated, EvaluationPlan};
+use super::plan::{EndedRun, EvaluationPlan};
 use crate::console::{Console, Watch};
 use crate::outputs::{Outputs, write_json};
 use crate::report::{GateResult, ResultLog, Summary};
@@ -124,7 +124,7 @@ pub(super) fn evaluate(
     plan: &EvaluationPlan<'_>,
     outputs: &mut Outputs,
     console: &dyn Console,
-) -> Result<Evaluated> {
+) -> Result<EndedRun> {
     let (scenario, folder) = (plan.scenario, plan.folder);
     let mut matchers =
         Matchers::new(&scenario.algorithms).map_err(|error| match plan.algorithms_file {
@@ -196,7 +196,7 @@ pub(super) fn evaluate(
     let ran_to_end = ran.as_ref().map_err(ToString::to_string).copied();
     let ending = ending(ran_to_end, missing, scenario.options.allow_loss);
     let finished = report.finish(plan, &matchers, ending, console.warnings());
-    Ok(Evaluated {
+    Ok(EndedRun {
         ran,
         finished,
         pairs,
