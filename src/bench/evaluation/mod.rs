@@ -8,6 +8,7 @@ mod merge;
 mod part;
 mod plan;
 mod scored_runs;
+mod sweep;
 mod sweeps;
 
 pub use evaluate::Evaluation;
@@ -15,4 +16,4 @@ pub use folder::{MANIFEST, REPORT};
 pub use merge::Parts;
 pub use part::Shard;
 pub use plan::EvaluationPlan;
-pub use sweeps::number;
+pub use sweep::{Algorithms, MAX_ALGORITHMS};

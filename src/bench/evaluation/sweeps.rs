@@ -41,7 +41,7 @@ fn differ_in(a: &Algorithm, b: &Algorithm, key: &str) -> bool {
         && both.all(|((name, value), (_, other))| name == key || value == other)
 }
 
-pub fn number(algorithm: &Algorithm, key: &str) -> Option<f64> {
+pub(super) fn number(algorithm: &Algorithm, key: &str) -> Option<f64> {
     let mut parameters = algorithm.parameters().iter();
     parameters.find(|(name, _)| *name == key)?.1.number()
 }

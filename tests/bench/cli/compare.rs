@@ -151,6 +151,61 @@ fn what_became_worse_fails_and_is_in_junits_xml() {
 }
 
 #[test]
+fn a_history_is_of_common_pairs_and_its_times_of_one_machine() {
+    let fixture = scored(&["v3", "v3"]);
+    // The second was killed behind its first pairs, and is of another machine.
+    let rows = fixture.text("1/rows.csv");
+    let kept: Vec<_> = rows.lines().take(6).collect();
+    fixture.write("1/rows.csv", kept.join("\n") + "\n");
+    let mut manifest: serde_json::Value =
+        serde_json::from_str(&fixture.text("1/manifest.json")).unwrap();
+    manifest["machine"]["processor"] = "another".into();
+    fixture.write("1/manifest.json", manifest.to_string());
+    let json = fixture.json("compare --history 0 1 --json");
+    let scenario = &json["scenarios"][0];
+    assert_eq!(scenario["pairs"], 5);
+    assert_eq!(scenario["reports"][1]["pairs"], 5);
+    let lines = scenario["lines"].as_array().unwrap();
+    let of = |metric: &str| {
+        let own = lines.iter().filter(|line| line["metric"] == metric);
+        own.map(|line| line["values"].clone()).collect::<Vec<_>>()
+    };
+    // Of equal pairs both are equal; each time is of its own machine.
+    assert_eq!(of("right").len(), 1);
+    assert_eq!(of("right")[0][0], of("right")[0][1]);
+    let times = of("time");
+    assert_eq!(times.len(), 2, "{times:?}");
+    assert!(
+        times
+            .iter()
+            .all(|time| time[0].is_null() != time[1].is_null())
+    );
+    assert!(of("checkpoints").is_empty(), "they are of whole runs");
+    let text = fixture.run("compare --history 0 1");
+    assert_says(
+        &text,
+        &["Compared on the 5 pairs of all reports", ", 5 pairs"],
+    );
+    // Other truth, so no pair in common: not joined.
+    let place = rows
+        .lines()
+        .next()
+        .unwrap()
+        .split(',')
+        .position(|head| head == "input_hash");
+    let changed = rows.lines().enumerate().map(|(i, line)| {
+        let mut cells: Vec<_> = line.split(',').map(str::to_owned).collect();
+        if i > 0 {
+            cells[place.unwrap()] = format!("{i:032x}");
+        }
+        cells.join(",")
+    });
+    fixture.write("1/rows.csv", changed.collect::<Vec<_>>().join("\n") + "\n");
+    let json = fixture.json("compare --history 0 1 --json");
+    assert_eq!(json["scenarios"].as_array().unwrap().len(), 2);
+}
+
+#[test]
 fn reports_in_the_order_of_their_dates_are_a_history() {
     let fixture = scored(&["v3", "v3:max_disparity=24 --algo bm", "v3"]);
     std::fs::rename(fixture.path("2"), fixture.path("0.earlier-1")).unwrap();

@@ -122,6 +122,84 @@ fn a_score_lacks_what_failed_and_judges_the_rest_by_its_name() {
     assert_eq!(passed(&alone), passed(&both));
 }
 
+/// Answers every pair of 40x20 pixels but the third, which it refuses.
+const REFUSES: &str = r#"
+i=0
+while read -r line; do
+  i=$((i+1))
+  dd bs=1 count=1600 of=/dev/null 2>/dev/null
+  if [ $i = 3 ]; then echo '{"seq":'$i',"error":"too dark"}'; continue; fi
+  echo '{"seq":'$i',"millis":2}'
+  head -c 3200 /dev/zero
+done
+"#;
+
+#[test]
+fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
+    let fixture = Fixture::new();
+    std::fs::create_dir(fixture.path("pairs")).unwrap();
+    for i in 0..5 {
+        let [left, right] = ["left", "right"].map(|side| format!("pairs/{side}_{i}.pgm"));
+        fixture.write_pair(&left, &right, (40, 20), 3 + i);
+    }
+    fixture.write("refuses.sh", REFUSES);
+    let refuses = "some=exec:command=sh refuses.sh";
+    let never = "never=exec:command=false,restarts=0";
+    let bms = "bm:max_disparity=8..16/1";
+    let line = ["score", "pairs", "--out", "r", "--rerun", "none"];
+    let line = [
+        &line[..],
+        &["--algo", refuses, "--algo", never, "--algo", bms],
+    ]
+    .concat();
+    let ran = fixture.svl(&line);
+    assert_eq!(ran.code, Some(4), "{}", ran.stderr);
+    let table = fixture.text("r/failures.csv");
+    let mut table = csv::Reader::from_reader(table.as_bytes());
+    let heads = table.headers().unwrap().clone();
+    let place = |name: &str| heads.iter().position(|head| head == name).unwrap();
+    let places = ["algorithm", "reason"].map(place);
+    let failed = table.records().map(|line| {
+        let line = line.unwrap();
+        places.map(|place| line[place].to_owned())
+    });
+    let failed: Vec<_> = failed.collect();
+    let of = |name: &'static str| {
+        failed
+            .iter()
+            .filter(move |[algorithm, _]| algorithm == name)
+    };
+    assert_eq!(
+        (of("some").count(), of("never").count()),
+        (1, 5),
+        "{failed:?}"
+    );
+    assert!(of("some").all(|[_, reason]| reason.contains("too dark")));
+    assert!(of("never").any(|[_, reason]| reason.contains("failed 1 times")));
+    let manifest: serde_json::Value =
+        serde_json::from_str(&fixture.text("r/manifest.json")).unwrap();
+    let record = &manifest["algorithms"][0];
+    assert_eq!(record["failed_pairs"], 1);
+    assert!(record["failure"].as_str().unwrap().contains("too dark"));
+    let warnings = manifest["warnings"].as_array().unwrap();
+    assert!(
+        warnings
+            .iter()
+            .any(|line| line.as_str().unwrap().contains("too dark"))
+    );
+    // Fewer results are not better ones.
+    assert_says(&ran.stdout, &["not ranked: some, which failed on pairs"]);
+    let page = fixture.text("r/index.html");
+    assert_says(
+        &page,
+        &["some on 1 pair: ", "never on every pair: ", "Warnings ("],
+    );
+    let json = fixture.svl(&[&line[..], &["--json"]].concat());
+    let summary: serde_json::Value = serde_json::from_str(&json.stdout).unwrap();
+    assert_eq!(summary["failed"][0]["pairs"], 1);
+    assert_eq!(summary["failed"][1]["on_every_pair"], true);
+}
+
 /// Whatever svl does with it, Ctrl-C ends a program that never answers, with what it started.
 #[cfg(target_os = "linux")]
 #[test]

@@ -81,6 +81,59 @@ fn a_resumed_run_ends_as_if_it_had_not_been_killed() {
     fixture.run("score short.toml -q --algo v3 --out new --resume");
 }
 
+/// Answers every pair with nothing, and notes each in a file.
+#[cfg(unix)]
+const COUNTS: &str = r#"
+while read -r line; do
+  head -c 1536 > /dev/null
+  echo >> matched
+  echo '{"seq":'$(echo "$line" | sed 's/.*"seq":\([0-9]*\).*/\1/')',"millis":1}'
+  head -c 3072 /dev/zero
+done
+"#;
+
+#[cfg(unix)]
+#[test]
+fn a_killed_run_of_3000_pairs_repeats_little() {
+    let fixture = Fixture::new();
+    std::fs::create_dir(fixture.path("pairs")).unwrap();
+    for i in 0..3000 {
+        let [left, right] = ["left", "right"].map(|side| format!("pairs/{side}_{i:04}.pgm"));
+        fixture.write_pair(&left, &right, (32, 24), i);
+    }
+    fixture.write("counts.sh", COUNTS);
+    let line = "score pairs -q --out r --rerun none --algo exec:command='sh counts.sh'";
+    let words: Vec<_> = line.split(" exec:").collect();
+    let algorithm = format!("exec:{}", words[1]);
+    let line: Vec<_> = words[0].split(' ').chain([algorithm.as_str()]).collect();
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
+    command
+        .current_dir(fixture.path(""))
+        .args(&line)
+        .stdout(Stdio::null());
+    let mut child = command.spawn().unwrap();
+    let began = Instant::now();
+    let count = |name: &str| {
+        let text = std::fs::read_to_string(fixture.path(name)).unwrap_or_default();
+        text.matches('\n').count()
+    };
+    while count("r/rows.csv") < 2700 {
+        assert!(child.try_wait().unwrap().is_none(), "it ended early");
+        assert!(
+            began.elapsed() < Duration::from_secs(300),
+            "it never came that far"
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    std::fs::remove_file(fixture.path("matched")).unwrap();
+    fixture.run(&[&line[..], &["--resume"]].concat());
+    assert_eq!(count("r/rows.csv"), 3001);
+    let again = count("matched");
+    assert!((1..600).contains(&again), "{again} pairs matched again");
+}
+
 #[cfg(unix)]
 #[test]
 fn a_run_that_is_killed_twice_goes_on_twice() {

@@ -1,15 +1,17 @@
 //! Reports in the order of their dates: each metric over svl's revisions.
 
 use super::ScoredRun;
-use crate::report::Summary;
+use super::scored_run::{RunKey, run_key};
 use crate::report::page::fill;
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
+use crate::report::{Row, Summary};
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::fmt::{Display, Formatter};
 use std::path::PathBuf;
 use svl_core::{Error, Result};
 use svl_data::manifest::Purpose;
-use svl_data::score::{METRICS, Metric, MetricUnit};
+use svl_data::score::{METRICS, Metric, MetricOrigin, MetricUnit};
 
 /// Every metric of the reports of equal scenarios, over their dates.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -34,6 +36,8 @@ pub struct ScenarioHistory {
     pub scenario: String,
     /// By date.
     pub reports: Vec<HistoryReport>,
+    /// The number of pairs that all reports have, on which they are compared; absent for drives.
+    pub pairs: Option<usize>,
     pub lines: Vec<HistoryLine>,
 }
 
@@ -46,6 +50,8 @@ pub struct HistoryReport {
     /// Git revision of svl, where its build knew it.
     pub revision: Option<String>,
     pub processor: String,
+    /// The number of its pairs; absent for drives.
+    pub pairs: Option<usize>,
     /// Why it is incomplete.
     pub incomplete: Option<String>,
 }
@@ -55,7 +61,27 @@ pub struct HistoryReport {
 pub struct HistoryLine {
     pub algorithm: String,
     pub metric: &'static Metric,
+    /// The processor that a time is of: times of several machines are not joined.
+    pub processor: Option<String>,
     pub values: Vec<Option<f64>>,
+}
+
+/// A pair of a report: seed and recording, number, and hash of all that it was scored on.
+type HistoryPair<'a> = (RunKey<'a>, u64, &'a str);
+
+fn pairs(run: &ScoredRun) -> BTreeSet<HistoryPair<'_>> {
+    let pair = |row| -> HistoryPair<'_> {
+        let row: &Row = row;
+        (run_key(row), row.sequence, row.input_hash.as_str())
+    };
+    run.rows.iter().map(pair).collect()
+}
+
+/// The pairs that all of these reports have.
+fn common_pairs<'a>(runs: impl IntoIterator<Item = &'a ScoredRun>) -> BTreeSet<HistoryPair<'a>> {
+    let sets = runs.into_iter().map(pairs);
+    let common = sets.reduce(|a, b| a.intersection(&b).copied().collect());
+    common.unwrap_or_default()
 }
 
 impl History {
@@ -98,7 +124,8 @@ impl History {
                 let differences = of[0]
                     .manifest
                     .differences(&run.manifest, Purpose::History)?;
-                if differences.is_empty() {
+                let common = || !common_pairs([&of[0], &run]).is_empty();
+                if differences.is_empty() && (!run.drives.is_empty() || common()) {
                     own = Some(of);
                     break;
                 }
@@ -123,6 +150,7 @@ impl History {
         let scenarios = self.scenarios.iter().map(|scenario| {
             Ok(ScenarioView {
                 scenario,
+                uneven: scenario.uneven(),
                 plots: scenario.plots()?,
             })
         });
@@ -139,8 +167,19 @@ impl History {
 
 impl ScenarioHistory {
     fn new(runs: &[ScoredRun]) -> Result<Self> {
+        let is_driven = runs.iter().any(|run| !run.drives.is_empty());
+        let common = common_pairs(runs);
+        let count = |run: &ScoredRun| (!is_driven).then(|| pairs(run).len());
+        // Checkpoints are of whole runs.
+        let are_equal = runs.iter().all(|run| count(run) == Some(common.len()));
         let summaries = runs.iter().map(|run| {
-            let mut summary = Summary::from_rows(&run.rows, &run.checkpoints)?;
+            let is_common = |row: &&Row| {
+                let pair = (run_key(row), row.sequence, row.input_hash.as_str());
+                is_driven || common.contains(&pair)
+            };
+            let rows: Vec<_> = run.rows.iter().filter(is_common).cloned().collect();
+            let checkpoints = if are_equal { &run.checkpoints[..] } else { &[] };
+            let mut summary = Summary::from_rows(&rows, checkpoints)?;
             summary.add_drives(&run.drives);
             Ok(summary)
         });
@@ -151,30 +190,62 @@ impl ScenarioHistory {
                 algorithms.push(&summary.algorithm);
             }
         }
-        let line = |algorithm: &&str, metric: &'static Metric| HistoryLine {
-            algorithm: (*algorithm).to_owned(),
-            metric,
-            values: summaries
-                .iter()
-                .map(|summary| summary.value(algorithm, metric, None))
-                .collect(),
+        let processor = |run: &ScoredRun| run.manifest.machine.processor.clone();
+        let processors: BTreeSet<_> = runs.iter().map(processor).collect();
+        let of_machine = |metric: &Metric| match metric.origin {
+            MetricOrigin::Time => processors.iter().cloned().map(Some).collect(),
+            _ => vec![None],
         };
-        let lines = algorithms
-            .iter()
-            .flat_map(|algorithm| METRICS.iter().map(move |metric| line(algorithm, metric)))
-            .filter(|line| line.values.iter().any(Option::is_some));
+        let line = |algorithm: &str, metric: &'static Metric, own: Option<String>| {
+            let reports = summaries.iter().zip(runs);
+            let value = |(summary, run): (&Summary, &ScoredRun)| {
+                let is_own = own.as_ref().is_none_or(|own| *own == processor(run));
+                is_own.then(|| summary.value(algorithm, metric, None))?
+            };
+            HistoryLine {
+                algorithm: algorithm.to_owned(),
+                metric,
+                values: reports.map(value).collect(),
+                processor: own,
+            }
+        };
+        let mut lines = Vec::new();
+        for algorithm in algorithms {
+            for metric in METRICS {
+                let own = of_machine(metric).into_iter();
+                lines.extend(own.map(|own| line(algorithm, metric, own)));
+            }
+        }
+        lines.retain(|line| line.values.iter().any(Option::is_some));
         let report = |run: &ScoredRun| HistoryReport {
             folder: run.folder.clone(),
             began: run.manifest.began.clone(),
             revision: run.manifest.git_revision.clone(),
-            processor: run.manifest.machine.processor.clone(),
+            processor: processor(run),
+            pairs: count(run),
             incomplete: run.incomplete.clone(),
         };
         Ok(Self {
             scenario: runs[0].manifest.scenario.clone(),
             reports: runs.iter().map(report).collect(),
-            lines: lines.collect(),
+            pairs: (!is_driven).then_some(common.len()),
+            lines,
         })
+    }
+
+    /// Whether the reports are of several machines.
+    fn has_machines(&self) -> bool {
+        let processors = self.reports.windows(2);
+        processors
+            .into_iter()
+            .any(|two| two[0].processor != two[1].processor)
+    }
+
+    /// The number of common pairs, if not all reports have the same ones.
+    fn uneven(&self) -> Option<usize> {
+        let mut reports = self.reports.iter();
+        self.pairs
+            .filter(|common| reports.any(|report| report.pairs != Some(*common)))
     }
 
     fn plots(&self) -> Result<Vec<HistoryPlotView>> {
@@ -182,7 +253,12 @@ impl ScenarioHistory {
             let own = self.lines.iter().filter(|line| line.metric == metric);
             let series: Vec<_> = own
                 .map(|line| Series {
-                    name: line.algorithm.clone(),
+                    name: match &line.processor {
+                        Some(processor) if self.has_machines() => {
+                            format!("{}, {processor}", line.algorithm)
+                        }
+                        _ => line.algorithm.clone(),
+                    },
                     form: SeriesStyle::Both,
                     points: (1..)
                         .zip(&line.values)
@@ -228,13 +304,18 @@ fn shown(metric: &Metric, value: Option<f64>) -> f64 {
 }
 
 impl HistoryReport {
-    /// Day, revision and folder.
-    fn words(&self) -> String {
+    /// Day, revision and folder, and the number of its pairs if others have other ones.
+    fn words(&self, is_uneven: bool) -> String {
         let day = self.began.get(..10).unwrap_or(&self.began);
         let revision = self.revision.as_deref().unwrap_or("revision unknown");
+        let pairs = self.pairs.filter(|_| is_uneven);
+        let pairs = pairs.map_or_else(String::new, |n| format!(", {n} pairs"));
         let incomplete = self.incomplete.as_ref();
         let incomplete = incomplete.map_or_else(String::new, |why| format!(", incomplete: {why}"));
-        format!("{day}  {revision}  {}{incomplete}", self.folder.display())
+        format!(
+            "{day}  {revision}  {}{pairs}{incomplete}",
+            self.folder.display()
+        )
     }
 }
 
@@ -257,7 +338,13 @@ impl Display for ScenarioHistory {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         writeln!(f, "{}", self.scenario)?;
         for (i, report) in (1..).zip(&self.reports) {
-            writeln!(f, "{i:>4}  {}", report.words())?;
+            writeln!(f, "{i:>4}  {}", report.words(self.uneven().is_some()))?;
+        }
+        if let Some(common) = self.uneven() {
+            writeln!(
+                f,
+                "Compared on the {common} pairs of all reports, without checkpoints."
+            )?;
         }
         let names = self.lines.iter().map(|line| line.algorithm.chars().count());
         let width = names.max().unwrap_or(0).clamp(9, 19);
@@ -315,6 +402,7 @@ struct HistoryView<'a> {
 #[derive(Serialize)]
 struct ScenarioView<'a> {
     scenario: &'a ScenarioHistory,
+    uneven: Option<usize>,
     plots: Vec<HistoryPlotView>,
 }
 

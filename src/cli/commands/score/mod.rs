@@ -1,7 +1,6 @@
 //! `svl score`: scores algorithms on a scenario or on recordings, and writes a report.
 
 mod scenario;
-mod sweep;
 
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::progress::{Terminal, listen_for_interrupt};
@@ -10,14 +9,13 @@ use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
-use svl::evaluation::{Evaluation, EvaluationPlan, REPORT, Shard};
+use svl::evaluation::{Algorithms, Evaluation, EvaluationPlan, MAX_ALGORITHMS, REPORT, Shard};
 use svl::outputs::{Outputs, write};
 use svl::report::{GateResult, GateState, Summary, TestCase, TestResult, junit};
 use svl::run::complete;
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{METRICS, Metric};
 use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget, Viewer};
-use sweep::{Algorithms, MAX_ALGORITHMS};
 
 /// Score algorithms on a scenario or on recordings, and write a report
 ///

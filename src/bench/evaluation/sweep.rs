@@ -1,17 +1,18 @@
 //! Sweeps: parameters over ranges and lists of values, one algorithm for each combination.
 
+use crate::tune::quasi_random;
 use std::collections::BTreeSet;
 use std::str::FromStr;
-use svl::matcher::{self, Algorithm, Range, labelled};
-use svl::tune::quasi_random;
+use svl_core::matcher::{self, Algorithm, Range, labelled};
+use svl_core::{Error, Result};
 
 /// Most algorithms of one run.
-pub(super) const MAX_ALGORITHMS: usize = 1000;
+pub const MAX_ALGORITHMS: usize = 1000;
 
 /// What one `--algo` asks for: an algorithm, or a grid of them, where numbers are ranges
 /// `FROM..TO/STEP` or lists `A/B/C`, and words lists.
 #[derive(Clone, Debug)]
-pub(super) struct Algorithms {
+pub struct Algorithms {
     label: Option<String>,
     /// The algorithm's name.
     name: String,
@@ -28,13 +29,13 @@ struct Axis {
 }
 
 impl FromStr for Algorithms {
-    type Err = svl::Error;
+    type Err = Error;
 
-    fn from_str(text: &str) -> svl::Result<Self> {
+    fn from_str(text: &str) -> Result<Self> {
         let (label, written) = labelled(text)?;
         let (name, settings) = written.split_once(':').unwrap_or((written, ""));
         let spec = matcher::find(name)?;
-        let axis = |setting: &str| -> svl::Result<Axis> {
+        let axis = |setting: &str| -> Result<Axis> {
             let swept = setting.split_once('=').and_then(|(key, values)| {
                 let parameter = spec.parameters.iter().find(|p| p.name == key)?;
                 Some((key, values, &parameter.range))
@@ -69,7 +70,7 @@ impl FromStr for Algorithms {
         let algorithms = Self {
             label: label.map(str::to_owned),
             name: name.to_owned(),
-            axes: axes.collect::<svl::Result<_>>()?,
+            axes: axes.collect::<Result<_>>()?,
         };
         // Every value is checked beside the first ones of the others.
         for (i, axis) in algorithms.axes.iter().enumerate() {
@@ -88,14 +89,17 @@ impl Algorithms {
     /// The algorithms, the last parameter running fastest; `sample`: at most so many of them,
     /// spread evenly over the grid by a quasi-random sequence (R2 of Roberts 2018, generalized),
     /// always the same ones.
-    pub(super) fn expand(&self, sample: Option<usize>) -> svl::Result<Vec<Algorithm>> {
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for more than [`MAX_ALGORITHMS`]; those of their parameters.
+    pub fn expand(&self, sample: Option<usize>) -> Result<Vec<Algorithm>> {
         let lengths: Vec<_> = self.axes.iter().map(|axis| axis.values.len()).collect();
         let all = lengths
             .iter()
             .fold(1_usize, |n, len| n.saturating_mul(*len));
         let most = sample.unwrap_or(all);
         if most.min(all) > MAX_ALGORITHMS {
-            return Err(svl::Error::Usage(format!(
+            return Err(Error::Usage(format!(
                 "{all} algorithms in one run; at most {MAX_ALGORITHMS}: take larger steps, or a \
                  --sample of them"
             )));
@@ -115,7 +119,7 @@ impl Algorithms {
     }
 
     /// The algorithm with these values.
-    fn at(&self, place: &[usize]) -> svl::Result<Algorithm> {
+    fn at(&self, place: &[usize]) -> Result<Algorithm> {
         let settings = |is_shown: &dyn Fn(&Axis) -> bool| {
             let chosen = self.axes.iter().zip(place);
             let chosen = chosen.filter(|(axis, _)| is_shown(axis));
@@ -157,9 +161,8 @@ fn spread(lengths: &[usize], count: usize) -> Vec<Vec<usize>> {
 }
 
 /// The values of `FROM..TO/STEP`, each in its shortest exact form.
-fn range_of(range: &str) -> svl::Result<Vec<String>> {
-    let wrong =
-        |why: &str| svl::Error::Invalid(format!("range '{range}': {why}, for instance 0..20/5"));
+fn range_of(range: &str) -> Result<Vec<String>> {
+    let wrong = |why: &str| Error::Invalid(format!("range '{range}': {why}, for instance 0..20/5"));
     let (ends, step) = range
         .split_once('/')
         .ok_or_else(|| wrong("write FROM..TO/STEP"))?;
@@ -206,11 +209,11 @@ fn trimmed(number: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::sweeps::number;
     use super::*;
-    use svl::evaluation::number;
 
-    fn labels(text: &str) -> Result<Vec<String>, String> {
-        let algorithms: Algorithms = text.parse().map_err(|e: svl::Error| e.to_string())?;
+    fn labels(text: &str) -> std::result::Result<Vec<String>, String> {
+        let algorithms: Algorithms = text.parse().map_err(|e: Error| e.to_string())?;
         let algorithms = algorithms.expand(None).map_err(|e| e.to_string())?;
         Ok(algorithms.iter().map(|a| a.label().to_owned()).collect())
     }
