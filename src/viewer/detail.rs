@@ -6,19 +6,23 @@ use svl_data::score::Judged;
 const EVERY: u64 = 30;
 /// and every Nth while frames show a checkpoint: one or two of a robot's visit.
 const EVERY_AT_CHECKPOINT: u64 = 10;
+/// Limit of the scenes of a run that are all listed; a folder with more is a recording.
+const SCENES: u64 = 64;
 
 /// Chooses some frames as they come: a run's first one, every 30th, every 10th of those that show a
-/// checkpoint, and all scenes.
+/// checkpoint, and its first scenes.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct ListedFrames {
     /// Frames since the last that is listed, in this run.
     since: Option<u64>,
+    /// Scenes of this run so far.
+    scenes: u64,
 }
 
 impl ListedFrames {
     /// A run begins, whose first frame is listed.
     pub(crate) fn begin_run(&mut self) {
-        self.since = None;
+        *self = Self::default();
     }
 
     /// Whether the next frame is listed.
@@ -35,7 +39,9 @@ impl ListedFrames {
             false => EVERY,
         };
         let since = self.since.map(|since| since + 1);
+        self.scenes += u64::from(is_scene);
         // Scenes are few, and no neighbour shows what one of them does.
+        let is_scene = is_scene && self.scenes <= SCENES;
         let listed = is_scene || since.is_none_or(|since| since >= every);
         self.since = if listed { Some(0) } else { since };
         listed
@@ -56,6 +62,8 @@ mod tests {
         };
         assert_eq!(at(0..0), [0, 30, 60]);
         assert_eq!(at(40..52), [0, 30, 40, 50]);
-        assert!((0..3).all(|_| frames.choose(true, false)));
+        frames.begin_run();
+        let scenes = (0..200).filter(|_| frames.choose(true, false)).count();
+        assert_eq!(scenes, 64 + 4);
     }
 }

@@ -43,10 +43,9 @@ pub struct PictureSink {
     tallies: Vec<Vec<CheckpointTally<FrameShot>>>,
     scenes: Vec<SceneFigure>,
     samples: Vec<CheckpointFigure>,
-    /// Every so manieth frame of recordings is shown.
-    stride: usize,
-    /// Frames of recordings so far.
-    recorded: usize,
+    /// The choice of samples among the frames taken, and among those asked for.
+    taken: SampleChoice,
+    asked: SampleChoice,
     start_ns: u64,
     outbox: Outbox<ReportPictures>,
 }
@@ -56,7 +55,6 @@ impl PictureSink {
     pub fn new(outbox: &Outbox<ReportPictures>) -> Self {
         Self {
             outbox: outbox.clone(),
-            stride: 1,
             ..Self::default()
         }
     }
@@ -83,8 +81,12 @@ impl Sink for PictureSink {
     }
 
     fn ask_for_maps(&mut self, frame: &Frame, shows_checkpoint: bool, needed: &mut [bool]) {
-        // Samples of recordings show what maps there are.
-        if shows_checkpoint || frame.name.is_some() {
+        let is_shown = match self.identity.run {
+            _ if !self.checkpoints.is_empty() => shows_checkpoint,
+            Some(_) => self.asked.next().is_some(),
+            None => frame.name.is_some(),
+        };
+        if is_shown {
             let pictured = pictured(&self.algorithms);
             for (needed, label) in needed.iter_mut().zip(&self.algorithms) {
                 *needed |= pictured.contains(&label.as_str());
@@ -148,23 +150,48 @@ impl Sink for PictureSink {
     }
 }
 
+/// Chooses frames that are spread evenly over those that came so far: at most twice the limit.
+#[derive(Default)]
+struct SampleChoice {
+    /// Frames so far.
+    frames: usize,
+    /// Doublings of the stride.
+    doublings: u32,
+    kept: usize,
+}
+
+impl SampleChoice {
+    /// The number of samples before the next frame if that is one, else none. If it is less than
+    /// before, every second one stays, from the first.
+    fn next(&mut self) -> Option<usize> {
+        let place = self.frames;
+        self.frames += 1;
+        let is_on_stride = |doublings: u32| place.is_multiple_of(1_usize << doublings);
+        if !is_on_stride(self.doublings) {
+            return None;
+        }
+        if self.kept == 2 * SAMPLES {
+            if !is_on_stride(self.doublings + 1) {
+                return None;
+            }
+            self.doublings += 1;
+            self.kept = SAMPLES;
+        }
+        self.kept += 1;
+        Some(self.kept - 1)
+    }
+}
+
 impl PictureSink {
     /// Keeps frames that are spread evenly over what came so far, at most twice the limit.
     fn sample(&mut self, judged: &Judged) -> Result<()> {
-        let place = self.recorded;
-        self.recorded += 1;
-        if !place.is_multiple_of(self.stride) {
+        let Some(kept) = self.taken.next() else {
             return Ok(());
-        }
-        if self.samples.len() == 2 * SAMPLES {
-            // Every second one stays, and half as many come from here on.
+        };
+        if kept < self.samples.len() {
             let mut places = 0..;
             self.samples
                 .retain(|_| places.next().is_some_and(|i: usize| i.is_multiple_of(2)));
-            self.stride *= 2;
-            if !place.is_multiple_of(self.stride) {
-                return Ok(());
-            }
         }
         let frame = &judged.frame;
         let seconds = frame.stamp_ns.saturating_sub(self.start_ns) as f64 / 1e9;

@@ -86,7 +86,7 @@ pub(crate) struct Args {
     /// Show the run in Rerun: a new viewer, a running one, or a file
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
     rerun: Option<RerunTarget>,
-    /// Maps for Rerun: those of all pairs (full), SSDPI apart, or of every 30th and of all scenes
+    /// Maps for Rerun: those of all pairs (full), SSDPI apart, or of every 30th and of the first 64 scenes
     /// (light); images, overlays and numbers are always those of all pairs
     #[arg(
         long,
@@ -166,6 +166,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ([], None) => vec![Algorithm::default()],
         (named, _) => named.to_vec(),
     };
+    let described = Scenario {
+        filters: args.filters.of_scenario()?,
+        ..Scenario::of_recordings(std::slice::from_ref(&name), algorithms.clone())?
+    };
+    let described = described.with(&args.options)?;
     let algorithms = with_filters(algorithms, &filters);
     let mut matchers = Matchers::new(&algorithms)?;
     warn_of_own_reference(&args.options, &algorithms)?;
@@ -173,6 +178,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     outputs.set_aside()?;
     let mut manifest = Manifest {
         bits: opened.header.bits,
+        description: Some(described.to_json()?),
         ..Manifest::new(opened.title(), &algorithms)?
     };
     manifest.set_rule(Judge::default().cells);

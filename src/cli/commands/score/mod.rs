@@ -90,7 +90,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "spawn|URL|FILE.rrd|none")]
     rerun: Option<RerunChoice>,
     /// Maps for Rerun: light has those of every 30th pair, of every 10th that shows a checkpoint,
-    /// and of all scenes; images, overlays and numbers are always those of all pairs
+    /// and of the first 64 scenes; images, overlays and numbers are always those of all pairs
     #[arg(long, value_name = "light|full", default_value = "light")]
     rerun_detail: RerunDetail,
     /// Score the truth itself: fail when a checkpoint fails that a perfect matcher would pass; the
