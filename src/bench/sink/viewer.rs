@@ -180,7 +180,8 @@ impl std::fmt::Display for RerunTarget {
 /// and SSDPI is that of some: no other map takes as much.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RerunDetail {
-    /// Those of every 30th frame, of every 10th of those that show a checkpoint, and of the first 64 scenes.
+    /// Those of every 30th frame, of every 10th of those that show a checkpoint, and of the first
+    /// 64 scenes.
     Light,
     /// Those of all frames.
     #[default]

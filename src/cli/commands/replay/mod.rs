@@ -86,8 +86,8 @@ pub(crate) struct Args {
     /// Show the run in Rerun: a new viewer, a running one, or a file
     #[arg(long, value_name = "spawn|URL|FILE.rrd")]
     rerun: Option<RerunTarget>,
-    /// Maps for Rerun: those of all pairs (full), SSDPI apart, or of every 30th and of the first 64 scenes
-    /// (light); images, overlays and numbers are always those of all pairs
+    /// Maps for Rerun: those of all pairs (full), SSDPI apart, or of every 30th and of the first 64
+    /// scenes (light); images, overlays and numbers are always those of all pairs
     #[arg(
         long,
         value_name = "light|full",
