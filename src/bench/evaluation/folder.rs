@@ -96,7 +96,7 @@ impl ReportContent {
         identity.extend(note.map(|note| ("not scored".to_owned(), note)));
         let page = ReportPage {
             gate: rulings
-                .map(|result| (result.state.words(), result.to_string()))
+                .map(|result| (result.state, result.to_string()))
                 .collect(),
             title: manifest.scenario.clone(),
             description: head.description.to_owned(),

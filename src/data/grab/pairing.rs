@@ -53,7 +53,20 @@ impl Unpaired {
         Unpaired::Unready,
     ];
 
-    /// Words that follow a number of images. Recordings hold them as keys: they do not change.
+    /// Its name in the metadata of recordings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Unpaired::Missed => "missed",
+            Unpaired::Skew => "skew",
+            Unpaired::Settings => "settings",
+            Unpaired::Overdue => "overdue",
+            Unpaired::Unfinished => "unfinished",
+            Unpaired::Damaged => "damaged",
+            Unpaired::Unready => "unready",
+        }
+    }
+
+    /// Words that follow a number of images.
     pub fn words(self) -> &'static str {
         match self {
             Unpaired::Missed => "whose trigger the other camera missed",

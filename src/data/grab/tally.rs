@@ -83,7 +83,7 @@ impl Tally {
             .zip(self.unpaired)
             .filter(|(_, n)| *n > 0);
         let unpaired =
-            unpaired.map(|(reason, n)| (format!("unpaired, {}", reason.words()), n.to_string()));
+            unpaired.map(|(reason, n)| (format!("unpaired_{}", reason.name()), n.to_string()));
         counts
             .chain(unpaired)
             .chain([("counts".to_owned(), self.to_string())])

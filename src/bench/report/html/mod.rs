@@ -7,6 +7,7 @@ mod scenes;
 mod tables;
 mod view;
 
+use super::gate::GateState;
 use super::page::fill;
 use super::plot::CourseMap;
 use super::rows::{CellRow, Row};
@@ -27,8 +28,8 @@ pub struct ReportPage {
     pub summary: Summary,
     /// Per algorithm the time of each pair, ms.
     pub times_ms: Vec<(String, Vec<f64>)>,
-    /// The limits of the scenario's gate, where it was asked for: a word, and what it is about.
-    pub gate: Vec<(&'static str, String)>,
+    /// The results of the scenario's limits, if they were asked for, in words.
+    pub gate: Vec<(GateState, String)>,
     pub sweeps: Vec<ParameterSweep>,
     /// One per checkpoint, or per frame that is shown of a recording.
     pub figures: Vec<CheckpointFigure>,

@@ -1,5 +1,6 @@
 //! The values of the page's template, numbers as text.
 
+use super::super::gate::GateState;
 use super::super::plot::CourseMap;
 use super::super::side_table::SideTable;
 use super::super::words::{VERDICTS, columns, speed_columns};
@@ -26,7 +27,8 @@ pub(super) struct ReportPageView<'a> {
     coverage: Vec<PlotView>,
     checkpoints: Option<AlgorithmTableView<'a>>,
     verdicts: &'static str,
-    gate: &'a [(&'static str, String)],
+    /// State, its word, and the result.
+    gate: Vec<(GateState, &'static str, &'a str)>,
     speed: Option<AlgorithmTableView<'a>>,
     speed_plots: Vec<PlotView>,
     figures: Vec<FigureView<'a>>,
@@ -73,7 +75,9 @@ impl<'a> ReportPageView<'a> {
             coverage: coverage(page)?,
             checkpoints: AlgorithmTableView::from_checkpoints(summary),
             verdicts: VERDICTS,
-            gate: &page.gate,
+            gate: (page.gate.iter())
+                .map(|(state, text)| (*state, state.words(), text.as_str()))
+                .collect(),
             speed: AlgorithmTableView::from_columns(
                 "Speed per algorithm",
                 speed_columns(),
