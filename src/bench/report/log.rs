@@ -44,6 +44,7 @@ impl EarlierRun {
         let resumed = std::mem::replace(&mut manifest.began, earlier.began);
         manifest.run_id = earlier.run_id;
         manifest.resumed = earlier.resumed;
+        manifest.warnings = earlier.warnings;
         manifest.resumed.push(resumed);
         Ok(Some(Self { others }))
     }
