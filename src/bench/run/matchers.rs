@@ -21,6 +21,8 @@ pub(super) struct RunMatcher {
     failed_pairs: u64,
     failure: Option<String>,
     is_failing: bool,
+    /// Whether its result of a pair was found equal to that of an earlier part of the run.
+    pub(super) is_verified: bool,
     /// Maps that the sinks are done with.
     spent: Vec<DisparityMap>,
     memory: Option<MemoryUse>,
@@ -47,6 +49,7 @@ impl RunMatcher {
             failed_pairs: 0,
             failure: None,
             is_failing: false,
+            is_verified: false,
             spent: Vec::new(),
             memory: None,
             max_disparity: algorithm.max_disparity(),
@@ -208,6 +211,26 @@ impl RunMatcher {
                  what is nearer than {obstacle_m} m: it takes more than {px} px",
                 self.label
             );
+        }
+    }
+
+    /// Compares its result of a pair with that of an earlier part of the run.
+    pub(super) fn verify(
+        &mut self,
+        output: &MatchOutput,
+        earlier: &LoggedResult,
+        sequence: u64,
+    ) -> Result<()> {
+        let hash = output.disparity.hash();
+        let hash = output.grid.as_ref().map_or(hash, |grid| grid.hash(hash));
+        self.is_verified = hash == earlier.hash;
+        match self.is_verified {
+            true => Ok(()),
+            false => Err(Error::Invalid(format!(
+                "{}: its result of pair {sequence} is another than in the part of the run before: \
+                 the program or its model changed; without --resume all is scored anew",
+                self.label
+            ))),
         }
     }
 

@@ -143,7 +143,16 @@ impl<'a> Matching<'a> {
             }
         }
         let logged = self.logged(frame);
-        let is_known = |i: usize| logged[i].is_some() && self.needed.get(i) == Some(&false);
+        // The first result of a log is matched again: another program behind the same command would
+        // go on with other results.
+        let is_verified: Vec<_> = self
+            .matchers
+            .0
+            .iter()
+            .map(|entry| entry.is_verified)
+            .collect();
+        let is_known =
+            |i: usize| logged[i].is_some() && is_verified[i] && self.needed.get(i) == Some(&false);
         // In turns, so that a slow moment of the machine meets all algorithms.
         let mut rounds: Vec<_> = self.matchers.0.iter().map(|_| Ok(Vec::new())).collect();
         for _ in 0..self.rounds.unwrap_or(1) {
@@ -176,6 +185,9 @@ impl<'a> Matching<'a> {
             match outputs.and_then(|outputs| entry.median(outputs)) {
                 Ok(output) => {
                     entry.succeeded();
+                    if let Some(earlier) = logged[i] {
+                        entry.verify(&output, earlier, frame.sequence)?;
+                    }
                     let times = logged[i].map_or_else(|| output.clock.times(), |r| r.times());
                     of_frame.matched.push(Matched {
                         algorithm: entry.label.clone(),

@@ -6,7 +6,7 @@ use crate::run::{Matchers, Pace, run_through};
 use crate::runs::{ScoredSource, runs};
 use crate::sink::{CollectSink, RunStart, Sink};
 use crate::source::Source;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 use svl_core::filter::{Features, FilterKind, FilterModel, Spectrum};
 use svl_core::{Error, Result, interrupt};
@@ -49,7 +49,8 @@ pub fn windows(
 ) -> Result<(WindowSamples, Vec<String>)> {
     let recordings = labelled.iter().map(|of| of.runs.len()).sum();
     let mut samples = WindowSamples::new(kind, features, SamplePart::deal(recordings));
-    let mut names = Vec::new();
+    let mut names: Vec<String> = Vec::new();
+    let mut owners = HashMap::new();
     for of in labelled {
         let LabelledRuns {
             scenario,
@@ -78,7 +79,7 @@ pub fn windows(
                         None => WindowLabels::Truth { range_px },
                     };
                     let added = samples.add(&mut spectrum, frame, group, &labels);
-                    added.map(|()| (frame.sequence, samples))
+                    added.map(|()| (frame.sequence, judged.pair_hash(), samples))
                 })
             };
             let collected = of_frame.outbox();
@@ -99,8 +100,16 @@ pub fn windows(
             }
             let before = samples.samples.len();
             for of_frame in collected.take() {
-                let (sequence, of_frame) =
+                let (sequence, pair, of_frame) =
                     of_frame.map_err(|e| Error::Invalid(format!("{name}: {e}")))?;
+                // Training and test are never on the same pairs.
+                let owner = owners.entry(pair).or_insert(group);
+                if let Some(other) = names.get(*owner) {
+                    return Err(Error::Usage(format!(
+                        "{name}: frame {sequence} is a frame of {other}, too; name each recording \
+                         once"
+                    )));
+                }
                 frames.insert(sequence);
                 samples.append(of_frame);
             }

@@ -32,7 +32,7 @@ pub(in crate::cli) struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Exit with 0 where no more is lost in all parts together: N pairs, or P per cent, as `svl
-    /// score` counts them [default: that of the run; 0]
+    /// score` counts them [default: the strictest of the parts'; 0]
     #[arg(long, value_name = "N|P%", allow_negative_numbers = true)]
     allow_loss: Option<LossLimit>,
     /// Print JSON

@@ -72,6 +72,16 @@ impl ProgramRecord {
         parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
     }
 
+    /// Name, version and model, as far as it says them.
+    pub fn identity(&self) -> String {
+        let parts = [&self.name, &self.version, &self.model];
+        let said: Vec<_> = parts.into_iter().flatten().map(String::as_str).collect();
+        match said.is_empty() {
+            true => "a program that does not say what it is".to_owned(),
+            false => said.join(" "),
+        }
+    }
+
     /// Whether the time that it reports leaves out work: it answers far later.
     pub fn is_time_doubtful(&self) -> bool {
         let limit_us = self.reported_us + self.reported_us / 4 + ODD_US;

@@ -155,7 +155,7 @@ impl DepthGrid {
 
     /// Hash of the disparities of all cells and of another hash. Probabilities are left out, as
     /// their last digits depend on the machine.
-    pub(crate) fn hash(&self, other: u128) -> u128 {
+    pub fn hash(&self, other: u128) -> u128 {
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
         hasher.update(&other.to_le_bytes());
         for cell in &self.cells {

@@ -5,6 +5,7 @@
 
 use super::Manifest;
 use serde_json::Value;
+use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result};
 
 /// Why two runs are held against each other.
@@ -106,6 +107,14 @@ impl Manifest {
             }
         };
         each_field(Some(&ours), Some(&theirs), "", &mut keep);
+        if purpose == Merge {
+            let both = self.algorithms.iter().zip(&other.algorithms);
+            differing.extend(both.filter_map(|(ours, theirs)| {
+                let [own, other] = [&ours.program, &theirs.program].map(Option::as_ref);
+                let [own, other] = [own?, other?].map(ProgramRecord::identity);
+                (own != other).then(|| format!("{}: {own} and {other}", ours.label))
+            }));
+        }
         Ok(differing)
     }
 

@@ -146,7 +146,7 @@ impl Reader {
     /// The truth of another sensor in the recording.
     ///
     /// # Errors
-    /// Those of [`TruthTopic::open`].
+    /// [`Error::Format`] for a topic that cannot be the truth; [`Error::Io`].
     pub fn truth(&self, selection: &TruthSelection) -> Result<TruthTopic> {
         let ([left, _], pairs) = (self.source.topics(), self.source.stamps());
         TruthTopic::open(&self.recording, left, pairs, selection)

@@ -336,11 +336,11 @@ impl File {
             .algorithms
             .iter()
             .map(|a| a.parse())
-            .collect::<Result<_>>()?;
+            .collect::<Result<Vec<Algorithm>>>()?;
         let gate = self
             .gate
             .into_iter()
-            .map(|limit| check_limit(limit, text, &self.checkpoint));
+            .map(|limit| check_limit(limit, text, &self.checkpoint, &algorithms));
         let gate = gate.collect::<Result<_>>()?;
         for (i, filter) in self.filter.iter().enumerate() {
             if self.filter[..i].iter().any(|f| f.detects == filter.detects) {
@@ -383,6 +383,7 @@ fn check_limit(
     limit: toml::Spanned<Limit>,
     text: &str,
     checkpoints: &[Checkpoint],
+    algorithms: &[Algorithm],
 ) -> Result<Limit> {
     let line = line(text, limit.span().start);
     let limit = Limit {
@@ -394,8 +395,11 @@ fn check_limit(
         .into_iter()
         .flatten()
     {
-        without_filters(name)
-            .parse::<Algorithm>()
+        let name = without_filters(name);
+        if algorithms.iter().any(|algorithm| algorithm.label() == name) {
+            continue;
+        }
+        name.parse::<Algorithm>()
             .map_err(|e| Error::Invalid(format!("gate in line {line}: {e}")))?;
     }
     match limit.checkpoint {

@@ -50,6 +50,16 @@ fn write_filter(fixture: &Fixture) {
 }
 
 #[test]
+fn a_recording_is_not_named_twice() {
+    let fixture = Fixture::new();
+    write_floors(&fixture, "floors.toml", 3);
+    fixture.fails(
+        "-q train filter floors.toml floors.toml --filter floor --hidden 2 -o f.safetensors => \
+         2: floors seed 11: frame 0 is a frame of floors seed 11 | name each recording once",
+    );
+}
+
+#[test]
 fn the_page_of_a_training_shows_errors_and_curves() {
     assert_says(
         &FLOOR.1,
@@ -358,8 +368,8 @@ fn what_cannot_be_trained_or_run_is_refused_in_one_line() {
         train filter short.toml --filter floor -o mine.safetensors => 1: mine.safetensors
         train filter short.toml --filter floor --hidden 0 -o t.safetensors => 2: --hidden | 55
         -q train filter short.toml --filter floor -o t.safetensors => 1: 2 recordings | three
-        -q train filter a.mcap b.mcap c.mcap --filter floor -o t.safetensors => 1: 15 windows | \
-         'floor' | at least 20
+        -q train filter a.mcap b.mcap c.mcap --filter floor -o t.safetensors => 2: b.mcap: frame 0 \
+         is a frame of a.mcap, too
         -q train filter short.toml --seeds 1..3 --filter too-close -o t.safetensors => 1: windows \
          labelled 'too-close' | at least 20
         label windows run.mcap => 2: --filter

@@ -186,3 +186,43 @@ fn an_unfinished_run_is_not_replaced_without_a_word() {
     let ran = fixture.svl("score short.toml --algo v3 --out r");
     assert_says(&ran.stderr, &["unfinished run", "--resume"]);
 }
+
+#[cfg(unix)]
+#[test]
+fn another_program_behind_the_same_command_does_not_go_on() {
+    let fixture = Fixture::new();
+    std::fs::create_dir(fixture.path("pairs")).unwrap();
+    for i in 0..60 {
+        let [left, right] = ["left", "right"].map(|side| format!("pairs/{side}_{i:04}.pgm"));
+        fixture.write_pair(&left, &right, (32, 24), i);
+    }
+    let program = |byte: &str| {
+        let text = COUNTS.replace("/dev/zero", &format!("answer-{byte}"));
+        fixture.write("model", byte);
+        fixture.write(
+            "counts.sh",
+            text.replace(&format!("answer-{byte}"), "answer"),
+        );
+        // Disparities of 0 or of 2.
+        let float: &[u8] = if byte == "0" {
+            &[0, 0, 0, 0]
+        } else {
+            &[0, 0, 0, 0x40]
+        };
+        fixture.write("answer", float.repeat(32 * 24));
+    };
+    program("0");
+    let algorithm = "exec:command=sh -c '. ./counts.sh'";
+    let line = [
+        "score", "pairs", "-q", "--out", "r", "--rerun", "none", "--algo", algorithm,
+    ];
+    fixture.run(&line);
+    let rows = fixture.text("r/rows.csv");
+    let kept: Vec<_> = rows.lines().take(50).collect();
+    fixture.write("r/rows.csv", kept.join("\n") + "\n");
+    std::fs::remove_file(fixture.path("r/summary.json")).unwrap();
+    let again = [&line[..], &["--resume"]].concat();
+    program("1");
+    let ran = fixture.svl(&again);
+    ran.failed(1, &["its result of pair 0 is another", "without --resume"]);
+}

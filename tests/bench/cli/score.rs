@@ -317,6 +317,25 @@ fn other_seeds_are_scored_and_said() {
 }
 
 #[test]
+fn a_limit_names_an_algorithm_by_its_label() {
+    let fixture = Fixture::new();
+    fixture.write_recorded_arena("short.toml", 4);
+    let gate = "[[gate]]\nalgorithm = \"fast\"\nmetric = \"wrong\"\nmax = 1.0\n";
+    let text = fixture.text("short.toml");
+    let is_own = |line: &&str| !line.starts_with("algorithms = ");
+    let rest: Vec<_> = text
+        .lines()
+        .filter(is_own)
+        .take_while(|line| *line != "[[gate]]")
+        .collect();
+    let named = "algorithms = [\"fast=v3:max_disparity=48\"]";
+    let text = [&[named], &rest[..], &[gate]].concat();
+    fixture.write("label.toml", text.join("\n"));
+    let text = fixture.run("score label.toml -q --gate --out r --rerun none");
+    assert_says(&text, &["pass", "fast: "]);
+}
+
+#[test]
 fn the_safe_choice_decides_the_cells_of_any_map() {
     let fixture = Fixture::new();
     fixture.write_recorded_arena("median.toml", 40);

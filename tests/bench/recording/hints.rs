@@ -3,17 +3,21 @@
 use super::bag::{self, Camera, Message, camera_info_of, ros_image};
 use super::frames::{PERIOD_NS, image, read, record};
 use super::sensor::{cloud, tf};
+use super::stamps::stamped;
 use crate::cli::fixture::{Fixture, assert_says};
 use svl::recording::ImageFormat;
 use svl::stereo::{Frame, StereoPair};
 
 const SIZE: (usize, usize) = (64, 48);
 /// Words by which the hints are known: exchanged images, scale, calibration, transform.
-const HINTS: [&str; 4] = [
+const HINTS: [&str; 7] = [
     "look exchanged",
     "probably",
     "the calibration changes",
     "is used for /points",
+    "images without a stamp",
+    "images share a stamp",
+    "not in 'lidar'",
 ];
 
 /// The warnings of a score that are hints, as indices of [`HINTS`] with their lines.
@@ -176,4 +180,38 @@ fn transforms_that_differ_are_noticed() {
         &found[0].1,
         &["/tf_static", "'lidar' in 'cam' differ by 0.2000 m"],
     );
+}
+
+#[test]
+fn stamps_that_say_little_are_noticed() {
+    let fixture = Fixture::new();
+    let messages = |stamp_of: &dyn Fn(u64) -> u64| {
+        let places = 0_u64..;
+        let all = pairs(&[-14.0; 4]).into_iter().zip(places);
+        let all = all.map(|(message, place)| {
+            let pair = place / 4;
+            stamped(&message, stamp_of(pair), stamp(pair))
+        });
+        bag::write(&fixture.path(""), &all.collect::<Vec<_>>());
+    };
+    messages(&stamp);
+    assert_eq!(hints(&fixture, "bag.mcap --algo v3"), []);
+    messages(&|_| 0);
+    let line = only(&fixture, "bag.mcap --algo v3", 4);
+    assert_says(&line, &["/cam0/image_rect", "the time of the log"]);
+    messages(&|_| stamp(0));
+    let line = only(&fixture, "bag.mcap --algo v3", 5);
+    assert_says(&line, &["in the order of the file"]);
+}
+
+#[test]
+fn measurements_in_another_frame_than_the_first_are_left_out() {
+    let fixture = Fixture::new();
+    let mut messages = vec![tf("/tf_static", &[("cam", "lidar", [0.1, 0.0, 0.0])])];
+    messages.extend(pairs(&[-14.0; 3]));
+    let frames = ["lidar", "other", "/lidar"].into_iter().zip(0..);
+    messages.extend(frames.map(|(frame, i)| cloud(frame, stamp(i), &[[0.0, 0.0, 1.0]])));
+    bag::write(&fixture.path(""), &messages);
+    let line = only(&fixture, "bag.mcap --truth /points --algo v3", 6);
+    assert_says(&line, &["/points", "it is in 'other'", "left out"]);
 }

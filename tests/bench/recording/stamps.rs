@@ -7,7 +7,7 @@ use svl::recording::ImageFormat;
 use svl::source::{RecordingSource, Source};
 
 /// The message with this stamp in its header and this log time.
-fn stamped(message: &Message, stamp: u64, log_time: u64) -> Message {
+pub(super) fn stamped(message: &Message, stamp: u64, log_time: u64) -> Message {
     let mut data = message.data.clone();
     data[4..8].copy_from_slice(&((stamp / 1_000_000_000) as u32).to_le_bytes());
     data[8..12].copy_from_slice(&((stamp % 1_000_000_000) as u32).to_le_bytes());

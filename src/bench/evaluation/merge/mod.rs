@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use svl_core::matcher::{Algorithm, ProgramRecord};
 use svl_core::{Error, Result};
 use svl_data::files::relative_path;
-use svl_data::losses::{LossLimit, Missing, RunEnding};
+use svl_data::losses::{LossLimit, Missing, RunEnding, RunState};
 use svl_data::manifest::{AlgorithmRecord, Manifest, PartRecord, Purpose};
 use tables::{FoundPart, MergeOrder, TableMerge};
 
@@ -195,8 +195,21 @@ fn merge(
     parts
         .iter()
         .for_each(|found| missing.add(found.missing.clone()));
-    let allowed = allow_loss.or(manifest.allow_loss()?);
-    let ending = RunEnding::new(missing, allowed);
+    let limits = match allow_loss {
+        Some(limit) => vec![Some(limit)],
+        None => {
+            let limits = parts.iter().map(|found| found.manifest.allow_loss());
+            limits.collect::<Result<_>>()?
+        }
+    };
+    // The strictest of the parts' limits holds for all of them.
+    let endings = limits.into_iter();
+    let endings = endings.map(|limit| RunEnding::new(missing.clone(), limit));
+    let endings: Vec<_> = endings.collect();
+    let strictest = endings
+        .iter()
+        .find(|ending| ending.state == RunState::Lossy);
+    let ending = strictest.unwrap_or(&endings[0]).clone();
     let (summary, _) = collected.write(out, head, manifest, ending, console.warnings())?;
     Ok(summary)
 }

@@ -38,6 +38,9 @@ pub struct ScenarioHistory {
     pub reports: Vec<HistoryReport>,
     /// The number of pairs that all reports have, on which they are compared; absent for drives.
     pub pairs: Option<usize>,
+    /// Algorithms that do not have the same pairs in all reports, with the number that they are
+    /// compared on.
+    pub fewer: Vec<(String, usize)>,
     pub lines: Vec<HistoryLine>,
 }
 
@@ -75,6 +78,13 @@ fn pairs(run: &ScoredRun) -> BTreeSet<HistoryPair<'_>> {
         (run_key(row), row.sequence, row.input_hash.as_str())
     };
     run.rows.iter().map(pair).collect()
+}
+
+/// The pairs that an algorithm has a result of.
+fn pairs_of<'a>(run: &'a ScoredRun, label: &str) -> BTreeSet<HistoryPair<'a>> {
+    let rows = run.rows.iter().filter(|row| row.algorithm == label);
+    rows.map(|row| (run_key(row), row.sequence, row.input_hash.as_str()))
+        .collect()
 }
 
 /// The pairs that all of these reports have.
@@ -150,7 +160,7 @@ impl History {
         let scenarios = self.scenarios.iter().map(|scenario| {
             Ok(ScenarioView {
                 scenario,
-                uneven: scenario.uneven(),
+                notes: scenario.notes(),
                 plots: scenario.plots()?,
             })
         });
@@ -170,12 +180,33 @@ impl ScenarioHistory {
         let is_driven = runs.iter().any(|run| !run.drives.is_empty());
         let common = common_pairs(runs);
         let count = |run: &ScoredRun| (!is_driven).then(|| pairs(run).len());
+        // Pairs that an algorithm failed on in one report are not its own in the others.
+        let labels: BTreeSet<_> = runs.iter().flat_map(ScoredRun::labels).collect();
+        let own_pairs = |label: &str| -> Vec<BTreeSet<HistoryPair<'_>>> {
+            let sets = runs.iter().map(|run| pairs_of(run, label));
+            sets.filter(|pairs| !pairs.is_empty()).collect()
+        };
+        let of_algorithm = |label: &'_ str| {
+            let sets = own_pairs(label).into_iter();
+            let own = sets.reduce(|a, b| a.intersection(&b).copied().collect());
+            own.unwrap_or_default()
+        };
+        let of_algorithms: Vec<_> = labels
+            .iter()
+            .map(|label| (*label, of_algorithm(label)))
+            .collect();
         // Checkpoints are of whole runs.
-        let are_equal = runs.iter().all(|run| count(run) == Some(common.len()));
+        let are_whole = |(label, common): &(&str, BTreeSet<_>)| {
+            own_pairs(label).iter().all(|own| own.len() == common.len())
+        };
+        let are_equal = of_algorithms.iter().all(are_whole);
         let summaries = runs.iter().map(|run| {
             let is_common = |row: &&Row| {
                 let pair = (run_key(row), row.sequence, row.input_hash.as_str());
-                is_driven || common.contains(&pair)
+                let has_it = |(own, result): &(&str, BTreeSet<_>)| {
+                    *own == row.algorithm && result.contains(&pair)
+                };
+                is_driven || of_algorithms.iter().any(has_it)
             };
             let rows: Vec<_> = run.rows.iter().filter(is_common).cloned().collect();
             let checkpoints = if are_equal { &run.checkpoints[..] } else { &[] };
@@ -229,6 +260,11 @@ impl ScenarioHistory {
             scenario: runs[0].manifest.scenario.clone(),
             reports: runs.iter().map(report).collect(),
             pairs: (!is_driven).then_some(common.len()),
+            fewer: of_algorithms
+                .iter()
+                .filter(|of| !is_driven && !are_whole(of))
+                .map(|(label, common)| ((*label).to_owned(), common.len()))
+                .collect(),
             lines,
         })
     }
@@ -239,6 +275,19 @@ impl ScenarioHistory {
         processors
             .into_iter()
             .any(|two| two[0].processor != two[1].processor)
+    }
+
+    /// The pairs that are compared, where they are not all, a line each.
+    fn notes(&self) -> Vec<String> {
+        let common = self.uneven();
+        let common = common.map(|common| format!("Compared on the {common} pairs of all reports."));
+        let fewer = self.fewer.iter();
+        let fewer = fewer.map(|(label, n)| format!("{label}: compared on its {n} common pairs."));
+        let mut notes: Vec<_> = common.into_iter().chain(fewer).collect();
+        if !notes.is_empty() {
+            notes.push("Checkpoints are of whole runs, so they are not compared.".to_owned());
+        }
+        notes
     }
 
     /// The number of common pairs, if not all reports have the same ones.
@@ -340,11 +389,8 @@ impl Display for ScenarioHistory {
         for (i, report) in (1..).zip(&self.reports) {
             writeln!(f, "{i:>4}  {}", report.words(self.uneven().is_some()))?;
         }
-        if let Some(common) = self.uneven() {
-            writeln!(
-                f,
-                "Compared on the {common} pairs of all reports, without checkpoints."
-            )?;
+        for note in self.notes() {
+            writeln!(f, "{note}")?;
         }
         let names = self.lines.iter().map(|line| line.algorithm.chars().count());
         let width = names.max().unwrap_or(0).clamp(9, 19);
@@ -402,7 +448,7 @@ struct HistoryView<'a> {
 #[derive(Serialize)]
 struct ScenarioView<'a> {
     scenario: &'a ScenarioHistory,
-    uneven: Option<usize>,
+    notes: Vec<String>,
     plots: Vec<HistoryPlotView>,
 }
 

@@ -46,8 +46,13 @@ pub(super) struct Foreign {
     size: (usize, usize),
     /// The recording, as warnings name it.
     name: String,
-    /// Whether the user was warned of a calibration that changes.
+    /// Whether the user was warned of a calibration that changes, of images without a stamp, and of
+    /// images that share one.
     warned_of_change: bool,
+    warned_of_stamps: bool,
+    warned_of_order: bool,
+    /// The last stamp of each camera.
+    last_ns: [Option<u64>; 2],
 }
 
 impl Foreign {
@@ -76,6 +81,9 @@ impl Foreign {
             size: (0, 0),
             name: recording.path().display().to_string(),
             warned_of_change: false,
+            warned_of_stamps: false,
+            warned_of_order: false,
+            last_ns: [None; 2],
         };
         let mut first = FirstImages::default();
         for file in recording.files() {
@@ -192,6 +200,29 @@ impl Foreign {
         Ok(())
     }
 
+    /// Warns once of images that have no stamp, and of images that share one.
+    fn check_stamp(&mut self, side: Side, stamp: Option<u64>, log_time: u64) {
+        let topic = &self.images[side as usize];
+        // A stamp of 0 reads as none; where the time of the log is 0 too, it is a stamp.
+        if stamp.is_none() && log_time > 0 && !std::mem::replace(&mut self.warned_of_stamps, true) {
+            tracing::warn!(
+                "{}: {topic}: images without a stamp; the time of the log, which is later, stands \
+                 in for it: pairs and their truth may be of different moments",
+                self.name
+            );
+        }
+        let stamp = stamp.unwrap_or(log_time);
+        let is_repeated = self.last_ns[side as usize].replace(stamp) == Some(stamp);
+        if is_repeated && !std::mem::replace(&mut self.warned_of_order, true) {
+            tracing::warn!(
+                "{}: {topic}: images share a stamp, {:.3} s; they are paired in the order of the \
+                 file: where one is missing, the pairs behind it are of different moments",
+                self.name,
+                stamp as f64 / 1e9
+            );
+        }
+    }
+
     fn warn_of_change(&self, topic: &str, log_time: u64, change: &CalibrationChange) {
         let used = match self.are_raw() {
             true => "all pairs are rectified by the first one",
@@ -230,6 +261,7 @@ impl PairSource for Foreign {
                 let (stamp, image) = image::decode(channel, data)?;
                 let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
                 let bytes = image.as_ref().map_or(0, |image| image.image.bytes());
+                self.check_stamp(side, stamp, log_time);
                 self.partners
                     .push(side, stamp.unwrap_or(log_time), image, bytes);
             }

@@ -3,6 +3,7 @@
 //! One pass over the recording collects the stamps of pairs and measurements, 16 bytes each. The
 //! measurements themselves are read on their own, in the order of the file where the pairs are.
 
+use super::transforms::plain;
 use super::{Channel, EventReader, FileEvent, Recording, kind};
 use crate::recording::foreign::PairStamps;
 use kind::{Measured, MeasuredKind};
@@ -68,6 +69,8 @@ pub(super) struct Measurements {
     /// Those that the current pair or later ones need, by number, with their stamps.
     held: BTreeMap<u64, (u64, Arc<Measured>)>,
     unreadable: BTreeSet<u64>,
+    /// The sensor's frame, whose transform is used; empty if none is needed.
+    frame: String,
 }
 
 impl Measurements {
@@ -78,12 +81,14 @@ impl Measurements {
     pub(super) fn find(
         recording: &Recording,
         (topic, limit_ns): (&str, u64),
+        frame: &str,
         kind: &'static MeasuredKind,
         mut of_pairs: PairStamps,
         look: &mut dyn FnMut(&Channel, &[u8]),
     ) -> Result<std::result::Result<Self, String>> {
         let (mut pairs, mut stamps) = (Vec::new(), Vec::new());
         let (mut starts, mut next) = (Vec::new(), 0);
+        let mut without_stamp = 0;
         for file in recording.files() {
             starts.push(next);
             let mut messages = file.messages()?;
@@ -101,12 +106,22 @@ impl Measurements {
                 of_pairs.take_in(channel, log_time, &data, kind::head, &mut pairs);
                 if channel.topic == topic {
                     let head = kind::head(channel, &data);
+                    let has_none = matches!(&head, Ok((None, _))) && log_time > 0;
+                    without_stamp += u64::from(has_none);
                     stamps.extend(head.map(|(stamp, _)| (stamp.unwrap_or(log_time), next)));
                     next += 1;
                 }
             }
         }
         of_pairs.end(&mut pairs);
+        if without_stamp > 0 {
+            let path = recording.path().display();
+            let measurements = svl_core::counted(without_stamp, "measurement");
+            tracing::warn!(
+                "{path}: --truth {topic}: {measurements} without a stamp; the time of the \
+                 log, which is later, stands in for it"
+            );
+        }
         pairs.sort_by_key(|(stamp, _)| *stamp);
         stamps.sort_by_key(|(stamp, _)| *stamp);
         let first = recording.files().next();
@@ -124,6 +139,7 @@ impl Measurements {
             next: 0,
             held: BTreeMap::new(),
             unreadable: BTreeSet::new(),
+            frame: frame.to_owned(),
         };
         Ok(found
             .check_clock()
@@ -235,11 +251,21 @@ impl Measurements {
                     let this = self.next;
                     self.next += 1;
                     let head = kind::head(channel, &data).ok();
-                    let is_later = head.is_some_and(|(s, _)| s.unwrap_or(log_time) > stamp_ns);
+                    let stamp = head.as_ref().map(|(stamp, _)| stamp.unwrap_or(log_time));
+                    let is_later = stamp.is_some_and(|stamp| stamp > stamp_ns);
                     if this != number && (!is_later || bytes(&self.held) > HELD_BYTES) {
                         continue;
                     }
-                    match self.kind.read(channel, log_time, &data) {
+                    let frame = head.map_or_else(String::new, |(_, frame)| frame);
+                    let is_own = self.frame.is_empty() || plain(&frame) == self.frame;
+                    let read = match is_own {
+                        true => self.kind.read(channel, log_time, &data),
+                        false => Err(format!(
+                            "it is in '{frame}', not in '{}' as the first one",
+                            self.frame
+                        )),
+                    };
+                    match read {
                         Ok((stamp, measured)) => {
                             self.held.insert(this, (stamp, Arc::new(measured)));
                         }

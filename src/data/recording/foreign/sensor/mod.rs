@@ -113,7 +113,8 @@ impl TruthTopic {
             }
         };
         let of = (topic.as_str(), *max_skew_ns);
-        let measurements = Measurements::find(recording, of, kind, pairs, &mut look)?;
+        let measurements =
+            Measurements::find(recording, of, setup.sensor_frame(), kind, pairs, &mut look)?;
         if let Some(conflict) = conflict {
             let path = recording.path().display();
             tracing::warn!(

@@ -117,6 +117,11 @@ impl Setup {
         }))
     }
 
+    /// The frame of the sensor, as its first message names it.
+    pub(super) fn sensor_frame(&self) -> &str {
+        plain(&self.frames[1])
+    }
+
     /// A transform between sensor and camera in a message that differs from the one used.
     pub(super) fn conflict(&self, channel: &Channel, data: &[u8]) -> Option<Conflict> {
         let [left, sensor] = &self.frames;
