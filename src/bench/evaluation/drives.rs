@@ -9,7 +9,7 @@ use crate::drive::{Course, DrivePlan, DriveResult};
 use crate::outputs::{Outputs, write_json};
 use crate::report::html::CheckpointFigure;
 use crate::report::{
-    CellRow, CoursePlan, DriveRow, EarlierRun, FailureRow, GateResult, Row, Summary, Table,
+    CellRow, CoursePlan, DriveRow, EarlierRun, FailureRow, GateResult, Row, Summary, TableWriter,
     TrackRow, whole_rows,
 };
 use crate::run::{Monitor, Pace, ending};
@@ -179,11 +179,11 @@ impl EarlierDrives {
 struct DriveReport {
     folder: PathBuf,
     manifest: Manifest,
-    rows: Table<Row>,
-    cells: Table<CellRow>,
-    drives: Table<DriveRow>,
-    tracks: Table<TrackRow>,
-    failures: Table<FailureRow>,
+    rows: TableWriter<Row>,
+    cells: TableWriter<CellRow>,
+    drives: TableWriter<DriveRow>,
+    tracks: TableWriter<TrackRow>,
+    failures: TableWriter<FailureRow>,
     collected: ReportContent,
     track: Vec<TrackRow>,
     plans: Vec<CoursePlan>,
@@ -197,11 +197,11 @@ impl DriveReport {
         Ok(Self {
             folder: folder.to_owned(),
             manifest,
-            rows: Table::create_both(folder, "rows")?,
-            cells: Table::create_both(folder, "cells")?,
-            drives: Table::create_both(folder, "drives")?,
-            tracks: Table::create_both(folder, "tracks")?,
-            failures: Table::create_both(folder, "failures")?,
+            rows: TableWriter::create_both(folder, "rows")?,
+            cells: TableWriter::create_both(folder, "cells")?,
+            drives: TableWriter::create_both(folder, "drives")?,
+            tracks: TableWriter::create_both(folder, "tracks")?,
+            failures: TableWriter::create_both(folder, "failures")?,
             collected: ReportContent::default(),
             track: Vec::new(),
             plans: Vec::new(),

@@ -16,7 +16,7 @@ use svl_core::{Error, Result};
 use svl_data::losses::RunEnding;
 use svl_data::manifest::{Manifest, PartRecord, hash};
 use svl_data::scenario::Limit;
-use svl_data::score::Metric;
+use svl_data::score::{ColumnChoice, Metric};
 
 /// Outlines and routes of the courses.
 pub const COURSES: &str = "courses.json";
@@ -34,6 +34,7 @@ pub struct ReportHead<'a> {
     /// Whether times are of matching alone.
     pub measured: bool,
     pub algorithms: &'a [Algorithm],
+    pub columns: &'a ColumnChoice,
     /// By what the algorithms are sorted.
     pub sort: Option<&'a Metric>,
     /// Limits that are judged.
@@ -71,11 +72,13 @@ impl ReportContent {
         let ReportPictures { figures, scenes } = self.pictures;
         summary.ending = ending;
         summary.rule = head.rule;
+        summary.columns = head.columns.clone();
         summary.measured = head.measured;
         summary.complete(&mut manifest);
         if let Some(metric) = head.sort {
             summary.sort_by(metric);
         }
+        summary.find_leads(&self.rows, &self.drives);
         for run in &mut manifest.runs {
             run.pairs_hash = pairs_hash(&self.rows, &run.name);
         }

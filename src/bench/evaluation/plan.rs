@@ -69,6 +69,7 @@ impl EvaluationPlan<'_> {
             rule: scenario.cells,
             measured,
             algorithms: &scenario.algorithms,
+            columns: &scenario.columns,
             sort: self.sort,
             limits: if self.gate { &scenario.gate } else { &[] },
         }

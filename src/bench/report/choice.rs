@@ -4,9 +4,6 @@ use super::summary::{AlgorithmSummary, Summary};
 use std::cmp::Ordering;
 use svl_data::score::{Better, METRICS, Metric};
 
-/// From so many algorithms on a table's notes name the best ones: fewer are seen at a glance.
-const MANY: usize = 8;
-
 impl Summary {
     /// Sorts the algorithms by a metric, the best first, those without a value last. Of a metric
     /// that has no better direction the largest is first.
@@ -15,10 +12,11 @@ impl Summary {
         let value = |a: &AlgorithmSummary| self.ranked(a, metric);
         algorithms.sort_by(|a, b| better_first(metric, value(a), value(b)));
         self.algorithms = algorithms;
+        self.is_sorted = true;
     }
 
     /// The algorithms that may be called best: those with a result of every pair.
-    fn candidates(&self) -> Vec<&AlgorithmSummary> {
+    pub(super) fn candidates(&self) -> Vec<&AlgorithmSummary> {
         let has_failed =
             |a: &&AlgorithmSummary| self.failed.iter().any(|f| f.algorithm == a.algorithm);
         let algorithms = self.algorithms.iter();
@@ -26,7 +24,7 @@ impl Summary {
     }
 
     /// The value by which an algorithm is ranked: none for a time that is not believable.
-    fn ranked(&self, algorithm: &AlgorithmSummary, metric: &Metric) -> Option<f64> {
+    pub(super) fn ranked(&self, algorithm: &AlgorithmSummary, metric: &Metric) -> Option<f64> {
         let is_doubtful = || {
             let mut programs = self.programs.iter();
             programs.any(|of| of.algorithm == algorithm.algorithm && of.program.is_time_doubtful())
@@ -58,36 +56,6 @@ impl Summary {
             objectives,
             front.iter().map(|a| a.algorithm.as_str()).collect(),
         )
-    }
-
-    /// The best and the front in words, where there are many algorithms: term and text.
-    pub(super) fn choices(&self) -> Vec<(&'static str, String)> {
-        if self.algorithms.len() < MANY {
-            return Vec::new();
-        }
-        let best = self.best().into_iter().map(|(metric, names)| {
-            let more = match names.len() {
-                1 => String::new(),
-                n => format!(" and {} more", n - 1),
-            };
-            format!("{} {}{more}", metric.words, names[0])
-        });
-        let (objectives, front) = self.front();
-        let objectives: Vec<_> = objectives.iter().map(|metric| metric.words).collect();
-        let front = format!(
-            "no other is as good by {} and better by one: {}",
-            objectives.join(", "),
-            front.join(", ")
-        );
-        let failed = self.failed.iter().filter(|f| !f.on_every_pair);
-        let failed: Vec<_> = failed.map(|f| f.algorithm.as_str()).collect();
-        let left_out = format!("{}, which failed on pairs", failed.join(", "));
-        let left_out = (!failed.is_empty()).then_some(("not ranked", left_out));
-        let choices = [
-            ("best by", best.collect::<Vec<_>>().join("; ")),
-            ("Pareto front", front),
-        ];
-        choices.into_iter().chain(left_out).collect()
     }
 }
 

@@ -5,6 +5,7 @@ use super::rows::record;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use svl_data::bootstrap::{Interval, Resamples, Sample};
+use svl_data::score::{DriveNumber, Metric, MetricOrigin};
 
 record! {
     /// One drive: a course with an algorithm at the wheel.
@@ -171,4 +172,21 @@ fn summary(rows: &[&DriveRow]) -> DriveSummary {
         speed_m_per_s: both(|row| row.driven_m, |row| row.duration_s, 1.0).0,
         stood_share: both(|row| row.stood_s, |row| row.duration_s, 1.0).0,
     }
+}
+
+/// A metric of an algorithm's unperturbed drives, by the seeds of their courses.
+pub(super) fn sample(metric: &Metric, label: &str, rows: &[DriveRow]) -> Option<Sample> {
+    let MetricOrigin::Drives(number) = metric.origin else {
+        return None;
+    };
+    let own = rows
+        .iter()
+        .filter(|row| row.algorithm == label && row.stress.is_none());
+    let own: BTreeMap<u64, &DriveRow> = own.map(|row| (row.seed, row)).collect();
+    let of = |row: &&DriveRow| match number {
+        DriveNumber::Finished => [f64::from(u8::from(row.finished)), 1.0],
+        DriveNumber::Collisions => [row.collisions as f64, row.driven_m / 100.0],
+        DriveNumber::NearMisses => [row.near_misses as f64, row.driven_m / 100.0],
+    };
+    Some(Sample::Ratio(own.values().map(of).collect()))
 }

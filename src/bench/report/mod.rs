@@ -1,13 +1,15 @@
 //! The reports of a run: rows → CSV and Parquet → summary → terminal, Markdown, HTML.
 //!
 //! ```text
-//! Row, CellRow, CheckpointRow ──▶ Table ──▶ .csv during the run, .parquet at its end
+//! Row, CellRow, CheckpointRow ──▶ TableWriter ──▶ .csv during the run, .parquet at its end
 //!      │
 //!      └──▶ Summary ──▶ Display, markdown, JSON, html::ReportPage,
 //!                       summary and verdicts as .csv and .parquet
 //! ```
 
+mod answer;
 pub mod calibration;
+mod cautions;
 mod choice;
 pub mod compare;
 mod csv_rows;
@@ -16,18 +18,21 @@ pub mod evidence;
 mod gate;
 pub mod html;
 mod junit;
+mod lead;
 mod log;
 mod markdown;
 mod merge;
 pub mod page;
 pub mod plot;
 mod rows;
-mod side_table;
+mod samples;
 mod speed;
 mod stress;
 mod summary;
-mod tables;
-mod text;
+mod summary_tables;
+pub mod table;
+mod table_writer;
+mod terminal;
 mod totals;
 mod words;
 
@@ -36,6 +41,7 @@ pub use csv_rows::{RowReader, read_rows};
 pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};
+pub use lead::{Certainty, Lead, RunnerUp};
 pub use log::{EarlierRun, LoggedPair, LoggedResult, ResultLog, whole_rows};
 pub use merge::merge_rows;
 pub use rows::{
@@ -44,4 +50,4 @@ pub use rows::{
 };
 pub use stress::StressSummary;
 pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary};
-pub use tables::Table;
+pub use table_writer::TableWriter;

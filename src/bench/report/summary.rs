@@ -1,17 +1,22 @@
 //! A run in numbers: per algorithm, and per checkpoint and algorithm.
 
 use super::drives::{self, DriveRow, DriveSummary};
+use super::lead::Lead;
 use super::rows::{CheckpointRow, MetricTotals, Record, Row, record};
+use super::samples::run_key;
 use super::speed::Speed;
 use super::stress::StressSummary;
 use polars::prelude::{DataFrame, PolarsResult};
 use serde::Serialize;
+use std::collections::BTreeSet;
 use svl_core::matcher::ProgramRecord;
 use svl_core::stereo::{CellRule, TruthOrigin};
 use svl_core::{Error, Result};
 use svl_data::losses::RunEnding;
 use svl_data::manifest::{Manifest, hash};
-use svl_data::score::{DriveNumber, METRICS, Metric, MetricOrigin, MetricTotal, MetricValues};
+use svl_data::score::{
+    ColumnChoice, DriveNumber, METRICS, Metric, MetricOrigin, MetricTotal, MetricValues, RunKind,
+};
 use svl_data::slow_profile;
 
 /// The results of a run. `Display` is a table for the terminal.
@@ -28,6 +33,9 @@ pub struct Summary {
     pub algorithms: Vec<AlgorithmSummary>,
     /// By number of the checkpoint, then as the algorithms.
     pub checkpoints: Vec<CheckpointSummary>,
+    /// The best algorithms by the headline metrics; found by [`Summary::find_leads`].
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub leads: Vec<Lead>,
     /// Algorithms that failed on pairs.
     pub failed: Vec<FailedAlgorithm>,
     /// The warnings of the run, in their order.
@@ -42,6 +50,15 @@ pub struct Summary {
     /// Per perturbation, level and algorithm, where pairs were made worse.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stress: Vec<StressSummary>,
+    /// The pairs, their size and the runs that they are of.
+    #[serde(skip)]
+    pub scope: RunScope,
+    /// The metrics that tables show.
+    #[serde(skip)]
+    pub columns: ColumnChoice,
+    /// The algorithms are in the order that the user chose.
+    #[serde(skip)]
+    pub is_sorted: bool,
     /// How cells were scored.
     #[serde(skip)]
     pub rule: CellRule,
@@ -54,6 +71,17 @@ pub struct Summary {
     /// Whether they are of matching alone.
     #[serde(skip)]
     pub measured: bool,
+}
+
+/// The extent of a run.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RunScope {
+    /// Pairs that any algorithm matched, unperturbed.
+    pub pairs: u64,
+    /// Widths and heights of the images, pixels, each once.
+    pub sizes: Vec<(u32, u32)>,
+    /// Recordings, courses or seeds.
+    pub runs: u64,
 }
 
 /// An algorithm without a result of some pairs, which `failures.csv` lists.
@@ -134,6 +162,22 @@ record! {
     }
 }
 
+impl RunScope {
+    fn new(rows: &[Row]) -> Self {
+        let pairs: BTreeSet<_> = rows
+            .iter()
+            .map(|r| (run_key(r), r.sequence, &r.name))
+            .collect();
+        let runs: BTreeSet<_> = rows.iter().map(run_key).collect();
+        let sizes: BTreeSet<_> = rows.iter().map(|row| (row.width, row.height)).collect();
+        Self {
+            pairs: pairs.len() as u64,
+            sizes: sizes.into_iter().collect(),
+            runs: runs.len() as u64,
+        }
+    }
+}
+
 impl AlgorithmSummary {
     /// The value of a metric of frames, absent where the run does not measure it; of the others see
     /// [`Summary::value`].
@@ -156,9 +200,12 @@ impl CheckpointSummary {
 impl Summary {
     /// Sums up rows, whatever made their pairs worse.
     pub(super) fn from_frames_of(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
-        let summary = Row::frame(rows).and_then(|rows| {
+        let summary = Row::frame(rows).and_then(|frame| {
             let checkpoints = CheckpointRow::frame(checkpoints)?;
-            Self::from_frames(&rows, &checkpoints)
+            Ok(Self {
+                scope: RunScope::new(rows),
+                ..Self::from_frames(&frame, &checkpoints)?
+            })
         });
         summary.map_err(|e| Error::Invalid(format!("summary of {} rows: {e}", rows.len())))
     }
@@ -230,6 +277,23 @@ impl Summary {
         super::stress::add_drives(&mut self.stress, &self.drives, rows);
     }
 
+    /// The kind of the run by what was measured.
+    pub fn kind(&self) -> RunKind {
+        let has = |name: &str| self.algorithms.iter().any(|a| a.totals.get(name).is_some());
+        if !self.drives.is_empty() {
+            RunKind::Courses
+        } else if has("missed") {
+            RunKind::Distances
+        } else if METRICS
+            .iter()
+            .any(|m| m.against_truth && m.column().is_some() && has(m.name))
+        {
+            RunKind::Disparities
+        } else {
+            RunKind::NoTruth
+        }
+    }
+
     /// What must be said above every table that needs a truth; nothing where that is exact.
     pub fn caution(&self) -> Option<String> {
         caution(&self.truth)
@@ -254,11 +318,15 @@ impl Summary {
             truth: truths(rows)?,
             algorithms,
             checkpoints,
+            leads: Vec::new(),
             failed: Vec::new(),
             warnings: Vec::new(),
             programs: Vec::new(),
             drives: Vec::new(),
             stress: Vec::new(),
+            scope: RunScope::default(),
+            columns: ColumnChoice::default(),
+            is_sorted: false,
             rule: CellRule::default(),
             times: None,
             slow_profile: None,

@@ -2,14 +2,14 @@
 
 use super::table::RunIdentity;
 use super::{Outbox, RunEnd, RunStart, Sink};
-use crate::report::{CheckpointRow, Table};
+use crate::report::{CheckpointRow, TableWriter};
 use std::path::Path;
 use svl_core::Result;
 use svl_data::score::{Checkpoint, CheckpointTally, Judged};
 
 /// Writes one row per run, checkpoint and algorithm.
 pub struct CheckpointSink {
-    table: Table<CheckpointRow>,
+    table: TableWriter<CheckpointRow>,
     identity: RunIdentity,
     algorithms: Vec<String>,
     checkpoints: Vec<Checkpoint>,
@@ -26,10 +26,10 @@ impl CheckpointSink {
     /// `outbox`.
     ///
     /// # Errors
-    /// As [`Table::create`].
+    /// As [`TableWriter::create`].
     pub fn in_folder(folder: &Path, outbox: &Outbox<Vec<CheckpointRow>>) -> Result<Self> {
         Ok(Self {
-            table: Table::create_both(folder, "checkpoints")?,
+            table: TableWriter::create_both(folder, "checkpoints")?,
             identity: RunIdentity::default(),
             algorithms: Vec::new(),
             checkpoints: Vec::new(),

@@ -1,7 +1,7 @@
 //! Rows of the tables: one per pair and algorithm, one per cell.
 
 use super::{Outbox, RunStart, Sink};
-use crate::report::{CellRow, FailureRow, Row, Table, hash_words};
+use crate::report::{CellRow, FailureRow, Row, TableWriter, hash_words};
 use std::path::Path;
 use std::time::Duration;
 use svl_core::Result;
@@ -11,9 +11,9 @@ use svl_data::score::{CellJudgement, Judged, JudgedEstimate, MatchFailure};
 
 /// Writes the rows of a run, and keeps them for its summary.
 pub struct TableSink {
-    rows: Table<Row>,
-    cells: Option<Table<CellRow>>,
-    failures: Table<FailureRow>,
+    rows: TableWriter<Row>,
+    cells: Option<TableWriter<CellRow>>,
+    failures: TableWriter<FailureRow>,
     identity: RunIdentity,
     kept: Vec<Row>,
     outbox: Outbox<Vec<Row>>,
@@ -24,33 +24,38 @@ impl TableSink {
     /// rows in `outbox`.
     ///
     /// # Errors
-    /// As [`Table::create`].
+    /// As [`TableWriter::create`].
     pub fn new(
         rows: Option<&Path>,
         cells: Option<&Path>,
         outbox: &Outbox<Vec<Row>>,
     ) -> Result<Self> {
-        let rows = rows.map_or_else(|| Ok(Table::in_memory()), Table::create)?;
-        let cells = cells.map(Table::create).transpose()?;
-        Ok(Self::with_tables(rows, cells, Table::in_memory(), outbox))
+        let rows = rows.map_or_else(|| Ok(TableWriter::in_memory()), TableWriter::create)?;
+        let cells = cells.map(TableWriter::create).transpose()?;
+        Ok(Self::with_tables(
+            rows,
+            cells,
+            TableWriter::in_memory(),
+            outbox,
+        ))
     }
 
     /// Writes `rows`, `cells` and `failures` into a folder, each as `.csv` and `.parquet`, and
     /// leaves all rows in `outbox`.
     ///
     /// # Errors
-    /// As [`Table::create`].
+    /// As [`TableWriter::create`].
     pub fn in_folder(folder: &Path, outbox: &Outbox<Vec<Row>>) -> Result<Self> {
-        let rows = Table::create_both(folder, "rows")?;
-        let cells = Table::create_both(folder, "cells")?;
-        let failures = Table::create_both(folder, "failures")?;
+        let rows = TableWriter::create_both(folder, "rows")?;
+        let cells = TableWriter::create_both(folder, "cells")?;
+        let failures = TableWriter::create_both(folder, "failures")?;
         Ok(Self::with_tables(rows, Some(cells), failures, outbox))
     }
 
     fn with_tables(
-        rows: Table<Row>,
-        cells: Option<Table<CellRow>>,
-        failures: Table<FailureRow>,
+        rows: TableWriter<Row>,
+        cells: Option<TableWriter<CellRow>>,
+        failures: TableWriter<FailureRow>,
         outbox: &Outbox<Vec<Row>>,
     ) -> Self {
         Self {
@@ -87,7 +92,7 @@ impl Sink for TableSink {
     fn finish(self: Box<Self>) -> Result<()> {
         // Also of an incomplete table the rows are known.
         self.outbox.put(self.kept);
-        let cells = self.cells.map_or(Ok(()), Table::finish);
+        let cells = self.cells.map_or(Ok(()), TableWriter::finish);
         let failures = self.failures.finish();
         self.rows.finish().and(cells).and(failures)
     }

@@ -1,7 +1,7 @@
 //! `svl merge`: makes one report of the parts that shards of a run left.
 
 use crate::cli::shared::progress::Terminal;
-use crate::cli::shared::terminal::{print, print_json, width};
+use crate::cli::shared::terminal::{print, print_json, report_lines, style};
 use crate::cli::shared::usage;
 use std::path::PathBuf;
 use svl::evaluation::{Parts, REPORT};
@@ -35,6 +35,9 @@ pub(in crate::cli) struct Args {
     /// score` counts them [default: the strictest of the parts'; 0]
     #[arg(long, value_name = "N|P%", allow_negative_numbers = true)]
     allow_loss: Option<LossLimit>,
+    /// Say what the columns mean
+    #[arg(long)]
+    explain: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -55,11 +58,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if args.json {
         print_json(&summary)?;
     } else {
-        let width = width();
-        print(&format!(
-            "{summary:width$}\n{}\n",
-            args.out.join("index.html").display()
-        ))?;
+        let text = summary.terminal("merged", style(), args.explain);
+        print(&format!("{text}\n{}", report_lines(&args.out)))?;
     }
     Ok(complete(&summary.ending)?)
 }

@@ -3,10 +3,13 @@
 
 use anyhow::Context;
 use std::collections::BTreeMap;
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
+use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use svl::counted;
 use svl::recording::DamagedPart;
+use svl::report::table::TerminalStyle;
+use svl::sink::REPORT_RUN;
 
 /// Prints to standard output. A reader that went away (`| head`) has read enough: no error.
 pub(crate) fn print(text: &str) -> anyhow::Result<()> {
@@ -166,12 +169,37 @@ pub(crate) fn size(bytes: u64) -> String {
 /// Width of tables that go to a pipe or a file, columns.
 const PIPED: usize = 100;
 /// Narrower terminals get lines that the terminal itself breaks.
-const NARROWEST: usize = 60;
+const NARROWEST: usize = 40;
 
 /// Columns of standard output: the terminal's, or 100.
 pub(crate) fn width() -> usize {
     let size = terminal_size::terminal_size_of(io::stdout());
     size.map_or(PIPED, |(columns, _)| usize::from(columns.0).max(NARROWEST))
+}
+
+/// Form of tables on standard output: with bars and colours on a terminal, unless `NO_COLOR` is set.
+pub(crate) fn style() -> TerminalStyle {
+    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
+    TerminalStyle {
+        width: width(),
+        is_rich: io::stdout().is_terminal() && !is_set("NO_COLOR") && !is_dumb,
+    }
+}
+
+/// Where a report is, and what shows more of it.
+pub(crate) fn report_lines(folder: &Path) -> String {
+    let (page, folder) = (folder.join("index.html"), folder.display());
+    let viewer = format!("viewer   svl view {folder}\n");
+    let viewer = if page.with_file_name(REPORT_RUN).exists() {
+        viewer
+    } else {
+        String::new()
+    };
+    format!(
+        "report   {}\n{viewer}more     --columns all, --explain, --json\n",
+        page.display()
+    )
 }
 
 /// Last column of the help that stands below the options, which clap does not break again.

@@ -56,6 +56,7 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("description.description", NONE),
     // By their parameters, in `algorithms`, where filters are by their weights.
     ("description.algorithms", NONE),
+    ("description.columns", NONE),
     ("description.filter", NONE),
     // Limits are held against numbers when they are there.
     ("description.gate", NONE),

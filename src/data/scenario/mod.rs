@@ -26,7 +26,7 @@ use svl_core::filter::without_filters;
 use svl_core::matcher::Algorithm;
 use svl_core::{Error, Result};
 
-use crate::score::{Checkpoint, CheckpointPlace, Judge};
+use crate::score::{Checkpoint, CheckpointPlace, ColumnChoice, Judge};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use stress::StressTable;
@@ -51,6 +51,8 @@ pub struct Scenario {
     /// Options of the source; [`Scenario::with`] changes them.
     pub options: SourceOptions,
     pub checkpoints: Vec<Checkpoint>,
+    /// Metrics that tables show.
+    pub columns: ColumnChoice,
     /// What the algorithms are run behind, too; at most one of a kind.
     pub filters: Vec<ScenarioFilter>,
     /// How the pairs are made worse, besides being scored as they are; each kind once.
@@ -91,6 +93,8 @@ struct File {
     description: String,
     #[serde(default = "v5")]
     algorithms: Vec<String>,
+    #[serde(default, skip_serializing_if = "is_headline")]
+    columns: ColumnChoice,
     #[serde(default)]
     grid: GridSettings,
     #[serde(default)]
@@ -106,6 +110,10 @@ struct File {
     stress: Vec<StressTable>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     gate: Vec<toml::Spanned<Limit>>,
+}
+
+fn is_headline(columns: &ColumnChoice) -> bool {
+    *columns == ColumnChoice::Headline
 }
 
 fn v5() -> Vec<String> {
@@ -170,6 +178,7 @@ impl Scenario {
             source: ScenarioSource::Recording(runs),
             options,
             checkpoints: Vec::new(),
+            columns: ColumnChoice::Headline,
             filters: Vec::new(),
             stress: Vec::new(),
             gate: Vec::new(),
@@ -371,6 +380,7 @@ impl File {
             source,
             options,
             checkpoints: self.checkpoint,
+            columns: self.columns,
             filters,
             stress,
             gate,

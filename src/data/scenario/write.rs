@@ -71,6 +71,7 @@ impl Scenario {
             name: self.name.clone(),
             description: self.description.clone(),
             algorithms: algorithms.map(written).collect(),
+            columns: self.columns.clone(),
             grid: self.grid,
             cells: self.cells,
             source: options,

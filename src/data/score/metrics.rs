@@ -87,8 +87,30 @@ pub struct Metric {
     pub origin: MetricOrigin,
     /// Where Rerun plots its value per frame, below the algorithm.
     pub plot: Option<&'static str>,
-    /// Term and meaning, below the tables.
+    /// Term and meaning, on demand.
     pub note: Option<MetricNote>,
+    pub level: MetricLevel,
+}
+
+/// Tables that show a metric unless columns are named.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MetricLevel {
+    /// The headline table of runs of these kinds.
+    Headline(&'static [RunKind]),
+    /// The table of all metrics alone.
+    Detail,
+}
+
+/// Kind of a run by the ground truth that it has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RunKind {
+    /// True distances in metres.
+    Distances,
+    /// True disparities in pixels alone.
+    Disparities,
+    /// Courses that the algorithms drove through.
+    Courses,
+    NoTruth,
 }
 
 /// What a metric counts.
@@ -151,6 +173,21 @@ pub enum MetricTotal {
 
 const JUDGED_CELLS: MetricTotal = MetricTotal::ShareOf(&["right", "wrong", "unknown"]);
 
+/// A metric against truth that only the table of all metrics shows.
+const DETAIL: Metric = Metric {
+    name: "",
+    words: "",
+    group: "",
+    head: "",
+    unit: MetricUnit::Share,
+    better: Better::Neither,
+    against_truth: true,
+    origin: MetricOrigin::Time,
+    plot: None,
+    note: None,
+    level: MetricLevel::Detail,
+};
+
 /// All metrics, in the order of tables and comparisons.
 pub const METRICS: &[Metric] = &[
     Metric {
@@ -160,18 +197,18 @@ pub const METRICS: &[Metric] = &[
         head: "right",
         unit: MetricUnit::Share,
         better: Better::More,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "cells_right",
             of: |facts| facts.cells(|cells| cells.right),
             total: JUDGED_CELLS,
         },
-        plot: None,
         note: Some(|rule| {
             let right = rule.right_words();
             let words = format!("of those with truth; right: {right}; unknown is not wrong");
             ("cells", words)
         }),
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
     },
     Metric {
         name: "wrong",
@@ -180,14 +217,14 @@ pub const METRICS: &[Metric] = &[
         head: "wrong",
         unit: MetricUnit::Share,
         better: Better::Less,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "cells_wrong",
             of: |facts| facts.cells(|cells| cells.wrong),
             total: JUDGED_CELLS,
         },
         plot: Some("wrong_cells"),
-        note: None,
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
     },
     Metric {
         name: "unknown",
@@ -196,14 +233,13 @@ pub const METRICS: &[Metric] = &[
         head: "unknown",
         unit: MetricUnit::Share,
         better: Better::Neither,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "cells_unknown",
             of: |facts| facts.cells(|cells| cells.unknown),
             total: JUDGED_CELLS,
         },
-        plot: None,
-        note: None,
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
     },
     Metric {
         name: "known",
@@ -224,6 +260,8 @@ pub const METRICS: &[Metric] = &[
                          over the pairs";
             ("known", words.into())
         }),
+        level: MetricLevel::Headline(&[RunKind::NoTruth]),
+        ..DETAIL
     },
     Metric {
         name: "missed",
@@ -232,13 +270,11 @@ pub const METRICS: &[Metric] = &[
         head: "missed",
         unit: MetricUnit::Count,
         better: Better::Less,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "missed_obstacles",
             of: |facts| facts.obstacles(|cells| cells.missed_obstacles),
             total: MetricTotal::Sum,
         },
-        plot: None,
         note: Some(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -247,6 +283,7 @@ pub const METRICS: &[Metric] = &[
             );
             ("obstacles", words)
         }),
+        ..DETAIL
     },
     Metric {
         name: "false",
@@ -255,14 +292,12 @@ pub const METRICS: &[Metric] = &[
         head: "false",
         unit: MetricUnit::Count,
         better: Better::Less,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "false_obstacles",
             of: |facts| facts.obstacles(|cells| cells.false_obstacles),
             total: MetricTotal::Sum,
         },
-        plot: None,
-        note: None,
+        ..DETAIL
     },
     Metric {
         name: "right_surface",
@@ -271,18 +306,17 @@ pub const METRICS: &[Metric] = &[
         head: "right",
         unit: MetricUnit::Share,
         better: Better::More,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "cells_right_surface",
             of: |facts| facts.surfaces(|cells| cells.right),
             total: JUDGED_CELLS,
         },
-        plot: None,
         note: Some(|_| {
             let words = "right also where a report names a nearer surface that fills a quarter of \
                          the cell or more";
             ("by surface", words.into())
         }),
+        ..DETAIL
     },
     Metric {
         name: "wrong_surface",
@@ -291,14 +325,12 @@ pub const METRICS: &[Metric] = &[
         head: "wrong",
         unit: MetricUnit::Share,
         better: Better::Less,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "cells_wrong_surface",
             of: |facts| facts.surfaces(|cells| cells.wrong),
             total: JUDGED_CELLS,
         },
-        plot: None,
-        note: None,
+        ..DETAIL
     },
     Metric {
         name: "right_near",
@@ -307,17 +339,16 @@ pub const METRICS: &[Metric] = &[
         head: "right",
         unit: MetricUnit::Share,
         better: Better::More,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "cells_right_near",
             of: |facts| facts.surfaces(|cells| cells.near_right),
             total: JUDGED_CELLS,
         },
-        plot: None,
         note: Some(|_| {
             let words = "judged by the nearest quarter of a cell in place of its median";
             ("nearest quarter", words.into())
         }),
+        ..DETAIL
     },
     Metric {
         name: "wrong_near",
@@ -326,14 +357,12 @@ pub const METRICS: &[Metric] = &[
         head: "wrong",
         unit: MetricUnit::Share,
         better: Better::Less,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "cells_wrong_near",
             of: |facts| facts.surfaces(|cells| cells.near_wrong),
             total: JUDGED_CELLS,
         },
-        plot: None,
-        note: None,
+        ..DETAIL
     },
     Metric {
         name: "missed25",
@@ -342,13 +371,11 @@ pub const METRICS: &[Metric] = &[
         head: "missed",
         unit: MetricUnit::Count,
         better: Better::Less,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "missed25",
             of: |facts| facts.near_obstacles(|cells| cells.missed),
             total: MetricTotal::Sum,
         },
-        plot: None,
         note: Some(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -358,6 +385,8 @@ pub const METRICS: &[Metric] = &[
             );
             ("near obstacles", words)
         }),
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
     },
     Metric {
         name: "false5",
@@ -366,14 +395,13 @@ pub const METRICS: &[Metric] = &[
         head: "false",
         unit: MetricUnit::Count,
         better: Better::Less,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "false5",
             of: |facts| facts.near_obstacles(|cells| cells.falsely),
             total: MetricTotal::Sum,
         },
-        plot: None,
-        note: None,
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
     },
     Metric {
         name: "coverage",
@@ -393,6 +421,8 @@ pub const METRICS: &[Metric] = &[
             let words = "pixels with a disparity; shares of pixels are means over the pairs";
             ("cover", words.into())
         }),
+        level: MetricLevel::Headline(&[RunKind::Disparities]),
+        ..DETAIL
     },
     Metric {
         name: "invalid",
@@ -401,17 +431,16 @@ pub const METRICS: &[Metric] = &[
         head: "invalid",
         unit: MetricUnit::Share,
         better: Better::Neither,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "invalid",
             of: |facts| facts.pixels?.invalid(),
             total: MetricTotal::Mean,
         },
-        plot: None,
         note: Some(|_| {
             let words = "pixels without one, of those with truth that both cameras see";
             ("invalid", words.into())
         }),
+        ..DETAIL
     },
     Metric {
         name: "bad1",
@@ -420,18 +449,17 @@ pub const METRICS: &[Metric] = &[
         head: ">1 px",
         unit: MetricUnit::Share,
         better: Better::Less,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "bad1",
             of: |facts| facts.pixels?.bad1(),
             total: MetricTotal::Mean,
         },
-        plot: None,
         note: Some(|_| {
             let words = "pixels off by more, of those with truth that both cameras see and a \
                          disparity";
             (">1 px, >2 px", words.into())
         }),
+        ..DETAIL
     },
     Metric {
         name: "bad2",
@@ -440,14 +468,13 @@ pub const METRICS: &[Metric] = &[
         head: ">2 px",
         unit: MetricUnit::Share,
         better: Better::Less,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "bad2",
             of: |facts| facts.pixels?.bad2(),
             total: MetricTotal::Mean,
         },
-        plot: None,
-        note: None,
+        level: MetricLevel::Headline(&[RunKind::Disparities]),
+        ..DETAIL
     },
     Metric {
         name: "row_offset",
@@ -469,6 +496,7 @@ pub const METRICS: &[Metric] = &[
                          calibrate check` measures larger ones";
             ("vertical, px", words.into())
         }),
+        ..DETAIL
     },
     Metric {
         name: "unrivalled",
@@ -483,12 +511,13 @@ pub const METRICS: &[Metric] = &[
             of: |facts| facts.support.unrivalled,
             total: MetricTotal::Mean,
         },
-        plot: None,
         note: Some(|_| {
             let words = "of all cells, known ones whose disparities no other gives a better match \
                          for; needs no truth: docs/method.md";
             ("unrivalled", words.into())
         }),
+        level: MetricLevel::Headline(&[RunKind::NoTruth]),
+        ..DETAIL
     },
     Metric {
         name: "agreed",
@@ -509,6 +538,8 @@ pub const METRICS: &[Metric] = &[
                          confirms; needs no truth, but the same others to compare with";
             ("agreed", words.into())
         }),
+        level: MetricLevel::Headline(&[RunKind::NoTruth]),
+        ..DETAIL
     },
     Metric {
         name: "floor",
@@ -517,13 +548,11 @@ pub const METRICS: &[Metric] = &[
         head: "floor",
         unit: MetricUnit::Count,
         better: Better::Less,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "floor_obstacles",
             of: |facts| facts.filtered(|cells| cells.floor),
             total: MetricTotal::Sum,
         },
-        plot: None,
         note: Some(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -532,6 +561,7 @@ pub const METRICS: &[Metric] = &[
             );
             ("floor", words)
         }),
+        ..DETAIL
     },
     Metric {
         name: "kept",
@@ -540,14 +570,12 @@ pub const METRICS: &[Metric] = &[
         head: "kept",
         unit: MetricUnit::Count,
         better: Better::More,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "kept_obstacles",
             of: |facts| facts.filtered(|cells| cells.kept),
             total: MetricTotal::Sum,
         },
-        plot: None,
-        note: None,
+        ..DETAIL
     },
     Metric {
         name: "lost",
@@ -556,13 +584,11 @@ pub const METRICS: &[Metric] = &[
         head: "lost %",
         unit: MetricUnit::Share,
         better: Better::Less,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "lost_obstacles",
             of: |facts| facts.filtered(|cells| cells.lost),
             total: MetricTotal::ShareOf(&["kept", "lost"]),
         },
-        plot: None,
         note: Some(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -571,6 +597,7 @@ pub const METRICS: &[Metric] = &[
             );
             ("kept, lost", words)
         }),
+        ..DETAIL
     },
     Metric {
         name: "close",
@@ -579,18 +606,17 @@ pub const METRICS: &[Metric] = &[
         head: "close %",
         unit: MetricUnit::Share,
         better: Better::More,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "close_cells",
             of: |facts| facts.filtered(|cells| cells.close),
             total: MetricTotal::ShareOf(&["close", "blind"]),
         },
-        plot: None,
         note: Some(|_| {
             let words = "cells truly nearer than the range of disparities: reported as too close, \
                          or right (close), or not (blind)";
             ("close, blind", words.into())
         }),
+        ..DETAIL
     },
     Metric {
         name: "blind",
@@ -599,14 +625,12 @@ pub const METRICS: &[Metric] = &[
         head: "blind",
         unit: MetricUnit::Count,
         better: Better::Less,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "blind_cells",
             of: |facts| facts.filtered(|cells| cells.blind),
             total: MetricTotal::Sum,
         },
-        plot: None,
-        note: None,
+        ..DETAIL
     },
     Metric {
         name: "alarms",
@@ -615,13 +639,11 @@ pub const METRICS: &[Metric] = &[
         head: "alarms %",
         unit: MetricUnit::Share,
         better: Better::Less,
-        against_truth: true,
         origin: MetricOrigin::Frame {
             column: "false_alarms",
             of: |facts| facts.filtered.alarm.map(|is| f64::from(u8::from(is))),
             total: MetricTotal::Mean,
         },
-        plot: None,
         note: Some(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
@@ -630,6 +652,18 @@ pub const METRICS: &[Metric] = &[
             );
             ("alarms", words)
         }),
+        ..DETAIL
+    },
+    Metric {
+        name: "passed",
+        words: "frames passed",
+        head: "passed",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Checkpoints,
+        level: MetricLevel::Headline(&[RunKind::Distances, RunKind::Disparities]),
+        ..DETAIL
     },
     Metric {
         name: "time",
@@ -640,56 +674,41 @@ pub const METRICS: &[Metric] = &[
         better: Better::Less,
         against_truth: false,
         origin: MetricOrigin::Time,
-        plot: None,
-        note: None,
-    },
-    Metric {
-        name: "passed",
-        words: "frames passed",
-        group: "",
-        head: "passed",
-        unit: MetricUnit::Share,
-        better: Better::More,
-        against_truth: false,
-        origin: MetricOrigin::Checkpoints,
-        plot: None,
-        note: None,
+        level: MetricLevel::Headline(&[RunKind::Distances, RunKind::Disparities, RunKind::NoTruth]),
+        ..DETAIL
     },
     Metric {
         name: "finished",
         words: "courses finished",
-        group: "",
         head: "finished",
         unit: MetricUnit::Share,
         better: Better::More,
         against_truth: false,
         origin: MetricOrigin::Drives(DriveNumber::Finished),
-        plot: None,
-        note: None,
+        level: MetricLevel::Headline(&[RunKind::Courses]),
+        ..DETAIL
     },
     Metric {
         name: "collisions",
         words: "collisions",
-        group: "",
         head: "hits/100 m",
         unit: MetricUnit::Per100M,
         better: Better::Less,
         against_truth: false,
         origin: MetricOrigin::Drives(DriveNumber::Collisions),
-        plot: None,
-        note: None,
+        level: MetricLevel::Headline(&[RunKind::Courses]),
+        ..DETAIL
     },
     Metric {
         name: "near_misses",
         words: "near misses",
-        group: "",
         head: "near/100 m",
         unit: MetricUnit::Per100M,
         better: Better::Less,
         against_truth: false,
         origin: MetricOrigin::Drives(DriveNumber::NearMisses),
-        plot: None,
-        note: None,
+        level: MetricLevel::Headline(&[RunKind::Courses]),
+        ..DETAIL
     },
 ];
 

@@ -3,6 +3,7 @@
 
 mod cells;
 mod checkpoint;
+mod columns;
 mod disparity;
 mod filtered;
 mod judge;
@@ -20,12 +21,13 @@ pub use checkpoint::{
     CellExpectation, CellFinding, Checkpoint, CheckpointFrame, CheckpointPlace, CheckpointTally,
     ExpectedCell, LabelledPair, RunPart,
 };
+pub use columns::ColumnChoice;
 pub use disparity::DisparityScore;
 pub use filtered::FilterTally;
 pub use judge::{Judge, Judged, JudgedEstimate, MatchFailure};
 pub use metrics::{
-    Better, CellSupport, DriveNumber, FrameFacts, METRICS, Metric, MetricOrigin, MetricTotal,
-    MetricUnit, MetricValues,
+    Better, CellSupport, DriveNumber, FrameFacts, METRICS, Metric, MetricLevel, MetricOrigin,
+    MetricTotal, MetricUnit, MetricValues, RunKind,
 };
 pub use photometric::Correlations;
 pub use support::{agreed_cells, supported_cells, unrivalled_cells};

@@ -1,7 +1,9 @@
 //! The summary of a run, on the terminal and as Markdown.
 
 use super::fixture::{blind, checkpoint, example, row, summary};
-use svl::score::Metric;
+use svl::report::table::TerminalStyle;
+use svl::report::{Certainty, Lead, Summary};
+use svl::score::{ColumnChoice, Metric};
 
 #[test]
 fn an_algorithm_is_summed_up() {
@@ -119,87 +121,180 @@ fn a_checkpoint_is_summed_up_over_the_runs() {
     assert_eq!(summary.checkpoints[0].share(), Some(0.5));
 }
 
+/// The screen of a run; without colours unless `is_rich`.
+fn screen(summary: &Summary, width: usize, is_rich: bool) -> String {
+    summary.terminal("arena", TerminalStyle { width, is_rich }, false)
+}
+
+/// A run of algorithms with shares of right and of wrong cells in tenths of a cell, and the frames
+/// of three checkpoints that pass, of ten.
+fn run(algorithms: &[(&str, f64, f64, [u64; 3])]) -> Summary {
+    let mut rows = Vec::new();
+    let mut checkpoints = Vec::new();
+    for (place, (name, right, wrong, passed)) in algorithms.iter().enumerate() {
+        for sequence in 0..60 {
+            let mut row = row(name, sequence, 1_000 * (1 + place as u64));
+            let cells = [
+                ("right", *right),
+                ("wrong", *wrong),
+                ("unknown", 10.0 - right - wrong),
+            ];
+            for (metric, tenths) in cells {
+                row.metrics.set(metric, Some((10.0 * tenths).round()));
+            }
+            row.metrics.set("missed25", Some(wrong.round()));
+            row.metrics.set("false5", Some(0.0));
+            rows.push(row);
+        }
+        let names = ["opening", "ball", "corner"];
+        for ((i, name_of), passed) in (1..).zip(names).zip(passed) {
+            checkpoints.push(checkpoint(i, name_of, name, (*passed, 10)));
+        }
+    }
+    let mut summary = summary(rows.clone(), checkpoints);
+    summary.find_leads(&rows, &[]);
+    summary
+}
+
+const EIGHT: [(&str, f64, f64, [u64; 3]); 8] = [
+    ("dp", 5.4, 4.6, [0, 0, 0]),
+    ("v1", 4.2, 5.7, [0, 0, 0]),
+    ("v2", 3.3, 0.6, [10, 0, 10]),
+    ("v3", 3.8, 0.6, [10, 10, 9]),
+    ("v4", 3.7, 0.4, [10, 10, 10]),
+    ("v5", 9.2, 0.1, [10, 9, 10]),
+    ("bm", 3.8, 1.2, [9, 0, 0]),
+    ("sgm", 8.3, 1.1, [10, 9, 5]),
+];
+
 #[test]
-fn the_terminal_table_fits_and_stays() {
-    let text = example().to_string();
-    assert!(
-        text.lines()
-            .all(|line| line.chars().count() <= 100 && line == line.trim_end()),
-        "{text}"
+fn the_answer_is_one_screen() {
+    let summary = run(&EIGHT);
+    for (width, is_rich) in [(80, true), (120, true), (80, false), (40, true)] {
+        let text = screen(&summary, width, is_rich);
+        let lines = text.lines().count();
+        assert!(lines <= 21 || width < 80, "{width}:\n{text}");
+        let plain = without_colors(&text);
+        let widest = plain.lines().map(|line| line.chars().count()).max();
+        assert!(widest <= Some(width), "{width}:\n{text}");
+        assert_eq!(
+            text.contains('█'),
+            is_rich && width >= 80,
+            "{width}:\n{text}"
+        );
+        assert!(plain.lines().all(|line| line == line.trim_end()), "{text}");
+    }
+    insta::assert_snapshot!("screen_80", without_colors(&screen(&summary, 80, true)));
+    insta::assert_snapshot!("screen_40", without_colors(&screen(&summary, 40, true)));
+    insta::assert_snapshot!("screen_piped", screen(&summary, 100, false));
+    insta::assert_snapshot!(
+        "screen_one",
+        without_colors(&screen(&run(&EIGHT[5..6]), 80, true))
     );
-    insta::assert_snapshot!("terminal", text);
 }
 
 #[test]
-fn the_terminal_table_fits_into_its_width() {
+fn of_a_hundred_algorithms_the_first_twelve_are_shown() {
+    let names: Vec<String> = (0..100).map(|i| format!("bm:uniqueness={i}")).collect();
+    let right = |i: usize| 9.0 - i as f64 / 20.0;
+    let algorithms: Vec<_> = names
+        .iter()
+        .enumerate()
+        .map(|(i, name)| (name.as_str(), right(i), 0.5, [10, 5, 0]))
+        .collect();
+    let mut summary = run(&algorithms);
+    let text = without_colors(&screen(&summary, 80, true));
+    insta::assert_snapshot!("screen_hundred", text);
+    summary.columns = ColumnChoice::All;
+    let all = screen(&summary, 80, false);
+    assert_eq!(
+        all.matches("\nbm:uniqueness=99 ").count(),
+        all.matches("\nalgorithm").count()
+    );
+}
+
+/// The text without the codes of its colours.
+fn without_colors(text: &str) -> String {
+    let mut parts = text.split("\x1b[");
+    let first = parts.next().unwrap_or_default().to_owned();
+    let rest = parts.map(|part| part.split_once('m').map_or(part, |(_, text)| text));
+    rest.fold(first, |text, part| text + part)
+}
+
+#[test]
+fn all_columns_and_their_meanings_fit_into_the_width() {
+    let mut summary = example();
+    summary.columns = ColumnChoice::All;
     for width in [60, 80, 100, 160] {
-        let text = format!("{:width$}", example());
+        let style = TerminalStyle::plain(width);
+        let text = summary.terminal("arena", style, true);
         let widest = text.lines().map(|line| line.chars().count()).max();
         assert!(widest <= Some(width), "{width}:\n{text}");
     }
-    assert_eq!(format!("{:100}", example()), example().to_string());
+    let text = summary.terminal("arena", TerminalStyle::plain(80), true);
+    insta::assert_snapshot!("all_columns", text);
 }
 
 #[test]
-fn many_algorithms_stand_in_lines_and_checkpoints_in_blocks() {
-    let algorithms = [
-        "dp",
-        "v1",
-        "v2",
-        "v3",
-        "v4",
-        "bm",
-        "sgm:paths=8,p1=7,p2=86,edge=256",
+fn columns_are_those_that_are_named() {
+    let mut summary = run(&EIGHT);
+    summary.columns = "missed25,time".parse().unwrap();
+    let heads = summary.headline().columns.into_iter();
+    let heads: Vec<_> = heads.map(|column| column.head).collect();
+    assert_eq!(heads, ["", "missed", "p50", "p99"]);
+}
+
+#[test]
+fn a_lead_is_as_sure_as_its_interval() {
+    let leads = |summary: &Summary| {
+        let of = |lead: &Lead| {
+            let second = lead.second.clone().unwrap();
+            (
+                lead.metric.name,
+                lead.algorithm.clone(),
+                second.algorithm,
+                second.certainty,
+            )
+        };
+        summary.leads.iter().map(of).collect::<Vec<_>>()
+    };
+    let of = |metric, best: &str, second: &str, certainty| {
+        (metric, best.to_owned(), second.to_owned(), certainty)
+    };
+    // Equal counts are no difference.
+    let two = run(&[("v3", 5.0, 1.0, [1, 1, 1]), ("bm", 4.0, 1.0, [1, 1, 1])]);
+    let expected = [
+        of("right", "v3", "bm", Certainty::Clear),
+        of("wrong", "v3", "bm", Certainty::NoDifference),
+        of("missed25", "v3", "bm", Certainty::NoDifference),
     ];
-    let rows = algorithms.map(|a| row(a, 0, 1_000)).to_vec();
-    let names = [
-        "opening between two obstacles",
-        "close border",
-        "ball",
-        "corner",
-        "slanted wall",
-        "bridge",
-    ];
-    let checkpoints = algorithms.iter().flat_map(|a| {
-        names
-            .iter()
-            .zip(1..)
-            .map(move |(name, i)| checkpoint(i, name, a, (1, 3)))
-    });
-    let text = summary(rows, checkpoints.collect()).to_string();
+    assert_eq!(leads(&two), expected);
+    // Five pairs are too few blocks.
+    let mut rows: Vec<_> = (0..5).map(|i| row("v3", i, 1)).collect();
+    rows.extend((0..5).map(|i| row("bm", i, 1)));
+    let mut few = summary(rows.clone(), Vec::new());
+    few.find_leads(&rows, &[]);
     assert!(
-        text.lines().all(|line| line.chars().count() <= 100),
-        "{text}"
+        leads(&few)
+            .iter()
+            .all(|lead| lead.3 == Certainty::TooFewPairs)
     );
-    assert_eq!(
-        (
-            text.matches("\nalgorithm ").count(),
-            text.matches("\nv3 ").count()
-        ),
-        (3, 3),
-        "{text}"
-    );
-    assert_eq!(
-        (
-            text.matches("✓✗  33.3").count(),
-            text.matches("6/6 0/6  33.3").count()
-        ),
-        (42, 7)
-    );
+    // More than 10 % wrong cells are not the best by anything.
+    let wrong = run(&[("v1", 8.0, 2.0, [1, 1, 1]), ("v3", 4.0, 0.5, [1, 1, 1])]);
+    assert!(wrong.leads.iter().all(|lead| lead.algorithm == "v3"));
+    assert!(wrong.leads[0].is_outdone);
+    let none = run(&[("v1", 8.0, 2.0, [1, 1, 1]), ("dp", 4.0, 5.0, [1, 1, 1])]);
+    assert!(none.leads.is_empty());
+    assert_eq!(none.answer().len(), 1);
 }
 
 #[test]
 fn a_run_without_truth_has_no_columns_of_it() {
-    let text = summary(vec![blind("v3", 1_000), blind("bm", 500)], Vec::new()).to_string();
-    let (table, notes) = text.split_once("\n\n").unwrap();
-    for head in ["cells", "obstacles", "invalid", "px"] {
-        assert!(!table.contains(head), "{head}: {text}");
-    }
-    assert!(table.contains("cover") && table.contains("p50"));
-    assert!(
-        notes.contains("no truth: right, wrong, unknown, missed, false,"),
-        "{notes}"
-    );
+    let summary = summary(vec![blind("v3", 1_000), blind("bm", 500)], Vec::new());
+    assert!(summary.scope_words().ends_with("no ground truth"));
+    let heads = summary.headline().columns.into_iter();
+    let heads: Vec<_> = heads.map(|column| column.head).collect();
+    assert_eq!(heads, ["", "p50", "p99"]);
 }
 
 #[test]

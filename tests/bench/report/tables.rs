@@ -2,8 +2,9 @@
 
 use super::fixture::{blind, cell, checkpoint, example, parquet, row};
 use svl::Error;
+use svl::report::table::TerminalStyle;
 use svl::report::{
-    AlgorithmSummary, CellRow, CheckpointRow, CheckpointSummary, Record, Row, Summary, Table,
+    AlgorithmSummary, CellRow, CheckpointRow, CheckpointSummary, Record, Row, Summary, TableWriter,
     read_rows,
 };
 use svl::score::Verdict;
@@ -22,7 +23,7 @@ fn csv_and_parquet_hold_what_was_pushed() {
         checkpoint(2, "corner", "v3", (0, 0)),
     ];
     fn write<R: Record + Clone>(folder: &std::path::Path, name: &str, rows: &[R]) {
-        let mut table = Table::create_both(folder, name).unwrap();
+        let mut table = TableWriter::create_both(folder, name).unwrap();
         table.push(rows.iter().cloned()).unwrap();
         table.finish().unwrap();
     }
@@ -88,11 +89,11 @@ fn the_heads_of_the_tables_are_fixed() {
 fn a_single_table_goes_by_its_extension() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("rows.csv");
-    let mut table = Table::create(&path).unwrap();
+    let mut table = TableWriter::create(&path).unwrap();
     table.push([row("v3", 0, 5_000)]).unwrap();
     table.finish().unwrap();
     assert_eq!(read_rows::<Row>(&path).unwrap(), [row("v3", 0, 5_000)]);
-    let error = Table::<Row>::create(&folder.path().join("rows.xlsx"))
+    let error = TableWriter::<Row>::create(&folder.path().join("rows.xlsx"))
         .err()
         .unwrap();
     assert!(
@@ -106,8 +107,8 @@ fn a_single_table_goes_by_its_extension() {
 #[test]
 fn a_crash_keeps_the_rows() {
     let folder = tempfile::tempdir().unwrap();
-    let mut rows = Table::create_both(folder.path(), "rows").unwrap();
-    let mut cells = Table::create_both(folder.path(), "cells").unwrap();
+    let mut rows = TableWriter::create_both(folder.path(), "rows").unwrap();
+    let mut cells = TableWriter::create_both(folder.path(), "cells").unwrap();
     rows.push([row("v3", 0, 5_000)]).unwrap();
     cells.push([cell("v3", 0, Verdict::Wrong)]).unwrap();
     // Not even dropped: what is on disk now is all there is after a kill.
@@ -127,7 +128,7 @@ fn a_folder_that_cannot_be_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
     std::fs::write(&file, "").unwrap();
-    let error = Table::<Row>::create_both(&file.join("report"), "rows")
+    let error = TableWriter::<Row>::create_both(&file.join("report"), "rows")
         .err()
         .unwrap();
     assert!(
@@ -144,7 +145,7 @@ fn a_full_disk_is_an_error_with_the_file() {
         let folder = tempfile::tempdir().unwrap();
         let full = folder.path().join(name);
         std::os::unix::fs::symlink("/dev/full", &full).unwrap();
-        let error = Table::create(&full)
+        let error = TableWriter::create(&full)
             .and_then(|mut table| {
                 table
                     .push([row("v3", 0, 5_000)])
@@ -165,13 +166,14 @@ fn a_full_disk_is_an_error_with_the_file() {
 #[test]
 fn an_empty_run_has_tables_and_says_so() {
     let folder = tempfile::tempdir().unwrap();
-    let table = Table::<Row>::create_both(folder.path(), "rows").unwrap();
+    let table = TableWriter::<Row>::create_both(folder.path(), "rows").unwrap();
     table.finish().unwrap();
-    let table = Table::<CellRow>::create_both(folder.path(), "cells").unwrap();
+    let table = TableWriter::<CellRow>::create_both(folder.path(), "cells").unwrap();
     table.finish().unwrap();
     let summary = Summary::from_rows(&[], &[]).unwrap();
     assert_eq!(summary, Summary::default());
-    assert_eq!(summary.to_string(), "No pairs.\n");
+    let text = summary.terminal("none", TerminalStyle::plain(80), false);
+    assert!(text.ends_with("\nno pairs\n"), "{text}");
     assert_eq!(
         parquet(&folder.path().join("cells.parquet")).shape(),
         (0, CellRow::columns().len())

@@ -8,6 +8,7 @@ use super::part::{PART, ReportPart, ReportRun};
 use crate::console::{Console, Unit};
 use crate::outputs::write_json;
 use crate::report::{CellRow, CoursePlan, DriveRow, FailureRow, Summary, TrackRow, read_rows};
+use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl_core::matcher::{Algorithm, ProgramRecord};
@@ -15,6 +16,7 @@ use svl_core::{Error, Result};
 use svl_data::files::relative_path;
 use svl_data::losses::{LossLimit, Missing, RunEnding, RunState};
 use svl_data::manifest::{AlgorithmRecord, Manifest, PartRecord, Purpose};
+use svl_data::score::ColumnChoice;
 use tables::{FoundPart, MergeOrder, TableMerge};
 
 /// All parts of one report.
@@ -113,6 +115,17 @@ fn read_parts(folders: &[PathBuf]) -> Result<Vec<FoundPart>> {
     Ok(parts)
 }
 
+/// The metrics that the tables of a run show.
+fn columns(manifest: &Manifest) -> Result<ColumnChoice> {
+    let written = manifest
+        .description
+        .as_ref()
+        .and_then(|of| of.get("columns"));
+    let columns = written.map(ColumnChoice::deserialize).transpose();
+    let columns = columns.map_err(|e| Error::Invalid(format!("{MANIFEST}: columns: {e}")))?;
+    Ok(columns.unwrap_or_default())
+}
+
 fn read_part(folder: &Path) -> Result<FoundPart> {
     let shown = folder.display();
     if !folder.join(PART).is_file() {
@@ -188,6 +201,7 @@ fn merge(
         rule: part.rule,
         measured: !part.driven,
         algorithms: &algorithms,
+        columns: &columns(&manifest)?,
         sort: None,
         limits: &[],
     };

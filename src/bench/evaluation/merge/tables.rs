@@ -3,7 +3,7 @@
 use super::super::part::{ReportPart, ReportRun};
 use crate::console::Bar;
 use crate::report::{
-    CellRow, CheckpointRow, DriveRow, FailureRow, Record, Row, Table, TrackRow, merge_rows,
+    CellRow, CheckpointRow, DriveRow, FailureRow, Record, Row, TableWriter, TrackRow, merge_rows,
 };
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -117,7 +117,7 @@ impl TableMerge<'_> {
         let file = format!("{name}.csv");
         let paths = self.parts.iter().map(|found| found.folder.join(&file));
         let paths: Vec<PathBuf> = paths.filter(|path| path.exists()).collect();
-        let mut table = Table::create_both(self.out, name)?;
+        let mut table = TableWriter::create_both(self.out, name)?;
         let place = |row: &R| self.order.place(row);
         merge_rows(&paths, place, |rows| {
             table.push(self.taken(rows, &mut keep)?)
@@ -129,7 +129,7 @@ impl TableMerge<'_> {
     pub(super) fn sort<R: PlacedRow>(&self, name: &str, mut rows: Vec<R>) -> Result<Vec<R>> {
         rows.sort_by_cached_key(|row| self.order.place(row).unwrap_or_default());
         let rows = self.taken(rows, &mut |_| ())?;
-        let mut table = Table::create_both(self.out, name)?;
+        let mut table = TableWriter::create_both(self.out, name)?;
         table.push(rows.iter().cloned())?;
         table.finish()?;
         Ok(rows)

@@ -1,9 +1,9 @@
 //! Reports in the order of their dates: each metric over svl's revisions.
 
 use super::ScoredRun;
-use super::scored_run::{RunKey, run_key};
 use crate::report::page::fill;
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
+use crate::report::samples::{RunKey, run_key};
 use crate::report::{Row, Summary};
 use serde::Serialize;
 use std::collections::BTreeSet;

@@ -6,15 +6,16 @@ mod scored_run;
 mod text;
 
 use super::rows::Row;
+pub use super::samples::total;
+use super::samples::{resamples, run_key, sample};
 pub use history::{History, HistoryLine, HistoryReport, LeftOut, ScenarioHistory};
 pub use scored_run::ScoredRun;
-use scored_run::run_key;
 use serde::Serialize;
 use std::path::PathBuf;
 use svl_core::{Error, Result, counted};
 use svl_data::bootstrap::{self, Interval, IntervalMethod, Resamples, Sample};
 use svl_data::manifest::{Manifest, Purpose};
-use svl_data::score::{Better, METRICS, Metric, MetricOrigin, MetricTotal, MetricUnit};
+use svl_data::score::{Better, METRICS, Metric, MetricUnit};
 pub use text::{signed, verdict};
 
 /// The differences of the second run from the first.
@@ -259,40 +260,6 @@ fn pair<'a>(text: &str, ours: &[&'a str], theirs: &[&'a str]) -> Result<(&'a str
     })
 }
 
-/// The values of a metric; absent where no pair has it.
-fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
-    let values = || rows.iter().map(|row| row.metrics.get(metric.name));
-    match metric.origin {
-        MetricOrigin::Frame { total, .. } => match total {
-            MetricTotal::Mean => Some(Sample::Ratio(
-                values().map(|v| v.map_or([0.0; 2], |v| [v, 1.0])).collect(),
-            )),
-            MetricTotal::Sum => values()
-                .any(|v| v.is_some())
-                .then(|| Sample::Count(values().map(Option::unwrap_or_default).collect())),
-            MetricTotal::ShareOf(_) => {
-                let part = |row: &&Row| {
-                    let part = row.metrics.get(metric.name);
-                    let both = part.zip(row.metrics.whole(metric));
-                    both.map_or([0.0; 2], |(part, whole)| [part, whole])
-                };
-                Some(Sample::Ratio(rows.iter().map(part).collect()))
-            }
-        },
-        MetricOrigin::Time => Some(Sample::Median(
-            rows.iter()
-                .map(|row| row.total_us as f64 / 1000.0)
-                .collect(),
-        )),
-        MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
-    }
-}
-
-/// A metric over all rows of an algorithm: a share or a mean, a sum, or of the times the median.
-pub fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
-    sample(metric, rows)?.total()
-}
-
 /// The changes of the metrics from rows to other rows of the same pairs, one to one, those of a run
 /// beside each other.
 pub fn changes(base: &[&Row], other: &[&Row]) -> Vec<Change> {
@@ -309,17 +276,6 @@ fn changes_over(base: &[&Row], other: &[&Row], resamples: &Resamples) -> Vec<Cha
         Change::from_samples(metric, &a, &b, resamples)
     };
     METRICS.iter().filter_map(change).collect()
-}
-
-/// Resamples of rows, those of a run beside each other.
-fn resamples(base: &[&Row]) -> Resamples {
-    let stretches: Vec<_> = base
-        .chunk_by(|a, b| run_key(a) == run_key(b))
-        .map(<[_]>::len)
-        .collect();
-    // Scenes have names and are independent of each other; frames of a run are not.
-    let independent = base.iter().all(|row| !row.name.is_empty());
-    Resamples::draw(&stretches, independent)
 }
 
 impl AlgorithmChange {

@@ -3,6 +3,7 @@
 use crate::report::drives::DriveRow;
 use crate::report::read_rows;
 use crate::report::rows::{CheckpointRow, Row};
+use crate::report::samples::{RunKey, run_key};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
@@ -131,13 +132,6 @@ impl ScoredRun {
         }
         sums
     }
-}
-
-/// What tells the runs of a report apart: the seed, and the recording.
-pub(super) type RunKey<'a> = (Option<u64>, Option<&'a str>);
-
-pub(super) fn run_key(row: &Row) -> RunKey<'_> {
-    (row.seed, row.run.as_deref())
 }
 
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {

@@ -4,7 +4,6 @@
 mod frames;
 mod plots;
 mod scenes;
-mod tables;
 mod view;
 
 use super::gate::GateState;

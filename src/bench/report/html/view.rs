@@ -2,12 +2,10 @@
 
 use super::super::gate::GateState;
 use super::super::plot::CourseMap;
-use super::super::side_table::SideTable;
-use super::super::words::{VERDICTS, columns, speed_columns};
+use super::super::table::Table;
 use super::frames::FigureView;
 use super::plots::{PlotView, StressView, accuracy, coverage, speed, stress};
 use super::scenes::{ErrorKey, SceneView};
-use super::tables::AlgorithmTableView;
 use super::{PartLink, ReportPage};
 use crate::report::page::{ImageView, PageImages};
 use serde::Serialize;
@@ -22,18 +20,17 @@ pub(super) struct ReportPageView<'a> {
     warnings: &'a [String],
     caution: Option<String>,
     identity: &'a [(String, String)],
-    summary: Option<AlgorithmTableView<'a>>,
+    summary: Option<Table>,
     accuracy: Vec<PlotView>,
     coverage: Vec<PlotView>,
-    checkpoints: Option<AlgorithmTableView<'a>>,
-    verdicts: &'static str,
+    checkpoints: Option<Table>,
     /// State, its word, and the result.
     gate: Vec<(GateState, &'static str, &'a str)>,
-    speed: Option<AlgorithmTableView<'a>>,
+    speed: Option<Table>,
     speed_plots: Vec<PlotView>,
     figures: Vec<FigureView<'a>>,
     scenes: Vec<SceneView<'a>>,
-    tables: Vec<SideTable>,
+    tables: Vec<Table>,
     maps: Vec<String>,
     stress: Vec<StressView>,
     parts: &'a [PartLink],
@@ -70,19 +67,14 @@ impl<'a> ReportPageView<'a> {
                 .filter(|p| !p.is_empty())
                 .collect(),
             identity: &page.identity,
-            summary: AlgorithmTableView::from_columns("Summary per algorithm", columns(), summary),
+            summary: Some(summary.all_metrics()).filter(|table| !table.rows.is_empty()),
             accuracy: accuracy(page)?,
             coverage: coverage(page)?,
-            checkpoints: AlgorithmTableView::from_checkpoints(summary),
-            verdicts: VERDICTS,
+            checkpoints: summary.checkpoint_table(),
             gate: (page.gate.iter())
                 .map(|(state, text)| (*state, state.words(), text.as_str()))
                 .collect(),
-            speed: AlgorithmTableView::from_columns(
-                "Speed per algorithm",
-                speed_columns(),
-                summary,
-            ),
+            speed: summary.speed_table(),
             speed_plots: speed(page)?,
             figures,
             scenes: page.scenes.iter().map(SceneView::new).collect(),

@@ -6,7 +6,7 @@ use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::progress::{Terminal, listen_for_interrupt};
 use crate::cli::shared::recordings;
 use crate::cli::shared::source;
-use crate::cli::shared::terminal::{print, print_error, print_json, width};
+use crate::cli::shared::terminal::{print, print_error, print_json, style};
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::viewer;
 use anyhow::bail;
@@ -255,6 +255,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             ..Summary::from_rows(&rows, &[])?
         };
         matchers.complete(&mut manifest);
+        summary.find_leads(&rows, &[]);
         summary.complete(&mut manifest);
         verification = before
             .map(|before| {
@@ -262,15 +263,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
                 before.compare(&rows, &cells, &algorithms)
             })
             .transpose()?;
-        let width = width();
-        let text = || format!("{title} ({})\n{summary:width$}", counted(pairs, "pair"));
         if args.json {
             print_json(&Answer {
                 summary: &summary,
                 verification: &verification,
             })?
         } else {
-            print(&text())?
+            print(&summary.terminal(&title, style(), false))?
         }
     }
     ran?;

@@ -4,7 +4,7 @@ mod scenario;
 
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::progress::{Terminal, listen_for_interrupt};
-use crate::cli::shared::terminal::{print, print_json, width};
+use crate::cli::shared::terminal::{print, print_json, report_lines, style};
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
 use clap::builder::NonEmptyStringValueParser;
@@ -14,7 +14,7 @@ use svl::outputs::{Outputs, write};
 use svl::report::{GateResult, GateState, Summary, TestCase, TestResult, junit};
 use svl::run::complete;
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
-use svl::score::{METRICS, Metric};
+use svl::score::{ColumnChoice, METRICS, Metric};
 use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget, Viewer};
 
 /// Score algorithms on a scenario or on recordings, and write a report
@@ -85,6 +85,13 @@ pub(crate) struct Args {
     /// Sort the algorithms by a metric, the best first [default: as named]
     #[arg(long, value_name = "METRIC", value_parser = metric)]
     sort: Option<&'static Metric>,
+    /// Metrics that the table shows; `svl columns` lists them [default: the scenario's, or those of
+    /// its kind]
+    #[arg(long, value_name = "all|NAME,…")]
+    columns: Option<ColumnChoice>,
+    /// Say what the columns mean
+    #[arg(long)]
+    explain: bool,
     /// Show the run in Rerun: a new viewer, a running one, a file, or none [default: run.rrd in the
     /// report]
     #[arg(long, value_name = "spawn|URL|FILE.rrd|none")]
@@ -186,11 +193,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         })?;
     } else {
         let lines: String = gate.iter().map(gate_line).collect();
-        let width = width();
-        print(&format!(
-            "{summary:width$}\n{}\n{lines}",
-            folder.join("index.html").display()
-        ))?;
+        let text = summary.terminal(&scenario.name, style(), args.explain);
+        print(&format!("{text}\n{lines}{}", report_lines(&folder)))?;
     }
     ran?;
     match (args.gate, args.check) {

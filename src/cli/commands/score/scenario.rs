@@ -40,6 +40,9 @@ pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
         distinct_kinds(&args.stress)?;
         scenario.stress.clone_from(&args.stress);
     }
+    if let Some(columns) = &args.columns {
+        scenario.columns = columns.clone();
+    }
     let filters = args.filters.of_scenario()?;
     if !filters.is_empty() {
         scenario.filters = filters;

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use svl_core::{Error, Result};
 
 /// One table, written as CSV, as Parquet or as both. Files of the same name are replaced.
-pub struct Table<R> {
+pub struct TableWriter<R> {
     csv: Option<Csv>,
     parquet: Option<Parquet<R>>,
 }
@@ -34,7 +34,7 @@ struct Parquet<R> {
 /// Rows that are written at once: as many as polars takes.
 const ROW_GROUP: usize = 1 << 18;
 
-impl<R: Record> Table<R> {
+impl<R: Record> TableWriter<R> {
     /// A table without a file, for rows that are only counted.
     pub fn in_memory() -> Self {
         Self {
@@ -213,12 +213,12 @@ impl Summary {
     /// each as `.csv` and `.parquet`, into a folder that exists.
     ///
     /// # Errors
-    /// As [`Table::push`].
+    /// As [`TableWriter::push`].
     pub fn write_tables(&self, folder: &Path) -> Result<()> {
-        let mut algorithms = Table::create_both(folder, "summary")?;
+        let mut algorithms = TableWriter::create_both(folder, "summary")?;
         algorithms.push(self.algorithms.iter().cloned())?;
         algorithms.finish()?;
-        let mut checkpoints = Table::create_both(folder, "verdicts")?;
+        let mut checkpoints = TableWriter::create_both(folder, "verdicts")?;
         checkpoints.push(self.checkpoints.iter().cloned())?;
         checkpoints.finish()
     }

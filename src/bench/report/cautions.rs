@@ -1,0 +1,53 @@
+//! What a reader has to know before the numbers of a run are believed.
+
+use super::summary::Summary;
+use svl_core::counted;
+
+impl Summary {
+    /// Losses and cautions, each with its cure where there is one.
+    pub fn cautions(&self) -> Vec<String> {
+        let incomplete = self
+            .ending
+            .incomplete
+            .iter()
+            .map(|why| format!("incomplete: {why}"));
+        let note = self.ending.note().map(|note| format!("not scored: {note}"));
+        let failed = self.failed.iter().map(|f| {
+            let pairs = if f.on_every_pair {
+                "every pair".to_owned()
+            } else {
+                format!("{} and is not ranked", counted(f.pairs, "pair"))
+            };
+            format!("{} failed on {pairs}: {}", f.algorithm, f.reason)
+        });
+        let doubtful = self
+            .programs
+            .iter()
+            .filter(|of| of.program.is_time_doubtful());
+        let doubtful = doubtful.map(|of| {
+            let name = &of.algorithm;
+            format!("{name} answers far later than the time that it reports, which is not ranked")
+        });
+        let profile = self.slow_profile.clone();
+        let parts = incomplete
+            .chain(note)
+            .chain(self.caution())
+            .chain(failed)
+            .chain(doubtful);
+        parts.chain(profile).chain(self.outliers()).collect()
+    }
+
+    /// Times that the machine disturbed.
+    fn outliers(&self) -> Option<String> {
+        // Else svl's own reading and writing makes them.
+        let measured = self
+            .algorithms
+            .iter()
+            .filter(|a| self.measured && a.outliers > 0);
+        (measured.count() > 0).then(|| {
+            "the machine was busy, so times are uncertain; an idle one, or --repeat 5, gives \
+             better ones"
+                .to_owned()
+        })
+    }
+}

@@ -1,0 +1,58 @@
+//! The values of a metric in rows, from which totals and intervals are drawn.
+
+use super::rows::Row;
+use svl_data::bootstrap::{Resamples, Sample};
+use svl_data::score::{Metric, MetricOrigin, MetricTotal};
+
+/// Seed and name of a row's run.
+pub(super) type RunKey<'a> = (Option<u64>, Option<&'a str>);
+
+/// The run of a row.
+pub(super) fn run_key(row: &Row) -> RunKey<'_> {
+    (row.seed, row.run.as_deref())
+}
+
+/// The values of a metric; absent where no pair has it.
+pub(super) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
+    let values = || rows.iter().map(|row| row.metrics.get(metric.name));
+    match metric.origin {
+        MetricOrigin::Frame { total, .. } => match total {
+            MetricTotal::Mean => Some(Sample::Ratio(
+                values().map(|v| v.map_or([0.0; 2], |v| [v, 1.0])).collect(),
+            )),
+            MetricTotal::Sum => values()
+                .any(|v| v.is_some())
+                .then(|| Sample::Count(values().map(Option::unwrap_or_default).collect())),
+            MetricTotal::ShareOf(_) => {
+                let part = |row: &&Row| {
+                    let part = row.metrics.get(metric.name);
+                    let both = part.zip(row.metrics.whole(metric));
+                    both.map_or([0.0; 2], |(part, whole)| [part, whole])
+                };
+                Some(Sample::Ratio(rows.iter().map(part).collect()))
+            }
+        },
+        MetricOrigin::Time => Some(Sample::Median(
+            rows.iter()
+                .map(|row| row.total_us as f64 / 1000.0)
+                .collect(),
+        )),
+        MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
+    }
+}
+
+/// A metric over all rows of an algorithm: a share or a mean, a sum, or of the times the median.
+pub fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
+    sample(metric, rows)?.total()
+}
+
+/// Resamples of rows, those of a run beside each other.
+pub(super) fn resamples(base: &[&Row]) -> Resamples {
+    let stretches: Vec<_> = base
+        .chunk_by(|a, b| run_key(a) == run_key(b))
+        .map(<[_]>::len)
+        .collect();
+    // Scenes have names and are independent of each other; frames of a run are not.
+    let independent = base.iter().all(|row| !row.name.is_empty());
+    Resamples::draw(&stretches, independent)
+}

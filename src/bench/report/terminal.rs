@@ -1,0 +1,95 @@
+//! A summary on the terminal: the answer first.
+
+use super::summary::Summary;
+use super::table::{TerminalStyle, wrapped};
+use svl_core::counted;
+use svl_core::stereo::TruthOrigin;
+use svl_data::score::ColumnChoice;
+
+/// Algorithms up to which all are shown, and those that are shown of more.
+const MANY: usize = 15;
+const SHOWN: usize = 12;
+
+impl Summary {
+    /// The extent of the run, the headline table, the answer and the cautions; the tables of
+    /// perturbations. `explain`: the meanings of the columns, too.
+    pub fn terminal(&self, title: &str, style: TerminalStyle, explain: bool) -> String {
+        let head = format!("{title}: {}", self.scope_words());
+        let mut text = wrapped(&head, 2, style.width);
+        let mut table = self.headline();
+        if table.rows.is_empty() {
+            text.push_str("no pairs\n");
+        } else {
+            let more = match table.rows.len() {
+                n if n > MANY && self.columns != ColumnChoice::All => n - SHOWN,
+                _ => 0,
+            };
+            table.rows.truncate(table.rows.len() - more);
+            text.push('\n');
+            text.push_str(&table.terminal(style));
+            if more > 0 {
+                text.push_str(&format!(
+                    "and {more} more: see the page, or --columns all\n"
+                ));
+            }
+        }
+        let mut tables = vec![table];
+        for table in self.side_tables() {
+            let is_stress = self.stress.iter().any(|s| table.title.contains(s.kind));
+            if is_stress || self.columns == ColumnChoice::All {
+                text.push_str(&format!("\n{}\n{}", table.title, table.terminal(style)));
+                tables.push(table);
+            }
+        }
+        if explain {
+            text.push('\n');
+        }
+        let notes = tables
+            .iter()
+            .flat_map(|table| &table.notes)
+            .filter(|_| explain);
+        for (term, meaning) in notes {
+            text.push_str(&wrapped(&format!("{term}: {meaning}"), 2, style.width));
+        }
+        let answer = self.answer().join(" ");
+        if !answer.is_empty() {
+            text.push('\n');
+            text.push_str(&wrapped(&answer, 0, style.width));
+        }
+        let cautions = self.cautions();
+        if !cautions.is_empty() {
+            text.push('\n');
+        }
+        for caution in cautions {
+            text.push_str(&wrapped(&format!("warning: {caution}"), 2, style.width));
+        }
+        text
+    }
+
+    /// The extent of the run in words: pairs, size, runs, origin of the truth.
+    pub fn scope_words(&self) -> String {
+        let scope = &self.scope;
+        let size = match scope.sizes[..] {
+            [] => String::new(),
+            [(width, height)] => format!(" of {width} x {height}"),
+            _ => format!(" of {} sizes", scope.sizes.len()),
+        };
+        let runs = (scope.runs > 1).then(|| counted(scope.runs, "run"));
+        let courses = self.drives.iter().map(|drive| drive.courses).max();
+        let courses = courses.map(|courses| counted(courses, "course"));
+        let exact = TruthOrigin::Exact.to_string();
+        let truth = match &self.truth[..] {
+            [] => "no ground truth".to_owned(),
+            [one] if *one == exact => "exact truth".to_owned(),
+            _ => self.caution().unwrap_or_default(),
+        };
+        let pairs = format!("{}{size}", counted(scope.pairs, "pair"));
+        let parts = [Some(pairs), courses.or(runs), Some(truth)];
+        let parts: Vec<_> = parts
+            .into_iter()
+            .flatten()
+            .filter(|part| !part.is_empty())
+            .collect();
+        parts.join(", ")
+    }
+}

@@ -1,0 +1,130 @@
+//! The choice of metrics that tables show.
+
+use super::{METRICS, Metric, MetricLevel, RunKind};
+use serde::{Deserialize, Serialize};
+use std::str::FromStr;
+
+/// Columns of the tables of algorithms; written `all`, or as names of metrics.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Vec<String>", into = "Vec<String>")]
+pub enum ColumnChoice {
+    /// The headline metrics of the kind of run.
+    #[default]
+    Headline,
+    All,
+    /// In this order.
+    Named(Vec<&'static Metric>),
+}
+
+impl ColumnChoice {
+    /// The metrics of a run of that kind, in the order of their columns.
+    pub fn metrics(&self, kind: RunKind) -> Vec<&'static Metric> {
+        let is_headline = |metric: &&Metric| match metric.level {
+            MetricLevel::Headline(kinds) => kinds.contains(&kind),
+            MetricLevel::Detail => false,
+        };
+        match self {
+            Self::Headline => METRICS.iter().filter(is_headline).collect(),
+            Self::All => METRICS.iter().collect(),
+            Self::Named(metrics) => metrics.clone(),
+        }
+    }
+
+    fn from_names(names: &[&str]) -> Result<Self, String> {
+        if names == ["all"] {
+            return Ok(Self::All);
+        }
+        let find = |name: &&str| {
+            Metric::find(name).ok_or_else(|| {
+                let names: Vec<_> = METRICS.iter().map(|metric| metric.name).collect();
+                format!(
+                    "no metric is called '{name}'; expected all, or some of {}",
+                    names.join(", ")
+                )
+            })
+        };
+        let metrics = names.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        let is_repeated = |i: usize| metrics[..i].contains(&metrics[i]);
+        if let Some(i) = (0..metrics.len()).find(|&i| is_repeated(i)) {
+            return Err(format!("the column {} is named twice", names[i]));
+        }
+        match metrics.is_empty() {
+            true => Ok(Self::Headline),
+            false => Ok(Self::Named(metrics)),
+        }
+    }
+}
+
+impl FromStr for ColumnChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let names: Vec<_> = text.split(',').map(str::trim).collect();
+        Self::from_names(&names)
+    }
+}
+
+impl TryFrom<Vec<String>> for ColumnChoice {
+    type Error = String;
+
+    fn try_from(names: Vec<String>) -> Result<Self, String> {
+        let names: Vec<_> = names.iter().map(String::as_str).collect();
+        Self::from_names(&names)
+    }
+}
+
+impl From<ColumnChoice> for Vec<String> {
+    fn from(choice: ColumnChoice) -> Self {
+        match choice {
+            ColumnChoice::Headline => Vec::new(),
+            ColumnChoice::All => vec!["all".to_owned()],
+            ColumnChoice::Named(metrics) => metrics
+                .iter()
+                .map(|metric| metric.name.to_owned())
+                .collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_read_as_they_are_written() {
+        for text in ["all", "right", "time,missed25"] {
+            let choice: ColumnChoice = text.parse().unwrap();
+            assert_eq!(Vec::<String>::from(choice.clone()).join(","), text);
+            assert_eq!(
+                ColumnChoice::try_from(Vec::from(choice.clone())),
+                Ok(choice)
+            );
+        }
+        for text in ["", "right,right", "rigth", "all,right"] {
+            assert!(text.parse::<ColumnChoice>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn every_kind_of_run_has_headline_metrics() {
+        use RunKind::{Courses, Disparities, Distances, NoTruth};
+        let names = |kind| {
+            ColumnChoice::Headline
+                .metrics(kind)
+                .iter()
+                .map(|m| m.name)
+                .collect()
+        };
+        let expect = |kind, expected: &[&str]| {
+            let found: Vec<_> = names(kind);
+            assert_eq!(found, expected, "{kind:?}");
+        };
+        let distances = [
+            "right", "wrong", "unknown", "missed25", "false5", "passed", "time",
+        ];
+        expect(Distances, &distances);
+        expect(Disparities, &["coverage", "bad2", "passed", "time"]);
+        expect(Courses, &["finished", "collisions", "near_misses"]);
+        expect(NoTruth, &["known", "unrivalled", "agreed", "time"]);
+    }
+}
