@@ -93,10 +93,8 @@ impl Summary {
         let value =
             |a: &AlgorithmSummary, name| self.value(&a.algorithm, Metric::find(name)?, None);
         let right = |a: &AlgorithmSummary| Some(value(a, "right")? - value(a, "wrong")?);
-        let first = self.columns.metrics(self.kind()).into_iter();
-        let first = first
-            .filter(|metric| metric.better != Better::Neither)
-            .next();
+        let mut first = self.columns.metrics(self.kind()).into_iter();
+        let first = first.find(|metric| metric.better != Better::Neither);
         let key = |a: &AlgorithmSummary| match self.kind() {
             RunKind::Distances => right(a),
             _ => {
@@ -472,7 +470,7 @@ fn stress_table(kind: &'static StressKind, stress: &[StressSummary]) -> Table {
         let share = |s: &&StressSummary| if has_truth { s.right } else { s.known };
         let cells = levels.iter().map(|level| match (at(*level), is_driven) {
             (Some(s), true) => s.collisions.map_or(NONE.to_owned(), |v| format!("{v:.1}")),
-            (s, _) => percent(s.and_then(|s| share(s))),
+            (s, _) => percent(s.and_then(&share)),
         });
         let mut breaks = by_size.iter().filter_map(|level| at(*level));
         let breaks = breaks.find_map(|s| Some(format!("{}: {}", s.level, s.broken.as_ref()?)));

@@ -177,7 +177,8 @@ pub(crate) fn width() -> usize {
     size.map_or(PIPED, |(columns, _)| usize::from(columns.0).max(NARROWEST))
 }
 
-/// Form of tables on standard output: with bars and colours on a terminal, unless `NO_COLOR` is set.
+/// Form of tables on standard output: with bars and colours on a terminal, unless `NO_COLOR` is
+/// set.
 pub(crate) fn style() -> TerminalStyle {
     let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");

@@ -261,7 +261,6 @@ pub const METRICS: &[Metric] = &[
             ("known", words.into())
         }),
         level: MetricLevel::Headline(&[RunKind::NoTruth]),
-        ..DETAIL
     },
     Metric {
         name: "missed",
@@ -422,7 +421,6 @@ pub const METRICS: &[Metric] = &[
             ("cover", words.into())
         }),
         level: MetricLevel::Headline(&[RunKind::Disparities]),
-        ..DETAIL
     },
     Metric {
         name: "invalid",
@@ -539,7 +537,6 @@ pub const METRICS: &[Metric] = &[
             ("agreed", words.into())
         }),
         level: MetricLevel::Headline(&[RunKind::NoTruth]),
-        ..DETAIL
     },
     Metric {
         name: "floor",
