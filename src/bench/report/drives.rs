@@ -10,26 +10,33 @@ use svl_data::score::{DriveNumber, Metric, MetricOrigin};
 record! {
     /// One drive: a course with an algorithm at the wheel.
     DriveRow {
+        /// Identifier of the run, as in the manifest.
         run_id: String,
+        /// Name of the scenario.
         scenario: String,
         /// Seed of the course.
         seed: u64,
+        /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
-        /// Whether the goal was reached without a collision and without help.
+        /// The goal was reached without a collision and without help.
         finished: bool,
-        /// Whether it was reached in time, helped or not.
+        /// The goal was reached in time, with help or without.
         arrived: bool,
+        /// Collisions on the course.
         collisions: u64,
+        /// Near misses on the course.
         near_misses: u64,
-        /// How often the robot came no farther and was set back on the route.
+        /// Number of times that the robot came no farther and was set back on the route.
         stuck: u64,
-        /// What it drove itself.
+        /// Distance that the robot drove itself.
         driven_m: f64,
         /// Distance driven until the first collision, where there was one.
         first_collision_m: Option<f64>,
+        /// Duration of the drive.
         duration_s: f64,
         /// Time in which it did not move, as when it turned on the spot.
         stood_s: f64,
+        /// Pairs of the drive.
         frames: u64,
         /// Frames on which the algorithm failed: the last command held.
         failures: u64,
@@ -45,12 +52,19 @@ record! {
 record! {
     /// The robot at a frame of a drive.
     TrackRow {
+        /// Identifier of the run, as in the manifest.
         run_id: String,
+        /// Name of the scenario.
         scenario: String,
+        /// Seed of the arena or of the course; absent for recordings.
         seed: u64,
+        /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
+        /// Number of the pair in its run.
         sequence: u64,
+        /// Position to the right of the middle of the start.
         x_m: f64,
+        /// Position ahead of the start.
         y_m: f64,
         /// Direction of travel, atan2(y, x), radians.
         heading: f64,
@@ -58,7 +72,7 @@ record! {
         speed_m_per_s: f64,
         /// Least distance of the body from everything since the last frame.
         clearance_m: f64,
-        /// Whether it was set there by hand.
+        /// The robot was set there after a collision or when it was stuck.
         placed: bool,
         /// `collision`, `near_miss`, `stuck` or nothing.
         event: Option<String>,

@@ -11,6 +11,7 @@ mod answer;
 pub mod calibration;
 mod cautions;
 mod choice;
+mod columns;
 pub mod compare;
 mod csv_rows;
 mod drives;
@@ -37,6 +38,7 @@ mod totals;
 mod words;
 
 pub use choice::{better_first, pareto_front};
+pub use columns::{ColumnDescription, SCHEMA, TABLES, TableDescription};
 pub use csv_rows::{RowReader, read_rows};
 pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};

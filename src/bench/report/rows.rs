@@ -3,17 +3,18 @@
 //! Shares are 0..=1, cells and sequences count from 0, distances are along the optical axis. A
 //! number that needs truth is absent where there is none.
 
+use super::columns::ColumnDescription;
 use polars::prelude::{Column, DataFrame, PolarsResult};
 use std::str::FromStr;
 use std::sync::LazyLock;
-use svl_core::stereo::CellState;
+use svl_core::stereo::{CellRule, CellState};
 use svl_data::files::ColumnPlaces;
-use svl_data::score::{METRICS, Metric, MetricValues, Verdict};
+use svl_data::score::{METRICS, Metric, MetricTotal, MetricUnit, MetricValues, Verdict};
 
 /// A row of a table: named columns, each of one type.
 pub trait Record: Sized {
-    /// Names of the columns, in their order.
-    fn columns() -> Vec<&'static str>;
+    /// The columns, in their order.
+    fn columns() -> Vec<ColumnDescription>;
 
     /// A value per column.
     fn values(&self) -> Vec<ColumnValue<'_>>;
@@ -57,16 +58,17 @@ impl<'a> CsvCells<'a> {
 
 /// Declares a row of one list of fields, each a column or several.
 macro_rules! record {
-    ($(#[$about:meta])* $name:ident { $($(#[$doc:meta])* $field:ident: $kind:ty,)* }) => {
+    ($(#[$about:meta])* $name:ident { $($(#[doc = $doc:literal])* $field:ident: $kind:ty,)* }) => {
         $(#[$about])*
         #[derive(Clone, Debug, PartialEq)]
-        pub struct $name { $($(#[$doc])* pub $field: $kind,)* }
+        pub struct $name { $($(#[doc = $doc])* pub $field: $kind,)* }
 
         impl $crate::report::rows::Record for $name {
-            fn columns() -> Vec<&'static str> {
+            fn columns() -> Vec<$crate::report::columns::ColumnDescription> {
                 let mut columns = Vec::new();
                 $(<$kind as $crate::report::rows::RowField>::columns(
                     stringify!($field),
+                    concat!($($doc),*),
                     &mut columns,
                 );)*
                 columns
@@ -105,7 +107,8 @@ macro_rules! record {
                 serializer: S,
             ) -> std::result::Result<S::Ok, S::Error> {
                 use $crate::report::rows::Record as _;
-                serializer.collect_map(Self::columns().into_iter().zip(self.values()))
+                let names = Self::columns().into_iter().map(|column| column.name);
+                serializer.collect_map(names.zip(self.values()))
             }
         }
     };
@@ -115,13 +118,19 @@ pub(super) use record;
 record! {
     /// A pair that an algorithm failed on.
     FailureRow {
+        /// Identifier of the run, as in the manifest.
         run_id: String,
+        /// Name of the scenario.
         scenario: String,
         /// The recording, if the scenario has some.
         run: Option<String>,
+        /// Seed of the arena or of the course; absent for recordings.
         seed: Option<u64>,
+        /// Number of the pair in its run.
         sequence: u64,
+        /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
+        /// Reason of the failure.
         reason: String,
         /// What perturbed the pair.
         stress: Option<String>,
@@ -136,9 +145,13 @@ pub fn hash_words(hash: u128) -> String {
 record! {
     /// One pair through one algorithm.
     Row {
+        /// Identifier of the run, as in the manifest.
         run_id: String,
+        /// Name of the scenario.
         scenario: String,
+        /// Number of the pair in its run.
         sequence: u64,
+        /// Exposure stamp of the pair.
         stamp_ns: u64,
         /// The scene's name, empty where frames have none.
         name: String,
@@ -148,15 +161,23 @@ record! {
         pair_hash: String,
         /// Its label, e.g. `v3:max_disparity=64`.
         algorithm: String,
+        /// Hash of the algorithm and its parameters, hexadecimal.
         parameters_hash: String,
+        /// Width of the images, pixels.
         width: u32,
+        /// Height of the images, pixels.
         height: u32,
         /// Number of disparities that the algorithm tries per pixel, where its parameters say.
         disparities: Option<u32>,
+        /// Time of smoothing.
         smoothing_us: u64,
+        /// Time of the texture filter.
         texture_us: u64,
+        /// Time of matching.
         matching_us: u64,
+        /// Time of the consistency checks.
         checks_us: u64,
+        /// Time of the whole pair, filters included.
         total_us: u64,
         /// A column per metric of frames.
         metrics: MetricValues,
@@ -179,23 +200,35 @@ record! {
 record! {
     /// One cell of the obstacle grid in one pair through one algorithm.
     CellRow {
+        /// Identifier of the run, as in the manifest.
         run_id: String,
+        /// Name of the scenario.
         scenario: String,
+        /// Number of the pair in its run.
         sequence: u64,
         /// Seed of the arena.
         seed: Option<u64>,
+        /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
+        /// Column of the cell, from 0 at the left.
         column: u32,
+        /// Row of the cell, from 0 at the top.
         row: u32,
         /// Share of the cell's pixels with a disparity.
         valid_share: f64,
+        /// Median of the reported disparities.
         median_px: Option<f64>,
+        /// 20th percentile of the reported disparities: the farther part.
         p20_px: Option<f64>,
+        /// 80th percentile of the reported disparities: the nearer part.
         p80_px: Option<f64>,
+        /// Reported distance along the optical axis.
         distance_m: Option<f64>,
         /// Median true disparity.
         true_median_px: Option<f64>,
+        /// True distance of the median.
         true_distance_m: Option<f64>,
+        /// Result of the cell: right, wrong, unknown or no-truth.
         verdict: Verdict,
         /// Truly nearer than the scenario's `obstacle_m`, reported farther than its `clear_m`.
         missed_obstacle: bool,
@@ -218,12 +251,17 @@ record! {
 record! {
     /// One checkpoint of one run through one algorithm.
     CheckpointRow {
+        /// Identifier of the run, as in the manifest.
         run_id: String,
+        /// Name of the scenario.
         scenario: String,
+        /// Seed of the arena or of the course; absent for recordings.
         seed: Option<u64>,
         /// The checkpoint's number in the scenario.
         checkpoint: u32,
+        /// Name of the checkpoint.
         name: String,
+        /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
         /// Frames that show the checkpoint.
         frames: u64,
@@ -231,9 +269,13 @@ record! {
         passed: u64,
         /// `passed / frames`; absent when no frame shows it.
         share: Option<f64>,
+        /// Number of the best frame.
         best_sequence: Option<u64>,
+        /// The checkpoint passes in the best frame.
         best_passed: Option<bool>,
+        /// Number of the worst frame.
         worst_sequence: Option<u64>,
+        /// The checkpoint passes in the worst frame.
         worst_passed: Option<bool>,
         /// The recording, where the scenario has some.
         run: Option<String>,
@@ -244,8 +286,11 @@ record! {
 
 /// A field of a row: one column of its name, or several.
 pub(super) trait RowField: Sized {
-    fn columns(name: &'static str, columns: &mut Vec<&'static str>) {
-        columns.push(name);
+    /// Type of its column, as [`ColumnDescription::kind`].
+    const KIND: &'static str;
+
+    fn columns(name: &'static str, about: &str, columns: &mut Vec<ColumnDescription>) {
+        columns.push(ColumnDescription::new(name, Self::KIND, about));
     }
 
     fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>);
@@ -258,8 +303,10 @@ pub(super) trait RowField: Sized {
 /// Types that are one column: how it is written, read, kept by polars, and what stands for it where
 /// a file of before does not have it.
 macro_rules! columns {
-    ($($kind:ty: |$field:ident| $value:expr, $read:expr, $stored:expr, $absent:expr;)*) => {$(
+    ($($kind:ty: $name:literal, |$field:ident| $value:expr, $read:expr, $stored:expr, $absent:expr;)*) => {$(
         impl RowField for $kind {
+            const KIND: &'static str = $name;
+
             fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
                 let $field = self;
                 values.push($value);
@@ -284,16 +331,16 @@ macro_rules! columns {
 }
 
 columns! {
-    String: |text| ColumnValue::Text(text), |text| Some(text.to_owned()), String::clone, None;
-    Verdict: |v| ColumnValue::Text(v.name()), Verdict::from_name, |v| v.name(), None;
-    u32: |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone, None;
-    u64: |n| ColumnValue::Whole(Some(*n)), read, u64::clone, None;
-    f64: |v| ColumnValue::Real(Some(*v)), read, f64::clone, None;
-    bool: |flag| ColumnValue::Flag(Some(*flag)), read, bool::clone, None;
-    Option<u32>: |n| ColumnValue::Whole(n.map(Into::into)), optional, Option::clone, None;
-    Option<u64>: |n| ColumnValue::Whole(*n), optional, Option::clone, Some(None);
-    Option<f64>: |v| ColumnValue::Real(*v), optional, Option::clone, None;
-    Option<bool>: |flag| ColumnValue::Flag(*flag), optional, Option::clone, None;
+    String: "text", |text| ColumnValue::Text(text), |text| Some(text.to_owned()), String::clone, None;
+    Verdict: "text", |v| ColumnValue::Text(v.name()), Verdict::from_name, |v| v.name(), None;
+    u32: "integer", |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone, None;
+    u64: "integer", |n| ColumnValue::Whole(Some(*n)), read, u64::clone, None;
+    f64: "number", |v| ColumnValue::Real(Some(*v)), read, f64::clone, None;
+    bool: "boolean", |flag| ColumnValue::Flag(Some(*flag)), read, bool::clone, None;
+    Option<u32>: "integer?", |n| ColumnValue::Whole(n.map(Into::into)), optional, Option::clone, None;
+    Option<u64>: "integer?", |n| ColumnValue::Whole(*n), optional, Option::clone, Some(None);
+    Option<f64>: "number?", |v| ColumnValue::Real(*v), optional, Option::clone, None;
+    Option<bool>: "boolean?", |flag| ColumnValue::Flag(*flag), optional, Option::clone, None;
 }
 
 fn read<T: FromStr>(text: &str) -> Option<T> {
@@ -311,6 +358,8 @@ fn optional<T: FromStr>(text: &str) -> Option<Option<T>> {
 macro_rules! younger_columns {
     ($($kind:ty: $text:expr, $read:expr;)*) => {$(
         impl RowField for Option<$kind> {
+            const KIND: &'static str = "text?";
+
             fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
                 let text: fn(&$kind) -> &str = $text;
                 values.push(ColumnValue::Text(self.as_ref().map_or("", text)));
@@ -390,8 +439,10 @@ impl std::ops::Deref for MetricTotals {
 macro_rules! metric_columns {
     ($($kind:ident, $order:ident, $new:expr;)*) => {$(
         impl RowField for $kind {
-            fn columns(_: &'static str, columns: &mut Vec<&'static str>) {
-                columns.extend($order.iter().map(|(_, column)| *column));
+            const KIND: &'static str = "number?";
+
+            fn columns(_: &'static str, _: &str, columns: &mut Vec<ColumnDescription>) {
+                columns.extend($order.iter().map(|(metric, _)| metric_column(metric)));
             }
 
             fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
@@ -427,6 +478,30 @@ macro_rules! metric_columns {
             }
         }
     )*};
+}
+
+/// The column of a metric of frames.
+fn metric_column(metric: &Metric) -> ColumnDescription {
+    let (name, total) = metric.column().expect("a metric of frames");
+    let kind = if metric.counts() {
+        "integer?"
+    } else {
+        "number?"
+    };
+    let adds_up = match total {
+        MetricTotal::Mean if metric.unit == MetricUnit::Share => "; a share, over pairs their mean",
+        MetricTotal::Mean => "; over pairs their mean",
+        MetricTotal::Sum | MetricTotal::ShareOf(_) => "; over pairs their sum",
+    };
+    let note = metric.note.map(|note| note(CellRule::default()));
+    let meaning = note.map_or_else(String::new, |(term, words)| format!(" ({term}: {words})"));
+    let unit = (metric.unit == MetricUnit::Px).then_some("px");
+    ColumnDescription {
+        name,
+        kind,
+        unit,
+        about: format!("{}{meaning}{adds_up}.", metric.words),
+    }
 }
 
 metric_columns! {

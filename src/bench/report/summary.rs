@@ -13,7 +13,7 @@ use svl_core::matcher::ProgramRecord;
 use svl_core::stereo::{CellRule, TruthOrigin};
 use svl_core::{Error, Result};
 use svl_data::losses::RunEnding;
-use svl_data::manifest::{Manifest, hash};
+use svl_data::manifest::{Manifest, SCHEMA, hash};
 use svl_data::score::{
     ColumnChoice, DriveNumber, METRICS, Metric, MetricOrigin, MetricTotal, MetricValues, RunKind,
 };
@@ -22,6 +22,8 @@ use svl_data::slow_profile;
 /// The results of a run. `Display` is a table for the terminal.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
+    /// Version of the files of a report, [`SCHEMA`].
+    pub schema: u32,
     /// How the run ended, and what it misses.
     #[serde(flatten)]
     pub ending: RunEnding,
@@ -107,16 +109,19 @@ pub struct ProgramSummary {
 record! {
     /// One algorithm over all pairs. A number is absent when no pair has it.
     AlgorithmSummary {
+        /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
+        /// Pairs with a result of the algorithm.
         pairs: u64,
         /// Per metric of frames the sum of what it counts, or its mean.
         totals: MetricTotals,
         /// Median time a pair by nearest rank.
         p50_ms: f64,
-        /// Percentiles by nearest rank: the 99th is the slowest pair when there are fewer than a
-        /// hundred.
+        /// 95th percentile of the time by nearest rank.
         p95_ms: f64,
+        /// 99th percentile of the time by nearest rank: the slowest pair of fewer than a hundred.
         p99_ms: f64,
+        /// Time of the slowest pair.
         max_ms: f64,
         /// Median seconds per million pixels.
         time_per_mp_s: f64,
@@ -124,13 +129,16 @@ record! {
         time_per_gd_s: Option<f64>,
         /// Million pixels times disparities a second, of the median pair.
         mde_per_s: Option<f64>,
-        /// Mean over the half of the pairs whose total is nearest to the median, so that the stages
-        /// add up and an outlier does not count; as are the next four.
+        /// Mean time of smoothing over the half of the pairs whose total is nearest to the median,
+        /// so that the stages add up and an outlier does not count.
         smoothing_ms: f64,
+        /// Mean time of the texture filter over the same pairs.
         texture_ms: f64,
+        /// Mean time of matching over the same pairs.
         matching_ms: f64,
+        /// Mean time of the consistency checks over the same pairs.
         checks_ms: f64,
-        /// What belongs to no stage.
+        /// Mean time that belongs to no stage.
         other_ms: f64,
         /// Digest of the hashes of its results in their order.
         results_hash: String,
@@ -138,10 +146,12 @@ record! {
         outliers: u64,
         /// The memory that it took for its largest pair, 10⁶ bytes, where it was measured.
         memory_mb: Option<f64>,
-        /// What filters take, as the stages.
+        /// Mean time of filters over the same pairs.
         filters_ms: f64,
-        /// Pairs and cells that were scored against a ground truth; absent where no pair has one.
+        /// Pairs that were scored against a ground truth; absent where no pair has one.
         scored_pairs: Option<u64>,
+        /// Cells that were scored against a ground truth, over all pairs; absent where no pair has
+        /// one.
         scored_cells: Option<u64>,
     }
 }
@@ -149,11 +159,15 @@ record! {
 record! {
     /// One checkpoint through one algorithm over all runs.
     CheckpointSummary {
+        /// Number of the checkpoint in the scenario.
         checkpoint: u32,
+        /// Name of the checkpoint.
         name: String,
+        /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
         /// Frames that show the checkpoint.
         frames: u64,
+        /// Frames of these in which it passes.
         passed: u64,
         /// Whether the best frame of all runs passes; absent when no frame shows the checkpoint.
         best_passed: Option<bool>,
@@ -313,6 +327,7 @@ impl Summary {
         // Stable: equal checkpoints of several algorithms follow the order of the rows.
         checkpoints.sort_by_key(|c| (c.checkpoint, order(&c.algorithm)));
         Ok(Self {
+            schema: SCHEMA,
             ending: RunEnding::default(),
             pairs_hash: pairs_hash(rows)?,
             truth: truths(rows)?,

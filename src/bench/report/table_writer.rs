@@ -3,7 +3,11 @@
 use super::csv_rows::csv_error;
 use super::rows::Record;
 use super::summary::Summary;
-use polars::prelude::{BatchedWriter, ParquetWriter, PolarsError, PolarsResult};
+use polars::prelude::{
+    BatchedWriter, CompatLevel, KeyValueMetadata, ParquetWriter, PolarsError, PolarsResult, Schema,
+    SchemaExt,
+};
+use polars_parquet::write::schema_to_metadata_key;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -115,7 +119,7 @@ impl Csv {
             .has_headers(false)
             .from_writer(file);
         writer
-            .write_record(R::columns())
+            .write_record(R::columns().iter().map(|column| column.name))
             .map_err(|e| csv_error(path, e))?;
         writer.flush().map_err(|e| Error::io(path, e))?;
         Ok(Self {
@@ -137,7 +141,9 @@ impl<R: Record> Parquet<R> {
             .map_err(|e| polars_error(path, e))?
             .schema()
             .clone();
-        let writer = ParquetWriter::new(file).batched(&schema);
+        let writer = ParquetWriter::new(file)
+            .with_key_value_metadata(Some(field_metadata::<R>(&schema)))
+            .batched(&schema);
         Ok(Self {
             path: path.to_owned(),
             writer: writer.map_err(|e| polars_error(path, e))?,
@@ -182,6 +188,23 @@ impl<R: Record> Parquet<R> {
             (Ok(()), None) => Ok(()),
         }
     }
+}
+
+/// The schema of Arrow that Parquet files hold, with units and meanings of the columns.
+fn field_metadata<R: Record>(schema: &Schema) -> KeyValueMetadata {
+    let mut schema = schema.to_arrow(CompatLevel::newest());
+    for column in R::columns() {
+        let entries = [
+            ("unit", column.unit.unwrap_or_default()),
+            ("description", &column.about),
+        ];
+        let entries = entries.into_iter().filter(|(_, text)| !text.is_empty());
+        if let Some(field) = schema.get_mut(column.name) {
+            let entries = entries.map(|(key, text)| (key.into(), text.into()));
+            field.metadata = Some(Arc::new(entries.collect()));
+        }
+    }
+    KeyValueMetadata::Static(vec![schema_to_metadata_key(&schema)])
 }
 
 /// A file that remembers what went wrong first.

@@ -33,6 +33,7 @@ const NONE: &[Purpose] = &[];
 /// The fields of a manifest, and for which purposes they have to be equal; the first that is a
 /// field or the table that it is in counts. A field that is not here keeps everything apart.
 const FIELDS: &[(&str, &[Purpose])] = &[
+    ("schema", ALL),
     ("run_id", NONE),
     ("began", NONE),
     ("resumed", NONE),

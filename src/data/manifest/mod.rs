@@ -14,12 +14,21 @@ use svl_core::matcher::{self, Algorithm, ProgramRecord, Value};
 use svl_core::stereo::CellRule;
 use svl_core::{Error, Result};
 
+/// The version of the files of a report: `schema` in `manifest.json` and `summary.json`.
+///
+/// Under one number columns and keys keep their names, units and meanings; new ones may be added,
+/// in tables behind the others. What is renamed, removed or measured otherwise raises it.
+pub const SCHEMA: u32 = 1;
+
 /// The identity of a run, in every report (`manifest.json`) and in every result recording (metadata
 /// `svl.run`).
 ///
 /// Equal pairs, algorithms and parameters have equal result hashes, whatever else stands here.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
+    /// Version of the files of a report, [`SCHEMA`].
+    #[serde(default)]
+    pub schema: u32,
     /// No other run has it.
     pub run_id: String,
     /// RFC 3339, UTC.
@@ -161,6 +170,7 @@ impl Manifest {
         ))[..12]
             .to_owned();
         Ok(Self {
+            schema: SCHEMA,
             run_id,
             began: format!("{now:.0}"),
             svl: build.version.to_owned(),
