@@ -255,6 +255,29 @@ impl Summary {
         }
     }
 
+    /// Removes the times, which are of several machines.
+    pub fn remove_times(&mut self) {
+        for a in &mut self.algorithms {
+            let times = [
+                &mut a.p50_ms,
+                &mut a.p95_ms,
+                &mut a.p99_ms,
+                &mut a.max_ms,
+                &mut a.time_per_mp_s,
+                &mut a.time_per_gd_s,
+                &mut a.mde_per_s,
+                &mut a.smoothing_ms,
+                &mut a.texture_ms,
+                &mut a.matching_ms,
+                &mut a.checks_ms,
+                &mut a.filters_ms,
+                &mut a.other_ms,
+            ];
+            times.into_iter().for_each(|time| *time = None);
+            a.outliers = None;
+        }
+    }
+
     /// The value of any metric, absent where the run does not measure it. `checkpoint`: the one
     /// that counts, in place of all.
     pub fn value(&self, label: &str, metric: &Metric, checkpoint: Option<u32>) -> Option<f64> {

@@ -2,14 +2,13 @@
 
 use crate::report::drives::DriveRow;
 use crate::report::read_rows;
-use crate::report::rows::{CheckpointRow, Row};
+use crate::report::rows::{CheckpointRow, FailureRow, Row};
 use crate::report::samples::{RunKey, run_key};
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
-use svl_data::manifest::Manifest;
+use svl_data::manifest::{Manifest, read_json};
 
 /// A report of `svl score` as its folder holds it.
 pub struct ScoredRun {
@@ -19,6 +18,8 @@ pub struct ScoredRun {
     pub(super) incomplete: Option<String>,
     /// Of the pairs as they are, without stress.
     pub(super) rows: Vec<Row>,
+    /// Pairs that algorithms failed on, likewise.
+    pub(super) failures: Vec<FailureRow>,
     pub(super) checkpoints: Vec<CheckpointRow>,
     pub(super) drives: Vec<DriveRow>,
 }
@@ -71,6 +72,12 @@ impl ScoredRun {
         };
         let mut rows: Vec<Row> = read_rows(&folder.join("rows.csv"))?;
         rows.retain(|row| row.stress.is_none());
+        let failures = folder.join("failures.csv");
+        let mut failures: Vec<FailureRow> = match failures.is_file() {
+            true => read_rows(&failures)?,
+            false => Vec::new(),
+        };
+        failures.retain(|row| row.stress.is_none());
         let drives = folder.join("drives.csv");
         let (drives, checkpoints) = match drives.is_file() {
             true => (read_rows(&drives)?, Vec::new()),
@@ -83,6 +90,7 @@ impl ScoredRun {
             manifest,
             incomplete,
             rows,
+            failures,
             checkpoints,
             drives,
         })
@@ -132,9 +140,4 @@ impl ScoredRun {
         }
         sums
     }
-}
-
-fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-    serde_json::from_str(&text).map_err(|e| Error::format(path, e.to_string()))
 }

@@ -99,6 +99,9 @@ impl Display for AlgorithmChange {
                 counted(*unmatched, "pair")
             )?;
         }
+        if let Some(failures) = self.failures() {
+            write!(f, "; {failures}")?;
+        }
         writeln!(
             f,
             "\n{:28} {:>10} {:>10} {:>10}   95 %",
