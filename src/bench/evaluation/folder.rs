@@ -69,7 +69,8 @@ impl ReportContent {
         let machines = manifest.machines().len();
         if machines > 1 {
             tracing::warn!(
-                "{}: the parts ran on {machines} machines, so their times are not joined: each                  part's report has its own",
+                "{}: the parts ran on {machines} machines, so their times are not joined: each \
+                 part's report has its own",
                 manifest.scenario
             );
         }

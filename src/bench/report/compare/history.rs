@@ -223,11 +223,6 @@ impl ScenarioHistory {
         }
         let processor = |run: &ScoredRun| run.manifest.machine.processor.clone();
         let processors: BTreeSet<_> = runs.iter().map(processor).collect();
-        // Of a merged report the parts' machines made the times.
-        let is_of = |run: &ScoredRun, own: &String| {
-            let machines = run.manifest.machines();
-            machines.len() == 1 && machines[0].processor == *own
-        };
         let of_machine = |metric: &Metric| match metric.origin {
             MetricOrigin::Time => processors.iter().cloned().map(Some).collect(),
             _ => vec![None],
@@ -235,7 +230,9 @@ impl ScenarioHistory {
         let line = |algorithm: &str, metric: &'static Metric, own: Option<String>| {
             let reports = summaries.iter().zip(runs);
             let value = |(summary, run): (&Summary, &ScoredRun)| {
-                let is_own = own.as_ref().is_none_or(|own| is_of(run, own));
+                let is_own = own
+                    .as_ref()
+                    .is_none_or(|own| run.has_times() && *own == processor(run));
                 is_own.then(|| summary.value(algorithm, metric, None))?
             };
             HistoryLine {

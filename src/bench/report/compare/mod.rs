@@ -11,7 +11,6 @@ use super::samples::{resamples, run_key, sample};
 pub use history::{History, HistoryLine, HistoryReport, LeftOut, ScenarioHistory};
 pub use scored_run::ScoredRun;
 use serde::Serialize;
-use std::collections::BTreeSet;
 use std::path::PathBuf;
 use svl_core::{Error, Result, counted};
 use svl_data::bootstrap::{self, Interval, IntervalMethod, Resamples, Sample};
@@ -294,12 +293,6 @@ impl AlgorithmChange {
         }
     }
 
-    /// Pairs that the second run alone failed on, in words.
-    pub fn failures(&self) -> Option<String> {
-        let pairs = counted(self.newly_failed as u64, "pair");
-        (self.newly_failed > 0).then(|| format!("failed on {pairs} that the base has results of"))
-    }
-
     /// All changes with what they are called.
     pub fn changes(&self) -> impl Iterator<Item = (String, &Change)> {
         let metrics = self.metrics.iter();
@@ -343,21 +336,9 @@ impl AlgorithmChange {
             .filter(|(a, b)| a.result_hash == b.result_hash)
             .count();
         let mut metrics = changes_over(&a, &b, &resamples);
-        // Times of several machines are not one number.
-        if [base, other]
-            .iter()
-            .any(|run| run.manifest.machines().len() > 1)
-        {
+        if !base.has_times() || !other.has_times() {
             metrics.retain(|change| !matches!(change.metric.origin, MetricOrigin::Time));
         }
-        let has_result: BTreeSet<_> = ours
-            .keys()
-            .map(|(run, sequence, _)| (run, sequence))
-            .collect();
-        let newly_failed = other.failures.iter().filter(|row| {
-            row.algorithm == other_label
-                && has_result.contains(&(&(row.seed, row.run.as_deref()), &row.sequence))
-        });
         let checkpoint = |(number, (name, frames, passed)): (u32, (&str, u64, u64))| {
             let (_, other_frames, other_passed) = *visits.get(&number)?;
             let change = Change::from_shares((passed, frames), (other_passed, other_frames))?;
@@ -380,7 +361,7 @@ impl AlgorithmChange {
             other_algorithm: other_label.to_owned(),
             same_parameters: base.parameters_hash(label) == other.parameters_hash(other_label),
             pairs: pairs.len(),
-            newly_failed: newly_failed.count(),
+            newly_failed: other.failed_of(other_label, ours.keys().map(|key| (key.0, key.1))),
             unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
             other_inputs: pairs
                 .iter()

@@ -5,7 +5,7 @@ use crate::report::read_rows;
 use crate::report::rows::{CheckpointRow, FailureRow, Row};
 use crate::report::samples::{RunKey, run_key};
 use serde::Deserialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_data::manifest::{Manifest, read_json};
@@ -102,6 +102,23 @@ impl ScoredRun {
             .iter()
             .map(|a| a.label.as_str())
             .collect()
+    }
+
+    /// Whether its times are of one machine.
+    pub(super) fn has_times(&self) -> bool {
+        self.manifest.machines().len() == 1
+    }
+
+    /// The number of these pairs that an algorithm failed on.
+    pub(super) fn failed_of<'a>(
+        &'a self,
+        label: &str,
+        pairs: impl Iterator<Item = (RunKey<'a>, u64)>,
+    ) -> usize {
+        let pairs: BTreeSet<_> = pairs.collect();
+        let own = self.failures.iter().filter(|row| row.algorithm == label);
+        let key = |row: &'a FailureRow| ((row.seed, row.run.as_deref()), row.sequence);
+        own.filter(|row| pairs.contains(&key(row))).count()
     }
 
     pub(super) fn parameters_hash(&self, label: &str) -> Option<&str> {

@@ -78,6 +78,14 @@ impl Display for Comparison {
     }
 }
 
+impl AlgorithmChange {
+    /// Pairs that the second run alone failed on, in words.
+    pub fn failures(&self) -> Option<String> {
+        let pairs = counted(self.newly_failed as u64, "pair");
+        (self.newly_failed > 0).then(|| format!("failed on {pairs} that the base has results of"))
+    }
+}
+
 impl Display for AlgorithmChange {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let Self {
