@@ -337,7 +337,7 @@ impl AlgorithmChange {
             .count();
         let mut metrics = changes_over(&a, &b, &resamples);
         if !base.has_times() || !other.has_times() {
-            metrics.retain(|change| !matches!(change.metric.origin, MetricOrigin::Time));
+            metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
         }
         let checkpoint = |(number, (name, frames, passed)): (u32, (&str, u64, u64))| {
             let (_, other_frames, other_passed) = *visits.get(&number)?;
