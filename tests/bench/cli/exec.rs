@@ -188,7 +188,7 @@ fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
             .any(|line| line.as_str().unwrap().contains("too dark"))
     );
     // Fewer results are not better ones.
-    assert_says(&ran.stdout, &["not ranked: some, which failed on pairs"]);
+    assert_says(&ran.stdout, &["some failed on 1 pair and is not ranked"]);
     let page = fixture.text("r/index.html");
     assert_says(
         &page,
