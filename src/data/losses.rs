@@ -8,7 +8,7 @@ use svl_core::stereo::Losses;
 
 /// Losses with which a run is complete, written `3` or `1%`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "WrittenLimit", into = "String")]
+#[serde(try_from = "WrittenLimit", into = "WrittenLimit")]
 pub enum LossLimit {
     Pairs(u64),
     /// Of the pairs.
@@ -16,7 +16,7 @@ pub enum LossLimit {
 }
 
 /// As a scenario has it.
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(
     untagged,
     expecting = "expected a number of pairs as 3, or per cent as \"1%\""
@@ -64,9 +64,12 @@ impl TryFrom<WrittenLimit> for LossLimit {
     }
 }
 
-impl From<LossLimit> for String {
+impl From<LossLimit> for WrittenLimit {
     fn from(limit: LossLimit) -> Self {
-        limit.to_string()
+        match limit {
+            LossLimit::Pairs(pairs) => Self::Pairs(pairs),
+            LossLimit::Percent(_) => Self::Text(limit.to_string()),
+        }
     }
 }
 

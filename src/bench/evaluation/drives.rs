@@ -105,13 +105,14 @@ pub(super) fn evaluate(
     let pairs = missing.pairs;
     let ran_to_end = ran.as_ref().map_err(ToString::to_string).copied();
     let ending = ending(ran_to_end, missing, scenario.options.allow_loss);
-    let finished = report.finish(plan, ending, console.warnings());
+    let finished = report.finish(plan, ending, console);
     Ok(EndedRun {
         ran,
         finished,
         pairs,
         others: Vec::new(),
         holds_earlier: plan.resume,
+        inputs: Vec::new(),
     })
 }
 
@@ -348,7 +349,7 @@ impl DriveReport {
         mut self,
         plan: &EvaluationPlan<'_>,
         ending: RunEnding,
-        warnings: Vec<String>,
+        console: &dyn Console,
     ) -> Result<(Summary, Vec<GateResult>)> {
         self.cells.finish()?;
         self.rows.finish()?;
@@ -363,7 +364,7 @@ impl DriveReport {
             scenes: Vec::new(),
         };
         let (head, content) = (plan.head(false), self.collected);
-        content.write(&self.folder, head, self.manifest, ending, warnings)
+        content.write(&self.folder, head, self.manifest, ending, console)
     }
 }
 

@@ -10,7 +10,7 @@ use crate::report::{GateResult, Summary};
 use std::path::Path;
 use svl_core::Result;
 use svl_data::losses::RunState;
-use svl_data::scenario::{Scenario, ScenarioSource};
+use svl_data::scenario::ScenarioSource;
 
 /// A report that is written.
 pub struct Evaluation {
@@ -41,11 +41,12 @@ impl EvaluationPlan<'_> {
             pairs,
             others,
             holds_earlier,
+            inputs,
         } = evaluate(self, &mut outputs, console)?;
         match (&ran, &finished) {
             (Ok(()), Ok(_)) => {
                 if self.shard.is_some() {
-                    ReportPart::complete(self.folder)?;
+                    ReportPart::complete(self.folder, inputs)?;
                 }
                 outputs.commit();
                 // The report has what an interrupted part of it left there.
@@ -64,7 +65,6 @@ impl EvaluationPlan<'_> {
             Err(_) => Ok(ran?),
         };
         let (summary, gate) = finished?;
-        warn_of_nothing_scored(self.scenario, &summary);
         Ok(Evaluation { summary, gate, ran })
     }
 }
@@ -82,18 +82,6 @@ fn warn_of_unfinished(folder: &Path) {
         tracing::warn!(
             "{}: holds an unfinished run, which is scored anew; --resume would go on with it",
             folder.display()
-        );
-    }
-}
-
-/// Warns where frames have a truth, but no cell has enough of it to be scored.
-fn warn_of_nothing_scored(scenario: &Scenario, summary: &Summary) {
-    let mut of = summary.algorithms.iter();
-    if let Some(of) = of.find(|of| of.scored_cells == Some(0)) {
-        let cells = of.pairs * scenario.grid.shape().cells() as u64;
-        tracing::warn!(
-            "{}: 0 of {cells} cells have a ground truth, so none is scored against it",
-            scenario.name
         );
     }
 }

@@ -3,6 +3,7 @@
 
 use super::part::PART;
 use super::sweeps::sweeps;
+use crate::console::Console;
 use crate::outputs::{FolderRule, write, write_json};
 use crate::report::html::{PartLink, ReportPage};
 use crate::report::plot::CourseMap;
@@ -12,9 +13,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::CellRule;
-use svl_core::{Error, Result};
+use svl_core::{Result, counted};
 use svl_data::losses::RunEnding;
-use svl_data::manifest::{Manifest, PartRecord, hash};
+use svl_data::manifest::{Manifest, PartRecord, hash, read_json};
 use svl_data::scenario::Limit;
 use svl_data::score::{ColumnChoice, Metric};
 
@@ -52,22 +53,32 @@ pub struct ReportContent {
 }
 
 impl ReportContent {
-    /// Writes all of a report but the tables that grow with the run. `warnings`: those of the
-    /// program.
+    /// Writes all of a report but the tables that grow with the run, with the warnings of
+    /// `console`.
     pub fn write(
         self,
         folder: &Path,
         head: ReportHead<'_>,
         mut manifest: Manifest,
         ending: RunEnding,
-        warnings: Vec<String>,
+        console: &dyn Console,
     ) -> Result<(Summary, Vec<GateResult>)> {
-        for warning in warnings {
+        let mut summary = Summary::from_rows(&self.rows, &self.checkpoints)?;
+        // Before the warnings are written.
+        warn_of_nothing_scored(&manifest, &summary);
+        let machines = manifest.machines().len();
+        if machines > 1 {
+            tracing::warn!(
+                "{}: the parts ran on {machines} machines, so their times are not joined: each \
+                 part's report has its own",
+                manifest.scenario
+            );
+        }
+        for warning in console.warnings() {
             if !manifest.warnings.contains(&warning) {
                 manifest.warnings.push(warning);
             }
         }
-        let mut summary = Summary::from_rows(&self.rows, &self.checkpoints)?;
         summary.add_drives(&self.drives);
         let ReportPictures { figures, scenes } = self.pictures;
         summary.ending = ending;
@@ -75,6 +86,9 @@ impl ReportContent {
         summary.columns = head.columns.clone();
         summary.measured = head.measured;
         summary.complete(&mut manifest);
+        if machines > 1 {
+            summary.remove_times();
+        }
         if let Some(metric) = head.sort {
             summary.sort_by(metric);
         }
@@ -104,7 +118,10 @@ impl ReportContent {
             title: manifest.scenario.clone(),
             description: head.description.to_owned(),
             identity,
-            times_ms: times_ms(&self.rows),
+            times_ms: match machines {
+                1 => times_ms(&self.rows),
+                _ => Vec::new(),
+            },
             summary: summary.clone(),
             sweeps: sweeps(head.algorithms),
             figures,
@@ -116,6 +133,20 @@ impl ReportContent {
         };
         page.write(&folder.join("index.html"))?;
         Ok((summary, gate))
+    }
+}
+
+/// Warns where frames have a truth, but no cell has enough of it to be scored. A part of a run
+/// does not know of the others.
+fn warn_of_nothing_scored(manifest: &Manifest, summary: &Summary) {
+    let mut of = summary.algorithms.iter();
+    let of = of.find(|of| of.scored_cells == Some(0) && manifest.shard.is_none());
+    if let Some(of) = of {
+        tracing::warn!(
+            "{}: no cell of {} has enough of a ground truth to be scored against it",
+            manifest.scenario,
+            counted(of.pairs, "pair")
+        );
     }
 }
 
@@ -161,12 +192,7 @@ fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
 /// How the run of a report ended; nothing of one that was killed.
 pub fn read_ending(folder: &Path) -> Result<Option<RunEnding>> {
     let path = folder.join("summary.json");
-    let text = match std::fs::read_to_string(&path) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        text => text.map_err(|e| Error::io(&path, e))?,
-    };
-    let ending = serde_json::from_str(&text).map_err(|e| Error::format(&path, e.to_string()))?;
-    Ok(Some(ending))
+    path.exists().then(|| read_json(&path)).transpose()
 }
 
 /// What identifies the run of a report.

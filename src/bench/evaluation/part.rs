@@ -5,8 +5,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::FromStr;
+use svl_core::Result;
 use svl_core::stereo::CellRule;
-use svl_core::{Error, Result};
+use svl_data::manifest::read_json;
 use svl_data::scenario::{Scenario, ScenarioSource};
 
 /// The tables that grow with a run, and that are merged.
@@ -34,6 +35,10 @@ pub struct ReportPart {
     pub runs: Vec<ReportRun>,
     /// Its tables as CSV, each with its size in bytes; none before it is complete.
     pub tables: BTreeMap<String, u64>,
+    /// The runs that it read with the digests of their pairs, geometry and truth, before any
+    /// perturbation; likewise.
+    #[serde(default)]
+    pub inputs: Vec<(String, String)>,
 }
 
 impl ReportPart {
@@ -51,19 +56,19 @@ impl ReportPart {
             driven: matches!(scenario.source, ScenarioSource::Drive { .. }),
             runs,
             tables: BTreeMap::new(),
+            inputs: Vec::new(),
         };
         write_json(&folder.join(PART), &part)
     }
 
     pub fn read(folder: &Path) -> Result<Self> {
-        let path = folder.join(PART);
-        let text = std::fs::read_to_string(&path).map_err(|e| Error::io(&path, e))?;
-        serde_json::from_str(&text).map_err(|e| Error::format(&path, e.to_string()))
+        read_json(&folder.join(PART))
     }
 
-    /// Says in a part's folder that its tables are complete.
-    pub fn complete(folder: &Path) -> Result<()> {
+    /// Says in a part's folder that its tables are complete, and what they were made of.
+    pub fn complete(folder: &Path, inputs: Vec<(String, String)>) -> Result<()> {
         let mut part = Self::read(folder)?;
+        part.inputs = inputs;
         for name in TABLES {
             let file = format!("{name}.csv");
             if let Ok(metadata) = folder.join(&file).metadata() {

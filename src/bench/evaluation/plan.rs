@@ -47,6 +47,8 @@ pub(super) struct EndedRun {
     pub(super) others: Vec<PathBuf>,
     /// Whether it holds all that the report before it had, even if it ended early.
     pub(super) holds_earlier: bool,
+    /// Of a part, as [`super::part::ReportPart`] has them.
+    pub(super) inputs: Vec<(String, String)>,
 }
 
 impl EvaluationPlan<'_> {

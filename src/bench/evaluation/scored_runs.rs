@@ -99,7 +99,7 @@ impl ScoreReport {
         plan: &EvaluationPlan<'_>,
         matchers: &Matchers,
         ending: RunEnding,
-        warnings: Vec<String>,
+        console: &dyn Console,
     ) -> Result<(Summary, Vec<GateResult>)> {
         let Self {
             folder,
@@ -115,7 +115,7 @@ impl ScoreReport {
             pictures: results.pictures,
             ..ReportContent::default()
         };
-        collected.write(&folder, plan.head(true), manifest, ending, warnings)
+        collected.write(&folder, plan.head(true), manifest, ending, console)
     }
 }
 
@@ -156,6 +156,9 @@ pub(super) fn evaluate(
             None => runs::run_at(scenario, unit.place, console)?,
         };
         let (mut run, mut judge) = run.open(scenario, console, Some(&live))?;
+        if plan.shard.is_some() {
+            run = run.digested();
+        }
         if let Some(stress) = unit.stress {
             run = run.stressed(stress);
             judge = run.judge(&scenario.judge())?;
@@ -174,7 +177,7 @@ pub(super) fn evaluate(
         ReportPart::write(folder, scenario, shard, keys)?;
     }
     let mut report = ScoreReport::begin(plan, (manifest, log), &live, pace)?;
-    let mut missing = Missing::default();
+    let (mut missing, mut inputs) = (Missing::default(), Vec::new());
     let ran = units.iter().try_for_each(|unit| {
         let mut run = first.take().map_or_else(|| open(unit), Ok)?;
         let mut own = matchers.take(&unit.labels);
@@ -182,6 +185,7 @@ pub(super) fn evaluate(
         matchers.append(own);
         missing.add(outcome.missing());
         ran?;
+        inputs.extend(run.0.inputs());
         if outcome.interrupted {
             return Err(Error::Invalid(
                 "interrupted; the report holds what was scored before, and --resume goes on with \
@@ -195,13 +199,14 @@ pub(super) fn evaluate(
     let pairs = missing.pairs;
     let ran_to_end = ran.as_ref().map_err(ToString::to_string).copied();
     let ending = ending(ran_to_end, missing, scenario.options.allow_loss);
-    let finished = report.finish(plan, &matchers, ending, console.warnings());
+    let finished = report.finish(plan, &matchers, ending, console);
     Ok(EndedRun {
         ran,
         finished,
         pairs,
         others,
         holds_earlier: false,
+        inputs,
     })
 }
 

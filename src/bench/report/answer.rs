@@ -81,7 +81,7 @@ impl Summary {
 
     /// The answer in one or two sentences; none for a single algorithm, whose row says it all.
     pub fn answer(&self) -> Vec<String> {
-        if self.algorithms.len() < 2 {
+        if self.algorithms.iter().filter(|a| a.pairs > 0).count() < 2 {
             return Vec::new();
         }
         if self.leads.is_empty() {

@@ -43,7 +43,7 @@ impl Summary {
         let measured = self
             .algorithms
             .iter()
-            .filter(|a| self.measured && a.outliers > 0);
+            .filter(|a| self.measured && a.outliers > Some(0));
         (measured.count() > 0).then(|| {
             "the machine was busy, so times are uncertain; an idle one, or --repeat 5, gives \
              better ones"

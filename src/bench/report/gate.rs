@@ -73,7 +73,7 @@ pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> V
                 .zip(found(unit))
                 // Both medians are of one run and machine, so their ratio carries over to other
                 // machines.
-                .map(|(of, unit)| of.p50_ms / unit.p50_ms),
+                .and_then(|(of, unit)| Some(of.p50_ms? / unit.p50_ms?)),
         };
         let keeps =
             |v: f64| limit.min.is_none_or(|min| v >= min) && limit.max.is_none_or(|max| v <= max);

@@ -107,7 +107,9 @@ pub struct ProgramSummary {
 }
 
 record! {
-    /// One algorithm over all pairs. A number is absent when no pair has it.
+    #[derive(Default)]
+    /// One algorithm over all pairs. A number is absent when no pair has it: one that failed on
+    /// every pair has a row without numbers.
     AlgorithmSummary {
         /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
@@ -116,43 +118,45 @@ record! {
         /// Per metric of frames the sum of what it counts, or its mean.
         totals: MetricTotals,
         /// Median time a pair by nearest rank.
-        p50_ms: f64,
+        p50_ms: Option<f64>,
         /// 95th percentile of the time by nearest rank.
-        p95_ms: f64,
+        p95_ms: Option<f64>,
         /// 99th percentile of the time by nearest rank: the slowest pair of fewer than a hundred.
-        p99_ms: f64,
+        p99_ms: Option<f64>,
         /// Time of the slowest pair.
-        max_ms: f64,
+        max_ms: Option<f64>,
         /// Median seconds per million pixels.
-        time_per_mp_s: f64,
+        time_per_mp_s: Option<f64>,
         /// Median seconds per 10⁹ pixels times disparities.
         time_per_gd_s: Option<f64>,
         /// Million pixels times disparities a second, of the median pair.
         mde_per_s: Option<f64>,
         /// Mean time of smoothing over the half of the pairs whose total is nearest to the median,
         /// so that the stages add up and an outlier does not count.
-        smoothing_ms: f64,
+        smoothing_ms: Option<f64>,
         /// Mean time of the texture filter over the same pairs.
-        texture_ms: f64,
+        texture_ms: Option<f64>,
         /// Mean time of matching over the same pairs.
-        matching_ms: f64,
+        matching_ms: Option<f64>,
         /// Mean time of the consistency checks over the same pairs.
-        checks_ms: f64,
+        checks_ms: Option<f64>,
         /// Mean time that belongs to no stage.
-        other_ms: f64,
+        other_ms: Option<f64>,
         /// Digest of the hashes of its results in their order.
-        results_hash: String,
+        results_hash: Option<String>,
         /// Pairs whose time per pixel is an outlier: a modified Z-score above 14.26.
-        outliers: u64,
+        outliers: Option<u64>,
         /// The memory that it took for its largest pair, 10⁶ bytes, where it was measured.
         memory_mb: Option<f64>,
         /// Mean time of filters over the same pairs.
-        filters_ms: f64,
+        filters_ms: Option<f64>,
         /// Pairs that were scored against a ground truth; absent where no pair has one.
         scored_pairs: Option<u64>,
         /// Cells that were scored against a ground truth, over all pairs; absent where no pair has
         /// one.
         scored_cells: Option<u64>,
+        /// Pairs that it failed on, perturbed ones included.
+        failed_pairs: u64,
     }
 }
 
@@ -198,7 +202,7 @@ impl AlgorithmSummary {
     pub fn value(&self, metric: &Metric) -> Option<f64> {
         match metric.origin {
             MetricOrigin::Frame { .. } => self.totals.value(metric),
-            MetricOrigin::Time => Some(self.p50_ms),
+            MetricOrigin::Time => self.p50_ms,
             MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
         }
     }
@@ -247,13 +251,44 @@ impl Summary {
                 }));
             if let Some(summary) = summary {
                 summary.memory_mb = record.memory_bytes.map(|bytes| bytes as f64 / 1e6);
+                summary.failed_pairs = record.failed_pairs;
+            } else if record.failed_pairs > 0 {
+                self.algorithms.push(AlgorithmSummary {
+                    algorithm: record.label.clone(),
+                    scored_pairs: (!self.truth.is_empty()).then_some(0),
+                    failed_pairs: record.failed_pairs,
+                    ..AlgorithmSummary::default()
+                });
             }
         }
         manifest.pairs_hash.clone_from(&self.pairs_hash);
         manifest.truth.clone_from(&self.truth);
         for record in &mut manifest.algorithms {
             let summary = self.algorithms.iter().find(|a| a.algorithm == record.label);
-            record.results_hash = summary.map(|a| a.results_hash.clone());
+            record.results_hash = summary.and_then(|a| a.results_hash.clone());
+        }
+    }
+
+    /// Removes the times, which are of several machines.
+    pub fn remove_times(&mut self) {
+        for a in &mut self.algorithms {
+            let times = [
+                &mut a.p50_ms,
+                &mut a.p95_ms,
+                &mut a.p99_ms,
+                &mut a.max_ms,
+                &mut a.time_per_mp_s,
+                &mut a.time_per_gd_s,
+                &mut a.mde_per_s,
+                &mut a.smoothing_ms,
+                &mut a.texture_ms,
+                &mut a.matching_ms,
+                &mut a.checks_ms,
+                &mut a.filters_ms,
+                &mut a.other_ms,
+            ];
+            times.into_iter().for_each(|time| *time = None);
+            a.outliers = None;
         }
     }
 
@@ -393,18 +428,18 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         checks_ms,
         filters_ms,
         other_ms,
-    ] = speed.stages_ms;
+    ] = speed.stages_ms.map(Some);
     let time_per_gd_s = speed.time_per_gd_s();
     let (scored_pairs, scored_cells) = scored(rows)?.unzip();
     Ok(AlgorithmSummary {
         algorithm: first(rows, "algorithm")?,
         pairs: rows.height() as u64,
         totals: totals(rows)?,
-        p50_ms: speed.rank_ms(0.50),
-        p95_ms: speed.rank_ms(0.95),
-        p99_ms: speed.rank_ms(0.99),
-        max_ms: speed.rank_ms(1.0),
-        time_per_mp_s: speed.time_per_mp_s(),
+        p50_ms: Some(speed.rank_ms(0.50)),
+        p95_ms: Some(speed.rank_ms(0.95)),
+        p99_ms: Some(speed.rank_ms(0.99)),
+        max_ms: Some(speed.rank_ms(1.0)),
+        time_per_mp_s: Some(speed.time_per_mp_s()),
         time_per_gd_s,
         mde_per_s: time_per_gd_s.filter(|t| *t > 0.0).map(|t| 1e3 / t),
         smoothing_ms,
@@ -413,11 +448,12 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         checks_ms,
         filters_ms,
         other_ms,
-        results_hash: digest(rows.column("result_hash")?.str()?.iter().flatten()),
-        outliers: speed.outliers(),
+        results_hash: Some(digest(rows.column("result_hash")?.str()?.iter().flatten())),
+        outliers: Some(speed.outliers()),
         memory_mb: None,
         scored_pairs,
         scored_cells,
+        failed_pairs: 0,
     })
 }
 

@@ -5,7 +5,7 @@ use super::drives::DriveSummary;
 use super::stress::{StressSummary, kinds};
 use super::summary::{AlgorithmSummary, CheckpointSummary, Summary};
 use super::table::{NONE, Table, TableCell, TableColumn};
-use super::words::{digits, mark, ms, number, percent};
+use super::words::{digits, mark, number, percent, time};
 use svl_data::bootstrap::Interval;
 use svl_data::score::{Better, ColumnChoice, Metric, MetricOrigin, RunKind};
 use svl_data::stress::StressKind;
@@ -14,30 +14,26 @@ use svl_data::stress::StressKind;
 type NumberColumn = (&'static str, &'static str, fn(&AlgorithmSummary) -> String);
 
 const TIMES: [NumberColumn; 2] = [
-    ("ms per pair", "p50", |a| ms(a.p50_ms)),
-    ("ms per pair", "p99", |a| ms(a.p99_ms)),
+    ("ms per pair", "p50", |a| time(a.p50_ms)),
+    ("ms per pair", "p99", |a| time(a.p99_ms)),
 ];
 
 const SPEED: [NumberColumn; 13] = [
-    ("ms per pair", "p50", |a| ms(a.p50_ms)),
-    ("ms per pair", "p95", |a| ms(a.p95_ms)),
-    ("ms per pair", "p99", |a| ms(a.p99_ms)),
-    ("ms per pair", "max", |a| ms(a.max_ms)),
-    ("by size", "s/MP", |a| digits(Some(a.time_per_mp_s))),
+    ("ms per pair", "p50", |a| time(a.p50_ms)),
+    ("ms per pair", "p95", |a| time(a.p95_ms)),
+    ("ms per pair", "p99", |a| time(a.p99_ms)),
+    ("ms per pair", "max", |a| time(a.max_ms)),
+    ("by size", "s/MP", |a| digits(a.time_per_mp_s)),
     ("by size", "s/GD", |a| digits(a.time_per_gd_s)),
     ("by size", "MDE/s", |a| digits(a.mde_per_s)),
-    ("stages, ms", "smoothing", |a| ms(a.smoothing_ms)),
-    ("stages, ms", "texture", |a| ms(a.texture_ms)),
-    ("stages, ms", "matching", |a| ms(a.matching_ms)),
-    ("stages, ms", "checks", |a| ms(a.checks_ms)),
+    ("stages, ms", "smoothing", |a| time(a.smoothing_ms)),
+    ("stages, ms", "texture", |a| time(a.texture_ms)),
+    ("stages, ms", "matching", |a| time(a.matching_ms)),
+    ("stages, ms", "checks", |a| time(a.checks_ms)),
     ("stages, ms", "filters", |a| {
-        if a.filters_ms > 0.0 {
-            ms(a.filters_ms)
-        } else {
-            NONE.to_owned()
-        }
+        time(a.filters_ms.filter(|ms| *ms > 0.0))
     }),
-    ("stages, ms", "other", |a| ms(a.other_ms)),
+    ("stages, ms", "other", |a| time(a.other_ms)),
 ];
 
 /// Terms of the columns of times, and their meanings.
@@ -113,6 +109,12 @@ impl Summary {
             b.total_cmp(&a)
         });
         ranked
+    }
+
+    /// Those of them that have a result.
+    fn measured(&self) -> impl Iterator<Item = &AlgorithmSummary> {
+        let ranked = self.ranked_algorithms().into_iter();
+        ranked.filter(|a| a.pairs > 0)
     }
 
     fn metric_table(&self, choice: &ColumnChoice) -> Table {
@@ -193,17 +195,6 @@ impl Summary {
         }
         if is_all {
             add(TableColumn::new("", "MB"), &|a| text(digits(a.memory_mb)));
-        }
-        for failed in self.failed.iter().filter(|failed| failed.on_every_pair) {
-            let none = table.columns[1..]
-                .iter()
-                .map(|column| match &column.head[..] {
-                    "pairs" => "0".to_owned(),
-                    _ => NONE.to_owned(),
-                });
-            let mut row = vec![TableCell::Text(failed.algorithm.clone())];
-            row.extend(none.map(TableCell::Text));
-            rows.push(row);
         }
         table.rows = rows;
         table.remove_empty_columns();
@@ -294,7 +285,7 @@ impl Summary {
             .iter()
             .map(|(group, head, _)| TableColumn::new(*group, *head));
         table.columns.extend(columns);
-        for a in self.ranked_algorithms() {
+        for a in self.measured() {
             table.push(&a.algorithm, SPEED.iter().map(|(.., number)| number(a)));
         }
         table.remove_empty_columns();
@@ -311,7 +302,7 @@ impl Summary {
             .iter()
             .map(|(number, name)| format!("{number} {name}"));
         table = table.with_columns(heads.chain(["all".to_owned()]));
-        for a in self.ranked_algorithms() {
+        for a in self.measured() {
             let own: Vec<_> = self.checkpoints_of(&a.algorithm).collect();
             let cell = |(number, _): &(u32, &str)| {
                 let found = own.iter().find(|c| c.checkpoint == *number);

@@ -38,6 +38,11 @@ pub(super) fn ms(time_ms: f64) -> String {
     format!("{time_ms:.decimals$}")
 }
 
+/// A time, where there is one.
+pub(super) fn time(time_ms: Option<f64>) -> String {
+    time_ms.map_or_else(|| NONE.to_owned(), ms)
+}
+
 /// Three digits that count.
 pub(super) fn digits(number: Option<f64>) -> String {
     let Some(number) = number else {

@@ -4,12 +4,14 @@ use super::opened::Opened;
 use super::request::Request;
 use super::{Limited, Source, StressedSource};
 use std::io::ErrorKind;
+use std::sync::{Arc, Mutex, PoisonError};
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
 use svl_data::manifest::RunRecord;
 use svl_data::scenario::{PairRange, RecordingRun, Scenario};
 use svl_data::score::{Judge, RunPart};
 use svl_data::stress::Stress;
+use xxhash_rust::xxh3::Xxh3Default;
 
 /// What a scenario of recordings asks for of one of its files.
 ///
@@ -46,6 +48,36 @@ pub struct RunSource {
     pub record: Option<RunRecord>,
     start_ns: u64,
     stress: Option<Stress>,
+    digest: Option<Digest>,
+}
+
+/// Digest of the input hashes of the frames given so far.
+type Digest = Arc<Mutex<Xxh3Default>>;
+
+/// Digests the inputs of a source's frames.
+struct DigestedSource {
+    source: Limited,
+    digest: Digest,
+}
+
+impl Source for DigestedSource {
+    fn wrapped(&self) -> Option<&dyn Source> {
+        Some(&self.source)
+    }
+
+    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+        Some(&mut self.source)
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        let frame = self.source.next()?;
+        if let Some(frame) = &frame {
+            let hash = frame.input_hash(frame.pair.hash());
+            let mut digest = self.digest.lock().unwrap_or_else(PoisonError::into_inner);
+            digest.update(&hash.to_le_bytes());
+        }
+        Ok(frame)
+    }
 }
 
 impl RunSource {
@@ -75,13 +107,41 @@ impl RunSource {
             record,
             start_ns: start_ns.unwrap_or(first_ns),
             stress: None,
+            digest: None,
         }
+    }
+
+    /// The run with a digest of its pairs, geometry and truth, before any perturbation.
+    #[must_use]
+    pub fn digested(self) -> Self {
+        let digest = Digest::default();
+        let source = DigestedSource {
+            source: self.source,
+            digest: Arc::clone(&digest),
+        };
+        let start_ns = Some(self.start_ns);
+        Self {
+            digest: Some(digest),
+            ..Self::ahead(Box::new(source), self.seed, self.record, start_ns)
+        }
+    }
+
+    /// What it is called, and the digest of the frames read so far, if it has one.
+    pub fn inputs(&self) -> Option<(String, String)> {
+        let digest = self.digest.as_ref()?;
+        let digest = digest.lock().unwrap_or_else(PoisonError::into_inner);
+        let name = match (&self.record, self.seed) {
+            (Some(record), _) => record.name.clone(),
+            (None, Some(seed)) => format!("seed {seed}"),
+            (None, None) => "the scenes".to_owned(),
+        };
+        Some((name, format!("{:032x}", digest.digest128())))
     }
 
     /// The run with pairs that are made worse.
     #[must_use]
     pub fn stressed(self, stress: Stress) -> Self {
-        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+        let mut hasher = Xxh3Default::new();
         let name = self.record.as_ref().map_or("", |record| &record.name);
         hasher.update(name.as_bytes());
         let seed = self.seed.unwrap_or(hasher.digest());
@@ -89,6 +149,7 @@ impl RunSource {
         let start_ns = Some(self.start_ns);
         Self {
             stress: Some(stress),
+            digest: self.digest,
             ..Self::ahead(Box::new(source), self.seed, self.record, start_ns)
         }
     }

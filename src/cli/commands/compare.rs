@@ -24,8 +24,9 @@ Examples:
   svl compare reports/arena#v1 reports/arena#v3     two algorithms of a report
   svl compare reports/a reports/b --map v3=v3:smoothing_sigma=0
   svl compare reports/main reports/branch --fail-on worse
-      for a CI: exit 3 when a metric of any algorithm became worse, or when
-      too few pairs or an absent algorithm leave that open
+      for a CI: exit 3 when a metric of any algorithm became worse, when one
+      failed on pairs that it had results of, or when too few pairs or an
+      absent algorithm leave that open
   svl compare reports/main reports/branch --markdown >> $GITHUB_STEP_SUMMARY
   svl compare --history reports/* --page history.html
       each metric over the dates and revisions of all reports
@@ -43,7 +44,8 @@ pub(crate) struct Args {
     /// equal names]
     #[arg(long, value_name = "BASE=OTHER")]
     map: Vec<String>,
-    /// Fail when a metric became worse: any, or those named
+    /// Fail when a metric became worse: any, or those named. Pairs that an algorithm failed on, but
+    /// not in the first report, are worse whatever is named
     #[arg(long, value_name = "worse[:METRIC]", value_parser = fail_on)]
     fail_on: Vec<FailOn>,
     /// Show each metric over all reports, by their dates, in place of their differences
@@ -188,7 +190,18 @@ fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
         asked.any(|FailOn(only)| only.is_none_or(|only| only.name == metric.name))
     };
     let mut cases = Vec::new();
-    for algorithm in &comparison.algorithms {
+    for algorithm in comparison.algorithms.iter().filter(|_| !fail_on.is_empty()) {
+        // Whatever is asked for, it is measured on fewer pairs.
+        let open = (algorithm.pairs == 0).then(|| "no pair in common".to_owned());
+        let failed = algorithm.failures().map(TestResult::Failed);
+        cases.extend(
+            failed
+                .or(open.map(TestResult::Skipped))
+                .map(|result| TestCase {
+                    name: algorithm.title(),
+                    result,
+                }),
+        );
         let meant = algorithm
             .changes()
             .filter(|(_, change)| is_meant(change.metric));

@@ -11,9 +11,9 @@ use svl::run::complete;
 
 /// Make one report of the parts that `svl score --shard` left
 ///
-/// The report has the tables and hashes of a run on one machine; times are those of the parts,
-/// whose machines it lists. Their pages and their runs for Rerun stay where they are, and are
-/// linked.
+/// The report has the tables and hashes of a run on one machine; times only where all parts are of
+/// one machine. It lists their machines. Their pages and their runs for Rerun stay where they are,
+/// and are linked.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

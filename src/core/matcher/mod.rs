@@ -272,17 +272,29 @@ impl std::str::FromStr for Algorithm {
     }
 }
 
-/// Splits `LABEL=NAME[:key=value,...]` into the label, where there is one, and the rest.
+/// Splits `LABEL=NAME[:key=value,...]` into the label, where there is one, and the rest. The label
+/// may have settings behind a colon, as those of a sweep: `fast:p1=20=sgm:p1=20`.
 ///
 /// # Errors
 /// [`Error::Usage`] for a label that has other characters than letters, digits, `_`, `-` and `.`,
 /// or is an algorithm's own name.
 pub fn labelled(text: &str) -> Result<(Option<&str>, &str)> {
-    let Some((label, written)) = text.split_once('=').filter(|(l, _)| !l.contains(':')) else {
+    let own = text.split([':', '=']).next().unwrap_or_default();
+    let is_written =
+        |(i, _): &(usize, &str)| find(text[i + 1..].split(':').next().unwrap_or_default()).is_ok();
+    let end = match text.as_bytes().get(own.len()) {
+        Some(b'=') => Some(own.len()),
+        Some(_) if find(own).is_err() => text.match_indices('=').find(is_written).map(|(i, _)| i),
+        _ => None,
+    };
+    let Some(end) = end else {
         return Ok((None, text));
     };
+    let (label, written) = (&text[..end], &text[end + 1..]);
     let is_safe = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
-    if label.is_empty() || label.len() > 40 || !label.chars().all(is_safe) {
+    let settings = label.strip_prefix(own).unwrap_or_default();
+    let are_safe = settings.chars().all(|c| is_safe(c) || ":=,".contains(c));
+    if own.is_empty() || own.len() > 40 || !own.chars().all(is_safe) || !are_safe {
         let expected = "1 to 40 letters, digits, '_', '-' and '.'";
         return Err(Error::Usage(format!(
             "'{label}' is no label of an algorithm; expected {expected}"

@@ -188,19 +188,51 @@ fn describe(name: &str, ours: Option<&Value>, theirs: Option<&Value>, lines: &mu
         }
         return;
     }
+    if let (Some(Value::Array(own)), Some(Value::Array(other))) = (ours, theirs)
+        && own.len() == other.len()
+        && own.iter().chain(other).all(Value::is_object)
+    {
+        for (i, (ours, theirs)) in own.iter().zip(other).enumerate() {
+            if ours != theirs {
+                let entry = self::name(ours).filter(|own| self::name(theirs).as_ref() == Some(own));
+                let entry = entry.unwrap_or_else(|| i.to_string());
+                describe(&format!("{name}.{entry}"), Some(ours), Some(theirs), lines);
+            }
+        }
+        return;
+    }
     let (ours, theirs) = (words(ours), words(theirs));
-    lines.push(match ours == theirs {
-        true => format!("{name}: {ours}, but not all alike"),
-        false => format!("{name}: {ours} and {theirs}"),
-    });
+    // What differs is in both, however long they are.
+    let common = ours.chars().zip(theirs.chars());
+    let common = common.take_while(|(own, other)| own == other).count();
+    let [ours, theirs] = [ours, theirs].map(|text| shown(&text, common));
+    lines.push(format!("{name}: {ours} and {theirs}"));
+}
+
+/// The longest value that is shown whole, in characters.
+const WHOLE: usize = 60;
+
+/// A text, of a long one the part around the place `differs`.
+fn shown(text: &str, differs: usize) -> String {
+    let length = text.chars().count();
+    if length <= WHOLE {
+        return text.to_owned();
+    }
+    let from = differs.saturating_sub(WHOLE / 2).min(length - WHOLE / 2);
+    let part: String = text.chars().skip(from).take(WHOLE).collect();
+    let before = if from > 0 { "…" } else { "" };
+    let behind = if from + WHOLE < length { "…" } else { "" };
+    format!("{before}{part}{behind}")
+}
+
+/// What a table of a manifest is called.
+fn name(value: &Value) -> Option<String> {
+    let named = ["label", "name", "kind"].map(|key| value.get(key).and_then(Value::as_str));
+    named.into_iter().flatten().next().map(str::to_owned)
 }
 
 /// A value in a sentence: of tables their names.
 fn words(value: Option<&Value>) -> String {
-    let name = |value: &Value| {
-        let named = ["label", "name", "kind"].map(|key| value.get(key).and_then(Value::as_str));
-        named.into_iter().flatten().next().map(str::to_owned)
-    };
     let names = |value: &Value| {
         value
             .as_array()?
@@ -209,14 +241,9 @@ fn words(value: Option<&Value>) -> String {
             .collect::<Option<Vec<_>>>()
     };
     let named = value.and_then(|value| name(value).or_else(|| Some(names(value)?.join(", "))));
-    let text = match (named, value) {
-        (Some(names), _) => names,
-        (None, value) => text(value),
-    };
-    match text.chars().count() {
-        0 => "nothing".to_owned(),
-        1..=60 => text,
-        _ => text.chars().take(57).chain("…".chars()).collect(),
+    match named.unwrap_or_else(|| text(value)) {
+        text if text.is_empty() => "nothing".to_owned(),
+        text => text,
     }
 }
 
@@ -325,6 +352,54 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_difference_is_seen_in_long_values_and_in_entries_of_one_name() {
+        let mut manifest = whole("recording");
+        let text = "0123456789".repeat(30);
+        manifest.scenario = text.clone() + "a" + &text;
+        let mut other = manifest.clone();
+        other.scenario = text.clone() + "b" + &text;
+        other.algorithms[0].parameters_hash = "another".into();
+        let hash = &manifest.algorithms[0].parameters_hash;
+        let differences = manifest.differences(&other, Merge).unwrap();
+        assert_eq!(
+            differences[0],
+            format!("algorithms.v3.parameters_hash: {hash} and another")
+        );
+        assert_eq!(
+            differences[1],
+            "scenario: …012345678901234567890123456789a01234567890123456789012345678…\
+              and …012345678901234567890123456789b01234567890123456789012345678…"
+        );
+        // The end of one is where they differ.
+        other.scenario = manifest.scenario.clone() + "c";
+        let differences = manifest.differences(&other, Merge).unwrap();
+        assert!(differences[1].ends_with("c"), "{differences:?}");
+    }
+
+    #[test]
+    fn parts_of_another_program_are_kept_apart() {
+        let mut manifest = whole("recording");
+        let program = |version: &str| ProgramRecord {
+            name: Some("net".into()),
+            version: Some(version.into()),
+            ..ProgramRecord::default()
+        };
+        manifest.algorithms[0].program = Some(program("1"));
+        let mut other = manifest.clone();
+        other.algorithms[0].program.as_mut().unwrap().reported_us = 7;
+        assert!(manifest.differences(&other, Merge).unwrap().is_empty());
+        other.algorithms[0].program = Some(program("2"));
+        assert_eq!(
+            manifest.differences(&other, Merge).unwrap(),
+            ["v3: net 1 and net 2"]
+        );
+        assert!(manifest.differences(&other, Compare).unwrap().is_empty());
+        // A part in which it never ran says nothing of it.
+        other.algorithms[0].program = None;
+        assert!(manifest.differences(&other, Merge).unwrap().is_empty());
     }
 
     #[test]

@@ -6,7 +6,9 @@ pub use identity::Purpose;
 
 use crate::build_info::BuildInfo;
 use crate::losses::LossLimit;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::error::Category;
 use std::fs::read_to_string;
 use std::path::Path;
 use svl_core::kernel;
@@ -197,9 +199,20 @@ impl Manifest {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for what is no manifest.
     pub fn read(report: &Path) -> Result<Self> {
-        let path = report.join("manifest.json");
-        let text = read_to_string(&path).map_err(|e| Error::io(&path, e))?;
-        serde_json::from_str(&text).map_err(|e| Error::format(&path, e.to_string()))
+        read_json(&report.join("manifest.json"))
+    }
+
+    /// The machines that it ran on, its parts' where it has some, each once.
+    pub fn machines(&self) -> Vec<&Machine> {
+        let parts = self.parts.iter().map(|part| &part.machine);
+        let own = self.parts.is_empty().then_some(&self.machine);
+        let mut machines = Vec::new();
+        for machine in parts.chain(own) {
+            if !machines.contains(&machine) {
+                machines.push(machine);
+            }
+        }
+        machines
     }
 
     /// The options of the source, as a scenario writes them; files are in the runs.
@@ -400,6 +413,23 @@ impl Machine {
             governor: governor.map(|text| text.trim().to_owned()),
         })
     }
+}
+
+/// Reads a JSON file of a report.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Format`] with the cure for one that is not as svl wrote it.
+pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    serde_json::from_slice(&bytes).map_err(|e| {
+        let what = match e.classify() {
+            Category::Eof => "is cut off",
+            Category::Data => "has other entries than this svl writes",
+            Category::Syntax | Category::Io => "is damaged",
+        };
+        let cure = "copy the report again, or score it anew";
+        Error::format(path, format!("{what} (line {}): {cure}", e.line()))
+    })
 }
 
 /// Hash of a text: XXH3, 128 bits, hexadecimal.

@@ -14,12 +14,6 @@ impl Scenario {
     /// # Errors
     /// Those of [`Scenario::recordings`]; [`Error::Invalid`] for a path that is not in UTF-8.
     pub fn to_toml(&self, folder: &Path) -> Result<String> {
-        if let Some(label) = self.algorithms.iter().find_map(unwritable) {
-            return Err(Error::Invalid(format!(
-                "'{label}' is the label of a named sweep, which a scenario cannot have: leave its \
-                 name out, or name each algorithm"
-            )));
-        }
         let file = self.file(&|path| relative_path(path, folder))?;
         toml::to_string(&file).map_err(|e| self.unwritten(&e))
     }
@@ -101,14 +95,6 @@ fn written(algorithm: &Algorithm) -> String {
     format!("{label}={}", algorithm.written())
 }
 
-/// The label of an algorithm that no scenario can give it.
-fn unwritable(algorithm: &Algorithm) -> Option<&str> {
-    let is_read = written(algorithm)
-        .parse::<Algorithm>()
-        .is_ok_and(|read| read.label() == algorithm.label());
-    (!is_read && algorithm.filters().is_empty()).then(|| algorithm.label())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -152,7 +138,8 @@ mod tests {
             std::fs::write(folder.path().join(file), "").unwrap();
         }
         let text = "name = \"s\"\n\
-                    algorithms = [\"fast=v3:max_disparity=48\", \"v3:max_disparity=80\"]\n\
+                    algorithms = [\"fast=v3:max_disparity=48\", \"v3:max_disparity=80\", \
+                    \"L:p1=20=sgm:p1=20\"]\n\
                     [source]\nkind = \"recording\"\nfiles = [\"*.mcap\"]\ncalib = \"calib.xml\"\n\
                     [[filter]]\ndetects = \"floor\"\nfile = \"b/floor.safetensors\"\n";
         let scenario = Scenario::parse(text, &folder.path().join("a/s.toml")).unwrap();
@@ -170,7 +157,8 @@ mod tests {
             beside.contains("file = \"../a/b/floor.safetensors\""),
             "{beside}"
         );
-        let algorithms = "[\"fast=v3:max_disparity=48\", \"v3:max_disparity=80\"]";
+        let algorithms = "[\"fast=v3:max_disparity=48\", \"v3:max_disparity=80\", \
+                          \"L:p1=20=sgm:p1=20\"]";
         assert!(here.contains(algorithms), "{here}");
     }
 

@@ -114,6 +114,98 @@ fn what_cannot_be_compared_is_said() {
     fixture.svl("compare 0 1").failed(1, &["0/rows.csv"]);
 }
 
+/// Answers pairs of 40x20 pixels with zeros, and refuses the one of that number.
+#[cfg(unix)]
+fn refusing(number: usize) -> String {
+    r#"
+i=0
+while read -r line; do
+  i=$((i+1))
+  dd bs=1 count=1600 of=/dev/null 2>/dev/null
+  if [ $i = NUMBER ]; then echo '{"seq":'$i',"error":"too dark"}'; continue; fi
+  echo '{"seq":'$i',"millis":2}'
+  head -c 3200 /dev/zero
+done
+"#
+    .replace("NUMBER", &number.to_string())
+}
+
+#[cfg(unix)]
+#[test]
+fn pairs_that_fail_anew_are_worse_and_histories_are_of_common_pairs() {
+    let fixture = Fixture::new();
+    for i in 0..5 {
+        let [left, right] = ["left", "right"].map(|side| format!("pairs/{side}_{i}.pgm"));
+        fixture.write_pair(&left, &right, (40, 20), 3 + i);
+    }
+    let score = |out: &str, program: &str, more: &[&str]| {
+        fixture.write("program.sh", program);
+        let line = [
+            "score",
+            "pairs",
+            "-q",
+            "--rerun",
+            "none",
+            "--allow-loss",
+            "100%",
+            "--out",
+        ];
+        let some = ["--algo", "some=exec:command=sh program.sh"];
+        fixture.run(&[&line[..], &[out], &some, more].concat());
+    };
+    let bm = ["--algo", "bm:max_disparity=8"];
+    score("a", &refusing(99), &bm);
+    score("b", &refusing(3), &bm);
+    score("c", "exit 1", &bm);
+    score("alone", "exit 1", &[]);
+    for (other, pairs, limit) in [
+        ("b", "1 pair", "worse"),
+        ("b", "1 pair", "worse:coverage"),
+        ("c", "5 pairs", "worse"),
+        ("alone", "5 pairs", "worse"),
+    ] {
+        let words = format!("failed on {pairs} that the base has results of");
+        fixture
+            .svl(&format!("compare a#some {other}#some --fail-on {limit}"))
+            .failed(3, &["some", &words]);
+        for format in ["", " --markdown"] {
+            assert_says(
+                &fixture.run(&format!("compare a {other}{format}")),
+                &[&words],
+            );
+        }
+        let json = fixture.json(&format!("compare a {other} --json"));
+        let failed = json[0]["algorithms"][0]["newly_failed"].to_string();
+        assert!(pairs.starts_with(&failed), "{json}");
+    }
+    // The reverse is not worse: what is common is equal.
+    fixture.run("compare b a --fail-on worse");
+    // Nothing to compare is not equal.
+    fixture
+        .svl("compare c#some alone#some --fail-on worse")
+        .failed(1, &["no pair in common"]);
+    fixture
+        .svl("compare c c --fail-on worse")
+        .failed(3, &["some: no pair in common"]);
+
+    let history = fixture.json("compare --history a b --json");
+    let scenario = &history["scenarios"][0];
+    assert_eq!(scenario["pairs"], 5, "{history}");
+    assert_eq!(scenario["fewer"], serde_json::json!([["some", 4]]));
+    let lines = scenario["lines"].as_array().unwrap();
+    let of = |algorithm: &str| {
+        let mut lines = lines.iter();
+        let is = |line: &&serde_json::Value| {
+            line["algorithm"] == algorithm && line["metric"] == "coverage"
+        };
+        lines.find(is).unwrap()["values"].clone()
+    };
+    let all = &fixture.json("score pairs --algo bm:max_disparity=8 --rerun none --out d --json");
+    let all = &all["algorithms"][0]["coverage"];
+    assert_eq!(of("bm:max_disparity=8"), serde_json::json!([all, all]));
+    assert_eq!(of("some"), serde_json::json!([1.0, 1.0]));
+}
+
 #[test]
 fn algorithms_of_a_report_and_mapped_ones_are_compared() {
     let fixture = scored(&["v3 --algo bm", "v3:smoothing_sigma=0 --algo bm"]);

@@ -139,9 +139,19 @@ fn labels_and_links_are_kept_or_refused() {
     std::os::unix::fs::symlink("run.mcap", fixture.path("latest.mcap")).unwrap();
     let printed = fixture.run("score latest.mcap --algo v3 --print-scenario");
     assert_says(&printed, &["files = [\"latest.mcap\"]"]);
-    fixture.fails(
-        "score run.mcap --algo L=bm:uniqueness=0..20/10 --print-scenario => 1: 'L:uniqueness=0'",
+    // Named sweeps, and limits as numbers and as texts.
+    std::fs::create_dir(fixture.path("inner")).unwrap();
+    let sweep = "run.mcap --algo L=bm:uniqueness=0..20/10,block_size=5/9 --algo v3 --allow-loss";
+    repeats(&fixture, &format!("{sweep} 3"));
+    let manifest: Value = serde_json::from_str(&fixture.text("third/manifest.json")).unwrap();
+    assert_eq!(
+        manifest["algorithms"][3]["label"],
+        "L:uniqueness=10,block_size=9"
     );
+    for (limit, written) in [("3", "3"), ("1%", "\"1%\"")] {
+        let printed = fixture.run(&format!("score {sweep} {limit} --print-scenario"));
+        assert_says(&printed, &[&format!("allow_loss = {written}\n")]);
+    }
     // Printed limits are those of algorithms that are run.
     let ran = fixture.svl("score short.toml --algo v3 --print-scenario");
     assert_says(&ran.stderr, &["limits of algorithms that are not run"]);
@@ -167,7 +177,7 @@ fn another_program_behind_the_same_command_is_another_algorithm() {
     std::fs::remove_file(fixture.path("r/summary.json")).unwrap();
     fixture.write("m.sh", "exit 1 # two");
     let ran = score(&["--out", "r", "--resume"]);
-    assert_says(&ran.stderr, &["cannot be resumed", "algorithms: v3, m"]);
+    assert_says(&ran.stderr, &["cannot be resumed", "algorithms.m."]);
 }
 
 #[test]

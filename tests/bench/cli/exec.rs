@@ -188,7 +188,7 @@ fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
             .any(|line| line.as_str().unwrap().contains("too dark"))
     );
     // Fewer results are not better ones.
-    assert_says(&ran.stdout, &["not ranked: some, which failed on pairs"]);
+    assert_says(&ran.stdout, &["some failed on 1 pair and is not ranked"]);
     let page = fixture.text("r/index.html");
     assert_says(
         &page,
@@ -198,6 +198,83 @@ fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
     let summary: serde_json::Value = serde_json::from_str(&json.stdout).unwrap();
     assert_eq!(summary["failed"][0]["pairs"], 1);
     assert_eq!(summary["failed"][1]["on_every_pair"], true);
+    // What failed on every pair has a line without numbers.
+    let never = summary["algorithms"].as_array().unwrap().iter();
+    let never: Vec<_> = never.filter(|a| a["algorithm"] == "never").collect();
+    assert_eq!(never.len(), 1);
+    assert_eq!(
+        (&never[0]["pairs"], &never[0]["failed_pairs"]),
+        (&0.into(), &5.into())
+    );
+    let table = fixture.text("r/summary.csv");
+    let mut table = csv::Reader::from_reader(table.as_bytes());
+    let heads = table.headers().unwrap().clone();
+    let lines = table.records().map(Result::unwrap);
+    let never: Vec<_> = lines.filter(|line| &line[0] == "never").collect();
+    assert_eq!(never.len(), 1);
+    let filled = never[0]
+        .iter()
+        .zip(&heads)
+        .filter(|(cell, _)| !cell.is_empty());
+    assert_eq!(
+        filled.collect::<Vec<_>>(),
+        [
+            ("never", "algorithm"),
+            ("0", "pairs"),
+            ("5", "failed_pairs")
+        ]
+    );
+    assert_eq!(
+        ran.stdout
+            .lines()
+            .filter(|line| line.starts_with("never "))
+            .count(),
+        1
+    );
+}
+
+#[test]
+fn what_failed_on_every_pair_is_not_measured() {
+    let fixture = Fixture::new();
+    fixture.write_recorded_arena("short.toml", 4);
+    let text = fixture.text("short.toml");
+    let gate = "\n[[gate]]\nalgorithm = \"never\"\nmetric = \"wrong\"\nmax = 1.0\n\
+                [[gate]]\nalgorithm = \"v3\"\nmetric = \"time\"\nrelative_to = \"never\"\n\
+                max = 1000.0\n";
+    let text = text.split("[[gate]]").next().unwrap();
+    let algorithms = "algorithms = [\"never=exec:command=false,restarts=0\", \"v3\"]";
+    let lines = text
+        .lines()
+        .map(|line| match line.starts_with("algorithms =") {
+            true => algorithms,
+            false => line,
+        });
+    let text = lines.collect::<Vec<_>>().join("\n");
+    fixture.write("short.toml", text + gate);
+    let never = "never=exec:command=false,restarts=0";
+    let score = ["score", "short.toml", "--rerun", "none", "--json", "--out"];
+    let alone = [&score[..], &["alone", "--algo", never]].concat();
+    let alone = fixture.svl(&alone);
+    let alone: serde_json::Value = serde_json::from_str(&alone.stdout).unwrap();
+    assert_eq!(alone["algorithms"][0]["failed_pairs"], 8);
+    assert_eq!(alone["algorithms"][0]["p50_ms"], serde_json::Value::Null);
+    assert!(fixture.path("alone/index.html").exists());
+    let both = [
+        "both", "--gate", "--sort", "time", "--algo", never, "--algo", "v3",
+    ];
+    let both = fixture.svl(&[&score[..], &both].concat());
+    assert_eq!(both.code, Some(3), "{}", both.stderr);
+    let both: serde_json::Value = serde_json::from_str(&both.stdout).unwrap();
+    let of = |i: usize, key: &str| both["algorithms"][i][key].clone();
+    assert_eq!([of(0, "algorithm"), of(1, "algorithm")], ["v3", "never"]);
+    assert_eq!(
+        (of(1, "pairs"), of(1, "scored_pairs")),
+        (0.into(), 0.into())
+    );
+    assert!(of(1, "cells_wrong").is_null() && of(1, "results_hash") == "");
+    for i in 0..2 {
+        assert_eq!(both["gate"][i]["state"], "not-measured", "{i}");
+    }
 }
 
 /// Whatever svl does with it, Ctrl-C ends a program that never answers, with what it started.

@@ -25,6 +25,7 @@ mod label;
 mod live;
 mod losses;
 mod matching;
+mod merge;
 mod own_data;
 mod record;
 mod rectify;

@@ -236,7 +236,14 @@ fn what_is_not_measured_is_not_zero() {
                 (&0.into(), &0.into())
             );
             assert!(of["cells_wrong"].is_null() && of["right"].is_null(), "{of}");
-            assert_says(&ran.stderr, &["0 of 15 cells have a ground truth"]);
+            let warning = "no cell of 1 pair has enough of a ground truth";
+            assert_says(&ran.stderr, &[warning]);
+            let manifest = fixture.text(&format!("{name}/manifest.json"));
+            let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
+            assert!(
+                manifest["warnings"].to_string().contains(warning),
+                "{manifest}"
+            );
         }
     }
     fixture.write_short_arena("short.toml", 2);

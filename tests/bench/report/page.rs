@@ -20,7 +20,12 @@ fn page(summary: Summary) -> ReportPage {
         times_ms: summary
             .algorithms
             .iter()
-            .map(|a| (a.algorithm.clone(), vec![a.p50_ms, a.max_ms]))
+            .map(|a| {
+                (
+                    a.algorithm.clone(),
+                    vec![a.p50_ms.unwrap(), a.max_ms.unwrap()],
+                )
+            })
             .collect(),
         summary,
         sweeps: Vec::new(),

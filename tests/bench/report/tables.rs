@@ -4,8 +4,8 @@ use super::fixture::{blind, cell, checkpoint, example, parquet, row};
 use svl::Error;
 use svl::report::table::TerminalStyle;
 use svl::report::{
-    AlgorithmSummary, CellRow, CheckpointRow, CheckpointSummary, Record, Row, Summary, TableWriter,
-    read_rows,
+    AlgorithmSummary, CellRow, CheckpointRow, CheckpointSummary, ColumnDescription, Record, Row,
+    Summary, TABLES, TableWriter, read_rows,
 };
 use svl::score::Verdict;
 
@@ -81,7 +81,11 @@ fn the_heads_of_the_tables_are_fixed() {
         AlgorithmSummary::columns(),
         CheckpointSummary::columns(),
     ];
-    let heads = tables.map(|columns| columns.join("\n"));
+    let names = |columns: Vec<ColumnDescription>| {
+        let names: Vec<_> = columns.iter().map(|column| column.name).collect();
+        names.join("\n")
+    };
+    let heads = tables.map(names);
     insta::assert_snapshot!("columns", heads.join("\n\n"));
 }
 
@@ -183,4 +187,20 @@ fn an_empty_run_has_tables_and_says_so() {
             .unwrap()
             .is_empty()
     );
+}
+
+#[test]
+fn every_column_has_a_meaning_also_in_its_file() {
+    for table in TABLES {
+        for column in (table.columns)() {
+            let (table, name) = (table.name, column.name);
+            assert!(
+                column.about.ends_with('.'),
+                "{table}.{name}: {}",
+                column.about
+            );
+            let has_time = name.ends_with("_ms") || name.ends_with("_us");
+            assert!(column.unit.is_some() || !has_time, "{table}.{name}");
+        }
+    }
 }

@@ -15,7 +15,7 @@ use svl_core::matcher::{Algorithm, ProgramRecord};
 use svl_core::{Error, Result};
 use svl_data::files::relative_path;
 use svl_data::losses::{LossLimit, Missing, RunEnding, RunState};
-use svl_data::manifest::{AlgorithmRecord, Manifest, PartRecord, Purpose};
+use svl_data::manifest::{AlgorithmRecord, Manifest, PartRecord, Purpose, read_json};
 use svl_data::score::ColumnChoice;
 use tables::{FoundPart, MergeOrder, TableMerge};
 
@@ -85,6 +85,7 @@ fn read_parts(folders: &[PathBuf]) -> Result<Vec<FoundPart>> {
         let of_first = ReportPart {
             shard: found.part.shard,
             tables: found.part.tables.clone(),
+            inputs: found.part.inputs.clone(),
             ..first.part.clone()
         };
         if found.part != of_first {
@@ -101,6 +102,7 @@ fn read_parts(folders: &[PathBuf]) -> Result<Vec<FoundPart>> {
             )));
         }
     }
+    check_inputs(&parts)?;
     let has = |number: usize| parts.iter().any(|found| found.part.shard.number == number);
     let of = first.part.shard.of;
     let missing: Vec<_> = (1..=of).filter(|&number| !has(number)).collect();
@@ -124,6 +126,25 @@ fn columns(manifest: &Manifest) -> Result<ColumnChoice> {
     let columns = written.map(ColumnChoice::deserialize).transpose();
     let columns = columns.map_err(|e| Error::Invalid(format!("{MANIFEST}: columns: {e}")))?;
     Ok(columns.unwrap_or_default())
+}
+
+/// Refuses parts that read other pairs, or another truth, of one run.
+fn check_inputs(parts: &[FoundPart]) -> Result<()> {
+    let mut known: BTreeMap<&str, (&str, &Path)> = BTreeMap::new();
+    for found in parts {
+        for (run, inputs) in &found.part.inputs {
+            let (first, folder) = *known.entry(run).or_insert((inputs, &found.folder));
+            if first != inputs {
+                return Err(Error::Invalid(format!(
+                    "{}: is not of the same run as {}: the pairs, calibration or truth of {run} \
+                     were others; score both parts anew",
+                    found.folder.display(),
+                    folder.display()
+                )));
+            }
+        }
+    }
+    Ok(())
 }
 
 fn read_part(folder: &Path) -> Result<FoundPart> {
@@ -224,7 +245,7 @@ fn merge(
         .iter()
         .find(|ending| ending.state == RunState::Lossy);
     let ending = strictest.unwrap_or(&endings[0]).clone();
-    let (summary, _) = collected.write(out, head, manifest, ending, console.warnings())?;
+    let (summary, _) = collected.write(out, head, manifest, ending, console)?;
     Ok(summary)
 }
 
@@ -248,9 +269,7 @@ fn merge_drives(tables: &TableMerge<'_>, collected: &mut ReportContent) -> Resul
             drives.push(row);
         }
         let path = found.folder.join(COURSES);
-        let text = std::fs::read_to_string(&path).map_err(|e| Error::io(&path, e))?;
-        let own: Vec<CoursePlan> =
-            serde_json::from_str(&text).map_err(|e| Error::format(&path, e.to_string()))?;
+        let own: Vec<CoursePlan> = read_json(&path)?;
         let place = |plan: &CoursePlan| tables.order.run(&ReportRun::course(plan.seed, None));
         plans.extend(own.into_iter().map(|plan| (place(&plan), plan)));
     }

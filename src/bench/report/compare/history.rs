@@ -230,7 +230,9 @@ impl ScenarioHistory {
         let line = |algorithm: &str, metric: &'static Metric, own: Option<String>| {
             let reports = summaries.iter().zip(runs);
             let value = |(summary, run): (&Summary, &ScoredRun)| {
-                let is_own = own.as_ref().is_none_or(|own| *own == processor(run));
+                let is_own = own
+                    .as_ref()
+                    .is_none_or(|own| run.has_times() && *own == processor(run));
                 is_own.then(|| summary.value(algorithm, metric, None))?
             };
             HistoryLine {

@@ -18,11 +18,14 @@ impl Comparison {
         }
         for algorithm in &self.algorithms {
             page.push_str(&format!(
-                "\n**{}**: {}, {} with equal results\n\n| | base | other | change | 95 % | |\n\
+                "\n**{}**: {}, {} with equal results{}\n\n| | base | other | change | 95 % | |\n\
                  |---|---:|---:|---:|---|---|\n",
                 algorithm.title(),
                 counted(algorithm.pairs, "pair"),
-                algorithm.equal_results
+                algorithm.equal_results,
+                algorithm
+                    .failures()
+                    .map_or_else(String::new, |failures| format!("; {failures}")),
             ));
             for (name, change) in algorithm.changes() {
                 page.push_str(&change.markdown_row(&name));

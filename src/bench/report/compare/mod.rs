@@ -67,6 +67,8 @@ pub struct AlgorithmChange {
     pub pairs: usize,
     /// Pairs of either run that the other does not have, or not with the same pixels.
     pub unmatched: usize,
+    /// Pairs that the second run failed on and of which the first has a result.
+    pub newly_failed: usize,
     /// Blocks of neighbouring pairs that intervals rest on, about the number of independent pairs.
     pub blocks: usize,
     /// Pairs with equal pixels but another truth or calibration, by which they were scored.
@@ -189,7 +191,10 @@ impl Comparison {
                 counted(inputs, "pair")
             ));
         }
-        if algorithms.iter().all(|a| a.pairs == 0) {
+        if algorithms
+            .iter()
+            .all(|a| a.pairs == 0 && a.newly_failed == 0)
+        {
             let cure =
                 "they took other pairs, as other scenarios, seeds or versions of the arena do";
             return Err(Error::Invalid(format!(
@@ -331,6 +336,9 @@ impl AlgorithmChange {
             .filter(|(a, b)| a.result_hash == b.result_hash)
             .count();
         let mut metrics = changes_over(&a, &b, &resamples);
+        if !base.has_times() || !other.has_times() {
+            metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
+        }
         let checkpoint = |(number, (name, frames, passed)): (u32, (&str, u64, u64))| {
             let (_, other_frames, other_passed) = *visits.get(&number)?;
             let change = Change::from_shares((passed, frames), (other_passed, other_frames))?;
@@ -353,6 +361,7 @@ impl AlgorithmChange {
             other_algorithm: other_label.to_owned(),
             same_parameters: base.parameters_hash(label) == other.parameters_hash(other_label),
             pairs: pairs.len(),
+            newly_failed: other.failed_of(other_label, ours.keys().map(|key| (key.0, key.1))),
             unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
             other_inputs: pairs
                 .iter()

@@ -2,14 +2,13 @@
 
 use crate::report::drives::DriveRow;
 use crate::report::read_rows;
-use crate::report::rows::{CheckpointRow, Row};
+use crate::report::rows::{CheckpointRow, FailureRow, Row};
 use crate::report::samples::{RunKey, run_key};
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
-use svl_data::manifest::Manifest;
+use svl_data::manifest::{Manifest, read_json};
 
 /// A report of `svl score` as its folder holds it.
 pub struct ScoredRun {
@@ -19,6 +18,8 @@ pub struct ScoredRun {
     pub(super) incomplete: Option<String>,
     /// Of the pairs as they are, without stress.
     pub(super) rows: Vec<Row>,
+    /// Pairs that algorithms failed on, likewise.
+    pub(super) failures: Vec<FailureRow>,
     pub(super) checkpoints: Vec<CheckpointRow>,
     pub(super) drives: Vec<DriveRow>,
 }
@@ -71,6 +72,12 @@ impl ScoredRun {
         };
         let mut rows: Vec<Row> = read_rows(&folder.join("rows.csv"))?;
         rows.retain(|row| row.stress.is_none());
+        let failures = folder.join("failures.csv");
+        let mut failures: Vec<FailureRow> = match failures.is_file() {
+            true => read_rows(&failures)?,
+            false => Vec::new(),
+        };
+        failures.retain(|row| row.stress.is_none());
         let drives = folder.join("drives.csv");
         let (drives, checkpoints) = match drives.is_file() {
             true => (read_rows(&drives)?, Vec::new()),
@@ -83,6 +90,7 @@ impl ScoredRun {
             manifest,
             incomplete,
             rows,
+            failures,
             checkpoints,
             drives,
         })
@@ -94,6 +102,23 @@ impl ScoredRun {
             .iter()
             .map(|a| a.label.as_str())
             .collect()
+    }
+
+    /// Whether its times are of one machine.
+    pub(super) fn has_times(&self) -> bool {
+        self.manifest.machines().len() == 1
+    }
+
+    /// The number of these pairs that an algorithm failed on.
+    pub(super) fn failed_of<'a>(
+        &'a self,
+        label: &str,
+        pairs: impl Iterator<Item = (RunKey<'a>, u64)>,
+    ) -> usize {
+        let pairs: BTreeSet<_> = pairs.collect();
+        let own = self.failures.iter().filter(|row| row.algorithm == label);
+        let key = |row: &'a FailureRow| ((row.seed, row.run.as_deref()), row.sequence);
+        own.filter(|row| pairs.contains(&key(row))).count()
     }
 
     pub(super) fn parameters_hash(&self, label: &str) -> Option<&str> {
@@ -132,9 +157,4 @@ impl ScoredRun {
         }
         sums
     }
-}
-
-fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-    serde_json::from_str(&text).map_err(|e| Error::format(path, e.to_string()))
 }

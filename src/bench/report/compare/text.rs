@@ -78,6 +78,14 @@ impl Display for Comparison {
     }
 }
 
+impl AlgorithmChange {
+    /// Pairs that the second run alone failed on, in words.
+    pub fn failures(&self) -> Option<String> {
+        let pairs = counted(self.newly_failed as u64, "pair");
+        (self.newly_failed > 0).then(|| format!("failed on {pairs} that the base has results of"))
+    }
+}
+
 impl Display for AlgorithmChange {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         let Self {
@@ -98,6 +106,9 @@ impl Display for AlgorithmChange {
                 "; not compared: {} of one run alone",
                 counted(*unmatched, "pair")
             )?;
+        }
+        if let Some(failures) = self.failures() {
+            write!(f, "; {failures}")?;
         }
         writeln!(
             f,

@@ -19,7 +19,7 @@ pub(super) struct PlotView {
 type PlotPoint = fn(&AlgorithmSummary) -> Option<(f64, f64)>;
 
 /// A number of every algorithm.
-type PlotNumber = fn(&AlgorithmSummary) -> f64;
+type PlotNumber = fn(&AlgorithmSummary) -> Option<f64>;
 
 fn percent(share: f64) -> f64 {
     100.0 * share
@@ -45,8 +45,8 @@ pub(super) fn accuracy(page: &ReportPage) -> Result<Vec<PlotView>> {
         log: true,
         ..Axis::new("median ms per pair")
     };
-    let cells: PlotPoint = |a| Some((a.p50_ms, wrong_of_known(a)?));
-    let pixels: PlotPoint = |a| Some((a.p50_ms, percent(a.totals.get("bad2")?)));
+    let cells: PlotPoint = |a| Some((a.p50_ms?, wrong_of_known(a)?));
+    let pixels: PlotPoint = |a| Some((a.p50_ms?, percent(a.totals.get("bad2")?)));
     let about = "Better is farther left and lower.";
     let plots = [
         (
@@ -289,19 +289,19 @@ pub(super) fn speed(page: &ReportPage) -> Result<Vec<PlotView>> {
         page.summary
             .algorithms
             .iter()
-            .any(|a| of(a) > 0.01 * a.p50_ms)
+            .any(|a| of(a) > a.p50_ms.map(|ms| 0.01 * ms))
     };
     let counted = stages.map(|(_, of)| counts(of));
     let times = |a: &AlgorithmSummary| {
         let times = stages.iter().zip(counted);
-        let times = times.map(|((_, of), counts)| if counts { of(a) } else { 0.0 });
-        (a.algorithm.clone(), times.collect())
+        let times = times.map(|((_, of), counts)| if counts { of(a) } else { Some(0.0) });
+        Some((a.algorithm.clone(), times.collect::<Option<_>>()?))
     };
     let bars = Bars {
         title: String::new(),
         label: "ms per pair".into(),
         parts: stages.iter().map(|(name, _)| (*name).to_owned()).collect(),
-        bars: page.summary.algorithms.iter().map(times).collect(),
+        bars: page.summary.algorithms.iter().filter_map(times).collect(),
     };
     let shares = Bars {
         label: "shares; the number: ms per pair".into(),
