@@ -128,6 +128,7 @@ impl Missing {
             unpaired,
             late,
             unreadable,
+            broken: _,
             cut,
             outside: _,
             without_truth: _,
