@@ -131,6 +131,7 @@ impl Missing {
             unpaired,
             late,
             unreadable,
+            broken: _,
             cut,
             outside: _,
             without_truth: _,

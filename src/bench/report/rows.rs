@@ -245,6 +245,10 @@ record! {
         /// Points of a truth that covers less than half of the cell: with `no-truth` they do not
         /// suffice. Absent where the truth is dense or missing.
         true_points: Option<u64>,
+        /// The report at those points, which the truth is compared with: moved by the difference
+        /// between the algorithm's map there and in the whole cell.
+        at_points_px: Option<f64>,
+        at_points_m: Option<f64>,
     }
 }
 

@@ -61,6 +61,10 @@ pub fn report_losses(name: &str, losses: &Losses) {
         }
     };
     warn(losses.unreadable, "pair", "cannot be read");
+    for (topic, n) in &losses.broken {
+        let messages = counted(*n, "message");
+        tracing::warn!("{name}: {messages} of {topic} left out: cannot be read");
+    }
     warn(
         losses.late,
         "image",

@@ -30,9 +30,7 @@ pub use folder::{FolderRequest, FolderSource};
 pub use limited::Limited;
 pub use live::LiveSource;
 pub use measured::MeasuredSource;
-pub use open::{
-    CAMERAS, SOURCES, SourceKind, SourceOption, expected, open, open_arena, open_recording,
-};
+pub use open::{CAMERAS, SOURCES, SourceKind, expected, open, open_arena, open_recording};
 pub use opened::Opened;
 pub use recording::RecordingSource;
 pub use rectified::{AssumeRectified, RectifiedSource};

@@ -11,7 +11,7 @@ use svl_core::{Error, Result};
 use svl_data::arena::Arena;
 use svl_data::grab::{self, DRIVERS, Driver, GrabRequest};
 use svl_data::recording::{Header, Recording, is_bag};
-use svl_data::scenario::{Scenario, ScenarioSource};
+use svl_data::scenario::{Scenario, ScenarioSource, flag};
 
 /// A kind of source that a user can name.
 pub struct SourceKind {
@@ -21,8 +21,8 @@ pub struct SourceKind {
     pub noun: &'static str,
     /// What it is, for help texts.
     pub help: &'static str,
-    /// The options that it takes, beside those that all take.
-    pub options: &'static [SourceOption],
+    /// Keys of the options that it takes, beside those that all take.
+    options: &'static [&'static str],
     /// Whether it is named by a path, which must exist.
     is_path: bool,
     recognizes: fn(&str) -> bool,
@@ -36,29 +36,13 @@ impl SourceKind {
     }
 }
 
-/// An option that only some sources take.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SourceOption {
-    Seed,
-    /// Topics, patterns or videos of left and right.
-    Sides,
-    SideBySide,
-    Fps,
-    Bits,
-    MaxSkew,
-    /// The topic of another sensor.
-    Truth,
-    /// Trigger, rate, pairing, queue and watchdog.
-    Grab,
-}
-
 /// All sources, in the order in which a name is looked for. A new one is one entry here.
 pub const SOURCES: &[SourceKind] = &[
     SourceKind {
         name: "arena",
         noun: "the arena",
         help: "the simulated arena of scenarios/arena.toml",
-        options: &[SourceOption::Seed],
+        options: &["seed"],
         is_path: false,
         recognizes: |name| name == "arena",
         open: |request| open_arena(&Scenario::arena()?, request.seed.unwrap_or(1)),
@@ -68,7 +52,7 @@ pub const SOURCES: &[SourceKind] = &[
         noun: "the board",
         help: "a simulated chessboard that is moved before two cameras with distortion: for `svl \
                calibrate board`",
-        options: &[SourceOption::Seed],
+        options: &["seed"],
         is_path: false,
         recognizes: |name| name == "board",
         open: board,
@@ -79,9 +63,14 @@ pub const SOURCES: &[SourceKind] = &[
         noun: "cameras",
         help: "two cameras",
         options: &[
-            SourceOption::Seed,
-            SourceOption::MaxSkew,
-            SourceOption::Grab,
+            "seed",
+            "max_skew_ms",
+            "trigger",
+            "rate",
+            "pairing",
+            "queue",
+            "when_full",
+            "timeout",
         ],
         is_path: false,
         recognizes: |name| grab::driver(name).is_some(),
@@ -91,7 +80,7 @@ pub const SOURCES: &[SourceKind] = &[
         name: "SCENARIO.toml",
         noun: "a scenario",
         help: "the arena with other parameters",
-        options: &[SourceOption::Seed],
+        options: &["seed"],
         is_path: true,
         recognizes: |name| is_file(name, &["toml"]),
         open: |request| {
@@ -104,12 +93,7 @@ pub const SOURCES: &[SourceKind] = &[
         noun: "a recording",
         help: "a recording: svl's, a ROS 2 bag (its folder or a file of it), Foxglove's; raw, \
                compressed or Bayer images of two topics",
-        options: &[
-            SourceOption::Sides,
-            SourceOption::Bits,
-            SourceOption::MaxSkew,
-            SourceOption::Truth,
-        ],
+        options: &["left", "right", "bits", "max_skew_ms", "truth"],
         is_path: true,
         // Bags in other containers are among them: their reader says which it reads.
         recognizes: |name| {
@@ -125,7 +109,7 @@ pub const SOURCES: &[SourceKind] = &[
         noun: "a video",
         help: "a video of both images, with --side-by-side; two are named by their folder: svl \
                record . --left a.mp4 --right b.mp4; the program ffmpeg decodes them",
-        options: &[SourceOption::SideBySide, SourceOption::Fps],
+        options: &["side_by_side", "fps"],
         is_path: true,
         recognizes: |name| is_video(name) && !Path::new(name).is_dir(),
         open: video,
@@ -137,12 +121,7 @@ pub const SOURCES: &[SourceKind] = &[
                KITTI's training/ (the pairs with truth), or many pairs: left/ and right/ with \
                images of equal names, EuRoC's and KITTI's sequences, 00_left.png and 00_right.png, \
                or as --left and --right name them",
-        options: &[
-            SourceOption::Sides,
-            SourceOption::SideBySide,
-            SourceOption::Fps,
-            SourceOption::Bits,
-        ],
+        options: &["left", "right", "side_by_side", "fps", "bits"],
         is_path: true,
         recognizes: |name| Path::new(name).is_dir(),
         open: folder,
@@ -421,42 +400,30 @@ fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
         timeout,
         ..
     } = &request.grab;
-    let options = &request.options;
-    let given = [
-        (SourceOption::Seed, request.seed.is_some(), "--seed"),
-        (SourceOption::Sides, options.left.is_some(), "--left"),
-        (SourceOption::Sides, options.right.is_some(), "--right"),
-        (
-            SourceOption::SideBySide,
-            options.side_by_side,
-            "--side-by-side",
-        ),
-        (SourceOption::Fps, options.fps.is_some(), "--fps"),
-        (SourceOption::Bits, options.bits.is_some(), "--bits"),
-        (
-            SourceOption::MaxSkew,
-            options.max_skew_ms.is_some(),
-            "--max-skew-ms",
-        ),
-        (SourceOption::Truth, options.truth.is_some(), "--truth"),
-        (SourceOption::Grab, trigger.is_some(), "--trigger"),
-        (SourceOption::Grab, rate_hz.is_some(), "--rate"),
-        (SourceOption::Grab, pairing.is_some(), "--pairing"),
-        (SourceOption::Grab, queue.is_some(), "--queue"),
-        (SourceOption::Grab, when_full.is_some(), "--when-full"),
-        (SourceOption::Grab, timeout.is_some(), "--timeout"),
+    let of_cameras = [
+        ("seed", request.seed.is_some()),
+        ("trigger", trigger.is_some()),
+        ("rate", rate_hz.is_some()),
+        ("pairing", pairing.is_some()),
+        ("queue", queue.is_some()),
+        ("when_full", when_full.is_some()),
+        ("timeout", timeout.is_some()),
     ];
-    let wrong = given
-        .iter()
-        .find(|(option, given, _)| *given && !kind.options.contains(option));
-    let Some((option, _, text)) = wrong else {
+    let given = of_cameras.iter().filter(|(_, given)| *given);
+    let mut given: Vec<_> = given.map(|(key, _)| (*key).to_owned()).collect();
+    given.extend(request.options.keys()?);
+    let nouns = |key: &str| -> Vec<_> {
+        let takers = SOURCES.iter().filter(|kind| kind.options.contains(&key));
+        takers.map(|kind| kind.noun).collect()
+    };
+    let is_wrong = |key: &&String| !kind.options.contains(&key.as_str()) && !nouns(key).is_empty();
+    let Some(key) = given.iter().find(is_wrong) else {
         return request.options.check();
     };
-    let takers = SOURCES.iter().filter(|kind| kind.options.contains(option));
-    let takers: Vec<_> = takers.map(|kind| kind.noun).collect();
     Err(Error::Usage(format!(
-        "{text} is for {}, and '{}' is {}",
-        takers.join(", "),
+        "{} is for {}, and '{}' is {}",
+        flag(key),
+        nouns(key).join(", "),
         request.name,
         kind.noun
     )))

@@ -90,6 +90,7 @@ impl Source for RecordingSource {
             outside: self.reader.outside(),
             late: self.reader.late(),
             unreadable: self.unreadable,
+            broken: self.reader.broken().clone(),
             ..Losses::default()
         }
     }

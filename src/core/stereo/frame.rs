@@ -342,6 +342,9 @@ pub struct Losses {
     pub late: u64,
     /// Pairs that cannot be read.
     pub unreadable: u64,
+    /// Messages beside the images that cannot be read, by topic: their pairs go on without them.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub broken: BTreeMap<String, u64>,
     /// Frames for which the truth that was asked for has no measurement, where it has some.
     pub without_truth: u64,
     /// Frames of a video that was cut off or is damaged.
@@ -367,6 +370,7 @@ impl Losses {
             outside,
             late,
             unreadable,
+            broken,
             without_truth,
             cut,
             skipped,
@@ -376,6 +380,9 @@ impl Losses {
         self.outside += outside;
         self.late += late;
         self.unreadable += unreadable;
+        for (topic, messages) in broken {
+            *self.broken.entry(topic).or_default() += messages;
+        }
         self.without_truth += without_truth;
         self.cut += cut;
         self.skipped += skipped;

@@ -6,7 +6,7 @@ use super::foreign::{Foreign, Selection, TruthSelection, TruthTopic, truth_topic
 use super::messages::{EventReader, FileEvent};
 use super::pair_index::PairIndex;
 use super::{Header, PROFILE, PairSource, Recording, TopicKind, sync};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use svl_core::stereo::{Frame, StereoCalibration};
 use svl_core::{Error, Result};
@@ -30,6 +30,8 @@ pub struct Reader {
     ahead: VecDeque<Result<Frame>>,
     /// Damage found, reported after the pairs before it.
     damage: Option<Error>,
+    /// Messages beside the images that cannot be read, by topic.
+    broken: BTreeMap<String, u64>,
 }
 
 /// Limit of unreadable pairs before the first readable one.
@@ -76,6 +78,7 @@ impl Reader {
             header: recording.header().ok(),
             ahead: VecDeque::new(),
             damage: None,
+            broken: BTreeMap::new(),
             recording,
         };
         reader.read_first()?;
@@ -136,6 +139,12 @@ impl Reader {
     /// the file is not in the order of its stamps.
     pub fn late(&self) -> u64 {
         self.source.late()
+    }
+
+    /// Messages beside the images so far that cannot be read, by topic: of truth, calibration,
+    /// colours, pose. Their pairs go on without them.
+    pub fn broken(&self) -> &BTreeMap<String, u64> {
+        &self.broken
     }
 
     /// Warnings about the pairs of a recording that svl did not write, a line each.
@@ -263,12 +272,24 @@ impl Reader {
                     data,
                 })) => {
                     let taken = self.source.take_in(channel, log_time, &data);
+                    let topic = &channel.topic;
                     let bad = |reason| {
-                        let reason = format!("{} at {log_time} ns: {reason}", channel.topic);
+                        let reason = format!("{topic} at {log_time} ns: {reason}");
                         Error::format(self.recording.path(), reason)
                     };
-                    if let Some(frame) = taken.map_err(bad)? {
-                        return Ok(Some(frame));
+                    let makes_pairs = self.source.topics().contains(&topic.as_str())
+                        || topic == TopicKind::Sync.topic();
+                    match taken.map_err(bad) {
+                        Ok(None) => {}
+                        Ok(Some(frame)) => return Ok(Some(frame)),
+                        Err(error) if makes_pairs => return Err(error),
+                        Err(error) => {
+                            let broken = self.broken.entry(topic.clone()).or_default();
+                            if *broken == 0 {
+                                tracing::warn!("{error}; left out, its pair goes on without it");
+                            }
+                            *broken += 1;
+                        }
                     }
                 }
                 Ok(Some(_)) => {}

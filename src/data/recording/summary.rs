@@ -1,7 +1,9 @@
 //! Summarizes a recording: topics, pairs, gaps, skew, damage.
 
 use super::container::{Container, unpack_message};
-use super::foreign::{Selection, UnpairedImages, choose, head, is_image, pair_stamps};
+use super::foreign::{
+    Selection, StampedImage, UnpairedImages, choose, head, is_image, pair_stamps,
+};
 use super::messages::{Channel, EventReader, FileEvent, Messages};
 use super::salvage::DamagedPart;
 use super::skew::SkewSummary;
@@ -190,8 +192,9 @@ struct SummaryScan {
     topics: BTreeMap<String, Topic>,
     /// Log times of the images, by topic.
     stamps: BTreeMap<String, Vec<u64>>,
-    /// Stamps in the images of other programs, by topic, in the order of the file.
-    headers: BTreeMap<String, Vec<u64>>,
+    /// Images of other programs, by topic, in the order of the file, and their number.
+    foreign: BTreeMap<String, Vec<StampedImage>>,
+    places: u64,
     pairs: u64,
     skews: Vec<i64>,
     sequences: BTreeSet<u64>,
@@ -270,8 +273,13 @@ impl SummaryScan {
                 let of_image = head(channel, unpacked.as_deref().unwrap_or(data));
                 // What cannot be read is reported by `svl replay`, and is no image here.
                 if let Ok((of_image, _)) = of_image {
-                    let stamps = self.headers.entry(channel.topic.clone()).or_default();
-                    stamps.push(of_image.unwrap_or(stamp_ns));
+                    let images = self.foreign.entry(channel.topic.clone()).or_default();
+                    images.push(StampedImage {
+                        place: self.places,
+                        stamp_ns: of_image.unwrap_or(stamp_ns),
+                        bytes: data.len(),
+                    });
+                    self.places += 1;
                 }
             }
         }
@@ -298,8 +306,8 @@ impl SummaryScan {
     fn choose(&mut self, channels: &[&Channel]) {
         self.stereo = choose(channels, &Selection::default()).ok();
         if let Some(topics) = &self.stereo {
-            let stamps = |topic| self.headers.get(topic).map_or(&[][..], Vec::as_slice);
-            let (skews, unpaired) = pair_stamps(topics.each_ref().map(stamps));
+            let images = |topic| self.foreign.get(topic).map_or(&[][..], Vec::as_slice);
+            let (skews, unpaired) = pair_stamps(topics.each_ref().map(images));
             self.pairs = skews.len() as u64;
             self.skews = skews;
             self.unpaired = Some(unpaired);

@@ -415,7 +415,7 @@ pub(super) fn of_calib(calib: &str, replaced: impl Fn(&Path) -> PathBuf) -> Stri
 }
 
 /// The option of a key.
-fn flag(key: &str) -> String {
+pub fn flag(key: &str) -> String {
     match key {
         "from_s" => "--from".to_owned(),
         "to_s" => "--to".to_owned(),

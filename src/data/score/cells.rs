@@ -45,6 +45,8 @@ pub struct CellJudgement {
     /// The number of the truth's points where they cover less than half of the cell; absent where
     /// the truth is dense or missing.
     pub points: Option<usize>,
+    /// The report at those points, which the truth is compared with.
+    pub at_points: Option<CellDepth>,
 }
 
 impl CellJudgement {
@@ -56,6 +58,7 @@ impl CellJudgement {
         missed_obstacle: false,
         false_obstacle: false,
         points: None,
+        at_points: None,
     };
 }
 
@@ -172,6 +175,7 @@ fn judge_cell(
             && reported.is_some_and(|r| r.distance_m.is_none_or(|z| z > clear_m)),
         false_obstacle: distances.is_some_and(|(z_true, z)| z < obstacle_m && z_true > clear_m),
         points: None,
+        at_points: None,
     }
 }
 

@@ -16,6 +16,10 @@ const PARTS: usize = 8;
 /// the pixels do.
 const COVERED: f64 = 0.5;
 
+/// Least share of the rows and of the columns of parts that must have points: the median of four
+/// lines across a slanted surface is not the cell's.
+const SPREAD: f64 = 0.75;
+
 /// Least number of points of a cell, and of its points where a map has a disparity.
 const MIN_POINTS: usize = 10;
 
@@ -59,6 +63,14 @@ impl SparseCell {
         // A small cell has fewer parts.
         let parts = columns.len().min(PARTS) * rows.len().min(PARTS);
         let with_points = counts.iter().flatten().filter(|&&count| count > 0).count();
+        let across = (0..PARTS).filter(|&i| counts.iter().any(|row| row[i] > 0));
+        let down = counts
+            .iter()
+            .filter(|row| row.iter().any(|&count| count > 0));
+        let is_spread = |lines: usize, side: &Range<usize>| {
+            lines as f64 >= SPREAD * side.len().min(PARTS) as f64
+        };
+        let is_spread = is_spread(across.count(), columns) && is_spread(down.count(), rows);
         let offset = |at: fn(&(usize, usize, f64)) -> usize, side: &Range<usize>| {
             let sum = |(of, all), point: &(usize, usize, f64)| {
                 let place = (at(point) - side.start) as f64 + 0.5;
@@ -74,7 +86,7 @@ impl SparseCell {
                     .map(|&(x, y, w)| (truth.get(x, y), w))
                     .collect(),
             ),
-            covered: with_points as f64 >= COVERED * parts as f64,
+            covered: is_spread && with_points as f64 >= COVERED * parts as f64,
             centred: offset(|p| p.0, columns).max(offset(|p| p.1, rows)) <= OFF_CENTRE,
             points,
         }
@@ -197,6 +209,14 @@ mod tests {
             (_, false) => 50.0,
         };
         assert!(scored(&whole));
+        // Four lines across a floor, and eight; in half of the parts are both.
+        let floor = |every: usize| {
+            move |_: usize, y: usize| match y.is_multiple_of(every) {
+                true => y as f32,
+                false => NONE,
+            }
+        };
+        assert!(!scored(&floor(4)) && scored(&floor(2)));
         // Nine points.
         assert!(!scored(&|x, y| if x % 6 == 2 && y % 6 == 2 {
             5.0

@@ -138,8 +138,11 @@ impl TrueCells {
     /// Scores every cell, in raster order; `reported` is what [`TrueCells::reported`] returns.
     pub fn judge(&self, reported: &DepthGrid) -> Vec<CellJudgement> {
         let mut judgements = judge_cells(&self.grid, reported, self.rule);
-        for (judgement, cell) in judgements.iter_mut().zip(&self.cells) {
+        let cells = self.cells.iter().zip(reported.iter());
+        for (judgement, (cell, (_, reported))) in judgements.iter_mut().zip(cells) {
             judgement.points = cell.sparse.as_ref().map(SparseCell::count);
+            let is_by_points = judgement.points.is_some() && cell.quarter.is_some();
+            judgement.at_points = reported.depth.filter(|_| is_by_points);
         }
         judgements
     }
@@ -268,6 +271,7 @@ mod tests {
         assert_eq!((tally.right, tally.near_right), (1, 0));
         let (off, tally) = floor(|y| y as f32 + 2.5);
         assert_eq!((off.verdict, tally.wrong), (Verdict::Wrong, 1));
+        assert_eq!(off.at_points.map(|depth| depth.median_px), Some(18.5));
         // Nothing at the points: the report itself.
         let between = |y: usize| {
             if y.is_multiple_of(4) {

@@ -22,6 +22,11 @@ fn lidar(rows: usize, columns: usize) -> Known {
     })
 }
 
+/// Rows of the whole image.
+fn rows(every: usize) -> Known {
+    Box::new(move |_, y, _| y.is_multiple_of(every))
+}
+
 fn patterns() -> Vec<(&'static str, Known)> {
     // As KITTI's: denser in the middle than below, with holes.
     let uneven = |x: usize, y: usize, (_, height): (usize, usize)| {
@@ -37,6 +42,14 @@ fn patterns() -> Vec<(&'static str, Known)> {
             Box::new(|_, y, (_, height)| y == height / 2)
         }),
         ("uneven", Box::new(uneven)),
+        ("every 8th row of all", rows(8)),
+        ("every 16th row of all", rows(16)),
+        ("every 20th row of all", rows(20)),
+        ("every 25th row of all", rows(25)),
+        (
+            "every 20th column",
+            Box::new(|x, _, _| x.is_multiple_of(20)),
+        ),
     ];
     if let Some(folder) = datasets() {
         let scene = Scene::find(&folder.join("kitti2012-000000_10"), "kitti").unwrap();

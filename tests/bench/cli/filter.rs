@@ -340,6 +340,22 @@ fn the_truth_labels_recordings_of_the_arena() {
 }
 
 #[test]
+fn frames_of_both_kinds_are_not_labelled_by_truth() {
+    let fixture = Fixture::new();
+    fixture.run("record --frames 3 -o run.mcap");
+    fixture.write_pair("p/left/1.pgm", "p/right/1.pgm", (320, 240), 4);
+    fixture.fails(
+        "
+        label frames run.mcap --filter floor --from-truth -q => 1: its 3 frames show floor and \
+         other | svl label windows run.mcap --filter floor --from-truth
+        label frames p --filter floor --from-truth -q => 1: p: only recordings of the arena
+        ",
+    );
+    let said = fixture.run("label windows run.mcap --filter floor --from-truth -q");
+    assert_says(&said, &["run.floor.csv: ", "windows of both skipped"]);
+}
+
+#[test]
 fn what_cannot_be_trained_or_run_is_refused_in_one_line() {
     let fixture = Fixture::new();
     write_filter(&fixture);

@@ -18,6 +18,35 @@ fn label(fixture: &Fixture, args: &str, keys: &str) -> Ran {
 }
 
 #[test]
+fn cells_are_tied_to_the_frame_at_which_they_were_labelled() {
+    let fixture = recorded();
+    // The last label of a cell counts.
+    let first = "g 5 enter f right f g 3 enter left f";
+    label(&fixture, "run.mcap", &format!("{first} q k")).done();
+    let going_on = "right right g 6 enter f n \"two\" enter w q";
+    label(&fixture, "run.mcap", going_on).done();
+    let scenario = Scenario::read(&fixture.path("run.toml")).unwrap();
+    let pairs = &scenario.checkpoints[0].pairs;
+    let frames: Vec<_> = pairs.iter().map(|pair| pair.frame).collect();
+    assert_eq!(frames, [3, 5, 6]);
+    assert_eq!(
+        scenario.checkpoints[0].place,
+        CheckpointPlace::Frames([3, 6])
+    );
+    fixture.run("score run.toml --out report -q");
+    fixture.run("score run.toml --print-scenario=again.toml -q");
+    let again = Scenario::read(&fixture.path("again.toml")).unwrap();
+    assert_eq!(again.checkpoints, scenario.checkpoints);
+    // Another hash of the last one is noticed.
+    let text = fixture.text("run.toml");
+    let hash = &pairs[2].hash;
+    fixture.write("run.toml", text.replace(hash, &pairs[0].hash));
+    fixture
+        .svl("score run.toml --out other -q")
+        .failed(1, &["frame 6 is not the pair that was labelled", hash]);
+}
+
+#[test]
 fn what_is_labelled_is_scored() {
     let fixture = recorded();
     let keys = "> [ , , , [ . . ] right down = \">0.05\" enter right f

@@ -255,6 +255,14 @@ fn what_is_not_measured_is_not_zero() {
     );
     fixture.write("other.toml", text);
     fixture.fails("score other.toml -q --gate --algo v3 => 2: 'v1:max_disparity=9' is neither");
+    // A name that only the command line gives.
+    let text = fixture.text("short.toml");
+    let text = text.replacen("algorithm = \"v3\"", "algorithm = \"mine\"", 1);
+    fixture.write("named.toml", text);
+    fixture.fails("score named.toml -q => 2: 'mine' is neither");
+    let named = fixture.svl("score named.toml -q --gate --algo mine=v3 --out named --json");
+    let json: serde_json::Value = serde_json::from_str(&named.stdout).unwrap();
+    assert_eq!(json["gate"][0]["state"], "pass", "{}", named.stderr);
 }
 
 #[test]

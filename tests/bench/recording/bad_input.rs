@@ -5,6 +5,7 @@ use crate::common::assert_says;
 use std::path::{Path, PathBuf};
 use svl::Result;
 use svl::recording::{Header, ImageFormat, Reader};
+use svl::source::{RecordingSource, Source};
 use svl::stereo::Frame;
 
 const SIZE: (usize, usize) = (24, 16);
@@ -173,6 +174,30 @@ fn a_bad_pair_costs_only_itself() {
         .collect();
     assert_eq!(stamps, [Some(0), Some(1), None, Some(3)]);
     assert_eq!(reader.unpaired(), 1, "the lonely one at the end");
+}
+
+#[test]
+fn a_broken_message_beside_the_images_costs_no_pair() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let good = raw_image(4, 2, "mono8", 8);
+    let image = "foxglove.RawImage";
+    std::fs::write(
+        &path,
+        mcap_of(&[
+            ("/stereo/left/image", image, 9, &good),
+            ("/truth/visibility", image, 9, b"\xff\xff\xff"),
+            ("/stereo/right/image", image, 9, &good),
+            ("/stereo/sync", "svl.StereoSync", 9, SYNC),
+        ]),
+    )
+    .unwrap();
+    let mut source = RecordingSource::open(&path).unwrap();
+    assert!(source.next().unwrap().is_some() && source.next().unwrap().is_none());
+    let mut losses = source.finish(1);
+    losses.add(losses.clone());
+    let broken = [("/truth/visibility".to_owned(), 2)].into();
+    assert_eq!((losses.lost(), losses.broken), (0, broken));
 }
 
 #[test]

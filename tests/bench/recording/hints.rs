@@ -164,22 +164,27 @@ fn transforms_that_differ_are_noticed() {
     let fixture = Fixture::new();
     let points = |i| cloud("lidar", stamp(i), &[[0.0, 0.0, 1.0]]);
     let static_tf = |x: f64| tf("/tf_static", &[("cam", "lidar", [x, 0.0, 0.0])]);
-    let bag = |second: f64| {
+    let inverse = |x: f64| tf("/tf_static", &[("lidar", "cam", [-x, 0.0, 0.0])]);
+    let bag = |second: Message| {
         let mut messages = vec![static_tf(0.1)];
         messages.extend(pairs(&[-14.0; 3]));
         messages.extend((0..2).map(points));
-        messages.push(static_tf(second));
+        messages.push(second);
         messages.push(points(2));
         bag::write(&fixture.path(""), &messages);
         hints(&fixture, "bag.mcap --truth /points --algo v3")
     };
-    assert_eq!(bag(0.1), []);
-    let found = bag(0.3);
-    assert_eq!(found.len(), 1, "{found:?}");
-    assert_says(
-        &found[0].1,
-        &["/tf_static", "'lidar' in 'cam' differ by 0.2000 m"],
-    );
+    assert_eq!([bag(static_tf(0.1)), bag(inverse(0.1))], [[], []]);
+    for (second, frames) in [
+        (static_tf(0.3), "'lidar' in 'cam'"),
+        // They form a cycle.
+        (inverse(0.3), "'cam' in 'lidar'"),
+    ] {
+        let found = bag(second);
+        assert_eq!(found.len(), 1, "{found:?}");
+        let differ = format!("{frames} differ by 0.2000 m");
+        assert_says(&found[0].1, &["/tf_static", &differ]);
+    }
 }
 
 #[test]

@@ -398,7 +398,18 @@ fn what_cannot_be_a_truth_is_refused_in_one_line() {
     refused(
         with(links).chain([cloud("lidar", stamp(0), &point)]),
         "/points",
-        &["no transform"],
+        &["no transform", "/tf has one", "static_transform_publisher"],
+    );
+    // The chain is of both.
+    let links = [
+        tf("/tf_static", &[("cam", "base", [0.0; 3])]),
+        tf("/tf", &[("base", "lidar", [0.0; 3])]),
+    ];
+    let pairs_and_links = pairs().into_iter().chain(links);
+    refused(
+        pairs_and_links.chain([cloud("lidar", stamp(0), &point)]),
+        "/points",
+        &["/tf has one"],
     );
     refused(
         with(cloud_with("cam", stamp(0), &point, true, 12)),

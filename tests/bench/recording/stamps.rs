@@ -1,7 +1,7 @@
 //! Truth of pairs whose stamps are equal or zero, and truth that lies far from its pair.
 
 use super::bag::{self, Message};
-use super::frames::{PERIOD_NS, full, record};
+use super::frames::{PERIOD_NS, full, record, summarize};
 use super::sensor::{FB, SIZE, START_NS, depth32, open, pairs, refused};
 use svl::recording::ImageFormat;
 use svl::source::{RecordingSource, Source};
@@ -150,4 +150,32 @@ fn a_recording_whose_pairs_share_stamps_is_read_in_order() {
         let [found, own] = [&found, frame].map(|f| &f.truth.as_ref().unwrap().disparity);
         assert!((found.get(9, 9) - own.get(9, 9)).abs() < 1e-3);
     }
+}
+
+#[test]
+fn a_summary_pairs_as_a_source_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = |messages: &[Message]| {
+        let path = bag::write(folder.path(), messages);
+        let summary = summarize(&path).unwrap();
+        let mut source = RecordingSource::open(&path).unwrap();
+        let frames = std::iter::from_fn(|| source.next().unwrap()).count() as u64;
+        let losses = source.finish(frames);
+        let unpaired = losses.unpaired + losses.outside;
+        assert_eq!(
+            (summary.pairs, summary.unpaired.unwrap().total()),
+            (frames, unpaired)
+        );
+        frames
+    };
+    assert_eq!(of(&stereo(4, |_| START_NS)), 4);
+    let unset = stereo(4, |_| 0).into_iter();
+    let unset: Vec<_> = unset.map(|message| stamped(&message, 0, 0)).collect();
+    assert_eq!(of(&unset), 4);
+    // One right image is missing, and those behind it wait for its partner.
+    let is_missing = |at: usize| at % 4 == 3 && at / 4 == 2;
+    let images = stereo(6, |i| START_NS + i / 3 * PERIOD_NS).into_iter();
+    let images = images.enumerate().filter(|(at, _)| !is_missing(*at));
+    let images: Vec<_> = images.map(|(_, message)| message).collect();
+    assert_eq!(of(&images), 3);
 }

@@ -33,9 +33,7 @@ pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
         scenario.algorithms = swept.collect::<svl::Result<Vec<_>>>()?.concat();
     }
     known.extend_from_slice(&scenario.algorithms);
-    if args.gate {
-        check_gate(&args.what[0], &scenario, &known)?;
-    }
+    check_gate(args, &scenario, &known)?;
     if !args.stress.is_empty() {
         distinct_kinds(&args.stress)?;
         scenario.stress.clone_from(&args.stress);
@@ -66,11 +64,14 @@ fn unknown_in<'a>(limit: &'a Limit, known: &[Algorithm]) -> Option<&'a String> {
     names.find(|name| !is_known(name))
 }
 
-/// Refuses limits of algorithms that neither the scenario nor the command line names.
-fn check_gate(named: &str, scenario: &Scenario, known: &[Algorithm]) -> anyhow::Result<()> {
+/// Refuses limits of algorithms that neither the scenario nor the command line names; without
+/// --gate those of svl may be limited all the same.
+fn check_gate(args: &Args, scenario: &Scenario, known: &[Algorithm]) -> anyhow::Result<()> {
     for limit in &scenario.gate {
-        if let Some(name) = unknown_in(limit, known) {
-            let line = limit.line;
+        if let Some(name) = unknown_in(limit, known)
+            && (args.gate || without_filters(name).parse::<Algorithm>().is_err())
+        {
+            let (named, line) = (&args.what[0], limit.line);
             return Err(usage::wrong(format!(
                 "{named}: gate in line {line}: '{name}' is neither an algorithm of the scenario \
                  nor named with --algo"

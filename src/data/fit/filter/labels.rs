@@ -136,6 +136,21 @@ impl FrameLabels {
                     ),
                 ));
             }
+            if let Some(other) = labels.contrary(sequence, window, is) {
+                let before = lines[&(sequence, other)];
+                let [other, own] = [!is, is].map(|is| labels.category(is));
+                let (whole, part) = match window {
+                    Some(_) => (other, own),
+                    None => (own, other),
+                };
+                return Err(wrong(
+                    line,
+                    format!(
+                        "with line {before} it says of frame {sequence} '{whole}' as a whole, and \
+                         '{part}' of a window; keep one, or label the windows alone"
+                    ),
+                ));
+            }
             labels.set(sequence, window, Some(is));
             if pair_hash.is_empty() {
                 continue;
@@ -182,6 +197,26 @@ impl FrameLabels {
             Some(is) => self.labels.insert((sequence, window), is),
             None => self.labels.remove(&(sequence, window)),
         };
+    }
+
+    /// The label of the whole frame, or of one of its windows, that a label would contradict.
+    pub fn contrary(
+        &self,
+        sequence: u64,
+        window: Option<usize>,
+        is: bool,
+    ) -> Option<Option<usize>> {
+        let windows = (sequence, Some(0))..=(sequence, Some(usize::MAX));
+        match window {
+            Some(_) => (self.get(sequence, None) == Some(!is)).then_some(None),
+            None => {
+                let mut contrary = self
+                    .labels
+                    .range(windows)
+                    .filter(|(_, label)| **label != is);
+                contrary.next().map(|((_, window), _)| *window)
+            }
+        }
     }
 
     /// Says of which pair the labels of a frame are.
@@ -269,7 +304,7 @@ mod tests {
     fn a_table_is_read_as_it_was_written() {
         let mut labels = FrameLabels::new(FilterKind::Floor);
         labels.set(7, None, Some(true));
-        labels.set(7, Some(13), Some(false));
+        labels.set(7, Some(13), Some(true));
         labels.set(3, Some(0), Some(true));
         labels.set(3, Some(1), Some(true));
         labels.set(3, Some(1), None);
@@ -279,7 +314,7 @@ mod tests {
         assert_eq!(
             text,
             format!(
-                "sequence,window,label,pair_hash\n3,0x0,floor,\n7,,floor,{0:032x}\n7,3x2,other,\
+                "sequence,window,label,pair_hash\n3,0x0,floor,\n7,,floor,{0:032x}\n7,3x2,floor,\
                  {0:032x}\n",
                 0xabc
             )
@@ -290,9 +325,9 @@ mod tests {
         assert_eq!(read(&text).unwrap(), labels);
         assert_eq!(
             [labels.of(7, 13), labels.of(7, 2), labels.of(3, 1)],
-            [Some(false), Some(true), None]
+            [Some(true), Some(true), None]
         );
-        assert_eq!(labels.counts(), [2, 1]);
+        assert_eq!(labels.counts(), [3, 0]);
         let place = FrameLabels::path(Path::new("a/run.mcap"), FilterKind::TooClose);
         assert_eq!(place, Path::new("a/run.too-close.csv"));
         let folder = tempfile::tempdir().unwrap();
@@ -329,7 +364,15 @@ mod tests {
                 "line 4: frame 1 is 'other', and not in line 3",
             ),
             (
-                "sequence,window,label,pair_hash\n1,,floor,ab\n1,0x0,other,ac\n",
+                "sequence,window,label\n0,,other\n1,,floor\n1,0x0,floor\n1,3x2,other\n",
+                "line 5: with line 3 it says of frame 1 'floor' as a whole",
+            ),
+            (
+                "sequence,window,label\n1,0x0,floor\n1,3x2,other\n1,,other\n",
+                "line 4: with line 2 it says of frame 1 'other' as a whole",
+            ),
+            (
+                "sequence,window,label,pair_hash\n1,,floor,ab\n1,0x0,floor,ac\n",
                 "line 3: frame 1 has another pair_hash in line 2",
             ),
             (

@@ -391,20 +391,35 @@ impl PairSource for Foreign {
     }
 }
 
-/// Pairs images by their stamps alone: the skew of each pair, right minus left, and the images
-/// without a partner.
-pub(super) fn pair_stamps([left, right]: [&[u64]; 2]) -> (Vec<i64>, UnpairedImages) {
+/// An image of a recording, without its pixels.
+#[derive(Clone, Copy)]
+pub(super) struct StampedImage {
+    /// Number of the image among all of the recording.
+    pub place: u64,
+    pub stamp_ns: u64,
+    pub bytes: usize,
+}
+
+/// Pairs images by their stamps alone, in the order of the file as [`Foreign`] does: the skew of
+/// each pair, right minus left, and the images without a partner.
+pub(super) fn pair_stamps(images: [&[StampedImage]; 2]) -> (Vec<i64>, UnpairedImages) {
+    let sides = Side::BOTH.into_iter().zip(images);
+    let sides = sides.flat_map(|(side, images)| images.iter().map(move |image| (side, *image)));
+    let mut images: Vec<_> = sides.collect();
+    images.sort_by_key(|(_, image)| image.place);
     let mut partners = StampPairing::new(Selection::MAX_SKEW_NS);
-    for (side, stamps) in [(Side::Left, left), (Side::Right, right)] {
-        stamps
-            .iter()
-            .for_each(|stamp| partners.push(side, *stamp, (), 0));
+    let mut skews = Vec::new();
+    let mut pop = |partners: &mut StampPairing<()>| {
+        while let Some([(left, ()), (right, ())]) = partners.pop() {
+            skews.push(right.wrapping_sub(left).cast_signed());
+        }
+    };
+    for (side, image) in images {
+        partners.push(side, image.stamp_ns, (), image.bytes);
+        pop(&mut partners);
     }
     partners.end();
-    let pairs = std::iter::from_fn(|| partners.pop());
-    let skews = pairs
-        .map(|[(left, ()), (right, ())]| right.wrapping_sub(left).cast_signed())
-        .collect();
+    pop(&mut partners);
     (skews, partners.unpaired_images())
 }
 

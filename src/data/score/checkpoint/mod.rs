@@ -29,8 +29,8 @@ pub struct Checkpoint {
     pub place: CheckpointPlace,
     /// The run that they belong to, of a scenario of recordings: the end of its file's path.
     pub file: Option<String>,
-    /// The frame at which a person labelled it, with its pair.
-    pub pair: Option<LabelledPair>,
+    /// The frames at which a person labelled it, with their pairs.
+    pub pairs: Vec<LabelledPair>,
     /// None of these may be wrong; needs truth.
     pub cells: Vec<[usize; 2]>,
     /// All of these must be right; needs truth.
@@ -64,6 +64,17 @@ fn hash_words(hash: u128) -> String {
     format!("{hash:032x}")
 }
 
+/// The labelled pairs as they stand in a file.
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected { frame = N, hash = \"…\" }, or a list of them"
+)]
+enum WrittenPairs {
+    One(LabelledPair),
+    Several(Vec<LabelledPair>),
+}
+
 /// A checkpoint as it stands in a file.
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -79,7 +90,7 @@ struct CheckpointTable {
     frames: Option<[u64; 2]>,
     seconds: Option<[f64; 2]>,
     file: Option<String>,
-    pair: Option<LabelledPair>,
+    pair: Option<WrittenPairs>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     cells: Vec<[usize; 2]>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -111,7 +122,11 @@ impl TryFrom<CheckpointTable> for Checkpoint {
             description: table.description,
             place,
             file: table.file,
-            pair: table.pair,
+            pairs: match table.pair {
+                None => Vec::new(),
+                Some(WrittenPairs::One(pair)) => vec![pair],
+                Some(WrittenPairs::Several(pairs)) => pairs,
+            },
             cells: table.cells,
             must: table.must,
             order: table.order,
@@ -141,7 +156,11 @@ impl From<Checkpoint> for CheckpointTable {
             frames,
             seconds,
             file: checkpoint.file,
-            pair: checkpoint.pair,
+            pair: match checkpoint.pairs.len() {
+                0 => None,
+                1 => checkpoint.pairs.into_iter().next().map(WrittenPairs::One),
+                _ => Some(WrittenPairs::Several(checkpoint.pairs)),
+            },
             cells: checkpoint.cells,
             must: checkpoint.must,
             order: checkpoint.order,
@@ -244,12 +263,12 @@ impl Checkpoint {
         run: &RunPart,
         hash: impl FnOnce() -> u128,
     ) -> Result<()> {
-        let Some(pair) = &self.pair else {
+        let mut pairs = self.pairs.iter();
+        let Some(pair) = pairs.find(|pair| pair.frame == frame.sequence) else {
             return Ok(());
         };
         // A perturbation changes pairs, not what is seen in them.
-        let is_other_run = run.stress.is_some() || !run.is_in(self.file.as_deref());
-        if is_other_run || frame.sequence != pair.frame {
+        if run.stress.is_some() || !run.is_in(self.file.as_deref()) {
             return Ok(());
         }
         let found = hash_words(hash());
@@ -422,7 +441,7 @@ mod tests {
                 heading_tolerance_deg: 5.0,
             },
             file: None,
-            pair: None,
+            pairs: Vec::new(),
             cells: vec![[0, 0], [1, 0], [2, 0]],
             must: vec![[1, 0]],
             order: vec![vec![[0, 0], [1, 0]], vec![[2, 0], [1, 0]]],
@@ -448,9 +467,7 @@ mod tests {
             verdict,
             true_px: Some(9.0),
             true_m: Some(1.0),
-            missed_obstacle: false,
-            false_obstacle: false,
-            points: None,
+            ..CellJudgement::NO_TRUTH
         };
         let judgements = cells.map(|(_, verdict)| judgement(verdict));
         opening().judge(&grid, Some(&judgements), CellRule::default())

@@ -16,10 +16,10 @@ pub(super) struct Draft {
     /// The first and the last of its frames, where they were set.
     pub(super) first: Option<u64>,
     pub(super) last: Option<u64>,
-    /// The frame at which the first cell was labelled.
-    pub(super) pair: Option<LabelledPair>,
     /// By `[row, column]`: in raster order.
     pub(super) cells: BTreeMap<[usize; 2], CellLabel>,
+    /// The pairs at which the cells were labelled.
+    pub(super) pairs: BTreeMap<[usize; 2], LabelledPair>,
 }
 
 impl Draft {
@@ -28,13 +28,22 @@ impl Draft {
         self.cells.is_empty() && self.name.is_empty() && self.first.or(self.last).is_none()
     }
 
-    /// Its frames, both ends among them; where neither end was set, the one that was labelled.
+    /// Its frames, both ends among them; ends that were not set are those that were labelled.
     pub(super) fn frames(&self, shown: u64) -> [u64; 2] {
-        let labelled_at = self.pair.as_ref().map_or(shown, |pair| pair.frame);
+        let pairs = self.labelled();
+        let [from, to] = [pairs.first(), pairs.last()].map(|p| p.map_or(shown, |p| p.frame));
         let first = self
             .first
-            .unwrap_or(labelled_at.min(self.last.unwrap_or(u64::MAX)));
-        [first, self.last.unwrap_or(labelled_at.max(first))]
+            .unwrap_or(from.min(self.last.unwrap_or(u64::MAX)));
+        [first, self.last.unwrap_or(to.max(first))]
+    }
+
+    /// The pairs at which its cells were labelled, each once, by frame.
+    pub(super) fn labelled(&self) -> Vec<&LabelledPair> {
+        let mut pairs: Vec<_> = self.pairs.values().collect();
+        pairs.sort_by_key(|pair| pair.frame);
+        pairs.dedup();
+        pairs
     }
 
     /// Sets the first frame.
@@ -91,8 +100,6 @@ struct DraftTable {
     first: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     last: Option<u64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pair: Option<LabelledPair>,
     #[serde(default)]
     cell: Vec<DraftCell>,
 }
@@ -102,6 +109,7 @@ struct DraftTable {
 struct DraftCell {
     at: [usize; 2],
     label: String,
+    pair: LabelledPair,
 }
 
 /// Largest draft that is read, bytes.
@@ -143,22 +151,19 @@ impl DraftFile {
         if table.source != self.source {
             bail!("{shown}: holds labels of {}; {cure}", table.source);
         }
-        let cell = |DraftCell {
-                        at: [column, row],
-                        label,
-                    }: DraftCell| { Ok(([row, column], label.parse()?)) };
-        let cells = table
-            .cell
-            .into_iter()
-            .map(cell)
-            .collect::<Result<_, String>>();
-        let draft = Draft {
+        let mut draft = Draft {
             name: table.name,
             first: table.first,
             last: table.last,
-            pair: table.pair,
-            cells: cells.ok().with_context(wrong)?,
+            ..Draft::default()
         };
+        for DraftCell { at, label, pair } in table.cell {
+            let at = [at[1], at[0]];
+            draft
+                .cells
+                .insert(at, label.parse().ok().with_context(wrong)?);
+            draft.pairs.insert(at, pair);
+        }
         Ok((table.shown, draft))
     }
 
@@ -171,9 +176,11 @@ impl DraftFile {
         {
             return Ok(());
         }
-        let cell = |(&[row, column], label): (&[usize; 2], &CellLabel)| DraftCell {
+        let labelled = draft.cells.iter().zip(draft.pairs.values());
+        let cell = |((&[row, column], label), pair): ((&[usize; 2], &CellLabel), _)| DraftCell {
             at: [column, row],
             label: label.to_string(),
+            pair: LabelledPair::clone(pair),
         };
         let table = DraftTable {
             source: self.source.clone(),
@@ -181,8 +188,7 @@ impl DraftFile {
             name: draft.name.clone(),
             first: draft.first,
             last: draft.last,
-            pair: draft.pair.clone(),
-            cell: draft.cells.iter().map(cell).collect(),
+            cell: labelled.map(cell).collect(),
         };
         replace(&self.path, &toml::to_string(&table)?, false)?;
         self.written = Some((shown, draft.clone()));
@@ -245,12 +251,12 @@ mod tests {
             name: "the \"shelf\"".into(),
             first: Some(3),
             last: None,
-            pair: Some(pair(5)),
             cells: [
                 ([1, 0], "0.43".parse().unwrap()),
                 ([0, 4], "free".parse().unwrap()),
             ]
             .into(),
+            pairs: [([1, 0], pair(5)), ([0, 4], pair(7))].into(),
         }
     }
 
@@ -288,7 +294,10 @@ mod tests {
             let draft = Draft {
                 first,
                 last,
-                pair: labelled_at.map(pair),
+                pairs: labelled_at
+                    .map(|at| ([0, 0], pair(at)))
+                    .into_iter()
+                    .collect(),
                 ..Draft::default()
             };
             draft.frames(50)

@@ -140,7 +140,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         written: Vec::new(),
     };
     if let Some((shown, draft)) = found {
-        if let Some(pair) = &draft.pair {
+        for pair in draft.labelled() {
             stepper.go_to(pair.frame);
             if LabelledPair::new(stepper.frame()) != *pair {
                 bail!(

@@ -186,12 +186,14 @@ impl ScenarioFile {
             writeln!(text, "file = {}", quoted(file))?;
         }
         writeln!(text, "frames = [{first}, {last}]")?;
-        if let Some(LabelledPair { frame, hash }) = &draft.pair {
-            writeln!(
-                text,
-                "pair = {{ frame = {frame}, hash = {} }}",
-                quoted(hash)
-            )?;
+        let pairs = draft.labelled().into_iter();
+        let pairs = pairs.map(|LabelledPair { frame, hash }| {
+            format!("{{ frame = {frame}, hash = {} }}", quoted(hash))
+        });
+        match &pairs.collect::<Vec<_>>()[..] {
+            [] => {}
+            [pair] => writeln!(text, "pair = {pair}")?,
+            pairs => writeln!(text, "pair = [\n  {},\n]", pairs.join(",\n  "))?,
         }
         let must = draft
             .cells

@@ -83,14 +83,15 @@ impl Labelling {
             return;
         }
         match label {
-            Some(label) => drop(self.draft.cells.insert([row, column], label)),
-            None => drop(self.draft.cells.remove(&[row, column])),
-        }
-        if self.draft.cells.is_empty() {
-            self.draft.pair = None;
-        } else {
-            let of_frame = || LabelledPair::new(stepper.frame());
-            self.draft.pair.get_or_insert_with(of_frame);
+            Some(label) => {
+                let pair = LabelledPair::new(stepper.frame());
+                self.draft.cells.insert([row, column], label);
+                self.draft.pairs.insert([row, column], pair);
+            }
+            None => {
+                self.draft.cells.remove(&[row, column]);
+                self.draft.pairs.remove(&[row, column]);
+            }
         }
     }
 

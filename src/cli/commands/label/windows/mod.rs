@@ -12,6 +12,7 @@ use anyhow::bail;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use svl::console::Watch;
+use svl::counted;
 use svl::filter::{FilterKind, FilterWindows};
 use svl::fit::filter::{FrameLabels, true_label};
 use svl::manifest::Manifest;
@@ -125,7 +126,14 @@ fn from_truth(
             };
             windows.corners().iter().map(of).collect::<Vec<_>>()
         });
-        labels.map(|labels| (frame.sequence, judged.pair_hash(), labels))
+        let is_known = frame.truth.as_ref().is_some_and(|t| t.surface.is_some());
+        labels.map(|labels| {
+            (
+                frame.sequence,
+                judged.pair_hash(),
+                is_known.then_some(labels),
+            )
+        })
     });
     let collected = of_frame.outbox();
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
@@ -153,34 +161,51 @@ fn from_truth(
     }
     sinks.drain(..).try_for_each(Sink::finish)?;
     let mut labels = FrameLabels::new(kind);
+    let (mut known, mut of_both) = (false, 0);
     for of_frame in collected.take() {
         let (sequence, pair_hash, windows) = of_frame?;
+        let Some(windows) = windows else { continue };
+        known = true;
         labels.tie(sequence, pair_hash);
-        if of_windows {
-            for (window, is) in windows
-                .into_iter()
-                .enumerate()
-                .filter(|(_, is)| is.is_some())
-            {
-                labels.set(sequence, Some(window), is);
-            }
-        } else if let Some(first) = windows.first()
-            && windows.iter().all(|is| is == first)
-        {
+        let places: Vec<_> = match of_windows {
+            true => (0..).map(Some).zip(windows).collect(),
             // A frame is what all its windows are.
-            labels.set(sequence, None, *first);
+            false => {
+                let first = windows.first().copied().flatten();
+                vec![(
+                    None,
+                    first.filter(|_| windows.iter().all(|is| *is == first)),
+                )]
+            }
+        };
+        for (place, is) in places {
+            labels.set(sequence, place, is);
+            of_both += u64::from(is.is_none());
         }
     }
     let [yes, no] = labels.counts();
     let [is, is_not] = kind.spec().categories;
+    let noun = if of_windows { "window" } else { "frame" };
+    let of_both = counted(of_both, noun);
     if yes + no == 0 {
-        bail!(
-            "{}: its truth labels nothing: only recordings of the arena know what is {is}",
-            args.input.source
-        );
+        let source = &args.input.source;
+        match (known, of_windows) {
+            (false, _) => {
+                bail!("{source}: only recordings of the arena have a truth that knows what is {is}")
+            }
+            (_, true) => bail!("{source}: all of its {of_both} show {is} and {is_not} alike"),
+            (_, false) => bail!(
+                "{source}: its {of_both} show {is} and {is_not}, so none is one of them as a \
+                 whole; label their windows: svl label windows {source} --filter {kind} \
+                 --from-truth"
+            ),
+        }
     }
     outputs.set_aside()?;
     write(path, labels.to_text())?;
     outputs.commit();
-    print(&format!("{}: {yes} {is}, {no} {is_not}\n", path.display()))
+    let path = path.display();
+    print(&format!(
+        "{path}: {yes} {is}, {no} {is_not}; {of_both} of both skipped\n"
+    ))
 }

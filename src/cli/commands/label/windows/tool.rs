@@ -54,15 +54,27 @@ impl Categorizer {
         FrameLabels::windows(self.labels.kind)
     }
 
-    fn label(&mut self, is: Option<bool>, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
+    fn label(&mut self, is: bool, stepper: &mut Stepper<'_>) -> anyhow::Result<()> {
         let (sequence, window) = (stepper.frame().sequence, self.place());
+        if let Some(other) = self.labels.contrary(sequence, window, is) {
+            let label = self.labels.category(!is);
+            let of = match other {
+                Some(_) => "a window of this frame is",
+                None => "this frame as a whole is",
+            };
+            let table = self.path.display();
+            stepper.say(format!(
+                "{of} labelled {label}; remove that line of {table} first"
+            ));
+            return Ok(());
+        }
         let before = self.labels.get(sequence, window);
         self.done.push(Labelled {
             sequence,
             window,
             before,
         });
-        self.labels.set(sequence, window, is);
+        self.labels.set(sequence, window, Some(is));
         self.labels.tie(sequence, stepper.frame().pair.hash());
         self.save()?;
         self.next(stepper);
@@ -174,8 +186,8 @@ impl StepTool for Categorizer {
 
     fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction> {
         match key {
-            Key::Char('a') => self.label(Some(true), stepper)?,
-            Key::Char('b') => self.label(Some(false), stepper)?,
+            Key::Char('a') => self.label(true, stepper)?,
+            Key::Char('b') => self.label(false, stepper)?,
             Key::Char('s') => self.next(stepper),
             Key::Char('u') => self.undo(stepper)?,
             Key::Backspace => self.back(stepper),

@@ -11,6 +11,9 @@ const MAX_CHAIN: usize = 100;
 /// Limit of frames: what a robot of many arms has, times ten.
 const MAX_FRAMES: usize = 10_000;
 
+/// The transforms of ROS.
+const ROS: &str = "tf2_msgs/msg/TFMessage";
+
 /// Transforms by the name of the child's frame: the parent's, and the child's pose in it.
 #[derive(Default)]
 pub(super) struct Transforms(BTreeMap<String, Placed>);
@@ -59,7 +62,7 @@ impl Transforms {
     /// as `/tf` moves; Foxglove has no such rule, so there the first of each frame counts.
     pub(super) fn reads(channel: &Channel) -> bool {
         match channel.schema.as_str() {
-            "tf2_msgs/msg/TFMessage" => channel.topic.ends_with("tf_static"),
+            ROS => channel.topic.ends_with("tf_static"),
             "foxglove.FrameTransform" | "foxglove.FrameTransforms" => {
                 channel.encoding == "protobuf"
             }
@@ -67,14 +70,25 @@ impl Transforms {
         }
     }
 
-    /// Takes in a message of a channel that [`Transforms::reads`].
+    /// Whether the messages of a channel hold transforms that may move.
+    pub(super) fn are_moving(channel: &Channel) -> bool {
+        channel.schema == ROS && !Self::reads(channel)
+    }
+
+    /// Takes in a message of transforms; of those that contradict each other the first counts.
     ///
     /// # Errors
     /// Why it cannot be read.
     pub(super) fn add(&mut self, channel: &Channel, data: &[u8]) -> Result<(), String> {
         for (child, link) in Self::read(channel, data)? {
-            if self.0.len() < MAX_FRAMES {
-                self.0.entry(child).or_insert(link);
+            let is_new = self.0.len() < MAX_FRAMES && !self.0.contains_key(&child);
+            let ends_cycle = |parent| {
+                self.ancestors(parent)
+                    .iter()
+                    .any(|(name, _)| *name == child)
+            };
+            if is_new && !ends_cycle(&link.0) {
+                self.0.insert(child, link);
             }
         }
         Ok(())
@@ -90,13 +104,20 @@ impl Transforms {
         let chain = self.chain(to, from);
         let links = Self::read(channel, data).ok()?;
         links.into_iter().find_map(|(child, (other, later))| {
-            let (parent, pose) = self.0.get(&child)?;
+            // A frame without a parent may be placed by those below it.
+            let (parent, pose, way) = match self.0.get(&child) {
+                Some((parent, pose)) => (parent.as_str(), *pose, vec![child.as_str()]),
+                None => {
+                    let pose = self.between(&other, &child)?;
+                    (other.as_str(), pose, self.chain(&other, &child))
+                }
+            };
             let apart = pose.inverse() * later;
             let (apart_m, angle) = (apart.translation.vector.norm(), apart.rotation.angle());
-            let differs = *parent != other || apart_m > SAME || angle > SAME;
-            (differs && chain.contains(&child.as_str())).then(|| Conflict {
-                parents: [parent.clone(), other],
-                child,
+            let differs = parent != other || apart_m > SAME || angle > SAME;
+            (differs && way.iter().any(|frame| chain.contains(frame))).then(|| Conflict {
+                parents: [parent.to_owned(), other.clone()],
+                child: child.clone(),
                 apart_m,
                 apart_degrees: angle.to_degrees(),
             })
@@ -247,7 +268,7 @@ mod tests {
             ("base", "camera", [1.0, 0.0, 0.0], 0.0),
             ("base", "lidar", [0.0, 2.0, 0.0], 0.0),
         ]);
-        let conflict = |parent: &str, child: &str, x: f64| {
+        let message = |parent: &str, child: &str, x: f64| {
             let message = FrameTransform {
                 parent_frame_id: parent.to_owned(),
                 child_frame_id: child.to_owned(),
@@ -265,6 +286,10 @@ mod tests {
                 schema: "foxglove.FrameTransform".to_owned(),
                 encoding: "protobuf".to_owned(),
             };
+            (channel, data)
+        };
+        let conflict = |parent: &str, child: &str, x: f64| {
+            let (channel, data) = message(parent, child, x);
             transforms.conflict((&channel, &data), ("camera", "/lidar"))
         };
         assert_eq!(conflict("base", "lidar", 0.0), None);
@@ -275,6 +300,21 @@ mod tests {
         // Above both, and elsewhere.
         assert_eq!(conflict("world", "base", 5.0), None);
         assert_eq!(conflict("base", "arm", 5.0), None);
+        // A cycle: the first transforms count, and one that does not agree with them is noticed.
+        let first = |x: f64| {
+            let mut first = Transforms::default();
+            let links = [("lidar", "camera", 0.5), ("camera", "lidar", x)];
+            let messages = links.map(|(parent, child, x)| message(parent, child, x));
+            for (channel, data) in &messages {
+                first.add(channel, data).unwrap();
+            }
+            let [_, (channel, data)] = &messages;
+            let conflict = first.conflict((channel, data), ("camera", "lidar"));
+            let pose = first.between("camera", "lidar").unwrap();
+            (pose.translation.vector, conflict.map(|c| c.apart_m))
+        };
+        let (used, apart) = first(2.5);
+        assert_eq!((used, apart), (Vector3::new(-0.5, -2.0, 0.0), Some(5.0)));
     }
 
     #[test]

@@ -44,6 +44,8 @@ struct Found {
     frame: Option<std::result::Result<String, String>>,
     own: Option<Calibration>,
     transforms: Transforms,
+    /// Those that may move among them, which only an error names.
+    with_moving: Transforms,
 }
 
 impl Setup {
@@ -100,6 +102,9 @@ impl Setup {
                     && let Err(reason) = found.transforms.add(channel, &data)
                 {
                     return Ok(Err(format!("{} at {log_time} ns: {reason}", channel.topic)));
+                }
+                if Transforms::reads(channel) || Transforms::are_moving(channel) {
+                    drop(found.with_moving.add(channel, &data));
                 }
             }
         }
@@ -221,9 +226,16 @@ impl Found {
         }
         self.transforms.between(left, frame).ok_or_else(|| {
             let listed = self.transforms.listed();
+            let moving = match self.with_moving.between(left, frame) {
+                Some(_) => {
+                    "; /tf has one, which may move and is not read: if it is fixed, publish it on \
+                     /tf_static (ros2 run tf2_ros static_transform_publisher) and record again"
+                }
+                None => "",
+            };
             format!(
                 "no transform leads from its frame '{frame}' to '{left}' of the left images; \
-                 /tf_static has {listed}"
+                 /tf_static has {listed}{moving}"
             )
         })
     }
