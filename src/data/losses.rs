@@ -179,9 +179,10 @@ impl RunEnding {
         let more = allowed.map(|limit| format!(", more than {limit}"));
         let words = missing.words().filter(|_| is_lossy);
         Self {
-            state: match is_lossy {
-                true => RunState::Lossy,
-                false => RunState::Complete,
+            state: if is_lossy {
+                RunState::Lossy
+            } else {
+                RunState::Complete
             },
             incomplete: words.map(|words| words + &more.unwrap_or_default()),
             missing,

@@ -164,9 +164,10 @@ pub(super) fn evaluate(
     };
     // The first before the report is begun: Ctrl-C there leaves an earlier one as it is.
     let mut first = units.first().map(&mut open).transpose()?;
-    let log = match plan.resume {
-        true => ResultLog::read(folder, &mut manifest, scenario.grid)?,
-        false => ResultLog::default(),
+    let log = if plan.resume {
+        ResultLog::read(folder, &mut manifest, scenario.grid)?
+    } else {
+        ResultLog::default()
     };
     let others = log.others().to_vec();
     outputs.set_aside()?;
@@ -223,9 +224,12 @@ impl<'a> RunUnit<'a> {
         let groups = groups(plan, runs.len());
         let unit = |(group, (stress, place)): (usize, (Option<Stress>, usize))| {
             let takes = |unit: usize| shard.is_none_or(|shard| shard.takes(unit));
-            let labels = labels.iter().enumerate().filter(|(i, _)| match shares_out {
-                true => takes(group * labels.len() + i),
-                false => takes(group),
+            let labels = labels.iter().enumerate().filter(|(i, _)| {
+                if shares_out {
+                    takes(group * labels.len() + i)
+                } else {
+                    takes(group)
+                }
             });
             Self {
                 place,

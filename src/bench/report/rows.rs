@@ -415,12 +415,11 @@ macro_rules! metric_columns {
             fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
                 let column = |(metric, column): &(&'static Metric, &'static str)| {
                     let values = fields.iter().map(|field| field.get(metric.name));
-                    match metric.counts() {
-                        true => {
-                            let counts: Vec<_> = values.map(|v| v.map(|n| n as u64)).collect();
-                            Column::new((*column).into(), counts)
-                        }
-                        false => Column::new((*column).into(), values.collect::<Vec<_>>()),
+                    if metric.counts() {
+                        let counts: Vec<_> = values.map(|v| v.map(|n| n as u64)).collect();
+                        Column::new((*column).into(), counts)
+                    } else {
+                        Column::new((*column).into(), values.collect::<Vec<_>>())
                     }
                 };
                 $order.iter().map(column).collect()

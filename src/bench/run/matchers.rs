@@ -224,13 +224,14 @@ impl RunMatcher {
         let hash = output.disparity.hash();
         let hash = output.grid.as_ref().map_or(hash, |grid| grid.hash(hash));
         self.is_verified = hash == earlier.hash;
-        match self.is_verified {
-            true => Ok(()),
-            false => Err(Error::Invalid(format!(
+        if self.is_verified {
+            Ok(())
+        } else {
+            Err(Error::Invalid(format!(
                 "{}: its result of pair {sequence} is another than in the part of the run before: \
                  the program or its model changed; without --resume all is scored anew",
                 self.label
-            ))),
+            )))
         }
     }
 

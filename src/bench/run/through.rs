@@ -44,9 +44,10 @@ pub fn ending(
     match ran {
         Ok(()) => RunEnding::new(missing, allowed),
         Err(why) => {
-            let state = match interrupt::requested() {
-                true => RunState::Interrupted,
-                false => RunState::Failed,
+            let state = if interrupt::requested() {
+                RunState::Interrupted
+            } else {
+                RunState::Failed
             };
             RunEnding::early(state, why, missing)
         }

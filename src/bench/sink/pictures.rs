@@ -106,16 +106,15 @@ impl Sink for PictureSink {
             for &(c, verdict) in &scored.checkpoints {
                 let tally = &self.tallies[c][a];
                 let (best, worst) = tally.would_lead(&verdict);
-                let shot = match best || worst {
-                    true => {
-                        let grid = &scored.estimate.grid;
-                        Some(FrameShot {
-                            passed: Some(verdict.passed),
-                            findings: self.checkpoints[c].findings(grid, self.cells),
-                            ..frame_shot(&self.identity, judged, scored)?
-                        })
-                    }
-                    false => None,
+                let shot = if best || worst {
+                    let grid = &scored.estimate.grid;
+                    Some(FrameShot {
+                        passed: Some(verdict.passed),
+                        findings: self.checkpoints[c].findings(grid, self.cells),
+                        ..frame_shot(&self.identity, judged, scored)?
+                    })
+                } else {
+                    None
                 };
                 // The shot is there exactly when the frame leads, which is when it is asked for.
                 self.tallies[c][a].add(verdict, || shot.clone().expect("a leading frame"));

@@ -65,9 +65,10 @@ impl SourceFacts {
     /// Those of [`open`] and [`open_recording`]; why there is no first pair.
     pub fn read(name: &str, is_recording: bool) -> Result<Self> {
         let request = Request::new(name);
-        let mut opened = match is_recording {
-            true => open_recording(&request)?,
-            false => open(&request)?,
+        let mut opened = if is_recording {
+            open_recording(&request)?
+        } else {
+            open(&request)?
         };
         let (mut own, mut has_truth) = (TruthFacts::default(), false);
         let mut first: Option<(Frame, bool)> = None;
@@ -94,17 +95,16 @@ impl SourceFacts {
             rig,
             is_constant,
             nearest: rig.as_ref().and_then(NearestDistance::of_default),
-            truths: match has_truth {
-                false => topics
+            truths: if has_truth {
+                own.topic = topics
+                    .into_iter()
+                    .find(|topic| topic.starts_with("/truth/"));
+                vec![own]
+            } else {
+                topics
                     .into_iter()
                     .map(|topic| TruthFacts::of_topic(name, topic, rig.is_some()))
-                    .collect(),
-                true => {
-                    own.topic = topics
-                        .into_iter()
-                        .find(|topic| topic.starts_with("/truth/"));
-                    vec![own]
-                }
+                    .collect()
             },
         })
     }

@@ -79,9 +79,12 @@ impl SearchData {
             [only] => {
                 let frames = std::mem::take(&mut only.frames);
                 let are_scenes = frames.iter().all(|frame| frame.name.is_some());
-                let is_test = |i: usize| match are_scenes {
-                    true => i % 3 == 2,
-                    false => i >= frames.len() * 2 / 3,
+                let is_test = |i: usize| {
+                    if are_scenes {
+                        i % 3 == 2
+                    } else {
+                        i >= frames.len() * 2 / 3
+                    }
                 };
                 let side = |test: bool| {
                     let frames = frames.iter().enumerate();

@@ -38,9 +38,10 @@ pub(crate) struct Terminal {
 impl Console for Terminal {
     fn bar(&self, work: &str, unit: Unit, total: Option<u64>) -> Box<dyn Bar> {
         listen_for_interrupt();
-        let bar = match self.quiet {
-            true => ProgressBar::hidden(),
-            false => total.map_or_else(ProgressBar::no_length, ProgressBar::new),
+        let bar = if self.quiet {
+            ProgressBar::hidden()
+        } else {
+            total.map_or_else(ProgressBar::no_length, ProgressBar::new)
         };
         let form = match (unit, total) {
             (Unit::Drives, _) => "{bar:16} {pos:>6}/{len} drives {eta:>4} left, {msg} pairs",

@@ -76,9 +76,10 @@ impl ProgramRecord {
     pub fn identity(&self) -> String {
         let parts = [&self.name, &self.version, &self.model];
         let said: Vec<_> = parts.into_iter().flatten().map(String::as_str).collect();
-        match said.is_empty() {
-            true => "a program that does not say what it is".to_owned(),
-            false => said.join(" "),
+        if said.is_empty() {
+            "a program that does not say what it is".to_owned()
+        } else {
+            said.join(" ")
         }
     }
 

@@ -61,13 +61,11 @@ impl GrabRequest {
     /// [`Error::Usage`] when the request contradicts itself, or asks for what the driver cannot
     /// do.
     pub(super) fn trigger_source(&self, driver: &Driver, source: &str) -> Result<TriggerSource> {
-        let trigger = self
-            .trigger
-            .clone()
-            .unwrap_or(match driver.can_be_triggered {
-                true => TriggerSource::Software,
-                false => TriggerSource::FreeRunning,
-            });
+        let trigger = self.trigger.clone().unwrap_or(if driver.can_be_triggered {
+            TriggerSource::Software
+        } else {
+            TriggerSource::FreeRunning
+        });
         let by_command = matches!(
             trigger,
             TriggerSource::Software | TriggerSource::FixedRate(_)

@@ -40,13 +40,12 @@ impl Container {
         let io = |e| Error::io(path, e);
         let handle = unpacked.reopen().map_err(io)?;
         let inside = McapFile::from_handle(path, handle)?;
-        Ok(match self::start(&inside)? == sqlite::MAGIC {
-            true => {
-                let (len, file) = (inside.len(), unpacked.into_temp_path());
-                Self::Sqlite(SqliteFile::new(path, len, Some(file)))
-            }
+        Ok(if self::start(&inside)? == sqlite::MAGIC {
+            let (len, file) = (inside.len(), unpacked.into_temp_path());
+            Self::Sqlite(SqliteFile::new(path, len, Some(file)))
+        } else {
             // The handle keeps what is unpacked, though its name goes.
-            false => Self::Mcap(inside),
+            Self::Mcap(inside)
         })
     }
 

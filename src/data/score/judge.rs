@@ -76,9 +76,10 @@ impl Judge {
     /// Scores the estimates of a frame.
     pub fn judge(&self, frame: Frame, estimates: Vec<Estimate>) -> Judged {
         // A recording without algorithms needs no truth grid, which costs a median per cell.
-        let true_cells = match estimates.is_empty() {
-            true => None,
-            false => TrueCells::new(&frame, self.grid.shape(), self.rule(&frame)),
+        let true_cells = if estimates.is_empty() {
+            None
+        } else {
+            TrueCells::new(&frame, self.grid.shape(), self.rule(&frame))
         };
         let supports = self.supports(&frame, &estimates);
         let estimates = estimates

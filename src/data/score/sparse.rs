@@ -163,9 +163,12 @@ mod tests {
     #[test]
     fn parts_count_alike_however_many_points_they_have() {
         // A floor of 16 rows; of the upper half all points, of the lower one every fourth.
-        let floor = cell(|x, y| match y < 8 || (x + y) % 4 == 0 {
-            true => y as f32,
-            false => NONE,
+        let floor = cell(|x, y| {
+            if y < 8 || (x + y) % 4 == 0 {
+                y as f32
+            } else {
+                NONE
+            }
         });
         assert!(floor.is_scored(RULE, None));
         assert_eq!(floor.truth.percentile(50), 7.0);

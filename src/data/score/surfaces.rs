@@ -72,9 +72,10 @@ impl SurfaceTally {
                 true => tally.right += 1,
                 false => tally.wrong += 1,
             }
-            match agrees(quarter.near.median_px.into(), false) {
-                true => tally.near_right += 1,
-                false => tally.near_wrong += 1,
+            if agrees(quarter.near.median_px.into(), false) {
+                tally.near_right += 1;
+            } else {
+                tally.near_wrong += 1;
             }
             let is_clear = report.distance_m.is_none_or(|z| z > clear_m);
             let is_obstacle = report.distance_m.is_some_and(|z| z < obstacle_m);

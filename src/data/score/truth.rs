@@ -243,9 +243,12 @@ mod tests {
     /// A floor of 40 rows, of which every fourth is known: the score of a map, and how its cell is
     /// counted.
     fn floor(map: impl Fn(usize) -> f32) -> (CellJudgement, SurfaceTally) {
-        let known = |_: usize, y: usize| match y.is_multiple_of(4) {
-            true => y as f32,
-            false => f32::INFINITY,
+        let known = |_: usize, y: usize| {
+            if y.is_multiple_of(4) {
+                y as f32
+            } else {
+                f32::INFINITY
+            }
         };
         let frame = frame(Plane::from_fn(16, 40, known).unwrap(), TruthKind::default());
         let shape = GridShape {

@@ -53,9 +53,12 @@ fn patterns() -> Vec<(&'static str, Known)> {
 fn thinned(frame: &Frame, known: &Known) -> Frame {
     let truth = &frame.truth.as_ref().unwrap().disparity;
     let (width, height) = truth.size();
-    let kept = |x, y| match known(x, y, truth.size()) {
-        true => truth.get(x, y),
-        false => f32::INFINITY,
+    let kept = |x, y| {
+        if known(x, y, truth.size()) {
+            truth.get(x, y)
+        } else {
+            f32::INFINITY
+        }
     };
     Frame {
         truth: Some(Truth {

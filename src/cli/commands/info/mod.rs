@@ -38,9 +38,10 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let name = args.file.to_string_lossy();
     let is_recording = !args.file.is_dir() || is_bag(&args.file);
-    let summary = match is_recording {
-        true => Some(Recording::open(&args.file)?.summary()?),
-        false => None,
+    let summary = if is_recording {
+        Some(Recording::open(&args.file)?.summary()?)
+    } else {
+        None
     };
     // A recording without pairs has a summary all the same.
     let (first_pairs, no_pairs) = match (SourceFacts::read(&name, is_recording), &summary) {
@@ -220,9 +221,10 @@ fn pairs(summary: &RecordingSummary) -> String {
         0 => String::new(),
         n => format!(" ({n} before the first pair)"),
     };
-    let dropped = match summary.grabber.is_empty() {
-        true => format!(", {} dropped{before}", counted(summary.drops, "frame")),
-        false => String::new(),
+    let dropped = if summary.grabber.is_empty() {
+        format!(", {} dropped{before}", counted(summary.drops, "frame"))
+    } else {
+        String::new()
     };
     format!("pairs      {}{rate}{dropped}{missing}", summary.pairs)
 }

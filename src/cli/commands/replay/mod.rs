@@ -238,9 +238,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let rows = results.rows;
     let pairs = outcome.frames;
     let mut verification = None;
-    let ran_to_end = match outcome.interrupted {
-        true => Err(format!("interrupted after {}", counted(pairs, "pair"))),
-        false => ran.as_ref().map_err(ToString::to_string).copied(),
+    let ran_to_end = if outcome.interrupted {
+        Err(format!("interrupted after {}", counted(pairs, "pair")))
+    } else {
+        ran.as_ref().map_err(ToString::to_string).copied()
     };
     let ending = ending(ran_to_end, outcome.missing(), args.options.allow_loss);
     if pairs > 0 || ran.is_ok() {

@@ -90,17 +90,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let mut values = values.iter().flatten();
         values.all(|values| values.get(metric).is_some())
     };
-    match args.search.subject_to.is_empty() {
+    if args.search.subject_to.is_empty() {
         // A bound of what these pairs do not have says nothing.
-        true => goal.constraints.retain(|of| is_measured(of.metric)),
-        false => {
-            if let Some(other) = goal.metrics().find(|metric| !is_measured(metric)) {
-                let name = other.name;
-                return Err(usage::wrong(format!(
-                    "{name}: is not measured on these pairs"
-                )));
-            }
-        }
+        goal.constraints.retain(|of| is_measured(of.metric));
+    } else if let Some(other) = goal.metrics().find(|metric| !is_measured(metric)) {
+        let name = other.name;
+        return Err(usage::wrong(format!(
+            "{name}: is not measured on these pairs"
+        )));
     }
     let mut tuned = Vec::new();
     let mut was_interrupted = false;

@@ -78,9 +78,12 @@ impl SampleView {
             .iter()
             .filter_map(|(sequence, value)| Some((*sequence, (*value)?)))
             .collect();
-        ranked.sort_by(|(_, a), (_, b)| match larger_is_worse {
-            true => b.total_cmp(a),
-            false => a.total_cmp(b),
+        ranked.sort_by(|(_, a), (_, b)| {
+            if larger_is_worse {
+                b.total_cmp(a)
+            } else {
+                a.total_cmp(b)
+            }
         });
         ranked
     }

@@ -156,9 +156,10 @@ impl Calibration {
     /// Focal lengths along x and y: of a raw camera by K, else by P. Nothing where they are not
     /// known.
     pub(super) fn focal_px(&self, is_raw: bool) -> Option<(f64, f64)> {
-        let focal = match is_raw {
-            true => (*self.k.first()?, *self.k.get(4)?),
-            false => (*self.p.first()?, *self.p.get(5)?),
+        let focal = if is_raw {
+            (*self.k.first()?, *self.k.get(4)?)
+        } else {
+            (*self.p.first()?, *self.p.get(5)?)
         };
         (focal.0 > 0.0 && focal.1 > 0.0).then_some(focal)
     }

@@ -224,9 +224,10 @@ impl Foreign {
     }
 
     fn warn_of_change(&self, topic: &str, log_time: u64, change: &CalibrationChange) {
-        let used = match self.are_raw() {
-            true => "all pairs are rectified by the first one",
-            false => "each pair has the last one before it",
+        let used = if self.are_raw() {
+            "all pairs are rectified by the first one"
+        } else {
+            "each pair has the last one before it"
         };
         tracing::warn!(
             "{}: {topic}: the calibration changes at {:.3} s ({change}); {used}: if it is wrong, \

@@ -351,12 +351,11 @@ fn why_lines(shown: &Shown, side: usize, width: u16) -> Vec<Line<'static>> {
     let mut lines = vec!["no disparity:".to_owned()];
     for word in words {
         let last = lines.last_mut().expect("one to begin with");
-        match last.chars().count() + word.chars().count() + 2 > usize::from(width) {
-            true => lines.push(format!("  {word}")),
-            false => {
-                last.push_str("  ");
-                last.push_str(&word);
-            }
+        if last.chars().count() + word.chars().count() + 2 > usize::from(width) {
+            lines.push(format!("  {word}"));
+        } else {
+            last.push_str("  ");
+            last.push_str(&word);
         }
     }
     lines.truncate(4);
