@@ -111,9 +111,10 @@ impl Algorithms {
             }
             place
         };
-        let places: Vec<_> = match most < all {
-            true => spread(&lengths, most),
-            false => (0..all).map(place).collect(),
+        let places: Vec<_> = if most < all {
+            spread(&lengths, most)
+        } else {
+            (0..all).map(place).collect()
         };
         places.iter().map(|place| self.at(place)).collect()
     }

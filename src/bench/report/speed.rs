@@ -96,9 +96,10 @@ impl Speed {
             .filter(|t| **t - median > OUTLIER * scale);
         // Times in whole microseconds may all be equal, and a few say little of their spread: then
         // there is nothing to measure by.
-        match self.per_pixel.len() >= FEWEST && scale > 0.0 {
-            true => slow.count() as u64,
-            false => 0,
+        if self.per_pixel.len() >= FEWEST && scale > 0.0 {
+            slow.count() as u64
+        } else {
+            0
         }
     }
 

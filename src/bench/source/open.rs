@@ -183,9 +183,10 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
     let mut kinds = SOURCES.iter().filter(|kind| !(of_files && is_bag(kind)));
     let kind = kinds.find(|kind| (kind.recognizes)(name));
     let Some(kind) = kind.filter(|kind| !kind.is_path || path.exists()) else {
-        let what = match path.exists() {
-            true => "not a source",
-            false => "no such source",
+        let what = if path.exists() {
+            "not a source"
+        } else {
+            "no such source"
         };
         let expected = expected();
         return Err(Error::Invalid(format!(
@@ -356,12 +357,13 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         return Ok(of_video(source, request, stem));
     }
     // Who says how its images are called, means no data set's scene.
-    let scenes = match folder.images == [None, None] && !folder.side_by_side {
-        true => match Scene::find(path, stem) {
+    let scenes = if folder.images == [None, None] && !folder.side_by_side {
+        match Scene::find(path, stem) {
             Some(scene) => vec![scene],
             None => Scene::all_in(path, "")?,
-        },
-        false => Vec::new(),
+        }
+    } else {
+        Vec::new()
     };
     if !scenes.is_empty() {
         if folder.fps.is_some() {

@@ -119,9 +119,10 @@ impl Constraint {
             bound - value
         };
         // Equal to the bound up to the last digits is within it.
-        match over > 1e-9 * bound.abs() {
-            true => over / bound.abs().max(0.01),
-            false => 0.0,
+        if over > 1e-9 * bound.abs() {
+            over / bound.abs().max(0.01)
+        } else {
+            0.0
         }
     }
 }
@@ -145,12 +146,13 @@ impl Goal {
     /// # Errors
     /// None.
     pub fn by_default(has_truth: bool) -> Result<Self> {
-        let (objective, bounds) = match has_truth {
-            true => (
+        let (objective, bounds) = if has_truth {
+            (
                 "right",
                 &["wrong<=1x", "missed<=1x", "blind<=1x", "time<=1.5x"][..],
-            ),
-            false => ("unrivalled", &["time<=1.5x"][..]),
+            )
+        } else {
+            ("unrivalled", &["time<=1.5x"][..])
         };
         let constraints = bounds.iter().map(|bound| bound.parse());
         Self::new(objective, true, constraints.collect::<Result<_>>()?)

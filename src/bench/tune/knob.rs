@@ -178,9 +178,10 @@ impl Knob {
                 let step = self.step(*v, coarse)?;
                 // On the grid of the steps, with as many decimals as they have.
                 let decimals = (-step.log10().floor()).max(0.0) as usize;
-                let on_grid = match steps > 0 {
-                    true => (v / step + 1e-6).floor(),
-                    false => (v / step - 1e-6).ceil(),
+                let on_grid = if steps > 0 {
+                    (v / step + 1e-6).floor()
+                } else {
+                    (v / step - 1e-6).ceil()
                 };
                 let to = (on_grid + f64::from(steps)) * step;
                 let to: f64 = format!("{to:.decimals$}").parse().ok()?;
@@ -284,9 +285,10 @@ impl TunedSetting {
                 let is_on = |filter: &&Arc<FilterModel>| {
                     let name = filter.kind.spec().name;
                     let mut before = self.algorithm.filters().iter();
-                    match name == knob.name {
-                        true => *on,
-                        false => before.any(|other| other.kind == filter.kind),
+                    if name == knob.name {
+                        *on
+                    } else {
+                        before.any(|other| other.kind == filter.kind)
                     }
                 };
                 let filters: Vec<_> = self.filters.iter().filter(is_on).cloned().collect();

@@ -253,9 +253,10 @@ impl std::fmt::Display for TuneOutcome {
             .try_for_each(|note| writeln!(f, "{note}"))?;
         for of in &self.algorithms {
             writeln!(f, "\n{}", of.reference)?;
-            match of.is_unchanged() {
-                true => writeln!(f, "  best is the reference itself, of {} tried", of.tried)?,
-                false => writeln!(f, "  best of {} tried: {}", of.tried, of.best)?,
+            if of.is_unchanged() {
+                writeln!(f, "  best is the reference itself, of {} tried", of.tried)?;
+            } else {
+                writeln!(f, "  best of {} tried: {}", of.tried, of.best)?;
             }
             if let Some(verdict) = of.verdict() {
                 writeln!(f, "  {verdict}")?;

@@ -175,9 +175,10 @@ fn history(args: &Args) -> anyhow::Result<()> {
         write(path, history.page()?)?;
         outputs.commit();
     }
-    match args.json {
-        true => print_json(&history),
-        false => print(&history.to_string()),
+    if args.json {
+        print_json(&history)
+    } else {
+        print(&history.to_string())
     }
 }
 

@@ -78,16 +78,17 @@ pub(crate) fn ending(endings: &'static [&'static str]) -> impl TypedValueParser<
 
 /// Refuses the name of a file with none of these endings.
 pub(crate) fn ends_in(path: &Path, endings: &[&str]) -> Result<(), String> {
-    match endings
+    if endings
         .iter()
         .any(|ending| path.extension().is_some_and(|e| e == *ending))
     {
-        true => Ok(()),
-        false => Err(format!(
+        Ok(())
+    } else {
+        Err(format!(
             "{}: must end in .{}",
             path.display(),
             endings.join(" or .")
-        )),
+        ))
     }
 }
 

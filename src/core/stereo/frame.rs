@@ -323,9 +323,10 @@ pub struct Estimate {
 impl Estimate {
     /// Hash of the disparities, and of the grid where it is the algorithm's own.
     pub fn hash(&self) -> u128 {
-        match self.own_grid {
-            false => self.disparity.hash(),
-            true => self.grid.hash(self.disparity.hash()),
+        if self.own_grid {
+            self.grid.hash(self.disparity.hash())
+        } else {
+            self.disparity.hash()
         }
     }
 }

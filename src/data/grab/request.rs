@@ -120,9 +120,10 @@ impl GrabRequest {
     fn pair_by(&self, driver: &Driver, trigger: &TriggerSource) -> PairBy {
         let when_armed = matches!(trigger, TriggerSource::Software | TriggerSource::Serial(_));
         self.pairing
-            .unwrap_or(match when_armed && driver.can_be_triggered {
-                true => PairBy::Pulse,
-                false => PairBy::Stamp,
+            .unwrap_or(if when_armed && driver.can_be_triggered {
+                PairBy::Pulse
+            } else {
+                PairBy::Stamp
             })
     }
 }

@@ -188,9 +188,10 @@ fn describe(name: &str, ours: Option<&Value>, theirs: Option<&Value>, lines: &mu
         return;
     }
     let (ours, theirs) = (words(ours), words(theirs));
-    lines.push(match ours == theirs {
-        true => format!("{name}: {ours}, but not all alike"),
-        false => format!("{name}: {ours} and {theirs}"),
+    lines.push(if ours == theirs {
+        format!("{name}: {ours}, but not all alike")
+    } else {
+        format!("{name}: {ours} and {theirs}")
     });
 }
 

@@ -31,9 +31,10 @@ impl Container {
         let file = McapFile::open(path, keep)?;
         let start = start(&file)?;
         if !start.starts_with(&ZSTD) {
-            return Ok(match start == sqlite::MAGIC {
-                true => Self::Sqlite(SqliteFile::new(path, file.len(), None)),
-                false => Self::Mcap(file),
+            return Ok(if start == sqlite::MAGIC {
+                Self::Sqlite(SqliteFile::new(path, file.len(), None))
+            } else {
+                Self::Mcap(file)
             });
         }
         let unpacked = unpack(&file)?;

@@ -68,9 +68,10 @@ impl SurfaceTally {
                 agreeing as f64 >= NAMED * pixels().count() as f64
             };
             let is_nearer = f64::from(report.median_px) > median_px;
-            match agrees(median_px, false) || is_nearer && named() {
-                true => tally.right += 1,
-                false => tally.wrong += 1,
+            if agrees(median_px, false) || is_nearer && named() {
+                tally.right += 1;
+            } else {
+                tally.wrong += 1;
             }
             if agrees(quarter.near.median_px.into(), false) {
                 tally.near_right += 1;

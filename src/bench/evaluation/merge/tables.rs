@@ -53,9 +53,10 @@ impl MergeOrder {
             ))
         })?;
         let algorithm = *algorithm as u64;
-        Ok(match self.driven {
-            true => (run, algorithm, sequence),
-            false => (run, sequence, algorithm),
+        Ok(if self.driven {
+            (run, algorithm, sequence)
+        } else {
+            (run, sequence, algorithm)
         })
     }
 }

@@ -67,9 +67,10 @@ fn named(folder: &Path, patterns: [&str; 2]) -> Result<FoundPairs> {
     let images = |side: usize| {
         let (option, pattern) = (["--left", "--right"][side], patterns[side]);
         let images = find(folder, checked(option, pattern)?)?;
-        match images.is_empty() {
-            true => nothing(folder, option, pattern),
-            false => Ok(images),
+        if images.is_empty() {
+            nothing(folder, option, pattern)
+        } else {
+            Ok(images)
         }
     };
     let (left, right) = (images(0)?, images(1)?);
@@ -175,9 +176,10 @@ fn contents(folder: &Path) -> Result<String> {
     ];
     let said = kinds.into_iter().filter(|(paths, _)| !paths.is_empty());
     let said: Vec<_> = said.map(|(paths, noun)| listed(&paths, noun)).collect();
-    Ok(match said.is_empty() {
-        true => "nothing".to_owned(),
-        false => said.join(", "),
+    Ok(if said.is_empty() {
+        "nothing".to_owned()
+    } else {
+        said.join(", ")
     })
 }
 

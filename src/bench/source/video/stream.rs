@@ -202,9 +202,10 @@ impl VideoStream {
         }
         self.got += 1;
         let (width, height) = self.info.size;
-        let image = match self.info.is_grey {
-            true => Gray::from_vec(width, height, self.bytes.clone()).map(DecodedImage::Gray),
-            false => DecodedImage::from_rgb(width, height, &self.bytes),
+        let image = if self.info.is_grey {
+            Gray::from_vec(width, height, self.bytes.clone()).map(DecodedImage::Gray)
+        } else {
+            DecodedImage::from_rgb(width, height, &self.bytes)
         };
         image.map(Some)
     }

@@ -377,9 +377,10 @@ fn topics(topics: &[Topic], last: usize) -> Vec<String> {
     let line = |row: &[String; 5]| {
         let [topic, count, rate, size, schema] = row;
         let numbers = format!("{topic:name$}  {count:>messages$}  {rate:>hz$}  {size:>bytes$}");
-        match numbers.chars().count() + 2 + schema.chars().count() <= last {
-            true => format!("{numbers}  {schema}"),
-            false => format!("{numbers}\n    {schema}"),
+        if numbers.chars().count() + 2 + schema.chars().count() <= last {
+            format!("{numbers}  {schema}")
+        } else {
+            format!("{numbers}\n    {schema}")
         }
     };
     rows.iter().map(line).collect()

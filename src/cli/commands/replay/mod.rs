@@ -245,9 +245,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let ending = ending(ran_to_end, outcome.missing(), args.options.allow_loss);
     if pairs > 0 || ran.is_ok() {
-        match ran.is_ok() && finished.is_ok() && !outcome.interrupted {
-            true => outputs.commit(),
-            false => outputs.keep_both(),
+        if ran.is_ok() && finished.is_ok() && !outcome.interrupted {
+            outputs.commit();
+        } else {
+            outputs.keep_both();
         }
     }
     if finished.is_ok() && !(ran.is_err() && pairs == 0) {

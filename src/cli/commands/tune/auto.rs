@@ -151,9 +151,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let markdown = outcome.markdown(&format!("Tuned on {}", args.what.join(", ")));
     drop(claimed);
     let written = write_both(out, &toml, &markdown, may_replace)?;
-    match args.search.json {
-        true => print_json(&outcome)?,
-        false => print(&format!("{outcome}\n{written}\n"))?,
+    if args.search.json {
+        print_json(&outcome)?;
+    } else {
+        print(&format!("{outcome}\n{written}\n"))?;
     }
     if was_interrupted {
         bail!("interrupted; the best so far is kept, and the same command with --resume goes on");

@@ -149,9 +149,10 @@ struct SearchArgs {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    match args.search.auto {
-        true => auto::run(args, quiet),
-        false => by_hand(args, quiet),
+    if args.search.auto {
+        auto::run(args, quiet)
+    } else {
+        by_hand(args, quiet)
     }
 }
 
@@ -231,13 +232,15 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
         open,
         is_live,
     } = tuned;
-    let sampler = match is_live {
-        true => None,
-        false => Some(Sampler::new(open()?, SAMPLE, SAMPLE_BYTES)),
+    let sampler = if is_live {
+        None
+    } else {
+        Some(Sampler::new(open()?, SAMPLE, SAMPLE_BYTES))
     };
-    let store = match is_live {
-        true => FrameStore::live(open()?),
-        false => FrameStore::new(open)?,
+    let store = if is_live {
+        FrameStore::live(open()?)
+    } else {
+        FrameStore::new(open)?
     };
     let mut stepper = Stepper::new(&name, store)?;
     let mut settings = settings;

@@ -279,9 +279,10 @@ impl<'a> Stepper<'a> {
             .store
             .count()
             .map_or(String::new(), |count| format!(" of {count}"));
-        let place = match *sequence == self.index {
-            true => of,
-            false => format!(", pair {}{of}", self.index + 1),
+        let place = if *sequence == self.index {
+            of
+        } else {
+            format!(", pair {}{of}", self.index + 1)
         };
         let seconds = *stamp_ns as f64 / 1e9;
         let playing = if self.due.is_some() { "  playing" } else { "" };

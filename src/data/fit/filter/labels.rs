@@ -44,9 +44,10 @@ impl FrameLabels {
     /// The table's place: beside the recording or the folder, named after it and the filter.
     pub fn path(source: &Path, kind: FilterKind) -> PathBuf {
         // A dot in a folder's name begins no ending.
-        let name = match source.is_dir() {
-            true => source.file_name(),
-            false => source.file_stem(),
+        let name = if source.is_dir() {
+            source.file_name()
+        } else {
+            source.file_stem()
         };
         let name = name.unwrap_or_default().to_string_lossy();
         source.with_file_name(format!("{name}.{kind}.csv"))

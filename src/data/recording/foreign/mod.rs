@@ -441,9 +441,10 @@ impl FirstImages {
 
     /// Of all together; nothing of 8 bits.
     fn largest(self) -> Option<Option<u16>> {
-        match self.are_of_8_bits {
-            true => Some(None),
-            false => self.largest.into_iter().flatten().max().map(Some),
+        if self.are_of_8_bits {
+            Some(None)
+        } else {
+            self.largest.into_iter().flatten().max().map(Some)
         }
     }
 }

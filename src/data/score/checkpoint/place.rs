@@ -121,11 +121,12 @@ impl CheckpointPlace {
             } => {
                 let numbers = [x, y, radius_m, heading_deg, heading_tolerance_deg];
                 let finite = numbers.iter().all(|v| v.is_finite());
-                match finite && radius_m > 0.0 && heading_tolerance_deg > 0.0 {
-                    true => Ok(()),
-                    false => Err("at_m and heading_deg must be numbers, radius_m and \
+                if finite && radius_m > 0.0 && heading_tolerance_deg > 0.0 {
+                    Ok(())
+                } else {
+                    Err("at_m and heading_deg must be numbers, radius_m and \
                                   heading_tolerance_deg positive"
-                        .into()),
+                        .into())
                 }
             }
             Self::Frames([a, b]) if a > b => {

@@ -107,9 +107,10 @@ impl ScenarioFile {
                  name another scenario with -o"
             );
         }
-        match opened.header.hash == Some(ArenaSource::hash(config, seeds[0])) {
-            true => Ok(()),
-            false => bail!("{shown}: is of another arena or seed; name another scenario with -o"),
+        if opened.header.hash == Some(ArenaSource::hash(config, seeds[0])) {
+            Ok(())
+        } else {
+            bail!("{shown}: is of another arena or seed; name another scenario with -o")
         }
     }
 

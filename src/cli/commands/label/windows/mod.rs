@@ -66,9 +66,10 @@ pub(super) fn run(args: &Args, of_windows: bool, quiet: bool) -> anyhow::Result<
             Keys::Terminal
         }
     };
-    let labels = match path.exists() {
-        true => FrameLabels::read(&path, args.filter)?,
-        false => FrameLabels::new(args.filter),
+    let labels = if path.exists() {
+        FrameLabels::read(&path, args.filter)?
+    } else {
+        FrameLabels::new(args.filter)
     };
     let first = RefCell::new(Some(source::open(request.clone(), quiet)?.source));
     let open: Open<'_> = Box::new(|| match first.take() {

@@ -192,9 +192,10 @@ impl Tuner {
     }
 
     fn undone(&mut self, is_redo: bool, stepper: &mut Stepper<'_>, since: Instant) {
-        let (from, to) = match is_redo {
-            false => (&mut self.undo, &mut self.redo),
-            true => (&mut self.redo, &mut self.undo),
+        let (from, to) = if is_redo {
+            (&mut self.redo, &mut self.undo)
+        } else {
+            (&mut self.undo, &mut self.redo)
         };
         let Some(other) = from.pop() else {
             let what = if is_redo { "redo" } else { "undo" };
@@ -219,9 +220,10 @@ impl Tuner {
         if let Some((sequence, value)) = ranked.get(place) {
             self.worst = Some(place);
             stepper.go_to(*sequence);
-            let value = match metric.counts() {
-                true => format!("{value:.0}"),
-                false => metric.show(*value),
+            let value = if metric.counts() {
+                format!("{value:.0}")
+            } else {
+                metric.show(*value)
             };
             let of = ranked.len();
             stepper.say(format!(
@@ -345,19 +347,21 @@ impl Tuner {
         let mut text = String::new();
         for (setting, begun) in self.knobs.settings.iter().zip(&self.begun) {
             let [now, before] = [setting, begun].map(|of| title(&of.algorithm));
-            match now == before {
-                true => drop(writeln!(text, "{now}")),
-                false => drop(writeln!(text, "{now}  (began as {before})")),
-            }
+            let _ = if now == before {
+                writeln!(text, "{now}")
+            } else {
+                writeln!(text, "{now}  (began as {before})")
+            };
         }
         for words in &self.written {
             let _ = writeln!(text, "{words}");
         }
         let delays = &self.shown.delays;
         if let (Some(p50), Some(p95)) = (delay_ms(delays, 0.5), delay_ms(delays, 0.95)) {
-            let to = match self.shown.has_viewer {
-                true => "Rerun",
-                false => "the result",
+            let to = if self.shown.has_viewer {
+                "Rerun"
+            } else {
+                "the result"
             };
             let keys = svl::counted(delays.len() as u64, "key");
             let _ = writeln!(
