@@ -31,12 +31,7 @@ pub fn record(
         Err(error) => return (Outcome::default(), Err(error)),
     };
     let judge = Judge::default();
-    let start = RunStart {
-        manifest: &manifest,
-        log: None,
-        seed: opened.header.seed,
-        judge: &judge,
-    };
+    let start = RunStart::new(&manifest, opened.header.seed, &judge);
     let request = SinkRequest {
         recording: Some(writer),
         ..SinkRequest::default()

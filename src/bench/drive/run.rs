@@ -74,12 +74,7 @@ impl DrivePlan<'_> {
             },
             ..self.scenario.judge()
         };
-        let start = RunStart {
-            manifest: self.manifest,
-            log: None,
-            seed: Some(self.course.seed()),
-            judge: &judge,
-        };
+        let start = RunStart::new(self.manifest, Some(self.course.seed()), &judge);
         let mut sinks = match self.writer()? {
             None => Vec::new(),
             Some(writer) => Sinks::open(SinkRequest {

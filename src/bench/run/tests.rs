@@ -125,12 +125,7 @@ fn ran(source: &mut dyn Source, sink_takes: usize, last: u64) -> (String, Outcom
     let algorithms = ["v3:max_disparity=8".parse().unwrap()];
     let manifest = Manifest::new("test", &algorithms).unwrap();
     let judge = Judge::default();
-    let start = RunStart {
-        manifest: &manifest,
-        log: None,
-        seed: None,
-        judge: &judge,
-    };
+    let start = RunStart::new(&manifest, None, &judge);
     let log = Log::default();
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(Full(sink_takes, Arc::clone(&log)))];
     let mut matchers = Matchers::new(&algorithms).unwrap();
@@ -183,12 +178,7 @@ fn memory_is_set_up_once_for_a_size_in_all_runs() {
     let algorithms = ["v3:max_disparity=8", "v1:max_disparity=8"].map(|a| a.parse().unwrap());
     let manifest = Manifest::new("test", &algorithms).unwrap();
     let judge = Judge::default();
-    let start = RunStart {
-        manifest: &manifest,
-        log: None,
-        seed: None,
-        judge: &judge,
-    };
+    let start = RunStart::new(&manifest, None, &judge);
     let mut matchers = Matchers::new(&algorithms).unwrap();
     let matchings = Arc::new(AtomicU64::new(0));
     matchers.0[0].matcher = Box::new(CountedMatcher(Arc::clone(&matchings)));
@@ -261,12 +251,7 @@ fn failures_reach_the_sinks_and_the_manifest() {
     matchers.0[0].matcher = Box::new(Fails);
     let kept = Outbox::default();
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(Kept(Vec::new(), kept.clone()))];
-    let start = RunStart {
-        manifest: &manifest,
-        log: None,
-        seed: None,
-        judge: &judge,
-    };
+    let start = RunStart::new(&manifest, None, &judge);
     let (mut source, pace) = (Failing::new(9), Pace::Asap);
     let ran = run(
         &mut source,

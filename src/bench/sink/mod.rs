@@ -89,6 +89,18 @@ pub struct RunStart<'a> {
     pub judge: &'a Judge,
 }
 
+impl<'a> RunStart<'a> {
+    /// A run that matches every pair.
+    pub fn new(manifest: &'a Manifest, seed: Option<u64>, judge: &'a Judge) -> Self {
+        Self {
+            manifest,
+            log: None,
+            seed,
+            judge,
+        }
+    }
+}
+
 /// How a run ended.
 #[derive(Clone, Copy)]
 pub struct RunEnd<'a> {

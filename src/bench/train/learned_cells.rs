@@ -52,12 +52,7 @@ impl LearnedCells {
             };
             let collected = of_frame.outbox();
             let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
-            let start = RunStart {
-                manifest: &manifest,
-                log: None,
-                seed: run.seed,
-                judge: &judge,
-            };
+            let start = RunStart::new(&manifest, run.seed, &judge);
             // The same walk in another arena is no other scene.
             let name = match run.seed {
                 Some(seed) => format!("arena seed {seed}"),

@@ -84,12 +84,7 @@ pub fn windows(
             };
             let collected = of_frame.outbox();
             let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
-            let start = RunStart {
-                manifest: &manifest,
-                log: None,
-                seed: run.seed,
-                judge: &judge,
-            };
+            let start = RunStart::new(&manifest, run.seed, &judge);
             let watch = Watch::new(console, &format!("windows of {name}"), run.pairs(), None);
             let (mut none, pace) = (Matchers::none(), Pace::Asap);
             let (_, ran) = run_through(&mut run, &mut none, &start, pace, &mut sinks, watch);

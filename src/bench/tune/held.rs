@@ -237,12 +237,7 @@ impl HeldRuns<'_> {
                 photometric: !self.has_truth,
                 ..part.judge.clone()
             };
-            let start = RunStart {
-                manifest: &manifest,
-                log: None,
-                seed: part.seed,
-                judge: &judge,
-            };
+            let start = RunStart::new(&manifest, part.seed, &judge);
             let rows = Outbox::default();
             let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(TableSink::new(None, None, &rows)?)];
             let mut counting = MatchingCount {

@@ -217,12 +217,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             outbox
         });
     let judge = Judge::default();
-    let start = RunStart {
-        manifest: &manifest,
-        log: None,
-        seed,
-        judge: &judge,
-    };
+    let start = RunStart::new(&manifest, seed, &judge);
     let title = opened.source.name();
     let watch = Watch::new(&terminal, &title, opened.source.pairs(), None);
     let (outcome, ran) = run_through(

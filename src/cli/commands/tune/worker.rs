@@ -346,12 +346,7 @@ impl Bench {
     ) -> svl::Result<Vec<Row>> {
         let rows = Outbox::default();
         sinks.insert(0, Box::new(TableSink::new(None, None, &rows)?));
-        let start = RunStart {
-            manifest: &self.manifest,
-            log: None,
-            seed: None,
-            judge: &self.judge,
-        };
+        let start = RunStart::new(&self.manifest, None, &self.judge);
         let mut watch = KeyWatch {
             shared: &self.shared,
             failure: None,

@@ -203,12 +203,8 @@ impl Measuring<'_> {
         let sink = CollectSink::new(grid);
         let kept = sink.outbox();
         let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
-        let start = RunStart {
-            manifest: &Manifest::new(name, &algorithms)?,
-            log: None,
-            seed: None,
-            judge: &Judge::default(),
-        };
+        let (manifest, judge) = (Manifest::new(name, &algorithms)?, Judge::default());
+        let start = RunStart::new(&manifest, None, &judge);
         let watch = Watch::new(&Terminal { quiet: self.quiet }, name, source.pairs(), None);
         let (outcome, ran) = run_through(
             &mut source,

@@ -131,12 +131,7 @@ fn from_truth(
     let collected = of_frame.outbox();
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
     let (manifest, judge) = (Manifest::new("label", &[])?, Judge::default());
-    let start = RunStart {
-        manifest: &manifest,
-        log: None,
-        seed: None,
-        judge: &judge,
-    };
+    let start = RunStart::new(&manifest, None, &judge);
     let title = opened.source.name();
     let watch = Watch::new(&Terminal { quiet }, &title, opened.source.pairs(), None);
     let source = &mut *opened.source;
