@@ -49,14 +49,7 @@ impl Source for Failing {
         let image = Gray::filled(40, 20, self.left as u8)?;
         Ok(Some(Frame {
             sequence: self.left,
-            stamp_ns: 0,
-            name: None,
-            pair: StereoPair::new(image.clone(), image)?,
-            geometry: self.geometry,
-            pose: None,
-            truth: None,
-            color: None,
-            exposure: Default::default(),
+            ..Frame::new(StereoPair::new(image.clone(), image)?, self.geometry)
         }))
     }
 

@@ -1,11 +1,12 @@
 //! Runs whose losses are reported.
 
 use super::{Matchers, Monitor, Outcome, Pace, run};
-use crate::sink::{RunStart, Sink};
+use crate::sink::{CollectSink, RunStart, Sink, finish};
 use crate::source::{AlignmentMonitor, AssumeRectified, Source};
 use svl_core::stereo::Losses;
 use svl_core::{Error, Result, counted, interrupt};
 use svl_data::losses::{LossLimit, Missing, RunEnding, RunState};
+use svl_data::score::Judged;
 
 /// Runs a source through the algorithms, watched by `monitor`, and warns of what is in no frame.
 /// The outcome holds also for a run that failed.
@@ -33,6 +34,28 @@ pub fn run_through(
         report_losses(&name, &ran.0.losses);
     }
     ran
+}
+
+/// Runs a source through the algorithms, and returns what the sink collects.
+///
+/// # Errors
+/// Those of the run; [`Error::Invalid`] for one that was interrupted.
+pub fn collect<T: Send + 'static>(
+    source: &mut dyn Source,
+    matchers: &mut Matchers,
+    start: &RunStart<'_>,
+    sink: CollectSink<T, impl FnMut(&Judged) -> T + Send + 'static>,
+    monitor: impl Monitor,
+) -> Result<Vec<T>> {
+    let collected = sink.outbox();
+    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
+    let (outcome, ran) = run_through(source, matchers, start, Pace::Asap, &mut sinks, monitor);
+    ran?;
+    if outcome.interrupted {
+        return Err(Error::Invalid("interrupted; nothing is written".to_owned()));
+    }
+    finish(sinks)?;
+    Ok(collected.take())
 }
 
 /// How a run ended that went through its sources unless `ran` is why it did not.

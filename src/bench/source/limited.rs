@@ -139,7 +139,7 @@ impl Source for Limited {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::{Exposure, Geometry, Gray, StereoPair};
+    use svl_core::stereo::{Geometry, Gray, StereoPair};
 
     /// Ten pairs a second, from stamp 5 s and number 3 on; says in its losses how many were taken.
     struct Steady(u64);
@@ -156,13 +156,10 @@ mod tests {
             Ok((n < 20).then(|| Frame {
                 sequence: 3 + n,
                 stamp_ns: 5_000_000_000 + 100_000_000 * n,
-                name: None,
-                pair: StereoPair::new(image.clone(), image).unwrap(),
-                color: None,
-                geometry: Geometry::Rectified(None),
-                pose: None,
-                truth: None,
-                exposure: Exposure::default(),
+                ..Frame::new(
+                    StereoPair::new(image.clone(), image).unwrap(),
+                    Geometry::Rectified(None),
+                )
             }))
         }
 

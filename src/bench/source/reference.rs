@@ -146,7 +146,7 @@ impl Source for ReferenceSource {
 mod tests {
     use super::*;
     use svl_core::stereo::Gray;
-    use svl_core::stereo::{Exposure, Geometry, StereoPair};
+    use svl_core::stereo::{Geometry, StereoPair};
 
     const SIZE: (usize, usize) = (96, 48);
 
@@ -174,14 +174,8 @@ mod tests {
             let image = |shift| Gray::from_fn(SIZE.0, SIZE.1, |x, y| texture(x + shift, y));
             Ok(Some(Frame {
                 sequence: self.0,
-                stamp_ns: 0,
-                name: None,
-                pair: StereoPair::new(image(0)?, image(7)?)?,
-                color: None,
-                geometry: Geometry::Raw,
-                pose: None,
                 truth: Some(Truth::exact(Plane::filled(SIZE.0, SIZE.1, 3.0)?, None)),
-                exposure: Exposure::default(),
+                ..Frame::new(StereoPair::new(image(0)?, image(7)?)?, Geometry::Raw)
             }))
         }
 

@@ -186,7 +186,7 @@ pub fn spread_order(count: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::{Exposure, Geometry, Gray, StereoPair};
+    use svl_core::stereo::{Geometry, Gray, StereoPair};
 
     struct Numbered {
         next: u64,
@@ -212,14 +212,7 @@ mod tests {
             let image = Gray::filled(10, 10, 0)?;
             Ok(Some(Frame {
                 sequence,
-                stamp_ns: 0,
-                name: None,
-                pair: StereoPair::new(image.clone(), image)?,
-                color: None,
-                geometry: Geometry::Raw,
-                pose: None,
-                truth: None,
-                exposure: Exposure::default(),
+                ..Frame::new(StereoPair::new(image.clone(), image)?, Geometry::Raw)
             }))
         }
 

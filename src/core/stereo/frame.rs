@@ -29,6 +29,21 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// The first frame of a source, at 0 ns, of which nothing else is known.
+    pub fn new(pair: StereoPair, geometry: Geometry) -> Self {
+        Self {
+            sequence: 0,
+            stamp_ns: 0,
+            name: None,
+            pair,
+            geometry,
+            pose: None,
+            truth: None,
+            color: None,
+            exposure: Exposure::default(),
+        }
+    }
+
     /// About how much memory it takes: two images, in colour too where it has them, disparities in
     /// four bytes, visibility and surface in one each.
     pub fn memory_bytes(&self) -> usize {

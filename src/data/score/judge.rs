@@ -205,7 +205,7 @@ impl Judge {
 mod tests {
     use super::*;
     use svl_core::depth;
-    use svl_core::stereo::{DisparityMap, Exposure, Geometry, Plane, StereoPair, Truth};
+    use svl_core::stereo::{DisparityMap, Geometry, Plane, StereoPair, Truth};
     use svl_core::timing::StageTimes;
 
     /// Noise with disparity 6.
@@ -214,17 +214,10 @@ mod tests {
         let noise = (0..100 * 60).map(|_| random.u8(..)).collect();
         let left = Plane::from_vec(100, 60, noise).unwrap();
         let right = Plane::from_fn(100, 60, |x, y| left.get((x + 6) % 100, y)).unwrap();
-        Frame {
-            sequence: 0,
-            stamp_ns: 0,
-            name: None,
-            pair: StereoPair::new(left, right).unwrap(),
-            color: None,
-            geometry: Geometry::Rectified(None),
-            pose: None,
-            truth: None,
-            exposure: Exposure::default(),
-        }
+        Frame::new(
+            StereoPair::new(left, right).unwrap(),
+            Geometry::Rectified(None),
+        )
     }
 
     /// From column 20 on that disparity, or silence.

@@ -134,7 +134,7 @@ fn finite<'a>(
 mod tests {
     use super::*;
     use svl_core::depth::{GridSettings, grid};
-    use svl_core::stereo::{Exposure, Geometry, Gray, GridShape, StereoPair, Truth};
+    use svl_core::stereo::{Geometry, Gray, GridShape, StereoPair, Truth};
 
     /// A cell of ten pixels: `near` of them at 0.4 m, the others at 2 m, and what a report of
     /// `distance_m` is counted as.
@@ -145,15 +145,11 @@ mod tests {
         let disparity = Plane::from_vec(10, 1, pixels).unwrap();
         let image = Gray::filled(10, 1, 0).unwrap();
         let frame = Frame {
-            sequence: 0,
-            stamp_ns: 0,
-            name: None,
-            pair: StereoPair::new(image.clone(), image).unwrap(),
-            color: None,
-            geometry: Geometry::Rectified(Some(rig)),
-            pose: None,
             truth: Some(Truth::exact(disparity, None)),
-            exposure: Exposure::default(),
+            ..Frame::new(
+                StereoPair::new(image.clone(), image).unwrap(),
+                Geometry::Rectified(Some(rig)),
+            )
         };
         let settings = GridSettings::from(GridShape {
             columns: 1,

@@ -187,7 +187,7 @@ fn clear_px(rule: CellRule, rig: Option<&Rig>) -> f64 {
 mod tests {
     use super::*;
     use crate::score::{SurfaceTally, Verdict};
-    use svl_core::stereo::{Exposure, Geometry, Gray, StereoPair, TruthDensity, TruthKind};
+    use svl_core::stereo::{Geometry, Gray, StereoPair, TruthDensity, TruthKind};
 
     const RULE: CellRule = CellRule::Disparity { tolerance_px: 2.0 };
 
@@ -195,18 +195,14 @@ mod tests {
         let (width, height) = disparity.size();
         let image = Gray::filled(width, height, 0).unwrap();
         Frame {
-            sequence: 0,
-            stamp_ns: 0,
-            name: None,
-            pair: StereoPair::new(image.clone(), image).unwrap(),
-            geometry: Geometry::Rectified(None),
-            pose: None,
             truth: Some(Truth {
                 kind,
                 ..Truth::exact(disparity, None)
             }),
-            color: None,
-            exposure: Exposure::default(),
+            ..Frame::new(
+                StereoPair::new(image.clone(), image).unwrap(),
+                Geometry::Rectified(None),
+            )
         }
     }
 

@@ -278,7 +278,7 @@ impl<'a> FrameStore<'a> {
 mod tests {
     use super::*;
     use std::cell::Cell;
-    use svl::stereo::{Exposure, Geometry, Gray, StereoPair};
+    use svl::stereo::{Geometry, Gray, StereoPair};
 
     /// Frames 0, 2, 4 ... of 10x10 pixels; the one at index 3 cannot be read.
     struct Even {
@@ -304,14 +304,7 @@ mod tests {
             let image = Gray::filled(10, 10, 0)?;
             Ok(Some(Frame {
                 sequence: 2 * index,
-                stamp_ns: 0,
-                name: None,
-                pair: StereoPair::new(image.clone(), image)?,
-                color: None,
-                geometry: Geometry::Raw,
-                pose: None,
-                truth: None,
-                exposure: Exposure::default(),
+                ..Frame::new(StereoPair::new(image.clone(), image)?, Geometry::Raw)
             }))
         }
 

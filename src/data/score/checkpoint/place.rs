@@ -174,7 +174,7 @@ impl CheckpointPlace {
 mod tests {
     use super::*;
     use crate::score::Checkpoint;
-    use svl_core::stereo::{Exposure, Geometry, Gray, StereoPair};
+    use svl_core::stereo::{Geometry, Gray, StereoPair};
 
     fn opening() -> CheckpointPlace {
         CheckpointPlace::Pose {
@@ -223,13 +223,10 @@ mod tests {
         let frame = |sequence, stamp_ns| Frame {
             sequence,
             stamp_ns,
-            name: None,
-            pair: StereoPair::new(image.clone(), image.clone()).unwrap(),
-            color: None,
-            geometry: Geometry::Rectified(None),
-            pose: None,
-            truth: None,
-            exposure: Exposure::default(),
+            ..Frame::new(
+                StereoPair::new(image.clone(), image.clone()).unwrap(),
+                Geometry::Rectified(None),
+            )
         };
         let run = RunPart {
             name: "own.mcap".into(),

@@ -16,9 +16,9 @@ use svl::filter::{FilterKind, FilterWindows};
 use svl::fit::filter::{FrameLabels, true_label};
 use svl::manifest::Manifest;
 use svl::outputs::{Outputs, write};
-use svl::run::{Matchers, Pace, run_through};
+use svl::run::{Matchers, collect};
 use svl::score::Judge;
-use svl::sink::{CollectSink, RunStart, Sink};
+use svl::sink::{CollectSink, RunStart};
 use svl::source::Request;
 use svl::stereo::GridShape;
 use svl::train::TrainSettings;
@@ -128,28 +128,14 @@ fn from_truth(
         });
         labels.map(|labels| (frame.sequence, judged.pair_hash(), labels))
     });
-    let collected = of_frame.outbox();
-    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
     let (manifest, judge) = (Manifest::new("label", &[])?, Judge::default());
     let start = RunStart::new(&manifest, None, &judge);
     let title = opened.source.name();
     let watch = Watch::new(&Terminal { quiet }, &title, opened.source.pairs(), None);
-    let source = &mut *opened.source;
-    let (outcome, ran) = run_through(
-        source,
-        &mut Matchers::none(),
-        &start,
-        Pace::Asap,
-        &mut sinks,
-        watch,
-    );
-    ran?;
-    if outcome.interrupted {
-        bail!("interrupted; nothing is written");
-    }
-    sinks.drain(..).try_for_each(Sink::finish)?;
+    let mut none = Matchers::none();
+    let collected = collect(&mut *opened.source, &mut none, &start, of_frame, watch)?;
     let mut labels = FrameLabels::new(kind);
-    for of_frame in collected.take() {
+    for of_frame in collected {
         let (sequence, pair_hash, windows) = of_frame?;
         labels.tie(sequence, pair_hash);
         if of_windows {
