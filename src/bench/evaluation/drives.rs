@@ -103,8 +103,7 @@ pub(super) fn evaluate(
         missing.add_failures(row.algorithm.clone(), FailedPairs { pairs, failed });
     }
     let pairs = missing.pairs;
-    let ran_to_end = ran.as_ref().map_err(ToString::to_string).copied();
-    let ending = ending(ran_to_end, missing, scenario.options.allow_loss);
+    let ending = ending(&ran, missing, scenario.options.allow_loss);
     let finished = report.finish(plan, ending, console.warnings());
     Ok(EndedRun {
         ran,

@@ -194,8 +194,7 @@ pub(super) fn evaluate(
     });
     // What came before an error or Ctrl-C is reported all the same.
     let pairs = missing.pairs;
-    let ran_to_end = ran.as_ref().map_err(ToString::to_string).copied();
-    let ending = ending(ran_to_end, missing, scenario.options.allow_loss);
+    let ending = ending(&ran, missing, scenario.options.allow_loss);
     let finished = report.finish(plan, &matchers, ending, console.warnings());
     Ok(EndedRun {
         ran,

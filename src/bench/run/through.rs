@@ -58,12 +58,8 @@ pub fn collect<T: Send + 'static>(
     Ok(collected.take())
 }
 
-/// How a run ended that went through its sources unless `ran` is why it did not.
-pub fn ending(
-    ran: std::result::Result<(), String>,
-    missing: Missing,
-    allowed: Option<LossLimit>,
-) -> RunEnding {
+/// The end of a run that went through its sources unless `ran` is why it did not.
+pub fn ending(ran: &Result<()>, missing: Missing, allowed: Option<LossLimit>) -> RunEnding {
     match ran {
         Ok(()) => RunEnding::new(missing, allowed),
         Err(why) => {
@@ -72,7 +68,7 @@ pub fn ending(
             } else {
                 RunState::Failed
             };
-            RunEnding::early(state, why, missing)
+            RunEnding::early(state, why.to_string(), missing)
         }
     }
 }

@@ -13,7 +13,6 @@ use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::console::Watch;
-use svl::counted;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::Outputs;
@@ -28,6 +27,7 @@ use svl::sink::{
 };
 use svl::source::Request;
 use svl::train::with_filters;
+use svl::{Error, counted};
 use verify::{Earlier, Verification};
 
 /// Replay a recording through algorithms
@@ -233,11 +233,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let rows = results.rows;
     let pairs = outcome.frames;
     let mut verification = None;
-    let ran_to_end = if outcome.interrupted {
-        Err(format!("interrupted after {}", counted(pairs, "pair")))
-    } else {
-        ran.as_ref().map_err(ToString::to_string).copied()
-    };
+    let stopped = outcome.interrupted.then(|| {
+        let done = counted(pairs, "pair");
+        Err(Error::Invalid(format!("interrupted after {done}")))
+    });
+    let ran_to_end = stopped.as_ref().unwrap_or(&ran);
     let ending = ending(ran_to_end, outcome.missing(), args.options.allow_loss);
     if pairs > 0 || ran.is_ok() {
         if ran.is_ok() && finished.is_ok() && !outcome.interrupted {
