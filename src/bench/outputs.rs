@@ -368,6 +368,20 @@ pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<()> {
     std::fs::write(path, content).map_err(|e| Error::io(path, e))
 }
 
+/// Writes a scenario and, beside it, the page that says how it was found; their names in words.
+///
+/// # Errors
+/// As [`Outputs::claim`]; [`Error::Io`].
+pub fn write_with_page(path: &Path, toml: &str, markdown: &str, force: bool) -> Result<String> {
+    let page = path.with_extension("md");
+    let mut outputs = Outputs::claim(force, [], [path, &page])?;
+    outputs.set_aside()?;
+    write(path, toml)?;
+    write(&page, markdown)?;
+    outputs.commit();
+    Ok(format!("{} and {}", path.display(), page.display()))
+}
+
 /// Writes a file of a report as JSON.
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     let json =

@@ -223,13 +223,8 @@ fn depth_grid(rows: &[CellRow], settings: GridSettings) -> Option<DepthGrid> {
 /// # Errors
 /// [`Error::Io`].
 pub fn whole_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
-    let bytes = match std::fs::read(path) {
-        Ok(bytes) => bytes,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(error) => return Err(Error::io(path, error)),
-    };
-    let whole = bytes.iter().rposition(|&b| b == b'\n').map_or(0, |i| i + 1);
-    let mut reader = csv::Reader::from_reader(&bytes[..whole]);
+    let bytes = whole_lines(path)?;
+    let mut reader = csv::Reader::from_reader(&bytes[..]);
     let Ok(places) = reader.headers().map(ColumnPlaces::new) else {
         return Ok(Vec::new());
     };
@@ -239,6 +234,23 @@ pub fn whole_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
         R::parse(CsvCells { places, line }).ok()
     };
     Ok(reader.records().map_while(parse).collect())
+}
+
+/// The lines of a file without one that was being written when svl was killed; none where there is
+/// no file.
+///
+/// # Errors
+/// [`Error::Io`].
+pub(crate) fn whole_lines(path: &Path) -> Result<Vec<u8>> {
+    match std::fs::read(path) {
+        Ok(mut bytes) => {
+            let end = bytes.iter().rposition(|&b| b == b'\n');
+            bytes.truncate(end.map_or(0, |i| i + 1));
+            Ok(bytes)
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
+        Err(error) => Err(Error::io(path, error)),
+    }
 }
 
 /// The folders that earlier reports of this folder were set aside in.

@@ -10,7 +10,7 @@ use svl::console::{Console, Unit};
 use svl::grab;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
-use svl::outputs::{self, Outputs};
+use svl::outputs::{Outputs, write_with_page};
 use svl::runs;
 use svl::scenario::{Scenario, ScenarioKind, SourceOptions};
 use svl::score::Metric;
@@ -150,7 +150,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let toml = head + &scenario_toml(&tested.unwrap_or(scenario), &best, &files, folder)?;
     let markdown = outcome.markdown(&format!("Tuned on {}", args.what.join(", ")));
     drop(claimed);
-    let written = write_both(out, &toml, &markdown, may_replace)?;
+    let written = write_with_page(out, &toml, &markdown, may_replace)?;
     if args.search.json {
         print_json(&outcome)?;
     } else {
@@ -224,21 +224,4 @@ fn goal(args: &Args, has_truth: bool) -> anyhow::Result<Goal> {
         tracing::warn!("{name}: is better the other way round");
     }
     Ok(goal)
-}
-
-/// Writes a scenario and, beside it, what was tried; says where they are.
-pub(super) fn write_both(
-    path: &Path,
-    toml: &str,
-    markdown: &str,
-    force: bool,
-) -> anyhow::Result<String> {
-    usage::ends_in(path, &["toml"]).map_err(usage::wrong)?;
-    let page = path.with_extension("md");
-    let mut outputs = Outputs::claim(force, [], [path, &page])?;
-    outputs.set_aside()?;
-    outputs::write(path, toml)?;
-    outputs::write(&page, markdown)?;
-    outputs.commit();
-    Ok(format!("{} and {}", path.display(), page.display()))
 }

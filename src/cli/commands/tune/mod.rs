@@ -149,11 +149,10 @@ struct SearchArgs {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    if args.search.auto {
-        auto::run(args, quiet)
-    } else {
-        by_hand(args, quiet)
+    if !args.search.auto {
+        return by_hand(args, quiet);
     }
+    auto::run(args, quiet)
 }
 
 /// Pairs of the sample by hand.

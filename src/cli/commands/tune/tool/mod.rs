@@ -5,11 +5,13 @@ mod view;
 use super::shown::{Job, Shown, delay_ms, title};
 use super::worker::TuneWorker;
 use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, StepTool, Stepper};
+use crate::cli::shared::usage;
 use ratatui::layout::{Position, Rect};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::filter::FilterKind;
+use svl::outputs;
 use svl::scenario::Scenario;
 use svl::score::Metric;
 use svl::tune::{Knob, TunedSetting, scenario_toml};
@@ -310,7 +312,8 @@ impl Tuner {
             env!("CARGO_PKG_VERSION")
         );
         let markdown = self.markdown(stepper.name());
-        let words = super::auto::write_both(path, &(head + &toml), &markdown, false)?;
+        usage::ends_in(path, &["toml"]).map_err(usage::wrong)?;
+        let words = outputs::write_with_page(path, &(head + &toml), &markdown, false)?;
         self.written.push(words.clone());
         Ok(format!("{words} written"))
     }
