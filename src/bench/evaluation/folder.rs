@@ -158,7 +158,7 @@ fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
     times
 }
 
-/// How the run of a report ended; nothing of one that was killed.
+/// The end of a report's run; none for one that was killed.
 pub fn read_ending(folder: &Path) -> Result<Option<RunEnding>> {
     let path = folder.join("summary.json");
     let text = match std::fs::read_to_string(&path) {

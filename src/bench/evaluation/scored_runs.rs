@@ -24,7 +24,7 @@ const MAX_SHOWN: usize = 32;
 struct ScoreReport {
     folder: PathBuf,
     manifest: Manifest,
-    /// What an earlier part of the run left.
+    /// Results of an earlier part of the run.
     log: ResultLog,
     sinks: Sinks,
     live: LiveTable,
@@ -192,7 +192,7 @@ pub(super) fn evaluate(
         }
         Ok(())
     });
-    // What came before an error or Ctrl-C is reported all the same.
+    // The pairs before an error or Ctrl-C are reported all the same.
     let pairs = missing.pairs;
     let ending = ending(&ran, missing, scenario.options.allow_loss);
     let finished = report.finish(plan, &matchers, ending, console.warnings());
@@ -207,7 +207,7 @@ pub(super) fn evaluate(
 
 /// A run through some of the algorithms, as it is or made worse.
 struct RunUnit<'a> {
-    /// Of the run among those of the scenario.
+    /// Place of the run among those of the scenario.
     place: usize,
     stress: Option<Stress>,
     labels: Vec<&'a str>,

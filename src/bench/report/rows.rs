@@ -123,7 +123,7 @@ record! {
         sequence: u64,
         algorithm: String,
         reason: String,
-        /// What perturbed the pair.
+        /// The perturbation of the pair.
         stress: Option<String>,
     }
 }

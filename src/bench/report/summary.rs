@@ -22,7 +22,7 @@ use svl_data::slow_profile;
 /// The results of a run. `Display` is a table for the terminal.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
-    /// How the run ended, and what it misses.
+    /// The end of the run, and the pairs that it misses.
     #[serde(flatten)]
     pub ending: RunEnding,
     /// Digest of the pairs' hashes in their order; absent when there are none.
@@ -90,7 +90,7 @@ pub struct FailedAlgorithm {
     pub algorithm: String,
     /// The number of pairs that it failed on.
     pub pairs: u64,
-    /// Whether it has no result at all.
+    /// True if it has no result at all.
     pub on_every_pair: bool,
     /// The reason why it failed on the last of them.
     pub reason: String,

@@ -62,7 +62,7 @@ pub(super) struct Matching<'a> {
     pub(super) matchers: &'a mut Matchers,
     pub(super) judge: &'a Judge,
     pacer: Pacer,
-    /// How often a pair is matched in a measured run.
+    /// Number of times that a pair is matched in a measured run.
     rounds: Option<usize>,
     /// Results of an earlier part of the run, which take the place of matching,
     log: Option<&'a ResultLog>,

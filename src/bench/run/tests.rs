@@ -16,7 +16,7 @@ struct Failing {
     geometry: Geometry,
     listens: bool,
     heard: Vec<u64>,
-    /// Whether it is read from a pool, or from a thread that has one of its own.
+    /// True if it is read from a pool, or from a thread that has one of its own.
     in_pool: bool,
 }
 
@@ -67,7 +67,7 @@ impl Source for Failing {
     }
 }
 
-/// What happened to a sink, in order.
+/// Calls of a sink, in order.
 type Log = Arc<Mutex<Vec<String>>>;
 
 /// Takes that many frames, then fails.
@@ -113,7 +113,7 @@ impl Monitor for Until {
     }
 }
 
-/// What the sink saw and how the run ended.
+/// The calls of the sink, and the end of the run.
 fn ran(source: &mut dyn Source, sink_takes: usize, last: u64) -> (String, Outcome, Result<()>) {
     let algorithms = ["v3:max_disparity=8".parse().unwrap()];
     let manifest = Manifest::new("test", &algorithms).unwrap();

@@ -25,7 +25,7 @@ pub fn run_through(
     };
     let (ran, name) = match start.judge.run.stress {
         None => run(&mut AlignmentMonitor::new(&mut source)),
-        // What is out of line there was made so.
+        // Perturbed pairs are out of line on purpose.
         Some(_) => run(&mut source),
     };
     drop(monitor);

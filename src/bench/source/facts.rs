@@ -17,7 +17,7 @@ use svl_data::score::TrueCells;
 const PAIRS: u64 = 20;
 const TIME: Duration = Duration::from_secs(2);
 
-/// What the first pairs of a source say of all.
+/// Facts of a source, as its first pairs show them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SourceFacts {
     /// Width and height of an image, pixels.
@@ -27,7 +27,7 @@ pub struct SourceFacts {
     pub focal_px: Option<(f64, f64)>,
     /// The rig by which distances are computed; of raw images after rectification.
     pub rig: Option<Rig>,
-    /// Whether size and rig are those of all pairs that were looked at.
+    /// True if size and rig are those of all pairs that were looked at.
     pub is_constant: bool,
     pub nearest: Option<NearestDistance>,
     pub truths: Vec<TruthFacts>,
@@ -46,7 +46,7 @@ pub struct NearestDistance {
 pub struct TruthFacts {
     /// Its topic; nothing where the source is no recording.
     pub topic: Option<String>,
-    /// Whether it has to be asked for (`--truth TOPIC`).
+    /// True if it has to be asked for (`--truth TOPIC`).
     pub is_asked_for: bool,
     /// Pairs that were looked at, and of them those with a cell that is scored.
     pub pairs: u64,
@@ -160,7 +160,7 @@ impl NearestDistance {
 }
 
 impl TruthFacts {
-    /// Of another sensor of a recording.
+    /// The truth of another sensor of a recording.
     fn of_topic(name: &str, topic: String, has_rig: bool) -> Self {
         let mut facts = Self {
             topic: Some(topic.clone()),

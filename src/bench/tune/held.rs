@@ -183,7 +183,7 @@ fn parts(scenario: &Scenario, wanted: usize, console: &dyn Console) -> Result<Ve
 /// Runs algorithms over the frames in memory.
 pub struct HeldRuns<'a> {
     pub parts: &'a [HeldRun],
-    /// Whether some of the pairs have a truth.
+    /// True if some of the pairs have a truth.
     pub has_truth: bool,
     /// Counts matchings.
     pub bar: Option<Box<dyn Bar>>,
@@ -276,7 +276,7 @@ impl Evaluator for HeldRuns<'_> {
         let rows = self.rows(algorithms, pairs)?;
         let values = |rows: Vec<Row>| {
             let rows: Vec<_> = rows.iter().collect();
-            // The median of others depends on who they are.
+            // Its value depends on the other algorithms of the run.
             let value = |metric: &'static Metric| match metric.name {
                 "agreed" => None,
                 _ => total(metric, &rows),

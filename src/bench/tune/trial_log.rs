@@ -16,9 +16,9 @@ use svl_data::score::{METRICS, Metric};
 /// The log of the trials: a row for each setting and number of pairs, written as it is known.
 pub struct TrialLog {
     writer: csv::Writer<std::fs::File>,
-    /// What the values depend on: the pairs, and how they are judged.
+    /// Hash of all that the values depend on: the pairs, and how they are scored.
     key: String,
-    /// Of an earlier search: algorithm, setting, pairs.
+    /// Values of an earlier search, by algorithm, setting and pairs.
     known: BTreeMap<(String, String, usize), Option<TrialValues>>,
 }
 

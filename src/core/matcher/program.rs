@@ -83,7 +83,7 @@ impl ProgramRecord {
         }
     }
 
-    /// Whether the time that it reports leaves out work: it answers far later.
+    /// True if the time that it reports leaves out work: it answers far later.
     pub fn is_time_doubtful(&self) -> bool {
         let limit_us = self.reported_us + self.reported_us / 4 + ODD_US;
         self.waited_us > limit_us && self.pairs >= ENOUGH_PAIRS

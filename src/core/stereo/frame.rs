@@ -200,7 +200,7 @@ impl Truth {
     }
 }
 
-/// Whether a truth is of areas or of single points, which decides what remains of it in shrunk
+/// Density of a truth, of areas or of single points, which decides what remains of it in shrunk
 /// pairs. How a cell is scored depends on how many of its pixels are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -346,7 +346,7 @@ impl Estimate {
     }
 }
 
-/// What of a source is in no frame, each with its reason.
+/// Everything of a source that is in no frame, with its reason.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Losses {
     /// Images without a partner, while both cameras had images.
@@ -362,7 +362,7 @@ pub struct Losses {
     pub without_truth: u64,
     /// Frames of a video that was cut off or is damaged.
     pub cut: u64,
-    /// Pairs that nobody asked for.
+    /// Pairs that were not asked for.
     pub skipped: u64,
     /// What a synchronized grabber counted.
     #[serde(skip)]

@@ -30,7 +30,7 @@ pub(super) struct SparseCell {
     points: Vec<(usize, usize, f64)>,
     /// The true disparities.
     pub truth: Weighted,
-    /// Whether enough parts have points.
+    /// True if enough parts have points.
     covered: bool,
     centred: bool,
 }
@@ -85,7 +85,7 @@ impl SparseCell {
         self.points.len()
     }
 
-    /// Whether the points tell what a report must be: those in half of the cell's parts do, others
+    /// True if the points determine the report: those in half of the cell's parts do, others
     /// where they lie about its middle and four fifths of them agree.
     pub fn is_scored(&self, rule: CellRule, rig: Option<&Rig>) -> bool {
         let points_agree = || {

@@ -1,6 +1,6 @@
 //! The truth of a frame by cells: what every score of cells is compared with.
 //!
-//! Where the truth covers at least half of a cell's pixels, these are the cell. Where it covers
+//! The pixels with truth are the cell where they are at least half of its pixels. Where they are
 //! less, the cell is scored by the points that it has ([`SparseCell`]), or not at all.
 
 use super::cells::{CellJudgement, depth_at, judge_cells};
@@ -30,7 +30,7 @@ pub struct TrueCells {
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct TrueCell {
-    /// Where the truth covers less than half of the pixels.
+    /// The points of a truth that covers less than half of the pixels.
     pub sparse: Option<SparseCell>,
     /// Absent where the cell is not scored.
     pub quarter: Option<TrueQuarter>,
@@ -104,7 +104,7 @@ impl TrueCells {
         &self.cells
     }
 
-    /// What a cell's report comes to where its truth is: of a sparse truth the report moved by the
+    /// A cell's report at the place of its truth: for a sparse truth the report moved by the
     /// difference between the algorithm's map at the points and in the whole cell.
     pub fn at_truth(&self, cell: usize, report: CellDepth, map: &Plane<f32>) -> CellDepth {
         let TrueCell { sparse, quarter } = &self.cells[cell];

@@ -12,7 +12,7 @@ use svl::stereo::{
 };
 use svl::timing::StageTimes;
 
-/// Whether a pixel (x, y) of an image of a size is known.
+/// True for a known pixel (x, y) of an image of a size.
 type Known = Box<dyn Fn(usize, usize, (usize, usize)) -> bool>;
 
 /// Lines of a lidar that sees nothing of the upper third.
@@ -120,7 +120,7 @@ impl Tally {
         }
     }
 
-    /// Of the cells, and of the known ones alone, %.
+    /// Agreement of the cells, and of the known ones alone, %.
     fn agreement(&self) -> [f64; 2] {
         let off = self.falsely.iter().sum::<usize>() as f64;
         [self.scored, self.known].map(|of| 100.0 * (1.0 - off / of as f64))

@@ -273,7 +273,7 @@ impl ScenarioHistory {
         })
     }
 
-    /// Whether the reports are of several machines.
+    /// True if the reports are of several machines.
     fn has_machines(&self) -> bool {
         let processors = self.reports.windows(2);
         processors

@@ -17,7 +17,7 @@ pub struct ScoredRun {
     pub manifest: Manifest,
     /// Why it is incomplete, if it is.
     pub(super) incomplete: Option<String>,
-    /// Of the pairs as they are, without stress.
+    /// Rows of the pairs as they are, without stress.
     pub(super) rows: Vec<Row>,
     pub(super) checkpoints: Vec<CheckpointRow>,
     pub(super) drives: Vec<DriveRow>,

@@ -1,4 +1,4 @@
-//! What the first pairs say of a recording or a folder, as lines of `svl info`.
+//! The facts that the first pairs of a recording or a folder show, as lines of `svl info`.
 
 use svl::recording::PairGeometry;
 use svl::source::{NearestDistance, SourceFacts, TruthFacts};

@@ -61,7 +61,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// What `--json` prints.
+/// The JSON that `--json` prints.
 #[derive(serde::Serialize)]
 struct Info {
     #[serde(flatten)]

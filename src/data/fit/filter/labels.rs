@@ -84,7 +84,7 @@ impl FrameLabels {
         let head = rows
             .headers()
             .map_err(|e| Error::format(path, e.to_string()))?;
-        // Of earlier svl, without hashes.
+        // Tables of earlier svl have no hashes.
         if head.iter().ne(HEAD) && head.iter().ne(HEAD[..3].iter().copied()) {
             let expected = HEAD.join(",");
             return Err(Error::format(
@@ -285,7 +285,7 @@ mod tests {
                 0xabc
             )
         );
-        // Of earlier svl.
+        // A table of earlier svl.
         let old = read("sequence,window,label\n3,0x0,floor\n").unwrap();
         assert_eq!((old.untied(), old.counts()), (Some(3), [1, 0]));
         assert_eq!(read(&text).unwrap(), labels);

@@ -108,7 +108,7 @@ fn from_camera_info(info: ros::CameraInfo) -> Calibration {
     }
 }
 
-/// How a calibration differs from the one before it.
+/// Differences of a calibration from the one before it.
 #[derive(Debug, PartialEq)]
 pub(super) struct CalibrationChange {
     /// `P[0][0]`, before and after.
@@ -134,7 +134,7 @@ impl std::fmt::Display for CalibrationChange {
 }
 
 impl Calibration {
-    /// How `next` differs; nothing where all numbers are the same.
+    /// Differences of `next`; none where all numbers are the same.
     pub(super) fn change(&self, next: &Self) -> Option<CalibrationChange> {
         let numbers = |of: &Self| [&of.k[..], &of.d, &of.r, &of.p].concat();
         // NaN, as of an uncalibrated camera, equals itself here.

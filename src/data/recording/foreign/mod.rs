@@ -46,7 +46,7 @@ pub(super) struct Foreign {
     size: (usize, usize),
     /// The recording, as warnings name it.
     name: String,
-    /// Whether the user was warned of a calibration that changes, of images without a stamp, and of
+    /// True once the user was warned: of a calibration that changes, of images without a stamp, of
     /// images that share one.
     warned_of_change: bool,
     warned_of_stamps: bool,
