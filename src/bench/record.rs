@@ -132,7 +132,7 @@ fn check_header(path: &Path, expected: &Header) -> Result<()> {
     Err(Error::format(path, reason))
 }
 
-/// Whether a recording has its summary, and all pairs by it. Damage before that is met in reading.
+/// True if a recording has its summary, and all pairs by it. Damage before that is met in reading.
 fn is_complete(path: &Path, pairs: Option<u64>) -> Result<bool> {
     Ok(path.exists() && RecordingSource::open(path)?.pairs() == pairs)
 }

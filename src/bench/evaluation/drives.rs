@@ -117,7 +117,7 @@ pub(super) fn evaluate(
 /// Seed, algorithm and stress of a drive.
 type DriveKey = (u64, String, Option<String>);
 
-/// What an interrupted run left of whole drives.
+/// The whole drives of an interrupted run.
 #[derive(Default)]
 struct EarlierDrives {
     drives: HashMap<DriveKey, DriveResult>,
@@ -366,7 +366,7 @@ impl DriveReport {
     }
 }
 
-/// What the threads share that drive.
+/// State that the threads share.
 struct DriveWork<'a> {
     scenario: &'a Scenario,
     seeds: &'a [u64],

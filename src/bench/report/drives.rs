@@ -15,15 +15,15 @@ record! {
         /// Seed of the course.
         seed: u64,
         algorithm: String,
-        /// Whether the goal was reached without a collision and without help.
+        /// True if the goal was reached without a collision and without help.
         finished: bool,
-        /// Whether it was reached in time, helped or not.
+        /// True if it was reached in time, helped or not.
         arrived: bool,
         collisions: u64,
         near_misses: u64,
-        /// How often the robot came no farther and was set back on the route.
+        /// Number of times that the robot came no farther and was set back on the route.
         stuck: u64,
-        /// What it drove itself.
+        /// Distance that it drove itself.
         driven_m: f64,
         /// Distance driven until the first collision, where there was one.
         first_collision_m: Option<f64>,
@@ -37,7 +37,7 @@ record! {
         track_hash: String,
         /// Its recording in the report's folder, where it was kept.
         recording: Option<String>,
-        /// How its pairs were made worse, as `row_offset=2`; nothing as they are.
+        /// Perturbation of its pairs, as `row_offset=2`; absent as they are.
         stress: Option<String>,
     }
 }
@@ -58,13 +58,13 @@ record! {
         speed_m_per_s: f64,
         /// Least distance of the body from everything since the last frame.
         clearance_m: f64,
-        /// Whether it was set there by hand.
+        /// True if it was set there by hand.
         placed: bool,
         /// `collision`, `near_miss`, `stuck` or nothing.
         event: Option<String>,
-        /// What it touched or nearly touched.
+        /// The obstacles that it touched or nearly touched.
         with: Option<String>,
-        /// How the pairs of the drive were made worse.
+        /// Perturbation of the pairs of the drive.
         stress: Option<String>,
     }
 }
@@ -81,7 +81,7 @@ pub struct CoursePlan {
     pub outlines: Vec<Vec<[f64; 2]>>,
     /// The way of the driver with perfect sight.
     pub route: Vec<[f64; 2]>,
-    /// How many layouts were thrown away before this one.
+    /// Number of layouts that were thrown away before this one.
     pub rejected: u32,
 }
 

@@ -61,7 +61,7 @@ pub struct ResultLog {
 /// A pair: name of its recording, seed of its arena, its number, what made it worse.
 type PairKey = (Option<String>, Option<u64>, u64, Option<String>);
 
-/// What the algorithms made of a pair.
+/// Results of the algorithms for a pair.
 pub struct LoggedPair<'a> {
     results: Option<&'a HashMap<String, LoggedResult>>,
     /// The input hash of the frame as it is read now.
@@ -76,11 +76,11 @@ impl<'a> LoggedPair<'a> {
     }
 }
 
-/// What an algorithm made of a pair.
+/// Result of an algorithm for a pair.
 pub struct LoggedResult {
     pub row: Row,
     pub grid: DepthGrid,
-    /// Of the disparity map, and of own cells.
+    /// Hash of the disparity map, and of own cells.
     pub hash: u128,
 }
 
@@ -127,7 +127,7 @@ impl ResultLog {
         Ok(())
     }
 
-    /// What is known of a frame of that run and seed.
+    /// The known results of a frame of that run and seed.
     pub fn pair(&self, run: &RunPart, seed: Option<u64>, frame: &Frame) -> LoggedPair<'_> {
         let name = Some(run.name.clone()).filter(|name| !name.is_empty());
         let key = pair_key(&name, seed, frame.sequence, &run.stress);
@@ -166,7 +166,7 @@ impl LoggedResult {
             (Stage::Filters, row.filters_us.unwrap_or_default()),
         ];
         let whole: u64 = stages.iter().map(|(_, us)| us).sum();
-        // What was cut off each stage, at most 1 us, is in their sum.
+        // The remainder that each stage lost, at most 1 us, is in their sum.
         let cut_ns = row.total_us.saturating_sub(whole) * 1000 / stages.len() as u64;
         let mut times = StageTimes::default();
         for (stage, us) in stages {

@@ -27,11 +27,11 @@ pub trait Record: Sized {
     /// The rows as a data frame, typed also when there are none.
     ///
     /// # Errors
-    /// What polars says.
+    /// The error of polars.
     fn frame(rows: &[Self]) -> PolarsResult<DataFrame>;
 }
 
-/// What stands in a column of a row.
+/// A value in a column of a row.
 #[derive(serde::Serialize)]
 #[serde(untagged)]
 pub enum ColumnValue<'a> {
@@ -162,14 +162,14 @@ record! {
         metrics: MetricValues,
         /// Hash of the disparity map, hexadecimal.
         result_hash: String,
-        /// Where the truth comes from, as [`svl_core::stereo::TruthOrigin`] writes it; absent
+        /// Origin of the truth, as [`svl_core::stereo::TruthOrigin`] writes it; absent
         /// without truth.
         truth: Option<String>,
         /// The recording, where the scenario has some.
         run: Option<String>,
-        /// Of algorithms behind filters.
+        /// Time of the filters, for algorithms behind some.
         filters_us: Option<u64>,
-        /// What made the pair worse, as `row_offset=0.5`; absent for the pair as it is.
+        /// Perturbation of the pair, as `row_offset=0.5`; absent for the pair as it is.
         stress: Option<String>,
         /// Hash of what it was scored on: pixels, geometry and truth, hexadecimal.
         input_hash: String,
@@ -203,11 +203,11 @@ record! {
         false_obstacle: bool,
         /// The recording, where the scenario has some.
         run: Option<String>,
-        /// Whether the algorithm knows the cell.
+        /// State of the cell, as the algorithm reports it.
         state: Option<CellState>,
-        /// How probably it is right, where the algorithm says so.
+        /// Probability that it is right, where the algorithm gives one.
         probability: Option<f64>,
-        /// What made the pair worse, if anything did.
+        /// Perturbation of the pair, if any.
         stress: Option<String>,
         /// Points of a truth that covers less than half of the cell: with `no-truth` they do not
         /// suffice. Absent where the truth is dense or missing.
@@ -237,7 +237,7 @@ record! {
         worst_passed: Option<bool>,
         /// The recording, where the scenario has some.
         run: Option<String>,
-        /// What made the pairs worse, if anything did.
+        /// Perturbation of the pairs, if any.
         stress: Option<String>,
     }
 }

@@ -27,7 +27,7 @@ pub struct Summary {
     pub ending: RunEnding,
     /// Digest of the pairs' hashes in their order; absent when there are none.
     pub pairs_hash: Option<String>,
-    /// Where the truths come from: each [`svl_core::stereo::TruthOrigin`] of the rows, once.
+    /// Origins of the truths: each [`svl_core::stereo::TruthOrigin`] of the rows, once.
     pub truth: Vec<String>,
     /// In the order in which they first appear in the rows.
     pub algorithms: Vec<AlgorithmSummary>,
@@ -41,10 +41,10 @@ pub struct Summary {
     /// The warnings of the run, in their order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
-    /// What matched as a program of its own.
+    /// Algorithms that matched as programs of their own.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub programs: Vec<ProgramSummary>,
-    /// Where the algorithms steered a robot, in their order.
+    /// Drives, where the algorithms steered a robot, in their order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub drives: Vec<DriveSummary>,
     /// Per perturbation, level and algorithm, where pairs were made worse.
@@ -62,13 +62,13 @@ pub struct Summary {
     /// How cells were scored.
     #[serde(skip)]
     pub rule: CellRule,
-    /// What the times are of, where that is known.
+    /// The work that the times are of, where that is known.
     #[serde(skip)]
     pub times: Option<String>,
     /// The profile of svl's build, if its times are not those of svl.
     #[serde(skip)]
     pub slow_profile: Option<String>,
-    /// Whether they are of matching alone.
+    /// True if they are of matching alone.
     #[serde(skip)]
     pub measured: bool,
 }
@@ -130,7 +130,7 @@ record! {
         texture_ms: f64,
         matching_ms: f64,
         checks_ms: f64,
-        /// What belongs to no stage.
+        /// Time that belongs to no stage.
         other_ms: f64,
         /// Digest of the hashes of its results in their order.
         results_hash: String,
@@ -138,7 +138,7 @@ record! {
         outliers: u64,
         /// The memory that it took for its largest pair, 10⁶ bytes, where it was measured.
         memory_mb: Option<f64>,
-        /// What filters take, as the stages.
+        /// Time of the filters, as the stages.
         filters_ms: f64,
         /// Pairs and cells that were scored against a ground truth; absent where no pair has one.
         scored_pairs: Option<u64>,
@@ -155,9 +155,9 @@ record! {
         /// Frames that show the checkpoint.
         frames: u64,
         passed: u64,
-        /// Whether the best frame of all runs passes; absent when no frame shows the checkpoint.
+        /// True if the best frame of all runs passes; absent when no frame shows the checkpoint.
         best_passed: Option<bool>,
-        /// Whether the worst frame of all runs passes.
+        /// True if the worst frame of all runs passes.
         worst_passed: Option<bool>,
     }
 }
@@ -335,7 +335,7 @@ impl Summary {
     }
 }
 
-/// What must be said beside numbers that come of these origins of truths.
+/// Caveat beside numbers that come of these origins of truths.
 pub(super) fn caution(truths: &[String]) -> Option<String> {
     let origins = truths
         .iter()

@@ -22,7 +22,7 @@ const PICTURED: usize = 8;
 /// Limit of the frames shown of recordings, over all runs.
 const SAMPLES: usize = 6;
 
-/// What a report page shows.
+/// The pictures of a report page.
 #[derive(Default)]
 pub struct ReportPictures {
     /// Per checkpoint the worst and the best frame of every algorithm (thesis, figure 7.3), or of
@@ -59,7 +59,7 @@ impl PictureSink {
         }
     }
 
-    /// Whether the page has room for the algorithm at that place.
+    /// True if the page has room for the algorithm at that place.
     fn is_pictured(&self, algorithm: &str) -> bool {
         pictured(&self.algorithms).contains(&algorithm)
     }
@@ -261,7 +261,7 @@ fn leading_shots(tally: CheckpointTally<FrameShot>) -> impl Iterator<Item = (Ran
 /// A frame through one algorithm, for a page.
 ///
 /// # Errors
-/// What keeps its pictures from being encoded.
+/// The reason why its pictures cannot be encoded.
 pub(crate) fn frame_shot(
     identity: &RunIdentity,
     judged: &Judged,

@@ -19,7 +19,7 @@ pub struct ReferenceSource {
     references: Vec<Reference>,
     label: String,
     without: u64,
-    /// Whether it was said that the frames' own truth is replaced.
+    /// True once it was reported that the frames' own truth is replaced.
     replaced: bool,
 }
 
@@ -34,7 +34,7 @@ struct Reference {
 
 impl ReferenceSource {
     /// # Errors
-    /// What keeps a reference from being built.
+    /// The reason why a reference cannot be built.
     pub fn new(source: Box<dyn Source>, references: &[Algorithm]) -> Result<Self> {
         let labels: Vec<_> = references.iter().map(Algorithm::label).collect();
         let label = labels.join(" and ");

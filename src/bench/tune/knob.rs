@@ -1,5 +1,5 @@
-//! What can be turned: the parameters of an algorithm, the filters behind it, the depth grid and
-//! the rule by which its cells are judged, each with its range.
+//! Knobs that can be turned: the parameters of an algorithm, the filters behind it, the depth grid
+//! and the rule by which its cells are judged, each with its range.
 
 use std::sync::Arc;
 use svl_core::depth::{CellDecision, GridSettings};
@@ -30,7 +30,7 @@ pub struct Knob {
     pub description: &'static str,
 }
 
-/// What a knob belongs to.
+/// The part that a knob belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KnobPart {
     Algorithm,
@@ -43,7 +43,7 @@ pub enum KnobPart {
 }
 
 impl KnobPart {
-    /// What heads its knobs.
+    /// Heading of its knobs.
     pub fn words(self) -> &'static str {
         match self {
             Self::Algorithm => "algorithm",
@@ -120,7 +120,7 @@ const DISPARITY: [Parameter; 1] = [Parameter {
 
 const ON_OFF: Range = Range::Flag { default: false };
 
-/// How far values are sought in the direction of a step: some algorithms take only odd ones.
+/// Distance that values are sought in the direction of a step: some algorithms take only odd ones.
 const STEPS: i32 = 16;
 
 impl Knob {

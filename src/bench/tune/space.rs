@@ -159,7 +159,7 @@ impl SearchAxis {
         }
     }
 
-    /// Where a value lies, 0..1; a value outside at the nearer end.
+    /// Place of a value, 0..1; a value outside is at the nearer end.
     fn place(&self, value: &Value) -> f64 {
         let within = |value: f64, low: f64, high: f64, is_log: bool| {
             let at = if is_log {
@@ -251,7 +251,7 @@ impl Space {
         Ok(Self { base, axes })
     }
 
-    /// Where a setting lies.
+    /// Place of a setting.
     pub fn place(&self, algorithm: &Algorithm) -> Vec<f64> {
         let place = |axis: &SearchAxis| {
             let mut values = algorithm.parameters().iter();

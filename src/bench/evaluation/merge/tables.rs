@@ -23,7 +23,7 @@ pub(super) struct FoundPart {
 pub(super) struct MergeOrder {
     runs: HashMap<ReportRun, usize>,
     algorithms: HashMap<String, usize>,
-    /// Whether an algorithm's rows of a run stay together.
+    /// True if an algorithm's rows of a run stay together.
     driven: bool,
 }
 

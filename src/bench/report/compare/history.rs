@@ -18,7 +18,7 @@ use svl_data::score::{METRICS, Metric, MetricOrigin, MetricUnit};
 pub struct History {
     /// By scenario, in the order of their first reports.
     pub scenarios: Vec<ScenarioHistory>,
-    /// What of the named is left out: reports that a later one replaced, and whatever is not a
+    /// Names that are left out: reports that a later one replaced, and whatever is not a
     /// report.
     pub left_out: Vec<LeftOut>,
 }
@@ -44,7 +44,7 @@ pub struct ScenarioHistory {
     pub lines: Vec<HistoryLine>,
 }
 
-/// What made a report.
+/// A report, and the svl and the machine that made it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct HistoryReport {
     pub folder: PathBuf,

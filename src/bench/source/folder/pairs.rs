@@ -17,7 +17,7 @@ pub(super) struct FoundPairs {
 
 /// The images of a pair.
 pub(super) struct PairFiles {
-    /// What the names of both have in common.
+    /// The part that the names of both have in common.
     pub key: Vec<u8>,
     pub left: PathBuf,
     /// Nothing where the left one is an image of both, side by side.
@@ -160,7 +160,7 @@ fn ordered(mut pairs: Vec<PairFiles>) -> Vec<PairFiles> {
 /// Names that a message lists of each kind.
 const LISTED: usize = 4;
 
-/// What a folder holds, in words.
+/// Content of a folder, in words.
 fn contents(folder: &Path) -> Result<String> {
     let (folders, files): (Vec<_>, Vec<_>) =
         entries(folder)?.into_iter().partition(|path| path.is_dir());
