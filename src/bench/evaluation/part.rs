@@ -22,7 +22,7 @@ const TABLES: [&str; 6] = [
 /// The file that a part has besides those of a report.
 pub const PART: &str = "part.json";
 
-/// A part of a report: its shard, and the runs that it is of.
+/// A part of a report: its shard, and the whole that it belongs to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReportPart {
     pub shard: Shard,

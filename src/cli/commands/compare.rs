@@ -150,7 +150,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             comparisons.iter().map(ToString::to_string).collect(),
         ))?;
     }
-    // What became worse before what could not be told.
+    // Metrics that became worse come before those that could not be judged.
     let failed = cases.iter().filter_map(|case| match &case.result {
         TestResult::Failed(why) => Some(format!("{}: {why}", case.name)),
         _ => None,

@@ -274,7 +274,7 @@ impl Fetching {
                 made,
             },
         )?;
-        // What the user put there stays.
+        // Files of the user stay.
         if fetch::is_archive(file) && downloads {
             std::fs::remove_file(&path).map_err(|e| svl::Error::io(&path, e))?;
         }

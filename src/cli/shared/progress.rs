@@ -8,7 +8,7 @@ use svl::console::{Bar, Console, Unit};
 
 static HANDLER: OnceLock<()> = OnceLock::new();
 
-/// Whether Ctrl-C (or SIGTERM) came. The first asks the work to end orderly; the second ends the
+/// True once Ctrl-C (or SIGTERM) came. The first asks the work to end orderly; the second ends the
 /// program at once.
 pub(crate) fn interrupted() -> bool {
     svl::interrupt::requested()
@@ -118,7 +118,7 @@ impl Bytes {
     pub(crate) fn go_on(&self, done: u64, total: Option<u64>) -> bool {
         if let Some(total) = total.filter(|&total| self.0.length() != Some(total)) {
             self.0.set_length(total);
-            // What an earlier download left is no measure of this one's rate.
+            // Bytes of an earlier download are no measure of this one's rate.
             self.0.set_position(done);
             self.0.reset_eta();
         }

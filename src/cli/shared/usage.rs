@@ -1,4 +1,4 @@
-//! What is wrong with the command line itself, whatever files and machines there are: one line, and
+//! An error of the command line itself, whatever files and machines there are: one line, and
 //! exit code 2.
 
 use super::terminal::print_error;

@@ -245,7 +245,7 @@ fn unpaired(summary: &RecordingSummary) -> Option<String> {
     ))
 }
 
-/// Whether the pairs are raw or rectified, and by which calibration.
+/// Geometry of the pairs, raw or rectified, and the calibration.
 fn geometry(summary: &RecordingSummary) -> Option<String> {
     let names: Vec<_> = summary.geometry.iter().map(|kind| kind.name()).collect();
     let calibration = summary

@@ -109,7 +109,7 @@ pub(crate) struct Args {
     force: bool,
 }
 
-/// What scenarios alone take.
+/// Options that only scenarios accept.
 pub(crate) const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds"];
 
 fn pace(text: &str) -> Result<Pace, String> {
@@ -283,7 +283,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     Ok(complete(&ending)?)
 }
 
-/// What `--json` prints.
+/// The JSON that `--json` prints.
 #[derive(serde::Serialize)]
 struct Answer<'a> {
     #[serde(flatten)]

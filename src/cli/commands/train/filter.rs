@@ -112,9 +112,10 @@ fn sizes(text: &str) -> Result<Sizes, String> {
     }
     sizes.sort_unstable();
     sizes.dedup();
-    match (1..=MAX_SIZES).contains(&sizes.len()) {
-        true => Ok(Sizes(sizes)),
-        false => Err(wrong()),
+    if (1..=MAX_SIZES).contains(&sizes.len()) {
+        Ok(Sizes(sizes))
+    } else {
+        Err(wrong())
     }
 }
 

@@ -31,7 +31,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let (page, log) = (out.with_extension("md"), out.with_extension("csv"));
     let may_replace = args.force || args.search.resume;
-    // What a search found is replaced by what it finds when it goes on; its log goes on.
+    // Results of a search are replaced by those of its continuation; its log goes on.
     let claimed = Outputs::claim(may_replace, [], [out, &page])?;
     let logs = Outputs::claim(may_replace, [], [log.as_path()])?;
     let filters = args.filters.models()?;
@@ -187,7 +187,7 @@ fn tested(args: &Args, scenario: &Scenario) -> anyhow::Result<Option<Scenario>> 
     })
 }
 
-/// What is sought, checked against what there is.
+/// The goal, checked against the metrics that the pairs have.
 fn goal(args: &Args, has_truth: bool) -> anyhow::Result<Goal> {
     let search = &args.search;
     let default = Goal::by_default(has_truth)?;

@@ -161,7 +161,7 @@ const SAMPLE: usize = 64;
 /// Most memory of the sample, bytes.
 const SAMPLE_BYTES: usize = 256 << 20;
 
-/// What is tuned on, by hand.
+/// The source that is tuned on, by hand.
 struct Tuned<'a> {
     name: String,
     /// None for cameras, which no scenario can read.
@@ -329,7 +329,7 @@ fn open<'a>(args: &'a Args, name: &'a str, quiet: bool) -> anyhow::Result<Tuned<
     })
 }
 
-/// Where pictures go, and why nowhere.
+/// Target of the pictures, and the reason where there is none.
 fn destination(args: &Args) -> anyhow::Result<(Option<RerunTarget>, Option<String>)> {
     match &args.rerun {
         Some(choice) => Ok((choice.target().cloned(), None)),

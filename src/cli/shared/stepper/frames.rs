@@ -20,7 +20,7 @@ pub(crate) struct FrameStore<'a> {
     reads: Reads<'a>,
     /// Index of the frame that the source gives next; unknown after an error.
     next: Option<u64>,
-    /// How many frames there are, where that is known.
+    /// Number of frames, where that is known.
     count: Option<u64>,
     /// The frames read last, the newest behind.
     kept: VecDeque<(u64, Arc<Frame>)>,
@@ -30,7 +30,7 @@ pub(crate) struct FrameStore<'a> {
     damage: Option<String>,
 }
 
-/// Where frames come from.
+/// Source of the frames.
 enum Reads<'a> {
     Recorded {
         open: Open<'a>,
@@ -45,13 +45,13 @@ struct LiveFrames {
     thread: Option<JoinHandle<()>>,
 }
 
-/// What came last.
+/// The frame that came last.
 #[derive(Default)]
 struct Newest {
     frame: Option<Frame>,
     /// Why no more frames come.
     ended: Option<String>,
-    /// Whether no more are wanted.
+    /// True if no more are wanted.
     stopped: bool,
 }
 
@@ -137,12 +137,12 @@ impl<'a> FrameStore<'a> {
         }
     }
 
-    /// Whether frames come as time goes on.
+    /// True if frames come as time goes on.
     pub(crate) fn is_live(&self) -> bool {
         matches!(self.reads, Reads::Live(_))
     }
 
-    /// How many frames there are, where that is known.
+    /// Number of frames, where that is known.
     pub(crate) fn count(&self) -> Option<u64> {
         self.count
     }

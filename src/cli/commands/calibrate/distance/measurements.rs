@@ -61,7 +61,7 @@ struct TableLine {
     recording: Option<PathBuf>,
 }
 
-/// How recordings are measured.
+/// Options for measuring recordings.
 pub(super) struct Measuring<'a> {
     pub algorithm: &'a Algorithm,
     /// Cells that show the target; none for those that agree with the middle one.

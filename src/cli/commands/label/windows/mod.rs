@@ -24,7 +24,7 @@ use svl::stereo::GridShape;
 use svl::train::TrainSettings;
 use tool::Categorizer;
 
-/// What frames and windows have in common.
+/// Options that frames and windows have in common.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]

@@ -38,12 +38,12 @@ const MOST_UNDONE: usize = 1000;
 struct Knobs {
     /// Per algorithm.
     settings: Vec<TunedSetting>,
-    /// What they are compared with.
+    /// Settings that they are compared with.
     compared: Vec<TunedSetting>,
     current: usize,
 }
 
-/// What a line is typed for.
+/// Purpose of a line that is typed.
 enum Asks {
     Value(LineEdit),
     File(LineEdit),
@@ -67,9 +67,9 @@ pub(super) struct Tuner {
     out: Option<PathBuf>,
     /// With the folder of its file.
     scenario: Option<Scenario>,
-    /// What the filters detect, with their files.
+    /// Kinds of the filters, with their files.
     filters: Vec<(FilterKind, PathBuf)>,
-    /// Where the knobs are on the screen.
+    /// Place of the knobs on the screen.
     rows: Vec<(Rect, usize)>,
     written: Vec<String>,
 }
@@ -318,7 +318,7 @@ impl Tuner {
         Ok(format!("{words} written"))
     }
 
-    /// What was tried, over the sample.
+    /// Settings that were tried, over the sample.
     fn markdown(&self, source: &str) -> String {
         let [now, compared] = self.pair().map(|setting| title(&setting.algorithm));
         let mut text = format!(
@@ -345,7 +345,7 @@ impl Tuner {
         text + "\n"
     }
 
-    /// What is printed at the end.
+    /// The text that is printed at the end.
     pub(super) fn farewell(&self) -> String {
         let mut text = String::new();
         for (setting, begun) in self.knobs.settings.iter().zip(&self.begun) {

@@ -345,9 +345,10 @@ fn why_lines(shown: &Shown, side: usize, width: u16) -> Vec<Line<'static>> {
     let words = Reason::ALL.iter().enumerate().filter_map(|(i, reason)| {
         let (now, before) = (share(side, i), share(1, i));
         let is_shown = *reason != Reason::Valid && (frame.why[0][i] > 0 || frame.why[1][i] > 0);
-        let change = match (now - before).abs() < 0.05 {
-            true => String::new(),
-            false => format!(" ({:+.1})", now - before),
+        let change = if (now - before).abs() < 0.05 {
+            String::new()
+        } else {
+            format!(" ({:+.1})", now - before)
         };
         is_shown.then(|| format!("{} {now:.1} %{change}", reason.name()))
     });
