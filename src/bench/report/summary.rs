@@ -59,7 +59,7 @@ pub struct Summary {
     /// The algorithms are in the order that the user chose.
     #[serde(skip)]
     pub is_sorted: bool,
-    /// How cells were scored.
+    /// Rule by which cells were scored.
     #[serde(skip)]
     pub rule: CellRule,
     /// The work that the times are of, where that is known.
@@ -294,7 +294,7 @@ impl Summary {
         }
     }
 
-    /// What must be said above every table that needs a truth; nothing where that is exact.
+    /// Caveat above every table that needs a truth; absent where that is exact.
     pub fn caution(&self) -> Option<String> {
         caution(&self.truth)
     }

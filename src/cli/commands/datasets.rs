@@ -199,7 +199,7 @@ fn fetch(args: &FetchArgs, quiet: bool) -> anyhow::Result<()> {
     ))
 }
 
-/// Where the files come from.
+/// Origin of the files.
 enum Origin {
     Authors,
     Mirror(String),

@@ -188,7 +188,7 @@ pub(crate) fn style() -> TerminalStyle {
     }
 }
 
-/// Where a report is, and what shows more of it.
+/// The place of a report, and the commands that show more of it.
 pub(crate) fn report_lines(folder: &Path) -> String {
     let (page, folder) = (folder.join("index.html"), folder.display());
     let viewer = format!("viewer   svl view {folder}\n");
