@@ -141,9 +141,10 @@ pub fn figure(drive: &Path, recordings: &Path) -> Result<String, Failure> {
         println!("{name:<40} {:>10} {:>10}", tau(&recorded), tau(&own));
         let series = recorded.iter().map(|(x, y, label)| Series {
             name: label.clone(),
-            form: match label.contains(':') {
-                true => SeriesStyle::Points,
-                false => SeriesStyle::Named,
+            form: if label.contains(':') {
+                SeriesStyle::Points
+            } else {
+                SeriesStyle::Named
             },
             points: vec![(*x, *y)],
         });

@@ -42,12 +42,7 @@ pub fn main() -> svl::Result<()> {
     let algorithms = ["v3".parse()?, "bm".parse()?];
     let mut source = ArenaSource::new(Arena::new(&ArenaConfig::default(), 1)?, 1);
     let (manifest, judge) = (Manifest::new("arena", &algorithms)?, Judge::default());
-    let start = RunStart {
-        manifest: &manifest,
-        log: None,
-        seed: Some(1),
-        judge: &judge,
-    };
+    let start = RunStart::new(&manifest, Some(1), &judge);
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(WrongCells::default())];
     let (matchers, pace) = (&mut Matchers::new(&algorithms)?, Pace::Asap);
     let (_, ran) = run(

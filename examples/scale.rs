@@ -69,9 +69,10 @@ fn svl_s(svl: &Path, folder: &Path, line: &str) -> Result<f64, Failure> {
         .args(line.split_whitespace())
         .current_dir(folder)
         .output()?;
-    match done.status.success() {
-        true => Ok(start.elapsed().as_secs_f64()),
-        false => Err(String::from_utf8_lossy(&done.stderr).into()),
+    if done.status.success() {
+        Ok(start.elapsed().as_secs_f64())
+    } else {
+        Err(String::from_utf8_lossy(&done.stderr).into())
     }
 }
 

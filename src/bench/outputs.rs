@@ -10,8 +10,8 @@ pub fn make_folder(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).map_err(|e| Error::io(path, e))
 }
 
-/// What a command writes. Dropped before [`Outputs::commit`] or [`Outputs::keep_both`], it puts the
-/// earlier files back in place of new ones that are of no use.
+/// The outputs of a command. Dropped before [`Outputs::commit`] or [`Outputs::keep_both`], they put
+/// the earlier files back in place of new ones that are of no use.
 #[must_use]
 pub struct Outputs(Vec<Output>);
 
@@ -19,27 +19,27 @@ pub struct Outputs(Vec<Output>);
 struct Output {
     path: PathBuf,
     folder: Option<&'static FolderRule>,
-    /// Whether the folder did not exist before.
+    /// True if the folder did not exist before.
     created: bool,
-    /// Whether a file that exists may be replaced.
+    /// True if a file that exists may be replaced.
     may_replace: bool,
     /// Locks the folder against another svl.
     _lock: Option<File>,
-    /// Whether what is at `path` is new.
+    /// True if the file or folder at `path` is new.
     begun: bool,
-    /// Where the earlier file, or the earlier files of the folder, went.
+    /// New place of the earlier file, or of the earlier files of the folder.
     aside: Option<PathBuf>,
 }
 
 /// By what svl knows a folder of its own, which it may replace.
 pub struct FolderRule {
-    /// What the folder is, with its article.
+    /// Kind of folder, with its article.
     pub kind: &'static str,
-    /// Whether a file of that name belongs to it.
+    /// True if a file of that name belongs to it.
     pub owns: fn(&str) -> bool,
     /// The JSON file that each such folder has.
     pub mark: &'static str,
-    /// How to name another.
+    /// Advice on how to name another.
     pub cure: &'static str,
 }
 
@@ -173,7 +173,7 @@ impl Drop for Outputs {
 }
 
 impl FolderRule {
-    /// Whether a file is one of such a folder.
+    /// True if a file is one of such a folder.
     fn holds(&self, file: &Path) -> bool {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
         file.is_file() && (self.owns)(&name)
@@ -239,7 +239,7 @@ impl Output {
             };
         };
         if self.begun {
-            // What cannot be removed is replaced by the earlier file of its name, or stays.
+            // A file that cannot be removed is replaced by the earlier file of its name, or stays.
             let files = files(&self.path).unwrap_or_default();
             files
                 .iter()
@@ -330,7 +330,7 @@ fn may_write(path: &Path, force: bool) -> Result<()> {
     Ok(())
 }
 
-/// Whether a recorder has locked it.
+/// True if a recorder has locked it.
 fn is_being_written(path: &Path) -> bool {
     let lock = File::open(path).ok().map(|file| file.try_lock());
     matches!(lock, Some(Err(TryLockError::WouldBlock)))
@@ -340,7 +340,7 @@ fn is_being_written(path: &Path) -> bool {
 pub fn distinct<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<()> {
     let mut seen: Vec<PathBuf> = Vec::new();
     for path in paths {
-        // What does not exist yet has no canonical name, but its folder has.
+        // A file that does not exist yet has no canonical name, but its folder has.
         let real = path.canonicalize().unwrap_or_else(|_| {
             let folder = parent(path);
             let real = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
@@ -366,6 +366,20 @@ fn parent(path: &Path) -> &Path {
 /// Writes a file of a report.
 pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<()> {
     std::fs::write(path, content).map_err(|e| Error::io(path, e))
+}
+
+/// Writes a scenario and, beside it, the page that says how it was found; their names in words.
+///
+/// # Errors
+/// As [`Outputs::claim`]; [`Error::Io`].
+pub fn write_with_page(path: &Path, toml: &str, markdown: &str, force: bool) -> Result<String> {
+    let page = path.with_extension("md");
+    let mut outputs = Outputs::claim(force, [], [path, &page])?;
+    outputs.set_aside()?;
+    write(path, toml)?;
+    write(&page, markdown)?;
+    outputs.commit();
+    Ok(format!("{} and {}", path.display(), page.display()))
 }
 
 /// Writes a file of a report as JSON.

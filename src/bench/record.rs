@@ -31,12 +31,7 @@ pub fn record(
         Err(error) => return (Outcome::default(), Err(error)),
     };
     let judge = Judge::default();
-    let start = RunStart {
-        manifest: &manifest,
-        log: None,
-        seed: opened.header.seed,
-        judge: &judge,
-    };
+    let start = RunStart::new(&manifest, opened.header.seed, &judge);
     let request = SinkRequest {
         recording: Some(writer),
         ..SinkRequest::default()
@@ -137,7 +132,7 @@ fn check_header(path: &Path, expected: &Header) -> Result<()> {
     Err(Error::format(path, reason))
 }
 
-/// Whether a recording has its summary, and all pairs by it. Damage before that is met in reading.
+/// True if a recording has its summary, and all pairs by it. Damage before that is met in reading.
 fn is_complete(path: &Path, pairs: Option<u64>) -> Result<bool> {
     Ok(path.exists() && RecordingSource::open(path)?.pairs() == pairs)
 }

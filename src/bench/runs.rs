@@ -57,7 +57,7 @@ pub fn named(what: &[String]) -> Result<Scenario> {
 /// A run with its judge.
 pub enum ScoredSource {
     Opened(Box<(RunSource, Judge)>),
-    /// Of the arena with that seed, recorded when its turn comes: what comes before is on the
+    /// A run of the arena with that seed, recorded when its turn comes: all before it is on the
     /// screen by then.
     Arena(u64),
 }

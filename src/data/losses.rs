@@ -11,7 +11,7 @@ use svl_core::stereo::Losses;
 #[serde(try_from = "WrittenLimit", into = "WrittenLimit")]
 pub enum LossLimit {
     Pairs(u64),
-    /// Of the pairs.
+    /// Per cent of the pairs.
     Percent(f64),
 }
 
@@ -82,14 +82,14 @@ impl Display for LossLimit {
     }
 }
 
-/// What a run misses, and of how much. Those of its shards add up to that of the whole.
+/// Number of pairs of a run, and of those that it misses: shards add up to the whole.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Missing {
     /// Pairs that were taken, of every run and level of stress.
     pub pairs: u64,
     #[serde(flatten)]
     pub losses: Losses,
-    /// Of each algorithm.
+    /// By the label of the algorithm.
     pub algorithms: BTreeMap<String, FailedPairs>,
 }
 
@@ -117,7 +117,7 @@ impl Missing {
         own.failed += of.failed;
     }
 
-    /// Whether the pairs that are lost, or those that an algorithm failed on, are more than these.
+    /// True if the pairs that are lost, or those that an algorithm failed on, are more than these.
     fn exceeds(&self, limit: LossLimit) -> bool {
         let lost = self.losses.lost();
         let read = self.pairs + self.losses.skipped + lost;
@@ -152,7 +152,7 @@ impl Missing {
     }
 }
 
-/// How a run ended.
+/// State of a run at its end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RunState {
@@ -167,7 +167,7 @@ pub enum RunState {
     Failed,
 }
 
-/// How a run ended, and what it misses.
+/// The end of a run, and the pairs that it misses.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunEnding {
     pub state: RunState,
@@ -183,9 +183,10 @@ impl RunEnding {
         let more = allowed.map(|limit| format!(", more than {limit}"));
         let words = missing.words().filter(|_| is_lossy);
         Self {
-            state: match is_lossy {
-                true => RunState::Lossy,
-                false => RunState::Complete,
+            state: if is_lossy {
+                RunState::Lossy
+            } else {
+                RunState::Complete
             },
             incomplete: words.map(|words| words + &more.unwrap_or_default()),
             missing,
@@ -201,12 +202,12 @@ impl RunEnding {
         }
     }
 
-    /// Whether it came to the end of its sources.
+    /// True if it came to the end of its sources.
     pub fn is_whole(&self) -> bool {
         matches!(self.state, RunState::Complete | RunState::Lossy)
     }
 
-    /// What is not scored of a run and yet does not make it incomplete, for people.
+    /// Everything that is not scored and yet does not make the run incomplete, for people.
     pub fn note(&self) -> Option<String> {
         let allowed = self.missing.words();
         let allowed = allowed.filter(|_| self.state == RunState::Complete);

@@ -205,12 +205,7 @@ impl<'a> Context<'a> {
             .map(|a| a.parse())
             .collect::<Result<Vec<_>>>()?;
         let manifest = Manifest::new("reproduce", &algorithms)?;
-        let start = RunStart {
-            manifest: &manifest,
-            log: None,
-            seed: None,
-            judge,
-        };
+        let start = RunStart::new(&manifest, None, judge);
         let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
         let mut monitor = Counting {
             done: &mut self.done,

@@ -349,9 +349,10 @@ impl Sink for Points {
                 let caption = format!("Point {}: {} RANK: {outcome}", checkpoint.number, NAMES[a]);
                 let (best, worst) = point.tally.would_lead(verdict);
                 // Only leading frames are kept, and encoding a picture takes longer than scoring.
-                let exhibit = match best || worst {
-                    true => Some(grid_picture(caption, &judged.frame, scored)?),
-                    false => None,
+                let exhibit = if best || worst {
+                    Some(grid_picture(caption, &judged.frame, scored)?)
+                } else {
+                    None
                 };
                 point
                     .tally

@@ -263,21 +263,17 @@ impl MatchOutcome {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::{Exposure, ExtraPlanes, Geometry, Plane, Truth};
+    use svl_core::stereo::{ExtraPlanes, Geometry, Plane, Truth};
 
     #[test]
     fn outcomes_pool_pixels() {
         let image = Gray::filled(4, 1, 0).unwrap();
         let frame = Frame {
-            sequence: 0,
-            stamp_ns: 0,
-            name: None,
-            pair: StereoPair::new(image.clone(), image).unwrap(),
-            geometry: Geometry::Rectified(None),
-            pose: None,
             truth: Some(Truth::exact(Plane::filled(4, 1, 3.0).unwrap(), None)),
-            color: None,
-            exposure: Exposure::default(),
+            ..Frame::new(
+                StereoPair::new(image.clone(), image).unwrap(),
+                Geometry::Rectified(None),
+            )
         };
         let mut map = DisparityMap::with_planes(4, 1, ExtraPlanes::SSDPI).unwrap();
         let mut row = map.rows_mut().next().unwrap();

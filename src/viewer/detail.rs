@@ -34,9 +34,10 @@ impl ListedFrames {
 
     /// Whether the next frame is listed, by what is known of it before it is judged.
     pub(crate) fn choose(&mut self, is_scene: bool, shows_checkpoint: bool) -> bool {
-        let every = match shows_checkpoint {
-            true => EVERY_AT_CHECKPOINT,
-            false => EVERY,
+        let every = if shows_checkpoint {
+            EVERY_AT_CHECKPOINT
+        } else {
+            EVERY
         };
         let since = self.since.map(|since| since + 1);
         self.scenes += u64::from(is_scene);

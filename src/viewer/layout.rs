@@ -47,13 +47,14 @@ pub(crate) fn run(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
         LayoutNode::grid("overlays", overlays)
     };
     let worlds: Vec<LayoutNode> = algorithms.iter().map(|a| world(a, facts, one)).collect();
-    let top = match facts.rig {
-        true => LayoutNode::row(
+    let top = if facts.rig {
+        LayoutNode::row(
             "scene",
             vec![LayoutNode::tabs("worlds", worlds), overlays],
             &[if one { 0.7 } else { 0.5 }, 1.0],
-        ),
-        false => overlays,
+        )
+    } else {
+        overlays
     };
     let shares: &[f32] = if algorithms.len() > 2 {
         &[5.0, 3.0, 2.0]

@@ -420,10 +420,11 @@ impl Sink for RerunSink {
             let sent = self.stream.flush_with_timeout(SENT);
             return sent.map_err(|error| self.target.broken(&error.to_string()));
         }
-        match is_first {
+        if is_first {
             // The viewer's time cursor stands where the first piece of a file begins.
-            true => self.flush(),
-            false => Ok(()),
+            self.flush()
+        } else {
+            Ok(())
         }
     }
 

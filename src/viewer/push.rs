@@ -49,9 +49,10 @@ impl RerunSink {
             return self.log("truth", &Clear::recursive());
         };
         self.log_overlay("truth/overlay", cells.grid(), &judged.frame, scale)?;
-        match self.has_maps {
-            true => self.log_depth("truth/depth", &truth.disparity, &judged.frame, scale),
-            false => Ok(()),
+        if self.has_maps {
+            self.log_depth("truth/depth", &truth.disparity, &judged.frame, scale)
+        } else {
+            Ok(())
         }
     }
 

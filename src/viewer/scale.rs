@@ -41,7 +41,7 @@ impl Scale {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::{Exposure, Geometry, Gray, Plane, Pose, Rig, StereoPair, Truth};
+    use svl_core::stereo::{Geometry, Gray, Plane, Pose, Rig, StereoPair, Truth};
 
     #[test]
     fn the_arena_goes_to_3_m_and_a_scene_to_its_farthest_point() {
@@ -49,15 +49,12 @@ mod tests {
         let rig = Rig::new(328.0, (159.5, 119.5), 0.044, 0.0).unwrap();
         let truth = Plane::from_fn(320, 240, |x, _| if x == 0 { 7.216 } else { 72.16 }).unwrap();
         let arena = Frame {
-            sequence: 0,
-            stamp_ns: 0,
-            name: None,
-            pair: StereoPair::new(image.clone(), image).unwrap(),
-            geometry: Geometry::Rectified(Some(rig)),
             pose: Some(Pose::identity()),
             truth: Some(Truth::exact(truth, None)),
-            color: None,
-            exposure: Exposure::default(),
+            ..Frame::new(
+                StereoPair::new(image.clone(), image).unwrap(),
+                Geometry::Rectified(Some(rig)),
+            )
         };
         assert!((Scale::of(&arena).far_m - 3.0).abs() < 1e-6);
         let scene = Frame {

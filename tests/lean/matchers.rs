@@ -148,9 +148,8 @@ fn nothing_is_allocated_after_the_first_pair() {
     }
 }
 
-/// Nor is anything by the filters, whose models the robot reads once.
-#[test]
-fn nothing_is_allocated_to_look_at_a_second_image() {
+/// A filter of which all weights are 0.
+fn filter_model(kind: FilterKind, range_px: Option<f64>) -> Arc<FilterModel> {
     let features = Features {
         window: 64,
         scaling: Scaling::Log,
@@ -158,15 +157,21 @@ fn nothing_is_allocated_to_look_at_a_second_image() {
     };
     let weights = vec![0.0; 7 * features.count()];
     let network = Network::new(features.count(), &weights, vec![0.0; 7], vec![0.0; 7], 1.0);
-    let model = FilterModel {
-        kind: FilterKind::Floor,
+    Arc::new(FilterModel {
+        kind,
         features,
         network: network.unwrap(),
-        range_px: None,
+        range_px,
         facts: ModelFacts::new(),
-    };
+    })
+}
+
+/// Nor is anything by the filters, whose models the robot reads once.
+#[test]
+fn nothing_is_allocated_to_look_at_a_second_image() {
+    let model = filter_model(FilterKind::Floor, None);
     let pair = pair(160, 96);
-    let mut filter = CellFilter::new(Arc::new(model), Isa::PORTABLE);
+    let mut filter = CellFilter::new(model, Isa::PORTABLE);
     let shape = GridShape::default();
     assert_eq!(filter.look(pair.left(), shape).unwrap(), [true; 15]);
     let before = ALLOCATIONS.get();
@@ -176,20 +181,7 @@ fn nothing_is_allocated_to_look_at_a_second_image() {
 
 #[test]
 fn a_filter_for_a_larger_range_than_is_tried_is_refused() {
-    let features = Features {
-        window: 64,
-        scaling: Scaling::Log,
-        mean: true,
-    };
-    let weights = vec![0.0; 7 * features.count()];
-    let network = Network::new(features.count(), &weights, vec![0.0; 7], vec![0.0; 7], 1.0);
-    let model = Arc::new(FilterModel {
-        kind: FilterKind::TooClose,
-        features,
-        network: network.unwrap(),
-        range_px: Some(80.0),
-        facts: ModelFacts::new(),
-    });
+    let model = filter_model(FilterKind::TooClose, Some(80.0));
     let build = |text: &str| {
         let algorithm: Algorithm = text.parse().unwrap();
         algorithm.filtered(&[Arc::clone(&model)]).build().map(drop)

@@ -17,7 +17,7 @@ pub struct Course {
     world: ArenaWorld,
     /// The way of the driver with perfect sight.
     route: Vec<RobotState>,
-    /// How many layouts were thrown away.
+    /// Number of layouts that were thrown away.
     rejected: u32,
 }
 
@@ -28,7 +28,7 @@ const LENGTH_M: f64 = DriveConfig::LENGTH_M;
 const MARGIN_M: f64 = 0.4;
 /// Length of a section.
 const SECTION_M: f64 = 1.1;
-/// Where the first section begins.
+/// Beginning of the first section.
 const FIRST_M: f64 = 0.95;
 const SECTIONS: u32 = 5;
 
@@ -68,7 +68,7 @@ impl Course {
         &self.world
     }
 
-    /// How many layouts were thrown away before this one.
+    /// Number of layouts that were thrown away before this one.
     pub fn rejected(&self) -> u32 {
         self.rejected
     }
@@ -184,12 +184,12 @@ const PATTERNS: [FloorPattern; 5] = [
     FloorPattern::Planks,
 ];
 
-/// What stands in a section that begins at some `y`, metres.
+/// The obstacles of a section that begins at some `y`, metres.
 type CourseSection = fn(&mut Things, f64);
 
 const SECTION_KINDS: [CourseSection; 6] = [corridor, blocks, balls, slanted_wall, bridge, dead_end];
 
-/// What stands in a course so far.
+/// The obstacles of a course so far.
 struct Things {
     dice: fastrand::Rng,
     gap_m: f64,

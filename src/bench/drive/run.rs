@@ -19,19 +19,19 @@ use svl_data::scenario::Scenario;
 use svl_data::score::{Judge, Judged, RunPart};
 use svl_data::stress::Stress;
 
-/// What a drive is of.
+/// The plan of a drive.
 pub struct DrivePlan<'a> {
     pub scenario: &'a Scenario,
     pub manifest: &'a Manifest,
     pub course: &'a Arc<Course>,
     pub algorithm: &'a Algorithm,
-    /// How its pairs are made worse, if they are.
+    /// The perturbation of its pairs, if any.
     pub stress: Option<Stress>,
-    /// Where it is recorded, if it is; the file is new.
+    /// Its recording, if it is recorded; the file is new.
     pub recording: Option<&'a Path>,
 }
 
-/// What a drive leaves.
+/// The result of a drive.
 #[derive(Default)]
 pub struct DriveResult {
     pub drives: Vec<DriveRow>,
@@ -40,7 +40,7 @@ pub struct DriveResult {
     pub cells: Vec<CellRow>,
     /// The last two seconds before the collision at the highest speed, with that speed, m/s.
     pub worst: Option<(f64, CheckpointFigure)>,
-    /// Whether the monitor ended it: it counts for nothing.
+    /// True if the monitor ended it: it counts for nothing.
     pub interrupted: bool,
     /// The pairs that the algorithm failed on.
     pub failures: Vec<FailureRow>,
@@ -74,12 +74,7 @@ impl DrivePlan<'_> {
             },
             ..self.scenario.judge()
         };
-        let start = RunStart {
-            manifest: self.manifest,
-            log: None,
-            seed: Some(self.course.seed()),
-            judge: &judge,
-        };
+        let start = RunStart::new(self.manifest, Some(self.course.seed()), &judge);
         let mut sinks = match self.writer()? {
             None => Vec::new(),
             Some(writer) => Sinks::open(SinkRequest {
@@ -194,7 +189,7 @@ impl DrivePlan<'_> {
 }
 
 impl Course {
-    /// What a map shows of it.
+    /// Its track, for the map.
     pub fn plan(&self) -> CoursePlan {
         let world = &self.world().config().world;
         CoursePlan {

@@ -28,7 +28,7 @@ impl DriveSource {
         }
     }
 
-    /// What became of the drive, up to the frame given out last.
+    /// Result of the drive, up to the frame given out last.
     pub fn log(&self) -> Arc<Mutex<DriveLog>> {
         Arc::clone(&self.log)
     }
@@ -79,7 +79,7 @@ pub(super) struct Drive {
     sequence: u64,
     /// A near miss under way: the least clearance, what it is of, and where.
     near: Option<(f64, DriveEvent)>,
-    /// Where it was when it last came farther.
+    /// Its place when it last came farther.
     anchor: RobotState,
     /// A collision or being stuck ends the stretch: it is set back before the next frame.
     is_to_be_placed: bool,
@@ -88,7 +88,7 @@ pub(super) struct Drive {
 
 /// A robot that stays within this is stuck.
 const STUCK_M: f64 = 0.1;
-/// How far along the route it is set back after a collision.
+/// Distance along the route that it is set back after a collision.
 const PLACED_M: f64 = 0.3;
 
 impl Drive {
@@ -251,7 +251,7 @@ mod tests {
             let disparity = course.world().disparity(&pose).unwrap();
             drive.decide(&course, &grid(&disparity, settings, Some(&rig)));
         }
-        // What was decided on the first frame moves it from the second to the third.
+        // The decision on the first frame moves it from the second to the third.
         let speeds: Vec<_> = drive.log.track.iter().map(|p| p.speed_m_per_s).collect();
         assert!(speeds[..2] == [0.0, 0.0] && speeds[2] > 0.0, "{speeds:?}");
     }

@@ -48,14 +48,13 @@ fn recording_name(scenario: &Scenario, seed: u64, unit: DriveUnit) -> String {
         .map(|stress| format!("-{stress}"))
         .unwrap_or_default();
     let is_safe = |c: char| c.is_ascii_alphanumeric() || "_-.+".contains(c);
-    match label.chars().all(is_safe) {
-        true => format!("course-{seed}-{label}{stress}.mcap"),
+    if label.chars().all(is_safe) {
+        format!("course-{seed}-{label}{stress}.mcap")
+    } else {
         // Two labels may differ in what no file name has.
-        false => {
-            let safe = |c: char| if is_safe(c) { c } else { '-' };
-            let label: String = label.chars().take(40).map(safe).collect();
-            format!("course-{seed}-{}-{label}{stress}.mcap", unit.algorithm + 1)
-        }
+        let safe = |c: char| if is_safe(c) { c } else { '-' };
+        let label: String = label.chars().take(40).map(safe).collect();
+        format!("course-{seed}-{}-{label}{stress}.mcap", unit.algorithm + 1)
     }
 }
 
@@ -74,9 +73,10 @@ pub(super) fn evaluate(
     };
     let mut manifest = plan.manifest(Pace::Asap)?;
     manifest.times = Some("matching while other drives run".to_owned());
-    let earlier = match plan.resume {
-        true => EarlierDrives::read(folder, &mut manifest)?,
-        false => EarlierDrives::default(),
+    let earlier = if plan.resume {
+        EarlierDrives::read(folder, &mut manifest)?
+    } else {
+        EarlierDrives::default()
     };
     outputs.set_aside()?;
     let kept = earlier.drives.values().flat_map(|result| &result.drives);
@@ -103,8 +103,7 @@ pub(super) fn evaluate(
         missing.add_failures(row.algorithm.clone(), FailedPairs { pairs, failed });
     }
     let pairs = missing.pairs;
-    let ran_to_end = ran.as_ref().map_err(ToString::to_string).copied();
-    let ending = ending(ran_to_end, missing, scenario.options.allow_loss);
+    let ending = ending(&ran, missing, scenario.options.allow_loss);
     let finished = report.finish(plan, ending, console);
     Ok(EndedRun {
         ran,
@@ -119,7 +118,7 @@ pub(super) fn evaluate(
 /// Seed, algorithm and stress of a drive.
 type DriveKey = (u64, String, Option<String>);
 
-/// What an interrupted run left of whole drives.
+/// The whole drives of an interrupted run.
 #[derive(Default)]
 struct EarlierDrives {
     drives: HashMap<DriveKey, DriveResult>,
@@ -368,7 +367,7 @@ impl DriveReport {
     }
 }
 
-/// What the threads share that drive.
+/// State that the threads share.
 struct DriveWork<'a> {
     scenario: &'a Scenario,
     seeds: &'a [u64],

@@ -75,7 +75,7 @@ fn warn_of_unfinished(folder: &Path) {
     let is_unfinished = || match read_ending(folder) {
         Ok(Some(ending)) => ending.state == RunState::Interrupted,
         Ok(None) => true,
-        // Of an earlier svl, which says it otherwise.
+        // An earlier svl says it otherwise.
         Err(_) => false,
     };
     if rows.is_ok_and(|rows| rows.len() > 0) && is_unfinished() {

@@ -22,17 +22,17 @@ use svl_data::score::{ColumnChoice, Metric};
 /// Outlines and routes of the courses.
 pub const COURSES: &str = "courses.json";
 
-/// Whether a file of that name is the recording of a drive.
+/// True if a file of that name is the recording of a drive.
 pub fn is_recording(name: &str) -> bool {
     name.starts_with("course-") && name.ends_with(".mcap")
 }
 
-/// What a report says besides its numbers.
+/// The words of a report besides its numbers.
 #[derive(Clone, Copy)]
 pub struct ReportHead<'a> {
     pub description: &'a str,
     pub rule: CellRule,
-    /// Whether times are of matching alone.
+    /// True if times are of matching alone.
     pub measured: bool,
     pub algorithms: &'a [Algorithm],
     pub columns: &'a ColumnChoice,
@@ -42,7 +42,7 @@ pub struct ReportHead<'a> {
     pub limits: &'a [Limit],
 }
 
-/// What a report is written of.
+/// The content of a report.
 #[derive(Default)]
 pub struct ReportContent {
     pub rows: Vec<Row>,
@@ -189,13 +189,13 @@ fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
     times
 }
 
-/// How the run of a report ended; nothing of one that was killed.
+/// The end of a report's run; none for one that was killed.
 pub fn read_ending(folder: &Path) -> Result<Option<RunEnding>> {
     let path = folder.join("summary.json");
     path.exists().then(|| read_json(&path)).transpose()
 }
 
-/// What identifies the run of a report.
+/// The file that identifies the run of a report.
 pub const MANIFEST: &str = "manifest.json";
 
 /// The folder of a report, which a later report replaces.

@@ -23,13 +23,13 @@ const TABLES: [&str; 6] = [
 /// The file that a part has besides those of a report.
 pub const PART: &str = "part.json";
 
-/// What a part is of.
+/// A part of a report: its shard, and the whole that it belongs to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReportPart {
     pub shard: Shard,
     pub description: String,
     pub rule: CellRule,
-    /// Whether the runs are drives; the times of others are of matching alone.
+    /// True if the runs are drives; the times of others are of matching alone.
     pub driven: bool,
     /// All runs of the whole, in their order.
     pub runs: Vec<ReportRun>,
@@ -89,7 +89,7 @@ impl ReportPart {
     }
 }
 
-/// What distinguishes a run in the rows.
+/// The key of a run in the rows.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct ReportRun {
     pub run: Option<String>,
@@ -120,7 +120,7 @@ pub struct Shard {
 impl Shard {
     const MAX: usize = 10_000;
 
-    /// Whether the unit at that place of all is in this share: they are dealt out in turn.
+    /// True if the unit at that place of all is in this share: they are dealt out in turn.
     pub fn takes(self, unit: usize) -> bool {
         unit % self.of == self.number - 1
     }

@@ -22,15 +22,15 @@ pub struct EvaluationPlan<'a> {
     pub algorithms_file: Option<&'a str>,
     /// The folder of the report.
     pub folder: &'a Path,
-    /// How often each pair is matched.
+    /// Number of times that each pair is matched.
     pub rounds: usize,
-    /// Whether the drives are kept as recordings.
+    /// True if the drives are kept as recordings.
     pub keep_drives: bool,
     pub shard: Option<Shard>,
-    /// Whether an earlier part of the run in the folder is resumed.
+    /// True if an earlier part of the run in the folder is resumed.
     pub resume: bool,
     pub sort: Option<&'static Metric>,
-    /// Whether the limits of the scenario are scored.
+    /// True if the limits of the scenario are scored.
     pub gate: bool,
     pub viewer: Option<(&'static dyn Viewer, RerunTarget, RerunDetail)>,
 }
@@ -39,13 +39,13 @@ pub struct EvaluationPlan<'a> {
 pub(super) struct EndedRun {
     /// Why it ended early, if it did.
     pub(super) ran: Result<()>,
-    /// What came before is reported all the same.
+    /// The report, also of a run that ended early.
     pub(super) finished: Result<(Summary, Vec<GateResult>)>,
     /// Pairs that were taken.
     pub(super) pairs: u64,
     /// Folders of interrupted parts, which the report holds now.
     pub(super) others: Vec<PathBuf>,
-    /// Whether it holds all that the report before it had, even if it ended early.
+    /// True if it holds all that the report before it had, even if it ended early.
     pub(super) holds_earlier: bool,
     /// Of a part, as [`super::part::ReportPart`] has them.
     pub(super) inputs: Vec<(String, String)>,
@@ -63,7 +63,7 @@ impl EvaluationPlan<'_> {
         Ok(manifest)
     }
 
-    /// What the report says besides its numbers. `measured`: whether times are of matching alone.
+    /// The words of the report besides its numbers. `measured`: times are of matching alone.
     pub(super) fn head(&self, measured: bool) -> ReportHead<'_> {
         let scenario = self.scenario;
         ReportHead {

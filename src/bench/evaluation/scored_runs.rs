@@ -24,7 +24,7 @@ const MAX_SHOWN: usize = 32;
 struct ScoreReport {
     folder: PathBuf,
     manifest: Manifest,
-    /// What an earlier part of the run left.
+    /// Results of an earlier part of the run.
     log: ResultLog,
     sinks: Sinks,
     live: LiveTable,
@@ -167,9 +167,10 @@ pub(super) fn evaluate(
     };
     // The first before the report is begun: Ctrl-C there leaves an earlier one as it is.
     let mut first = units.first().map(&mut open).transpose()?;
-    let log = match plan.resume {
-        true => ResultLog::read(folder, &mut manifest, scenario.grid)?,
-        false => ResultLog::default(),
+    let log = if plan.resume {
+        ResultLog::read(folder, &mut manifest, scenario.grid)?
+    } else {
+        ResultLog::default()
     };
     let others = log.others().to_vec();
     outputs.set_aside()?;
@@ -195,10 +196,9 @@ pub(super) fn evaluate(
         }
         Ok(())
     });
-    // What came before an error or Ctrl-C is reported all the same.
+    // The pairs before an error or Ctrl-C are reported all the same.
     let pairs = missing.pairs;
-    let ran_to_end = ran.as_ref().map_err(ToString::to_string).copied();
-    let ending = ending(ran_to_end, missing, scenario.options.allow_loss);
+    let ending = ending(&ran, missing, scenario.options.allow_loss);
     let finished = report.finish(plan, &matchers, ending, console);
     Ok(EndedRun {
         ran,
@@ -212,7 +212,7 @@ pub(super) fn evaluate(
 
 /// A run through some of the algorithms, as it is or made worse.
 struct RunUnit<'a> {
-    /// Of the run among those of the scenario.
+    /// Place of the run among those of the scenario.
     place: usize,
     stress: Option<Stress>,
     labels: Vec<&'a str>,
@@ -228,9 +228,12 @@ impl<'a> RunUnit<'a> {
         let groups = groups(plan, runs.len());
         let unit = |(group, (stress, place)): (usize, (Option<Stress>, usize))| {
             let takes = |unit: usize| shard.is_none_or(|shard| shard.takes(unit));
-            let labels = labels.iter().enumerate().filter(|(i, _)| match shares_out {
-                true => takes(group * labels.len() + i),
-                false => takes(group),
+            let labels = labels.iter().enumerate().filter(|(i, _)| {
+                if shares_out {
+                    takes(group * labels.len() + i)
+                } else {
+                    takes(group)
+                }
             });
             Self {
                 place,

@@ -9,7 +9,7 @@ use svl_core::{Error, Result};
 /// Most algorithms of one run.
 pub const MAX_ALGORITHMS: usize = 1000;
 
-/// What one `--algo` asks for: an algorithm, or a grid of them, where numbers are ranges
+/// The request of one `--algo`: an algorithm, or a grid of them, where numbers are ranges
 /// `FROM..TO/STEP` or lists `A/B/C`, and words lists.
 #[derive(Clone, Debug)]
 pub struct Algorithms {
@@ -22,7 +22,7 @@ pub struct Algorithms {
 /// A setting, with its values where it is swept.
 #[derive(Clone, Debug)]
 struct Axis {
-    /// What stands before the value, with `=`; of a setting that is not swept all of it.
+    /// The text before the value, with `=`; all of a setting that is not swept.
     key: String,
     values: Vec<String>,
     is_swept: bool,
@@ -111,9 +111,10 @@ impl Algorithms {
             }
             place
         };
-        let places: Vec<_> = match most < all {
-            true => spread(&lengths, most),
-            false => (0..all).map(place).collect(),
+        let places: Vec<_> = if most < all {
+            spread(&lengths, most)
+        } else {
+            (0..all).map(place).collect()
         };
         places.iter().map(|place| self.at(place)).collect()
     }
@@ -261,7 +262,7 @@ mod tests {
             .unwrap();
         let sample = grid.expand(Some(100)).unwrap();
         assert_eq!(sample.len(), 100);
-        // Of each hundredth of the plane, ten by ten, about one: never more than three.
+        // Each hundredth of the plane, ten by ten, has about one: never more than three.
         let mut counts = [0; 100];
         for algorithm in &sample {
             let [x, y] = ["uniqueness", "max_disparity"]
@@ -270,7 +271,7 @@ mod tests {
         }
         assert!(counts.iter().all(|&n| n <= 3), "{counts:?}");
         assert!(counts.iter().filter(|&&n| n > 0).count() > 70, "{counts:?}");
-        // Of a small grid all.
+        // A small grid is taken whole.
         let small: Algorithms = "bm:uniqueness=0..20/10".parse().unwrap();
         assert_eq!(small.expand(Some(100)).unwrap().len(), 3);
         assert_eq!(small.expand(Some(2)).unwrap().len(), 2);

@@ -3,7 +3,7 @@
 use crate::report::html::ParameterSweep;
 use svl_core::matcher::Algorithm;
 
-/// What is swept among the algorithms of a run, however they were named: those of one kind that
+/// Sweeps among the algorithms of a run, however they were named: those of one kind that
 /// differ in one number.
 pub(super) fn sweeps(algorithms: &[Algorithm]) -> Vec<ParameterSweep> {
     let mut sweeps: Vec<ParameterSweep> = Vec::new();
@@ -34,7 +34,7 @@ pub(super) fn sweeps(algorithms: &[Algorithm]) -> Vec<ParameterSweep> {
     sweeps
 }
 
-/// Whether two algorithms are of one kind and have all parameters but `key` in common.
+/// True if two algorithms are of one kind and have all parameters but `key` in common.
 fn differ_in(a: &Algorithm, b: &Algorithm, key: &str) -> bool {
     let mut both = a.parameters().iter().zip(b.parameters().iter());
     a.spec().name == b.spec().name

@@ -39,7 +39,7 @@ impl Summary {
 
     fn lead(&self, metric: &'static Metric, rows: &[&Row], drives: &[DriveRow]) -> Option<Lead> {
         let value = |a: &AlgorithmSummary| self.value(&a.algorithm, metric, None);
-        // Of equal ones the best of all is first.
+        // The best of all is the first of equal ones.
         let candidates = self.candidates();
         let mut ranked = self.ranked_algorithms();
         ranked.retain(|a| candidates.contains(a) && value(a).is_some());
@@ -127,16 +127,15 @@ impl Summary {
             return None;
         }
         let [fastest_time, own_time] = [fastest_ms, own].map(|ms| value(time, ms));
-        Some(match fastest.algorithm == best.algorithm {
-            true => format!("It is also the fastest ({own_time} per pair)."),
-            false => {
-                let cost = self.value(&fastest.algorithm, first.metric, None)?;
-                let cost = value(first.metric, cost);
-                format!(
-                    "{} is the fastest ({fastest_time} per pair, {} {own_time}), with {cost} {}.",
-                    fastest.algorithm, best.algorithm, first.metric.words
-                )
-            }
+        Some(if fastest.algorithm == best.algorithm {
+            format!("It is also the fastest ({own_time} per pair).")
+        } else {
+            let cost = self.value(&fastest.algorithm, first.metric, None)?;
+            let cost = value(first.metric, cost);
+            format!(
+                "{} is the fastest ({fastest_time} per pair, {} {own_time}), with {cost} {}.",
+                fastest.algorithm, best.algorithm, first.metric.words
+            )
         })
     }
 }

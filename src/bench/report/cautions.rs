@@ -1,4 +1,4 @@
-//! What a reader has to know before the numbers of a run are believed.
+//! Cautions that a reader has to know before the numbers of a run are believed.
 
 use super::summary::Summary;
 use svl_core::counted;

@@ -44,7 +44,7 @@ record! {
         track_hash: String,
         /// Its recording in the report's folder, where it was kept.
         recording: Option<String>,
-        /// How its pairs were made worse, as `row_offset=2`; nothing as they are.
+        /// Perturbation of its pairs, as `row_offset=2`; absent as they are.
         stress: Option<String>,
     }
 }
@@ -76,9 +76,9 @@ record! {
         placed: bool,
         /// `collision`, `near_miss`, `stuck` or nothing.
         event: Option<String>,
-        /// What it touched or nearly touched.
+        /// The obstacles that it touched or nearly touched.
         with: Option<String>,
-        /// How the pairs of the drive were made worse.
+        /// Perturbation of the pairs of the drive.
         stress: Option<String>,
     }
 }
@@ -95,7 +95,7 @@ pub struct CoursePlan {
     pub outlines: Vec<Vec<[f64; 2]>>,
     /// The way of the driver with perfect sight.
     pub route: Vec<[f64; 2]>,
-    /// How many layouts were thrown away before this one.
+    /// Number of layouts that were thrown away before this one.
     pub rejected: u32,
 }
 

@@ -46,7 +46,7 @@ pub struct GateResult {
     pub state: GateState,
     /// Pairs and cells that the value rests on, of metrics against a ground truth.
     pub scored: Option<(u64, u64)>,
-    /// What must be said of the value, where its truth is not exact.
+    /// Caveat of the value, where its truth is not exact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub caution: Option<String>,
 }

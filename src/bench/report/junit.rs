@@ -6,11 +6,11 @@ use std::fmt::Write;
 /// One limit or comparison.
 pub struct TestCase {
     pub name: String,
-    /// Where it failed or was left out, in words.
+    /// Reason why it failed or was left out, in words.
     pub result: TestResult,
 }
 
-/// What came of it.
+/// Its result.
 pub enum TestResult {
     Passed,
     Failed(String),

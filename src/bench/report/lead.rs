@@ -23,7 +23,7 @@ pub struct RunnerUp {
     pub certainty: Certainty,
 }
 
-/// What the paired interval of a difference says (95 %, the block bootstrap of `svl compare`).
+/// Result of the paired interval of a difference (95 %, the block bootstrap of `svl compare`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Certainty {

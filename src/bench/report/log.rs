@@ -61,7 +61,7 @@ pub struct ResultLog {
 /// A pair: name of its recording, seed of its arena, its number, what made it worse.
 type PairKey = (Option<String>, Option<u64>, u64, Option<String>);
 
-/// What the algorithms made of a pair.
+/// Results of the algorithms for a pair.
 pub struct LoggedPair<'a> {
     results: Option<&'a HashMap<String, LoggedResult>>,
     /// The input hash of the frame as it is read now.
@@ -76,11 +76,11 @@ impl<'a> LoggedPair<'a> {
     }
 }
 
-/// What an algorithm made of a pair.
+/// Result of an algorithm for a pair.
 pub struct LoggedResult {
     pub row: Row,
     pub grid: DepthGrid,
-    /// Of the disparity map, and of own cells.
+    /// Hash of the disparity map, and of own cells.
     pub hash: u128,
 }
 
@@ -127,7 +127,7 @@ impl ResultLog {
         Ok(())
     }
 
-    /// What is known of a frame of that run and seed.
+    /// The known results of a frame of that run and seed.
     pub fn pair(&self, run: &RunPart, seed: Option<u64>, frame: &Frame) -> LoggedPair<'_> {
         let name = Some(run.name.clone()).filter(|name| !name.is_empty());
         let key = pair_key(&name, seed, frame.sequence, &run.stress);
@@ -166,7 +166,7 @@ impl LoggedResult {
             (Stage::Filters, row.filters_us.unwrap_or_default()),
         ];
         let whole: u64 = stages.iter().map(|(_, us)| us).sum();
-        // What was cut off each stage, at most 1 us, is in their sum.
+        // The remainder that each stage lost, at most 1 us, is in their sum.
         let cut_ns = row.total_us.saturating_sub(whole) * 1000 / stages.len() as u64;
         let mut times = StageTimes::default();
         for (stage, us) in stages {
@@ -223,13 +223,8 @@ fn depth_grid(rows: &[CellRow], settings: GridSettings) -> Option<DepthGrid> {
 /// # Errors
 /// [`Error::Io`].
 pub fn whole_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
-    let bytes = match std::fs::read(path) {
-        Ok(bytes) => bytes,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(error) => return Err(Error::io(path, error)),
-    };
-    let whole = bytes.iter().rposition(|&b| b == b'\n').map_or(0, |i| i + 1);
-    let mut reader = csv::Reader::from_reader(&bytes[..whole]);
+    let bytes = whole_lines(path)?;
+    let mut reader = csv::Reader::from_reader(&bytes[..]);
     let Ok(places) = reader.headers().map(ColumnPlaces::new) else {
         return Ok(Vec::new());
     };
@@ -239,6 +234,23 @@ pub fn whole_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
         R::parse(CsvCells { places, line }).ok()
     };
     Ok(reader.records().map_while(parse).collect())
+}
+
+/// The lines of a file without one that was being written when svl was killed; none where there is
+/// no file.
+///
+/// # Errors
+/// [`Error::Io`].
+pub(crate) fn whole_lines(path: &Path) -> Result<Vec<u8>> {
+    match std::fs::read(path) {
+        Ok(mut bytes) => {
+            let end = bytes.iter().rposition(|&b| b == b'\n');
+            bytes.truncate(end.map_or(0, |i| i + 1));
+            Ok(bytes)
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
+        Err(error) => Err(Error::io(path, error)),
+    }
 }
 
 /// The folders that earlier reports of this folder were set aside in.

@@ -44,6 +44,7 @@ pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};
 pub use lead::{Certainty, Lead, RunnerUp};
+pub(crate) use log::whole_lines;
 pub use log::{EarlierRun, LoggedPair, LoggedResult, ResultLog, whole_rows};
 pub use merge::merge_rows;
 pub use rows::{

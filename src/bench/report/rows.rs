@@ -28,11 +28,11 @@ pub trait Record: Sized {
     /// The rows as a data frame, typed also when there are none.
     ///
     /// # Errors
-    /// What polars says.
+    /// The error of polars.
     fn frame(rows: &[Self]) -> PolarsResult<DataFrame>;
 }
 
-/// What stands in a column of a row.
+/// A value in a column of a row.
 #[derive(serde::Serialize)]
 #[serde(untagged)]
 pub enum ColumnValue<'a> {
@@ -132,7 +132,7 @@ record! {
         algorithm: String,
         /// Reason of the failure.
         reason: String,
-        /// What perturbed the pair.
+        /// The perturbation of the pair.
         stress: Option<String>,
     }
 }
@@ -183,14 +183,14 @@ record! {
         metrics: MetricValues,
         /// Hash of the disparity map, hexadecimal.
         result_hash: String,
-        /// Where the truth comes from, as [`svl_core::stereo::TruthOrigin`] writes it; absent
+        /// Origin of the truth, as [`svl_core::stereo::TruthOrigin`] writes it; absent
         /// without truth.
         truth: Option<String>,
         /// The recording, where the scenario has some.
         run: Option<String>,
-        /// Of algorithms behind filters.
+        /// Time of the filters, for algorithms behind some.
         filters_us: Option<u64>,
-        /// What made the pair worse, as `row_offset=0.5`; absent for the pair as it is.
+        /// Perturbation of the pair, as `row_offset=0.5`; absent for the pair as it is.
         stress: Option<String>,
         /// Hash of what it was scored on: pixels, geometry and truth, hexadecimal.
         input_hash: String,
@@ -236,11 +236,11 @@ record! {
         false_obstacle: bool,
         /// The recording, where the scenario has some.
         run: Option<String>,
-        /// Whether the algorithm knows the cell.
+        /// State of the cell, as the algorithm reports it.
         state: Option<CellState>,
-        /// How probably it is right, where the algorithm says so.
+        /// Probability that it is right, where the algorithm gives one.
         probability: Option<f64>,
-        /// What made the pair worse, if anything did.
+        /// Perturbation of the pair, if any.
         stress: Option<String>,
         /// Points of a truth that covers less than half of the cell: with `no-truth` they do not
         /// suffice. Absent where the truth is dense or missing.
@@ -283,7 +283,7 @@ record! {
         worst_passed: Option<bool>,
         /// The recording, where the scenario has some.
         run: Option<String>,
-        /// What made the pairs worse, if anything did.
+        /// Perturbation of the pairs, if any.
         stress: Option<String>,
     }
 }
@@ -470,12 +470,11 @@ macro_rules! metric_columns {
             fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
                 let column = |(metric, column): &(&'static Metric, &'static str)| {
                     let values = fields.iter().map(|field| field.get(metric.name));
-                    match metric.counts() {
-                        true => {
-                            let counts: Vec<_> = values.map(|v| v.map(|n| n as u64)).collect();
-                            Column::new((*column).into(), counts)
-                        }
-                        false => Column::new((*column).into(), values.collect::<Vec<_>>()),
+                    if metric.counts() {
+                        let counts: Vec<_> = values.map(|v| v.map(|n| n as u64)).collect();
+                        Column::new((*column).into(), counts)
+                    } else {
+                        Column::new((*column).into(), values.collect::<Vec<_>>())
                     }
                 };
                 $order.iter().map(column).collect()

@@ -11,7 +11,7 @@ pub(super) const OUTLIER: f64 = 14.26;
 /// Fewest pairs that have a spread.
 const FEWEST: usize = 20;
 
-/// What the pairs of one algorithm took.
+/// Times of the pairs of one algorithm.
 pub(super) struct Speed {
     /// µs, ascending.
     sorted: Vec<u64>,
@@ -25,7 +25,7 @@ pub(super) struct Speed {
 }
 
 impl Speed {
-    /// Of the rows of one algorithm, at least one.
+    /// Times of the rows of one algorithm, at least one.
     pub(super) fn from_rows(rows: &DataFrame) -> PolarsResult<Self> {
         let us = |column| -> PolarsResult<Vec<u64>> {
             Ok(rows
@@ -82,7 +82,7 @@ impl Speed {
         nearest_rank(&self.sorted, share).map_or(0.0, |us| us as f64 / 1e3)
     }
 
-    /// How many pairs took unlike the others for their size.
+    /// Number of pairs that took unlike the others for their size.
     pub(super) fn outliers(&self) -> u64 {
         let Some(median) = nearest_rank(&self.per_pixel, 0.5) else {
             return 0;
@@ -96,9 +96,10 @@ impl Speed {
             .filter(|t| **t - median > OUTLIER * scale);
         // Times in whole microseconds may all be equal, and a few say little of their spread: then
         // there is nothing to measure by.
-        match self.per_pixel.len() >= FEWEST && scale > 0.0 {
-            true => slow.count() as u64,
-            false => 0,
+        if self.per_pixel.len() >= FEWEST && scale > 0.0 {
+            slow.count() as u64
+        } else {
+            0
         }
     }
 

@@ -24,9 +24,9 @@ pub struct StressSummary {
     pub missed: Option<f64>,
     /// Share of the frames of checkpoints that pass.
     pub checkpoints: Option<f64>,
-    /// Of drives: collisions per 100 m.
+    /// Collisions per 100 m of drives.
     pub collisions: Option<f64>,
-    /// Of drives: share of the courses that were finished.
+    /// Share of the courses that drives finished.
     pub finished: Option<f64>,
     /// Why it counts as broken at this level.
     pub broken: Option<String>,
@@ -39,7 +39,7 @@ pub(super) type StressNumber = (
     fn(&StressSummary) -> Option<f64>,
 );
 
-/// What the page draws against the level.
+/// Values that the page draws against the level.
 pub(super) const NUMBERS: [StressNumber; 7] = [
     ("Collisions", "per 100 m", |s| s.collisions),
     ("Courses finished", "finished, %", |s| {

@@ -24,12 +24,12 @@ use svl_data::slow_profile;
 pub struct Summary {
     /// Version of the files of a report, [`SCHEMA`].
     pub schema: u32,
-    /// How the run ended, and what it misses.
+    /// The end of the run, and the pairs that it misses.
     #[serde(flatten)]
     pub ending: RunEnding,
     /// Digest of the pairs' hashes in their order; absent when there are none.
     pub pairs_hash: Option<String>,
-    /// Where the truths come from: each [`svl_core::stereo::TruthOrigin`] of the rows, once.
+    /// Origins of the truths: each [`svl_core::stereo::TruthOrigin`] of the rows, once.
     pub truth: Vec<String>,
     /// In the order in which they first appear in the rows.
     pub algorithms: Vec<AlgorithmSummary>,
@@ -43,10 +43,10 @@ pub struct Summary {
     /// The warnings of the run, in their order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
-    /// What matched as a program of its own.
+    /// Algorithms that matched as programs of their own.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub programs: Vec<ProgramSummary>,
-    /// Where the algorithms steered a robot, in their order.
+    /// Drives, where the algorithms steered a robot, in their order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub drives: Vec<DriveSummary>,
     /// Per perturbation, level and algorithm, where pairs were made worse.
@@ -61,16 +61,16 @@ pub struct Summary {
     /// The algorithms are in the order that the user chose.
     #[serde(skip)]
     pub is_sorted: bool,
-    /// How cells were scored.
+    /// Rule by which cells were scored.
     #[serde(skip)]
     pub rule: CellRule,
-    /// What the times are of, where that is known.
+    /// The work that the times are of, where that is known.
     #[serde(skip)]
     pub times: Option<String>,
     /// The profile of svl's build, if its times are not those of svl.
     #[serde(skip)]
     pub slow_profile: Option<String>,
-    /// Whether they are of matching alone.
+    /// True if they are of matching alone.
     #[serde(skip)]
     pub measured: bool,
 }
@@ -92,7 +92,7 @@ pub struct FailedAlgorithm {
     pub algorithm: String,
     /// The number of pairs that it failed on.
     pub pairs: u64,
-    /// Whether it has no result at all.
+    /// True if it has no result at all.
     pub on_every_pair: bool,
     /// The reason why it failed on the last of them.
     pub reason: String,
@@ -173,9 +173,9 @@ record! {
         frames: u64,
         /// Frames of these in which it passes.
         passed: u64,
-        /// Whether the best frame of all runs passes; absent when no frame shows the checkpoint.
+        /// True if the best frame of all runs passes; absent when no frame shows the checkpoint.
         best_passed: Option<bool>,
-        /// Whether the worst frame of all runs passes.
+        /// True if the worst frame of all runs passes.
         worst_passed: Option<bool>,
     }
 }
@@ -343,7 +343,7 @@ impl Summary {
         }
     }
 
-    /// What must be said above every table that needs a truth; nothing where that is exact.
+    /// Caveat above every table that needs a truth; absent where that is exact.
     pub fn caution(&self) -> Option<String> {
         caution(&self.truth)
     }
@@ -385,7 +385,7 @@ impl Summary {
     }
 }
 
-/// What must be said beside numbers that come of these origins of truths.
+/// Caveat beside numbers that come of these origins of truths.
 pub(super) fn caution(truths: &[String]) -> Option<String> {
     let origins = truths
         .iter()

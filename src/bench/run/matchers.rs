@@ -21,18 +21,18 @@ pub(super) struct RunMatcher {
     failed_pairs: u64,
     failure: Option<String>,
     is_failing: bool,
-    /// Whether its result of a pair was found equal to that of an earlier part of the run.
+    /// True if a result was found equal to that of an earlier part of the run.
     pub(super) is_verified: bool,
     /// Maps that the sinks are done with.
     spent: Vec<DisparityMap>,
     memory: Option<MemoryUse>,
-    /// Where its parameters determine it.
+    /// Absent where its parameters do not determine it.
     pub(super) max_disparity: Option<i32>,
-    /// Whether the user was warned of it.
+    /// True if the user was warned of the range.
     warned_of_range: bool,
     /// The size of images that it has memory for, once it was measured.
     pub(super) warm_for: Option<(usize, usize)>,
-    /// What it made of the next pairs, where it matches several at once.
+    /// Results of the next pairs, where it matches several at once.
     pub(super) ahead: VecDeque<Result<Vec<MatchOutput>>>,
 }
 
@@ -53,7 +53,7 @@ impl RunMatcher {
             spent: Vec::new(),
             memory: None,
             max_disparity: algorithm.max_disparity(),
-            // What filters say is too close is not missed.
+            // Obstacles beyond the range are not missed behind a filter that says "too close".
             warned_of_range: !algorithm.filters().is_empty(),
             warm_for: None,
             ahead: VecDeque::new(),
@@ -224,13 +224,14 @@ impl RunMatcher {
         let hash = output.disparity.hash();
         let hash = output.grid.as_ref().map_or(hash, |grid| grid.hash(hash));
         self.is_verified = hash == earlier.hash;
-        match self.is_verified {
-            true => Ok(()),
-            false => Err(Error::Invalid(format!(
+        if self.is_verified {
+            Ok(())
+        } else {
+            Err(Error::Invalid(format!(
                 "{}: its result of pair {sequence} is another than in the part of the run before: \
                  the program or its model changed; without --resume all is scored anew",
                 self.label
-            ))),
+            )))
         }
     }
 

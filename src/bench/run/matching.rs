@@ -1,6 +1,6 @@
 //! Between source and sinks: a frame through the algorithms, then through the judge.
 
-use super::matchers::{Matched, Matchers, add};
+use super::matchers::{Matched, Matchers, RunMatcher, add};
 use super::{Monitor, Pace};
 use crate::report::{LoggedResult, ResultLog};
 use crate::sink::{RunStart, Sink};
@@ -62,7 +62,7 @@ pub(super) struct Matching<'a> {
     pub(super) matchers: &'a mut Matchers,
     pub(super) judge: &'a Judge,
     pacer: Pacer,
-    /// How often a pair is matched in a measured run.
+    /// Number of times that a pair is matched in a measured run.
     rounds: Option<usize>,
     /// Results of an earlier part of the run, which take the place of matching,
     log: Option<&'a ResultLog>,
@@ -145,20 +145,15 @@ impl<'a> Matching<'a> {
         let logged = self.logged(frame);
         // The first result of a log is matched again: another program behind the same command would
         // go on with other results.
-        let is_verified: Vec<_> = self
-            .matchers
-            .0
-            .iter()
-            .map(|entry| entry.is_verified)
-            .collect();
-        let is_known =
-            |i: usize| logged[i].is_some() && is_verified[i] && self.needed.get(i) == Some(&false);
+        let is_known = |entry: &RunMatcher, i: usize| {
+            logged[i].is_some() && entry.is_verified && self.needed.get(i) == Some(&false)
+        };
         // In turns, so that a slow moment of the machine meets all algorithms.
         let mut rounds: Vec<_> = self.matchers.0.iter().map(|_| Ok(Vec::new())).collect();
         for _ in 0..self.rounds.unwrap_or(1) {
             let entries = self.matchers.0.iter_mut().zip(&mut rounds).enumerate();
-            for (_, (entry, outputs)) in entries.filter(|(i, _)| !is_known(*i)) {
-                if entry.ahead.is_empty() && outputs.is_ok() {
+            for (i, (entry, outputs)) in entries {
+                if !is_known(entry, i) && entry.ahead.is_empty() && outputs.is_ok() {
                     add(outputs, entry.compute(pair, &context));
                 }
             }
@@ -176,7 +171,7 @@ impl<'a> Matching<'a> {
         }
         let mut of_frame = MatchedFrame::default();
         for (i, (entry, outputs)) in self.matchers.0.iter_mut().zip(rounds).enumerate() {
-            if is_known(i)
+            if is_known(entry, i)
                 && let Some(result) = logged[i]
             {
                 of_frame.matched.push(entry.logged(result, pair.size())?);

@@ -11,7 +11,7 @@ mod threads;
 mod through;
 
 pub use matchers::Matchers;
-pub use through::{complete, ending, report_losses, run_through};
+pub use through::{collect, complete, ending, report_losses, run_through};
 
 use crate::sink::{RunEnd, RunStart, Sink};
 use crate::source::Source;
@@ -33,7 +33,7 @@ pub trait Monitor {
     }
 }
 
-/// How fast frames are taken.
+/// Speed at which frames are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {
     /// As soon as the previous one is done.
@@ -42,13 +42,13 @@ pub enum Pace {
     Times(f64),
     /// As soon as possible, and measured: frames are read in batches, matched while nothing else of
     /// svl runs, then judged and taken by the sinks. The times of a pair are those of its median
-    /// matching of so many, which must have equal results; matchings that set up the memory for a
+    /// matching of `rounds`, which must have equal results; matchings that set up the memory for a
     /// size of images do not count.
     Measured { rounds: usize },
 }
 
 impl Pace {
-    /// What the times of such a run are of, in words.
+    /// The work that the times of such a run are of, in words.
     pub fn times(self) -> String {
         match self {
             Self::Asap | Self::Times(_) => {
@@ -65,21 +65,21 @@ impl Pace {
     }
 }
 
-/// What a run did.
+/// Result of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
     /// Frames that every sink took.
     pub frames: u64,
     /// Per algorithm the frames on which it failed, so that its estimate is missing.
     pub failures: BTreeMap<String, u64>,
-    /// Whether the monitor ended it.
+    /// True if the monitor ended it.
     pub interrupted: bool,
-    /// What of the source is in no frame.
+    /// Everything of the source that is in no frame.
     pub losses: Losses,
 }
 
 impl Outcome {
-    /// What is missing, and of how much.
+    /// Number of pairs that are missing, and of all.
     pub fn missing(&self) -> Missing {
         let of = |(label, &failed): (&String, &u64)| {
             let pairs = self.frames;
@@ -97,7 +97,7 @@ impl Outcome {
 /// [`Sink::begin_run`] and [`Sink::end_run`]. Both are called also when the run fails, so that what
 /// came before the error is kept. The caller finishes the sinks.
 ///
-/// Where the algorithms leave a core free, frames are read ahead and taken by the sinks in threads
+/// Frames are read ahead and taken by the sinks, where the algorithms leave a core free, in threads
 /// of their own, in the same order; else all happens in turn, so that other threads do not disturb
 /// the times that are measured. With a source that listens all happens in turn too. The threads for
 /// reading and for the sinks are rayon pools of their own: a source or a sink that uses rayon never

@@ -16,7 +16,7 @@ struct Failing {
     geometry: Geometry,
     listens: bool,
     heard: Vec<u64>,
-    /// Whether it is read from a pool, or from a thread that has one of its own.
+    /// True if it is read from a pool, or from a thread that has one of its own.
     in_pool: bool,
 }
 
@@ -49,14 +49,7 @@ impl Source for Failing {
         let image = Gray::filled(40, 20, self.left as u8)?;
         Ok(Some(Frame {
             sequence: self.left,
-            stamp_ns: 0,
-            name: None,
-            pair: StereoPair::new(image.clone(), image)?,
-            geometry: self.geometry,
-            pose: None,
-            truth: None,
-            color: None,
-            exposure: Default::default(),
+            ..Frame::new(StereoPair::new(image.clone(), image)?, self.geometry)
         }))
     }
 
@@ -74,7 +67,7 @@ impl Source for Failing {
     }
 }
 
-/// What happened to a sink, in order.
+/// Calls of a sink, in order.
 type Log = Arc<Mutex<Vec<String>>>;
 
 /// Takes that many frames, then fails.
@@ -120,17 +113,12 @@ impl Monitor for Until {
     }
 }
 
-/// What the sink saw and how the run ended.
+/// The calls of the sink, and the end of the run.
 fn ran(source: &mut dyn Source, sink_takes: usize, last: u64) -> (String, Outcome, Result<()>) {
     let algorithms = ["v3:max_disparity=8".parse().unwrap()];
     let manifest = Manifest::new("test", &algorithms).unwrap();
     let judge = Judge::default();
-    let start = RunStart {
-        manifest: &manifest,
-        log: None,
-        seed: None,
-        judge: &judge,
-    };
+    let start = RunStart::new(&manifest, None, &judge);
     let log = Log::default();
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(Full(sink_takes, Arc::clone(&log)))];
     let mut matchers = Matchers::new(&algorithms).unwrap();
@@ -183,12 +171,7 @@ fn memory_is_set_up_once_for_a_size_in_all_runs() {
     let algorithms = ["v3:max_disparity=8", "v1:max_disparity=8"].map(|a| a.parse().unwrap());
     let manifest = Manifest::new("test", &algorithms).unwrap();
     let judge = Judge::default();
-    let start = RunStart {
-        manifest: &manifest,
-        log: None,
-        seed: None,
-        judge: &judge,
-    };
+    let start = RunStart::new(&manifest, None, &judge);
     let mut matchers = Matchers::new(&algorithms).unwrap();
     let matchings = Arc::new(AtomicU64::new(0));
     matchers.0[0].matcher = Box::new(CountedMatcher(Arc::clone(&matchings)));
@@ -261,12 +244,7 @@ fn failures_reach_the_sinks_and_the_manifest() {
     matchers.0[0].matcher = Box::new(Fails);
     let kept = Outbox::default();
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(Kept(Vec::new(), kept.clone()))];
-    let start = RunStart {
-        manifest: &manifest,
-        log: None,
-        seed: None,
-        judge: &judge,
-    };
+    let start = RunStart::new(&manifest, None, &judge);
     let (mut source, pace) = (Failing::new(9), Pace::Asap);
     let ran = run(
         &mut source,

@@ -97,11 +97,11 @@ pub(super) fn side_by_side(
     })
 }
 
-/// A batch of a measured run: at most so many frames,
+/// Limits of a batch of a measured run: frames,
 const BATCH_FRAMES: usize = 32;
-/// so many bytes of frames and maps,
+/// bytes of frames and maps,
 const BATCH_BYTES: usize = 256 << 20;
-/// and so much time to match it, so that a slow program's results are written soon.
+/// and the time to match it, so that a slow program's results are written soon.
 const BATCH_TIME: Duration = Duration::from_secs(1);
 
 /// Batches are matched while nothing else runs; then one is read while the sinks take the last.
@@ -173,7 +173,7 @@ pub(super) fn in_batches(
 struct Waiting {
     frames: VecDeque<Frame>,
     algorithms: usize,
-    /// How the source ended.
+    /// The end of the source.
     end: Option<Result<()>>,
 }
 

@@ -1,11 +1,12 @@
 //! Runs whose losses are reported.
 
 use super::{Matchers, Monitor, Outcome, Pace, run};
-use crate::sink::{RunStart, Sink};
+use crate::sink::{CollectSink, RunStart, Sink, finish};
 use crate::source::{AlignmentMonitor, AssumeRectified, Source};
 use svl_core::stereo::Losses;
 use svl_core::{Error, Result, counted, interrupt};
 use svl_data::losses::{LossLimit, Missing, RunEnding, RunState};
+use svl_data::score::Judged;
 
 /// Runs a source through the algorithms, watched by `monitor`, and warns of what is in no frame.
 /// The outcome holds also for a run that failed.
@@ -24,7 +25,7 @@ pub fn run_through(
     };
     let (ran, name) = match start.judge.run.stress {
         None => run(&mut AlignmentMonitor::new(&mut source)),
-        // What is out of line there was made so.
+        // Perturbed pairs are out of line on purpose.
         Some(_) => run(&mut source),
     };
     drop(monitor);
@@ -35,20 +36,39 @@ pub fn run_through(
     ran
 }
 
-/// How a run ended that went through its sources unless `ran` is why it did not.
-pub fn ending(
-    ran: std::result::Result<(), String>,
-    missing: Missing,
-    allowed: Option<LossLimit>,
-) -> RunEnding {
+/// Runs a source through the algorithms, and returns what the sink collects.
+///
+/// # Errors
+/// Those of the run; [`Error::Invalid`] for one that was interrupted.
+pub fn collect<T: Send + 'static>(
+    source: &mut dyn Source,
+    matchers: &mut Matchers,
+    start: &RunStart<'_>,
+    sink: CollectSink<T, impl FnMut(&Judged) -> T + Send + 'static>,
+    monitor: impl Monitor,
+) -> Result<Vec<T>> {
+    let collected = sink.outbox();
+    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
+    let (outcome, ran) = run_through(source, matchers, start, Pace::Asap, &mut sinks, monitor);
+    ran?;
+    if outcome.interrupted {
+        return Err(Error::Invalid("interrupted; nothing is written".to_owned()));
+    }
+    finish(sinks)?;
+    Ok(collected.take())
+}
+
+/// The end of a run that went through its sources unless `ran` is why it did not.
+pub fn ending(ran: &Result<()>, missing: Missing, allowed: Option<LossLimit>) -> RunEnding {
     match ran {
         Ok(()) => RunEnding::new(missing, allowed),
         Err(why) => {
-            let state = match interrupt::requested() {
-                true => RunState::Interrupted,
-                false => RunState::Failed,
+            let state = if interrupt::requested() {
+                RunState::Interrupted
+            } else {
+                RunState::Failed
             };
-            RunEnding::early(state, why, missing)
+            RunEnding::early(state, why.to_string(), missing)
         }
     }
 }

@@ -13,7 +13,8 @@ pub struct CheckpointSink {
     identity: RunIdentity,
     algorithms: Vec<String>,
     checkpoints: Vec<Checkpoint>,
-    /// Of the run under way, by checkpoint and algorithm, with the sequences of the leading frames.
+    /// Tallies of the run under way, by checkpoint and algorithm, with the sequences of leading
+    /// frames.
     tallies: Vec<Vec<CheckpointTally<u64>>>,
     /// Which algorithms took part in the run under way.
     took_part: Vec<bool>,

@@ -28,7 +28,7 @@ impl<T, F: FnMut(&Judged) -> T> CollectSink<T, F> {
         }
     }
 
-    /// Where the values are once the sink is finished.
+    /// The outbox that has the values once the sink is finished.
     pub fn outbox(&self) -> Outbox<Vec<T>> {
         self.outbox.clone()
     }

@@ -1,4 +1,4 @@
-//! What algorithms have reached so far, below the progress bar of `svl score`.
+//! Results of the algorithms so far, below the progress bar of `svl score`.
 
 use super::Sink;
 use std::fmt::Write;

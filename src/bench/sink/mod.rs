@@ -47,7 +47,7 @@ pub trait Sink: Send {
     /// Takes a frame with its scored estimates.
     ///
     /// # Errors
-    /// What keeps it from being kept. What was taken before stays readable.
+    /// The reason why it cannot be kept. Frames that were taken before stay readable.
     fn take(&mut self, judged: &Judged) -> Result<()>;
 
     /// Whose disparity maps it will show of a frame that comes later: sets in `needed` those of the
@@ -78,7 +78,7 @@ pub trait Sink: Send {
     fn finish(self: Box<Self>) -> Result<()>;
 }
 
-/// What holds for a run.
+/// Facts that hold for a whole run.
 #[derive(Clone, Copy)]
 pub struct RunStart<'a> {
     pub manifest: &'a Manifest,
@@ -89,16 +89,28 @@ pub struct RunStart<'a> {
     pub judge: &'a Judge,
 }
 
-/// How a run ended.
+impl<'a> RunStart<'a> {
+    /// A run that matches every pair.
+    pub fn new(manifest: &'a Manifest, seed: Option<u64>, judge: &'a Judge) -> Self {
+        Self {
+            manifest,
+            log: None,
+            seed,
+            judge,
+        }
+    }
+}
+
+/// The end of a run.
 #[derive(Clone, Copy)]
 pub struct RunEnd<'a> {
-    /// What of the source is in no frame.
+    /// Everything of the source that is in no frame.
     pub losses: &'a Losses,
     /// Why the run ended before its end.
     pub error: Option<&'a str>,
 }
 
-/// What a run is to write.
+/// The outputs of a run.
 #[derive(Default)]
 pub struct SinkRequest<'a> {
     /// A file for the rows, `.csv` or `.parquet`.
@@ -112,7 +124,7 @@ pub struct SinkRequest<'a> {
     pub recording: Option<Writer>,
 }
 
-/// How a viewer shows a run.
+/// The viewer of a run, with its options.
 pub struct ViewerRequest {
     pub viewer: &'static dyn Viewer,
     pub target: RerunTarget,
@@ -123,14 +135,14 @@ pub struct ViewerRequest {
 /// The sinks of one or several runs.
 pub struct Sinks {
     sinks: Vec<Box<dyn Sink>>,
-    /// How many of them write tables; they come first.
+    /// Number of sinks that write tables; they come first.
     tables: usize,
     rows: Outbox<Vec<Row>>,
     checkpoints: Outbox<Vec<CheckpointRow>>,
     pictures: Outbox<ReportPictures>,
 }
 
-/// What the sinks collected over all runs.
+/// Results that the sinks collected over all runs.
 #[derive(Default)]
 pub struct RunResults {
     pub rows: Vec<Row>,
@@ -240,7 +252,7 @@ pub fn finish(sinks: Vec<Box<dyn Sink>>) -> Result<()> {
         .fold(Ok(()), Result::and)
 }
 
-/// What a sink leaves when it is finished, for its maker and for the sinks that finish after it.
+/// Results of a finished sink, for its maker and for the sinks that finish after it.
 pub struct Outbox<T>(Arc<Mutex<T>>);
 
 impl<T: Default> Default for Outbox<T> {

@@ -22,7 +22,7 @@ const PICTURED: usize = 8;
 /// Limit of the frames shown of recordings, over all runs.
 const SAMPLES: usize = 6;
 
-/// What a report page shows.
+/// The pictures of a report page.
 #[derive(Default)]
 pub struct ReportPictures {
     /// Per checkpoint the worst and the best frame of every algorithm (thesis, figure 7.3), or of
@@ -59,7 +59,7 @@ impl PictureSink {
         }
     }
 
-    /// Whether the page has room for the algorithm at that place.
+    /// True if the page has room for the algorithm at that place.
     fn is_pictured(&self, algorithm: &str) -> bool {
         pictured(&self.algorithms).contains(&algorithm)
     }
@@ -106,16 +106,15 @@ impl Sink for PictureSink {
             for &(c, verdict) in &scored.checkpoints {
                 let tally = &self.tallies[c][a];
                 let (best, worst) = tally.would_lead(&verdict);
-                let shot = match best || worst {
-                    true => {
-                        let grid = &scored.estimate.grid;
-                        Some(FrameShot {
-                            passed: Some(verdict.passed),
-                            findings: self.checkpoints[c].findings(grid, self.cells),
-                            ..frame_shot(&self.identity, judged, scored)?
-                        })
-                    }
-                    false => None,
+                let shot = if best || worst {
+                    let grid = &scored.estimate.grid;
+                    Some(FrameShot {
+                        passed: Some(verdict.passed),
+                        findings: self.checkpoints[c].findings(grid, self.cells),
+                        ..frame_shot(&self.identity, judged, scored)?
+                    })
+                } else {
+                    None
                 };
                 // The shot is there exactly when the frame leads, which is when it is asked for.
                 self.tallies[c][a].add(verdict, || shot.clone().expect("a leading frame"));
@@ -262,7 +261,7 @@ fn leading_shots(tally: CheckpointTally<FrameShot>) -> impl Iterator<Item = (Ran
 /// A frame through one algorithm, for a page.
 ///
 /// # Errors
-/// What keeps its pictures from being encoded.
+/// The reason why its pictures cannot be encoded.
 pub(crate) fn frame_shot(
     identity: &RunIdentity,
     judged: &Judged,

@@ -79,7 +79,7 @@ impl Sink for ScaleSink {
     fn end_run(&mut self, _: &RunEnd<'_>) -> Result<()> {
         let mut algorithms = self.distances.iter();
         let found = algorithms.find_map(|(label, distances)| Some((label, scale(distances)?)));
-        // Of a recording, not of an algorithm: one line.
+        // The scale is the recording's, not an algorithm's: one line.
         if let Some((label, scale)) = found {
             let DistanceScale {
                 reported_m,

@@ -98,7 +98,7 @@ impl Sink for TableSink {
     }
 }
 
-/// What all rows of a run share.
+/// Values that all rows of a run share.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RunIdentity {
     pub run_id: String,
@@ -106,7 +106,7 @@ pub(crate) struct RunIdentity {
     pub seed: Option<u64>,
     /// The recording, where the scenario has some.
     pub run: Option<String>,
-    /// What made the pairs worse.
+    /// Perturbation of the pairs.
     pub stress: Option<String>,
     algorithms: Vec<AlgorithmRecord>,
 }

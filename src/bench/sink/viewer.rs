@@ -1,4 +1,4 @@
-//! What a viewer shows, and where: the bench describes it, the package `svl-viewer` shows it in
+//! Content and target of a viewer: the bench describes it, the package `svl-viewer` shows it in
 //! Rerun.
 
 use super::Sink;
@@ -107,17 +107,17 @@ pub trait StepView {
     fn finish(&self) -> Result<()>;
 }
 
-/// What is noted of a cell.
+/// Note on a cell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CellNote {
     /// Column and row.
     pub at: (usize, usize),
     pub text: String,
-    /// Whether the cell is the one that a person is at.
+    /// True if the cell is the one that a person is at.
     pub is_picked: bool,
 }
 
-/// Where a viewer writes.
+/// Target of a viewer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RerunTarget {
     /// A new file, by custom `*.rrd`.

@@ -10,10 +10,10 @@ use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result};
 use svl_data::recording::{CALIBRATION, Recording};
 
-/// What rectifies the pairs of a source.
+/// The calibration that rectifies the pairs of a source.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Calib {
-    /// What a recording of raw images says of its cameras; other pairs stay as they are.
+    /// The calibration in a recording of raw images; other pairs stay as they are.
     #[default]
     Own,
     /// A calibration: a file, two with a comma between, the folder of the two, or a recording that
@@ -42,7 +42,7 @@ impl FromStr for Calib {
 }
 
 impl Calib {
-    /// What to do when rows are misaligned all the same.
+    /// Advice when rows are misaligned all the same.
     pub fn cure(&self) -> &'static str {
         match self {
             Self::Own | Self::None | Self::Raw => {

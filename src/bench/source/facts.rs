@@ -17,7 +17,7 @@ use svl_data::score::TrueCells;
 const PAIRS: u64 = 20;
 const TIME: Duration = Duration::from_secs(2);
 
-/// What the first pairs of a source say of all.
+/// Facts of a source, as its first pairs show them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SourceFacts {
     /// Width and height of an image, pixels.
@@ -27,7 +27,7 @@ pub struct SourceFacts {
     pub focal_px: Option<(f64, f64)>,
     /// The rig by which distances are computed; of raw images after rectification.
     pub rig: Option<Rig>,
-    /// Whether size and rig are those of all pairs that were looked at.
+    /// True if size and rig are those of all pairs that were looked at.
     pub is_constant: bool,
     pub nearest: Option<NearestDistance>,
     pub truths: Vec<TruthFacts>,
@@ -46,7 +46,7 @@ pub struct NearestDistance {
 pub struct TruthFacts {
     /// Its topic; nothing where the source is no recording.
     pub topic: Option<String>,
-    /// Whether it has to be asked for (`--truth TOPIC`).
+    /// True if it has to be asked for (`--truth TOPIC`).
     pub is_asked_for: bool,
     /// Pairs that were looked at, and of them those with a cell that is scored.
     pub pairs: u64,
@@ -65,9 +65,10 @@ impl SourceFacts {
     /// Those of [`open`] and [`open_recording`]; why there is no first pair.
     pub fn read(name: &str, is_recording: bool) -> Result<Self> {
         let request = Request::new(name);
-        let mut opened = match is_recording {
-            true => open_recording(&request)?,
-            false => open(&request)?,
+        let mut opened = if is_recording {
+            open_recording(&request)?
+        } else {
+            open(&request)?
         };
         let (mut own, mut has_truth) = (TruthFacts::default(), false);
         let mut first: Option<(Frame, bool)> = None;
@@ -94,17 +95,16 @@ impl SourceFacts {
             rig,
             is_constant,
             nearest: rig.as_ref().and_then(NearestDistance::of_default),
-            truths: match has_truth {
-                false => topics
+            truths: if has_truth {
+                own.topic = topics
+                    .into_iter()
+                    .find(|topic| topic.starts_with("/truth/"));
+                vec![own]
+            } else {
+                topics
                     .into_iter()
                     .map(|topic| TruthFacts::of_topic(name, topic, rig.is_some()))
-                    .collect(),
-                true => {
-                    own.topic = topics
-                        .into_iter()
-                        .find(|topic| topic.starts_with("/truth/"));
-                    vec![own]
-                }
+                    .collect()
             },
         })
     }
@@ -160,7 +160,7 @@ impl NearestDistance {
 }
 
 impl TruthFacts {
-    /// Of another sensor of a recording.
+    /// The truth of another sensor of a recording.
     fn of_topic(name: &str, topic: String, has_rig: bool) -> Self {
         let mut facts = Self {
             topic: Some(topic.clone()),

@@ -15,7 +15,7 @@ pub struct Limited {
     frames: Option<u64>,
     /// The first pair's stamp, once it was read.
     start_ns: Option<u64>,
-    /// What was read ahead: a frame to give out next, or why there is none.
+    /// The result of reading ahead: a frame to give out next, or why there is none.
     ahead: Option<Result<Option<Frame>>>,
     /// Pairs in the range that were read.
     in_range: u64,
@@ -100,7 +100,7 @@ impl Source for Limited {
         }
     }
 
-    /// Where no range of time is asked for, which only reading on finds.
+    /// Seeks where no range of time is asked for, which only reading on finds.
     fn seek(&mut self, index: u64) -> Result<bool> {
         if self.from_ns > 0 || self.to_ns.is_some() || self.frames.is_some() {
             return Ok(false);
@@ -115,7 +115,7 @@ impl Source for Limited {
     }
 
     fn pairs(&self) -> Option<u64> {
-        // How many pairs a range of time holds is known only at its end.
+        // The number of pairs in a range of time is known only at its end.
         let timed = self.from_ns > 0 || self.to_ns.is_some();
         let all = self.source.pairs().filter(|_| !timed);
         let all = all.map(|all| all.div_ceil(self.every));
@@ -139,7 +139,7 @@ impl Source for Limited {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::{Exposure, Geometry, Gray, StereoPair};
+    use svl_core::stereo::{Geometry, Gray, StereoPair};
 
     /// Ten pairs a second, from stamp 5 s and number 3 on; says in its losses how many were taken.
     struct Steady(u64);
@@ -156,13 +156,10 @@ mod tests {
             Ok((n < 20).then(|| Frame {
                 sequence: 3 + n,
                 stamp_ns: 5_000_000_000 + 100_000_000 * n,
-                name: None,
-                pair: StereoPair::new(image.clone(), image).unwrap(),
-                color: None,
-                geometry: Geometry::Rectified(None),
-                pose: None,
-                truth: None,
-                exposure: Exposure::default(),
+                ..Frame::new(
+                    StereoPair::new(image.clone(), image).unwrap(),
+                    Geometry::Rectified(None),
+                )
             }))
         }
 
@@ -237,7 +234,7 @@ mod tests {
             (sought, rest.map(|frame| frame.sequence).collect::<Vec<_>>())
         };
         assert_eq!(of(Some(3), None), (true, vec![9, 12, 15, 18, 21]));
-        // Where a range ends is known by reading.
+        // The end of a range is known by reading.
         assert_eq!(of(None, Some(0.2)), (false, vec![3, 4]));
     }
 

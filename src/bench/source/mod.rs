@@ -1,4 +1,4 @@
-//! Where frames come from.
+//! A source of frames.
 
 mod alignment_monitor;
 mod arena;
@@ -65,11 +65,11 @@ pub trait Source: Send {
     /// The next frame, or nothing at the end.
     ///
     /// # Errors
-    /// What keeps the next frame from being read. The source may be asked again unless the error
+    /// The reason why the next frame cannot be read. The source may be asked again unless the error
     /// says the file is damaged.
     fn next(&mut self) -> Result<Option<Frame>>;
 
-    /// How many frames there are in all, where that is known.
+    /// Number of frames in all, where that is known.
     fn pairs(&self) -> Option<u64> {
         self.wrapped()?.pairs()
     }
@@ -90,7 +90,7 @@ pub trait Source: Send {
         wrapped.map_or_else(Losses::default, |source| source.finish(taken))
     }
 
-    /// Whether the next frame depends on what the algorithms made of the last one.
+    /// True if the next frame depends on the results of the last one.
     fn listens(&self) -> bool {
         self.wrapped().is_some_and(Source::listens)
     }

@@ -15,22 +15,22 @@ use svl_data::scenario::{Scenario, ScenarioSource, flag};
 
 /// A kind of source that a user can name.
 pub struct SourceKind {
-    /// How it is written.
+    /// Its syntax.
     pub name: &'static str,
-    /// What it is called in a sentence.
+    /// Its name in a sentence.
     pub noun: &'static str,
-    /// What it is, for help texts.
+    /// Its description, for help texts.
     pub help: &'static str,
     /// Keys of the options that it takes, beside those that all take.
     options: &'static [&'static str],
-    /// Whether it is named by a path, which must exist.
+    /// True if it is named by a path, which must exist.
     is_path: bool,
     recognizes: fn(&str) -> bool,
     open: fn(&Request<'_>) -> Result<Opened>,
 }
 
 impl SourceKind {
-    /// Whether it needs neither file nor camera.
+    /// True if it needs neither file nor camera.
     pub fn is_simulated(&self) -> bool {
         !self.is_path && self.name != CAMERAS
     }
@@ -135,7 +135,7 @@ pub const CAMERAS: &str = "cameras";
 const RECORDING: &str = "FILE.mcap, BAG";
 const FOLDER: &str = "FOLDER";
 
-/// What [`open`] takes, in a line.
+/// The sources that [`open`] accepts, in a line.
 pub fn expected() -> String {
     let kinds = SOURCES.iter().filter(|kind| kind.name != CAMERAS);
     let kinds: Vec<_> = kinds.map(|kind| kind.name).collect();
@@ -162,9 +162,10 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
     let mut kinds = SOURCES.iter().filter(|kind| !(of_files && is_bag(kind)));
     let kind = kinds.find(|kind| (kind.recognizes)(name));
     let Some(kind) = kind.filter(|kind| !kind.is_path || path.exists()) else {
-        let what = match path.exists() {
-            true => "not a source",
-            false => "no such source",
+        let what = if path.exists() {
+            "not a source"
+        } else {
+            "no such source"
         };
         let expected = expected();
         return Err(Error::Invalid(format!(
@@ -334,13 +335,14 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         let source = VideoSource::pair(&path.join(left), &path.join(right), folder.fps)?;
         return Ok(of_video(source, request, stem));
     }
-    // Who says how its images are called, means no data set's scene.
-    let scenes = match folder.images == [None, None] && !folder.side_by_side {
-        true => match Scene::find(path, stem) {
+    // A user that names the images means no data set's scene.
+    let scenes = if folder.images == [None, None] && !folder.side_by_side {
+        match Scene::find(path, stem) {
             Some(scene) => vec![scene],
             None => Scene::all_in(path, "")?,
-        },
-        false => Vec::new(),
+        }
+    } else {
+        Vec::new()
     };
     if !scenes.is_empty() {
         if folder.fps.is_some() {

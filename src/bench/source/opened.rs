@@ -23,21 +23,21 @@ pub struct Opened {
     pub calibration: CalibrationFiles,
     /// A file stem for its recording.
     pub stem: String,
-    /// Whether frames come in real time.
+    /// True if frames come in real time.
     pub is_live: bool,
     /// The recording that it reads.
     pub recording: Option<Recording>,
     /// Stamp of the first pair, where pairs before the first frame were left out.
     pub start_ns: Option<u64>,
-    /// What the user should know that is no warning.
+    /// Notes for the user that are no warnings.
     pub notes: Vec<String>,
-    /// What a recording or folder of raw images says of its cameras.
+    /// The calibration in a recording or folder of raw images.
     pub(super) own_calibration: Option<StereoCalibration>,
     /// The truth of another sensor, where one was asked for.
     pub(super) truth: Option<TruthTopic>,
     /// The left camera before svl rectified the pairs.
     pub(super) raw: Option<RawCamera>,
-    /// What a recording that svl did not write, or a folder, lacks.
+    /// Shortcomings of a folder, or of a recording that svl did not write.
     pub(super) remarks: Vec<String>,
 }
 

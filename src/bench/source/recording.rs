@@ -62,7 +62,7 @@ impl Source for RecordingSource {
     fn next(&mut self) -> Result<Option<Frame>> {
         loop {
             match self.reader.next_pair() {
-                // Of one pair alone: the file goes on.
+                // The error is of one pair alone: the file goes on.
                 Err(error @ Error::Format { .. }) => {
                     // One line in the log; the number follows at the end.
                     if self.unreadable == 0 {

@@ -19,7 +19,7 @@ pub struct ReferenceSource {
     references: Vec<Reference>,
     label: String,
     without: u64,
-    /// Whether it was said that the frames' own truth is replaced.
+    /// True once it was reported that the frames' own truth is replaced.
     replaced: bool,
 }
 
@@ -34,7 +34,7 @@ struct Reference {
 
 impl ReferenceSource {
     /// # Errors
-    /// What keeps a reference from being built.
+    /// The reason why a reference cannot be built.
     pub fn new(source: Box<dyn Source>, references: &[Algorithm]) -> Result<Self> {
         let labels: Vec<_> = references.iter().map(Algorithm::label).collect();
         let label = labels.join(" and ");
@@ -146,7 +146,7 @@ impl Source for ReferenceSource {
 mod tests {
     use super::*;
     use svl_core::stereo::Gray;
-    use svl_core::stereo::{Exposure, Geometry, StereoPair};
+    use svl_core::stereo::{Geometry, StereoPair};
 
     const SIZE: (usize, usize) = (96, 48);
 
@@ -174,14 +174,8 @@ mod tests {
             let image = |shift| Gray::from_fn(SIZE.0, SIZE.1, |x, y| texture(x + shift, y));
             Ok(Some(Frame {
                 sequence: self.0,
-                stamp_ns: 0,
-                name: None,
-                pair: StereoPair::new(image(0)?, image(7)?)?,
-                color: None,
-                geometry: Geometry::Raw,
-                pose: None,
                 truth: Some(Truth::exact(Plane::filled(SIZE.0, SIZE.1, 3.0)?, None)),
-                exposure: Exposure::default(),
+                ..Frame::new(StereoPair::new(image(0)?, image(7)?)?, Geometry::Raw)
             }))
         }
 

@@ -1,4 +1,4 @@
-//! What a user asks of a source: its name and its options.
+//! A user's request for a source: its name and its options.
 
 use super::FolderRequest;
 use super::calibration::Calib;
@@ -6,7 +6,7 @@ use svl_data::grab::{GrabRequest, Host};
 use svl_data::recording::{Selection, TruthSelection};
 use svl_data::scenario::SourceOptions;
 
-/// What to open, and how.
+/// A source to open, with its options.
 #[derive(Clone)]
 pub struct Request<'a> {
     /// As [`super::SOURCES`] writes it, or a path.
@@ -17,7 +17,7 @@ pub struct Request<'a> {
     pub options: SourceOptions,
     /// The pairs stay raw, to calibrate cameras with.
     pub raw: bool,
-    /// How to grab from cameras; its skew and its seed are those of this request.
+    /// Options of cameras; their skew and their seed are those of this request.
     pub grab: GrabRequest,
     pub host: Host<'a>,
 }
@@ -57,7 +57,7 @@ impl<'a> Request<'a> {
         })
     }
 
-    /// What rectifies the pairs.
+    /// The calibration that rectifies the pairs.
     pub fn calib(&self) -> Calib {
         match &self.options.calib {
             _ if self.raw => Calib::Raw,

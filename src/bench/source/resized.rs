@@ -43,7 +43,7 @@ impl Source for Resized {
 mod tests {
     use super::*;
     use svl_core::stereo::Losses;
-    use svl_core::stereo::{Exposure, Geometry, Gray, Plane, Rig, StereoPair, Truth, Visibility};
+    use svl_core::stereo::{Geometry, Gray, Plane, Rig, StereoPair, Truth, Visibility};
 
     /// One frame: columns of grey 10·x, 6 px of true disparity, all seen by both.
     struct One(Option<Frame>);
@@ -55,16 +55,14 @@ mod tests {
             Self(Some(Frame {
                 sequence: 7,
                 stamp_ns: 9,
-                name: None,
-                pair: StereoPair::new(image.clone(), image).unwrap(),
-                color: None,
-                geometry: Geometry::Rectified(Some(rig)),
-                pose: None,
                 truth: Some(Truth::exact(
                     Plane::filled(width, height, 2.0).unwrap(),
                     Some(Plane::filled(width, height, Visibility::Visible).unwrap()),
                 )),
-                exposure: Exposure::default(),
+                ..Frame::new(
+                    StereoPair::new(image.clone(), image).unwrap(),
+                    Geometry::Rectified(Some(rig)),
+                )
             }))
         }
     }

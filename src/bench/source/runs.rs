@@ -13,7 +13,7 @@ use svl_data::score::{Judge, RunPart};
 use svl_data::stress::Stress;
 use xxhash_rust::xxh3::Xxh3Default;
 
-/// What a scenario of recordings asks for of one of its files.
+/// The request of a scenario of recordings for one of its files.
 ///
 /// # Errors
 /// [`Error::Io`] where it does not exist; [`Error::Usage`] for a scenario among recordings.

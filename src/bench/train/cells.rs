@@ -1,4 +1,4 @@
-//! What a training found, for people.
+//! Results of a training, for people.
 
 use crate::report::page::fill;
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
@@ -15,7 +15,7 @@ pub struct CellTraining {
     /// Least probability of a cell that counts as reported.
     pub confidence: f64,
     pub scenarios: Vec<ScenarioCells>,
-    /// Of cells whose fold was held out of the fit.
+    /// Results of cells whose fold was held out of the fit.
     pub reliability: Vec<ReliabilityBin>,
     /// Mean logistic loss of held-out cells by the number of steps.
     pub losses: Vec<f64>,
@@ -60,8 +60,8 @@ pub struct ReliabilityBin {
 const ENDS: [f64; 10] = [0.0, 0.2, 0.4, 0.6, 0.75, 0.85, 0.9, 0.95, 0.98, 1.0];
 
 impl CellTraining {
-    /// Of a fit to `samples`, which lie scenario after scenario: names, and how many of the samples
-    /// are of each.
+    /// Figures of a fit to `samples`, which lie scenario after scenario: names, and how many
+    /// samples are of each.
     pub fn new(
         algorithm: String,
         confidence: f64,

@@ -13,7 +13,7 @@ use svl_data::fit::filter::{
 /// are trained anew.
 pub const REVISION: u32 = 1;
 
-/// What is trained.
+/// Options of a training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainSettings {
     /// Numbers of hidden neurons to try; the one with the least validation error is kept.
@@ -21,7 +21,7 @@ pub struct TrainSettings {
     /// Seeds of each.
     pub seeds: Vec<u64>,
     pub most_epochs: usize,
-    /// Of *too close*, pixels.
+    /// Range of disparities for *too close*, pixels.
     pub range_px: f64,
 }
 
@@ -46,7 +46,7 @@ impl TrainSettings {
 /// Fewest samples of a category in any part.
 const FEWEST: usize = 20;
 
-/// What training calls after every epoch: hidden neurons, seed, epoch, errors; whether to go on.
+/// Callback after every epoch: hidden neurons, seed, epoch, errors; true to go on.
 pub type EpochProgress<'a> = &'a mut dyn FnMut(FitSettings, usize, EpochError) -> bool;
 
 /// Trains a filter on samples, whose features are standardized in place.

@@ -1,15 +1,15 @@
 //! Cells of scenarios that the table of v5 is learned from.
 
 use crate::console::{Console, Watch};
-use crate::run::{Matchers, Pace, run_through};
+use crate::run::{Matchers, collect};
 use crate::runs::runs;
-use crate::sink::{CollectSink, RunStart, Sink};
+use crate::sink::{CollectSink, RunStart};
 use crate::source::Source;
 use std::path::Path;
 use svl_core::depth::decision::Feature;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::CellEvidence;
-use svl_core::{Error, Result, interrupt};
+use svl_core::{Error, Result};
 use svl_data::fit::{CellSample, CellTarget, cell_samples};
 use svl_data::manifest::Manifest;
 use svl_data::scenario::Scenario;
@@ -50,14 +50,7 @@ impl LearnedCells {
                     (judged.frame.name.clone(), samples)
                 })
             };
-            let collected = of_frame.outbox();
-            let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
-            let start = RunStart {
-                manifest: &manifest,
-                log: None,
-                seed: run.seed,
-                judge: &judge,
-            };
+            let start = RunStart::new(&manifest, run.seed, &judge);
             // The same walk in another arena is no other scene.
             let name = match run.seed {
                 Some(seed) => format!("arena seed {seed}"),
@@ -65,14 +58,8 @@ impl LearnedCells {
             };
             let title = format!("learn {}, {name}", scenario.name);
             let watch = Watch::new(console, &title, run.pairs(), None);
-            let (pace, sinks) = (Pace::Asap, &mut sinks);
-            let (_, ran) = run_through(&mut run, &mut matchers, &start, pace, sinks, watch);
-            ran?;
-            sinks.drain(..).try_for_each(Sink::finish)?;
-            if interrupt::requested() {
-                return Err(Error::Invalid("interrupted; nothing is written".to_owned()));
-            }
-            for (scene, samples) in collected.take() {
+            let collected = collect(&mut run, &mut matchers, &start, of_frame, watch)?;
+            for (scene, samples) in collected {
                 let group = self.group(scene.map_or(name.clone(), |scene| scene));
                 let samples = samples.into_iter();
                 self.samples

@@ -1,5 +1,5 @@
 //! Training with its figures for people: the table of v5's cells, the networks of the filters.
-//! What is computed on every sample is [`svl_data::fit`].
+//! Computations on every sample are in [`svl_data::fit`].
 
 mod cells;
 mod filter;

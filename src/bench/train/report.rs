@@ -1,4 +1,4 @@
-//! What the training of a filter found, for people.
+//! Results of the training of a filter, for people.
 
 use crate::report::page::{data_url, fill};
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
@@ -17,7 +17,7 @@ use svl_data::fit::filter::{
 #[derive(Clone, Debug, Serialize)]
 pub struct FilterTraining {
     pub filter: &'static str,
-    /// What it detects, and all else.
+    /// The category that it detects, and all else.
     pub categories: [&'static str; 2],
     pub window: usize,
     pub scaling: &'static str,
@@ -33,7 +33,7 @@ pub struct FilterTraining {
     /// Mean square errors by epoch.
     pub epochs: Vec<EpochError>,
     pub best_epoch: usize,
-    /// Whether training was interrupted: the best network until then is kept.
+    /// True if training was interrupted: the best network until then is kept.
     pub interrupted: bool,
     /// All sizes and seeds that were trained.
     pub trials: Vec<HiddenTrial>,
@@ -107,13 +107,13 @@ impl FilterTraining {
         }
     }
 
-    /// How many recordings are in a part.
+    /// Number of recordings in a part.
     pub fn recordings_of(&self, part: SamplePart) -> usize {
         let parts = SamplePart::deal(self.recordings);
         parts.iter().filter(|of| **of == part).count()
     }
 
-    /// What the model's file says of it.
+    /// Facts in the model's file.
     pub(super) fn facts(&self) -> ModelFacts {
         let share = |rate: f64| format!("{rate:.5}");
         [
@@ -170,7 +170,7 @@ impl FilterTraining {
             y,
             series,
         };
-        // Of a good curve the corner that matters.
+        // The corner of a good curve that matters.
         let corner = |axis: Axis, range| Axis {
             range: (self.roc.area > 0.98).then_some(range),
             ..axis

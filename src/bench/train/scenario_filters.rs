@@ -55,7 +55,7 @@ fn model(
     let training = filter.training(scenario)?;
     let spec = kind.spec();
     let settings = TrainSettings::default_of(kind);
-    // Of all that the weights depend on.
+    // The key has all that the weights depend on.
     let mut key = format!("{REVISION} {settings:?} {:?}", spec.features);
     for of in &training {
         if let ScenarioSource::Arena { config, seeds } = &of.source {

@@ -2,9 +2,9 @@
 
 use super::{FilterTraining, TrainSettings, train_filter};
 use crate::console::{Console, Unit, Watch};
-use crate::run::{Matchers, Pace, run_through};
+use crate::run::{Matchers, collect};
 use crate::runs::{ScoredSource, runs};
-use crate::sink::{CollectSink, RunStart, Sink};
+use crate::sink::{CollectSink, RunStart};
 use crate::source::Source;
 use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
@@ -82,24 +82,11 @@ pub fn windows(
                     added.map(|()| (frame.sequence, judged.pair_hash(), samples))
                 })
             };
-            let collected = of_frame.outbox();
-            let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
-            let start = RunStart {
-                manifest: &manifest,
-                log: None,
-                seed: run.seed,
-                judge: &judge,
-            };
+            let start = RunStart::new(&manifest, run.seed, &judge);
             let watch = Watch::new(console, &format!("windows of {name}"), run.pairs(), None);
-            let (mut none, pace) = (Matchers::none(), Pace::Asap);
-            let (_, ran) = run_through(&mut run, &mut none, &start, pace, &mut sinks, watch);
-            ran?;
-            sinks.drain(..).try_for_each(Sink::finish)?;
-            if interrupt::requested() {
-                return Err(Error::Invalid("interrupted; nothing is written".to_owned()));
-            }
+            let collected = collect(&mut run, &mut Matchers::none(), &start, of_frame, watch)?;
             let before = samples.samples.len();
-            for of_frame in collected.take() {
+            for of_frame in collected {
                 let (sequence, pair, of_frame) =
                     of_frame.map_err(|e| Error::Invalid(format!("{name}: {e}")))?;
                 // Training and test are never on the same pairs.

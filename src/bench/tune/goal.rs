@@ -1,4 +1,4 @@
-//! What is sought: a metric as large or as small as possible, while others stay within bounds.
+//! The goal of a search: a metric as large or as small as possible, others within bounds.
 
 use super::values::TrialValues;
 use std::cmp::Ordering;
@@ -25,7 +25,7 @@ pub struct Constraint {
     pub text: String,
 }
 
-/// What a metric is held against.
+/// Limit of a metric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
     /// In the unit of the metric; shares are 0..=1.
@@ -39,7 +39,7 @@ pub enum Bound {
 /// # Errors
 /// [`Error::Usage`] with the names that there are.
 pub(super) fn metric(name: &str) -> Result<&'static Metric> {
-    // What others of a run agree on depends on who they are.
+    // Agreement with others depends on the algorithms of the run.
     let can = |metric: &&Metric| metric.is_of_frames() && metric.name != "agreed";
     let names = || METRICS.iter().filter(can).map(|metric| metric.name);
     Metric::find(name).filter(can).ok_or_else(|| {
@@ -119,9 +119,10 @@ impl Constraint {
             bound - value
         };
         // Equal to the bound up to the last digits is within it.
-        match over > 1e-9 * bound.abs() {
-            true => over / bound.abs().max(0.01),
-            false => 0.0,
+        if over > 1e-9 * bound.abs() {
+            over / bound.abs().max(0.01)
+        } else {
+            0.0
         }
     }
 }
@@ -145,12 +146,13 @@ impl Goal {
     /// # Errors
     /// None.
     pub fn by_default(has_truth: bool) -> Result<Self> {
-        let (objective, bounds) = match has_truth {
-            true => (
+        let (objective, bounds) = if has_truth {
+            (
                 "right",
                 &["wrong<=1x", "missed<=1x", "blind<=1x", "time<=1.5x"][..],
-            ),
-            false => ("unrivalled", &["time<=1.5x"][..]),
+            )
+        } else {
+            ("unrivalled", &["time<=1.5x"][..])
         };
         let constraints = bounds.iter().map(|bound| bound.parse());
         Self::new(objective, true, constraints.collect::<Result<_>>()?)
@@ -193,7 +195,7 @@ impl Goal {
         words
     }
 
-    /// Whether its objective is better when it is sought in that direction.
+    /// True if its objective is better when it is sought in that direction.
     pub fn is_sensible(&self) -> bool {
         match self.objective.better {
             Better::More => self.is_maximized,
@@ -247,7 +249,7 @@ mod tests {
         all.sort_by(|a, b| goal.compare(a, b, &reference));
         assert!(std::ptr::eq(all[0], &better) && std::ptr::eq(all[1], &reference));
         assert!(std::ptr::eq(all[2], &slow) && std::ptr::eq(all[3], &wrong));
-        // What is not measured keeps no constraint.
+        // A metric that is not measured keeps no constraint.
         assert!(goal.violation(&values(&[("right", 1.0)]), &reference) > 1.0);
         assert_eq!(goal.words(), "most right cells with wrong<=5%, time<=1.2x");
     }

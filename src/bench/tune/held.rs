@@ -79,9 +79,12 @@ impl SearchData {
             [only] => {
                 let frames = std::mem::take(&mut only.frames);
                 let are_scenes = frames.iter().all(|frame| frame.name.is_some());
-                let is_test = |i: usize| match are_scenes {
-                    true => i % 3 == 2,
-                    false => i >= frames.len() * 2 / 3,
+                let is_test = |i: usize| {
+                    if are_scenes {
+                        i % 3 == 2
+                    } else {
+                        i >= frames.len() * 2 / 3
+                    }
                 };
                 let side = |test: bool| {
                     let frames = frames.iter().enumerate();
@@ -180,7 +183,7 @@ fn parts(scenario: &Scenario, wanted: usize, console: &dyn Console) -> Result<Ve
 /// Runs algorithms over the frames in memory.
 pub struct HeldRuns<'a> {
     pub parts: &'a [HeldRun],
-    /// Whether some of the pairs have a truth.
+    /// True if some of the pairs have a truth.
     pub has_truth: bool,
     /// Counts matchings.
     pub bar: Option<Box<dyn Bar>>,
@@ -234,12 +237,7 @@ impl HeldRuns<'_> {
                 photometric: !self.has_truth,
                 ..part.judge.clone()
             };
-            let start = RunStart {
-                manifest: &manifest,
-                log: None,
-                seed: part.seed,
-                judge: &judge,
-            };
+            let start = RunStart::new(&manifest, part.seed, &judge);
             let rows = Outbox::default();
             let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(TableSink::new(None, None, &rows)?)];
             let mut counting = MatchingCount {
@@ -278,7 +276,7 @@ impl Evaluator for HeldRuns<'_> {
         let rows = self.rows(algorithms, pairs)?;
         let values = |rows: Vec<Row>| {
             let rows: Vec<_> = rows.iter().collect();
-            // The median of others depends on who they are.
+            // Its value depends on the other algorithms of the run.
             let value = |metric: &'static Metric| match metric.name {
                 "agreed" => None,
                 _ => total(metric, &rows),

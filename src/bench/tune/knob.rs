@@ -1,5 +1,5 @@
-//! What can be turned: the parameters of an algorithm, the filters behind it, the depth grid and
-//! the rule by which its cells are judged, each with its range.
+//! Knobs that can be turned: the parameters of an algorithm, the filters behind it, the depth grid
+//! and the rule by which its cells are judged, each with its range.
 
 use std::sync::Arc;
 use svl_core::depth::{CellDecision, GridSettings};
@@ -30,7 +30,7 @@ pub struct Knob {
     pub description: &'static str,
 }
 
-/// What a knob belongs to.
+/// The part that a knob belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KnobPart {
     Algorithm,
@@ -43,7 +43,7 @@ pub enum KnobPart {
 }
 
 impl KnobPart {
-    /// What heads its knobs.
+    /// Heading of its knobs.
     pub fn words(self) -> &'static str {
         match self {
             Self::Algorithm => "algorithm",
@@ -120,7 +120,7 @@ const DISPARITY: [Parameter; 1] = [Parameter {
 
 const ON_OFF: Range = Range::Flag { default: false };
 
-/// How far values are sought in the direction of a step: some algorithms take only odd ones.
+/// Distance that values are sought in the direction of a step: some algorithms take only odd ones.
 const STEPS: i32 = 16;
 
 impl Knob {
@@ -178,9 +178,10 @@ impl Knob {
                 let step = self.step(*v, coarse)?;
                 // On the grid of the steps, with as many decimals as they have.
                 let decimals = (-step.log10().floor()).max(0.0) as usize;
-                let on_grid = match steps > 0 {
-                    true => (v / step + 1e-6).floor(),
-                    false => (v / step - 1e-6).ceil(),
+                let on_grid = if steps > 0 {
+                    (v / step + 1e-6).floor()
+                } else {
+                    (v / step - 1e-6).ceil()
                 };
                 let to = (on_grid + f64::from(steps)) * step;
                 let to: f64 = format!("{to:.decimals$}").parse().ok()?;
@@ -284,9 +285,10 @@ impl TunedSetting {
                 let is_on = |filter: &&Arc<FilterModel>| {
                     let name = filter.kind.spec().name;
                     let mut before = self.algorithm.filters().iter();
-                    match name == knob.name {
-                        true => *on,
-                        false => before.any(|other| other.kind == filter.kind),
+                    if name == knob.name {
+                        *on
+                    } else {
+                        before.any(|other| other.kind == filter.kind)
                     }
                 };
                 let filters: Vec<_> = self.filters.iter().filter(is_on).cloned().collect();

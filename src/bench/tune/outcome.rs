@@ -1,4 +1,4 @@
-//! What a search found: for the terminal, as Markdown and as the TOML of a scenario.
+//! Results of a search: for the terminal, as Markdown and as the TOML of a scenario.
 
 use super::goal::Goal;
 use super::search::Evaluated;
@@ -13,7 +13,7 @@ use svl_core::filter::FilterKind;
 use svl_data::scenario::{Scenario, ScenarioFilter};
 use svl_data::score::{METRICS, Metric};
 
-/// Where a search looked, and how.
+/// Facts of a search.
 #[derive(Clone, Debug, Serialize)]
 pub struct TuneFacts {
     /// In words, as [`Goal::words`].
@@ -30,7 +30,7 @@ pub struct TuneFacts {
     pub made: Vec<(String, String)>,
 }
 
-/// What was found of one algorithm.
+/// Results for one algorithm.
 #[derive(Clone, Debug, Serialize)]
 pub struct TunedAlgorithm {
     /// The reference and the best, as `--algo` takes them.
@@ -38,7 +38,7 @@ pub struct TunedAlgorithm {
     pub best: String,
     /// Name of the metric that was sought.
     pub objective: &'static str,
-    /// What varied.
+    /// Axes of the search.
     pub axes: Vec<String>,
     /// Settings that were tried, and those that were looked at on all training pairs.
     pub tried: usize,
@@ -56,7 +56,7 @@ pub struct TunedAlgorithm {
 #[derive(Clone, Debug, Serialize)]
 pub struct FrontEntry {
     pub setting: String,
-    /// Whether it keeps the constraints.
+    /// True if it keeps the constraints.
     pub is_allowed: bool,
     /// In the order of METRICS.
     pub values: Vec<(&'static str, f64)>,
@@ -89,12 +89,12 @@ impl FrontEntry {
 }
 
 impl TunedAlgorithm {
-    /// Whether the reference is the best that was found.
+    /// True if the reference is the best that was found.
     pub fn is_unchanged(&self) -> bool {
         self.best == self.reference
     }
 
-    /// What the test says of the best, where it was tested: better in what was sought or not.
+    /// Result of the test of the best, where it was tested: better in the objective or not.
     pub fn verdict(&self) -> Option<String> {
         let sought = Metric::find(self.objective)?;
         let change = self.test.iter().find(|change| change.metric == sought)?;
@@ -253,14 +253,15 @@ impl std::fmt::Display for TuneOutcome {
             .try_for_each(|note| writeln!(f, "{note}"))?;
         for of in &self.algorithms {
             writeln!(f, "\n{}", of.reference)?;
-            match of.is_unchanged() {
-                true => writeln!(f, "  best is the reference itself, of {} tried", of.tried)?,
-                false => writeln!(f, "  best of {} tried: {}", of.tried, of.best)?,
+            if of.is_unchanged() {
+                writeln!(f, "  best is the reference itself, of {} tried", of.tried)?;
+            } else {
+                writeln!(f, "  best of {} tried: {}", of.tried, of.best)?;
             }
             if let Some(verdict) = of.verdict() {
                 writeln!(f, "  {verdict}")?;
             }
-            // Of the training pairs only where nothing judged: the file beside the output has both.
+            // Training pairs are shown only without a test: the file beside the output has both.
             let parts = self.parts(of).into_iter();
             let parts: Vec<_> = parts.filter(|(_, changes)| !changes.is_empty()).collect();
             if let Some((words, changes)) = parts.last().filter(|_| !of.is_unchanged()) {

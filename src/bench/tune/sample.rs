@@ -13,14 +13,14 @@ const UNREADABLE: u64 = 16;
 /// Reads frames that are spread evenly over a source, a step at a time.
 pub struct Sampler {
     source: Box<dyn Source>,
-    /// How many are wanted, as far as there is memory for them.
+    /// Number of frames wanted, as far as there is memory for them.
     wanted: u64,
     limit_bytes: usize,
-    /// How many frames the source has, where that is known.
+    /// Number of frames that the source has, where that is known.
     count: Option<u64>,
     /// Index of the frame that the source gives next.
     next: u64,
-    /// Where the count is not known: one of this number is kept.
+    /// One of this number is kept where the count is not known.
     stride: u64,
     frames: Vec<Arc<Frame>>,
     done: bool,
@@ -88,7 +88,7 @@ impl Sampler {
     fn read_spread(&mut self, count: u64) -> Result<bool> {
         let wanted = self.wanted.min(count);
         let at = |i: u64| i * count / wanted.max(1);
-        // Of those that are still to come, the first: others may not have been readable.
+        // The first of those that are still to come: others may not have been readable.
         let Some(index) = (0..wanted).map(at).find(|index| *index >= self.next) else {
             return Ok(false);
         };
@@ -186,7 +186,7 @@ pub fn spread_order(count: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::{Exposure, Geometry, Gray, StereoPair};
+    use svl_core::stereo::{Geometry, Gray, StereoPair};
 
     struct Numbered {
         next: u64,
@@ -212,14 +212,7 @@ mod tests {
             let image = Gray::filled(10, 10, 0)?;
             Ok(Some(Frame {
                 sequence,
-                stamp_ns: 0,
-                name: None,
-                pair: StereoPair::new(image.clone(), image)?,
-                color: None,
-                geometry: Geometry::Raw,
-                pose: None,
-                truth: None,
-                exposure: Exposure::default(),
+                ..Frame::new(StereoPair::new(image.clone(), image)?, Geometry::Raw)
             }))
         }
 

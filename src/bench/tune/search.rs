@@ -17,7 +17,7 @@ pub trait Evaluator {
     /// reference.
     ///
     /// # Errors
-    /// What keeps any of them from being run.
+    /// The reason why one of them cannot be run.
     fn evaluate(
         &mut self,
         algorithms: &[Algorithm],
@@ -25,7 +25,7 @@ pub trait Evaluator {
     ) -> Result<Option<Vec<Option<TrialValues>>>>;
 }
 
-/// How much is tried.
+/// Size of a search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SearchPlan {
     /// Settings that are tried.
@@ -58,7 +58,7 @@ const BATCH: usize = 11;
 #[derive(Clone, Debug)]
 pub struct Evaluated {
     pub algorithm: Algorithm,
-    /// Of the generations of the search, from 0.
+    /// Generation of the search, from 0.
     pub generation: usize,
     pub pairs: usize,
     pub values: TrialValues,
@@ -74,7 +74,7 @@ pub struct LoggedTrial<'a> {
     pub values: Option<&'a TrialValues>,
 }
 
-/// What is known of settings as they are written, by pairs; nothing of one that fails.
+/// Values of settings, by the setting as it is written and pairs; none for one that fails.
 pub type Known = BTreeMap<(String, usize), Option<TrialValues>>;
 
 /// A search under way.
@@ -82,9 +82,9 @@ pub struct Search<'a> {
     space: &'a Space,
     goal: &'a Goal,
     plan: SearchPlan,
-    /// What was found, or read from a log: by the setting as it is written, and pairs.
+    /// Values that were found, or read from a log: by the setting as it is written, and pairs.
     known: Known,
-    /// What was looked at, in order.
+    /// Settings that were looked at, in order.
     evaluated: Vec<Evaluated>,
     generation: usize,
     interrupted: bool,
@@ -117,7 +117,7 @@ impl<'a> Search<'a> {
         (matchings * SPREADS.len()) as u64
     }
 
-    /// Whether the user ended it.
+    /// True if the user ended it.
     pub fn was_interrupted(&self) -> bool {
         self.interrupted
     }
@@ -153,7 +153,7 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// How many settings were tried beside the reference.
+    /// Number of settings that were tried beside the reference.
     pub fn tried(&self) -> usize {
         let base = self.space.base.written();
         let tried: BTreeSet<_> = self.known.keys().map(|(written, _)| written).collect();

@@ -134,16 +134,18 @@ impl SearchAxis {
             AxisValues::Int { low, high, is_log } => {
                 let (from, to) = (f64::from(*low), f64::from(*high));
                 // Each number has the same part of the axis.
-                let value = match is_log {
-                    true => from * ((to + 1.0) / from).powf(at),
-                    false => from + at * (to - from + 1.0),
+                let value = if *is_log {
+                    from * ((to + 1.0) / from).powf(at)
+                } else {
+                    from + at * (to - from + 1.0)
                 };
                 Value::Int((value as i32).clamp(*low, *high))
             }
             AxisValues::Real { low, high, is_log } => {
-                let value = match is_log {
-                    true => low * (high / low).powf(at),
-                    false => low + at * (high - low),
+                let value = if *is_log {
+                    low * (high / low).powf(at)
+                } else {
+                    low + at * (high - low)
                 };
                 // Three digits are enough to tell settings apart, and can be typed.
                 let digits = (2.0 - value.abs().max(1e-6).log10().floor()).max(0.0) as usize;
@@ -157,12 +159,13 @@ impl SearchAxis {
         }
     }
 
-    /// Where a value lies, 0..1; a value outside at the nearer end.
+    /// Place of a value, 0..1; a value outside is at the nearer end.
     fn place(&self, value: &Value) -> f64 {
         let within = |value: f64, low: f64, high: f64, is_log: bool| {
-            let at = match is_log {
-                true => (value.max(low) / low).ln() / (high / low).ln(),
-                false => (value - low) / (high - low),
+            let at = if is_log {
+                (value.max(low) / low).ln() / (high / low).ln()
+            } else {
+                (value - low) / (high - low)
             };
             at.clamp(0.0, 1.0)
         };
@@ -248,7 +251,7 @@ impl Space {
         Ok(Self { base, axes })
     }
 
-    /// Where a setting lies.
+    /// Place of a setting.
     pub fn place(&self, algorithm: &Algorithm) -> Vec<f64> {
         let place = |axis: &SearchAxis| {
             let mut values = algorithm.parameters().iter();

@@ -3,22 +3,22 @@
 use super::held::HeldRun;
 use super::{Known, LoggedTrial, TrialValues};
 use crate::outputs::Outputs;
+use crate::report::whole_lines;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use svl_core::filter::FilterModel;
 use svl_core::matcher::Algorithm;
-use svl_core::stereo::Truth;
 use svl_core::{Error, Result};
-use svl_data::manifest::{Manifest, hash};
+use svl_data::manifest::{Manifest, Purpose, hash};
 use svl_data::score::{METRICS, Metric};
 
 /// The log of the trials: a row for each setting and number of pairs, written as it is known.
 pub struct TrialLog {
     writer: csv::Writer<std::fs::File>,
-    /// What the values depend on: the pairs, and how they are judged.
+    /// Hash of all that the values depend on: the pairs, and how they are scored.
     key: String,
-    /// Of an earlier search: algorithm, setting, pairs.
+    /// Values of an earlier search, by algorithm, setting and pairs.
     known: BTreeMap<(String, String, usize), Option<TrialValues>>,
 }
 
@@ -36,36 +36,31 @@ impl TrialLog {
         resume: bool,
         logs: Outputs,
     ) -> Result<Self> {
-        let made = Manifest::new("tune", &[])?;
-        let mut words = format!("{} {:?}", made.svl, made.git_revision);
+        let mut words = Manifest::new("tune", &[])?.identity_hash(Purpose::Resume)?;
         let filters = filters.iter().map(|filter| filter.hash());
         filters.for_each(|hash| words += &format!(" {hash:x}"));
         for part in training {
             words += &format!("{:?} {:?}", part.judge().grid, part.judge().cells);
             for frame in &part.frames {
-                // The same pairs are judged otherwise by another sensor or reference.
-                let truth = frame.truth.as_ref().map(Truth::hash);
-                words += &format!(" {:x} {truth:x?}", frame.pair.hash());
+                words += &format!(" {:x}", frame.input_hash(frame.pair.hash()));
             }
         }
         let key = hash(&words)[..12].to_owned();
-        let is_there = path.metadata().is_ok_and(|of| of.len() > 0);
+        let text = if resume {
+            whole_lines(path)?
+        } else {
+            Vec::new()
+        };
         let mut known = BTreeMap::new();
-        if resume && is_there {
-            let text = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-            // What was being written when the search was killed is no row.
-            let whole = text
-                .iter()
-                .rposition(|byte| *byte == b'\n')
-                .map_or(0, |end| end + 1);
-            let mut reader = csv::Reader::from_reader(&text[..whole]);
+        if !text.is_empty() {
+            let mut reader = csv::Reader::from_reader(&text[..]);
             for record in reader.deserialize() {
                 let record: BTreeMap<String, String> =
                     record.map_err(|e| Error::format(path, format!("is not a log: {e}")))?;
                 let Some((place, values)) = entry(&record, &key) else {
-                    let cure = "remove it, or name another --out";
                     return Err(Error::Invalid(format!(
-                        "{}: is the log of a search on other pairs, or of another svl; {cure}",
+                        "{}: is the log of a search on other pairs, or by another svl or machine; \
+                         remove it, or name another --out",
                         path.display()
                     )));
                 };
@@ -75,7 +70,7 @@ impl TrialLog {
             std::fs::OpenOptions::new()
                 .write(true)
                 .open(path)
-                .and_then(|file| file.set_len(whole as u64))
+                .and_then(|file| file.set_len(text.len() as u64))
                 .map_err(|e| Error::io(path, e))?;
             logs.keep_both();
         } else {
@@ -96,7 +91,7 @@ impl TrialLog {
             key,
             known,
         };
-        if !(resume && is_there) {
+        if text.is_empty() {
             let metrics = METRICS.iter().map(|metric| metric.name);
             let written = log.writer.write_record(HEAD.into_iter().chain(metrics));
             written.map_err(|e| Error::io(path, e.into()))?;

@@ -1,4 +1,4 @@
-//! What a setting reached.
+//! Values that a setting reached.
 
 use svl_data::score::{METRICS, Metric};
 

@@ -152,7 +152,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             comparisons.iter().map(ToString::to_string).collect(),
         ))?;
     }
-    // What became worse before what could not be told.
+    // Metrics that became worse come before those that could not be judged.
     let failed = cases.iter().filter_map(|case| match &case.result {
         TestResult::Failed(why) => Some(format!("{}: {why}", case.name)),
         _ => None,
@@ -177,9 +177,10 @@ fn history(args: &Args) -> anyhow::Result<()> {
         write(path, history.page()?)?;
         outputs.commit();
     }
-    match args.json {
-        true => print_json(&history),
-        false => print(&history.to_string()),
+    if args.json {
+        print_json(&history)
+    } else {
+        print(&history.to_string())
     }
 }
 

@@ -199,7 +199,7 @@ fn fetch(args: &FetchArgs, quiet: bool) -> anyhow::Result<()> {
     ))
 }
 
-/// Where the files come from.
+/// Origin of the files.
 enum Origin {
     Authors,
     Mirror(String),
@@ -274,7 +274,7 @@ impl Fetching {
                 made,
             },
         )?;
-        // What the user put there stays.
+        // Files of the user stay.
         if fetch::is_archive(file) && downloads {
             std::fs::remove_file(&path).map_err(|e| svl::Error::io(&path, e))?;
         }

@@ -58,9 +58,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 fn view(files: &[&Path], web: bool) -> anyhow::Result<()> {
     viewer()?.find_program()?;
     // Not to the whole network.
-    let served: &[&str] = match web {
-        true => &["--web-viewer", "--bind", "127.0.0.1"],
-        false => &[],
+    let served: &[&str] = if web {
+        &["--web-viewer", "--bind", "127.0.0.1"]
+    } else {
+        &[]
     };
     match Command::new("rerun").args(served).args(files).status() {
         Ok(status) if status.success() => Ok(()),

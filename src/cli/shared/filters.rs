@@ -18,7 +18,7 @@ pub(crate) struct FilterArgs {
 }
 
 impl FilterArgs {
-    /// What they detect, with their files.
+    /// Their kinds, with their files.
     pub(crate) fn files(&self, models: &[Arc<FilterModel>]) -> Vec<(FilterKind, PathBuf)> {
         let kinds = models.iter().map(|model| model.kind);
         kinds.zip(self.filter.iter().cloned()).collect()

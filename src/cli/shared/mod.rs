@@ -1,4 +1,4 @@
-//! What subcommands share: sources, the viewer, progress, frame stepping, wrong usage.
+//! Code that subcommands share: sources, the viewer, progress, frame stepping, wrong usage.
 
 pub(crate) mod filters;
 pub(crate) mod progress;

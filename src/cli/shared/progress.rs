@@ -8,7 +8,7 @@ use svl::console::{Bar, Console, Unit};
 
 static HANDLER: OnceLock<()> = OnceLock::new();
 
-/// Whether Ctrl-C (or SIGTERM) came. The first asks the work to end orderly; the second ends the
+/// True once Ctrl-C (or SIGTERM) came. The first asks the work to end orderly; the second ends the
 /// program at once.
 pub(crate) fn interrupted() -> bool {
     svl::interrupt::requested()
@@ -38,9 +38,10 @@ pub(crate) struct Terminal {
 impl Console for Terminal {
     fn bar(&self, work: &str, unit: Unit, total: Option<u64>) -> Box<dyn Bar> {
         listen_for_interrupt();
-        let bar = match self.quiet {
-            true => ProgressBar::hidden(),
-            false => total.map_or_else(ProgressBar::no_length, ProgressBar::new),
+        let bar = if self.quiet {
+            ProgressBar::hidden()
+        } else {
+            total.map_or_else(ProgressBar::no_length, ProgressBar::new)
         };
         let form = match (unit, total) {
             (Unit::Drives, _) => "{bar:16} {pos:>6}/{len} drives {eta:>4} left, {msg} pairs",
@@ -117,7 +118,7 @@ impl Bytes {
     pub(crate) fn go_on(&self, done: u64, total: Option<u64>) -> bool {
         if let Some(total) = total.filter(|&total| self.0.length() != Some(total)) {
             self.0.set_length(total);
-            // What an earlier download left is no measure of this one's rate.
+            // Bytes of an earlier download are no measure of this one's rate.
             self.0.set_position(done);
             self.0.reset_eta();
         }

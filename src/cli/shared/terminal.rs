@@ -29,7 +29,7 @@ pub(crate) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     print(&(serde_json::to_string_pretty(value)? + "\n"))
 }
 
-/// Where warnings go: to standard error, later where a tool has the screen.
+/// Target of warnings: standard error, later where a tool has the screen.
 pub(crate) struct Warnings;
 
 /// The warnings so far, a line each, also those that `--quiet` does not print.
@@ -59,7 +59,7 @@ impl Write for WarningLog {
     }
 }
 
-/// What is held back, and where in it begins what was not yet taken.
+/// Warnings that are held back, and the place in them of the first that was not yet taken.
 static HELD: Mutex<Option<(Vec<u8>, usize)>> = Mutex::new(None);
 
 /// Warnings that are held back, bytes.
@@ -127,7 +127,7 @@ impl Write for Warnings {
 /// Gaps and losses that are listed one by one.
 pub(crate) const LISTED: usize = 5;
 
-/// What cannot be read of a file, a line each.
+/// Parts of a file that cannot be read, a line each.
 pub(crate) fn losses(losses: &[DamagedPart]) -> Vec<String> {
     let part = |DamagedPart {
                     at_byte,
@@ -151,7 +151,7 @@ pub(crate) fn losses(losses: &[DamagedPart]) -> Vec<String> {
     lines
 }
 
-/// What the file's own summary promises and it does not hold.
+/// Messages that the file's own summary promises and it does not hold.
 pub(crate) fn missing(missing: &BTreeMap<String, u64>) -> Vec<String> {
     missing
         .iter()
@@ -188,7 +188,7 @@ pub(crate) fn style() -> TerminalStyle {
     }
 }
 
-/// Where a report is, and what shows more of it.
+/// The place of a report, and the commands that show more of it.
 pub(crate) fn report_lines(folder: &Path) -> String {
     let (page, folder) = (folder.join("index.html"), folder.display());
     let viewer = format!("viewer   svl view {folder}\n");

@@ -1,4 +1,4 @@
-//! What is wrong with the command line itself, whatever files and machines there are: one line, and
+//! An error of the command line itself, whatever files and machines there are: one line, and
 //! exit code 2.
 
 use super::terminal::print_error;
@@ -78,16 +78,17 @@ pub(crate) fn ending(endings: &'static [&'static str]) -> impl TypedValueParser<
 
 /// Refuses the name of a file with none of these endings.
 pub(crate) fn ends_in(path: &Path, endings: &[&str]) -> Result<(), String> {
-    match endings
+    if endings
         .iter()
         .any(|ending| path.extension().is_some_and(|e| e == *ending))
     {
-        true => Ok(()),
-        false => Err(format!(
+        Ok(())
+    } else {
+        Err(format!(
             "{}: must end in .{}",
             path.display(),
             endings.join(" or .")
-        )),
+        ))
     }
 }
 

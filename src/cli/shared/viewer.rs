@@ -6,7 +6,7 @@ use svl::sink::{RerunTarget, Viewer};
 /// The viewer that this svl was built with: the only place that knows which.
 ///
 /// # Errors
-/// Where it was built without one, with the cure.
+/// The error where it was built without one, with the cure.
 pub(crate) fn viewer() -> svl::Result<&'static dyn Viewer> {
     #[cfg(feature = "rerun")]
     {

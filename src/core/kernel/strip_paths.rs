@@ -115,9 +115,10 @@ fn match_pixels(
         lanes(left[2], from),
     ];
     let at = place.right + i * place.pitch;
-    let (column, last) = match place.lanes_are_columns {
-        true => (place.column, place.column + N - 1),
-        false => (place.column + i, place.column + i),
+    let (column, last) = if place.lanes_are_columns {
+        (place.column, place.column + N - 1)
+    } else {
+        (place.column + i, place.column + i)
     };
     for (d, costs) in costs.iter_mut().enumerate() {
         if d > last {

@@ -248,7 +248,7 @@ impl std::fmt::Debug for Algorithm {
 }
 
 impl Default for Algorithm {
-    /// What runs where a user names none: v5.
+    /// The algorithm that runs where a user names none: v5.
     fn default() -> Self {
         "v5".parse().expect("it is registered")
     }

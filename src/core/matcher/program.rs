@@ -76,13 +76,14 @@ impl ProgramRecord {
     pub fn identity(&self) -> String {
         let parts = [&self.name, &self.version, &self.model];
         let said: Vec<_> = parts.into_iter().flatten().map(String::as_str).collect();
-        match said.is_empty() {
-            true => "a program that does not say what it is".to_owned(),
-            false => said.join(" "),
+        if said.is_empty() {
+            "a program that does not say what it is".to_owned()
+        } else {
+            said.join(" ")
         }
     }
 
-    /// Whether the time that it reports leaves out work: it answers far later.
+    /// True if the time that it reports leaves out work: it answers far later.
     pub fn is_time_doubtful(&self) -> bool {
         let limit_us = self.reported_us + self.reported_us / 4 + ODD_US;
         self.waited_us > limit_us && self.pairs >= ENOUGH_PAIRS

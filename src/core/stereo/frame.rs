@@ -29,6 +29,21 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// The first frame of a source, at 0 ns, of which nothing else is known.
+    pub fn new(pair: StereoPair, geometry: Geometry) -> Self {
+        Self {
+            sequence: 0,
+            stamp_ns: 0,
+            name: None,
+            pair,
+            geometry,
+            pose: None,
+            truth: None,
+            color: None,
+            exposure: Exposure::default(),
+        }
+    }
+
     /// About how much memory it takes: two images, in colour too where it has them, disparities in
     /// four bytes, visibility and surface in one each.
     pub fn memory_bytes(&self) -> usize {
@@ -185,7 +200,7 @@ impl Truth {
     }
 }
 
-/// Whether a truth is of areas or of single points, which decides what remains of it in shrunk
+/// Density of a truth, of areas or of single points, which decides what remains of it in shrunk
 /// pairs. How a cell is scored depends on how many of its pixels are known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -323,14 +338,15 @@ pub struct Estimate {
 impl Estimate {
     /// Hash of the disparities, and of the grid where it is the algorithm's own.
     pub fn hash(&self) -> u128 {
-        match self.own_grid {
-            false => self.disparity.hash(),
-            true => self.grid.hash(self.disparity.hash()),
+        if self.own_grid {
+            self.grid.hash(self.disparity.hash())
+        } else {
+            self.disparity.hash()
         }
     }
 }
 
-/// What of a source is in no frame, each with its reason.
+/// Everything of a source that is in no frame, with its reason.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Losses {
     /// Images without a partner, while both cameras had images.
@@ -349,7 +365,7 @@ pub struct Losses {
     pub without_truth: u64,
     /// Frames of a video that was cut off or is damaged.
     pub cut: u64,
-    /// Pairs that nobody asked for.
+    /// Pairs that were not asked for.
     pub skipped: u64,
     /// What a synchronized grabber counted.
     #[serde(skip)]

@@ -30,9 +30,10 @@ pub fn cross_check(left: &Plane<f32>, right: &Plane<f32>) -> Result<Plane<Visibi
         }
         let there = (x as f32 - d).round();
         let inside = there >= 0.0 && there < right.width() as f32;
-        match inside && (right.get(there as usize, y) - d).abs() <= TOLERANCE_PX {
-            true => Visibility::Visible,
-            false => Visibility::Occluded,
+        if inside && (right.get(there as usize, y) - d).abs() <= TOLERANCE_PX {
+            Visibility::Visible
+        } else {
+            Visibility::Occluded
         }
     })
 }

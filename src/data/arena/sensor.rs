@@ -152,17 +152,18 @@ fn smear(
     let places = places.map(|along| (x + along * blur_px.0, y + along * blur_px.1));
     let reach = 0.5 * length + 1.0;
     let is_inside = x >= reach && y >= reach && x + reach < right && y + reach < bottom;
-    let sum: f32 = match is_inside {
+    let sum: f32 = if is_inside {
         // Casts to 32 bits are quicker.
-        true => (places.map(|(u, v)| (u, v, v as i32 as usize * width + u as i32 as usize)))
-            .fold(0.0, |sum, (u, v, i)| sum + between(u, v, i, 1, width)),
-        false => places.fold(0.0, |sum, (u, v)| {
+        (places.map(|(u, v)| (u, v, v as i32 as usize * width + u as i32 as usize)))
+            .fold(0.0, |sum, (u, v, i)| sum + between(u, v, i, 1, width))
+    } else {
+        places.fold(0.0, |sum, (u, v)| {
             let (u, v) = (u.clamp(0.0, right), v.clamp(0.0, bottom));
             let (iu, iv) = (u as i32 as usize, v as i32 as usize);
             let next = usize::from(iu + 1 < width);
             let down = if iv + 1 < height { width } else { 0 };
             sum + between(u, v, iv * width + iu, next, down)
-        }),
+        })
     };
     sum / taps as f32
 }

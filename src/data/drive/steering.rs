@@ -207,9 +207,10 @@ impl Steering {
         // Full speed where half of the lookahead is free, a fifth of it before an obstacle.
         let share = (free_m - rule.stop_m) / (0.5 * rule.lookahead_m);
         let speed = speed * share.clamp(0.2, 1.0);
-        let speed = match curvature == 0.0 {
-            true => speed,
-            false => speed.min(turn / curvature.abs()),
+        let speed = if curvature == 0.0 {
+            speed
+        } else {
+            speed.min(turn / curvature.abs())
         };
         DriveCommand {
             speed_m_per_s: speed,

@@ -40,15 +40,16 @@ impl Receipts {
     /// [`Error::Io`]; [`Error::Format`] for receipts svl did not write.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("fetched.json");
-        let by_name = match path.exists() {
+        let by_name = if path.exists() {
             // Read with a limit, as it lies among downloaded files.
-            true => serde_json::from_str(&read_text(&path, MAX_BYTES)?).map_err(|e| {
+            serde_json::from_str(&read_text(&path, MAX_BYTES)?).map_err(|e| {
                 Error::format(
                     &path,
                     format!("not svl's list of what was fetched ({e}); delete it"),
                 )
-            })?,
-            false => BTreeMap::new(),
+            })?
+        } else {
+            BTreeMap::new()
         };
         Ok(Self { path, by_name })
     }

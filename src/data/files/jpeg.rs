@@ -41,9 +41,10 @@ pub(super) fn decode(jpeg: &[u8]) -> Result<DynamicImage, String> {
     )?;
     // Sides are at most MAX_SIDE, so they fit in 32 bits.
     let (width, height) = (width as u32, height as u32);
-    let image = match grey {
-        true => GrayImage::from_raw(width, height, pixels).map(DynamicImage::from),
-        false => RgbImage::from_raw(width, height, pixels).map(DynamicImage::from),
+    let image = if grey {
+        GrayImage::from_raw(width, height, pixels).map(DynamicImage::from)
+    } else {
+        RgbImage::from_raw(width, height, pixels).map(DynamicImage::from)
     };
     image.ok_or_else(|| format!("a JPEG of {width}x{height} pixels with fewer than these"))
 }

@@ -39,9 +39,10 @@ const MAX_BYTES: u64 = 1 << 30;
 /// keeps its name.
 pub fn relative_path(of: &Path, folder: &Path) -> PathBuf {
     let here = Path::new(".");
-    let folder = match folder.as_os_str().is_empty() {
-        true => here,
-        false => folder,
+    let folder = if folder.as_os_str().is_empty() {
+        here
+    } else {
+        folder
     };
     let own = match (of.parent(), of.file_name()) {
         (Some(parent), Some(name)) => {

@@ -90,9 +90,10 @@ pub fn fit_cells(
                     .collect::<Vec<_>>()
             };
             let (train, test) = (part(false), part(true));
-            let path = match train.is_empty() || test.is_empty() {
-                true => vec![Model::default(); MOST_STEPS + 1],
-                false => data.path(&train, MOST_STEPS),
+            let path = if train.is_empty() || test.is_empty() {
+                vec![Model::default(); MOST_STEPS + 1]
+            } else {
+                data.path(&train, MOST_STEPS)
             };
             progress().then_some((path, test))
         })

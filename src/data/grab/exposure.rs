@@ -111,9 +111,10 @@ impl Balance {
         let plain = light / linear(*gain_mdb.start());
         let shutter = (plain.round().min(f64::from(u32::MAX)) as u32)
             .clamp(*shutter_us.start(), *shutter_us.end());
-        let gain = match shutter < *shutter_us.end() {
-            true => *gain_mdb.start(),
-            false => (20_000.0 * (light / f64::from(shutter)).log10()).round() as i32,
+        let gain = if shutter < *shutter_us.end() {
+            *gain_mdb.start()
+        } else {
+            (20_000.0 * (light / f64::from(shutter)).log10()).round() as i32
         };
         Settings::new(shutter, gain.clamp(*gain_mdb.start(), *gain_mdb.end()))
     }

@@ -208,9 +208,10 @@ impl Pairing {
         max_skew_ns: u64,
         period_ns: u64,
     ) -> PairDecision {
-        let (earlier, earliest_ns, other_ns) = match left.stamp_ns < right.stamp_ns {
-            true => (Side::Left, left.stamp_ns, right.stamp_ns),
-            false => (Side::Right, right.stamp_ns, left.stamp_ns),
+        let (earlier, earliest_ns, other_ns) = if left.stamp_ns < right.stamp_ns {
+            (Side::Left, left.stamp_ns, right.stamp_ns)
+        } else {
+            (Side::Right, right.stamp_ns, left.stamp_ns)
         };
         let next = self.waiting[earlier as usize].get(1);
         let waiting = WaitingStamps {

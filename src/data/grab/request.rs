@@ -61,13 +61,11 @@ impl GrabRequest {
     /// [`Error::Usage`] when the request contradicts itself, or asks for what the driver cannot
     /// do.
     pub(super) fn trigger_source(&self, driver: &Driver, source: &str) -> Result<TriggerSource> {
-        let trigger = self
-            .trigger
-            .clone()
-            .unwrap_or(match driver.can_be_triggered {
-                true => TriggerSource::Software,
-                false => TriggerSource::FreeRunning,
-            });
+        let trigger = self.trigger.clone().unwrap_or(if driver.can_be_triggered {
+            TriggerSource::Software
+        } else {
+            TriggerSource::FreeRunning
+        });
         let by_command = matches!(
             trigger,
             TriggerSource::Software | TriggerSource::FixedRate(_)
@@ -122,9 +120,10 @@ impl GrabRequest {
     fn pair_by(&self, driver: &Driver, trigger: &TriggerSource) -> PairBy {
         let when_armed = matches!(trigger, TriggerSource::Software | TriggerSource::Serial(_));
         self.pairing
-            .unwrap_or(match when_armed && driver.can_be_triggered {
-                true => PairBy::Pulse,
-                false => PairBy::Stamp,
+            .unwrap_or(if when_armed && driver.can_be_triggered {
+                PairBy::Pulse
+            } else {
+                PairBy::Stamp
             })
     }
 }

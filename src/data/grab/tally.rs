@@ -120,9 +120,10 @@ impl fmt::Display for Tally {
         let unpaired: Vec<_> = unpaired
             .map(|(reason, n)| format!("{n} {}", reason.words()))
             .collect();
-        match unpaired.is_empty() {
-            true => write!(f, "none unpaired; ")?,
-            false => write!(f, "unpaired: {}; ", unpaired.join(", "))?,
+        if unpaired.is_empty() {
+            write!(f, "none unpaired; ")?;
+        } else {
+            write!(f, "unpaired: {}; ", unpaired.join(", "))?;
         }
         write!(
             f,

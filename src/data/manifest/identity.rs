@@ -3,7 +3,7 @@
 //! Two runs are held against each other field by field of their manifests, descriptions included.
 //! The input of a row is in its own hash ([`svl_core::stereo::Frame::input_hash`]).
 
-use super::Manifest;
+use super::{Manifest, hash};
 use serde_json::Value;
 use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result};
@@ -118,6 +118,20 @@ impl Manifest {
             }));
         }
         Ok(differing)
+    }
+
+    /// Hash of all fields that have to be equal for a purpose.
+    ///
+    /// # Errors
+    /// As [`Self::differences`].
+    pub fn identity_hash(&self, purpose: Purpose) -> Result<String> {
+        let (identity, mut fields) = (self.identity()?, Vec::new());
+        let mut add = |path: &str, value: Option<&Value>, _: Option<&Value>| {
+            let value = value.filter(|_| has_to_be_equal(path, purpose));
+            fields.extend(value.map(|value| format!("{path}: {value}")));
+        };
+        each_field(Some(&identity), None, "", &mut add);
+        Ok(hash(&fields.join("\n")))
     }
 
     /// The manifest without what only this machine or the end of the run says of it.
@@ -349,6 +363,8 @@ mod tests {
                     let differences = manifest.differences(&other, *purpose).unwrap();
                     let apart = of.1.contains(purpose);
                     assert_eq!(!differences.is_empty(), apart, "{path}, {purpose:?}");
+                    let hashes = [&manifest, &other].map(|of| of.identity_hash(*purpose).unwrap());
+                    assert_eq!(hashes[0] != hashes[1], apart, "{path}, {purpose:?}");
                 }
             }
         }

@@ -141,9 +141,7 @@ pub fn marks(grid: &DepthGrid, size: (usize, usize), nearness: Nearness) -> Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::{
-        Cell, Exposure, Geometry, Gray, GridShape, Plane, Pose, StereoPair, Truth,
-    };
+    use svl_core::stereo::{Cell, Geometry, Gray, GridShape, Plane, Pose, StereoPair, Truth};
 
     const CELL: Rect = Rect {
         x: 64.0,
@@ -157,15 +155,9 @@ mod tests {
         let truth = truth.map(|d| Truth::exact(Plane::filled(320, 240, d).unwrap(), None));
         let pair = StereoPair::new(image.clone(), image).unwrap();
         Frame {
-            sequence: 0,
-            stamp_ns: 0,
-            name: None,
-            pair,
-            geometry: Geometry::Rectified(rig),
             pose,
             truth,
-            color: None,
-            exposure: Exposure::default(),
+            ..Frame::new(pair, Geometry::Rectified(rig))
         }
     }
 

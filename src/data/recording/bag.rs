@@ -84,9 +84,10 @@ pub(super) fn not_mcap(path: &Path, start: &[u8]) -> String {
     // `#ROSBAG V2.0`
     if start.starts_with(b"#ROSBAG ") {
         let (bag, new) = (path.display(), path.with_extension(""));
-        let new = match new == path {
-            true => format!("{bag}-ros2"),
-            false => new.display().to_string(),
+        let new = if new == path {
+            format!("{bag}-ros2")
+        } else {
+            new.display().to_string()
         };
         return format!(
             "is a bag of ROS 1; `rosbags-convert --src {bag} --dst {new}` makes a bag of ROS 2 \

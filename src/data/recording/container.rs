@@ -31,22 +31,22 @@ impl Container {
         let file = McapFile::open(path, keep)?;
         let start = start(&file)?;
         if !start.starts_with(&ZSTD) {
-            return Ok(match start == sqlite::MAGIC {
-                true => Self::Sqlite(SqliteFile::new(path, file.len(), None)),
-                false => Self::Mcap(file),
+            return Ok(if start == sqlite::MAGIC {
+                Self::Sqlite(SqliteFile::new(path, file.len(), None))
+            } else {
+                Self::Mcap(file)
             });
         }
         let unpacked = unpack(&file)?;
         let io = |e| Error::io(path, e);
         let handle = unpacked.reopen().map_err(io)?;
         let inside = McapFile::from_handle(path, handle)?;
-        Ok(match self::start(&inside)? == sqlite::MAGIC {
-            true => {
-                let (len, file) = (inside.len(), unpacked.into_temp_path());
-                Self::Sqlite(SqliteFile::new(path, len, Some(file)))
-            }
+        Ok(if self::start(&inside)? == sqlite::MAGIC {
+            let (len, file) = (inside.len(), unpacked.into_temp_path());
+            Self::Sqlite(SqliteFile::new(path, len, Some(file)))
+        } else {
             // The handle keeps what is unpacked, though its name goes.
-            false => Self::Mcap(inside),
+            Self::Mcap(inside)
         })
     }
 

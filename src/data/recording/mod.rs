@@ -212,7 +212,7 @@ trait PairSource: Send {
     /// Topics of the left and the right images.
     fn topics(&self) -> [&str; 2];
 
-    /// How the stamps of the messages make pairs.
+    /// The way in which the stamps of the messages make pairs.
     fn stamps(&self) -> foreign::PairStamps;
 
     /// How many bits the 16-bit images use.

@@ -66,13 +66,15 @@ impl Reader {
             messages,
             next_file: 1,
             // Without an intact summary the length is unknown.
-            pairs: match is_own {
-                true => recording.count(TopicKind::Sync.topic())?,
-                false => None,
+            pairs: if is_own {
+                recording.count(TopicKind::Sync.topic())?
+            } else {
+                None
             },
-            source: match is_own {
-                true => Box::new(PairAssembler::default()),
-                false => Box::new(Foreign::open(&recording, selection)?),
+            source: if is_own {
+                Box::new(PairAssembler::default())
+            } else {
+                Box::new(Foreign::open(&recording, selection)?)
             },
             index: None,
             header: recording.header().ok(),

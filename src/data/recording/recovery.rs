@@ -72,12 +72,11 @@ impl Recording {
             // An empty file is of no use, and would block the next attempt.
             let _ = std::fs::remove_file(to);
         }
-        match saved? {
-            true => Ok(copy.recovery),
-            false => {
-                let reason = "holds nothing that could be saved";
-                Err(Error::format(from.path(), reason))
-            }
+        if saved? {
+            Ok(copy.recovery)
+        } else {
+            let reason = "holds nothing that could be saved";
+            Err(Error::format(from.path(), reason))
         }
     }
 }

@@ -271,7 +271,7 @@ impl SummaryScan {
             if self.profile != PROFILE {
                 let unpacked = unpack_message(data).ok().flatten();
                 let of_image = head(channel, unpacked.as_deref().unwrap_or(data));
-                // What cannot be read is reported by `svl replay`, and is no image here.
+                // A message that cannot be read is reported by `svl replay`, and is no image here.
                 if let Ok((of_image, _)) = of_image {
                     let images = self.foreign.entry(channel.topic.clone()).or_default();
                     images.push(StampedImage {

@@ -57,9 +57,10 @@ impl RecordingRuns {
             paths.push(path.map_err(|e| Error::io(e.path().to_owned(), e.into()))?);
         }
         if paths.is_empty() {
-            let folder = match self.folder.as_os_str().is_empty() {
-                true => "here".to_owned(),
-                false => format!("in {}", self.folder.display()),
+            let folder = if self.folder.as_os_str().is_empty() {
+                "here".to_owned()
+            } else {
+                format!("in {}", self.folder.display())
             };
             return Err(wrong(&format!("matches nothing {folder}")));
         }

@@ -23,11 +23,12 @@ impl SeedList {
     /// What is wrong with them.
     pub fn new(seeds: Vec<u64>) -> Result<Self, String> {
         let distinct = seeds.iter().collect::<BTreeSet<_>>().len() == seeds.len();
-        match distinct && (1..=MAX_SEEDS).contains(&seeds.len()) {
-            true => Ok(Self(seeds)),
-            false => Err(format!(
+        if distinct && (1..=MAX_SEEDS).contains(&seeds.len()) {
+            Ok(Self(seeds))
+        } else {
+            Err(format!(
                 "seeds: at least one, at most {MAX_SEEDS}, each once"
-            )),
+            ))
         }
     }
 

@@ -48,9 +48,10 @@ impl ColumnChoice {
         if let Some(i) = (0..metrics.len()).find(|&i| is_repeated(i)) {
             return Err(format!("the column {} is named twice", names[i]));
         }
-        match metrics.is_empty() {
-            true => Ok(Self::Headline),
-            false => Ok(Self::Named(metrics)),
+        if metrics.is_empty() {
+            Ok(Self::Headline)
+        } else {
+            Ok(Self::Named(metrics))
         }
     }
 }

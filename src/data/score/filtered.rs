@@ -128,7 +128,7 @@ mod tests {
     use super::*;
     use svl_core::depth::{GridSettings, grid};
     use svl_core::stereo::{
-        DisparityMap, Exposure, Geometry, Gray, GridShape, Plane, Rig, StereoPair, Truth,
+        DisparityMap, Geometry, Gray, GridShape, Plane, Rig, StereoPair, Truth,
     };
 
     /// Four cells of ten pixels, at 25 px per 0.4 m: floor; floor with 3 pixels of a wall; a wall;
@@ -144,18 +144,14 @@ mod tests {
         };
         let image = Gray::filled(40, 1, 0).unwrap();
         Frame {
-            sequence: 0,
-            stamp_ns: 0,
-            name: None,
-            pair: StereoPair::new(image.clone(), image).unwrap(),
-            color: None,
-            geometry: Geometry::Rectified(Some(Rig::new(100.0, (5.0, 0.5), 0.1, 0.0).unwrap())),
-            pose: None,
             truth: Some(Truth {
                 surface: Some(Plane::from_fn(40, 1, |x, _| surface(x)).unwrap()),
                 ..Truth::exact(Plane::from_fn(40, 1, |x, _| disparity(x)).unwrap(), None)
             }),
-            exposure: Exposure::default(),
+            ..Frame::new(
+                StereoPair::new(image.clone(), image).unwrap(),
+                Geometry::Rectified(Some(Rig::new(100.0, (5.0, 0.5), 0.1, 0.0).unwrap())),
+            )
         }
     }
 

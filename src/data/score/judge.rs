@@ -76,9 +76,10 @@ impl Judge {
     /// Scores the estimates of a frame.
     pub fn judge(&self, frame: Frame, estimates: Vec<Estimate>) -> Judged {
         // A recording without algorithms needs no truth grid, which costs a median per cell.
-        let true_cells = match estimates.is_empty() {
-            true => None,
-            false => TrueCells::new(&frame, self.grid.shape(), self.rule(&frame)),
+        let true_cells = if estimates.is_empty() {
+            None
+        } else {
+            TrueCells::new(&frame, self.grid.shape(), self.rule(&frame))
         };
         let supports = self.supports(&frame, &estimates);
         let estimates = estimates
@@ -204,7 +205,7 @@ impl Judge {
 mod tests {
     use super::*;
     use svl_core::depth;
-    use svl_core::stereo::{DisparityMap, Exposure, Geometry, Plane, StereoPair, Truth};
+    use svl_core::stereo::{DisparityMap, Geometry, Plane, StereoPair, Truth};
     use svl_core::timing::StageTimes;
 
     /// Noise with disparity 6.
@@ -213,17 +214,10 @@ mod tests {
         let noise = (0..100 * 60).map(|_| random.u8(..)).collect();
         let left = Plane::from_vec(100, 60, noise).unwrap();
         let right = Plane::from_fn(100, 60, |x, y| left.get((x + 6) % 100, y)).unwrap();
-        Frame {
-            sequence: 0,
-            stamp_ns: 0,
-            name: None,
-            pair: StereoPair::new(left, right).unwrap(),
-            color: None,
-            geometry: Geometry::Rectified(None),
-            pose: None,
-            truth: None,
-            exposure: Exposure::default(),
-        }
+        Frame::new(
+            StereoPair::new(left, right).unwrap(),
+            Geometry::Rectified(None),
+        )
     }
 
     /// From column 20 on that disparity, or silence.

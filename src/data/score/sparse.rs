@@ -34,7 +34,7 @@ pub(super) struct SparseCell {
     points: Vec<(usize, usize, f64)>,
     /// The true disparities.
     pub truth: Weighted,
-    /// Whether enough parts have points.
+    /// True if enough parts have points.
     covered: bool,
     centred: bool,
 }
@@ -97,7 +97,7 @@ impl SparseCell {
         self.points.len()
     }
 
-    /// Whether the points tell what a report must be: those in half of the cell's parts do, others
+    /// True if the points determine the report: those in half of the cell's parts do, others
     /// where they lie about its middle and four fifths of them agree.
     pub fn is_scored(&self, rule: CellRule, rig: Option<&Rig>) -> bool {
         let points_agree = || {
@@ -175,9 +175,12 @@ mod tests {
     #[test]
     fn parts_count_alike_however_many_points_they_have() {
         // A floor of 16 rows; of the upper half all points, of the lower one every fourth.
-        let floor = cell(|x, y| match y < 8 || (x + y) % 4 == 0 {
-            true => y as f32,
-            false => NONE,
+        let floor = cell(|x, y| {
+            if y < 8 || (x + y) % 4 == 0 {
+                y as f32
+            } else {
+                NONE
+            }
         });
         assert!(floor.is_scored(RULE, None));
         assert_eq!(floor.truth.percentile(50), 7.0);

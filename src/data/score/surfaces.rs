@@ -68,13 +68,15 @@ impl SurfaceTally {
                 agreeing as f64 >= NAMED * pixels().count() as f64
             };
             let is_nearer = f64::from(report.median_px) > median_px;
-            match agrees(median_px, false) || is_nearer && named() {
-                true => tally.right += 1,
-                false => tally.wrong += 1,
+            if agrees(median_px, false) || is_nearer && named() {
+                tally.right += 1;
+            } else {
+                tally.wrong += 1;
             }
-            match agrees(quarter.near.median_px.into(), false) {
-                true => tally.near_right += 1,
-                false => tally.near_wrong += 1,
+            if agrees(quarter.near.median_px.into(), false) {
+                tally.near_right += 1;
+            } else {
+                tally.near_wrong += 1;
             }
             let is_clear = report.distance_m.is_none_or(|z| z > clear_m);
             let is_obstacle = report.distance_m.is_some_and(|z| z < obstacle_m);
@@ -132,7 +134,7 @@ fn finite<'a>(
 mod tests {
     use super::*;
     use svl_core::depth::{GridSettings, grid};
-    use svl_core::stereo::{Exposure, Geometry, Gray, GridShape, StereoPair, Truth};
+    use svl_core::stereo::{Geometry, Gray, GridShape, StereoPair, Truth};
 
     /// A cell of ten pixels: `near` of them at 0.4 m, the others at 2 m, and what a report of
     /// `distance_m` is counted as.
@@ -143,15 +145,11 @@ mod tests {
         let disparity = Plane::from_vec(10, 1, pixels).unwrap();
         let image = Gray::filled(10, 1, 0).unwrap();
         let frame = Frame {
-            sequence: 0,
-            stamp_ns: 0,
-            name: None,
-            pair: StereoPair::new(image.clone(), image).unwrap(),
-            color: None,
-            geometry: Geometry::Rectified(Some(rig)),
-            pose: None,
             truth: Some(Truth::exact(disparity, None)),
-            exposure: Exposure::default(),
+            ..Frame::new(
+                StereoPair::new(image.clone(), image).unwrap(),
+                Geometry::Rectified(Some(rig)),
+            )
         };
         let settings = GridSettings::from(GridShape {
             columns: 1,

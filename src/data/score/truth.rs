@@ -1,6 +1,6 @@
 //! The truth of a frame by cells: what every score of cells is compared with.
 //!
-//! Where the truth covers at least half of a cell's pixels, these are the cell. Where it covers
+//! The pixels with truth are the cell where they are at least half of its pixels. Where they are
 //! less, the cell is scored by the points that it has ([`SparseCell`]), or not at all.
 
 use super::cells::{CellJudgement, depth_at, judge_cells};
@@ -30,7 +30,7 @@ pub struct TrueCells {
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct TrueCell {
-    /// Where the truth covers less than half of the pixels.
+    /// The points of a truth that covers less than half of the pixels.
     pub sparse: Option<SparseCell>,
     /// Absent where the cell is not scored.
     pub quarter: Option<TrueQuarter>,
@@ -104,7 +104,7 @@ impl TrueCells {
         &self.cells
     }
 
-    /// What a cell's report comes to where its truth is: of a sparse truth the report moved by the
+    /// A cell's report at the place of its truth: for a sparse truth the report moved by the
     /// difference between the algorithm's map at the points and in the whole cell.
     pub fn at_truth(&self, cell: usize, report: CellDepth, map: &Plane<f32>) -> CellDepth {
         let TrueCell { sparse, quarter } = &self.cells[cell];
@@ -190,7 +190,7 @@ fn clear_px(rule: CellRule, rig: Option<&Rig>) -> f64 {
 mod tests {
     use super::*;
     use crate::score::{SurfaceTally, Verdict};
-    use svl_core::stereo::{Exposure, Geometry, Gray, StereoPair, TruthDensity, TruthKind};
+    use svl_core::stereo::{Geometry, Gray, StereoPair, TruthDensity, TruthKind};
 
     const RULE: CellRule = CellRule::Disparity { tolerance_px: 2.0 };
 
@@ -198,18 +198,14 @@ mod tests {
         let (width, height) = disparity.size();
         let image = Gray::filled(width, height, 0).unwrap();
         Frame {
-            sequence: 0,
-            stamp_ns: 0,
-            name: None,
-            pair: StereoPair::new(image.clone(), image).unwrap(),
-            geometry: Geometry::Rectified(None),
-            pose: None,
             truth: Some(Truth {
                 kind,
                 ..Truth::exact(disparity, None)
             }),
-            color: None,
-            exposure: Exposure::default(),
+            ..Frame::new(
+                StereoPair::new(image.clone(), image).unwrap(),
+                Geometry::Rectified(None),
+            )
         }
     }
 
@@ -246,9 +242,12 @@ mod tests {
     /// A floor of 40 rows, of which every fourth is known: the score of a map, and how its cell is
     /// counted.
     fn floor(map: impl Fn(usize) -> f32) -> (CellJudgement, SurfaceTally) {
-        let known = |_: usize, y: usize| match y.is_multiple_of(4) {
-            true => y as f32,
-            false => f32::INFINITY,
+        let known = |_: usize, y: usize| {
+            if y.is_multiple_of(4) {
+                y as f32
+            } else {
+                f32::INFINITY
+            }
         };
         let frame = frame(Plane::from_fn(16, 40, known).unwrap(), TruthKind::default());
         let shape = GridShape {

@@ -65,9 +65,10 @@ fn spot(image: &Gray, percent: f64, chance: &mut Chance) -> impl Fn(usize, usize
     let soft = 0.4 * radius;
     move |x, y| {
         let distance = ((x as f32 - cx).powi(2) + (y as f32 - cy).powi(2)).sqrt();
-        match radius > 0.0 {
-            true => ((radius + 0.5 * soft - distance) / soft).clamp(0.0, 1.0),
-            false => 0.0,
+        if radius > 0.0 {
+            ((radius + 0.5 * soft - distance) / soft).clamp(0.0, 1.0)
+        } else {
+            0.0
         }
     }
 }

@@ -89,9 +89,10 @@ fn train(
         !stopped
     };
     let trained = train_filter(samples, &settings, isa()?, &mut after)?;
-    match stopped {
-        true => Err(Error::Invalid("stopped".into())),
-        false => Ok(trained),
+    if stopped {
+        Err(Error::Invalid("stopped".into()))
+    } else {
+        Ok(trained)
     }
 }
 

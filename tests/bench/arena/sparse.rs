@@ -12,7 +12,7 @@ use svl::stereo::{
 };
 use svl::timing::StageTimes;
 
-/// Whether a pixel (x, y) of an image of a size is known.
+/// True for a known pixel (x, y) of an image of a size.
 type Known = Box<dyn Fn(usize, usize, (usize, usize)) -> bool>;
 
 /// Lines of a lidar that sees nothing of the upper third.
@@ -66,9 +66,12 @@ fn patterns() -> Vec<(&'static str, Known)> {
 fn thinned(frame: &Frame, known: &Known) -> Frame {
     let truth = &frame.truth.as_ref().unwrap().disparity;
     let (width, height) = truth.size();
-    let kept = |x, y| match known(x, y, truth.size()) {
-        true => truth.get(x, y),
-        false => f32::INFINITY,
+    let kept = |x, y| {
+        if known(x, y, truth.size()) {
+            truth.get(x, y)
+        } else {
+            f32::INFINITY
+        }
     };
     Frame {
         truth: Some(Truth {
@@ -130,7 +133,7 @@ impl Tally {
         }
     }
 
-    /// Of the cells, and of the known ones alone, %.
+    /// Agreement of the cells, and of the known ones alone, %.
     fn agreement(&self) -> [f64; 2] {
         let off = self.falsely.iter().sum::<usize>() as f64;
         [self.scored, self.known].map(|of| 100.0 * (1.0 - off / of as f64))

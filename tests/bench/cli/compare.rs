@@ -262,7 +262,7 @@ fn a_history_is_of_common_pairs_and_its_times_of_one_machine() {
         let own = lines.iter().filter(|line| line["metric"] == metric);
         own.map(|line| line["values"].clone()).collect::<Vec<_>>()
     };
-    // Of equal pairs both are equal; each time is of its own machine.
+    // Equal pairs give equal values; each time is of its own machine.
     assert_eq!(of("right").len(), 1);
     assert_eq!(of("right")[0][0], of("right")[0][1]);
     let times = of("time");

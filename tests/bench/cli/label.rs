@@ -93,7 +93,7 @@ fn what_is_labelled_is_scored() {
     assert_eq!(added, expected);
     fixture.run("score run.toml --out report -q");
     assert_says(&fixture.text("report/checkpoints.csv"), &["2,wall,v3"]);
-    // What makes pairs worse does not change what is seen in them.
+    // Perturbations do not change what is seen in a pair.
     fixture.run("score run.toml --out report -q --stress noise");
 
     fixture.run("record --frames 12 --seed 2 -o run.mcap --force");

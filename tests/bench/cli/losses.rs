@@ -1,4 +1,4 @@
-//! What a run misses: told, allowed by `--allow-loss`, and added up over shards.
+//! Losses of a run: reported, allowed by `--allow-loss`, and added up over shards.
 #![cfg(unix)]
 
 use super::fixture::{Fixture, assert_says, pgm};
@@ -65,7 +65,7 @@ fn cameras_that_start_and_stop_apart_lose_nothing() {
     ran.done();
     let ran = fixture.svl("record bag.mcap -o quiet.mcap -q");
     assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""));
-    // What svl recorded has no such images any more.
+    // Recordings of svl have no such images any more.
     let own = fixture.json(&format!("score own.mcap {SCORE} --json"));
     assert_eq!(own["missing"]["outside"], 0);
 }
@@ -81,7 +81,7 @@ fn one_image_of_two_hundred_may_be_allowed() {
         ("--allow-loss 0.4%", 4),
         ("--allow-loss 0.5%", 0),
         ("--allow-loss 1", 0),
-        // Of all that were read, not of those that were asked for.
+        // Per cent of all that were read, not of those that were asked for.
         ("--allow-loss 0.5% --every 20", 0),
     ] {
         let score = format!("score bag.mcap {SCORE} --json {allowed}");

@@ -284,6 +284,13 @@ fn a_search_finds_writes_and_goes_on() {
     let resumed = fixture.text("best.csv");
     assert_eq!(settings(&resumed)[..8], settings(&log)[..8]);
     assert!(resumed.lines().count() >= log.lines().count() - 4);
+    // One that was cut off in its head begins anew.
+    fixture.write("best.csv", &log[..9]);
+    fixture.run(&format!("{line} --resume"));
+    assert_eq!(
+        settings(&fixture.text("best.csv"))[..8],
+        settings(&log)[..8]
+    );
     let other = line.replace("--seeds 4,5", "--seeds 4,7") + " --resume";
     fixture
         .svl(&other)

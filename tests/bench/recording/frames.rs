@@ -27,13 +27,10 @@ pub(crate) fn bare(i: u64, size: (usize, usize)) -> Frame {
     Frame {
         sequence: i,
         stamp_ns: 1_700_000_000_000_000_000 + i * PERIOD_NS,
-        name: None,
-        pair: StereoPair::new(image(size, 2 * i), image(size, 2 * i + 1)).unwrap(),
-        geometry: Geometry::Rectified(None),
-        pose: None,
-        truth: None,
-        color: None,
-        exposure: Exposure::default(),
+        ..Frame::new(
+            StereoPair::new(image(size, 2 * i), image(size, 2 * i + 1)).unwrap(),
+            Geometry::Rectified(None),
+        )
     }
 }
 

@@ -90,7 +90,7 @@ fn counts_that_differ_are_refused() {
             &[a, b, "name another topic"],
         );
     }
-    // Farther than the limit it is nobody's.
+    // A measurement farther than the limit belongs to no pair.
     let far: Vec<_> = with(1, 1, 0)
         .chain((5..7).map(|z| depth(z, START_NS + 1_000_000_000)))
         .collect();

@@ -204,12 +204,11 @@ fn merge(
     tables.merge("cells", |_: &[CellRow]| ())?;
     tables.merge("failures", |_: &[FailureRow]| ())?;
     tables.merge("rows", |rows| collected.rows.extend_from_slice(rows))?;
-    match part.driven {
-        true => merge_drives(&tables, &mut collected)?,
-        false => {
-            let kept = &mut collected.checkpoints;
-            tables.merge("checkpoints", |rows| kept.extend_from_slice(rows))?;
-        }
+    if part.driven {
+        merge_drives(&tables, &mut collected)?;
+    } else {
+        let kept = &mut collected.checkpoints;
+        tables.merge("checkpoints", |rows| kept.extend_from_slice(rows))?;
     }
     drop(tables);
     let algorithms = manifest

@@ -23,7 +23,7 @@ pub(super) struct FoundPart {
 pub(super) struct MergeOrder {
     runs: HashMap<ReportRun, usize>,
     algorithms: HashMap<String, usize>,
-    /// Whether an algorithm's rows of a run stay together.
+    /// True if an algorithm's rows of a run stay together.
     driven: bool,
 }
 
@@ -53,9 +53,10 @@ impl MergeOrder {
             ))
         })?;
         let algorithm = *algorithm as u64;
-        Ok(match self.driven {
-            true => (run, algorithm, sequence),
-            false => (run, sequence, algorithm),
+        Ok(if self.driven {
+            (run, algorithm, sequence)
+        } else {
+            (run, sequence, algorithm)
         })
     }
 }

@@ -6,7 +6,7 @@ use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::report::samples::{RunKey, run_key};
 use crate::report::{Row, Summary};
 use serde::Serialize;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{Display, Formatter};
 use std::path::PathBuf;
 use svl_core::{Error, Result};
@@ -18,7 +18,7 @@ use svl_data::score::{METRICS, Metric, MetricOrigin, MetricUnit};
 pub struct History {
     /// By scenario, in the order of their first reports.
     pub scenarios: Vec<ScenarioHistory>,
-    /// What of the named is left out: reports that a later one replaced, and whatever is not a
+    /// Names that are left out: reports that a later one replaced, and whatever is not a
     /// report.
     pub left_out: Vec<LeftOut>,
 }
@@ -44,7 +44,7 @@ pub struct ScenarioHistory {
     pub lines: Vec<HistoryLine>,
 }
 
-/// What made a report.
+/// A report, and the svl and the machine that made it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct HistoryReport {
     pub folder: PathBuf,
@@ -72,26 +72,39 @@ pub struct HistoryLine {
 /// A pair of a report: seed and recording, number, and hash of all that it was scored on.
 type HistoryPair<'a> = (RunKey<'a>, u64, &'a str);
 
-fn pairs(run: &ScoredRun) -> BTreeSet<HistoryPair<'_>> {
-    let pair = |row| -> HistoryPair<'_> {
-        let row: &Row = row;
-        (run_key(row), row.sequence, row.input_hash.as_str())
-    };
-    run.rows.iter().map(pair).collect()
+fn pair(row: &Row) -> HistoryPair<'_> {
+    (run_key(row), row.sequence, row.input_hash.as_str())
 }
 
-/// The pairs that an algorithm has a result of.
-fn pairs_of<'a>(run: &'a ScoredRun, label: &str) -> BTreeSet<HistoryPair<'a>> {
-    let rows = run.rows.iter().filter(|row| row.algorithm == label);
-    rows.map(|row| (run_key(row), row.sequence, row.input_hash.as_str()))
-        .collect()
+/// A report with its pairs, and per label those that the algorithm has a result of.
+struct PairedReport<'a> {
+    run: &'a ScoredRun,
+    pairs: BTreeSet<HistoryPair<'a>>,
+    of_algorithms: BTreeMap<&'a str, BTreeSet<HistoryPair<'a>>>,
 }
 
-/// The pairs that all of these reports have.
-fn common_pairs<'a>(runs: impl IntoIterator<Item = &'a ScoredRun>) -> BTreeSet<HistoryPair<'a>> {
-    let sets = runs.into_iter().map(pairs);
-    let common = sets.reduce(|a, b| a.intersection(&b).copied().collect());
-    common.unwrap_or_default()
+impl<'a> PairedReport<'a> {
+    fn new(run: &'a ScoredRun) -> Self {
+        let mut of_algorithms = BTreeMap::<_, BTreeSet<_>>::new();
+        for row in &run.rows {
+            let own = of_algorithms.entry(row.algorithm.as_str()).or_default();
+            own.insert(pair(row));
+        }
+        Self {
+            run,
+            pairs: run.rows.iter().map(pair).collect(),
+            of_algorithms,
+        }
+    }
+}
+
+/// The pairs that are in all of these sets.
+fn common_pairs<'p, 'a: 'p>(
+    sets: impl IntoIterator<Item = &'p BTreeSet<HistoryPair<'a>>>,
+) -> BTreeSet<HistoryPair<'a>> {
+    let mut sets = sets.into_iter();
+    let first = sets.next().cloned().unwrap_or_default();
+    sets.fold(first, |a, b| a.intersection(b).copied().collect())
 }
 
 impl History {
@@ -127,22 +140,22 @@ impl History {
             return Err(Error::Invalid(what.to_owned()));
         }
         runs.sort_by(|a, b| a.manifest.began.cmp(&b.manifest.began));
-        let mut scenarios: Vec<Vec<ScoredRun>> = Vec::new();
-        for run in runs {
+        let mut scenarios: Vec<Vec<PairedReport<'_>>> = Vec::new();
+        for run in &runs {
+            let report = PairedReport::new(run);
             let mut own = None;
             for of in &mut scenarios {
-                let differences = of[0]
-                    .manifest
-                    .differences(&run.manifest, Purpose::History)?;
-                let common = || !common_pairs([&of[0], &run]).is_empty();
-                if differences.is_empty() && (!run.drives.is_empty() || common()) {
+                let (first, manifest) = (&of[0], &of[0].run.manifest);
+                let differences = manifest.differences(&run.manifest, Purpose::History)?;
+                let has_common = || !first.pairs.is_disjoint(&report.pairs);
+                if differences.is_empty() && (!run.drives.is_empty() || has_common()) {
                     own = Some(of);
                     break;
                 }
             }
             match own {
-                Some(of) => of.push(run),
-                None => scenarios.push(vec![run]),
+                Some(of) => of.push(report),
+                None => scenarios.push(vec![report]),
             }
         }
         let scenarios = scenarios.iter().map(|runs| ScenarioHistory::new(runs));
@@ -176,37 +189,28 @@ impl History {
 }
 
 impl ScenarioHistory {
-    fn new(runs: &[ScoredRun]) -> Result<Self> {
+    fn new(reports: &[PairedReport<'_>]) -> Result<Self> {
+        let runs: Vec<_> = reports.iter().map(|report| report.run).collect();
         let is_driven = runs.iter().any(|run| !run.drives.is_empty());
-        let common = common_pairs(runs);
-        let count = |run: &ScoredRun| (!is_driven).then(|| pairs(run).len());
+        let common = common_pairs(reports.iter().map(|report| &report.pairs));
         // Pairs that an algorithm failed on in one report are not its own in the others.
-        let labels: BTreeSet<_> = runs.iter().flat_map(ScoredRun::labels).collect();
-        let own_pairs = |label: &str| -> Vec<BTreeSet<HistoryPair<'_>>> {
-            let sets = runs.iter().map(|run| pairs_of(run, label));
-            sets.filter(|pairs| !pairs.is_empty()).collect()
-        };
-        let of_algorithm = |label: &'_ str| {
-            let sets = own_pairs(label).into_iter();
-            let own = sets.reduce(|a, b| a.intersection(&b).copied().collect());
-            own.unwrap_or_default()
-        };
-        let of_algorithms: Vec<_> = labels
+        let labels = reports
             .iter()
-            .map(|label| (*label, of_algorithm(label)))
-            .collect();
+            .flat_map(|report| report.of_algorithms.keys());
+        let labels: BTreeSet<_> = labels.copied().collect();
+        let of_algorithms = labels.into_iter().map(|label| {
+            let own = || reports.iter().filter_map(|of| of.of_algorithms.get(label));
+            let common = common_pairs(own());
+            let is_whole = own().all(|own| own.len() == common.len());
+            (label, (common, is_whole))
+        });
+        let of_algorithms: BTreeMap<_, _> = of_algorithms.collect();
         // Checkpoints are of whole runs.
-        let are_whole = |(label, common): &(&str, BTreeSet<_>)| {
-            own_pairs(label).iter().all(|own| own.len() == common.len())
-        };
-        let are_equal = of_algorithms.iter().all(are_whole);
+        let are_equal = of_algorithms.values().all(|(_, is_whole)| *is_whole);
         let summaries = runs.iter().map(|run| {
             let is_common = |row: &&Row| {
-                let pair = (run_key(row), row.sequence, row.input_hash.as_str());
-                let has_it = |(own, result): &(&str, BTreeSet<_>)| {
-                    *own == row.algorithm && result.contains(&pair)
-                };
-                is_driven || of_algorithms.iter().any(has_it)
+                let common = of_algorithms.get(row.algorithm.as_str());
+                is_driven || common.is_some_and(|(common, _)| common.contains(&pair(row)))
             };
             let rows: Vec<_> = run.rows.iter().filter(is_common).cloned().collect();
             let checkpoints = if are_equal { &run.checkpoints[..] } else { &[] };
@@ -222,14 +226,14 @@ impl ScenarioHistory {
             }
         }
         let processor = |run: &ScoredRun| run.manifest.machine.processor.clone();
-        let processors: BTreeSet<_> = runs.iter().map(processor).collect();
+        let processors: BTreeSet<_> = runs.iter().map(|run| processor(run)).collect();
         let of_machine = |metric: &Metric| match metric.origin {
             MetricOrigin::Time => processors.iter().cloned().map(Some).collect(),
             _ => vec![None],
         };
         let line = |algorithm: &str, metric: &'static Metric, own: Option<String>| {
-            let reports = summaries.iter().zip(runs);
-            let value = |(summary, run): (&Summary, &ScoredRun)| {
+            let reports = summaries.iter().zip(&runs);
+            let value = |(summary, run): (&Summary, &&ScoredRun)| {
                 let is_own = own
                     .as_ref()
                     .is_none_or(|own| run.has_times() && *own == processor(run));
@@ -250,28 +254,28 @@ impl ScenarioHistory {
             }
         }
         lines.retain(|line| line.values.iter().any(Option::is_some));
-        let report = |run: &ScoredRun| HistoryReport {
+        let report = |PairedReport { run, pairs, .. }: &PairedReport<'_>| HistoryReport {
             folder: run.folder.clone(),
             began: run.manifest.began.clone(),
             revision: run.manifest.git_revision.clone(),
             processor: processor(run),
-            pairs: count(run),
+            pairs: (!is_driven).then_some(pairs.len()),
             incomplete: run.incomplete.clone(),
         };
         Ok(Self {
             scenario: runs[0].manifest.scenario.clone(),
-            reports: runs.iter().map(report).collect(),
+            reports: reports.iter().map(report).collect(),
             pairs: (!is_driven).then_some(common.len()),
             fewer: of_algorithms
                 .iter()
-                .filter(|of| !is_driven && !are_whole(of))
-                .map(|(label, common)| ((*label).to_owned(), common.len()))
+                .filter(|(_, (_, is_whole))| !is_driven && !is_whole)
+                .map(|(label, (common, _))| ((*label).to_owned(), common.len()))
                 .collect(),
             lines,
         })
     }
 
-    /// Whether the reports are of several machines.
+    /// True if the reports are of several machines.
     fn has_machines(&self) -> bool {
         let processors = self.reports.windows(2);
         processors

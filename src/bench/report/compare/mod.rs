@@ -27,15 +27,15 @@ pub struct Comparison {
     /// In what they were scored otherwise, in words: where there is something, nothing is called
     /// better or worse.
     pub differences: Vec<String>,
-    /// Where the truths of the two come from.
+    /// Origins of the truths of the two.
     pub truths: [Vec<String>; 2],
-    /// How the two were made; times depend on it.
+    /// Origin of the two reports; times depend on it.
     pub origins: [ReportOrigin; 2],
     /// Folders of the incomplete reports, and why.
     pub incomplete: Vec<(PathBuf, String)>,
     /// Algorithms that both runs have, in the order of the first.
     pub algorithms: Vec<AlgorithmChange>,
-    /// How the intervals are made. Each is of one metric: of twenty metrics that did not change,
+    /// Method of the intervals. Each is of one metric: of twenty metrics that did not change,
     /// one is called better or worse by chance.
     pub method: IntervalMethod,
     /// Metrics and checkpoints of all algorithms that are tested at once.
@@ -45,7 +45,7 @@ pub struct Comparison {
     pub only_in_other: Vec<String>,
 }
 
-/// What made a report, and on which machine.
+/// The program and the machine that made a report.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ReportOrigin {
     /// Version and revision.
@@ -53,7 +53,7 @@ pub struct ReportOrigin {
     pub processor: String,
     pub isa: String,
     pub threads: usize,
-    /// What its times are of, in words, where that is known.
+    /// The work that its times are of, in words, where that is known.
     pub times: Option<String>,
 }
 
@@ -102,7 +102,7 @@ pub struct CheckpointChange {
     pub change: Change,
 }
 
-/// Whether a difference is significant, and which way.
+/// Significance of a difference, and its direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Judgement {
@@ -242,7 +242,7 @@ impl Comparison {
         Ok(comparison)
     }
 
-    /// Whether anything may be called better or worse: other tolerances or cells give other scores
+    /// True if anything may be called better or worse: other tolerances or cells give other scores
     /// of equal results.
     pub fn is_judged(&self) -> bool {
         self.differences.is_empty()
@@ -284,7 +284,7 @@ fn changes_over(base: &[&Row], other: &[&Row], resamples: &Resamples) -> Vec<Cha
 }
 
 impl AlgorithmChange {
-    /// What is compared: one algorithm, or two.
+    /// The subject of the comparison: one algorithm, or two.
     pub fn title(&self) -> String {
         match self.other_algorithm == self.algorithm {
             true if self.same_parameters => self.algorithm.clone(),

@@ -16,7 +16,7 @@ pub struct ScoredRun {
     pub manifest: Manifest,
     /// Why it is incomplete, if it is.
     pub(super) incomplete: Option<String>,
-    /// Of the pairs as they are, without stress.
+    /// Rows of the pairs as they are, without stress.
     pub(super) rows: Vec<Row>,
     /// Pairs that algorithms failed on, likewise.
     pub(super) failures: Vec<FailureRow>,
@@ -66,9 +66,10 @@ impl ScoredRun {
         }
         let manifest = Manifest::read(folder)?;
         let summary = folder.join("summary.json");
-        let incomplete = match summary.is_file() {
-            true => read_json::<Whole>(&summary)?.incomplete,
-            false => Some("it was never finished".to_owned()),
+        let incomplete = if summary.is_file() {
+            read_json::<Whole>(&summary)?.incomplete
+        } else {
+            Some("it was never finished".to_owned())
         };
         let mut rows: Vec<Row> = read_rows(&folder.join("rows.csv"))?;
         rows.retain(|row| row.stress.is_none());
@@ -79,9 +80,10 @@ impl ScoredRun {
         };
         failures.retain(|row| row.stress.is_none());
         let drives = folder.join("drives.csv");
-        let (drives, checkpoints) = match drives.is_file() {
-            true => (read_rows(&drives)?, Vec::new()),
-            false => (Vec::new(), read_rows(&folder.join("checkpoints.csv"))?),
+        let (drives, checkpoints) = if drives.is_file() {
+            (read_rows(&drives)?, Vec::new())
+        } else {
+            (Vec::new(), read_rows(&folder.join("checkpoints.csv"))?)
         };
         let mut checkpoints: Vec<CheckpointRow> = checkpoints;
         checkpoints.retain(|row| row.stress.is_none());

@@ -7,7 +7,7 @@ use svl_core::counted;
 use svl_data::score::{Metric, MetricUnit};
 
 impl Comparison {
-    /// How the two were made, and what forbids a judgement.
+    /// Origin of the two reports, and the reasons that forbid a judgement.
     pub(super) fn head(&self) -> Vec<String> {
         let mut lines = Vec::new();
         let sides = [("base ", &self.base), ("other", &self.other)];

@@ -19,7 +19,7 @@ pub struct EvidencePage<'a> {
     pub grid: &'a DepthGrid,
     pub rule: CellRule,
     pub rig: Option<&'a Rig>,
-    /// How the cells were decided on.
+    /// The decision on the cells.
     pub choice: SafeChoice,
     /// Identity of the run: names and values.
     pub identity: Vec<(String, String)>,
@@ -97,7 +97,7 @@ impl EvidencePage<'_> {
         })
     }
 
-    /// How much of a cell is farther than each disparity, and where the report stands.
+    /// Share of a cell that is farther than each disparity, and the report among them.
     fn plot(
         &self,
         evidence: &CellEvidence,
@@ -174,7 +174,7 @@ impl EvidencePage<'_> {
         .svg()
     }
 
-    /// What each feature is worth, thousandths of the log odds.
+    /// Weight of each feature, thousandths of the log odds.
     fn parts(&self, evidence: &CellEvidence) -> Vec<PartView> {
         let part = |feature: Feature| {
             let mut alone = CellEvidence {

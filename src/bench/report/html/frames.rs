@@ -109,12 +109,12 @@ fn origin(row: &Row) -> String {
     format!("{run}frame {}", row.sequence)
 }
 
-/// What says nothing of a single frame.
+/// True for metrics that say nothing of a single frame.
 fn of_filters(metric: &Metric) -> bool {
     metric.group == "filters"
 }
 
-/// How many cells of each kind.
+/// Number of cells of each kind.
 pub(super) fn cells(row: &Row) -> String {
     let is_share = |metric: &&Metric| {
         !of_filters(metric) && matches!(metric.column(), Some((_, MetricTotal::ShareOf(_))))
@@ -156,7 +156,7 @@ fn wrong(cell: &CellRow) -> String {
     )
 }
 
-/// What is reported of a cell, and how probably it is right, where the algorithm says so.
+/// The report of a cell in words, with the probability that it is right, where there is one.
 fn estimated(cell: &CellRow) -> String {
     let depth = depth(cell.distance_m, cell.median_px);
     match cell.state {
@@ -170,7 +170,7 @@ fn probability(cell: &CellRow) -> String {
     cell.probability.map_or_else(String::new, words)
 }
 
-/// What is measured of the frame's pixels, and the time.
+/// The metrics of the frame's pixels, and the time, in words.
 pub(super) fn numbers(row: &Row) -> String {
     let is_mean = |metric: &&Metric| {
         !of_filters(metric) && matches!(metric.column(), Some((_, MetricTotal::Mean)))

@@ -32,7 +32,7 @@ pub struct ReportPage {
     pub sweeps: Vec<ParameterSweep>,
     /// One per checkpoint, or per frame that is shown of a recording.
     pub figures: Vec<CheckpointFigure>,
-    /// Where the frames are scenes of a data set.
+    /// Scenes of a data set, where the frames are some.
     pub scenes: Vec<SceneFigure>,
     /// Courses that algorithms drove through.
     pub maps: Vec<CourseMap>,
@@ -54,7 +54,7 @@ pub struct PartLink {
 /// Algorithms that differ in one parameter alone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParameterSweep {
-    /// What is swept, e.g. `v3: texture_sigma`.
+    /// The parameter that is swept, e.g. `v3: texture_sigma`.
     pub name: String,
     /// Values of the parameter, ascending, and the algorithms' labels.
     pub points: Vec<(String, String)>,
@@ -75,7 +75,7 @@ pub struct FrameShot {
     pub row: Row,
     /// The frame's cells, of which the caption lists the wrong ones.
     pub cells: Vec<CellRow>,
-    /// Whether the checkpoint passes in this frame; nothing where it is of none.
+    /// True if the checkpoint passes in this frame; absent where it is of none.
     pub passed: Option<bool>,
     /// Cells that are not as the checkpoint expects them.
     pub findings: Vec<CellFinding>,

@@ -70,7 +70,7 @@ pub(super) fn accuracy(page: &ReportPage) -> Result<Vec<PlotView>> {
         .collect())
 }
 
-/// What is left of each number at the levels of a perturbation: a plot per number.
+/// Each number over the levels of a perturbation: a plot per number.
 pub(super) fn stress(page: &ReportPage) -> Result<Vec<StressView>> {
     let all = &page.summary.stress;
     let view = |kind: &'static StressKind| {

@@ -69,7 +69,7 @@ impl ErrorKey {
             words: words.into(),
         };
         let errors = BINS.iter().enumerate().map(|(i, (end, color))| {
-            // Of an error size of 1 at 3 px.
+            // An error of size 1 is 3 px.
             let px = |size: f32| match 3.0 * size {
                 px if px < 1.0 => format!("{px:.2}"),
                 px => format!("{px}"),

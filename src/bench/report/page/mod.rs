@@ -1,4 +1,4 @@
-//! What all HTML pages share: each is one file without scripts or anything to fetch.
+//! Frame of all HTML pages: each is one file without scripts or anything to fetch.
 //!
 //! A page extends `base.html` (head, style, images, identity of the run) and fills its blocks
 //! `title`, `style`, `header` and `main`.
@@ -78,9 +78,9 @@ pub struct MarkView {
     mark: Mark,
     center: (f64, f64),
     radius: f64,
-    /// What the cell says, for pointer and screen reader; may be empty.
+    /// Words of the cell, for pointer and screen reader; may be empty.
     words: String,
-    /// Whether it is crossed out.
+    /// True if it is crossed out.
     wrong: bool,
 }
 

@@ -9,7 +9,7 @@ use svl_core::Result;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bars {
     pub title: String,
-    /// What the length of a bar is, with its unit.
+    /// Quantity that the length of a bar is, with its unit.
     pub label: String,
     /// Names of the parts. One that no bar has is not in the key; others keep their colours.
     pub parts: Vec<String>,

@@ -26,7 +26,7 @@ pub struct Axis {
     pub log: bool,
     /// From where to where, instead of what the data span.
     pub range: Option<(f64, f64)>,
-    /// What it shows cannot lie outside of.
+    /// Bounds that no value can lie outside of.
     pub bounds: Option<(f64, f64)>,
 }
 
@@ -49,7 +49,7 @@ impl Axis {
         }
     }
 
-    /// Whether it has a place for a value.
+    /// True if it has a place for a value.
     fn shows(&self, value: f64) -> bool {
         value.is_finite() && (value > 0.0 || !self.log)
     }

@@ -4,7 +4,7 @@ use super::{AXIS, DrawError, PlotCanvas, TEXT, WIDTH, color, svg, text, text_wid
 use plotters::prelude::*;
 use svl_core::Result;
 
-/// What a map shows. The course's `y` runs to the right. Points are metres.
+/// Content of a map. The course's `y` runs to the right. Points are metres.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CourseMap {
     pub title: String,

@@ -23,7 +23,7 @@ use plotters::style::FontFamily;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use svl_core::{Error, Result};
 
-/// Where a logarithmic axis from `low` to `high` has ticks: at the powers of ten where it spans
+/// Ticks of a logarithmic axis from `low` to `high`: at the powers of ten where it spans
 /// many, else at their 1, 2 and 5, in a narrow range at more digits.
 fn log_ticks(low: f64, high: f64) -> Vec<f64> {
     let decades = || low.log10().floor() as i32..=high.log10().ceil() as i32;
@@ -60,7 +60,7 @@ pub struct Series {
     pub points: Vec<(f64, f64)>,
 }
 
-/// How a series is drawn.
+/// Style of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SeriesStyle {
     Line,

@@ -14,7 +14,7 @@ use svl_core::statistics::nearest_rank;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Strips {
     pub title: String,
-    /// What is measured, with its unit.
+    /// The quantity that is measured, with its unit.
     pub label: String,
     /// Name and values; those that are not positive have no place.
     pub strips: Vec<(String, Vec<f64>)>,
@@ -32,7 +32,7 @@ const RIGHT: i32 = 36;
 const BIN: i32 = 6;
 const SIZE: u32 = TEXT - 2;
 
-/// What is marked of each distribution, above the shares that it does not exceed: name, share,
+/// Marks of each distribution, above the shares that it does not exceed: name, share,
 /// height of the mark.
 const MARKS: [(&str, f64, i32); 4] = [
     ("p50", 0.50, 48),

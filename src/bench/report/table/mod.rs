@@ -39,7 +39,7 @@ pub struct TableColumn {
     pub is_optional: bool,
 }
 
-/// What a row has in a column.
+/// The content of a row in a column.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TableCell {

@@ -3,7 +3,7 @@
 use super::{Table, TableCell};
 use std::fmt::Write;
 
-/// How text is shown on a terminal.
+/// Style of text on a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TerminalStyle {
     /// Columns.
@@ -74,9 +74,10 @@ impl Table {
         let all = self.columns.len();
         let fits =
             |from: usize, to: usize, name: usize| name + self.width(from..to, bar) <= style.width;
-        let name = match fits(1, all, name) {
-            true => name,
-            false => name.min(NAME.max(self.columns[0].head.chars().count())),
+        let name = if fits(1, all, name) {
+            name
+        } else {
+            name.min(NAME.max(self.columns[0].head.chars().count()))
         };
         let mut text = String::new();
         let mut from = 1;

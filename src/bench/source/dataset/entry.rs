@@ -1,4 +1,4 @@
-//! What svl knows of a data set, as data: where it comes from and how its scenes lie on disk.
+//! A data set as data: its origin, and the layout of its scenes on disk.
 
 /// A public data set.
 #[derive(Debug)]
@@ -6,13 +6,13 @@ pub struct Dataset {
     /// Its name on the command line, and of the folder it is fetched into.
     pub name: &'static str,
     pub title: &'static str,
-    /// Where its authors describe it.
+    /// Page where its authors describe it.
     pub home: &'static str,
     /// Under which terms, in short; the home page has the last word.
     pub licence: &'static str,
-    /// What its authors ask to be cited.
+    /// Paper that its authors ask to be cited.
     pub citation: &'static str,
-    /// What can be fetched, the usual parts and the others.
+    /// Parts that can be fetched, the usual ones and the others.
     pub parts: &'static [Part],
     pub(super) files: FileNames,
 }
@@ -21,11 +21,11 @@ pub struct Dataset {
 #[derive(Debug)]
 pub struct Part {
     pub name: &'static str,
-    /// Whether it is fetched where no part is named.
+    /// True if it is fetched where no part is named.
     pub usual: bool,
     /// About what is downloaded.
     pub megabytes: u32,
-    /// What the addresses of `files` begin with, up to a slash.
+    /// Beginning of the addresses of `files`, up to a slash.
     pub base: &'static str,
     /// Archives and single files below `base`.
     pub files: &'static [&'static str],
@@ -52,7 +52,7 @@ pub(super) struct PairFiles {
     pub calib: CalibFile,
 }
 
-/// Where a scene's camera is described.
+/// File that describes a scene's camera.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum CalibFile {
     /// `calib.txt` beside the images, where there is one.
@@ -73,7 +73,7 @@ pub(super) struct TruthFile {
     pub seen: Seen,
 }
 
-/// How a file holds disparities.
+/// Format in which a file holds disparities.
 #[derive(Debug)]
 pub(super) enum Form {
     Pfm,
@@ -133,7 +133,7 @@ impl PairFiles {
         }
     }
 
-    /// Whether one folder holds many such pairs.
+    /// True if one folder holds many such pairs.
     pub(super) fn numbered(&self) -> bool {
         self.left.contains('*')
     }

@@ -44,7 +44,7 @@ impl Scene {
             })
     }
 
-    /// What it is called.
+    /// Its name.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -204,7 +204,7 @@ impl Scene {
     }
 }
 
-/// What stands before the names of a folder's scenes.
+/// Prefix of the names of a folder's scenes.
 fn prefix(folder: &str) -> String {
     if folder.is_empty() {
         String::new()
@@ -222,7 +222,7 @@ fn image(folder: &Path, name: &str, number: &str) -> Option<PathBuf> {
         .find(|p| p.is_file())
 }
 
-/// What stands for `*` in the images that `pattern` names, in order.
+/// The text that stands for `*` in the images that `pattern` names, in order.
 fn numbers(folder: &Path, pattern: &str) -> Result<BTreeSet<String>> {
     let Some((subfolder, (before, after))) = pattern
         .rsplit_once('/')
@@ -311,12 +311,12 @@ impl SceneSource {
         })
     }
 
-    /// How many bits the 16-bit images use.
+    /// Number of bits that the 16-bit images use.
     pub fn bits(&self) -> Option<u8> {
         self.depth.bits()
     }
 
-    /// What the user should know of the images that is no warning.
+    /// Notes on the images that are no warnings.
     pub fn note(&self) -> Option<String> {
         self.depth.note()
     }

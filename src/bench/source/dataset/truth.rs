@@ -46,12 +46,12 @@ pub(super) fn read(
 }
 
 impl Form {
-    /// Whether images of that height have a scale.
+    /// True if images of that height have a scale.
     fn known(&self, height: usize) -> bool {
         self.scale(height).is_some()
     }
 
-    /// What the file's value is divided by, and whether 0 is unknown.
+    /// Divisor of the file's values, and true if 0 is unknown.
     fn scale(&self, height: usize) -> Option<(f32, bool)> {
         match *self {
             Self::Pfm => Some((1.0, false)),

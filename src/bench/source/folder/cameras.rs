@@ -1,4 +1,4 @@
-//! What a folder of pairs says of its cameras.
+//! The cameras of a folder of pairs.
 
 use super::layout::{Cameras, Layout};
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ const CAM_TO_CAM: &str = "calib_cam_to_cam.txt";
 /// Limit of its size in bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Whether the pairs are raw, and what rectifies them or why that cannot be read.
+/// Geometry of the pairs, and the calibration or the reason why it cannot be read.
 pub(super) struct FolderCameras {
     pub geometry: Geometry,
     pub calibration: std::result::Result<Option<StereoCalibration>, String>,

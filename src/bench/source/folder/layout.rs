@@ -1,4 +1,4 @@
-//! How folders of image pairs lie on disk: [`LAYOUTS`].
+//! Layouts of folders of image pairs on disk: [`LAYOUTS`].
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ pub(super) struct Layout {
     pub cameras: Cameras,
 }
 
-/// What a layout says of its cameras, besides a `calib.txt` of Middlebury's.
+/// The cameras of a layout, besides a `calib.txt` of Middlebury's.
 pub(super) enum Cameras {
     /// Nothing: the images count as rectified.
     Rectified,
@@ -178,8 +178,8 @@ fn child(folder: &Path, name: &str) -> Result<Option<PathBuf>> {
     Ok(entries(folder)?.into_iter().find(fits))
 }
 
-/// What stands for `*`, where the name of `path` fits `part`: without its ending, unless `part` has
-/// one or names a folder.
+/// Text that stands for `*`, where the name of `path` fits `part`: without ending, unless `part`
+/// has one or names a folder.
 fn key(path: &Path, part: &str, is_file: bool) -> Option<Vec<u8>> {
     let name = path.file_name()?.as_encoded_bytes();
     let name = match is_file {
@@ -206,7 +206,7 @@ pub(super) fn stem(name: &[u8]) -> Option<&[u8]> {
     (IMAGE_ENDINGS.iter().any(is_image) && !name.starts_with(b".")).then(|| &name[..dot])
 }
 
-/// What is in a folder, in the order of the names.
+/// Entries of a folder, in the order of the names.
 pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
     let io = |e| Error::io(folder, e);
     let entries = std::fs::read_dir(folder).map_err(io)?;

@@ -15,17 +15,17 @@ use svl_core::{Error, Result};
 use svl_data::files::{BitDepth, DECIDING_PAIRS, DecodedImage, read_image};
 use svl_data::recording::StampOrigin;
 
-/// How to read a folder.
+/// Options of a folder.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FolderRequest {
     /// Patterns of the left and the right images below the folder, with one `*` for what is equal
     /// in both [default: as one of the layouts that svl knows].
     pub images: [Option<String>; 2],
-    /// Whether each image is a pair side by side, left and right half.
+    /// True if each image is a pair side by side, left and right half.
     pub side_by_side: bool,
     /// Pairs per second [default: by the stamps that are there].
     pub fps: Option<f64>,
-    /// How many of 16 bits are used [default: decided by the first pairs].
+    /// Number of the 16 bits that are used [default: decided by the first pairs].
     pub bits: Option<u8>,
 }
 
@@ -46,7 +46,7 @@ pub struct FolderSource {
     calibration: std::result::Result<Option<StereoCalibration>, String>,
     /// Size of the first pair that can be read.
     size: (usize, usize),
-    /// Whether a pair of another size was met.
+    /// True if a pair of another size was met.
     sizes_differ: bool,
     next: usize,
 }
@@ -98,17 +98,17 @@ impl FolderSource {
         })
     }
 
-    /// Where the stamps come from, if not from the cameras.
+    /// Origin of the stamps, if not the cameras.
     pub fn stamps(&self) -> Option<StampOrigin> {
         self.stamps
     }
 
-    /// How many bits the 16-bit images use.
+    /// Number of bits that the 16-bit images use.
     pub fn bits(&self) -> Option<u8> {
         self.depth.bits()
     }
 
-    /// What the user should know of the pairs that is no warning.
+    /// Notes on the pairs that are no warnings.
     pub fn note(&self) -> Option<String> {
         self.depth.note()
     }

@@ -17,7 +17,7 @@ pub(super) struct FoundPairs {
 
 /// The images of a pair.
 pub(super) struct PairFiles {
-    /// What the names of both have in common.
+    /// The part that the names of both have in common.
     pub key: Vec<u8>,
     pub left: PathBuf,
     /// Nothing where the left one is an image of both, side by side.
@@ -67,9 +67,10 @@ fn named(folder: &Path, patterns: [&str; 2]) -> Result<FoundPairs> {
     let images = |side: usize| {
         let (option, pattern) = (["--left", "--right"][side], patterns[side]);
         let images = find(folder, checked(option, pattern)?)?;
-        match images.is_empty() {
-            true => nothing(folder, option, pattern),
-            false => Ok(images),
+        if images.is_empty() {
+            nothing(folder, option, pattern)
+        } else {
+            Ok(images)
         }
     };
     let (left, right) = (images(0)?, images(1)?);
@@ -159,7 +160,7 @@ fn ordered(mut pairs: Vec<PairFiles>) -> Vec<PairFiles> {
 /// Names that a message lists of each kind.
 const LISTED: usize = 4;
 
-/// What a folder holds, in words.
+/// Content of a folder, in words.
 fn contents(folder: &Path) -> Result<String> {
     let (folders, files): (Vec<_>, Vec<_>) =
         entries(folder)?.into_iter().partition(|path| path.is_dir());
@@ -175,9 +176,10 @@ fn contents(folder: &Path) -> Result<String> {
     ];
     let said = kinds.into_iter().filter(|(paths, _)| !paths.is_empty());
     let said: Vec<_> = said.map(|(paths, noun)| listed(&paths, noun)).collect();
-    Ok(match said.is_empty() {
-        true => "nothing".to_owned(),
-        false => said.join(", "),
+    Ok(if said.is_empty() {
+        "nothing".to_owned()
+    } else {
+        said.join(", ")
     })
 }
 

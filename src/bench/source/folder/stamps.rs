@@ -29,9 +29,10 @@ pub(super) fn stamps(
         let [left, right] = files.map(|name| folder.join(name));
         let lefts = StampFile::read(&left)?;
         // One file for both cameras does not tell when the right image was taken.
-        let rights = match left == right {
-            true => None,
-            false => StampFile::read(&right)?,
+        let rights = if left == right {
+            None
+        } else {
+            StampFile::read(&right)?
         };
         if let Some(lefts) = lefts {
             let stamp = |pair: &PairFiles| {

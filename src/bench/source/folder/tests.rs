@@ -143,7 +143,7 @@ fn stamps_come_from_the_files_beside_the_images() {
     let mut source = open(&euroc).unwrap();
     assert_eq!(source.stamps(), None);
     assert_eq!(stamps(&mut source), [(1000, Some(500)), (51_000, Some(0))]);
-    // Of the left camera alone.
+    // Stamps of the left camera alone.
     let left_only = folder(&images, &[("cam0/data.csv", text)]);
     let mut source = open(&left_only).unwrap();
     assert_eq!(stamps(&mut source), [(1000, None), (51_000, None)]);

@@ -20,7 +20,7 @@ const NOMINAL_HZ: f64 = 10.0;
 /// Largest relative difference of the frame rates of two cameras.
 const RATE_TOLERANCE: f64 = 1e-3;
 
-/// Whether a name is that of a video.
+/// True if a name is that of a video.
 pub(super) fn is_video(name: &str) -> bool {
     let ending = Path::new(name)
         .extension()
@@ -31,7 +31,7 @@ pub(super) fn is_video(name: &str) -> bool {
 /// The pairs of one or two videos, which the program `ffmpeg` decodes to 8 bits. They are raw, as
 /// no video says otherwise.
 ///
-/// Of a video that is cut off the frames before come, and those behind are counted.
+/// A video that is cut off gives the frames before; those behind are counted.
 pub struct VideoSource {
     /// Both cameras in one, or one each.
     streams: Vec<VideoStream>,
@@ -115,7 +115,7 @@ impl VideoSource {
         Ok(source)
     }
 
-    /// Where the stamps come from, if not from the video.
+    /// Origin of the stamps, if not the video.
     pub fn stamps(&self) -> Option<StampOrigin> {
         self.stamps
     }
@@ -193,7 +193,7 @@ impl Source for VideoSource {
 
     fn finish(&mut self, _: u64) -> Losses {
         let has_ended = self.streams.iter().any(|stream| stream.has_ended);
-        // Of the longer one, the frames that the shorter one has no partner for.
+        // Number of frames of the longer one that the shorter one has no partner for.
         let rest = |stream: &VideoStream| match has_ended && !stream.has_ended {
             true => stream
                 .info

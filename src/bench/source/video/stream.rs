@@ -11,7 +11,7 @@ use svl_data::files::DecodedImage;
 /// Limit of what ffprobe may say: a line for each frame of some days.
 const MAX_PROBE_BYTES: u64 = 1 << 30;
 
-/// What is known of a video before its frames.
+/// Facts of a video before its frames.
 #[derive(Debug, PartialEq)]
 pub(super) struct VideoInfo {
     pub size: (usize, usize),
@@ -20,7 +20,7 @@ pub(super) struct VideoInfo {
     pub rate_hz: Option<f64>,
     /// Stamps of its frames, nanoseconds from the first; empty where the file has none.
     pub stamps_ns: Vec<u64>,
-    /// How many frames it says it has.
+    /// Number of frames by its header.
     pub frames: Option<u64>,
 }
 
@@ -202,9 +202,10 @@ impl VideoStream {
         }
         self.got += 1;
         let (width, height) = self.info.size;
-        let image = match self.info.is_grey {
-            true => Gray::from_vec(width, height, self.bytes.clone()).map(DecodedImage::Gray),
-            false => DecodedImage::from_rgb(width, height, &self.bytes),
+        let image = if self.info.is_grey {
+            Gray::from_vec(width, height, self.bytes.clone()).map(DecodedImage::Gray)
+        } else {
+            DecodedImage::from_rgb(width, height, &self.bytes)
         };
         image.map(Some)
     }

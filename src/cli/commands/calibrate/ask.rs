@@ -28,7 +28,7 @@ pub(super) enum Decision {
     Stop,
 }
 
-/// Where the answers come from.
+/// Source of the answers.
 pub(super) enum Answers {
     /// Every pair is accepted.
     AcceptAll,

@@ -194,7 +194,7 @@ fn calibrate(
     print_result(args, &collected, &solution, folder.path())
 }
 
-/// What `--json` prints.
+/// The JSON that `--json` prints.
 #[derive(serde::Serialize)]
 struct CalibrationJson<'a> {
     file: &'a Path,

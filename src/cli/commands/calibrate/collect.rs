@@ -21,9 +21,9 @@ pub(super) struct Collected {
     pairs: u64,
     #[serde(skip)]
     pub(super) views: Vec<StereoView>,
-    /// What the source calls each view: its name, or its number.
+    /// Label of each view: its name in the source, or its number.
     pub(super) accepted: Vec<String>,
-    /// How many pairs were refused, by reason.
+    /// Number of pairs that were refused, by reason.
     refused: BTreeMap<String, u64>,
     /// The key in JSON is older than the name.
     #[serde(rename = "lacks")]
@@ -173,7 +173,7 @@ fn bar(opened: &Opened, quiet: bool) -> ProgressBar {
     bar.with_style(ProgressStyle::with_template(form).expect("a valid template"))
 }
 
-/// How late the pairs of a live source are processed.
+/// Delay with which the pairs of a live source are processed.
 #[derive(Default)]
 struct Lag {
     first: Option<(Instant, u64)>,

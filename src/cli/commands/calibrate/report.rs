@@ -131,7 +131,7 @@ const REPORT: FolderRule = FolderRule {
     cure: "name another output",
 };
 
-/// Whether a file name is that of an accepted pair's image: `left01.png`.
+/// True if a file name is that of an accepted pair's image: `left01.png`.
 fn is_pair(name: &str) -> bool {
     let number = |stem: &str| stem.len() >= 2 && stem.bytes().all(|b| b.is_ascii_digit());
     name.strip_suffix(".png")

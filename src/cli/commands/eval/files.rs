@@ -11,7 +11,7 @@ const ENDINGS: &[&str] = &["pfm", "npz", "png", "pgm", "ppm"];
 
 /// The files of one image.
 pub(super) struct ImageFiles {
-    /// What they are called in folders, without the ending.
+    /// Their names in folders, without the ending.
     pub(super) name: String,
     pub(super) disparity: PathBuf,
     pub(super) truth: PathBuf,
@@ -91,7 +91,7 @@ impl ImageFiles {
         Ok(images)
     }
 
-    /// Whether a disparity map among them is an image, which has a scale.
+    /// True if a disparity map among them is an image, which has a scale.
     pub(super) fn has_images(&self) -> bool {
         let floats = |path: &Path| has_ending(path, "pfm") || has_ending(path, "npz");
         !(floats(&self.disparity) && floats(&self.truth))

@@ -174,7 +174,7 @@ impl Loaded {
         })
     }
 
-    /// What is judged in a column of the table.
+    /// The image of a column of the table, with the pixels that it scores.
     fn image(&self, column: usize, args: &Args) -> ProtocolImage<'_> {
         ProtocolImage {
             estimate: &self.estimate,

@@ -11,7 +11,7 @@ use svl::score::protocol::{NumberUnit, Numbers, Protocol, Score};
 #[derive(Serialize)]
 struct EvalReport<'a> {
     protocol: &'a str,
-    /// Of the first mask.
+    /// Figures of the first mask.
     #[serde(flatten)]
     numbers: &'a Numbers,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -54,7 +54,7 @@ pub(super) fn print_scores(
     })
 }
 
-/// What the columns are called: the masks' names, with the folder where two are named alike.
+/// Headings of the columns: the masks' names, with the folder where two are named alike.
 fn labels(args: &Args) -> Vec<String> {
     let stems = args.mask.iter().map(|path| {
         path.file_stem()

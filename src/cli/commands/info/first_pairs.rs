@@ -1,4 +1,4 @@
-//! What the first pairs say of a recording or a folder, as lines of `svl info`.
+//! The facts that the first pairs of a recording or a folder show, as lines of `svl info`.
 
 use svl::recording::PairGeometry;
 use svl::source::{NearestDistance, SourceFacts, TruthFacts};
@@ -14,9 +14,10 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
         nearest,
         truths,
     } = facts;
-    let others = match is_constant {
-        true => "",
-        false => " (the first pair; others have another size or calibration)",
+    let others = if *is_constant {
+        ""
+    } else {
+        " (the first pair; others have another size or calibration)"
     };
     let mut lines = vec![format!("images     {width}x{height} px{others}")];
     let focal = focal_px.map(|(fx, fy)| match (fy / fx - 1.0).abs() < HALF_PER_MILLE {

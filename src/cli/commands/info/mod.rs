@@ -38,9 +38,10 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let name = args.file.to_string_lossy();
     let is_recording = !args.file.is_dir() || is_bag(&args.file);
-    let summary = match is_recording {
-        true => Some(Recording::open(&args.file)?.summary()?),
-        false => None,
+    let summary = if is_recording {
+        Some(Recording::open(&args.file)?.summary()?)
+    } else {
+        None
     };
     // A recording without pairs has a summary all the same.
     let (first_pairs, no_pairs) = match (SourceFacts::read(&name, is_recording), &summary) {
@@ -60,7 +61,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// What `--json` prints.
+/// The JSON that `--json` prints.
 #[derive(serde::Serialize)]
 struct Info {
     #[serde(flatten)]
@@ -220,9 +221,10 @@ fn pairs(summary: &RecordingSummary) -> String {
         0 => String::new(),
         n => format!(" ({n} before the first pair)"),
     };
-    let dropped = match summary.grabber.is_empty() {
-        true => format!(", {} dropped{before}", counted(summary.drops, "frame")),
-        false => String::new(),
+    let dropped = if summary.grabber.is_empty() {
+        format!(", {} dropped{before}", counted(summary.drops, "frame"))
+    } else {
+        String::new()
     };
     format!("pairs      {}{rate}{dropped}{missing}", summary.pairs)
 }
@@ -243,7 +245,7 @@ fn unpaired(summary: &RecordingSummary) -> Option<String> {
     ))
 }
 
-/// Whether the pairs are raw or rectified, and by which calibration.
+/// Geometry of the pairs, raw or rectified, and the calibration.
 fn geometry(summary: &RecordingSummary) -> Option<String> {
     let names: Vec<_> = summary.geometry.iter().map(|kind| kind.name()).collect();
     let calibration = summary
@@ -375,9 +377,10 @@ fn topics(topics: &[Topic], last: usize) -> Vec<String> {
     let line = |row: &[String; 5]| {
         let [topic, count, rate, size, schema] = row;
         let numbers = format!("{topic:name$}  {count:>messages$}  {rate:>hz$}  {size:>bytes$}");
-        match numbers.chars().count() + 2 + schema.chars().count() <= last {
-            true => format!("{numbers}  {schema}"),
-            false => format!("{numbers}\n    {schema}"),
+        if numbers.chars().count() + 2 + schema.chars().count() <= last {
+            format!("{numbers}  {schema}")
+        } else {
+            format!("{numbers}\n    {schema}")
         }
     };
     rows.iter().map(line).collect()

@@ -1,4 +1,4 @@
-//! What is labelled: a recorded source, and how it is opened.
+//! The source that is labelled: a recorded one, and its options.
 
 use crate::cli::shared::source::{OF_SCENARIOS, SourceParser, hidden};
 use anyhow::bail;
@@ -34,7 +34,7 @@ impl LabelInput {
         Ok(())
     }
 
-    /// How it is opened.
+    /// The request for it.
     pub(super) fn request(&self) -> Request<'_> {
         Request {
             seed: self.seed,

@@ -137,9 +137,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let mut printed = Ok(());
     if let Some(grabber) = outcome.losses.grabber.as_ref().filter(|_| !quiet) {
-        let whose = match is_kept {
-            true => output.display().to_string(),
-            false => args.source.clone(),
+        let whose = if is_kept {
+            output.display().to_string()
+        } else {
+            args.source.clone()
         };
         printed = print(&format!("{whose}: {}\n", grabber.text));
     }

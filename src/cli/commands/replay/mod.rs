@@ -13,7 +13,6 @@ use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::console::Watch;
-use svl::counted;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::Outputs;
@@ -28,6 +27,7 @@ use svl::sink::{
 };
 use svl::source::Request;
 use svl::train::with_filters;
+use svl::{Error, counted};
 use verify::{Earlier, Verification};
 
 /// Replay a recording through algorithms
@@ -109,7 +109,7 @@ pub(crate) struct Args {
     force: bool,
 }
 
-/// What scenarios alone take.
+/// Options that only scenarios accept.
 pub(crate) const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds"];
 
 fn pace(text: &str) -> Result<Pace, String> {
@@ -217,12 +217,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             outbox
         });
     let judge = Judge::default();
-    let start = RunStart {
-        manifest: &manifest,
-        log: None,
-        seed,
-        judge: &judge,
-    };
+    let start = RunStart::new(&manifest, seed, &judge);
     let title = opened.source.name();
     let watch = Watch::new(&terminal, &title, opened.source.pairs(), None);
     let (outcome, ran) = run_through(
@@ -238,15 +233,17 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let rows = results.rows;
     let pairs = outcome.frames;
     let mut verification = None;
-    let ran_to_end = match outcome.interrupted {
-        true => Err(format!("interrupted after {}", counted(pairs, "pair"))),
-        false => ran.as_ref().map_err(ToString::to_string).copied(),
-    };
+    let stopped = outcome.interrupted.then(|| {
+        let done = counted(pairs, "pair");
+        Err(Error::Invalid(format!("interrupted after {done}")))
+    });
+    let ran_to_end = stopped.as_ref().unwrap_or(&ran);
     let ending = ending(ran_to_end, outcome.missing(), args.options.allow_loss);
     if pairs > 0 || ran.is_ok() {
-        match ran.is_ok() && finished.is_ok() && !outcome.interrupted {
-            true => outputs.commit(),
-            false => outputs.keep_both(),
+        if ran.is_ok() && finished.is_ok() && !outcome.interrupted {
+            outputs.commit();
+        } else {
+            outputs.keep_both();
         }
     }
     if finished.is_ok() && !(ran.is_err() && pairs == 0) {
@@ -286,7 +283,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     Ok(complete(&ending)?)
 }
 
-/// What `--json` prints.
+/// The JSON that `--json` prints.
 #[derive(serde::Serialize)]
 struct Answer<'a> {
     #[serde(flatten)]

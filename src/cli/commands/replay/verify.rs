@@ -23,7 +23,7 @@ pub(super) struct Earlier {
     parameters: BTreeMap<String, String>,
 }
 
-/// How a replay compares with the earlier run.
+/// Comparison of a replay with the earlier run.
 #[derive(Serialize)]
 pub(super) struct Verification {
     against: PathBuf,
@@ -228,10 +228,10 @@ impl Earlier {
 }
 
 impl Verification {
-    /// What was proved, in a line.
+    /// The result, in a line.
     ///
     /// # Errors
-    /// What was not: results that differ, or that the earlier run does not have, or that this one
+    /// Results that are not proved: they differ, or the earlier run does not have them, or this one
     /// does not have.
     pub(super) fn proved(&self) -> anyhow::Result<String> {
         let against = self.against.display();

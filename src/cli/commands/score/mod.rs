@@ -297,7 +297,7 @@ fn metric(name: &str) -> Result<&'static Metric, String> {
     found.ok_or_else(|| format!("no such metric; expected one of {}", expected()))
 }
 
-/// What `--json` prints.
+/// The JSON that `--json` prints.
 #[derive(serde::Serialize)]
 struct ScoreAnswer<'a> {
     #[serde(flatten)]

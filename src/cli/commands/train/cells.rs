@@ -133,7 +133,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
 }
 
-/// What the table's file says of itself.
+/// Facts in the table's file.
 fn header(manifest: &Manifest, groups: &[String], training: &CellTraining) -> String {
     let revision = manifest.git_revision.as_deref().unwrap_or("unknown");
     let algorithm = &training.algorithm;

@@ -112,9 +112,10 @@ fn sizes(text: &str) -> Result<Sizes, String> {
     }
     sizes.sort_unstable();
     sizes.dedup();
-    match (1..=MAX_SIZES).contains(&sizes.len()) {
-        true => Ok(Sizes(sizes)),
-        false => Err(wrong()),
+    if (1..=MAX_SIZES).contains(&sizes.len()) {
+        Ok(Sizes(sizes))
+    } else {
+        Err(wrong())
     }
 }
 
@@ -160,13 +161,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     write(&page, training.page(identity)?)?;
     outputs.commit();
     let (file, page) = (args.out.display(), page.display());
-    match args.json {
-        true => print_json(&training)?,
-        false => print(&format!("{training}\n\n{file}\n{page}"))?,
+    if args.json {
+        print_json(&training)?;
+    } else {
+        print(&format!("{training}\n\n{file}\n{page}"))?;
     }
-    match training.interrupted {
-        true => bail!("interrupted; {file} is the best network until then"),
-        false => Ok(()),
+    if training.interrupted {
+        bail!("interrupted; {file} is the best network until then")
+    } else {
+        Ok(())
     }
 }
 

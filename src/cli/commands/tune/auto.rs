@@ -10,7 +10,7 @@ use svl::console::{Console, Unit};
 use svl::grab;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
-use svl::outputs::{self, Outputs};
+use svl::outputs::{Outputs, write_with_page};
 use svl::runs;
 use svl::scenario::{Scenario, ScenarioKind, SourceOptions};
 use svl::score::Metric;
@@ -31,7 +31,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let (page, log) = (out.with_extension("md"), out.with_extension("csv"));
     let may_replace = args.force || args.search.resume;
-    // What a search found is replaced by what it finds when it goes on; its log goes on.
+    // Results of a search are replaced by those of its continuation; its log goes on.
     let claimed = Outputs::claim(may_replace, [], [out, &page])?;
     let logs = Outputs::claim(may_replace, [], [log.as_path()])?;
     let filters = args.filters.models()?;
@@ -90,17 +90,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let mut values = values.iter().flatten();
         values.all(|values| values.get(metric).is_some())
     };
-    match args.search.subject_to.is_empty() {
+    if args.search.subject_to.is_empty() {
         // A bound of what these pairs do not have says nothing.
-        true => goal.constraints.retain(|of| is_measured(of.metric)),
-        false => {
-            if let Some(other) = goal.metrics().find(|metric| !is_measured(metric)) {
-                let name = other.name;
-                return Err(usage::wrong(format!(
-                    "{name}: is not measured on these pairs"
-                )));
-            }
-        }
+        goal.constraints.retain(|of| is_measured(of.metric));
+    } else if let Some(other) = goal.metrics().find(|metric| !is_measured(metric)) {
+        let name = other.name;
+        return Err(usage::wrong(format!(
+            "{name}: is not measured on these pairs"
+        )));
     }
     let mut tuned = Vec::new();
     let mut was_interrupted = false;
@@ -153,10 +150,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let toml = head + &scenario_toml(&tested.unwrap_or(scenario), &best, &files, folder)?;
     let markdown = outcome.markdown(&format!("Tuned on {}", args.what.join(", ")));
     drop(claimed);
-    let written = write_both(out, &toml, &markdown, may_replace)?;
-    match args.search.json {
-        true => print_json(&outcome)?,
-        false => print(&format!("{outcome}\n{written}\n"))?,
+    let written = write_with_page(out, &toml, &markdown, may_replace)?;
+    if args.search.json {
+        print_json(&outcome)?;
+    } else {
+        print(&format!("{outcome}\n{written}\n"))?;
     }
     if was_interrupted {
         bail!("interrupted; the best so far is kept, and the same command with --resume goes on");
@@ -189,7 +187,7 @@ fn tested(args: &Args, scenario: &Scenario) -> anyhow::Result<Option<Scenario>> 
     })
 }
 
-/// What is sought, checked against what there is.
+/// The goal, checked against the metrics that the pairs have.
 fn goal(args: &Args, has_truth: bool) -> anyhow::Result<Goal> {
     let search = &args.search;
     let default = Goal::by_default(has_truth)?;
@@ -226,21 +224,4 @@ fn goal(args: &Args, has_truth: bool) -> anyhow::Result<Goal> {
         tracing::warn!("{name}: is better the other way round");
     }
     Ok(goal)
-}
-
-/// Writes a scenario and, beside it, what was tried; says where they are.
-pub(super) fn write_both(
-    path: &Path,
-    toml: &str,
-    markdown: &str,
-    force: bool,
-) -> anyhow::Result<String> {
-    usage::ends_in(path, &["toml"]).map_err(usage::wrong)?;
-    let page = path.with_extension("md");
-    let mut outputs = Outputs::claim(force, [], [path, &page])?;
-    outputs.set_aside()?;
-    outputs::write(path, toml)?;
-    outputs::write(&page, markdown)?;
-    outputs.commit();
-    Ok(format!("{} and {}", path.display(), page.display()))
 }

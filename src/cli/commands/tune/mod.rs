@@ -149,10 +149,10 @@ struct SearchArgs {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    match args.search.auto {
-        true => auto::run(args, quiet),
-        false => by_hand(args, quiet),
+    if !args.search.auto {
+        return by_hand(args, quiet);
     }
+    auto::run(args, quiet)
 }
 
 /// Pairs of the sample by hand.
@@ -161,7 +161,7 @@ const SAMPLE: usize = 64;
 /// Most memory of the sample, bytes.
 const SAMPLE_BYTES: usize = 256 << 20;
 
-/// What is tuned on, by hand.
+/// The source that is tuned on, by hand.
 struct Tuned<'a> {
     name: String,
     /// None for cameras, which no scenario can read.
@@ -231,13 +231,15 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
         open,
         is_live,
     } = tuned;
-    let sampler = match is_live {
-        true => None,
-        false => Some(Sampler::new(open()?, SAMPLE, SAMPLE_BYTES)),
+    let sampler = if is_live {
+        None
+    } else {
+        Some(Sampler::new(open()?, SAMPLE, SAMPLE_BYTES))
     };
-    let store = match is_live {
-        true => FrameStore::live(open()?),
-        false => FrameStore::new(open)?,
+    let store = if is_live {
+        FrameStore::live(open()?)
+    } else {
+        FrameStore::new(open)?
     };
     let mut stepper = Stepper::new(&name, store)?;
     let mut settings = settings;
@@ -327,7 +329,7 @@ fn open<'a>(args: &'a Args, name: &'a str, quiet: bool) -> anyhow::Result<Tuned<
     })
 }
 
-/// Where pictures go, and why nowhere.
+/// Target of the pictures, and the reason where there is none.
 fn destination(args: &Args) -> anyhow::Result<(Option<RerunTarget>, Option<String>)> {
     match &args.rerun {
         Some(choice) => Ok((choice.target().cloned(), None)),

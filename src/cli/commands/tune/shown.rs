@@ -1,4 +1,4 @@
-//! What the tool shows of a frame and of the sample.
+//! The tool's view of a frame and of the sample.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use svl::tune::TunedSetting;
 /// Names of the two settings.
 pub(super) const LABELS: [&str; 2] = ["now", "compared"];
 
-/// What is to be shown.
+/// A frame that is to be shown, with its settings.
 #[derive(Clone)]
 pub(super) struct Job {
     pub(super) frame: Arc<Frame>,
@@ -24,7 +24,7 @@ pub(super) struct Job {
     pub(super) since: Option<Instant>,
 }
 
-/// What there is to show.
+/// The state that the tool shows.
 #[derive(Clone, Default)]
 pub(super) struct Shown {
     /// Counts the jobs that were asked for, and the last of them whose frame is done.
@@ -32,7 +32,7 @@ pub(super) struct Shown {
     pub(super) done: u64,
     pub(super) frame: Option<FrameView>,
     pub(super) sample: SampleView,
-    /// What went wrong, to be said once.
+    /// An error or warning, to be reported once.
     pub(super) says: Option<String>,
     /// Why a setting gave nothing.
     pub(super) failure: Option<String>,
@@ -78,15 +78,18 @@ impl SampleView {
             .iter()
             .filter_map(|(sequence, value)| Some((*sequence, (*value)?)))
             .collect();
-        ranked.sort_by(|(_, a), (_, b)| match larger_is_worse {
-            true => b.total_cmp(a),
-            false => a.total_cmp(b),
+        ranked.sort_by(|(_, a), (_, b)| {
+            if larger_is_worse {
+                b.total_cmp(a)
+            } else {
+                a.total_cmp(b)
+            }
         });
         ranked
     }
 }
 
-/// What is kept of an estimate.
+/// The part of an estimate that is kept.
 #[derive(Clone)]
 pub(super) struct Watched {
     pub(super) algorithm: String,

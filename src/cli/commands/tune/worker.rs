@@ -1,4 +1,4 @@
-//! What runs while a person turns knobs: the frame that is shown first, for the screen and for
+//! The work while a person turns knobs: the frame that is shown first, for the screen and for
 //! Rerun, then a sample of the source, until something else is wanted.
 
 use super::shown::{FrameView, Job, LABELS, SampleView, Shown, Watched, title, watch};
@@ -20,7 +20,7 @@ use svl::tune::{Sampler, TunedSetting, evaluate, spread_order};
 /// For how long frames of the sample are matched before something else is looked for.
 const CHUNK: Duration = Duration::from_millis(20);
 
-/// How times are taken.
+/// Pace at which times are taken.
 const MEASURED: Pace = Pace::Measured { rounds: 1 };
 
 /// Frames of cameras that make the sample.
@@ -109,7 +109,7 @@ impl TuneWorker {
         self.shared.1.notify_all();
     }
 
-    /// What there is to show now; what is said, is said once.
+    /// The state to show now; messages are reported once.
     pub(super) fn shown(&self) -> Shown {
         let mut state = locked(&self.shared);
         let shown = state.shown.clone();
@@ -158,7 +158,7 @@ impl Monitor for KeyWatch<'_> {
     }
 }
 
-/// What the thread has.
+/// State of the thread.
 struct Bench {
     shared: SharedState,
     manifest: Manifest,
@@ -172,7 +172,7 @@ struct Bench {
     rules: String,
     /// By the number of the frame.
     rows: BTreeMap<u64, [Row; 2]>,
-    /// What the setting compared with made of the frame that is shown.
+    /// Result of the setting compared with for the frame that is shown.
     compared: Option<(Arc<Frame>, Row, Watched)>,
 }
 
@@ -245,11 +245,11 @@ impl Bench {
         self.judge.grid = now.grid;
         self.judge.cells = now.cells;
         self.manifest.algorithms = Manifest::new("tune", &labelled)?.algorithms;
-        // What Rerun shows of them: as they are written, not all that stays as it was.
+        // Their titles in Rerun are as they are written, without defaults.
         for (record, setting) in self.manifest.algorithms.iter_mut().zip(settings) {
             record.parameters = title(&setting.algorithm);
         }
-        // Where one of them cannot be built, both are the next time.
+        // Both are built the next time where one of them cannot be.
         self.keys = Default::default();
         match &mut self.matchers {
             None => self.matchers = Some(Matchers::new(&labelled)?.without_warnings()),
@@ -274,7 +274,7 @@ impl Bench {
         let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
         sinks.extend(self.rerun.take());
         let frames = [Arc::clone(&job.frame)];
-        // What is known of this frame is not run again.
+        // Results that are known of this frame are not computed again.
         let known = self.compared.take();
         let known = known.filter(|(frame, _, _)| Arc::ptr_eq(frame, &job.frame));
         let idle = match (&known, &mut self.matchers) {
@@ -346,12 +346,7 @@ impl Bench {
     ) -> svl::Result<Vec<Row>> {
         let rows = Outbox::default();
         sinks.insert(0, Box::new(TableSink::new(None, None, &rows)?));
-        let start = RunStart {
-            manifest: &self.manifest,
-            log: None,
-            seed: None,
-            judge: &self.judge,
-        };
+        let start = RunStart::new(&self.manifest, None, &self.judge);
         let mut watch = KeyWatch {
             shared: &self.shared,
             failure: None,

@@ -20,7 +20,7 @@ pub(crate) struct FrameStore<'a> {
     reads: Reads<'a>,
     /// Index of the frame that the source gives next; unknown after an error.
     next: Option<u64>,
-    /// How many frames there are, where that is known.
+    /// Number of frames, where that is known.
     count: Option<u64>,
     /// The frames read last, the newest behind.
     kept: VecDeque<(u64, Arc<Frame>)>,
@@ -30,7 +30,7 @@ pub(crate) struct FrameStore<'a> {
     damage: Option<String>,
 }
 
-/// Where frames come from.
+/// Source of the frames.
 enum Reads<'a> {
     Recorded {
         open: Open<'a>,
@@ -45,13 +45,13 @@ struct LiveFrames {
     thread: Option<JoinHandle<()>>,
 }
 
-/// What came last.
+/// The frame that came last.
 #[derive(Default)]
 struct Newest {
     frame: Option<Frame>,
     /// Why no more frames come.
     ended: Option<String>,
-    /// Whether no more are wanted.
+    /// True if no more are wanted.
     stopped: bool,
 }
 
@@ -137,12 +137,12 @@ impl<'a> FrameStore<'a> {
         }
     }
 
-    /// Whether frames come as time goes on.
+    /// True if frames come as time goes on.
     pub(crate) fn is_live(&self) -> bool {
         matches!(self.reads, Reads::Live(_))
     }
 
-    /// How many frames there are, where that is known.
+    /// Number of frames, where that is known.
     pub(crate) fn count(&self) -> Option<u64> {
         self.count
     }
@@ -278,7 +278,7 @@ impl<'a> FrameStore<'a> {
 mod tests {
     use super::*;
     use std::cell::Cell;
-    use svl::stereo::{Exposure, Geometry, Gray, StereoPair};
+    use svl::stereo::{Geometry, Gray, StereoPair};
 
     /// Frames 0, 2, 4 ... of 10x10 pixels; the one at index 3 cannot be read.
     struct Even {
@@ -304,14 +304,7 @@ mod tests {
             let image = Gray::filled(10, 10, 0)?;
             Ok(Some(Frame {
                 sequence: 2 * index,
-                stamp_ns: 0,
-                name: None,
-                pair: StereoPair::new(image.clone(), image)?,
-                color: None,
-                geometry: Geometry::Raw,
-                pose: None,
-                truth: None,
-                exposure: Exposure::default(),
+                ..Frame::new(StereoPair::new(image.clone(), image)?, Geometry::Raw)
             }))
         }
 

@@ -7,7 +7,7 @@ use ratatui::crossterm::event::{
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// What a person did, or that nothing happened for a while.
+/// A key that was pressed, or a tick where none was for a while.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Key {
     Char(char),
@@ -70,7 +70,7 @@ const NAMES: &[(&str, Key)] = &[
 /// Largest script that is read, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Where keys come from.
+/// Source of keys.
 pub(crate) enum Keys {
     Terminal,
     Script(std::vec::IntoIter<Key>),
@@ -116,7 +116,7 @@ impl Keys {
     }
 }
 
-/// What an event of the terminal means here; nothing for those that mean nothing.
+/// The key of a terminal's event; none for events without a meaning here.
 fn key(event: Event) -> Option<Key> {
     match event {
         Event::Key(event) if event.kind == KeyEventKind::Release => None,

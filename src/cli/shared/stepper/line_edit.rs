@@ -12,7 +12,7 @@ pub(crate) struct LineEdit {
     text: String,
 }
 
-/// What became of the answer.
+/// Result of a key for the answer.
 pub(crate) enum Edited {
     Going,
     /// With the white space around it taken off.

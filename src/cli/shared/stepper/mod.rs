@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use svl::stereo::Frame;
 
-/// What is done with the frames.
+/// A tool that is used on the frames.
 pub(crate) trait StepTool {
     /// Its keys beside the stepper's, and what each does, for the help.
     fn keys(&self) -> &'static [(&'static str, &'static str)];
@@ -33,7 +33,7 @@ pub(crate) trait StepTool {
     /// Takes a key, before the stepper does.
     fn key(&mut self, key: Key, stepper: &mut Stepper<'_>) -> anyhow::Result<Reaction>;
 
-    /// What it asks at the moment, in place of the message.
+    /// Its question at the moment, in place of the message.
     fn question(&self) -> Option<String>;
 
     /// Looks whether what it does in the background came to something that is to be drawn.
@@ -59,7 +59,7 @@ pub(crate) trait StepTool {
     );
 }
 
-/// What a tool made of a key.
+/// Reaction of a tool to a key.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Reaction {
     /// It is not one of the tool's keys.
@@ -68,7 +68,7 @@ pub(crate) enum Reaction {
     Quit,
 }
 
-/// How it ended.
+/// Reason of its end.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Ended {
     Quit,
@@ -87,7 +87,7 @@ const KEYS: &[(&str, &str)] = &[
     ("q", "quit"),
 ];
 
-/// How often signals are looked for.
+/// Interval at which signals are looked for.
 const GLANCE: Duration = Duration::from_millis(50);
 
 /// The place in a source.
@@ -96,14 +96,14 @@ pub(crate) struct Stepper<'a> {
     store: FrameStore<'a>,
     index: u64,
     frame: Arc<Frame>,
-    /// How long a frame is shown when they are played.
+    /// Time for which a frame is shown when they are played.
     period: Duration,
     /// When the next frame is due; nothing while not playing.
     due: Option<Instant>,
     jump: Option<LineEdit>,
     help: bool,
     message: String,
-    /// Whether the tool has to be shown the frame.
+    /// True if the tool has to be shown the frame.
     is_new: bool,
 }
 
@@ -147,12 +147,12 @@ impl<'a> Stepper<'a> {
         &self.frame
     }
 
-    /// What the source is called.
+    /// Name of the source.
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
-    /// Whether the source is cameras.
+    /// True if the source is cameras.
     pub(crate) fn is_live(&self) -> bool {
         self.store.is_live()
     }
@@ -279,9 +279,10 @@ impl<'a> Stepper<'a> {
             .store
             .count()
             .map_or(String::new(), |count| format!(" of {count}"));
-        let place = match *sequence == self.index {
-            true => of,
-            false => format!(", pair {}{of}", self.index + 1),
+        let place = if *sequence == self.index {
+            of
+        } else {
+            format!(", pair {}{of}", self.index + 1)
         };
         let seconds = *stamp_ns as f64 / 1e9;
         let playing = if self.due.is_some() { "  playing" } else { "" };

@@ -21,13 +21,13 @@ pub(crate) const LEAST: Size = Size::new(60, 16);
 /// The screen of a script, unless it says otherwise.
 const SCRIPTED: Size = Size::new(80, 24);
 
-/// Where a tool is drawn.
+/// The screen that a tool is drawn on.
 pub(crate) enum Screen {
     Terminal(Terminal<CrosstermBackend<Stdout>>),
     Memory(Terminal<TestBackend>),
 }
 
-/// Whether the terminal is in raw mode, so that it is restored once.
+/// True if the terminal is in raw mode, so that it is restored once.
 static TAKEN: AtomicBool = AtomicBool::new(false);
 
 impl Screen {
@@ -89,7 +89,7 @@ impl Screen {
         ))?))
     }
 
-    /// Whether shades can be shown; else characters stand for them.
+    /// True if shades can be shown; else characters stand for them.
     pub(crate) fn has_shades(&self) -> bool {
         let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
         let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");

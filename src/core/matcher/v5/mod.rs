@@ -223,9 +223,10 @@ impl V5 {
         }
         self.cells
             .resize_with(shape.cells(), || CellPixels::new(bins));
-        let min_valid = match self.needs_valid {
-            true => context.grid.min_valid,
-            false => 0.0,
+        let min_valid = if self.needs_valid {
+            context.grid.min_valid
+        } else {
+            0.0
         };
         let decide = |(i, (cell, pixels)): (usize, (&mut Cell, &mut CellPixels))| {
             let place = (i % shape.columns, i / shape.columns);

@@ -83,9 +83,10 @@ impl StripSums {
             let cost = PathCost {
                 out,
                 small,
-                large: match by_column {
-                    true => &steps.down[..],
-                    false => &steps.across.columns,
+                large: if by_column {
+                    &steps.down[..]
+                } else {
+                    &steps.across.columns
                 },
             };
             let Strip {
@@ -129,8 +130,9 @@ impl StripSums {
 
 /// The plane whose rows, or columns, are lanes.
 fn chosen(plane: &TwoWayPlane, by_column: bool) -> &[u8] {
-    match by_column {
-        true => &plane.rows,
-        false => &plane.columns,
+    if by_column {
+        &plane.rows
+    } else {
+        &plane.columns
     }
 }

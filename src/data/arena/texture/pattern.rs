@@ -63,12 +63,11 @@ impl Pattern {
             FloorPattern::Tiles => {
                 let (column, across) = part(u, self.period_m);
                 let (row, along) = part(v, self.period_m);
-                match across.min(along) < self.joint_m {
-                    true => self.joint_tone + 0.5 * self.grain * self.grains(u, v, self.grain_m),
-                    false => {
-                        let own = self.spread * self.random(column, row, 0);
-                        self.tone + own + self.grain * self.grains(u, v, self.grain_m)
-                    }
+                if across.min(along) < self.joint_m {
+                    self.joint_tone + 0.5 * self.grain * self.grains(u, v, self.grain_m)
+                } else {
+                    let own = self.spread * self.random(column, row, 0);
+                    self.tone + own + self.grain * self.grains(u, v, self.grain_m)
                 }
             }
             FloorPattern::Planks => {
@@ -77,15 +76,14 @@ impl Pattern {
                 let length = 8.0 * self.period_m;
                 let shift = (1.0 + self.random(board, 0, 1)) * length;
                 let (piece, along) = part(v + shift, length);
-                match across.min(along) < 0.5 * self.joint_m {
-                    true => 0.5 * self.tone,
-                    false => {
-                        let own = self.spread * self.random(board, piece, 0);
-                        // The grain of wood runs along the board.
-                        let grain = self.grains(u, v / 12.0, self.grain_m);
-                        let pores = self.grains(u, v, self.grain_m);
-                        self.tone + own + self.grain * (grain + 0.4 * pores)
-                    }
+                if across.min(along) < 0.5 * self.joint_m {
+                    0.5 * self.tone
+                } else {
+                    let own = self.spread * self.random(board, piece, 0);
+                    // The grain of wood runs along the board.
+                    let grain = self.grains(u, v / 12.0, self.grain_m);
+                    let pores = self.grains(u, v, self.grain_m);
+                    self.tone + own + self.grain * (grain + 0.4 * pores)
                 }
             }
             FloorPattern::Carpet => {

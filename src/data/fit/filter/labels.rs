@@ -44,9 +44,10 @@ impl FrameLabels {
     /// The table's place: beside the recording or the folder, named after it and the filter.
     pub fn path(source: &Path, kind: FilterKind) -> PathBuf {
         // A dot in a folder's name begins no ending.
-        let name = match source.is_dir() {
-            true => source.file_name(),
-            false => source.file_stem(),
+        let name = if source.is_dir() {
+            source.file_name()
+        } else {
+            source.file_stem()
         };
         let name = name.unwrap_or_default().to_string_lossy();
         source.with_file_name(format!("{name}.{kind}.csv"))
@@ -83,7 +84,7 @@ impl FrameLabels {
         let head = rows
             .headers()
             .map_err(|e| Error::format(path, e.to_string()))?;
-        // Of earlier svl, without hashes.
+        // Tables of earlier svl have no hashes.
         if head.iter().ne(HEAD) && head.iter().ne(HEAD[..3].iter().copied()) {
             let expected = HEAD.join(",");
             return Err(Error::format(
@@ -319,7 +320,7 @@ mod tests {
                 0xabc
             )
         );
-        // Of earlier svl.
+        // A table of earlier svl.
         let old = read("sequence,window,label\n3,0x0,floor\n").unwrap();
         assert_eq!((old.untied(), old.counts()), (Some(3), [1, 0]));
         assert_eq!(read(&text).unwrap(), labels);

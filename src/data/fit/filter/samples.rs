@@ -133,9 +133,10 @@ impl WindowSamples {
                 sequence: frame.sequence,
                 window,
                 is,
-                pixels: match is_shown {
-                    true => (0..side).flat_map(row).collect(),
-                    false => Vec::new(),
+                pixels: if is_shown {
+                    (0..side).flat_map(row).collect()
+                } else {
+                    Vec::new()
                 },
             });
         }

@@ -57,11 +57,12 @@ fn unknown(name: &str, error: &glib::Error) -> Error {
         .into_iter()
         .map(|camera| camera.name.trim_start_matches("genicam:").to_owned())
         .collect();
-    let cure = match answering.is_empty() {
-        true => "no camera answers: check its power, its cable, and that this computer is in its \
+    let cure = if answering.is_empty() {
+        "no camera answers: check its power, its cable, and that this computer is in its \
                  network"
-            .to_owned(),
-        false => format!("those that answer: {}", answering.join(", ")),
+            .to_owned()
+    } else {
+        format!("those that answer: {}", answering.join(", "))
     };
     Error::camera(
         name,
@@ -206,9 +207,10 @@ impl GenicamDevice {
     /// # Errors
     /// [`Error::Camera`] when it is gone.
     pub(super) fn answers(&self) -> Result<()> {
-        match self.lost.load(Ordering::Acquire) {
-            true => Err(self.error(SILENT)),
-            false => Ok(()),
+        if self.lost.load(Ordering::Acquire) {
+            Err(self.error(SILENT))
+        } else {
+            Ok(())
         }
     }
 

@@ -75,9 +75,10 @@ impl SerialLine {
     }
 
     fn garbled(&mut self) {
-        match self.heard {
-            true => self.troubles.add(Trouble::Garbled, 1),
-            false => self.strange += 1,
+        if self.heard {
+            self.troubles.add(Trouble::Garbled, 1);
+        } else {
+            self.strange += 1;
         }
     }
 

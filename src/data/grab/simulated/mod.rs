@@ -38,9 +38,10 @@ fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
         (host.progress)(count);
         !(host.stopped)()
     };
-    let pictures = match config.board {
-        true => RenderedPictures::render_board(config.size, seed, go_on)?,
-        false => RenderedPictures::render(config.size, rate_hz, config.pictures, seed, go_on)?,
+    let pictures = if config.board {
+        RenderedPictures::render_board(config.size, seed, go_on)?
+    } else {
+        RenderedPictures::render(config.size, rate_hz, config.pictures, seed, go_on)?
     };
     let pictures =
         Arc::new(pictures.ok_or_else(|| Error::camera("sim", "stopped before the cameras began"))?);

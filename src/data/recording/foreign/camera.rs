@@ -108,7 +108,7 @@ fn from_camera_info(info: ros::CameraInfo) -> Calibration {
     }
 }
 
-/// How a calibration differs from the one before it.
+/// Differences of a calibration from the one before it.
 #[derive(Debug, PartialEq)]
 pub(super) struct CalibrationChange {
     /// `P[0][0]`, before and after.
@@ -134,7 +134,7 @@ impl std::fmt::Display for CalibrationChange {
 }
 
 impl Calibration {
-    /// How `next` differs; nothing where all numbers are the same.
+    /// Differences of `next`; none where all numbers are the same.
     pub(super) fn change(&self, next: &Self) -> Option<CalibrationChange> {
         let numbers = |of: &Self| [&of.k[..], &of.d, &of.r, &of.p].concat();
         // NaN, as of an uncalibrated camera, equals itself here.
@@ -156,9 +156,10 @@ impl Calibration {
     /// Focal lengths along x and y: of a raw camera by K, else by P. Nothing where they are not
     /// known.
     pub(super) fn focal_px(&self, is_raw: bool) -> Option<(f64, f64)> {
-        let focal = match is_raw {
-            true => (*self.k.first()?, *self.k.get(4)?),
-            false => (*self.p.first()?, *self.p.get(5)?),
+        let focal = if is_raw {
+            (*self.k.first()?, *self.k.get(4)?)
+        } else {
+            (*self.p.first()?, *self.p.get(5)?)
         };
         (focal.0 > 0.0 && focal.1 > 0.0).then_some(focal)
     }

@@ -46,7 +46,7 @@ pub(super) struct Foreign {
     size: (usize, usize),
     /// The recording, as warnings name it.
     name: String,
-    /// Whether the user was warned of a calibration that changes, of images without a stamp, and of
+    /// True once the user was warned: of a calibration that changes, of images without a stamp, of
     /// images that share one.
     warned_of_change: bool,
     warned_of_stamps: bool,
@@ -224,9 +224,10 @@ impl Foreign {
     }
 
     fn warn_of_change(&self, topic: &str, log_time: u64, change: &CalibrationChange) {
-        let used = match self.are_raw() {
-            true => "all pairs are rectified by the first one",
-            false => "each pair has the last one before it",
+        let used = if self.are_raw() {
+            "all pairs are rectified by the first one"
+        } else {
+            "each pair has the last one before it"
         };
         tracing::warn!(
             "{}: {topic}: the calibration changes at {:.3} s ({change}); {used}: if it is wrong, \
@@ -455,9 +456,10 @@ impl FirstImages {
 
     /// Of all together; nothing of 8 bits.
     fn largest(self) -> Option<Option<u16>> {
-        match self.are_of_8_bits {
-            true => Some(None),
-            false => self.largest.into_iter().flatten().max().map(Some),
+        if self.are_of_8_bits {
+            Some(None)
+        } else {
+            self.largest.into_iter().flatten().max().map(Some)
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::recording::messages::Channel;
 use crate::recording::sync::StereoSync;
 use svl_core::stereo::Side;
 
-/// How messages make pairs.
+/// The way in which messages make pairs.
 pub(in crate::recording) enum PairStamps {
     /// By `/stereo/sync`, in svl's own recordings.
     Synced,
@@ -46,7 +46,7 @@ impl PairStamps {
                 let Some(side) = Side::BOTH.into_iter().find(of_topic) else {
                     return;
                 };
-                // What cannot be read is reported when it is read in its turn.
+                // A message that cannot be read is reported when it is read in its turn.
                 let stamp = unpack_message(data)
                     .and_then(|unpacked| head(channel, unpacked.as_deref().unwrap_or(data)));
                 if let Ok((stamp, _)) = stamp {

@@ -58,9 +58,10 @@ pub(super) fn decode(raw: &RawPixels<'_>) -> Result<MessageImage, String> {
             Plane::from_vec(width, height, every_byte(rows, bytes, at)).map(DecodedImage::Gray)
         }
         PixelLayout::Grey16 => {
-            let value = match raw.big_endian {
-                true => u16::from_be_bytes,
-                false => u16::from_le_bytes,
+            let value = if raw.big_endian {
+                u16::from_be_bytes
+            } else {
+                u16::from_le_bytes
             };
             let values = rows.flat_map(|row| row.as_chunks().0).copied().map(value);
             Plane::from_vec(width, height, values.collect()).map(DecodedImage::Gray16)

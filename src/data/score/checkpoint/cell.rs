@@ -124,11 +124,12 @@ impl ExpectedCell {
             CellExpectation::Free => return Ok(()),
         };
         let mut numbers = tolerances.into_iter().flatten().chain([limit_m]);
-        match numbers.all(|v| v.is_finite() && v > 0.0) {
-            true => Ok(()),
-            false => Err(format!(
+        if numbers.all(|v| v.is_finite() && v > 0.0) {
+            Ok(())
+        } else {
+            Err(format!(
                 "cell [{column}, {row}]: distances and tolerances must be positive numbers"
-            )),
+            ))
         }
     }
 

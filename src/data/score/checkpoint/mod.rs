@@ -46,7 +46,7 @@ pub struct Checkpoint {
 #[serde(deny_unknown_fields)]
 pub struct LabelledPair {
     pub frame: u64,
-    /// Of its pixels, as in the tables of a report.
+    /// Hash of its pixels, as in the tables of a report.
     pub hash: String,
 }
 

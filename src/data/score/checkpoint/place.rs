@@ -121,11 +121,12 @@ impl CheckpointPlace {
             } => {
                 let numbers = [x, y, radius_m, heading_deg, heading_tolerance_deg];
                 let finite = numbers.iter().all(|v| v.is_finite());
-                match finite && radius_m > 0.0 && heading_tolerance_deg > 0.0 {
-                    true => Ok(()),
-                    false => Err("at_m and heading_deg must be numbers, radius_m and \
+                if finite && radius_m > 0.0 && heading_tolerance_deg > 0.0 {
+                    Ok(())
+                } else {
+                    Err("at_m and heading_deg must be numbers, radius_m and \
                                   heading_tolerance_deg positive"
-                        .into()),
+                        .into())
                 }
             }
             Self::Frames([a, b]) if a > b => {
@@ -173,7 +174,7 @@ impl CheckpointPlace {
 mod tests {
     use super::*;
     use crate::score::Checkpoint;
-    use svl_core::stereo::{Exposure, Geometry, Gray, StereoPair};
+    use svl_core::stereo::{Geometry, Gray, StereoPair};
 
     fn opening() -> CheckpointPlace {
         CheckpointPlace::Pose {
@@ -222,13 +223,10 @@ mod tests {
         let frame = |sequence, stamp_ns| Frame {
             sequence,
             stamp_ns,
-            name: None,
-            pair: StereoPair::new(image.clone(), image.clone()).unwrap(),
-            color: None,
-            geometry: Geometry::Rectified(None),
-            pose: None,
-            truth: None,
-            exposure: Exposure::default(),
+            ..Frame::new(
+                StereoPair::new(image.clone(), image.clone()).unwrap(),
+                Geometry::Rectified(None),
+            )
         };
         let run = RunPart {
             name: "own.mcap".into(),

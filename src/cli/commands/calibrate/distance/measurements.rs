@@ -61,7 +61,7 @@ struct TableLine {
     recording: Option<PathBuf>,
 }
 
-/// How recordings are measured.
+/// Options for measuring recordings.
 pub(super) struct Measuring<'a> {
     pub algorithm: &'a Algorithm,
     /// Cells that show the target; none for those that agree with the middle one.
@@ -203,12 +203,8 @@ impl Measuring<'_> {
         let sink = CollectSink::new(grid);
         let kept = sink.outbox();
         let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
-        let start = RunStart {
-            manifest: &Manifest::new(name, &algorithms)?,
-            log: None,
-            seed: None,
-            judge: &Judge::default(),
-        };
+        let (manifest, judge) = (Manifest::new(name, &algorithms)?, Judge::default());
+        let start = RunStart::new(&manifest, None, &judge);
         let watch = Watch::new(&Terminal { quiet: self.quiet }, name, source.pairs(), None);
         let (outcome, ran) = run_through(
             &mut source,

@@ -23,7 +23,7 @@ pub(super) struct Draft {
 }
 
 impl Draft {
-    /// Whether nothing would be lost.
+    /// True if nothing would be lost.
     pub(super) fn is_empty(&self) -> bool {
         self.cells.is_empty() && self.name.is_empty() && self.first.or(self.last).is_none()
     }
@@ -82,7 +82,7 @@ impl Draft {
 /// The file of a draft.
 pub(super) struct DraftFile {
     path: PathBuf,
-    /// What is labelled.
+    /// The source that is labelled.
     source: String,
     written: Option<(u64, Draft)>,
 }
@@ -210,7 +210,7 @@ impl DraftFile {
 /// Writes a file so that at any moment it holds the old text or the new one, `synced` after a
 /// power cut too.
 pub(super) fn replace(path: &Path, text: &str, synced: bool) -> anyhow::Result<()> {
-    // What a link names is replaced, not the link.
+    // The file that a link names is replaced, not the link.
     let path = &path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let folder = path
         .parent()

@@ -1,4 +1,4 @@
-//! What a cell must show, as it is typed, shown and written.
+//! The label of a cell, as it is typed, shown and written.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,12 +7,12 @@ use svl::score::CellExpectation;
 /// Largest distance that is taken, metres.
 const FARTHEST_M: f64 = 1000.0;
 
-/// What is expected of a cell.
+/// The expectation of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum CellLabel {
     /// As a person measured or sees it.
     Seen(CellExpectation),
-    /// What the truth of the source says.
+    /// As the truth of the source says.
     Must,
 }
 
@@ -21,11 +21,11 @@ impl CellLabel {
     pub(super) const FREE: Self = Self::Seen(CellExpectation::Free);
 }
 
-/// How a label is typed.
+/// Syntax of a label.
 pub(super) const FORMS: &str = "a distance in metres (0.43 or 0.43+-0.05), <0.5 or near 0.5, \
                                 >1.2 or far 1.2, free, must, none";
 
-/// What is typed to clear a cell.
+/// The text that clears a cell.
 pub(super) const NONE: &str = "none";
 
 impl FromStr for CellLabel {

@@ -183,7 +183,7 @@ fn refuse_what_the_scenario_says(args: &Args, output: &Path) -> anyhow::Result<(
     Ok(args.input.options.refuse(&given, &says)?)
 }
 
-/// How the source is opened: as the scenario reads it, where there is one.
+/// The request for the source: that of the scenario, where there is one.
 fn request<'a>(args: &'a Args, existing: Option<&ScenarioFile>) -> anyhow::Result<Request<'a>> {
     let name = args.input.source.as_str();
     if let Some(file) = existing

@@ -1,4 +1,4 @@
-//! What an algorithm reports of the cells of the frame that is shown.
+//! An algorithm's report of the cells of the frame that is shown.
 
 use svl::depth::{self, GridSettings};
 use svl::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
@@ -26,7 +26,7 @@ impl Reported {
         &self.label
     }
 
-    /// Of the last frame; nothing where the algorithm failed on it.
+    /// Grid of the last frame; none where the algorithm failed on it.
     pub(super) fn grid(&self) -> Option<&DepthGrid> {
         self.grid.as_ref()
     }
@@ -54,7 +54,7 @@ impl Reported {
         Ok(())
     }
 
-    /// What it reports of a cell: a distance, or that it is unknown.
+    /// The report of a cell: a distance, or that it is unknown.
     pub(super) fn words(&self, (column, row): (usize, usize)) -> String {
         let cell = self.grid.as_ref().map(|grid| grid.cell(column, row));
         match cell.and_then(|cell| cell.depth) {

@@ -17,13 +17,13 @@ use svl::stereo::GridShape;
 pub(super) struct ScenarioFile {
     path: PathBuf,
     scenario: Scenario,
-    /// Where the file is not yet there: its beginning.
+    /// Beginning of a file that is not yet there.
     begun: Option<String>,
     /// The run that is labelled, where there are several.
     file: Option<String>,
 }
 
-/// How a new scenario reads its source.
+/// Options with which a new scenario reads its source.
 pub(super) struct NewScenario<'a> {
     pub(super) source: &'a str,
     pub(super) opened: &'a Opened,
@@ -107,9 +107,10 @@ impl ScenarioFile {
                  name another scenario with -o"
             );
         }
-        match opened.header.hash == Some(ArenaSource::hash(config, seeds[0])) {
-            true => Ok(()),
-            false => bail!("{shown}: is of another arena or seed; name another scenario with -o"),
+        if opened.header.hash == Some(ArenaSource::hash(config, seeds[0])) {
+            Ok(())
+        } else {
+            bail!("{shown}: is of another arena or seed; name another scenario with -o")
         }
     }
 
@@ -243,7 +244,7 @@ impl NewScenario<'_> {
             .is_none()
             .then_some(self.opened.scenario.as_deref());
         let begun = match of_arena.flatten() {
-            // What the run depends on, and how its cells are scored.
+            // Everything that the run depends on, and the rule by which its cells are scored.
             Some(arena) => {
                 let seed = self.opened.header.seed.unwrap_or(1);
                 let seeds = SeedList::new(vec![seed]).map_err(svl::Error::Usage)?;

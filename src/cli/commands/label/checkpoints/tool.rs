@@ -34,19 +34,19 @@ pub(super) struct Labelling {
     pub(super) run: RunPart,
     /// Column and row of the cell that is picked.
     pub(super) picked: (usize, usize),
-    /// Where the image was drawn last.
+    /// Place where the image was drawn last.
     pub(super) picture: Rect,
     pub(super) asks: Option<Question>,
-    /// What was written, a line each.
+    /// Files that were written, a line each.
     pub(super) written: Vec<String>,
 }
 
-/// What is asked.
+/// The question that is asked.
 pub(super) enum Question {
     Cell(LineEdit),
     /// Then the checkpoint is written, or not.
     Name(LineEdit, bool),
-    /// Whether to leave what is not written.
+    /// Confirmation to leave without writing.
     Leave,
 }
 
@@ -55,7 +55,7 @@ impl Labelling {
         self.file.scenario().grid.shape()
     }
 
-    /// Whether the reported cell is what the label expects.
+    /// True if the reported cell is as the label expects.
     pub(super) fn verdict(&self, (column, row): (usize, usize)) -> Option<Verdict> {
         let CellLabel::Seen(expectation) = *self.draft.cells.get(&[row, column])? else {
             return None;

@@ -1,4 +1,4 @@
-//! What is drawn while labelling: the left image with the grid over it, and beside it the
+//! The screen while labelling: the left image with the grid over it, and beside it the
 //! checkpoint.
 
 use super::tool::Labelling;
@@ -81,7 +81,7 @@ fn outline(cell: Rect, buffer: &mut Buffer) {
                 (_, true, _) | (_, _, true) => "━",
                 _ => continue,
             };
-            // What is written in a cell of few characters stays.
+            // Text in a cell of few characters stays.
             if let Some(place) = buffer.cell_mut((x, y))
                 && (cell.width > 2 && cell.height > 2 || place.symbol() == "│")
             {
@@ -93,7 +93,7 @@ fn outline(cell: Rect, buffer: &mut Buffer) {
     }
 }
 
-/// What is labelled, and below it what the algorithm reports.
+/// The label, and below it the report of the algorithm.
 fn texts(tool: &Labelling, at: (usize, usize), cell: Rect, buffer: &mut Buffer) {
     let label = tool.draft.cells.get(&[at.1, at.0]).map(ToString::to_string);
     let reported = tool.reported.as_ref().map(|reported| {
@@ -123,7 +123,7 @@ fn mark(verdict: Option<Verdict>) -> [&'static str; 2] {
     }
 }
 
-/// What stands beside the image.
+/// The text beside the image.
 fn lines(tool: &Labelling, frame: &Frame) -> Vec<String> {
     let [first, last] = tool.draft.frames(frame.sequence);
     let name = match tool.draft.name.as_str() {

@@ -17,15 +17,15 @@ use svl::filter::{FilterKind, FilterWindows};
 use svl::fit::filter::{FrameLabels, true_label};
 use svl::manifest::Manifest;
 use svl::outputs::{Outputs, write};
-use svl::run::{Matchers, Pace, run_through};
+use svl::run::{Matchers, collect};
 use svl::score::Judge;
-use svl::sink::{CollectSink, RunStart, Sink};
+use svl::sink::{CollectSink, RunStart};
 use svl::source::Request;
 use svl::stereo::GridShape;
 use svl::train::TrainSettings;
 use tool::Categorizer;
 
-/// What frames and windows have in common.
+/// Options that frames and windows have in common.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -67,9 +67,10 @@ pub(super) fn run(args: &Args, of_windows: bool, quiet: bool) -> anyhow::Result<
             Keys::Terminal
         }
     };
-    let labels = match path.exists() {
-        true => FrameLabels::read(&path, args.filter)?,
-        false => FrameLabels::new(args.filter),
+    let labels = if path.exists() {
+        FrameLabels::read(&path, args.filter)?
+    } else {
+        FrameLabels::new(args.filter)
     };
     let first = RefCell::new(Some(source::open(request.clone(), quiet)?.source));
     let open: Open<'_> = Box::new(|| match first.take() {
@@ -135,34 +136,15 @@ fn from_truth(
             )
         })
     });
-    let collected = of_frame.outbox();
-    let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
     let (manifest, judge) = (Manifest::new("label", &[])?, Judge::default());
-    let start = RunStart {
-        manifest: &manifest,
-        log: None,
-        seed: None,
-        judge: &judge,
-    };
+    let start = RunStart::new(&manifest, None, &judge);
     let title = opened.source.name();
     let watch = Watch::new(&Terminal { quiet }, &title, opened.source.pairs(), None);
-    let source = &mut *opened.source;
-    let (outcome, ran) = run_through(
-        source,
-        &mut Matchers::none(),
-        &start,
-        Pace::Asap,
-        &mut sinks,
-        watch,
-    );
-    ran?;
-    if outcome.interrupted {
-        bail!("interrupted; nothing is written");
-    }
-    sinks.drain(..).try_for_each(Sink::finish)?;
+    let mut none = Matchers::none();
+    let collected = collect(&mut *opened.source, &mut none, &start, of_frame, watch)?;
     let mut labels = FrameLabels::new(kind);
     let (mut known, mut of_both) = (false, 0);
-    for of_frame in collected.take() {
+    for of_frame in collected {
         let (sequence, pair_hash, windows) = of_frame?;
         let Some(windows) = windows else { continue };
         known = true;

@@ -31,10 +31,10 @@ pub(super) struct Categorizer {
     pub(super) labels: FrameLabels,
     pub(super) source: PathBuf,
     pub(super) path: PathBuf,
-    /// Whether windows are labelled, not whole frames.
+    /// True if windows are labelled, not whole frames.
     pub(super) of_windows: bool,
     pub(super) window: usize,
-    /// What was labelled, with the labels before.
+    /// Labels that were set, with the labels before.
     pub(super) done: Vec<Labelled>,
 }
 
@@ -141,7 +141,7 @@ impl Categorizer {
         };
     }
 
-    /// What stands beside the image.
+    /// The text beside the image.
     fn lines(&self, frame: &Frame) -> Vec<String> {
         let kind = self.labels.kind;
         let [is, is_not] = kind.spec().categories;

@@ -5,11 +5,13 @@ mod view;
 use super::shown::{Job, Shown, delay_ms, title};
 use super::worker::TuneWorker;
 use crate::cli::shared::stepper::{Edited, Key, LineEdit, Reaction, StepTool, Stepper};
+use crate::cli::shared::usage;
 use ratatui::layout::{Position, Rect};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use svl::filter::FilterKind;
+use svl::outputs;
 use svl::scenario::Scenario;
 use svl::score::Metric;
 use svl::tune::{Knob, TunedSetting, scenario_toml};
@@ -36,12 +38,12 @@ const MOST_UNDONE: usize = 1000;
 struct Knobs {
     /// Per algorithm.
     settings: Vec<TunedSetting>,
-    /// What they are compared with.
+    /// Settings that they are compared with.
     compared: Vec<TunedSetting>,
     current: usize,
 }
 
-/// What a line is typed for.
+/// Purpose of a line that is typed.
 enum Asks {
     Value(LineEdit),
     File(LineEdit),
@@ -65,9 +67,9 @@ pub(super) struct Tuner {
     out: Option<PathBuf>,
     /// With the folder of its file.
     scenario: Option<Scenario>,
-    /// What the filters detect, with their files.
+    /// Kinds of the filters, with their files.
     filters: Vec<(FilterKind, PathBuf)>,
-    /// Where the knobs are on the screen.
+    /// Place of the knobs on the screen.
     rows: Vec<(Rect, usize)>,
     written: Vec<String>,
 }
@@ -192,9 +194,10 @@ impl Tuner {
     }
 
     fn undone(&mut self, is_redo: bool, stepper: &mut Stepper<'_>, since: Instant) {
-        let (from, to) = match is_redo {
-            false => (&mut self.undo, &mut self.redo),
-            true => (&mut self.redo, &mut self.undo),
+        let (from, to) = if is_redo {
+            (&mut self.redo, &mut self.undo)
+        } else {
+            (&mut self.undo, &mut self.redo)
         };
         let Some(other) = from.pop() else {
             let what = if is_redo { "redo" } else { "undo" };
@@ -219,9 +222,10 @@ impl Tuner {
         if let Some((sequence, value)) = ranked.get(place) {
             self.worst = Some(place);
             stepper.go_to(*sequence);
-            let value = match metric.counts() {
-                true => format!("{value:.0}"),
-                false => metric.show(*value),
+            let value = if metric.counts() {
+                format!("{value:.0}")
+            } else {
+                metric.show(*value)
             };
             let of = ranked.len();
             stepper.say(format!(
@@ -308,12 +312,13 @@ impl Tuner {
             env!("CARGO_PKG_VERSION")
         );
         let markdown = self.markdown(stepper.name());
-        let words = super::auto::write_both(path, &(head + &toml), &markdown, false)?;
+        usage::ends_in(path, &["toml"]).map_err(usage::wrong)?;
+        let words = outputs::write_with_page(path, &(head + &toml), &markdown, false)?;
         self.written.push(words.clone());
         Ok(format!("{words} written"))
     }
 
-    /// What was tried, over the sample.
+    /// Settings that were tried, over the sample.
     fn markdown(&self, source: &str) -> String {
         let [now, compared] = self.pair().map(|setting| title(&setting.algorithm));
         let mut text = format!(
@@ -340,24 +345,26 @@ impl Tuner {
         text + "\n"
     }
 
-    /// What is printed at the end.
+    /// The text that is printed at the end.
     pub(super) fn farewell(&self) -> String {
         let mut text = String::new();
         for (setting, begun) in self.knobs.settings.iter().zip(&self.begun) {
             let [now, before] = [setting, begun].map(|of| title(&of.algorithm));
-            match now == before {
-                true => drop(writeln!(text, "{now}")),
-                false => drop(writeln!(text, "{now}  (began as {before})")),
-            }
+            let _ = if now == before {
+                writeln!(text, "{now}")
+            } else {
+                writeln!(text, "{now}  (began as {before})")
+            };
         }
         for words in &self.written {
             let _ = writeln!(text, "{words}");
         }
         let delays = &self.shown.delays;
         if let (Some(p50), Some(p95)) = (delay_ms(delays, 0.5), delay_ms(delays, 0.95)) {
-            let to = match self.shown.has_viewer {
-                true => "Rerun",
-                false => "the result",
+            let to = if self.shown.has_viewer {
+                "Rerun"
+            } else {
+                "the result"
             };
             let keys = svl::counted(delays.len() as u64, "key");
             let _ = writeln!(

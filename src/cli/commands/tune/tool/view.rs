@@ -78,9 +78,10 @@ fn heading(tuner: &Tuner) -> Line<'static> {
     let mut spans = match tuner.side() {
         0 => vec![
             Span::styled(format!(" {now}"), bold),
-            Span::raw(match now == compared {
-                true => String::new(),
-                false => format!("  compared with {compared}"),
+            Span::raw(if now == compared {
+                String::new()
+            } else {
+                format!("  compared with {compared}")
             }),
         ],
         _ => vec![
@@ -115,9 +116,10 @@ fn knobs(tuner: &Tuner, area: Rect, canvas: &mut ratatui::Frame<'_>) -> Vec<(Rec
             KnobPart::Grid | KnobPart::Cells => begun,
         };
         let (value, other) = (shown.value(knob).to_string(), other.value(knob).to_string());
-        let value = match value == other {
-            true => value,
-            false => format!("{value} ({other})"),
+        let value = if value == other {
+            value
+        } else {
+            format!("{value} ({other})")
         };
         let mark = if i == tuner.chosen() { '>' } else { ' ' };
         rows.push((Some(i), format!("{mark}{:<18} {value}", knob.name)));
@@ -324,9 +326,10 @@ fn bar_line(sample: &SampleView, stepper: &Stepper<'_>, width: u16) -> Line<'sta
         let is_here = sample.values[part]
             .iter()
             .any(|(at, _)| *at == stepper.frame().sequence);
-        let style = match is_here {
-            true => Style::new().add_modifier(Modifier::REVERSED),
-            false => Style::new(),
+        let style = if is_here {
+            Style::new().add_modifier(Modifier::REVERSED)
+        } else {
+            Style::new()
         };
         spans.push(Span::styled(bar.to_string(), style));
     }
@@ -342,21 +345,21 @@ fn why_lines(shown: &Shown, side: usize, width: u16) -> Vec<Line<'static>> {
     let words = Reason::ALL.iter().enumerate().filter_map(|(i, reason)| {
         let (now, before) = (share(side, i), share(1, i));
         let is_shown = *reason != Reason::Valid && (frame.why[0][i] > 0 || frame.why[1][i] > 0);
-        let change = match (now - before).abs() < 0.05 {
-            true => String::new(),
-            false => format!(" ({:+.1})", now - before),
+        let change = if (now - before).abs() < 0.05 {
+            String::new()
+        } else {
+            format!(" ({:+.1})", now - before)
         };
         is_shown.then(|| format!("{} {now:.1} %{change}", reason.name()))
     });
     let mut lines = vec!["no disparity:".to_owned()];
     for word in words {
         let last = lines.last_mut().expect("one to begin with");
-        match last.chars().count() + word.chars().count() + 2 > usize::from(width) {
-            true => lines.push(format!("  {word}")),
-            false => {
-                last.push_str("  ");
-                last.push_str(&word);
-            }
+        if last.chars().count() + word.chars().count() + 2 > usize::from(width) {
+            lines.push(format!("  {word}"));
+        } else {
+            last.push_str("  ");
+            last.push_str(&word);
         }
     }
     lines.truncate(4);

@@ -92,9 +92,10 @@ fn depths(image: &RawPixels<'_>) -> Result<Plane<f32>, String> {
     let big_endian = image.big_endian;
     let depth = |sample: &[u8]| match *sample {
         [a, b] => {
-            let millimetres = match big_endian {
-                true => u16::from_be_bytes([a, b]),
-                false => u16::from_le_bytes([a, b]),
+            let millimetres = if big_endian {
+                u16::from_be_bytes([a, b])
+            } else {
+                u16::from_le_bytes([a, b])
             };
             f32::from(millimetres) / 1000.0
         }

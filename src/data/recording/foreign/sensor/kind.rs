@@ -110,12 +110,13 @@ pub(super) fn of(
         let (schema, known) = (&channel.schema, schemas.join(", "));
         format!("has messages of {schema}; distances are read of {known}")
     })?;
-    match kind.encoding == channel.encoding {
-        true => Ok(kind),
-        false => Err(format!(
+    if kind.encoding == channel.encoding {
+        Ok(kind)
+    } else {
+        Err(format!(
             "its {} is in '{}', svl reads {} there",
             channel.schema, channel.encoding, kind.encoding
-        )),
+        ))
     }
 }
 

@@ -258,12 +258,13 @@ impl Measurements {
                     }
                     let frame = head.map_or_else(String::new, |(_, frame)| frame);
                     let is_own = self.frame.is_empty() || plain(&frame) == self.frame;
-                    let read = match is_own {
-                        true => self.kind.read(channel, log_time, &data),
-                        false => Err(format!(
+                    let read = if is_own {
+                        self.kind.read(channel, log_time, &data)
+                    } else {
+                        Err(format!(
                             "it is in '{frame}', not in '{}' as the first one",
                             self.frame
-                        )),
+                        ))
                     };
                     match read {
                         Ok((stamp, measured)) => {

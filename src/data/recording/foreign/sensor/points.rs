@@ -156,14 +156,15 @@ fn pose(pose: Option<Pose>) -> Result<Isometry3<f64>, String> {
         _ => UnitQuaternion::identity(),
     };
     let pose = Isometry3::from_parts(Translation3::new(p.x, p.y, p.z), rotation);
-    match pose
+    if pose
         .translation
         .vector
         .iter()
         .chain(pose.rotation.coords.iter())
         .all(|v| v.is_finite())
     {
-        true => Ok(pose),
-        false => Err("its pose is not finite".to_owned()),
+        Ok(pose)
+    } else {
+        Err("its pose is not finite".to_owned())
     }
 }

@@ -46,13 +46,14 @@ impl std::fmt::Display for Conflict {
             apart_m,
             apart_degrees,
         } = self;
-        match parent == other {
-            true => write!(
+        if parent == other {
+            write!(
                 f,
                 "two transforms of '{child}' in '{parent}' differ by {apart_m:.4} m and \
                  {apart_degrees:.2}°"
-            ),
-            false => write!(f, "'{child}' has two parents, '{parent}' and '{other}'"),
+            )
+        } else {
+            write!(f, "'{child}' has two parents, '{parent}' and '{other}'")
         }
     }
 }
