@@ -14,6 +14,7 @@ mod choice;
 mod columns;
 pub mod compare;
 mod csv_rows;
+mod descriptions;
 mod drives;
 pub mod evidence;
 mod gate;
@@ -38,8 +39,9 @@ mod totals;
 mod words;
 
 pub use choice::{better_first, pareto_front};
-pub use columns::{ColumnDescription, SCHEMA, TABLES, TableDescription};
+pub use columns::ColumnDescription;
 pub use csv_rows::{RowReader, read_rows};
+pub use descriptions::{TABLES, TableDescription};
 pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};

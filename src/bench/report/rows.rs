@@ -307,7 +307,10 @@ pub(super) trait RowField: Sized {
 /// Types that are one column: how it is written, read, kept by polars, and what stands for it where
 /// a file of before does not have it.
 macro_rules! columns {
-    ($($kind:ty: $name:literal, |$field:ident| $value:expr, $read:expr, $stored:expr, $absent:expr;)*) => {$(
+    ($(
+        $kind:ty: $name:literal, |$field:ident| $value:expr, $read:expr, $stored:expr,
+        $absent:expr;
+    )*) => {$(
         impl RowField for $kind {
             const KIND: &'static str = $name;
 
@@ -335,13 +338,14 @@ macro_rules! columns {
 }
 
 columns! {
-    String: "text", |text| ColumnValue::Text(text), |text| Some(text.to_owned()), String::clone, None;
+    String: "text", |v| ColumnValue::Text(v), |text| Some(text.to_owned()), String::clone, None;
     Verdict: "text", |v| ColumnValue::Text(v.name()), Verdict::from_name, |v| v.name(), None;
     u32: "integer", |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone, None;
     u64: "integer", |n| ColumnValue::Whole(Some(*n)), read, u64::clone, None;
     f64: "number", |v| ColumnValue::Real(Some(*v)), read, f64::clone, None;
     bool: "boolean", |flag| ColumnValue::Flag(Some(*flag)), read, bool::clone, None;
-    Option<u32>: "integer?", |n| ColumnValue::Whole(n.map(Into::into)), optional, Option::clone, None;
+    Option<u32>: "integer?", |n| ColumnValue::Whole(n.map(u64::from)), optional, Option::clone,
+        None;
     Option<u64>: "integer?", |n| ColumnValue::Whole(*n), optional, Option::clone, Some(None);
     Option<f64>: "number?", |v| ColumnValue::Real(*v), optional, Option::clone, None;
     Option<bool>: "boolean?", |flag| ColumnValue::Flag(*flag), optional, Option::clone, None;

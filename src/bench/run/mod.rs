@@ -11,7 +11,7 @@ mod threads;
 mod through;
 
 pub use matchers::Matchers;
-pub use through::{collect, complete, ending, report_losses, run_through};
+pub use through::{complete, ending, frames_through, report_losses, run_through};
 
 use crate::sink::{RunEnd, RunStart, Sink};
 use crate::source::Source;

@@ -40,7 +40,7 @@ pub fn run_through(
 ///
 /// # Errors
 /// Those of the run; [`Error::Invalid`] for one that was interrupted.
-pub fn collect<T: Send + 'static>(
+pub fn frames_through<T: Send + 'static>(
     source: &mut dyn Source,
     matchers: &mut Matchers,
     start: &RunStart<'_>,

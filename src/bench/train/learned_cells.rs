@@ -1,7 +1,7 @@
 //! Cells of scenarios that the table of v5 is learned from.
 
 use crate::console::{Console, Watch};
-use crate::run::{Matchers, collect};
+use crate::run::{Matchers, frames_through};
 use crate::runs::runs;
 use crate::sink::{CollectSink, RunStart};
 use crate::source::Source;
@@ -58,7 +58,7 @@ impl LearnedCells {
             };
             let title = format!("learn {}, {name}", scenario.name);
             let watch = Watch::new(console, &title, run.pairs(), None);
-            let collected = collect(&mut run, &mut matchers, &start, of_frame, watch)?;
+            let collected = frames_through(&mut run, &mut matchers, &start, of_frame, watch)?;
             for (scene, samples) in collected {
                 let group = self.group(scene.map_or(name.clone(), |scene| scene));
                 let samples = samples.into_iter();

@@ -2,7 +2,7 @@
 
 use super::{FilterTraining, TrainSettings, train_filter};
 use crate::console::{Console, Unit, Watch};
-use crate::run::{Matchers, collect};
+use crate::run::{Matchers, frames_through};
 use crate::runs::{ScoredSource, runs};
 use crate::sink::{CollectSink, RunStart};
 use crate::source::Source;
@@ -84,7 +84,8 @@ pub fn windows(
             };
             let start = RunStart::new(&manifest, run.seed, &judge);
             let watch = Watch::new(console, &format!("windows of {name}"), run.pairs(), None);
-            let collected = collect(&mut run, &mut Matchers::none(), &start, of_frame, watch)?;
+            let collected =
+                frames_through(&mut run, &mut Matchers::none(), &start, of_frame, watch)?;
             let before = samples.samples.len();
             for of_frame in collected {
                 let (sequence, pair, of_frame) =

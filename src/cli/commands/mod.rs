@@ -3,6 +3,7 @@
 mod algos;
 mod bench;
 mod calibrate;
+mod columns;
 mod compare;
 mod completions;
 mod datasets;
@@ -41,6 +42,7 @@ pub(super) enum Command {
     Info(info::Args),
     Recover(recover::Args),
     Algos(algos::Args),
+    Columns(columns::Args),
     Datasets(datasets::Args),
     Completions(completions::Args),
     /// Print the man page
@@ -74,6 +76,7 @@ impl Command {
             Self::Info(args) => info::run(&args),
             Self::Recover(args) => recover::run(&args),
             Self::Algos(args) => algos::run(&args),
+            Self::Columns(args) => columns::run(&args),
             Self::Datasets(args) => datasets::run(&args, quiet),
             Self::Completions(args) => completions::run(&args, program()),
             Self::Man => completions::man(program()),

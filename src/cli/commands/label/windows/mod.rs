@@ -17,7 +17,7 @@ use svl::filter::{FilterKind, FilterWindows};
 use svl::fit::filter::{FrameLabels, true_label};
 use svl::manifest::Manifest;
 use svl::outputs::{Outputs, write};
-use svl::run::{Matchers, collect};
+use svl::run::{Matchers, frames_through};
 use svl::score::Judge;
 use svl::sink::{CollectSink, RunStart};
 use svl::source::Request;
@@ -141,7 +141,7 @@ fn from_truth(
     let title = opened.source.name();
     let watch = Watch::new(&Terminal { quiet }, &title, opened.source.pairs(), None);
     let mut none = Matchers::none();
-    let collected = collect(&mut *opened.source, &mut none, &start, of_frame, watch)?;
+    let collected = frames_through(&mut *opened.source, &mut none, &start, of_frame, watch)?;
     let mut labels = FrameLabels::new(kind);
     let (mut known, mut of_both) = (false, 0);
     for of_frame in collected {

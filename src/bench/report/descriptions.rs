@@ -1,0 +1,84 @@
+//! The tables of a report and the meanings of their columns.
+
+use super::columns::ColumnDescription;
+use super::drives::{DriveRow, TrackRow};
+use super::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
+use super::summary::{AlgorithmSummary, CheckpointSummary};
+use super::table::{Table, TableCell, TableColumn};
+
+/// A table of a report's folder, `NAME.csv` and `NAME.parquet`.
+pub struct TableDescription {
+    pub name: &'static str,
+    /// What a row of it is.
+    pub about: &'static str,
+    pub columns: fn() -> Vec<ColumnDescription>,
+}
+
+/// All tables with fixed columns.
+pub const TABLES: &[TableDescription] = &[
+    TableDescription {
+        name: "summary",
+        about: "one algorithm over all unperturbed pairs",
+        columns: AlgorithmSummary::columns,
+    },
+    TableDescription {
+        name: "verdicts",
+        about: "one checkpoint through one algorithm over all runs",
+        columns: CheckpointSummary::columns,
+    },
+    TableDescription {
+        name: "rows",
+        about: "one pair through one algorithm",
+        columns: Row::columns,
+    },
+    TableDescription {
+        name: "cells",
+        about: "one cell of the obstacle grid in one pair through one algorithm",
+        columns: CellRow::columns,
+    },
+    TableDescription {
+        name: "checkpoints",
+        about: "one checkpoint of one run through one algorithm",
+        columns: CheckpointRow::columns,
+    },
+    TableDescription {
+        name: "failures",
+        about: "one pair that an algorithm failed on",
+        columns: FailureRow::columns,
+    },
+    TableDescription {
+        name: "drives",
+        about: "one course with one algorithm at the wheel",
+        columns: DriveRow::columns,
+    },
+    TableDescription {
+        name: "tracks",
+        about: "the robot at one pair of a drive",
+        columns: TrackRow::columns,
+    },
+];
+
+impl TableDescription {
+    /// The table of that name.
+    pub fn find(name: &str) -> Option<&'static Self> {
+        TABLES.iter().find(|table| table.name == name)
+    }
+
+    /// Its columns with types, units and meanings.
+    pub fn table(&self) -> Table {
+        let mut table = Table::new(self.name, "column");
+        let text = |head: &str| TableColumn {
+            is_text: true,
+            ..TableColumn::new("", head)
+        };
+        table.columns.extend(["type", "unit", "meaning"].map(text));
+        for column in (self.columns)() {
+            let unit = column.unit.unwrap_or_default();
+            let cells = [column.name, column.kind, unit, &column.about];
+            table
+                .rows
+                .push(cells.map(|cell| TableCell::Text(cell.to_owned())).to_vec());
+        }
+        table
+    }
+}

@@ -1,0 +1,84 @@
+//! `svl columns`: the columns of a report's tables with types, units and meanings.
+
+use crate::cli::shared::terminal::{print, print_json, width};
+use svl::report::table::TerminalStyle;
+use svl::report::{ColumnDescription, TABLES, TableDescription};
+
+/// List the columns of a report's tables, with their units and meanings
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl columns rows
+  svl columns --json
+  svl columns --markdown > docs/tables.md")]
+pub(in crate::cli) struct Args {
+    /// Table, as rows or cells [default: all]
+    #[arg(value_name = "TABLE", value_parser = table)]
+    table: Option<&'static TableDescription>,
+    /// Print JSON
+    #[arg(long, conflicts_with = "markdown")]
+    json: bool,
+    /// Print the page docs/tables.md
+    #[arg(long, conflicts_with = "table")]
+    markdown: bool,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let tables: Vec<_> = match args.table {
+        Some(table) => vec![table],
+        None => TABLES.iter().collect(),
+    };
+    if args.json {
+        let json = |table: &&TableDescription| DescribedTable {
+            table: table.name,
+            row: table.about,
+            columns: (table.columns)(),
+        };
+        return print_json(&tables.iter().map(json).collect::<Vec<_>>());
+    }
+    if args.markdown {
+        return print(&page());
+    }
+    let style = TerminalStyle::plain(width());
+    for table in tables {
+        let TableDescription { name, about, .. } = table;
+        print(&format!(
+            "{name}: a row is {about}\n\n{}\n",
+            table.table().terminal(style)
+        ))?;
+    }
+    Ok(())
+}
+
+/// What `--json` prints of a table.
+#[derive(serde::Serialize)]
+struct DescribedTable {
+    table: &'static str,
+    row: &'static str,
+    columns: Vec<ColumnDescription>,
+}
+
+/// All tables as docs/tables.md.
+fn page() -> String {
+    let mut page = include_str!("columns.md").to_owned();
+    for table in TABLES {
+        let text = table.table().markdown();
+        page.push_str(&format!(
+            "\n## {}\n\nA row is {}.\n\n{text}",
+            table.name, table.about
+        ));
+    }
+    page
+}
+
+fn table(name: &str) -> Result<&'static TableDescription, String> {
+    let names = || {
+        TABLES
+            .iter()
+            .map(|table| table.name)
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    let expected = || format!("no table is called '{name}'; expected one of {}", names());
+    TableDescription::find(name).ok_or_else(expected)
+}
