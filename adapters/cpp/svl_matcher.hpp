@@ -67,6 +67,8 @@ struct Pair {
   int columns = 0, rows = 0;
   // How many threads may be used.
   int threads = 1;
+  // Number of the pair in its run.
+  uint64_t sequence = 0;
   // Of a pair that has one.
   std::string name;
   Rig rig;
@@ -250,6 +252,7 @@ int serve(const Hello& hello, Function function) {
     pair.width = whole("width"), pair.height = whole("height"), pair.channels = whole("channels");
     pair.min_disparity = whole("min_disparity"), pair.max_disparity = whole("max_disparity");
     pair.columns = whole("columns"), pair.rows = whole("rows"), pair.threads = whole("threads");
+    pair.sequence = static_cast<uint64_t>(number(line, "sequence"));
     pair.name = text(line, "name");
     pair.rig = {number(line, "focal_px"), number(line, "cx_px"), number(line, "cy_px"),
                 number(line, "baseline_m"), number(line, "doffs_px")};

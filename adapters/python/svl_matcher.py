@@ -41,6 +41,7 @@ __version__ = "0.1.0"
 class Request:
     """What svl asks for, besides the images."""
 
+    # Number of the pair in its run.
     sequence: int
     # Name of the pair, where it has one.
     name: Optional[str]
@@ -123,14 +124,14 @@ def serve(function, *, color=False, batch=1, start=None, **hello):
                 raise ValueError(f"{len(disparities)} maps of disparities, expected {len(pairs)}")
             replies = []
             for i, request in enumerate(requests):
-                reply = {"seq": request.sequence, "millis": millis}
+                reply = {"seq": lines[i]["seq"], "millis": millis}
                 if cells is not None:
                     reply["cells"] = _cells(cells[i], request.grid)
                 replies.append((reply, _pixels(disparities[i], size)))
         except Exception as error:
             # The pair's alone: the next one may go.
             words = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            replies = [({"seq": request.sequence, "error": words}, b"") for request in requests]
+            replies = [({"seq": line["seq"], "error": words}, b"") for line in lines]
         for reply, pixels in replies:
             if "shared" in lines[0] and pixels:
                 shared.put(pixels)
@@ -187,7 +188,7 @@ class _Shared:
 
 def _request(line):
     return Request(
-        line["seq"],
+        line["sequence"],
         line.get("name"),
         line["min_disparity"],
         line["max_disparity"],
@@ -400,6 +401,8 @@ def memory_error(error):
 class Pair(NamedTuple):
     """A synchronized pair of a recording."""
 
+    # Number of the pair in the recording.
+    sequence: int
     stamp_ns: int
     # uint8, height x width.
     left: np.ndarray
@@ -442,6 +445,7 @@ def read(recording):
                 del pairs[message.sequence]
                 depth = pair.get(_DEPTH)
                 yield Pair(
+                    message.sequence,
                     pair["stamp"],
                     _image(pair[_LEFT]),
                     _image(pair[_RIGHT]),

@@ -7,7 +7,9 @@ use crate::console::Console;
 use crate::outputs::{FolderRule, write, write_json};
 use crate::report::html::{PartLink, ReportPage};
 use crate::report::plot::CourseMap;
-use crate::report::{CheckpointRow, DriveRow, GateResult, Row, Summary, limit_results};
+use crate::report::{
+    CheckpointRow, DriveRow, GateResult, Row, Summary, limit_results, write_algorithms,
+};
 use crate::sink::{REPORT_RUN, ReportPictures};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -97,6 +99,7 @@ impl ReportContent {
             run.pairs_hash = pairs_hash(&self.rows, &run.name);
         }
         summary.write_tables(folder)?;
+        write_algorithms(folder, head.algorithms)?;
         write(
             &folder.join("summary.md"),
             summary.markdown(&manifest.scenario),
@@ -216,6 +219,8 @@ const REPORT_FILES: &[&str] = &[
     "checkpoints.csv",
     "checkpoints.parquet",
     MANIFEST,
+    "algorithms.csv",
+    "algorithms.parquet",
     "summary.csv",
     "summary.parquet",
     "verdicts.csv",

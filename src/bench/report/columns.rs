@@ -20,7 +20,8 @@ impl ColumnDescription {
             name,
             kind,
             unit: unit(name),
-            about: about.trim().to_owned(),
+            // Code quotes are of the source.
+            about: about.trim().replace('`', ""),
         }
     }
 }

@@ -7,6 +7,7 @@
 //!                       summary and verdicts as .csv and .parquet
 //! ```
 
+mod algorithm_parameters;
 mod answer;
 pub mod calibration;
 mod cautions;
@@ -38,6 +39,7 @@ mod terminal;
 mod totals;
 mod words;
 
+pub use algorithm_parameters::write_algorithms;
 pub use choice::{better_first, pareto_front};
 pub use columns::ColumnDescription;
 pub use csv_rows::{RowReader, read_rows};

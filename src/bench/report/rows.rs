@@ -183,8 +183,7 @@ record! {
         metrics: MetricValues,
         /// Hash of the disparity map, hexadecimal.
         result_hash: String,
-        /// Origin of the truth, as [`svl_core::stereo::TruthOrigin`] writes it; absent
-        /// without truth.
+        /// Origin of the truth: exact, sensor TOPIC or reference ALGORITHMS; absent without truth.
         truth: Option<String>,
         /// The recording, where the scenario has some.
         run: Option<String>,
@@ -495,20 +494,31 @@ fn metric_column(metric: &Metric) -> ColumnDescription {
     } else {
         "number?"
     };
-    let adds_up = match total {
-        MetricTotal::Mean if metric.unit == MetricUnit::Share => "; a share, over pairs their mean",
-        MetricTotal::Mean => "; over pairs their mean",
-        MetricTotal::Sum | MetricTotal::ShareOf(_) => "; over pairs their sum",
+    let total = match total {
+        MetricTotal::Mean if metric.unit == MetricUnit::Share => "A share; over pairs their mean.",
+        MetricTotal::Mean => "Over pairs their mean.",
+        MetricTotal::Sum | MetricTotal::ShareOf(_) => "Over pairs their sum.",
     };
     let note = metric.note.map(|note| note(CellRule::default()));
-    let meaning = note.map_or_else(String::new, |(term, words)| format!(" ({term}: {words})"));
+    let meaning = note.map(|(term, words)| format!("{}: {words}.", capitalized(term)));
+    let parts = [
+        Some(format!("{}.", capitalized(metric.words))),
+        meaning,
+        Some(total.to_owned()),
+    ];
     let unit = (metric.unit == MetricUnit::Px).then_some("px");
     ColumnDescription {
         name,
         kind,
         unit,
-        about: format!("{}{meaning}{adds_up}.", metric.words),
+        about: parts.into_iter().flatten().collect::<Vec<_>>().join(" "),
     }
+}
+
+fn capitalized(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().map(|first| first.to_uppercase().to_string());
+    first.unwrap_or_default() + letters.as_str()
 }
 
 metric_columns! {

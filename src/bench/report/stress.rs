@@ -20,7 +20,7 @@ pub struct StressSummary {
     pub wrong: Option<f64>,
     /// Share of all cells.
     pub known: Option<f64>,
-    /// Missed obstacles per pair.
+    /// Number of missed obstacles.
     pub missed: Option<f64>,
     /// Share of the frames of checkpoints that pass.
     pub checkpoints: Option<f64>,
@@ -48,7 +48,7 @@ pub(super) const NUMBERS: [StressNumber; 7] = [
     ("Right cells", "right, %", |s| s.right.map(|v| 100.0 * v)),
     ("Wrong cells", "wrong, %", |s| s.wrong.map(|v| 100.0 * v)),
     ("Known cells", "known, %", |s| s.known.map(|v| 100.0 * v)),
-    ("Missed obstacles", "missed per pair", |s| s.missed),
+    ("Missed obstacles", "missed", |s| s.missed),
     ("Checkpoints", "frames passed, %", |s| {
         s.checkpoints.map(|v| 100.0 * v)
     }),

@@ -123,7 +123,7 @@ fn summary(
         right: value(level, "right"),
         wrong: value(level, "wrong"),
         known: value(level, "known"),
-        missed: value(level, "missed").map(|missed| missed / pairs.max(1) as f64),
+        missed: value(level, "missed"),
         checkpoints: (frames > 0)
             .then(|| now.iter().map(|(_, passed, _)| passed).sum::<u64>() as f64 / frames as f64),
         collisions: None,

@@ -69,6 +69,8 @@ pub trait Matcher: Send {
 /// What a matcher may know besides the pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MatchContext<'a> {
+    /// Number of the pair in its run.
+    pub sequence: u64,
     /// Name of the pair, where it has one.
     pub name: Option<&'a str>,
     /// Left and right in colour, of the pair's size, where the source has them.
@@ -89,6 +91,7 @@ impl Default for MatchContext<'_> {
     /// No rig, the thesis's grid, the default cell rule, the threads of rayon's current pool.
     fn default() -> Self {
         Self {
+            sequence: 0,
             name: None,
             color: None,
             truth: None,
@@ -104,6 +107,7 @@ impl<'a> MatchContext<'a> {
     /// What the frame has, with those settings.
     pub fn of(frame: &'a Frame, grid: GridSettings, cells: CellRule) -> Self {
         Self {
+            sequence: frame.sequence,
             name: frame.name.as_deref(),
             color: frame.color.as_ref(),
             truth: frame.truth.as_ref(),

@@ -5,12 +5,13 @@
 //!
 //! ```text
 //! {"width":W,"height":H,"channels":1,"min_disparity":a,"max_disparity":b,"seq":n,
-//!  "name":"motor","columns":C,"rows":R,"threads":t,"batch":k,
+//!  "sequence":s,"name":"motor","columns":C,"rows":R,"threads":t,"batch":k,
 //!  "rig":{"focal_px":f,"cx_px":x,"cy_px":y,"baseline_m":B,"doffs_px":o}}\n
 //! W·H·channels bytes of the left image, W·H·channels bytes of the right image
 //! ```
 //!
-//! `name`: of a pair that has one, as data sets do; `columns`, `rows`: of the depth grid;
+//! `seq`: the number of the request; `sequence`: that of the pair in its run; `name`: of a pair
+//! that has one, as data sets do; `columns`, `rows`: of the depth grid;
 //! `threads`: as many may be used; `rig`: where the cameras are known; `batch`: below. The program
 //! writes to its standard output one line of JSON and the disparities, row by row, little-endian,
 //! `+∞` for none:
@@ -119,7 +120,8 @@ struct Exec {
     restarts: u32,
     /// None after a failure.
     program: Option<Program>,
-    sequence: u64,
+    /// Number of the last request.
+    seq: u64,
     /// Answers to pairs that were announced.
     ahead: VecDeque<PairAnswer>,
     /// The size of the last pair. The first pair of a size may set up memory.
@@ -158,7 +160,7 @@ impl Exec {
             words,
             max_restarts: parameters.int("restarts") as u32,
             restarts: 0,
-            sequence: 0,
+            seq: 0,
             ahead: VecDeque::new(),
             warm_for: None,
             reported_us: Vec::new(),
@@ -193,9 +195,9 @@ impl Exec {
         &mut self,
         pairs: &[(RectifiedPair<'_>, MatchContext<'_>)],
     ) -> std::result::Result<Vec<PairAnswer>, ProgramFailure> {
-        let (range, timeout, first) = (self.range, self.timeout, self.sequence + 1);
+        let (range, timeout, first) = (self.range, self.timeout, self.seq + 1);
         // Also for pairs that fail, so that no two requests share a number.
-        self.sequence += pairs.len() as u64;
+        self.seq += pairs.len() as u64;
         let program = self.program()?;
         let began = Instant::now();
         let hello = program.hello.as_ref();
@@ -205,7 +207,7 @@ impl Exec {
         for (i, (pair, context)) in pairs.iter().enumerate() {
             let form = RequestForm {
                 range,
-                sequence: first + i as u64,
+                seq: first + i as u64,
                 color,
                 batch: takes_several.then_some(pairs.len() - i),
                 shared: shared.as_deref(),
@@ -215,7 +217,7 @@ impl Exec {
                 .map_err(|error| ProgramFailure::new(format!("cannot be sent a pair: {error}")))?;
             let disparities_at = request.disparities_at;
             let question = Question {
-                sequence: form.sequence,
+                seq: form.seq,
                 size: pair.size(),
                 cells: context.grid.shape().cells(),
                 followers: pairs.len() - i - 1,

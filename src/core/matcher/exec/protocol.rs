@@ -26,6 +26,7 @@ struct RequestLine<'a> {
     min_disparity: i32,
     max_disparity: i32,
     seq: u64,
+    sequence: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
     name: Option<&'a str>,
     columns: usize,
@@ -101,7 +102,7 @@ pub(super) struct ReplyCell {
 /// What is asked for.
 #[derive(Clone, Debug)]
 pub(super) struct Question {
-    pub(super) sequence: u64,
+    pub(super) seq: u64,
     /// Width and height of the pair.
     pub(super) size: (usize, usize),
     /// How many cells the grid has.
@@ -132,7 +133,8 @@ pub(super) enum Reply {
 #[derive(Clone, Copy)]
 pub(super) struct RequestForm<'a> {
     pub(super) range: DisparityRange,
-    pub(super) sequence: u64,
+    /// Number of the request, which the reply repeats.
+    pub(super) seq: u64,
     /// Whether the program wants colour.
     pub(super) color: bool,
     /// For programs that take several pairs at once, how many there are from this one on.
@@ -166,7 +168,8 @@ pub(super) fn request(
         channels,
         min_disparity: form.range.min(),
         max_disparity: form.range.max(),
-        seq: form.sequence,
+        seq: form.seq,
+        sequence: context.sequence,
         name: context.name,
         columns: context.grid.columns,
         rows: context.grid.rows,
@@ -221,7 +224,7 @@ pub(super) fn read_reply(
     question: Question,
     memory: Vec<u8>,
 ) -> Result<Reply, String> {
-    let (seq, (width, height)) = (question.sequence, question.size);
+    let (seq, (width, height)) = (question.seq, question.size);
     let broken = |error: std::io::Error| format!("cannot be read from: {error}");
     let mut line = Vec::new();
     from.by_ref()
