@@ -51,15 +51,14 @@ impl Draft {
     /// # Errors
     /// It would be behind the last one.
     pub(super) fn begin(&mut self, frame: u64) -> Result<(), String> {
-        match self.last {
-            Some(last) if last < frame => Err(format!(
-                "frame {frame} is behind the last one, {last}; set that anew with ] first"
-            )),
-            _ => {
-                self.first = Some(frame);
-                Ok(())
-            }
+        if let Some(last) = self.last.filter(|last| *last < frame) {
+            let cure = "set that anew with ] first";
+            return Err(format!(
+                "frame {frame} is behind the last one, {last}; {cure}"
+            ));
         }
+        self.first = Some(frame);
+        Ok(())
     }
 
     /// Sets the last frame.
@@ -67,15 +66,14 @@ impl Draft {
     /// # Errors
     /// It would be before the first one.
     pub(super) fn end(&mut self, frame: u64) -> Result<(), String> {
-        match self.first {
-            Some(first) if frame < first => Err(format!(
-                "frame {frame} is before the first one, {first}; set that anew with [ first"
-            )),
-            _ => {
-                self.last = Some(frame);
-                Ok(())
-            }
+        if let Some(first) = self.first.filter(|first| frame < *first) {
+            let cure = "set that anew with [ first";
+            return Err(format!(
+                "frame {frame} is before the first one, {first}; {cure}"
+            ));
         }
+        self.last = Some(frame);
+        Ok(())
     }
 }
 
