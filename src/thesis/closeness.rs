@@ -1,9 +1,10 @@
 //! Figure 5.7: the SSDPI of one subject, close and far.
 
 use super::checks::Correlated;
+use super::finding::{axis, series};
 use super::measure::{MeanMedian, SSDPI_TOP, Valid, gray_picture, ssdpi_picture, valid};
 use super::{Context, Experiment, Finding, TableValue, stage};
-use svl_bench::report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl_bench::report::plot::{Axis, Chart, SeriesStyle};
 use svl_core::Result;
 use svl_core::stereo::Frame;
 
@@ -54,24 +55,16 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             .filter(on_subject)
             .map(|v| v.ln_ssdpi)
             .collect();
-        finding.exhibits.push(gray_picture(
+        finding.show(gray_picture(
             format!("{name}, {ahead_m} m"),
             frame.pair.left(),
         )?);
-        finding
-            .exhibits
-            .push(ssdpi_picture(format!("ln SSDPI, {name}"), &matches)?);
+        finding.show(ssdpi_picture(format!("ln SSDPI, {name}"), &matches)?);
         Ok::<_, svl_core::Error>(values)
     };
     let (close, far) = (subject(CLOSE_M, "close")?, subject(FAR_M, "far")?);
     let histograms = vec![("close", histogram(&close)), ("far", histogram(&far))];
-    let spread = |values: Vec<f64>| {
-        MeanMedian::of(values).unwrap_or(MeanMedian {
-            mean: f64::NAN,
-            median: f64::NAN,
-        })
-    };
-    let (close, far) = (spread(close), spread(far));
+    let (close, far) = (MeanMedian::or_nan(close), MeanMedian::or_nan(far));
     finding.condition(
         close.median > far.median,
         format!(
@@ -127,19 +120,12 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
          and {:.2}{real}.",
         close.median, close.mean, far.median, far.mean
     );
-    let series = |(name, points): (&str, Vec<(f64, f64)>)| Series {
-        name: name.into(),
-        form: SeriesStyle::Line,
-        points,
-    };
+    let line = |(name, points): (&str, Vec<_>)| series(name, SeriesStyle::Line, points);
     finding.plot(&Chart {
         title: "SSDPI of one subject".into(),
-        x: Axis {
-            range: Some((0.0, SSDPI_TOP)),
-            ..Axis::new("ln SSDPI")
-        },
+        x: axis("ln SSDPI", (0.0, SSDPI_TOP)),
         y: Axis::new("share of the matches, %"),
-        series: histograms.into_iter().map(series).collect(),
+        series: histograms.into_iter().map(line).collect(),
     })?;
     Ok(finding)
 }

@@ -1,7 +1,7 @@
 //! The result of an experiment: conditions, quantities, tables, pictures.
 
 use serde::Serialize;
-use svl_bench::report::plot::Chart;
+use svl_bench::report::plot::{Axis, Chart, Series, SeriesStyle};
 use svl_core::Result;
 use svl_data::overlay::Mark;
 
@@ -144,12 +144,43 @@ impl Finding {
         self.exhibits.push(Exhibit::Plot(chart.svg()?));
         Ok(())
     }
+
+    pub(super) fn show(&mut self, exhibit: Exhibit) {
+        self.exhibits.push(exhibit);
+    }
+}
+
+/// A series of a chart.
+pub(super) fn series(
+    name: impl Into<String>,
+    form: SeriesStyle,
+    points: impl IntoIterator<Item = (f64, f64)>,
+) -> Series {
+    let (name, points) = (name.into(), points.into_iter().collect());
+    Series { name, form, points }
+}
+
+/// A linear axis from where to where.
+pub(super) fn axis(label: &str, range: (f64, f64)) -> Axis {
+    let range = Some(range);
+    Axis {
+        range,
+        ..Axis::new(label)
+    }
 }
 
 impl FindingTable {
-    pub(super) fn row<const N: usize>(&mut self, name: impl Into<String>, values: [TableValue; N]) {
-        debug_assert_eq!(N + 1, self.heads.len());
-        self.rows.push((name.into(), values.into()));
+    pub(super) fn row(
+        &mut self,
+        name: impl Into<String>,
+        values: impl IntoIterator<Item = TableValue>,
+    ) {
+        self.rows.push((name.into(), values.into_iter().collect()));
+        debug_assert!(
+            self.rows
+                .last()
+                .is_some_and(|(_, row)| row.len() + 1 == self.heads.len())
+        );
     }
 }
 

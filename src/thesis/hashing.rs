@@ -1,8 +1,9 @@
 //! Figure 5.11: how many windows share a hash value of v4's table, and how many a look-up compares.
 
+use super::finding::{axis, series};
 use super::measure::{gray_picture, percent};
 use super::{Context, Experiment, Finding, TableValue, stage};
-use svl_bench::report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl_bench::report::plot::{Axis, Chart, SeriesStyle};
 use svl_core::Result;
 use svl_core::kernel::{NO_SUM, isa, window_sums};
 use svl_core::matcher::stage::{DogTexture, TextureFilter, VerticalSmoothing};
@@ -38,9 +39,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let frame = context.still(&config)?;
     let wall = occupancy(&frame.pair)?;
     let mut finding = Finding::default();
-    finding
-        .exhibits
-        .push(gray_picture("the forest wall", frame.pair.left())?);
+    finding.show(gray_picture("the forest wall", frame.pair.left())?);
     let (mean, met, compared) = (wall.mean(), wall.met, wall.compared);
     // A scan along the row compares one window per disparity.
     let times = compared / DISPARITIES as f64;
@@ -68,11 +67,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     finding.quantity("of them close by", "%", "20", 100.0 * compared / met);
     finding.quantity("windows compared", "", "360", compared);
     finding.quantity("times those of a scan", "", "4", times);
-    let mut series = vec![Series {
-        name: "forest wall".into(),
-        form: SeriesStyle::Line,
-        points: wall.points(),
-    }];
+    let mut curves = vec![series("forest wall", SeriesStyle::Line, wall.points())];
     let mut rows = vec![("arena, forest wall".to_owned(), wall.values())];
     let real = context.real().collect::<Result<Vec<_>>>()?;
     for (i, frame) in real.iter().enumerate() {
@@ -82,11 +77,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         rows.push((name.clone(), scene.values()));
         // One real curve is enough to compare shapes; the table has all scenes.
         if i == 0 {
-            series.push(Series {
-                name,
-                form: SeriesStyle::Line,
-                points: scene.points(),
-            });
+            curves.push(series(name, SeriesStyle::Line, scene.points()));
         }
     }
     let table = finding.table([
@@ -112,12 +103,9 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     );
     finding.plot(&Chart {
         title: "Windows per hash value".into(),
-        x: Axis {
-            range: Some((0.0, SUMS as f64)),
-            ..Axis::new("hash value: sum of nine pixels")
-        },
+        x: axis("hash value: sum of nine pixels", (0.0, SUMS as f64)),
         y: Axis::new("textured windows"),
-        series,
+        series: curves,
     })?;
     Ok(finding)
 }

@@ -36,7 +36,7 @@ pub use page::{ExperimentFinding, FindingsPage};
 
 use std::path::Path;
 use svl_bench::run::{self, Matchers, Monitor, Pace};
-use svl_bench::sink::{self, Outbox, RunStart, Sink};
+use svl_bench::sink::{self, CollectSink, RunStart, Sink};
 use svl_bench::source::Source;
 use svl_bench::source::dataset::Scene;
 use svl_core::stereo::Frame;
@@ -241,8 +241,8 @@ impl<'a> Context<'a> {
         algorithms: &[&str],
         judge: &Judge,
     ) -> Result<Vec<Judged>> {
-        let sink = JudgedFrames::default();
-        let outbox = sink.outbox.clone();
+        let sink = CollectSink::new(Judged::clone);
+        let outbox = sink.outbox();
         self.run(&mut Frames(frames.into_iter()), algorithms, judge, sink)?;
         Ok(outbox.take())
     }
@@ -274,24 +274,6 @@ impl Source for Frames {
 }
 
 /// Keeps everything that it takes.
-#[derive(Default)]
-struct JudgedFrames {
-    judged: Vec<Judged>,
-    outbox: Outbox<Vec<Judged>>,
-}
-
-impl Sink for JudgedFrames {
-    fn take(&mut self, judged: &Judged) -> Result<()> {
-        self.judged.push(judged.clone());
-        Ok(())
-    }
-
-    fn finish(self: Box<Self>) -> Result<()> {
-        self.outbox.put(self.judged);
-        Ok(())
-    }
-}
-
 /// Counts pairs over several runs.
 struct Counting<'a> {
     done: &'a mut u64,

@@ -23,6 +23,12 @@ impl MeanMedian {
         let median = lower_median(values)?;
         Some(Self { mean, median })
     }
+
+    /// Of values that are finite; NaN of none.
+    pub(super) fn or_nan(values: impl IntoIterator<Item = f64>) -> Self {
+        let [mean, median] = [f64::NAN; 2];
+        Self::of(values).unwrap_or(Self { mean, median })
+    }
 }
 
 /// The top of the thesis's scale of SSDPI, its logarithm (section 5.3.3).
@@ -54,8 +60,8 @@ pub(super) fn valid(map: &DisparityMap) -> impl Iterator<Item = Valid> {
 }
 
 /// Mean and median ln SSDPI of all valid pixels of some maps.
-pub(super) fn ssdpi<'a>(maps: impl IntoIterator<Item = &'a DisparityMap>) -> Option<MeanMedian> {
-    MeanMedian::of(maps.into_iter().flat_map(valid).map(|v| v.ln_ssdpi))
+pub(super) fn ssdpi<'a>(maps: impl IntoIterator<Item = &'a DisparityMap>) -> MeanMedian {
+    MeanMedian::or_nan(maps.into_iter().flat_map(valid).map(|v| v.ln_ssdpi))
 }
 
 /// Whether a disparity is within 2 px of the truth; nothing where there is no truth.
@@ -160,7 +166,7 @@ mod tests {
         for (x, ssdpi) in [0, 99, 5000].into_iter().enumerate() {
             row.set_ssdpi(x, ssdpi);
         }
-        let spread = ssdpi([&map]).unwrap();
+        let spread = ssdpi([&map]);
         assert_eq!(
             spread,
             MeanMedian {

@@ -161,38 +161,16 @@ impl Points {
                 6 => "SVS better",
                 _ => "near results",
             };
-            let ([a, b, c, d, e], [f, g, h, i, j]) = (v3.values(), svs.values());
             let name = format!("{}. {}", checkpoint.number, checkpoint.name);
-            rows.row(
-                name,
-                [
-                    TableValue::Text(thesis.to_owned()),
-                    a,
-                    b,
-                    c,
-                    d,
-                    e,
-                    f,
-                    g,
-                    h,
-                    i,
-                    j,
-                ],
-            );
+            let thesis = TableValue::Text(thesis.to_owned());
+            let values = v3.values().into_iter().chain(svs.values());
+            rows.row(name, [thesis].into_iter().chain(values));
         }
         for (name, cells) in NAMES.iter().zip(cells) {
-            finding.quantity(
-                format!("all frames, {name}: cells right"),
-                "%",
-                "",
-                percent(cells.right, cells.all),
-            );
-            finding.quantity(
-                format!("all frames, {name}: cells wrong"),
-                "%",
-                "",
-                percent(cells.wrong, cells.all),
-            );
+            for (verdict, count) in [("right", cells.right), ("wrong", cells.wrong)] {
+                let words = format!("all frames, {name}: cells {verdict}");
+                finding.quantity(words, "%", "", percent(count, cells.all));
+            }
         }
         let bars = scenario
             .checkpoints
@@ -214,34 +192,15 @@ impl Points {
             bars: bars.collect(),
         };
         finding.exhibits.push(Exhibit::Plot(chart.svg()?));
-        for point in points {
-            let [worst, best] = [true, false].map(|worst| {
-                point.each_ref().map(|p| {
-                    if worst { &p.tally.worst } else { &p.tally.best }
-                        .as_ref()
-                        .map(|(e, _)| e.clone())
-                })
-            });
-            for (exhibit, rank) in worst
-                .into_iter()
-                .map(|e| (e, "worst"))
-                .chain(best.into_iter().map(|e| (e, "best")))
-            {
-                if let Some(Exhibit::Picture {
-                    caption,
-                    png,
-                    size,
-                    marks,
-                }) = exhibit
-                {
-                    finding.exhibits.push(Exhibit::Picture {
-                        // Whether a frame is the best or the worst is known after the last one.
-                        caption: caption.replace("RANK", rank),
-                        png,
-                        size,
-                        marks,
-                    });
+        type Lead = fn(&CheckpointTally<Exhibit>) -> &Option<(Exhibit, CheckpointFrame)>;
+        let leads: [(&str, Lead); 2] = [("worst", |of| &of.worst), ("best", |of| &of.best)];
+        for (point, (rank, lead)) in points.iter().flat_map(|p| leads.map(|lead| (p, lead))) {
+            for (exhibit, _) in point.iter().flat_map(|p| lead(&p.tally)) {
+                let mut exhibit = exhibit.clone();
+                if let Exhibit::Picture { caption, .. } = &mut exhibit {
+                    *caption = caption.replace("RANK", rank);
                 }
+                finding.show(exhibit);
             }
         }
         Ok(finding)

@@ -39,47 +39,21 @@ struct Situation {
     view: fn() -> ArenaConfig,
 }
 
+impl Situation {
+    const fn new(name: &'static str, thesis: &'static str, view: fn() -> ArenaConfig) -> Self {
+        Self { name, thesis, view }
+    }
+}
+
 const SITUATIONS: [Situation; 8] = [
-    Situation {
-        name: "normal",
-        thesis: "as expected",
-        view: normal,
-    },
-    Situation {
-        name: "small escape",
-        thesis: "totally missed",
-        view: small_escape,
-    },
-    Situation {
-        name: "low light",
-        thesis: "completely wrong",
-        view: low_light,
-    },
-    Situation {
-        name: "single object",
-        thesis: "",
-        view: single_object,
-    },
-    Situation {
-        name: "infinite distance",
-        thesis: "",
-        view: infinite_distance,
-    },
-    Situation {
-        name: "tilt",
-        thesis: "",
-        view: tilt,
-    },
-    Situation {
-        name: "dark",
-        thesis: "",
-        view: dark,
-    },
-    Situation {
-        name: "too far",
-        thesis: "",
-        view: too_far,
-    },
+    Situation::new("normal", "as expected", normal),
+    Situation::new("small escape", "totally missed", small_escape),
+    Situation::new("low light", "completely wrong", low_light),
+    Situation::new("single object", "", single_object),
+    Situation::new("infinite distance", "", infinite_distance),
+    Situation::new("tilt", "", tilt),
+    Situation::new("dark", "", dark),
+    Situation::new("too far", "", too_far),
 ];
 
 /// A wall to the left and one to the right, high enough to leave the view above, and one behind.
@@ -186,19 +160,13 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             situation.thesis
         };
         let [dp, v3] = outcome.each_ref().map(SituationAnswer::tally);
-        let [a, b, c, d, e] = [dp.right, dp.wrong, v3.right, v3.wrong, v3.unknown]
-            .map(|n| TableValue::from(n as f64));
-        rows.row(
-            situation.name,
-            [TableValue::Text(thesis.to_owned()), a, b, c, d, e],
-        );
+        let cells = [dp.right, dp.wrong, v3.right, v3.wrong, v3.unknown];
+        let cells = cells.map(|n| TableValue::from(n as f64));
+        let thesis = TableValue::Text(thesis.to_owned());
+        rows.row(situation.name, [thesis].into_iter().chain(cells));
     }
-    finding.exhibits.extend(
-        outcomes
-            .iter_mut()
-            .flatten()
-            .filter_map(|answers| answers.exhibit.take()),
-    );
+    let answers = outcomes.iter_mut().flatten();
+    answers.for_each(|answer| finding.exhibits.extend(answer.exhibit.take()));
     conclude(&outcomes, &mut finding);
     let bars = SITUATIONS
         .iter()
@@ -208,16 +176,9 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
                 .iter()
                 .zip(outcome)
                 .map(move |(algorithm, answers)| {
-                    let CellTally {
-                        right,
-                        wrong,
-                        unknown,
-                        ..
-                    } = answers.tally();
-                    (
-                        format!("{}, {algorithm}", situation.name),
-                        [right, wrong, unknown].map(|n| n as f64).to_vec(),
-                    )
+                    let tally = answers.tally();
+                    let cells = [tally.right, tally.wrong, tally.unknown].map(|n| n as f64);
+                    (format!("{}, {algorithm}", situation.name), cells.to_vec())
                 })
         });
     let chart = Bars {
@@ -328,15 +289,10 @@ impl SituationAnswer {
 fn answer(situation: &Situation, judged: &Judged, algorithm: usize) -> Result<SituationAnswer> {
     let scored = &judged.estimates[algorithm];
     let judgements = scored.cells.clone().unwrap_or_default();
-    let CellTally {
-        right,
-        wrong,
-        unknown,
-        ..
-    } = CellTally::from_judgements(&judgements);
+    let tally = CellTally::from_judgements(&judgements);
     let caption = format!(
-        "{}, {}: {right} right, {wrong} wrong, {unknown} unknown",
-        situation.name, ALGORITHMS[algorithm]
+        "{}, {}: {} right, {} wrong, {} unknown",
+        situation.name, ALGORITHMS[algorithm], tally.right, tally.wrong, tally.unknown
     );
     Ok(SituationAnswer {
         judgements,

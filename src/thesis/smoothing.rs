@@ -1,8 +1,9 @@
 //! Figure 5.3: what vertical smoothing does to the matches of a misaligned pair.
 
+use super::finding::series;
 use super::measure::{MeanMedian, percent, right, ssdpi, ssdpi_picture, valid};
 use super::{Context, Experiment, Finding, TableValue};
-use svl_bench::report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl_bench::report::plot::{Axis, Chart, SeriesStyle};
 use svl_core::Result;
 use svl_core::stereo::{DisparityMap, Frame, Gray, StereoPair};
 use svl_data::arena::{Arena, ArenaConfig};
@@ -52,14 +53,10 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             MatchOutcome::of(&frames, &smooth),
         ));
         if offset_px == OFFSETS_PX[ONE_PX] {
-            finding.exhibits.push(ssdpi_picture(
-                "ln SSDPI, 1 px too low, without smoothing",
-                &sharp[0],
-            )?);
-            finding.exhibits.push(ssdpi_picture(
-                "ln SSDPI, 1 px too low, with smoothing",
-                &smooth[0],
-            )?);
+            for (with, maps) in [("without", &sharp), ("with", &smooth)] {
+                let caption = format!("ln SSDPI, 1 px too low, {with} smoothing");
+                finding.show(ssdpi_picture(caption, &maps[0])?);
+            }
         }
     }
     let (_, sharp, smooth) = outcomes[ONE_PX];
@@ -105,38 +102,24 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         outcomes[0].1.wrong_percent,
         outcomes[0].2.wrong_percent
     );
-    let chart = |title: &str, label: &str, of: fn(&MatchOutcome) -> f64| {
-        let series = |name: &str, points: Vec<f64>| Series {
-            name: name.into(),
-            form: SeriesStyle::Both,
-            points: OFFSETS_PX.into_iter().zip(points).collect(),
-        };
-        Chart {
-            title: title.into(),
+    type Value = fn(&MatchOutcome) -> f64;
+    let charts: [(&str, &str, Value); 2] = [
+        ("SSDPI", "median ln SSDPI", |o| o.ssdpi.median),
+        ("Wrong matches", "wrong matches, %", |o| o.wrong_percent),
+    ];
+    for (what, label, of) in charts {
+        let sharp = outcomes.iter().map(|(px, sharp, _)| (*px, of(sharp)));
+        let smooth = outcomes.iter().map(|(px, _, smooth)| (*px, of(smooth)));
+        finding.plot(&Chart {
+            title: format!("{what} of a misaligned pair"),
             x: Axis::new("right image too low by, px"),
             y: Axis::new(label),
             series: vec![
-                series(
-                    "without smoothing",
-                    outcomes.iter().map(|(_, sharp, _)| of(sharp)).collect(),
-                ),
-                series(
-                    "with smoothing",
-                    outcomes.iter().map(|(.., smooth)| of(smooth)).collect(),
-                ),
+                series("without smoothing", SeriesStyle::Both, sharp),
+                series("with smoothing", SeriesStyle::Both, smooth),
             ],
-        }
-    };
-    finding.plot(&chart(
-        "SSDPI of a misaligned pair",
-        "median ln SSDPI",
-        |o| o.ssdpi.median,
-    ))?;
-    finding.plot(&chart(
-        "Wrong matches of a misaligned pair",
-        "wrong matches, %",
-        |o| o.wrong_percent,
-    ))?;
+        })?;
+    }
     real(context, &mut finding)?;
     Ok(finding)
 }
@@ -217,20 +200,9 @@ struct MatchOutcome {
 
 impl MatchOutcome {
     fn values(&self) -> [TableValue; 5] {
-        let Self {
-            ssdpi,
-            valid_percent,
-            right_percent,
-            wrong_percent,
-        } = *self;
-        [
-            ssdpi.median,
-            ssdpi.mean,
-            valid_percent,
-            right_percent,
-            wrong_percent,
-        ]
-        .map(TableValue::from)
+        let [median, mean] = [self.ssdpi.median, self.ssdpi.mean];
+        let [valid, right] = [self.valid_percent, self.right_percent];
+        [median, mean, valid, right, self.wrong_percent].map(TableValue::from)
     }
 
     fn of(frames: &[Frame], maps: &[DisparityMap]) -> Self {
@@ -249,10 +221,7 @@ impl MatchOutcome {
             }
         }
         Self {
-            ssdpi: ssdpi(maps).unwrap_or(MeanMedian {
-                mean: f64::NAN,
-                median: f64::NAN,
-            }),
+            ssdpi: ssdpi(maps),
             valid_percent: percent(matches, pixels).unwrap_or(f64::NAN),
             right_percent: percent(good, pixels).unwrap_or(f64::NAN),
             wrong_percent: percent(known - good, known).unwrap_or(f64::NAN),

@@ -1,7 +1,8 @@
 //! What is left of an algorithm's cells when the pairs are made worse ([`svl_data::stress`]).
 
+use super::finding::series;
 use super::{Context, Finding, TableValue};
-use svl_bench::report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl_bench::report::plot::{Axis, Chart, SeriesStyle};
 use svl_core::Result;
 use svl_core::stereo::Frame;
 use svl_data::arena::{Arena, ArenaConfig};
@@ -94,28 +95,22 @@ impl<'a> StressCurves<'a> {
         ]);
         for (i, (name, tallies)) in self.algorithms.iter().enumerate() {
             for (j, (level, tally)) in self.levels.iter().zip(tallies).enumerate() {
-                let all = (tally.right + tally.wrong + tally.unknown) as f64;
-                let share = |cells: usize| TableValue::from(100.0 * cells as f64 / all);
+                let share = |cells: usize| 100.0 * cells as f64 / tally.scored() as f64;
                 let shares = [tally.right, tally.wrong, tally.unknown].map(share);
-                let [right, wrong, unknown] = shares;
-                table.row(
-                    format!("{name}, {level}"),
-                    [right, wrong, unknown, TableValue::from(self.kept(i, j))],
-                );
+                let values = shares.into_iter().chain([self.kept(i, j)]);
+                table.row(format!("{name}, {level}"), values.map(TableValue::from));
             }
         }
-        let series = |(i, (name, _)): (usize, &(&str, Vec<CellTally>))| Series {
-            name: (*name).to_owned(),
-            form: SeriesStyle::Both,
-            points: (self.levels.iter().enumerate())
-                .map(|(j, level)| (*level, self.kept(i, j)))
-                .collect(),
+        let curve = |(i, (name, _)): (usize, &(&str, Vec<CellTally>))| {
+            let levels = self.levels.iter().enumerate();
+            let points = levels.map(|(j, level)| (*level, self.kept(i, j)));
+            series(*name, SeriesStyle::Both, points)
         };
         finding.plot(&Chart {
             title: title.to_owned(),
             x: Axis::new(format!("{}, {axis}", self.kind)),
             y: Axis::new("kept of the right cells, %"),
-            series: self.algorithms.iter().enumerate().map(series).collect(),
+            series: self.algorithms.iter().enumerate().map(curve).collect(),
         })
     }
 }

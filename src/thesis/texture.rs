@@ -1,8 +1,9 @@
 //! Figure 5.5: the difference-of-Gaussians filter along a row.
 
+use super::finding::{axis, series};
 use super::measure::{MeanMedian, gray_picture, percent};
 use super::{Context, Experiment, Finding, TableValue};
-use svl_bench::report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl_bench::report::plot::{Axis, Chart, SeriesStyle};
 use svl_core::Result;
 use svl_core::kernel::isa;
 use svl_core::matcher::stage::{DeviationTexture, DogTexture, TextureFilter, VerticalSmoothing};
@@ -111,9 +112,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         arena.deviation_changes
     );
     plots(&mut finding, left.row(ROW), arena.kept.row(ROW))?;
-    finding
-        .exhibits
-        .push(gray_picture("the view, vertically smoothed", &left)?);
+    finding.show(gray_picture("the view, vertically smoothed", &left)?);
     let masked = Plane::from_fn(left.width(), left.height(), |x, y| {
         if arena.kept.get(x, y) {
             left.get(x, y)
@@ -121,55 +120,39 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             0
         }
     })?;
-    finding
-        .exhibits
-        .push(gray_picture("what the filter keeps", &masked)?);
+    finding.show(gray_picture("what the filter keeps", &masked)?);
     Ok(finding)
 }
 
 fn plots(finding: &mut Finding, row: &[u8], kept: &[bool]) -> Result<()> {
-    let series = |name: &str, values: Vec<f64>| Series {
-        name: name.into(),
-        form: SeriesStyle::Line,
-        points: values
-            .into_iter()
-            .enumerate()
-            .map(|(x, value)| (x as f64, value))
-            .collect(),
+    let line = |name: &str, values: Vec<f64>| {
+        let points = values.into_iter().enumerate();
+        series(
+            name,
+            SeriesStyle::Line,
+            points.map(|(x, value)| (x as f64, value)),
+        )
     };
-    let x = || Axis {
-        range: Some((0.0, row.len() as f64)),
-        ..Axis::new("x, px")
-    };
+    let x = || axis("x, px", (0.0, row.len() as f64));
     finding.plot(&Chart {
         title: "A row of the image".into(),
         x: x(),
-        y: Axis {
-            range: Some((0.0, 255.0)),
-            ..Axis::new("grey level")
-        },
-        series: vec![series("", row.iter().map(|&v| f64::from(v)).collect())],
+        y: axis("grey level", (0.0, 255.0)),
+        series: vec![line("", row.iter().map(|&v| f64::from(v)).collect())],
     })?;
     let [fine, coarse] = responses(row);
     finding.plot(&Chart {
         title: "Differences of Gaussians".into(),
         x: x(),
         y: Axis::new("response, grey levels"),
-        series: vec![series("fine", fine), series("coarse", coarse)],
+        series: vec![line("fine", fine), line("coarse", coarse)],
     })?;
+    let scales = kept.iter().map(|&kept| if kept { 1.0 } else { 2.0 });
     finding.plot(&Chart {
         title: "Scale of the stronger response: 2 is dropped".into(),
         x: x(),
-        y: Axis {
-            range: Some((0.0, 3.0)),
-            ..Axis::new("scale")
-        },
-        series: vec![series(
-            "",
-            kept.iter()
-                .map(|&kept| if kept { 1.0 } else { 2.0 })
-                .collect(),
-        )],
+        y: axis("scale", (0.0, 3.0)),
+        series: vec![line("", scales.collect())],
     })
 }
 
@@ -235,20 +218,12 @@ impl Filtered {
     }
 
     fn values(&self) -> [TableValue; 5] {
-        let Self {
-            dropped_percent,
-            kept_contrast,
-            dropped_contrast,
-            dog_changes,
-            deviation_changes,
-            ..
-        } = *self;
         [
-            dropped_percent,
-            kept_contrast,
-            dropped_contrast,
-            dog_changes,
-            deviation_changes,
+            self.dropped_percent,
+            self.kept_contrast,
+            self.dropped_contrast,
+            self.dog_changes,
+            self.deviation_changes,
         ]
         .map(TableValue::from)
     }

@@ -1,9 +1,10 @@
 //! Figures 5.8 and 5.9: the self check against the symmetric check before a close object.
 
 use super::checks::Correlated;
+use super::finding::{axis, series};
 use super::measure::{MeanMedian, gray_picture, percent, right, ssdpi_picture, valid};
 use super::{Context, Experiment, Finding, TableValue, stage};
-use svl_bench::report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl_bench::report::plot::{Axis, Chart, SeriesStyle};
 use svl_core::Result;
 use svl_core::stereo::{DisparityMap, Frame};
 use svl_data::arena::ArenaConfig;
@@ -93,20 +94,14 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         .for_each(|(name, values)| table.row(name, values));
     finding.plot(&approach)?;
     finding.plot(&both_checks(shares, dropped))?;
-    finding
-        .exhibits
-        .push(gray_picture("the left image", frame.pair.left())?);
-    finding
-        .exhibits
-        .push(ssdpi_picture("ln SSDPI of all matches", &close.matches)?);
-    finding.exhibits.push(ssdpi_picture(
-        "ln SSDPI of what the self check keeps",
-        &close.own,
-    )?);
-    finding.exhibits.push(ssdpi_picture(
-        "ln SSDPI of what the symmetric check keeps",
-        &close.symmetric,
-    )?);
+    finding.show(gray_picture("the left image", frame.pair.left())?);
+    for (what, map) in [
+        ("all matches", &close.matches),
+        ("what the self check keeps", &close.own),
+        ("what the symmetric check keeps", &close.symmetric),
+    ] {
+        finding.show(ssdpi_picture(format!("ln SSDPI of {what}"), map)?);
+    }
     Ok(finding)
 }
 
@@ -139,68 +134,44 @@ fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
             ),
         );
     }
-    let series = |name: &str, check: usize| Series {
-        name: name.into(),
-        form: SeriesStyle::Both,
-        points: dropped
+    let curve = |name: &str, check: usize| {
+        let points = dropped
             .iter()
-            .map(|(ahead_m, dropped)| (*ahead_m, dropped[check]))
-            .collect(),
+            .map(|(ahead_m, dropped)| (*ahead_m, dropped[check]));
+        series(name, SeriesStyle::Both, points)
     };
     Ok(Chart {
         title: "The same object from far to near".into(),
         x: Axis::new("distance of the object, m"),
-        y: Axis {
-            range: Some((0.0, 80.0)),
-            ..Axis::new("matches dropped, %")
-        },
+        y: axis("matches dropped, %", (0.0, 80.0)),
         series: vec![
-            series("self check", 0),
-            series("symmetric check, as in v1", 1),
-            series("symmetric check, to the letter", 2),
+            curve("self check", 0),
+            curve("symmetric check, as in v1", 1),
+            curve("symmetric check, to the letter", 2),
         ],
     })
 }
 
 /// Each view by what the two checks drop of it.
 fn both_checks(real: Vec<[f64; 3]>, close: [f64; 3]) -> Chart {
-    let series = |name: &str, form, points| Series {
-        name: name.into(),
-        form,
-        points,
-    };
-    let axis = |label: &str| Axis {
-        range: Some((0.0, 80.0)),
-        ..Axis::new(label)
-    };
+    let points = |name: &str, points: Vec<(f64, f64)>| series(name, SeriesStyle::Points, points);
     let real = |check: usize| {
         real.iter()
             .map(|dropped| (dropped[check], dropped[0]))
             .collect()
     };
+    let range = (0.0, 80.0);
     Chart {
         title: "What both checks drop".into(),
-        x: axis("dropped by the symmetric check, %"),
-        y: axis("dropped by the self check, %"),
+        x: axis("dropped by the symmetric check, %", range),
+        y: axis("dropped by the self check, %", range),
         series: vec![
-            series("real scenes, as in v1", SeriesStyle::Points, real(1)),
-            series("real scenes, to the letter", SeriesStyle::Points, real(2)),
-            series(
-                "close object, as in v1",
-                SeriesStyle::Points,
-                vec![(close[1], close[0])],
-            ),
-            series(
-                "close object, to the letter",
-                SeriesStyle::Points,
-                vec![(close[2], close[0])],
-            ),
-            series(
-                "close object, thesis",
-                SeriesStyle::Points,
-                vec![(55.0, 35.0)],
-            ),
-            series("as much", SeriesStyle::Line, vec![(0.0, 0.0), (80.0, 80.0)]),
+            points("real scenes, as in v1", real(1)),
+            points("real scenes, to the letter", real(2)),
+            points("close object, as in v1", vec![(close[1], close[0])]),
+            points("close object, to the letter", vec![(close[2], close[0])]),
+            points("close object, thesis", vec![(55.0, 35.0)]),
+            series("as much", SeriesStyle::Line, [(0.0, 0.0), (80.0, 80.0)]),
         ],
     }
 }

@@ -1,7 +1,7 @@
 //! Figure 8.3: false acceptance and rejection of the floor over the number of hidden neurons.
 
 use super::super::{Context, Experiment, Finding, TableValue};
-use super::{Runs, draw, samples, train};
+use super::{draw, samples, train};
 use svl_core::Result;
 use svl_core::filter::FilterKind;
 use svl_data::fit::filter::SamplePart;
@@ -25,17 +25,12 @@ const SIZES: [usize; 9] = [10, 25, 45, 55, 75, 100, 200, 500, 1000];
 
 fn run(context: &mut Context<'_>) -> Result<Finding> {
     let kind = FilterKind::Floor;
-    let runs = |part, seeds| Runs {
-        part,
-        seeds,
-        every: 10,
-    };
     let runs = [
-        runs(SamplePart::Training, 1..25),
-        runs(SamplePart::Validation, 31..43),
-        runs(SamplePart::Test, 51..63),
+        (SamplePart::Training, 1..25),
+        (SamplePart::Validation, 31..43),
+        (SamplePart::Test, 51..63),
     ];
-    let mut samples = samples(context, kind, &super::arena(kind)?, &runs)?;
+    let mut samples = samples(context, kind, &super::arena(kind)?, &runs, 10)?;
     let limits = [
         (SamplePart::Training, 250),
         (SamplePart::Validation, 125),

@@ -7,6 +7,7 @@ pub(super) mod training;
 
 use super::{Context, Finding};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::path::Path;
 use svl_bench::train::{FilterTraining, TrainSettings, train_filter};
 use svl_core::filter::{FilterKind, FilterModel, Spectrum};
@@ -29,33 +30,28 @@ fn arena(kind: FilterKind) -> Result<ArenaConfig> {
 }
 
 /// The runs of a part: seeds that no other part has.
-struct Runs {
-    part: SamplePart,
-    seeds: std::ops::Range<u64>,
-    /// Of each run every so many frames.
-    every: u64,
-}
+type Runs = (SamplePart, Range<u64>);
 
-/// The windows of runs, each run a recording.
+/// The windows of runs, each run a recording, of which every so many frames are taken.
 fn samples(
     context: &mut Context<'_>,
     kind: FilterKind,
     config: &ArenaConfig,
     runs: &[Runs],
+    every: usize,
 ) -> Result<WindowSamples> {
-    let all = runs.iter().flat_map(|runs| {
-        let seeds = runs.seeds.clone();
-        seeds.map(|seed| (runs.part, seed, runs.every))
-    });
-    let all: Vec<_> = all.collect();
-    let parts = all.iter().map(|(part, ..)| *part).collect();
+    let all = runs.iter().cloned();
+    let all: Vec<_> = all
+        .flat_map(|(part, seeds)| seeds.map(move |seed| (part, seed)))
+        .collect();
+    let parts = all.iter().map(|(part, _)| *part).collect();
     let features = kind.spec().features;
     let mut samples = WindowSamples::new(kind, features, parts);
     let mut spectrum = Spectrum::new(features.window);
     let range_px = TrainSettings::RANGE_PX;
-    for (group, (_, seed, every)) in all.into_iter().enumerate() {
+    for (group, (_, seed)) in all.into_iter().enumerate() {
         let arena = Arena::new(config, seed)?;
-        let indices: Vec<_> = (0..arena.frames()).step_by(every as usize).collect();
+        let indices: Vec<_> = (0..arena.frames()).step_by(every).collect();
         let frames = indices.into_par_iter().map(|index| arena.frame(index));
         for frame in frames.collect::<Result<Vec<_>>>()? {
             samples.add(

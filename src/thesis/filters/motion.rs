@@ -1,8 +1,9 @@
 //! Section 8.2.2: the floor filter on a robot that moves.
 
+use super::super::finding::{axis, series};
 use super::super::{Context, Experiment, Finding, TableValue};
-use super::{Runs, errors, samples, train};
-use svl_bench::report::plot::{Axis, Chart, Series, SeriesStyle};
+use super::{errors, samples, train};
+use svl_bench::report::plot::{Chart, SeriesStyle};
 use svl_bench::train::FilterTraining;
 use svl_core::Result;
 use svl_core::filter::FilterKind;
@@ -47,18 +48,13 @@ fn moving(config: &ArenaConfig) -> ArenaConfig {
 fn run(context: &mut Context<'_>) -> Result<Finding> {
     let kind = FilterKind::Floor;
     let config = super::arena(kind)?;
-    let runs = |part, seeds| Runs {
-        part,
-        seeds,
-        every: 3,
-    };
     let runs = [
-        runs(SamplePart::Training, 1..FLOORS as u64 + 1),
-        runs(SamplePart::Validation, 41..49),
-        runs(SamplePart::Test, 51..59),
+        (SamplePart::Training, 1..FLOORS as u64 + 1),
+        (SamplePart::Validation, 41..49),
+        (SamplePart::Test, 51..59),
     ];
-    let still = samples(context, kind, &still(&config), &runs)?;
-    let moving = samples(context, kind, &moving(&config), &runs)?;
+    let still = samples(context, kind, &still(&config), &runs, 3)?;
+    let moving = samples(context, kind, &moving(&config), &runs, 3)?;
     let mut tried = |name: &str, trained: &WindowSamples, floors, tested: &WindowSamples| {
         let parts = &still.parts;
         let of = |samples: &WindowSamples, takes: &dyn Fn(usize) -> bool| {
@@ -110,27 +106,19 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             [accepted, rejected, training.roc.area].map(TableValue::from),
         );
     }
-    let series = |(name, training): &(String, FilterTraining)| Series {
-        name: name.clone(),
-        form: SeriesStyle::Line,
-        points: training
+    let curve = |(name, training): &(String, FilterTraining)| {
+        let points = training
             .roc
             .points
             .iter()
-            .map(|(x, y)| (100.0 * x, 100.0 * y))
-            .collect(),
+            .map(|(x, y)| (100.0 * x, 100.0 * y));
+        series(name, SeriesStyle::Line, points)
     };
     finding.plot(&Chart {
         title: "Acceptance of the floor".into(),
-        x: Axis {
-            range: Some((0.0, 20.0)),
-            ..Axis::new("false acceptance, %")
-        },
-        y: Axis {
-            range: Some((60.0, 100.0)),
-            ..Axis::new("true acceptance, %")
-        },
-        series: trials.iter().map(series).collect(),
+        x: axis("false acceptance, %", (0.0, 20.0)),
+        y: axis("true acceptance, %", (60.0, 100.0)),
+        series: trials.iter().map(curve).collect(),
     })?;
     finding.why = format!(
         "Trained without blur: {resting:.1} % of both errors together at rest, {robot:.1} % \

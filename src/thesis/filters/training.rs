@@ -1,7 +1,7 @@
 //! Figure 8.2: training and validation error of the too-close network.
 
 use super::super::{Context, Experiment, Finding, TableValue};
-use super::{Runs, draw, errors, samples, train};
+use super::{draw, errors, samples, train};
 use svl_core::Result;
 use svl_core::filter::FilterKind;
 use svl_data::fit::filter::SamplePart;
@@ -22,17 +22,12 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
 
 fn run(context: &mut Context<'_>) -> Result<Finding> {
     let kind = FilterKind::TooClose;
-    let runs = |part, seeds| Runs {
-        part,
-        seeds,
-        every: 2,
-    };
     let runs = [
-        runs(SamplePart::Training, 1..9),
-        runs(SamplePart::Validation, 11..14),
-        runs(SamplePart::Test, 21..24),
+        (SamplePart::Training, 1..9),
+        (SamplePart::Validation, 11..14),
+        (SamplePart::Test, 21..24),
     ];
-    let mut all = samples(context, kind, &super::arena(kind)?, &runs)?;
+    let mut all = samples(context, kind, &super::arena(kind)?, &runs, 2)?;
     let mut few = all.limited(&[(SamplePart::Training, 50), (SamplePart::Validation, 25)]);
     let (_, small) = train(context, &mut few, &[25, 100, 400], &[1, 2, 3])?;
     let (_, large) = train(context, &mut all, &[100], &[1])?;

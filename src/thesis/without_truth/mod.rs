@@ -11,10 +11,11 @@ mod measures;
 mod observe;
 mod support;
 
+use super::finding::{axis, series};
 use super::{Context, Experiment, Finding, TableValue};
 use measures::{Between, Measured, Observed, Target};
 use observe::{Observation, Observer};
-use svl_bench::report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl_bench::report::plot::{Chart, SeriesStyle};
 use svl_bench::sink::CollectSink;
 use svl_bench::source::dataset::Scene;
 use svl_bench::source::{ArenaSource, Source};
@@ -350,34 +351,22 @@ fn table_of_averages(runs: &[(String, Vec<Vec<Observation>>)], finding: &mut Fin
 
 /// Each score by its tau in the arena and on the real scenes.
 fn figure(arena: &[Values], real: &[Values]) -> Chart {
-    let axis = |label: &str| Axis {
-        range: Some((-0.5, 1.0)),
-        ..Axis::new(label)
-    };
     let point = |(i, name): (usize, &&str)| {
         let tau = |values: &[Values]| values[i].algorithms[0].value.unwrap_or(f64::NAN);
-        Series {
-            name: (*name).into(),
-            form: SeriesStyle::Named,
-            points: vec![(tau(arena), tau(real))],
-        }
+        series(*name, SeriesStyle::Named, [(tau(arena), tau(real))])
     };
-    let limit = |points| Series {
-        name: "least, of the interval's lower end".into(),
-        form: SeriesStyle::Line,
-        points,
-    };
+    let corner = [(LEAST_TAU, 1.0), (LEAST_TAU, LEAST_TAU), (1.0, LEAST_TAU)];
+    let limit = series(
+        "least, of the interval's lower end",
+        SeriesStyle::Line,
+        corner,
+    );
     let points = SCORES.iter().enumerate().map(point);
+    let range = (-0.5, 1.0);
     Chart {
         title: "Tau with wrong cells at equal coverage, between algorithms".into(),
-        x: axis("in the arena"),
-        y: axis("on the real scenes"),
-        series: points
-            .chain([limit(vec![
-                (LEAST_TAU, 1.0),
-                (LEAST_TAU, LEAST_TAU),
-                (1.0, LEAST_TAU),
-            ])])
-            .collect(),
+        x: axis("in the arena", range),
+        y: axis("on the real scenes", range),
+        series: points.chain([limit]).collect(),
     }
 }

@@ -23,13 +23,7 @@ pub(super) struct Observation {
 impl Observation {
     /// Right cells of all that have a truth.
     pub(super) fn right(&self) -> f64 {
-        let CellTally {
-            right,
-            wrong,
-            unknown,
-            ..
-        } = self.truth;
-        right as f64 / (right + wrong + unknown) as f64
+        self.truth.right as f64 / self.truth.scored() as f64
     }
 
     /// Wrong cells of those that are known; nothing of none.
@@ -102,7 +96,7 @@ impl Observer {
             let cells = estimate.grid.shape().cells();
             let share = |count: usize| Some(count as f64 / cells as f64);
             let truth = CellTally::from_judgements(scored.cells.as_deref().unwrap_or_default());
-            if truth.right + truth.wrong + truth.unknown == 0 {
+            if truth.scored() == 0 {
                 continue;
             }
             observations.push(Observation {
