@@ -68,34 +68,28 @@ impl PairAssembler {
                 self.unpaired += u64::from(replaced.is_some());
             }
             TopicKind::Color(side) => {
-                let color = images::decode_color(schema, data)?;
-                self.at(side, stamp).color = Some(color);
+                self.at(side, stamp).color = Some(images::decode_color(schema, data)?);
             }
             TopicKind::Calibration(side) => {
-                let calibration = geometry::decode_calibration(schema, data)?;
-                self.at(side, stamp).calibration = Some(calibration);
+                self.at(side, stamp).calibration =
+                    Some(geometry::decode_calibration(schema, data)?);
             }
             // The calibration has it too; this message is for viewers.
             TopicKind::Baseline => {}
             TopicKind::Pose => {
-                let pose = geometry::decode_pose(schema, data)?;
-                self.at(Side::Left, stamp).pose = Some(pose);
+                self.at(Side::Left, stamp).pose = Some(geometry::decode_pose(schema, data)?);
             }
             TopicKind::Depth => {
-                let depth = images::decode_floats(schema, data)?;
-                self.at(Side::Left, stamp).depth = Some(depth);
+                self.at(Side::Left, stamp).depth = Some(images::decode_floats(schema, data)?);
             }
             TopicKind::Disparity => {
-                let disparity = images::decode_floats(schema, data)?;
-                self.at(Side::Left, stamp).disparity = Some(disparity);
+                self.at(Side::Left, stamp).disparity = Some(images::decode_floats(schema, data)?);
             }
             TopicKind::Visibility => {
-                let visibility = images::decode_gray(schema, data)?;
-                self.at(Side::Left, stamp).visibility = Some(visibility);
+                self.at(Side::Left, stamp).visibility = Some(images::decode_gray(schema, data)?);
             }
             TopicKind::Surface => {
-                let surface = images::decode_gray(schema, data)?;
-                self.at(Side::Left, stamp).surface = Some(surface);
+                self.at(Side::Left, stamp).surface = Some(images::decode_gray(schema, data)?);
             }
             TopicKind::Sync => {
                 let sync = StereoSync::decode(schema, data)?;

@@ -4,7 +4,7 @@ use super::{Encoded, ImageFormat, PROFILE, RosStamp, TopicKind, frame_id, geomet
 use images::Pixel;
 use std::borrow::Cow;
 use svl_core::Result;
-use svl_core::stereo::{Gray, Plane, Pose, Rgb, Rig, Side};
+use svl_core::stereo::{Gray, Plane, Pose, Rig, Side};
 
 /// The message types of a recording. Both dialects hold the same data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -106,62 +106,24 @@ impl Dialect {
         }
     }
 
-    /// The colours of a camera's image. svl's own readers take the image itself, which is their
-    /// luma.
-    pub(super) fn color(
-        self,
-        image: &Rgb,
-        camera: Side,
-        rectified: bool,
-        format: ImageFormat,
-        stamp: RosStamp,
-    ) -> Result<TopicMessage> {
-        if self == Self::Svl {
-            let message = images::encode_image(image, format, stamp, frame_id(camera))?;
-            return Ok((TopicKind::Color(camera).topic().into(), message));
-        }
-        self.ros_image(
-            image,
-            camera,
-            [rectified_name(rectified), "_color"].concat(),
-            format,
-            stamp,
-        )
-    }
-
-    /// The image of a camera. In ROS its topic says whether the pair is rectified.
-    pub(super) fn image(
-        self,
-        image: &Gray,
-        camera: Side,
-        rectified: bool,
-        format: ImageFormat,
-        stamp: RosStamp,
-    ) -> Result<TopicMessage> {
-        if self == Self::Svl {
-            let message = images::encode_image(image, format, stamp, frame_id(camera))?;
-            return Ok((TopicKind::Image(camera).topic().into(), message));
-        }
-        self.ros_image(
-            image,
-            camera,
-            rectified_name(rectified).to_owned(),
-            format,
-            stamp,
-        )
-    }
-
-    fn ros_image<P: Pixel>(
+    /// The image of a camera, or its colours: svl's own readers take the image, which is their
+    /// luma. In ROS its topic says whether the pair is rectified.
+    pub(super) fn image<P: Pixel>(
         self,
         image: &Plane<P>,
         camera: Side,
-        name: String,
+        rectified: bool,
         format: ImageFormat,
         stamp: RosStamp,
     ) -> Result<TopicMessage> {
+        if self == Self::Svl {
+            let message = images::encode_image(image, format, stamp, frame_id(camera))?;
+            return Ok((P::KIND(camera).topic().into(), message));
+        }
         // The frame of both calibrations.
         let frame_id = frame_id(Side::Left);
-        let topic = format!("/stereo/{}/{name}", camera.name());
+        let name = if rectified { "image_rect" } else { "image_raw" };
+        let topic = format!("/stereo/{}/{name}{}", camera.name(), P::ROS_ENDING);
         Ok(match format {
             // ROS viewers take mono8 for grey; Rerun shows it as depth, which is why svl's own
             // dialect has RawImage.
@@ -199,9 +161,4 @@ impl Dialect {
             Self::Ros2 => ros::encode_string(&String::from_utf8_lossy(&message.data)),
         }
     }
-}
-
-/// The last part of an image's topic.
-fn rectified_name(rectified: bool) -> &'static str {
-    if rectified { "image_rect" } else { "image_raw" }
 }

@@ -7,7 +7,7 @@ use mcap::records::Metadata;
 pub(super) const RECORD: &str = "svl";
 
 /// The metadata record `svl`: which svl wrote the recording, and the source of its frames.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Header {
     /// Version of svl that wrote it.
     pub version: String,
@@ -90,13 +90,7 @@ impl Header {
             git_revision: build.git_revision.map(str::to_owned),
             profile: build.profile.map(str::to_owned),
             source: source.into(),
-            scenario: None,
-            seed: None,
-            calibration: None,
-            changes: None,
-            hash: None,
-            stamps: None,
-            bits: None,
+            ..Self::default()
         }
     }
 

@@ -1,14 +1,14 @@
 //! Images in messages: 8-bit grey and colour as foxglove.RawImage (mono8, rgb8) or
 //! foxglove.CompressedImage (png), floats out of sensor_msgs/msg/Image 32FC1.
 
-use super::{Encoded, RosStamp, decode_protobuf, ros};
+use super::{Encoded, RosStamp, TopicKind, decode_protobuf, ros};
 use crate::files;
 use foxglove::messages::{CompressedImage, RawImage};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder as _};
 use std::borrow::Cow;
 use svl_core::Error;
-use svl_core::stereo::{Gray, Plane, Rgb};
+use svl_core::stereo::{Gray, Plane, Rgb, Side};
 
 const RAW: &str = "foxglove.RawImage";
 const COMPRESSED: &str = "foxglove.CompressedImage";
@@ -30,6 +30,10 @@ pub(super) trait Pixel: Copy {
     const ENCODING: &'static str;
     const BYTES: u32;
     const PNG: ExtendedColorType;
+    /// The topic of a camera's image in svl's own dialect.
+    const KIND: fn(Side) -> TopicKind;
+    /// The end of its topic in ROS.
+    const ROS_ENDING: &'static str;
     fn flat(pixels: &[Self]) -> &[u8];
 }
 
@@ -37,6 +41,8 @@ impl Pixel for u8 {
     const ENCODING: &'static str = "mono8";
     const BYTES: u32 = 1;
     const PNG: ExtendedColorType = ExtendedColorType::L8;
+    const KIND: fn(Side) -> TopicKind = TopicKind::Image;
+    const ROS_ENDING: &'static str = "";
     fn flat(pixels: &[Self]) -> &[u8] {
         pixels
     }
@@ -46,6 +52,8 @@ impl Pixel for [u8; 3] {
     const ENCODING: &'static str = "rgb8";
     const BYTES: u32 = 3;
     const PNG: ExtendedColorType = ExtendedColorType::Rgb8;
+    const KIND: fn(Side) -> TopicKind = TopicKind::Color;
+    const ROS_ENDING: &'static str = "_color";
     fn flat(pixels: &[Self]) -> &[u8] {
         pixels.as_flattened()
     }

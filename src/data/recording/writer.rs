@@ -110,11 +110,8 @@ impl Writer {
         let RecordingFormat { dialect, images } = self.format;
         if let Some(rig) = frame.rig() {
             for (camera, stamp) in [(Side::Left, left), (Side::Right, right)] {
-                self.put(
-                    dialect.calibration(rig, size, camera, stamp),
-                    stamp,
-                    sequence,
-                )?;
+                let message = dialect.calibration(rig, size, camera, stamp);
+                self.put(message, stamp, sequence)?;
             }
             dialect
                 // Calibration first: a truncated recording that has the images also has what they
@@ -131,7 +128,7 @@ impl Writer {
                 .into_iter()
                 .zip(colors)
             {
-                let message = dialect.color(color, camera, rectified, images, stamp)?;
+                let message = dialect.image(color, camera, rectified, images, stamp)?;
                 self.put(message, stamp, sequence)?;
             }
         }
@@ -139,11 +136,8 @@ impl Writer {
             (Side::Left, frame.pair.left(), left),
             (Side::Right, frame.pair.right(), right),
         ] {
-            self.put(
-                dialect.image(image, camera, rectified, images, stamp)?,
-                stamp,
-                sequence,
-            )?;
+            let message = dialect.image(image, camera, rectified, images, stamp)?;
+            self.put(message, stamp, sequence)?;
         }
         if let Some(truth) = &frame.truth {
             self.write_truth(frame, truth, left)?;

@@ -1,6 +1,6 @@
 //! The absolute errors of one image, from which all numbers but KITTI 2015's are made.
 
-use super::numbers::{NumberUnit, Numbers, percent};
+use super::numbers::{NumberUnit, Numbers};
 use svl_core::{Error, Result};
 
 /// `|d − truth|` of the scored pixels with an estimate, ascending.
@@ -81,16 +81,8 @@ impl Errors {
         ] {
             table.add(name, NumberUnit::Percent, bad(threshold_px));
         }
-        table.add(
-            "invalid",
-            NumberUnit::Percent,
-            percent(self.invalid(), self.pixels),
-        );
-        table.add(
-            "totbad2.0",
-            NumberUnit::Percent,
-            percent(self.over(2.0) + self.invalid(), self.pixels),
-        );
+        table.add_share("invalid", self.invalid(), self.pixels);
+        table.add_share("totbad2.0", self.over(2.0) + self.invalid(), self.pixels);
         table.add("avgerr", NumberUnit::Px, self.mean());
         table.add("rms", NumberUnit::Px, self.rms());
         for (name, q) in [("a50", 50), ("a90", 90), ("a95", 95), ("a99", 99)] {
@@ -100,11 +92,7 @@ impl Errors {
                 self.sorted.get(rank(q)).map(|&error| error.into()),
             );
         }
-        table.add(
-            "coverage",
-            NumberUnit::Percent,
-            percent(self.estimated(), self.pixels),
-        );
+        table.add_share("coverage", self.estimated(), self.pixels);
         table.add("pixels", NumberUnit::Count, Some(self.pixels as f64));
         table
     }

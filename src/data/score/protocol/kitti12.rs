@@ -3,7 +3,7 @@
 
 use super::errors::Errors;
 use super::kitti::{KittiMaps, stored};
-use super::numbers::{NumberUnit, Numbers, percent};
+use super::numbers::{NumberUnit, Numbers};
 use super::{ProtocolImage, scored_pixels};
 use svl_core::Result;
 use svl_core::stereo::Plane;
@@ -36,28 +36,17 @@ pub(super) fn numbers(image: &ProtocolImage) -> Result<Numbers> {
     let mut numbers = Numbers::default();
     let outliers = |numbers: &mut Numbers, column: usize, errors: &Errors| {
         for (threshold_px, names) in OUTLIERS {
-            numbers.add(
-                names[column],
-                NumberUnit::Percent,
-                percent(errors.over(threshold_px), errors.estimated()),
-            );
+            let part = errors.over(threshold_px);
+            numbers.add_share(names[column], part, errors.estimated());
         }
     };
     outliers(&mut numbers, 0, &as_is);
     // A hole has no error to average.
     numbers.add("avgerr", NumberUnit::Px, estimated.mean());
-    numbers.add(
-        "density",
-        NumberUnit::Percent,
-        percent(estimated.estimated(), estimated.pixels()),
-    );
+    numbers.add_share("density", estimated.estimated(), estimated.pixels());
     outliers(&mut numbers, 1, &densified);
     numbers.add("avgerr_dense", NumberUnit::Px, densified.mean());
-    numbers.add(
-        "density_dense",
-        NumberUnit::Percent,
-        percent(filled, estimated.pixels()),
-    );
+    numbers.add_share("density_dense", filled, estimated.pixels());
     outliers(&mut numbers, 2, &estimated);
     numbers.add("pixels", NumberUnit::Count, Some(as_is.pixels() as f64));
     Ok(numbers)

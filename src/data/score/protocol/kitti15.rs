@@ -91,26 +91,12 @@ impl OutlierCounts {
             };
         let pixels = self.as_is[ALL].pixels;
         d1(&mut numbers, ["d1_bg", "d1_fg", "d1_all"], self.as_is);
-        numbers.add(
-            "density",
-            NumberUnit::Percent,
-            percent(self.estimated[ALL].pixels, pixels),
-        );
-        d1(
-            &mut numbers,
-            ["d1_bg_dense", "d1_fg_dense", "d1_all_dense"],
-            self.dense,
-        );
-        numbers.add(
-            "density_dense",
-            NumberUnit::Percent,
-            percent(self.filled, pixels),
-        );
-        d1(
-            &mut numbers,
-            ["d1_bg_est", "d1_fg_est", "d1_all_est"],
-            self.estimated,
-        );
+        numbers.add_share("density", self.estimated[ALL].pixels, pixels);
+        let dense = ["d1_bg_dense", "d1_fg_dense", "d1_all_dense"];
+        d1(&mut numbers, dense, self.dense);
+        numbers.add_share("density_dense", self.filled, pixels);
+        let estimated = ["d1_bg_est", "d1_fg_est", "d1_all_est"];
+        d1(&mut numbers, estimated, self.estimated);
         numbers.add("pixels", NumberUnit::Count, Some(pixels as f64));
         numbers
     }

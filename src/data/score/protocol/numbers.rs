@@ -31,6 +31,11 @@ impl Numbers {
         self.0.push(Number { name, value, unit });
     }
 
+    /// Adds `100 part / whole`.
+    pub(super) fn add_share(&mut self, name: &'static str, part: usize, whole: usize) {
+        self.add(name, NumberUnit::Percent, percent(part, whole));
+    }
+
     pub fn iter(&self) -> impl Iterator<Item = &Number> {
         self.0.iter()
     }
