@@ -6,15 +6,11 @@
 //! board/state  text
 //! ```
 
-use crate::blueprint::{self, LayoutNode, LayoutView};
+use crate::blueprint::{LayoutNode, LayoutView};
 use crate::picture::gray;
-use crate::target::Destination;
-use crate::{APPLICATION, TIMELINES};
+use crate::target::ViewStream;
 use nalgebra::Point2;
-use rerun::{
-    Clear, LineStrips2D, Points2D, RecordingStream, RecordingStreamBuilder, RecordingStreamError,
-    Rgba32, TextDocument,
-};
+use rerun::{Clear, LineStrips2D, Points2D, Rgba32, TextDocument};
 use svl_bench::sink::{BoardView, RerunTarget};
 use svl_core::Result;
 use svl_core::stereo::StereoPair;
@@ -22,8 +18,7 @@ use svl_data::overlay::viridis;
 
 /// Shows pairs with the corners of a board.
 pub(crate) struct RerunBoard {
-    stream: RecordingStream,
-    target: Destination,
+    view: ViewStream,
     /// Corners in a row.
     columns: usize,
 }
@@ -36,32 +31,14 @@ impl RerunBoard {
     /// # Errors
     /// As [`svl_bench::sink::Viewer::run`].
     pub(crate) fn new(target: RerunTarget, columns: usize) -> Result<Self> {
-        let target = Destination(target);
-        let stream =
-            target.open(RecordingStreamBuilder::new(APPLICATION).recording_name("board"))?;
         let image = |side: &str| {
             LayoutView::new("2D", side, &format!("board/{side}"), ["+ $origin/**"]).into()
         };
         let images = LayoutNode::row("images", SIDES.map(image).into(), &[]);
         let words = LayoutView::new("TextDocument", "state", "board/state", ["+ $origin"]).into();
         let root = LayoutNode::column("board", vec![images, words], &[7.0, 1.0]);
-        let view = Self {
-            stream,
-            target,
-            columns,
-        };
-        view.done(blueprint::send(
-            &root,
-            APPLICATION.into(),
-            TIMELINES[0],
-            view.target.cursor(),
-            &view.stream,
-        ))?;
-        Ok(view)
-    }
-
-    fn done<T>(&self, result: std::result::Result<T, RecordingStreamError>) -> Result<T> {
-        result.map_err(|error| self.target.failed(error))
+        let view = ViewStream::open(target, "board", &root)?;
+        Ok(Self { view, columns })
     }
 }
 
@@ -73,23 +50,22 @@ impl BoardView for RerunBoard {
         corners: [&[Point2<f64>]; 2],
         state: &str,
     ) -> Result<()> {
-        self.stream
-            .set_time_sequence(TIMELINES[0], i64::try_from(sequence).unwrap_or(i64::MAX));
+        self.view.set_pair(sequence);
         for ((side, image), corners) in SIDES
             .into_iter()
             .zip([pair.left(), pair.right()])
             .zip(corners)
         {
             let path = |part: &str| format!("board/{side}{part}");
-            self.done(self.stream.log(path(""), &gray(image)))?;
+            self.view.log(&path(""), &gray(image))?;
             // Rerun's pixels begin at integers; svl's pixel centres lie at integers.
             let points: Vec<[f32; 2]> = corners
                 .iter()
                 .map(|p| [p.x as f32 + 0.5, p.y as f32 + 0.5])
                 .collect();
             let Some(first) = points.first() else {
-                self.done(self.stream.log(path("/rows"), &Clear::flat()))?;
-                self.done(self.stream.log(path("/first"), &Clear::flat()))?;
+                self.view.log(&path("/rows"), &Clear::flat())?;
+                self.view.log(&path("/first"), &Clear::flat())?;
                 continue;
             };
             let rows: Vec<_> = points.chunks(self.columns).map(<[_]>::to_vec).collect();
@@ -98,29 +74,19 @@ impl BoardView for RerunBoard {
                 .map(color)
                 .map(|[r, g, b]| Rgba32::from_rgb(r, g, b))
                 .collect();
-            self.done(
-                self.stream.log(
-                    path("/rows"),
-                    &LineStrips2D::new(rows)
-                        .with_colors(colors)
-                        .with_radii([0.4]),
-                ),
-            )?;
+            let lines = LineStrips2D::new(rows)
+                .with_colors(colors)
+                .with_radii([0.4]);
+            self.view.log(&path("/rows"), &lines)?;
             let red = Rgba32::from_rgb(230, 60, 40);
-            self.done(self.stream.log(
-                path("/first"),
-                &Points2D::new([*first]).with_colors([red]).with_radii([3.0]),
-            ))?;
+            let corner = Points2D::new([*first]).with_colors([red]).with_radii([3.0]);
+            self.view.log(&path("/first"), &corner)?;
         }
-        self.done(
-            self.stream
-                .log("board/state", &TextDocument::from_markdown(state)),
-        )
+        let state = TextDocument::from_markdown(state);
+        self.view.log("board/state", &state)
     }
 
     fn finish(&self) -> Result<()> {
-        self.stream
-            .flush_blocking()
-            .map_err(|error| self.target.broken(&error.to_string()))
+        self.view.flush()
     }
 }

@@ -6,22 +6,18 @@
 //! step/state  text
 //! ```
 
-use crate::blueprint::{self, LayoutNode, LayoutView};
+use crate::blueprint::{LayoutNode, LayoutView};
+use crate::overlay;
 use crate::picture::gray;
-use crate::target::Destination;
-use crate::{APPLICATION, TIMELINES, overlay};
-use rerun::{
-    Boxes2D, LineStrips2D, Radius, RecordingStream, RecordingStreamBuilder, RecordingStreamError,
-    Rgba32, TextDocument,
-};
+use crate::target::ViewStream;
+use rerun::{Boxes2D, LineStrips2D, Radius, Rgba32, TextDocument};
 use svl_bench::sink::{CellNote, RerunTarget, StepView};
 use svl_core::Result;
 use svl_core::stereo::{Frame, GridShape};
 
 /// Shows one frame after the other, in the order of the steps.
 pub(crate) struct RerunSteps {
-    stream: RecordingStream,
-    target: Destination,
+    view: ViewStream,
 }
 
 const PICKED: Rgba32 = Rgba32::from_rgb(255, 221, 50);
@@ -33,38 +29,23 @@ impl RerunSteps {
     /// # Errors
     /// As [`svl_bench::sink::Viewer::run`].
     pub(crate) fn new(target: RerunTarget) -> Result<Self> {
-        let target = Destination(target);
-        let stream =
-            target.open(RecordingStreamBuilder::new(APPLICATION).recording_name("step"))?;
         let image = LayoutView::new("2D", "left", "step/left", ["+ $origin/**"]).into();
         let state = LayoutView::new("TextDocument", "state", "step/state", ["+ $origin"]).into();
         let root = LayoutNode::column("step", vec![image, state], &[5.0, 1.0]);
-        let view = Self { stream, target };
-        view.done(blueprint::send(
-            &root,
-            APPLICATION.into(),
-            TIMELINES[0],
-            view.target.cursor(),
-            &view.stream,
-        ))?;
-        Ok(view)
-    }
-
-    fn done<T>(&self, result: std::result::Result<T, RecordingStreamError>) -> Result<T> {
-        result.map_err(|error| self.target.failed(error))
+        let view = ViewStream::open(target, "step", &root)?;
+        Ok(Self { view })
     }
 }
 
 impl StepView for RerunSteps {
     fn show(&self, frame: &Frame, shape: GridShape, notes: &[CellNote], state: &str) -> Result<()> {
-        let number = i64::try_from(frame.sequence).unwrap_or(i64::MAX);
-        self.stream.set_time_sequence(TIMELINES[0], number);
+        self.view.set_pair(frame.sequence);
         let size = frame.pair.size();
-        self.done(self.stream.log("step/left", &gray(frame.pair.left())))?;
+        self.view.log("step/left", &gray(frame.pair.left()))?;
         let lines = LineStrips2D::new(overlay::lines(shape, size))
             .with_colors([overlay::WHITE])
             .with_radii([Radius::new_ui_points(0.5)]);
-        self.done(self.stream.log("step/left/grid", &lines))?;
+        self.view.log("step/left/grid", &lines)?;
         let half = |range: std::ops::Range<usize>| {
             (range.start as f32, (range.end - range.start) as f32 / 2.0)
         };
@@ -82,15 +63,12 @@ impl StepView for RerunSteps {
             .with_colors(colors)
             .with_labels(notes.iter().map(|note| note.text.as_str()))
             .with_show_labels(true);
-        self.done(self.stream.log("step/left/cells", &boxes))?;
-        self.done(
-            self.stream
-                .log("step/state", &TextDocument::from_markdown(state)),
-        )
+        self.view.log("step/left/cells", &boxes)?;
+        let state = TextDocument::from_markdown(state);
+        self.view.log("step/state", &state)
     }
 
     fn finish(&self) -> Result<()> {
-        let flushed = self.stream.flush_blocking();
-        flushed.map_err(|error| self.target.broken(&error.to_string()))
+        self.view.flush()
     }
 }

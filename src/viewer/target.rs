@@ -1,8 +1,9 @@
 //! Rerun destinations: a file, a viewer started for the run, or a running one.
 
-use crate::blueprint::TimeCursor;
+use crate::blueprint::{self, LayoutNode, TimeCursor};
+use crate::{APPLICATION, TIMELINES};
 use rerun::sink::FileSinkError;
-use rerun::{RecordingStream, RecordingStreamBuilder, RecordingStreamError};
+use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, RecordingStreamError};
 use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpStream};
 use std::process::Command;
@@ -83,6 +84,48 @@ const CONNECT: Duration = Duration::from_secs(3);
 
 /// A target with what goes wrong there.
 pub(crate) struct Destination(pub(crate) RerunTarget);
+
+/// A recording of what a person looks at pair by pair.
+pub(crate) struct ViewStream {
+    stream: RecordingStream,
+    target: Destination,
+}
+
+impl ViewStream {
+    /// Opens `target` for a recording of that name and layout.
+    ///
+    /// # Errors
+    /// As [`svl_bench::sink::Viewer::run`].
+    pub(crate) fn open(target: RerunTarget, name: &str, root: &LayoutNode) -> Result<Self> {
+        let target = Destination(target);
+        let stream = target.open(RecordingStreamBuilder::new(APPLICATION).recording_name(name))?;
+        blueprint::send(
+            root,
+            APPLICATION.into(),
+            TIMELINES[0],
+            target.cursor(),
+            &stream,
+        )
+        .map_err(|error| target.failed(error))?;
+        Ok(Self { stream, target })
+    }
+
+    /// What is logged from here on is of that pair.
+    pub(crate) fn set_pair(&self, sequence: u64) {
+        let number = i64::try_from(sequence).unwrap_or(i64::MAX);
+        self.stream.set_time_sequence(TIMELINES[0], number);
+    }
+
+    pub(crate) fn log(&self, path: &str, what: &impl AsComponents) -> Result<()> {
+        let logged = self.stream.log(path, what);
+        logged.map_err(|error| self.target.failed(error))
+    }
+
+    pub(crate) fn flush(&self) -> Result<()> {
+        let flushed = self.stream.flush_blocking();
+        flushed.map_err(|error| self.target.broken(&error.to_string()))
+    }
+}
 
 impl Destination {
     /// Where the viewer's time cursor is to stand: a file is read from its first frame, a run

@@ -124,11 +124,6 @@ impl Course {
         at.y >= self.goal_m()
     }
 
-    /// The direction of the goal: along the room.
-    pub(super) fn goal_heading(&self) -> f64 {
-        FRAC_PI_2
-    }
-
     /// The place of the route that is nearest to `at`, and `along_m` farther on.
     pub(super) fn route_after(&self, at: GroundPoint, along_m: f64) -> RobotState {
         let distance = |state: &RobotState| (state.at - at).norm();

@@ -2,6 +2,7 @@
 
 use super::course::Course;
 use crate::source::Source;
+use std::f64::consts::FRAC_PI_2;
 use std::sync::{Arc, Mutex, PoisonError};
 use svl_core::Result;
 use svl_core::stereo::{DepthGrid, Frame, Pose};
@@ -210,7 +211,8 @@ impl Drive {
         let then = self.robot.after(self.commands[0], course.frame_s());
         let world = course.world();
         let width_px = world.config().rig.width_px;
-        let goal = course.goal_heading();
+        // The goal is at the end of the arena's length.
+        let goal = FRAC_PI_2;
         let eye = (&world.rig(), width_px);
         self.commands[1] = self.steering.decide(grid, eye, [&self.robot, &then], goal);
     }
