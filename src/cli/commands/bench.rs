@@ -56,10 +56,7 @@ const BUDGET: Duration = Duration::from_secs(2);
 const ROUNDS: std::ops::RangeInclusive<usize> = 5..=1000;
 
 fn size(text: &str) -> Result<(usize, usize), String> {
-    let sides = text
-        .split_once('x')
-        .and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-    sides
+    usage::two(text, 'x')
         .filter(|(w, h)| (32..=4096).contains(w) && (32..=4096).contains(h))
         .ok_or("expected WxH, each 32..=4096".into())
 }

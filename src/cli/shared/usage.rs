@@ -8,6 +8,7 @@ use clap::error::ErrorKind;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::str::FromStr;
 use svl::matcher::Algorithm;
 pub(crate) use svl::scenario::within;
 
@@ -72,6 +73,12 @@ pub(crate) fn algorithm(text: &str) -> svl::Result<Algorithm> {
 }
 
 /// The name of a file with one of these endings.
+/// Two numbers with a character between them.
+pub(crate) fn two<N: FromStr>(text: &str, between: char) -> Option<(N, N)> {
+    let (first, second) = text.split_once(between)?;
+    Some((first.parse().ok()?, second.parse().ok()?))
+}
+
 pub(crate) fn ending(endings: &'static [&'static str]) -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| ends_in(&path, endings).map(|()| path))
 }

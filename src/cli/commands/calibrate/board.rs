@@ -100,10 +100,7 @@ pub(crate) const NOT_TAKEN: &[&str] = &[
 ];
 
 fn squares(text: &str) -> Result<(usize, usize), String> {
-    let sides = text
-        .split_once('x')
-        .and_then(|(columns, rows)| Some((columns.parse().ok()?, rows.parse().ok()?)));
-    let sides = sides.ok_or("expected inner corners along both sides, as 9x6")?;
+    let sides = usage::two(text, 'x').ok_or("expected inner corners along both sides, as 9x6")?;
     Board::new(sides, None).map_err(|e| e.to_string())?;
     Ok(sides)
 }

@@ -80,15 +80,10 @@ fn written(name: &str) -> Result<&'static CalibrationFormat, String> {
 }
 
 fn size(text: &str) -> Result<(usize, usize), String> {
-    let side = |text: &str| {
-        text.parse()
-            .ok()
-            .filter(|side| (1..=svl::stereo::MAX_SIDE).contains(side))
-    };
-    let sides = text
-        .split_once('x')
-        .and_then(|(width, height)| Some((side(width)?, side(height)?)));
-    sides.ok_or_else(|| "expected WIDTHxHEIGHT in pixels, as 640x480".into())
+    let is_side = |side: usize| (1..=svl::stereo::MAX_SIDE).contains(&side);
+    usage::two(text, 'x')
+        .filter(|(width, height)| is_side(*width) && is_side(*height))
+        .ok_or_else(|| "expected WIDTHxHEIGHT in pixels, as 640x480".into())
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {

@@ -1,5 +1,6 @@
 //! Keys: from the terminal, or from a script.
 
+use crate::cli::shared::usage::two;
 use anyhow::{Context, bail};
 use ratatui::crossterm::event::{
     self, Event, KeyCode, KeyEventKind, KeyModifiers, MouseButton, MouseEventKind,
@@ -156,10 +157,6 @@ fn key(event: Event) -> Option<Key> {
 }
 
 fn parse(token: &str, keys: &mut Vec<Key>) -> anyhow::Result<()> {
-    let numbers = |rest: &str, between: char| {
-        let (a, b) = rest.split_once(between)?;
-        Some((a.parse().ok()?, b.parse().ok()?))
-    };
     let mut characters = token.chars();
     if let (Some(only), None) = (characters.next(), characters.next()) {
         keys.push(Key::Char(only));
@@ -167,9 +164,9 @@ fn parse(token: &str, keys: &mut Vec<Key>) -> anyhow::Result<()> {
         keys.push(*key);
     } else if let Some(text) = token.strip_prefix('"').and_then(|t| t.strip_suffix('"')) {
         keys.extend(text.chars().map(Key::Char));
-    } else if let Some((column, row)) = token.strip_prefix("click:").and_then(|t| numbers(t, ',')) {
+    } else if let Some((column, row)) = token.strip_prefix("click:").and_then(|t| two(t, ',')) {
         keys.push(Key::Click(column, row));
-    } else if let Some((w, h)) = token.strip_prefix("resize:").and_then(|t| numbers(t, 'x')) {
+    } else if let Some((w, h)) = token.strip_prefix("resize:").and_then(|t| two(t, 'x')) {
         keys.push(Key::Resize(w, h));
     } else {
         let names: Vec<_> = NAMES.iter().map(|(name, _)| *name).collect();

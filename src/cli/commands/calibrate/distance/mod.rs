@@ -65,10 +65,7 @@ pub(super) struct Args {
 
 fn cell(text: &str) -> Result<(usize, usize), String> {
     let GridShape { columns, rows } = GridSettings::default().shape();
-    let place = text
-        .split_once(',')
-        .and_then(|(column, row)| Some((column.parse().ok()?, row.parse().ok()?)));
-    place
+    usage::two(text, ',')
         .filter(|(column, row)| *column < columns && *row < rows)
         .ok_or_else(|| {
             format!("expected COLUMN,ROW of {columns}x{rows} cells, counted from 0 at the top left")

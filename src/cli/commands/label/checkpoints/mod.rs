@@ -72,11 +72,7 @@ pub(crate) struct Args {
 const MOST_CELLS: usize = 20;
 
 fn grid(text: &str) -> Result<GridShape, String> {
-    let sides = text.split_once('x');
-    let shape = sides.and_then(|(columns, rows)| {
-        let (columns, rows) = (columns.parse().ok()?, rows.parse().ok()?);
-        Some(GridShape { columns, rows })
-    });
+    let shape = usage::two(text, 'x').map(|(columns, rows)| GridShape { columns, rows });
     let fits = |side| (1..=MOST_CELLS).contains(&side);
     shape
         .filter(|shape| fits(shape.columns) && fits(shape.rows))
