@@ -37,4 +37,4 @@ mod words;
 mod readme {}
 
 pub use error::{Error, Result, did_you_mean, nearest};
-pub use words::counted;
+pub use words::{counted, joined};

@@ -1,4 +1,4 @@
-//! Numbers of things in words.
+//! Numbers of things, and lists of them, in words.
 
 use std::fmt::Display;
 
@@ -6,6 +6,12 @@ use std::fmt::Display;
 pub fn counted<N: Display + PartialEq + From<u8>>(n: N, noun: &str) -> String {
     let plural = if n == N::from(1) { "" } else { "s" };
     format!("{n} {noun}{plural}")
+}
+
+/// `a, b, c`.
+pub fn joined(words: impl IntoIterator<Item = impl Display>) -> String {
+    let words: Vec<_> = words.into_iter().map(|word| word.to_string()).collect();
+    words.join(", ")
 }
 
 #[cfg(test)]

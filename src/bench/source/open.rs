@@ -7,7 +7,7 @@ use super::request::Request;
 use super::video::is_video;
 use super::{ArenaSource, BoardSource, FolderSource, LiveSource, RecordingSource, VideoSource};
 use std::path::Path;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, joined};
 use svl_data::arena::Arena;
 use svl_data::grab::{self, DRIVERS, Driver, GrabRequest};
 use svl_data::recording::{Header, Recording, is_bag};
@@ -138,9 +138,9 @@ const FOLDER: &str = "FOLDER";
 /// The sources that [`open`] accepts, in a line.
 pub fn expected() -> String {
     let kinds = SOURCES.iter().filter(|kind| kind.name != CAMERAS);
-    let kinds: Vec<_> = kinds.map(|kind| kind.name).collect();
+    let kinds = joined(kinds.map(|kind| kind.name));
     let drivers: Vec<_> = DRIVERS.iter().map(Driver::source).collect();
-    format!("{}, or cameras: {}", kinds.join(", "), drivers.join(" or "))
+    format!("{kinds}, or cameras: {}", drivers.join(" or "))
 }
 
 /// Opens what a user names; its pairs are rectified as the request says.

@@ -29,7 +29,7 @@ use document::Document;
 use format::Written;
 use std::path::{Path, PathBuf};
 use svl_core::stereo::StereoCalibration;
-use svl_core::{Error, Result, did_you_mean};
+use svl_core::{Error, Result, did_you_mean, joined};
 
 /// All formats, in the order in which a file is tested for them.
 pub const FORMATS: &[CalibrationFormat] = &[
@@ -67,11 +67,7 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
             .find(|format| format.marks.iter().any(|mark| texts[0].contains(mark)))
     };
     let Some(format) = hints.format.or_else(known) else {
-        let names = FORMATS
-            .iter()
-            .map(|f| f.name)
-            .collect::<Vec<_>>()
-            .join(", ");
+        let names = joined(FORMATS.iter().map(|f| f.name));
         return Err(Error::format(
             &paths[0],
             format!("is not a calibration that svl knows: {names}"),
@@ -138,7 +134,7 @@ pub fn written_as(path: &Path) -> Result<&'static CalibrationFormat> {
         )),
         // Middlebury and both KITTI formats share .txt; none is more usual than the others.
         ([_, _, ..], "txt") => {
-            let names = fits.iter().map(|f| f.name).collect::<Vec<_>>().join(", ");
+            let names = joined(fits.iter().map(|f| f.name));
             Err(Error::format(
                 path,
                 format!("could be of several formats; choose one with --to: {names}"),
@@ -176,11 +172,7 @@ pub fn write_as(
 pub fn format(name: &str) -> Result<&'static CalibrationFormat> {
     FORMATS.iter().find(|f| f.name == name).ok_or_else(|| {
         let hint = did_you_mean(name, FORMATS.iter().map(|f| f.name));
-        let names = FORMATS
-            .iter()
-            .map(|f| f.name)
-            .collect::<Vec<_>>()
-            .join(", ");
+        let names = joined(FORMATS.iter().map(|f| f.name));
         Error::Invalid(format!("unknown format '{name}'{hint}; there are {names}"))
     })
 }

@@ -19,11 +19,7 @@ pub(super) fn number(value: f64) -> String {
 
 /// Numbers separated by `, `.
 pub(super) fn listed(values: &[f64]) -> String {
-    values
-        .iter()
-        .map(|&v| number(v))
-        .collect::<Vec<_>>()
-        .join(", ")
+    svl_core::joined(values.iter().map(|&v| number(v)))
 }
 
 /// Numbers separated by blanks.

@@ -1,6 +1,7 @@
 //! Choice of the instruction set that the kernels run on.
 
 use crate::error::{Error, Result};
+use crate::words::joined;
 use std::sync::OnceLock;
 
 /// An instruction set that this CPU has.
@@ -46,10 +47,7 @@ impl Isa {
         Self::available()
             .find(|isa| isa.name() == name)
             .ok_or_else(|| {
-                let available = Self::available()
-                    .map(Self::name)
-                    .collect::<Vec<_>>()
-                    .join(", ");
+                let available = joined(Self::available().map(Self::name));
                 Error::Invalid(format!(
                     "instruction set '{name}' is not one that this CPU has: {available}"
                 ))

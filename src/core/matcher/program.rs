@@ -1,5 +1,6 @@
 //! What is known of a program that matches.
 
+use crate::words::joined;
 use serde::{Deserialize, Serialize};
 
 /// A program behind an algorithm: what it says that it is, and what svl saw of it.
@@ -69,7 +70,7 @@ impl ProgramRecord {
                 format!("reports {reported} a pair, answers after {waited}")
             }),
         ];
-        parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+        joined(parts.into_iter().flatten())
     }
 
     /// Name, version and model, as far as it says them.

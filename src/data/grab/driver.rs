@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::Arc;
 use svl_core::matcher::{Parameter, Value};
 use svl_core::stereo::{Rig, Side};
-use svl_core::{Error, Result, did_you_mean};
+use svl_core::{Error, Result, did_you_mean, joined};
 
 /// A camera driver. Users write `NAME:CAMERAS,option=value,…`.
 pub struct Driver {
@@ -176,19 +176,16 @@ impl Driver {
         let names = |options: &'static [Parameter]| options.iter().map(|option| option.name);
         let both = names(self.options).chain(names(self.camera_options));
         let nearest = did_you_mean(name, both);
-        let join = |options| names(options).collect::<Vec<_>>().join(", ");
         let of_one_camera = match self.camera_options {
             [] => String::new(),
-            options => format!(
-                ", or of both cameras or after left. or right.: {}",
-                join(options)
-            ),
+            options => {
+                let options = joined(names(options));
+                format!(", or of both cameras or after left. or right.: {options}")
+            }
         };
-        Error::Usage(format!(
-            "{}: no option '{name}'{nearest}; options are {}{of_one_camera}",
-            self.name,
-            join(self.options)
-        ))
+        let options = joined(names(self.options));
+        let what = format!("no option '{name}'{nearest}; options are {options}{of_one_camera}");
+        Error::Usage(format!("{}: {what}", self.name))
     }
 
     /// The error for a value that is not `expected`.

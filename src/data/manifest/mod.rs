@@ -14,7 +14,7 @@ use std::path::Path;
 use svl_core::kernel;
 use svl_core::matcher::{self, Algorithm, ProgramRecord, Value};
 use svl_core::stereo::CellRule;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, joined};
 
 /// The version of the files of a report: `schema` in `manifest.json` and `summary.json`.
 ///
@@ -223,7 +223,7 @@ impl Manifest {
             Some(text) => format!("{key} {text}"),
             None => format!("{key} {value}"),
         });
-        Some(words.collect::<Vec<_>>().join(", "))
+        Some(joined(words))
     }
 
     /// The losses that its description allows.

@@ -2,7 +2,7 @@
 
 use crate::score::{METRICS, Metric, MetricOrigin, MetricUnit};
 use serde::{Deserialize, Deserializer, Serialize};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, joined};
 
 /// A limit of a metric: an entry of a scenario's `[[gate]]`.
 ///
@@ -34,8 +34,7 @@ fn metric<'de, D: Deserializer<'de>>(
 ) -> std::result::Result<&'static Metric, D::Error> {
     let name = String::deserialize(deserializer)?;
     Metric::find(&name).ok_or_else(|| {
-        let names: Vec<_> = METRICS.iter().map(|metric| metric.name).collect();
-        let names = names.join(", ");
+        let names = joined(METRICS.iter().map(|metric| metric.name));
         serde::de::Error::custom(format!("unknown metric '{name}': expected one of {names}"))
     })
 }

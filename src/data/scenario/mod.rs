@@ -23,7 +23,7 @@ use crate::arena::{Arena, ArenaConfig, WireObject};
 use crate::files::read_text;
 use svl_core::depth::GridSettings;
 use svl_core::matcher::Algorithm;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, joined};
 
 use crate::score::{Checkpoint, CheckpointPlace, ColumnChoice, Judge};
 use serde::{Deserialize, Serialize};
@@ -230,12 +230,7 @@ impl Scenario {
         } in &self.checkpoints
         {
             let wrong = |what: String| invalid(format!("checkpoint {number} ({name}): {what}"));
-            let names = || {
-                runs.iter()
-                    .map(|run| run.name.as_str())
-                    .collect::<Vec<_>>()
-                    .join(", ")
-            };
+            let names = || joined(runs.iter().map(|run| &run.name));
             let of = |file: &String| runs.iter().filter(|run| run.path.ends_with(file)).count();
             match (file, place) {
                 (Some(file), _) if of(file) != 1 => {

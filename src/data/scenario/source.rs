@@ -10,7 +10,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use svl_core::matcher::Algorithm;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, joined};
 
 const FPS: RangeInclusive<f64> = 0.001..=100_000.0;
 const BITS: RangeInclusive<u8> = 8..=16;
@@ -246,11 +246,9 @@ impl SourceOptions {
         match given.keys().find(is_other) {
             None => Ok(()),
             Some(key) => {
-                let takers = ScenarioKind::ALL
-                    .into_iter()
-                    .filter(|kind| takes(kind, key));
-                let takers: Vec<_> = takers.map(ScenarioKind::noun).collect();
-                let takers = takers.join(", ");
+                let mut takers = ScenarioKind::ALL.to_vec();
+                takers.retain(|kind| takes(kind, key));
+                let takers = joined(takers.into_iter().map(ScenarioKind::noun));
                 Err(Error::Usage(format!("{} is for {takers}", flag(key))))
             }
         }

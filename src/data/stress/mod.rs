@@ -12,7 +12,7 @@ use chance::Chance;
 use std::fmt::{Display, Formatter};
 use std::str::FromStr;
 use svl_core::stereo::{Gray, StereoPair};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, joined};
 
 /// An entry of [`STRESSES`].
 pub struct StressKind {
@@ -219,11 +219,9 @@ impl StressKind {
     pub fn find(name: &str) -> Result<&'static Self> {
         let found = STRESSES.iter().find(|kind| kind.name == name);
         found.ok_or_else(|| {
-            let names: Vec<_> = STRESSES.iter().map(|kind| kind.name).collect();
-            Error::Usage(format!(
-                "stress '{name}': no such kind; expected one of {}",
-                names.join(", ")
-            ))
+            let names = joined(STRESSES.iter().map(|kind| kind.name));
+            let expected = format!("expected one of {names}");
+            Error::Usage(format!("stress '{name}': no such kind; {expected}"))
         })
     }
 }

@@ -6,7 +6,7 @@ use super::{
 use serde::Serialize;
 use std::fmt::Write;
 use svl_bench::report::page::{ImageView, MarkView, PageImages, PictureView, fill};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, joined};
 
 /// Everything that the report shows.
 pub struct FindingsPage<'a> {
@@ -76,22 +76,14 @@ struct PageView<'a> {
 impl FindingsPage<'_> {
     /// Number of experiments per verdict, in words.
     pub fn tally(&self) -> String {
-        let count = |verdict| {
-            self.entries
-                .iter()
-                .filter(|e| e.finding.verdict() == verdict)
-                .count()
-        };
+        let verdicts = || self.entries.iter().map(|e| e.finding.verdict());
+        let count = |verdict| verdicts().filter(|of| *of == verdict).count();
         let words = |verdict: ClaimVerdict| match count(verdict) {
             0 => None,
             1 => Some(format!("1 {}", verdict.words())),
             n => Some(format!("{n} {}", verdict.plural())),
         };
-        ClaimVerdict::ALL
-            .into_iter()
-            .filter_map(words)
-            .collect::<Vec<_>>()
-            .join(", ")
+        joined(ClaimVerdict::ALL.into_iter().filter_map(words))
     }
 
     /// The report as JSON values.

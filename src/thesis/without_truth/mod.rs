@@ -19,8 +19,8 @@ use svl_bench::report::plot::{Chart, SeriesStyle};
 use svl_bench::sink::CollectSink;
 use svl_bench::source::dataset::Scene;
 use svl_bench::source::{ArenaSource, Source};
-use svl_core::Result;
 use svl_core::stereo::{CellRule, GridShape};
+use svl_core::{Result, joined};
 use svl_data::arena::Arena;
 use svl_data::scenario::{Scenario, ScenarioSource};
 use svl_data::score::Judge;
@@ -115,10 +115,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             judged(score, &of_sets, &sets, &mut finding)
         })
         .collect();
-    let names = |scores: &[usize]| {
-        let names: Vec<_> = scores.iter().map(|&i| SCORES[i]).collect();
-        names.join(", ")
-    };
+    let names = |scores: &[usize]| joined(scores.iter().map(|&i| SCORES[i]));
     finding.why = match (&offered[..], sets.len()) {
         (_, 1) => "On the arena alone nothing is decided: name the data sets with --data.".into(),
         ([], _) => "No score meets the criteria on both the arena and the real scenes.".into(),

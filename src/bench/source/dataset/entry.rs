@@ -1,5 +1,7 @@
 //! A data set as data: its origin, and the layout of its scenes on disk.
 
+use svl_core::joined;
+
 /// A public data set.
 #[derive(Debug)]
 pub struct Dataset {
@@ -106,13 +108,7 @@ impl Dataset {
         if names.is_empty() {
             return Ok(self.parts.iter().filter(|p| p.usual).collect());
         }
-        let known = || {
-            self.parts
-                .iter()
-                .map(|p| p.name)
-                .collect::<Vec<_>>()
-                .join(", ")
-        };
+        let known = || joined(self.parts.iter().map(|p| p.name));
         let part = |name: &String| {
             let unknown = || format!("{} has no part '{name}'; it has {}", self.name, known());
             self.parts

@@ -137,14 +137,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 fn header(manifest: &Manifest, groups: &[String], training: &CellTraining) -> String {
     let revision = manifest.git_revision.as_deref().unwrap_or("unknown");
     let algorithm = &training.algorithm;
-    let mut text = format!(
+    let scenarios = svl::joined(training.scenarios.iter().map(|of| &of.name));
+    format!(
         "# Table of cells, made by `svl train cells`, svl {} ({revision}), {}.\n# Of {algorithm}, \
-         from: ",
-        manifest.svl, manifest.began
-    );
-    let scenarios = training.scenarios.iter().map(|of| of.name.as_str());
-    text += &scenarios.collect::<Vec<_>>().join(", ");
-    text += ".\n# Runs and scenes: ";
-    text += &groups.join(", ");
-    text + "\n\n"
+         from: {scenarios}.\n# Runs and scenes: {}\n\n",
+        manifest.svl,
+        manifest.began,
+        groups.join(", ")
+    )
 }

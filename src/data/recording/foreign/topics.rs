@@ -2,6 +2,7 @@
 
 use super::{camera, image};
 use crate::recording::messages::Channel;
+use svl_core::joined;
 
 /// The topics and the largest skew of the pairs in a recording that svl did not write.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -150,13 +151,8 @@ fn unread(channels: &[&Channel]) -> Option<String> {
     let alike = channels
         .iter()
         .filter(|channel| channel.schema == first.schema);
-    let topics = alike
-        .map(|channel| channel.topic.as_str())
-        .collect::<Vec<_>>()
-        .join(", ");
-    let Channel {
-        schema, encoding, ..
-    } = first;
+    let topics = joined(alike.map(|channel| &channel.topic));
+    let (schema, encoding) = (&first.schema, &first.encoding);
     Some(match (encoding.as_str(), name(first).as_str()) {
         ("ros1", _) => format!(
             "{topics}: {schema} of ROS 1; `rosbags-convert --src FILE.bag --dst FOLDER \
