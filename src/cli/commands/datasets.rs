@@ -5,7 +5,6 @@ use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
-use serde::Serialize;
 use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -66,62 +65,10 @@ struct FetchArgs {
     data: Option<PathBuf>,
 }
 
-#[derive(Serialize)]
-struct DatasetEntry {
-    name: &'static str,
-    title: &'static str,
-    home: &'static str,
-    licence: &'static str,
-    citation: &'static str,
-    parts: Vec<PartEntry>,
-}
-
-#[derive(Serialize)]
-struct PartEntry {
-    name: &'static str,
-    usual: bool,
-    megabytes: u32,
-    urls: Vec<String>,
-}
-
-impl DatasetEntry {
-    fn new(dataset: &Dataset) -> Self {
-        let part = |part: &Part| PartEntry {
-            name: part.name,
-            usual: part.usual,
-            megabytes: part.megabytes,
-            urls: part
-                .files
-                .iter()
-                .map(|file| format!("{}{file}", part.base))
-                .collect(),
-        };
-        let &Dataset {
-            name,
-            title,
-            home,
-            licence,
-            citation,
-            parts,
-            ..
-        } = dataset;
-        Self {
-            name,
-            title,
-            home,
-            licence,
-            citation,
-            parts: parts.iter().map(part).collect(),
-        }
-    }
-}
-
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.command {
         Some(DatasetsCommand::Fetch(args)) => fetch(args, quiet),
-        None if args.json => {
-            print_json(&DATASETS.iter().map(DatasetEntry::new).collect::<Vec<_>>())
-        }
+        None if args.json => print_json(&DATASETS),
         None => print(&list()),
     }
 }

@@ -1,9 +1,11 @@
 //! A data set as data: its origin, and the layout of its scenes on disk.
 
+use serde::Serialize;
+use serde::ser::{SerializeStruct, Serializer};
 use svl_core::joined;
 
 /// A public data set.
-#[derive(Debug)]
+#[derive(Debug, Serialize)]
 pub struct Dataset {
     /// Its name on the command line, and of the folder it is fetched into.
     pub name: &'static str,
@@ -16,6 +18,7 @@ pub struct Dataset {
     pub citation: &'static str,
     /// Parts that can be fetched, the usual ones and the others.
     pub parts: &'static [Part],
+    #[serde(skip)]
     pub(super) files: FileNames,
 }
 
@@ -33,6 +36,19 @@ pub struct Part {
     pub files: &'static [&'static str],
     /// Folder that they belong into, below the data set's; empty for that itself.
     pub folder: &'static str,
+}
+
+impl Serialize for Part {
+    /// With the addresses of its files.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let urls = self.files.iter().map(|file| format!("{}{file}", self.base));
+        let mut part = serializer.serialize_struct("Part", 4)?;
+        part.serialize_field("name", self.name)?;
+        part.serialize_field("usual", &self.usual)?;
+        part.serialize_field("megabytes", &self.megabytes)?;
+        part.serialize_field("urls", &urls.collect::<Vec<_>>())?;
+        part.end()
+    }
 }
 
 /// The names that files have. In each, `*` is the scene's number where one folder holds many
