@@ -19,12 +19,9 @@ pub enum YamlNode {
 /// What is wrong, with the line.
 pub fn parse(text: &str) -> Result<YamlNode, String> {
     // OpenCV's first line, `%YAML:1.0`, is not a YAML directive; it becomes a comment.
-    let text = match text.strip_prefix('%') {
-        Some(rest) => format!("#{rest}"),
-        None => text.to_owned(),
-    };
+    let comment = text.strip_prefix('%').map(|rest| format!("#{rest}"));
     let mut tree = Tree::default();
-    for event in Parser::new_from_str(&text) {
+    for event in Parser::new_from_str(comment.as_deref().unwrap_or(text)) {
         let (event, span) =
             event.map_err(|e| format!("line {}: is no YAML: {}", e.marker().line(), e.info()))?;
         tree.add(event)

@@ -296,9 +296,10 @@ impl DriveReport {
                 known[i] = driven.ok();
             }
             let mut rest = units.iter().zip(&mut known);
-            let kept = rest.try_for_each(|(unit, known)| match known.take() {
-                Some(result) => self.take(*unit, result),
-                None => Ok(()),
+            let kept = rest.try_for_each(|(unit, known)| {
+                known
+                    .take()
+                    .map_or(Ok(()), |result| self.take(*unit, result))
             });
             ran.and(kept)
         });

@@ -94,10 +94,7 @@ impl Source for Limited {
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        match self.ahead.take() {
-            Some(ahead) => ahead,
-            None => self.read(),
-        }
+        self.ahead.take().unwrap_or_else(|| self.read())
     }
 
     /// Seeks where no range of time is asked for, which only reading on finds.

@@ -239,9 +239,10 @@ struct TrainingView<'a> {
     incomplete: Option<String>,
 }
 
+/// A chart of the page, with its heading and what it shows.
 #[derive(Serialize)]
-struct PlotView {
-    title: &'static str,
-    about: &'static str,
-    svg: String,
+pub(super) struct PlotView {
+    pub title: &'static str,
+    pub about: &'static str,
+    pub svg: String,
 }

@@ -52,10 +52,8 @@ impl LearnedCells {
             };
             let start = RunStart::new(&manifest, run.seed, &judge);
             // The same walk in another arena is no other scene.
-            let name = match run.seed {
-                Some(seed) => format!("arena seed {seed}"),
-                None => run.name(),
-            };
+            let of_seed = run.seed.map(|seed| format!("arena seed {seed}"));
+            let name = of_seed.unwrap_or_else(|| run.name());
             let title = format!("learn {}, {name}", scenario.name);
             let watch = Watch::new(console, &title, run.pairs(), None);
             let collected = frames_through(&mut run, &mut matchers, &start, of_frame, watch)?;

@@ -1,5 +1,6 @@
 //! Results of the training of a filter, for people.
 
+use super::cells::PlotView;
 use crate::report::page::{data_url, fill};
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use serde::Serialize;
@@ -233,7 +234,7 @@ impl FilterTraining {
     /// [`svl_core::Error::Invalid`] with what the template engine or the plotting library says.
     pub fn page(&self, identity: Vec<(String, String)>) -> Result<String> {
         let plot = |(title, about, chart): (&'static str, &'static str, Chart)| {
-            Ok(FilterPlot {
+            Ok(PlotView {
                 title,
                 about,
                 svg: chart.svg()?,
@@ -318,15 +319,8 @@ struct FilterView<'a> {
     false_rejection: String,
     area: String,
     examples: &'a [Vec<WindowExample>; 2],
-    charts: Vec<FilterPlot>,
+    charts: Vec<PlotView>,
     images: [(); 0],
     identity: Vec<(String, String)>,
     incomplete: Option<String>,
-}
-
-#[derive(Serialize)]
-struct FilterPlot {
-    title: &'static str,
-    about: &'static str,
-    svg: String,
 }

@@ -60,10 +60,10 @@ pub fn windows(
         let mut frames = BTreeSet::new();
         for run in runs {
             let (mut run, judge) = run.open(&scenario, console, None)?;
-            let name = match run.seed {
-                Some(seed) => format!("{} seed {seed}", scenario.name),
-                None => run.name(),
-            };
+            let of_seed = run
+                .seed
+                .map(|seed| format!("{} seed {seed}", scenario.name));
+            let name = of_seed.unwrap_or_else(|| run.name());
             let manifest = Manifest::new(&scenario.name, &[])?;
             let group = names.len();
             let of_frame = {

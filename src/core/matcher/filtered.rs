@@ -28,10 +28,7 @@ impl Matcher for FilteredMatcher {
             depth::cells(map, left, context.grid, context.cells, rig)
         };
         let own = output.grid.take();
-        let unfiltered = match &own {
-            Some(own) => own.clone(),
-            None => grid(output),
-        };
+        let unfiltered = own.clone().unwrap_or_else(|| grid(output));
         output
             .clock
             .lap_with(Stage::Checks, std::time::Duration::ZERO);

@@ -302,6 +302,13 @@ impl CellRule {
         }
     }
 
+    /// How far off a distance may be, metres: near things need centimetres, far ones a share of the
+    /// distance.
+    pub fn tolerance_at_m(&self, distance_m: f64) -> f64 {
+        let (metres, percent) = self.tolerances();
+        (percent / 100.0 * distance_m).max(metres)
+    }
+
     /// Below which distance something is an obstacle, and beyond which it need not be avoided yet.
     pub fn obstacle_and_clear_m(&self) -> (f64, f64) {
         match *self {

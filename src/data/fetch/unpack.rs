@@ -114,10 +114,8 @@ fn seven(file: BufReader<File>, most: u64, mut target: Unpacker<'_>) -> Result<U
         failure = target.take(&entry.name, kind, bytes).err();
         Ok(failure.is_none())
     });
-    match failure {
-        Some(failure) => Err(failure),
-        None => walked.map_err(broken).map(|()| target.made),
-    }
+    let walked = failure.map_or_else(|| walked.map_err(broken), Err);
+    walked.map(|()| target.made)
 }
 
 fn damaged(archive: &Path, error: &dyn std::fmt::Display) -> Error {

@@ -23,21 +23,13 @@ pub fn read_scaled_disparity(path: &Path, scale: f32, zero_unknown: bool) -> Res
             v / scale
         }
     };
-    let values = match image {
+    let values: Vec<u16> = match image {
         // Only 16-bit grey keeps all its bits; everything else is 8 bits by convention.
-        DynamicImage::ImageLuma16(grey) => grey
-            .into_raw()
-            .into_iter()
-            .map(|v| disparity(f32::from(v)))
-            .collect(),
-        other => other
-            .into_luma8()
-            .into_raw()
-            .into_iter()
-            .map(|v| disparity(f32::from(v)))
-            .collect(),
+        DynamicImage::ImageLuma16(grey) => grey.into_raw(),
+        other => other.into_luma8().iter().map(|&v| v.into()).collect(),
     };
-    Plane::from_vec(width, height, values)
+    let values = values.into_iter().map(|v| disparity(f32::from(v)));
+    Plane::from_vec(width, height, values.collect())
 }
 
 /// KITTI's 16-bit images hold 256 times the disparity.

@@ -95,9 +95,7 @@ impl Index {
     /// # Errors
     /// [`Error::Damaged`] where the walk did not reach the end of the file.
     pub(super) fn check_complete(&self, path: &Path) -> Result<()> {
-        match &self.damage {
-            Some(reason) => Err(Error::damaged(path, reason.clone())),
-            None => Ok(()),
-        }
+        let damage = self.damage.as_ref();
+        damage.map_or(Ok(()), |reason| Err(Error::damaged(path, reason.clone())))
     }
 }

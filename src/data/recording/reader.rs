@@ -247,10 +247,8 @@ impl Reader {
     /// once, where the file is truncated or corrupt: all pairs before it are good, and there are no
     /// more.
     pub fn next_pair(&mut self) -> Result<Option<Frame>> {
-        match self.ahead.pop_front() {
-            Some(next) => next.map(Some),
-            None => self.read(),
-        }
+        let ahead = self.ahead.pop_front();
+        ahead.map_or_else(|| self.read(), |next| next.map(Some))
     }
 
     fn read(&mut self) -> Result<Option<Frame>> {

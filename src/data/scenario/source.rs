@@ -243,15 +243,14 @@ impl SourceOptions {
         let given = self.given()?;
         let takes = |kind: &ScenarioKind, key: &str| kind.keys().contains(&key);
         let is_other = |key: &&String| !kinds.iter().any(|kind| takes(kind, key));
-        match given.keys().find(is_other) {
-            None => Ok(()),
-            Some(key) => {
-                let mut takers = ScenarioKind::ALL.to_vec();
-                takers.retain(|kind| takes(kind, key));
-                let takers = joined(takers.into_iter().map(ScenarioKind::noun));
-                Err(Error::Usage(format!("{} is for {takers}", flag(key))))
-            }
-        }
+        let Some(key) = given.keys().find(is_other) else {
+            return Ok(());
+        };
+        let takers = ScenarioKind::ALL
+            .into_iter()
+            .filter(|kind| takes(kind, key));
+        let takers = joined(takers.map(ScenarioKind::noun));
+        Err(Error::Usage(format!("{} is for {takers}", flag(key))))
     }
 
     /// Refuses options that a command does not take.

@@ -137,16 +137,10 @@ fn judge_cell(
     let true_m = truth.and_then(|t| t.distance_m);
     let distances = true_m.zip(reported.and_then(|r| r.distance_m));
     let (has_truth, within) = match rule {
-        CellRule::Distance {
-            tolerance_m,
-            tolerance_percent,
-            ..
-        } => {
-            // The larger of the two: near things need centimetres, far ones a share of the
-            // distance.
-            let tolerance = |z_true: f64| (tolerance_percent / 100.0 * z_true).max(tolerance_m);
-            let within = distances.map(|(z_true, z)| (z - z_true).abs() <= tolerance(z_true));
-            (true_m.is_some(), within)
+        CellRule::Distance { .. } => {
+            let is_within =
+                |(z_true, z): (f64, f64)| (z - z_true).abs() <= rule.tolerance_at_m(z_true);
+            (true_m.is_some(), distances.map(is_within))
         }
         CellRule::Disparity { tolerance_px } => {
             let disparities = truth.zip(reported);

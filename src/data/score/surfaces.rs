@@ -102,15 +102,10 @@ fn agrees(
     surface: bool,
 ) -> bool {
     match rule {
-        CellRule::Distance {
-            tolerance_m,
-            tolerance_percent,
-            ..
-        } => {
+        CellRule::Distance { .. } => {
             let true_m = rig.and_then(|rig| rig.depth_m(true_px));
-            true_m.zip(report.distance_m).is_some_and(|(z_true, z)| {
-                (z - z_true).abs() <= (tolerance_percent / 100.0 * z_true).max(tolerance_m)
-            })
+            let distances = true_m.zip(report.distance_m);
+            distances.is_some_and(|(z_true, z)| (z - z_true).abs() <= rule.tolerance_at_m(z_true))
         }
         CellRule::Disparity { tolerance_px } => {
             let share = if surface { 0.05 * true_px } else { 0.0 };

@@ -32,12 +32,7 @@ pub(super) fn steady(
     seconds: f64,
     rule: CellRule,
 ) -> Option<usize> {
-    let CellRule::Distance {
-        tolerance_m,
-        tolerance_percent,
-        ..
-    } = rule
-    else {
+    let CellRule::Distance { .. } = rule else {
         return None;
     };
     let distance = |depth: Option<CellDepth>| depth.and_then(|depth| depth.distance_m);
@@ -45,16 +40,12 @@ pub(super) fn steady(
         distance(now)
             .zip(distance(before))
             .is_some_and(|(now, before)| {
-                let tolerance = tolerance_m.max(tolerance_percent / 100.0 * before);
-                (now - before).abs() <= tolerance + SPEED_M_S * seconds
+                (now - before).abs() <= rule.tolerance_at_m(before) + SPEED_M_S * seconds
             })
     };
     let cells = now.iter().zip(before.iter());
-    Some(
-        cells
-            .filter(|((_, now), (_, before))| is_steady(now.depth, before.depth))
-            .count(),
-    )
+    let steady = cells.filter(|((_, now), (_, before))| is_steady(now.depth, before.depth));
+    Some(steady.count())
 }
 
 #[cfg(test)]

@@ -62,10 +62,7 @@ impl FolderSource {
         let (origin, stamps) = match (request.fps, stamps(folder, found.layout, &found.pairs)?) {
             (None, Some(stamps)) => (None, stamps),
             (hz, _) => {
-                let origin = match hz {
-                    Some(hz) => StampOrigin::Given(hz),
-                    None => StampOrigin::Nominal(NOMINAL_HZ),
-                };
+                let origin = hz.map_or(StampOrigin::Nominal(NOMINAL_HZ), StampOrigin::Given);
                 let numbers = 0..found.pairs.len() as u64;
                 let stamps = numbers.map(|i| (origin.stamp_ns(i), None)).collect();
                 (Some(origin), stamps)

@@ -65,10 +65,8 @@ pub(in crate::recording) fn choose(
     // Who publishes image_rect_color beside image_rect means the same image.
     let all = topics.clone();
     let is_repeated = |topic: &str| {
-        let (name, transport) = match topic.strip_suffix("/compressed") {
-            Some(name) => (name, "/compressed"),
-            None => (topic, ""),
-        };
+        let raw = topic.strip_suffix("/compressed");
+        let (name, transport) = raw.map_or((topic, ""), |name| (name, "/compressed"));
         let grey = name
             .strip_suffix("_color")
             .map(|grey| format!("{grey}{transport}"));

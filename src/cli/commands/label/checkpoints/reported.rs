@@ -57,12 +57,13 @@ impl Reported {
     /// The report of a cell: a distance, or that it is unknown.
     pub(super) fn words(&self, (column, row): (usize, usize)) -> String {
         let cell = self.grid.as_ref().map(|grid| grid.cell(column, row));
-        match cell.and_then(|cell| cell.depth) {
+        match cell
+            .and_then(|cell| cell.depth)
+            .map(|depth| depth.distance_m)
+        {
             None => "?".to_owned(),
-            Some(depth) => match depth.distance_m {
-                Some(metres) => format!("{metres:.2}"),
-                None => "far".to_owned(),
-            },
+            Some(None) => "far".to_owned(),
+            Some(Some(metres)) => format!("{metres:.2}"),
         }
     }
 }
