@@ -373,3 +373,11 @@ fn rust_examples_are_doctests() {
         );
     }
 }
+
+#[test]
+fn the_page_of_tables_is_what_svl_columns_prints() {
+    let page = Fixture::new().run("columns --markdown");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/tables.md");
+    let kept = fs::read_to_string(path).unwrap();
+    assert!(page == kept, "svl columns --markdown > docs/tables.md");
+}

@@ -247,6 +247,7 @@ record! {
         /// The report at those points, which the truth is compared with: moved by the difference
         /// between the algorithm's map there and in the whole cell.
         at_points_px: Option<f64>,
+        /// The same as a distance.
         at_points_m: Option<f64>,
     }
 }

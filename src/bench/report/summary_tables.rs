@@ -447,7 +447,12 @@ fn stress_table(kind: &'static StressKind, stress: &[StressSummary]) -> Table {
         0.0 => "as it is".to_owned(),
         level => level.to_string(),
     });
-    let title = format!("Stress: {}, {}", kind.name, kind.unit);
+    let numbers = match (is_driven, has_truth) {
+        (true, _) => "collisions per 100 m",
+        (_, true) => "right cells, %",
+        (_, false) => "known cells, %",
+    };
+    let title = format!("Stress: {}, {}: {numbers}", kind.name, kind.unit);
     let heads = heads.chain(["breaks at".to_owned()]);
     let mut table = Table::new(title, "algorithm").with_columns(heads);
     // By size: a perturbation to either side breaks at its smallest.
@@ -468,15 +473,7 @@ fn stress_table(kind: &'static StressKind, stress: &[StressSummary]) -> Table {
         let breaks = breaks.unwrap_or_else(|| NONE.to_owned());
         table.push(algorithm, cells.chain([breaks]));
     }
-    let numbers = match (is_driven, has_truth) {
-        (true, _) => "collisions per 100 m",
-        (_, true) => "right cells, %",
-        (_, false) => "known cells, %",
-    };
     let (summary, unit, formula) = (kind.summary, kind.unit, kind.formula);
-    table.note(
-        kind.name,
-        format!("{summary}; numbers: {numbers}, by level, {unit}: {formula}"),
-    );
+    table.note(kind.name, format!("{summary}; level, {unit}: {formula}"));
     table
 }

@@ -425,7 +425,7 @@ fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
     Err(Error::Usage(format!(
         "{} is for {}, and '{}' is {}",
         flag(key),
-        nouns(key).join(", "),
+        joined(nouns(key)),
         request.name,
         kind.noun
     )))

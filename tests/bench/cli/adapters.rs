@@ -63,7 +63,8 @@ fn a_decorated_function_of_two_arrays_is_a_matcher() {
             "disparities of shape (2, 2), expected (240, 320)",
         ],
     );
-    assert_says(&ran.stdout, &["program: mine: mine 3, in colour, reports"]);
+    let summary = fixture.text("r/summary.md");
+    assert_says(&summary, &["program: mine: mine 3, in colour, reports"]);
     let cells = fixture.text("r/cells.csv");
     let known = cells.lines().filter(|line| line.contains(",0.9,")).count();
     assert_eq!(known, 2, "{cells}");
@@ -280,8 +281,9 @@ fn a_header_makes_a_program_in_cpp() {
     ]);
     assert_eq!(ran.code, Some(4), "{}", ran.stderr);
     assert_says(&ran.stderr, &["answered: no \"such\" texture"]);
+    let summary = fixture.text("r/summary.md");
     assert_says(
-        &ran.stdout,
+        &summary,
         &["mine: mine \"in\" C++, 1 thread, in colour, reports"],
     );
     let cells = fixture.text("r/cells.csv");

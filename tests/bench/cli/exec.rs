@@ -36,7 +36,7 @@ fn the_others_go_on_when_one_fails() {
         "run.rrd", "-o", "r.mcap",
     ]);
     assert_eq!(ran.code, Some(4));
-    assert_says(&ran.stdout, &["v3", "(6 pairs)"]);
+    assert_says(&ran.stdout, &["v3", ": 6 pairs of"]);
     let told: Vec<_> = ran
         .stderr
         .lines()
@@ -192,7 +192,10 @@ fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
     let page = fixture.text("r/index.html");
     assert_says(
         &page,
-        &["some on 1 pair: ", "never on every pair: ", "Warnings ("],
+        &[
+            "some failed on 1 pair and is not ranked",
+            "never failed on every pair: ",
+        ],
     );
     let json = fixture.svl(&[&line[..], &["--json"]].concat());
     let summary: serde_json::Value = serde_json::from_str(&json.stdout).unwrap();

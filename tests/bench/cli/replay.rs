@@ -52,7 +52,7 @@ fn same_hashes_on_any_number_of_threads_and_any_instruction_set() {
 fn several_algorithms_share_one_run() {
     let fixture = recorded("2");
     let text = fixture.run("replay a.mcap --algo v3 --algo v3:max_disparity=40");
-    assert_says(&text, &["v3:max_disparity=40", "a.mcap (2 pairs)"]);
+    assert_says(&text, &["v3:max_disparity=40", "a.mcap: 2 pairs"]);
     let args = "replay a.mcap --algo v3 --rerun run.rrd -o result.mcap --rows r.parquet --json";
     let json = fixture.json(args);
     assert_eq!(json["algorithms"][0]["pairs"], 2);
@@ -70,7 +70,7 @@ fn without_a_recording_it_takes_the_newest() {
     let fixture = Fixture::new();
     fixture.run("record --frames 2");
     let text = fixture.run("replay");
-    assert_says(&text, &["recordings/arena-seed1-1.mcap (2 pairs)"]);
+    assert_says(&text, &["recordings/arena-seed1-1.mcap: 2 pairs"]);
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn a_cut_recording_is_replayed_as_far_as_it_goes() {
     let rows = fixture.text("rows.csv").lines().count() - 1;
     assert!((1..6).contains(&rows), "{rows} pairs are whole");
     assert!(
-        ran.stdout.contains(&format!("cut.mcap ({rows} pairs)")),
+        ran.stdout.contains(&format!("cut.mcap: {rows} pair")),
         "{}",
         ran.stdout
     );
@@ -297,7 +297,7 @@ fn the_folder_of_a_bag_is_a_recording() {
     fixture.run("record --frames 2 --ros2 -o bag/a.mcap");
     fixture.run("record bag -o b.mcap --max-skew-ms 1");
     assert_says(&fixture.run("info bag"), &["a.mcap"]);
-    assert!(fixture.run("replay bag").starts_with("bag (2 pairs)"));
+    assert!(fixture.run("replay bag").starts_with("bag: 2 pairs"));
     fixture.run("recover bag -o c.mcap");
     fixture.fails("record bag -o bag/a.mcap --force => 2: bag/a.mcap: named twice");
     fs::copy(fixture.path("bag/a.mcap"), fixture.path("bag/b.mcap")).unwrap();

@@ -93,7 +93,7 @@ fn what_is_left_of_an_unfinished_recording_is_replayed() {
     let bytes = fixture.bytes("sim.mcap");
     std::fs::write(fixture.path("cut.mcap"), &bytes[..bytes.len() * 2 / 3]).unwrap();
     let answer = fixture.svl("replay cut.mcap");
-    assert_says(&answer.stdout, &["cut.mcap (", "v5"]);
+    assert_says(&answer.stdout, &["cut.mcap: ", "v5"]);
     answer.failed(1, &["incomplete or damaged", "inside a record"]);
 }
 

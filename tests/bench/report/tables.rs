@@ -1,6 +1,7 @@
 //! Tables as CSV and Parquet.
 
 use super::fixture::{blind, cell, checkpoint, example, parquet, row};
+use polars::prelude::{ParquetReader, SerReader};
 use svl::Error;
 use svl::report::table::TerminalStyle;
 use svl::report::{
@@ -175,7 +176,11 @@ fn an_empty_run_has_tables_and_says_so() {
     let table = TableWriter::<CellRow>::create_both(folder.path(), "cells").unwrap();
     table.finish().unwrap();
     let summary = Summary::from_rows(&[], &[]).unwrap();
-    assert_eq!(summary, Summary::default());
+    let none = Summary {
+        schema: svl::manifest::SCHEMA,
+        ..Summary::default()
+    };
+    assert_eq!(summary, none);
     let text = summary.terminal("none", TerminalStyle::plain(80), false);
     assert!(text.ends_with("\nno pairs\n"), "{text}");
     assert_eq!(
@@ -203,4 +208,55 @@ fn every_column_has_a_meaning_also_in_its_file() {
             assert!(column.unit.is_some() || !has_time, "{table}.{name}");
         }
     }
+}
+
+#[test]
+fn parquet_fields_have_units_and_descriptions() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut table = TableWriter::create_both(folder.path(), "rows").unwrap();
+    table.push([row("v3", 0, 5_000)]).unwrap();
+    table.finish().unwrap();
+    let file = std::fs::File::open(folder.path().join("rows.parquet")).unwrap();
+    let schema = ParquetReader::new(file).schema().unwrap();
+    for column in Row::columns() {
+        let metadata = schema.get(column.name).unwrap().metadata.clone().unwrap();
+        let text = |key: &str| metadata.get(key).map(|text| text.to_string());
+        assert_eq!(text("description"), Some(column.about), "{}", column.name);
+        assert_eq!(
+            text("unit"),
+            column.unit.map(str::to_owned),
+            "{}",
+            column.name
+        );
+    }
+}
+
+#[test]
+fn a_sweep_has_a_column_per_parameter() {
+    let folder = tempfile::tempdir().unwrap();
+    let labels = ["v3:texture_sigma=0.8", "wide=bm:uniqueness=15"];
+    let algorithms = labels.map(|label| label.parse().unwrap());
+    svl::report::write_algorithms(folder.path(), &algorithms).unwrap();
+    let text = std::fs::read_to_string(folder.path().join("algorithms.csv")).unwrap();
+    let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    let cell = |row: usize, name: &str| {
+        let place = lines[0].iter().position(|head| *head == name).unwrap();
+        lines[row][place]
+    };
+    assert_eq!(
+        (
+            cell(1, "name"),
+            cell(1, "texture_sigma"),
+            cell(1, "uniqueness")
+        ),
+        ("v3", "0.8", "")
+    );
+    assert_eq!(
+        (cell(2, "algorithm"), cell(2, "uniqueness")),
+        ("wide", "15")
+    );
+    let file = std::fs::File::open(folder.path().join("algorithms.parquet")).unwrap();
+    let frame = ParquetReader::new(file).finish().unwrap();
+    let sigma = frame.column("texture_sigma").unwrap().f64().unwrap();
+    assert_eq!(sigma.iter().collect::<Vec<_>>(), [Some(0.8), None]);
 }
