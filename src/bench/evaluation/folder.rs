@@ -104,6 +104,7 @@ impl ReportContent {
             &folder.join("summary.md"),
             summary.markdown(&manifest.scenario),
         )?;
+        write(&folder.join("summary.tex"), summary.headline().latex())?;
         write_json(&folder.join("summary.json"), &summary)?;
         write_json(&folder.join(MANIFEST), &manifest)?;
         let gate = head.limits.iter();
@@ -232,6 +233,7 @@ const REPORT_FILES: &[&str] = &[
     COURSES,
     PART,
     "summary.md",
+    "summary.tex",
     "summary.json",
     "index.html",
     REPORT_RUN,

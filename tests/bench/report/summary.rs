@@ -237,6 +237,11 @@ fn all_columns_and_their_meanings_fit_into_the_width() {
 }
 
 #[test]
+fn a_paper_gets_the_headline_in_latex() {
+    insta::assert_snapshot!("summary.tex", run(&EIGHT[..2]).headline().latex());
+}
+
+#[test]
 fn columns_are_those_that_are_named() {
     let mut summary = run(&EIGHT);
     summary.columns = "missed25,time".parse().unwrap();

@@ -1,8 +1,9 @@
-//! A table of texts and bars: one form for terminal, Markdown and HTML.
+//! A table of texts and bars: one form for terminal, Markdown, LaTeX and HTML.
 //!
-//! [`Table::terminal`] and [`Table::markdown`] render it; a page gets it serialized and renders it
+//! [`Table::terminal`], [`Table::markdown`] and [`Table::latex`] render it; a page gets it serialized and renders it
 //! with the macro `table` of `tables.html`.
 
+mod latex;
 mod markdown;
 mod terminal;
 
