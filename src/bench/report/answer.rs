@@ -10,10 +10,14 @@ use super::summary::{AlgorithmSummary, Summary};
 use super::words::value;
 use std::collections::BTreeMap;
 use svl_data::bootstrap::{Interval, Resamples, Sample};
-use svl_data::score::{Better, Metric, RunKind};
+use svl_data::score::{Better, Metric, MetricUnit, RunKind};
 
 /// Share of wrong cells above which an algorithm is not called best by anything.
 pub(super) const MOST_WRONG: f64 = 0.1;
+
+/// Share of right cells below which it is not, either: an algorithm that answers nothing misses
+/// nothing.
+const LEAST_RIGHT: f64 = 0.1;
 
 /// The metrics by which algorithms are called best.
 fn answer_metrics(kind: RunKind) -> Vec<&'static Metric> {
@@ -31,10 +35,12 @@ impl Summary {
     pub fn find_leads(&mut self, rows: &[Row], drives: &[DriveRow]) {
         let rows: Vec<_> = rows.iter().filter(|row| row.stress.is_none()).collect();
         let lead = |metric| self.lead(metric, &rows, drives);
-        self.leads = answer_metrics(self.kind())
-            .into_iter()
-            .filter_map(lead)
-            .collect();
+        let metrics = answer_metrics(self.kind()).into_iter();
+        let leads: Vec<_> = metrics.filter_map(lead).collect();
+        let fastest = leads
+            .first()
+            .and_then(|first| self.fastest(&first.algorithm, &rows));
+        self.leads = leads.into_iter().chain(fastest).collect();
     }
 
     fn lead(&self, metric: &'static Metric, rows: &[&Row], drives: &[DriveRow]) -> Option<Lead> {
@@ -69,13 +75,43 @@ impl Summary {
         })
     }
 
-    /// The algorithms that may be called best: those with a result of every pair and few wrong
-    /// cells.
+    /// The fastest of the algorithms that may be called best, with the best one as its second.
+    fn fastest(&self, best: &str, rows: &[&Row]) -> Option<Lead> {
+        let metric = Metric::find("time").filter(|_| self.kind() != RunKind::Courses)?;
+        let of = |a: &AlgorithmSummary| self.ranked(a, metric);
+        let best = self.algorithms.iter().find(|a| a.algorithm == best)?;
+        let own = of(best)?;
+        let trusted = self.trusted().into_iter();
+        let timed = trusted.filter_map(|a| Some((of(a)?, a)));
+        let (value, fastest) = timed.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let labels = [fastest, best].map(|a| a.algorithm.as_str());
+        let second = || RunnerUp {
+            algorithm: best.algorithm.clone(),
+            value: own,
+            certainty: of_pairs(metric, labels, rows),
+        };
+        Some(Lead {
+            metric,
+            algorithm: fastest.algorithm.clone(),
+            value,
+            is_outdone: self
+                .algorithms
+                .iter()
+                .any(|a| of(a).is_some_and(|ms| ms < value)),
+            second: (fastest.algorithm != best.algorithm).then(second),
+        })
+    }
+
+    /// The algorithms that may be called best: those with a result of every pair, few wrong cells
+    /// and some right ones.
     fn trusted(&self) -> Vec<&AlgorithmSummary> {
         let mut trusted = self.candidates();
-        let wrong = Metric::find("wrong").filter(|_| self.kind() == RunKind::Distances);
-        let share = |a: &AlgorithmSummary| wrong.and_then(|metric| a.value(metric));
-        trusted.retain(|a| share(a).is_none_or(|wrong| wrong <= MOST_WRONG));
+        let is_scored = self.kind() == RunKind::Distances;
+        let share = |a: &AlgorithmSummary, name| a.value(Metric::find(name).filter(|_| is_scored)?);
+        trusted.retain(|a| {
+            share(a, "wrong").is_none_or(|wrong| wrong <= MOST_WRONG)
+                && share(a, "right").is_none_or(|right| right >= LEAST_RIGHT)
+        });
         trusted
     }
 
@@ -85,12 +121,13 @@ impl Summary {
             return Vec::new();
         }
         if self.leads.is_empty() {
-            let has_wrong = self.kind() == RunKind::Distances && self.trusted().is_empty();
-            let words = "All algorithms have more than 10 % wrong cells, so none is called best.";
-            return Vec::from_iter(has_wrong.then(|| words.to_owned()));
+            let is_empty = self.kind() == RunKind::Distances && self.trusted().is_empty();
+            let words = format!("No algorithm has {TRUSTED}, so none is called best.");
+            return Vec::from_iter(is_empty.then_some(words));
         }
         let mut sentences: Vec<(&str, Vec<String>)> = Vec::new();
-        for lead in &self.leads {
+        let is_time = |lead: &&Lead| lead.metric.unit == MetricUnit::Ms;
+        for lead in self.leads.iter().filter(|lead| !is_time(lead)) {
             let words = words(lead);
             match sentences
                 .iter_mut()
@@ -109,35 +146,50 @@ impl Summary {
             format!("{algorithm} has {listed}.")
         };
         let sentences = sentences.into_iter().map(sentence);
-        sentences.chain(self.speed_answer()).collect()
+        let fastest = self.leads.iter().find(is_time);
+        sentences
+            .chain(fastest.and_then(|lead| self.speed_words(lead)))
+            .collect()
     }
 
-    /// Which algorithm is faster than the best one, and at what cost.
-    fn speed_answer(&self) -> Option<String> {
-        let (time, first) = (Metric::find("time")?, self.leads.first()?);
-        let of = |label: &str| self.algorithms.iter().find(|a| a.algorithm == label);
-        let best = of(&first.algorithm)?;
-        let own = self.ranked(best, time)?;
-        let trusted = self.trusted();
-        let timed = trusted
-            .iter()
-            .filter_map(|a| Some((self.ranked(a, time)?, *a)));
-        let (fastest_ms, fastest) = timed.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        if self.kind() == RunKind::Courses {
-            return None;
-        }
-        let [fastest_time, own_time] = [fastest_ms, own].map(|ms| value(time, ms));
-        Some(if fastest.algorithm == best.algorithm {
-            format!("It is also the fastest ({own_time} per pair).")
+    /// The fastest algorithm, and at what cost.
+    fn speed_words(&self, fastest: &Lead) -> Option<String> {
+        let name = &fastest.algorithm;
+        let among = if fastest.is_outdone {
+            format!(" with {TRUSTED}")
         } else {
-            let cost = self.value(&fastest.algorithm, first.metric, None)?;
-            let cost = value(first.metric, cost);
-            format!(
-                "{} is the fastest ({fastest_time} per pair, {} {own_time}), with {cost} {}.",
-                fastest.algorithm, best.algorithm, first.metric.words
-            )
-        })
+            String::new()
+        };
+        let time = value(fastest.metric, fastest.value);
+        let Some(best) = &fastest.second else {
+            return Some(format!(
+                "{name} is also the fastest{among} ({time} per pair)."
+            ));
+        };
+        let first = self.leads.first()?;
+        let cost = value(first.metric, self.value(name, first.metric, None)?);
+        let best = second_words(fastest.metric, best);
+        let words = first.metric.words;
+        Some(format!(
+            "{name} is the fastest{among} ({time} per pair{best}), with {cost} {words}."
+        ))
     }
+}
+
+/// The condition of [`Summary::trusted`] in words.
+const TRUSTED: &str = "at most 10 % wrong and at least 10 % right cells";
+
+/// The second best behind the value of the best.
+fn second_words(metric: &Metric, second: &RunnerUp) -> String {
+    let certainty = match second.certainty.words() {
+        "" => String::new(),
+        words => format!(": {words}"),
+    };
+    format!(
+        ", {} {}{certainty}",
+        second.algorithm,
+        value(metric, second.value)
+    )
 }
 
 /// A lead behind the name of its algorithm and "has".
@@ -146,22 +198,15 @@ fn words(lead: &Lead) -> String {
         Better::Less => "the fewest",
         _ => "the most",
     };
-    let second = lead.second.as_ref().map(|second| {
-        let certainty = second.certainty.words();
-        let certainty = if certainty.is_empty() {
-            String::new()
-        } else {
-            format!(": {certainty}")
-        };
-        let value = value(lead.metric, second.value);
-        format!(", {} {value}{certainty}", second.algorithm)
-    });
+    let second = lead.second.as_ref();
+    let second = second.map_or_else(String::new, |second| second_words(lead.metric, second));
+    let among = if lead.is_outdone {
+        format!(" of those with {TRUSTED}")
+    } else {
+        String::new()
+    };
     let value = value(lead.metric, lead.value);
-    format!(
-        "{most} {} ({value}{})",
-        lead.metric.words,
-        second.unwrap_or_default()
-    )
+    format!("{most} {}{among} ({value}{second})", lead.metric.words)
 }
 
 fn certainty(interval: Option<Interval>, too_few: Certainty) -> Certainty {

@@ -9,7 +9,7 @@ pub struct Lead {
     pub metric: &'static Metric,
     pub algorithm: String,
     pub value: f64,
-    /// Algorithms with too many wrong cells are better by it.
+    /// An algorithm that may not be called best is better by it.
     pub is_outdone: bool,
     /// Absent where no other algorithm has a value.
     pub second: Option<RunnerUp>,

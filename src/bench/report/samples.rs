@@ -52,7 +52,9 @@ pub(super) fn resamples(base: &[&Row]) -> Resamples {
         .chunk_by(|a, b| run_key(a) == run_key(b))
         .map(<[_]>::len)
         .collect();
-    // Scenes have names and are independent of each other; frames of a run are not.
-    let independent = base.iter().all(|row| !row.name.is_empty());
+    // Scenes of a data set are independent of each other; frames of a recording are not, also where
+    // their files have names.
+    let is_scene = |row: &&Row| !row.name.is_empty() && row.run.is_none();
+    let independent = base.iter().all(is_scene);
     Resamples::draw(&stretches, independent)
 }

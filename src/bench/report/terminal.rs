@@ -1,10 +1,11 @@
 //! A summary on the terminal: the answer first.
 
+use super::lead::Lead;
 use super::summary::Summary;
-use super::table::{TerminalStyle, wrapped};
+use super::table::{TableCell, TerminalStyle, wrapped};
 use svl_core::counted;
 use svl_core::stereo::TruthOrigin;
-use svl_data::score::ColumnChoice;
+use svl_data::score::{ColumnChoice, Metric};
 
 /// Algorithms up to which all are shown, and those that are shown of more.
 const MANY: usize = 15;
@@ -20,11 +21,19 @@ impl Summary {
         if table.rows.is_empty() {
             text.push_str("no pairs\n");
         } else {
-            let more = match table.rows.len() {
+            let count = table.rows.len();
+            let more = match count {
                 n if n > MANY && self.columns != ColumnChoice::All => n - SHOWN,
                 _ => 0,
             };
-            table.rows.truncate(table.rows.len() - more);
+            let is_best = |row: &[TableCell]| {
+                let is_own = |lead: &Lead| TableCell::Text(lead.algorithm.clone()) == row[0];
+                self.leads.iter().any(is_own)
+            };
+            let rows = std::mem::take(&mut table.rows).into_iter().enumerate();
+            let shown = rows.filter(|(i, row)| more == 0 || *i < SHOWN || is_best(row));
+            table.rows = shown.map(|(_, row)| row).collect();
+            let more = count - table.rows.len();
             text.push('\n');
             text.push_str(&table.terminal(style));
             if more > 0 {
@@ -32,6 +41,11 @@ impl Summary {
                     "and {more} more: see the page, or --columns all\n"
                 ));
             }
+        }
+        let absent = self.absent_columns();
+        if !absent.is_empty() {
+            let words = format!("not measured in this run: {}", absent.join(", "));
+            text.push_str(&wrapped(&words, 2, style.width));
         }
         let mut tables = vec![table];
         for table in self.side_tables() {
@@ -64,6 +78,19 @@ impl Summary {
             text.push_str(&wrapped(&format!("warning: {caution}"), 2, style.width));
         }
         text
+    }
+
+    /// The columns that were asked for and that no algorithm has.
+    fn absent_columns(&self) -> Vec<&'static str> {
+        let ColumnChoice::Named(metrics) = &self.columns else {
+            return Vec::new();
+        };
+        let has = |metric: &&&Metric| {
+            let mut algorithms = self.algorithms.iter();
+            algorithms.any(|a| self.value(&a.algorithm, metric, None).is_some())
+        };
+        let absent = metrics.iter().filter(|metric| !has(metric));
+        absent.map(|metric| metric.name).collect()
     }
 
     /// The extent of the run in words: pairs, size, runs, origin of the truth.

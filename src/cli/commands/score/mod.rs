@@ -82,7 +82,8 @@ pub(crate) struct Args {
         value_parser = usage::within(1..=1000usize)
     )]
     repeat: usize,
-    /// Sort the algorithms by a metric, the best first [default: as named]
+    /// Sort the algorithms by a metric, the best first [default: right minus wrong cells, or the
+    /// first column]
     #[arg(long, value_name = "METRIC", value_parser = metric)]
     sort: Option<&'static Metric>,
     /// Metrics that the table shows; `svl columns` lists them [default: the scenario's, or those of
