@@ -164,7 +164,10 @@ impl Summary {
                                 is_optional,
                                 ..column
                             },
-                            &|a| text(number(a)),
+                            &|a| match head {
+                                "p50" if !is_all => TableCell::Time(a.p50_ms),
+                                _ => text(number(a)),
+                            },
                         );
                     }
                 }

@@ -192,7 +192,12 @@ fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
     let page = fixture.text("r/index.html");
     assert_says(
         &page,
-        &["some on 1 pair: ", "never on every pair: ", "Warnings ("],
+        &[
+            "some on 1 pair: ",
+            "never on every pair: ",
+            "id=\"failures\"",
+            "id=\"warnings\"",
+        ],
     );
     let json = fixture.svl(&[&line[..], &["--json"]].concat());
     let summary: serde_json::Value = serde_json::from_str(&json.stdout).unwrap();

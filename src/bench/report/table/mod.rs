@@ -10,6 +10,7 @@ pub(super) use markdown::escape;
 pub use terminal::TerminalStyle;
 pub(super) use terminal::wrapped;
 
+use super::words::ms;
 use serde::Serialize;
 
 /// Shown for a number that does not exist.
@@ -51,6 +52,8 @@ pub enum TableCell {
         right: f64,
         wrong: f64,
     },
+    /// A median time, ms.
+    Time(f64),
     /// Per checkpoint the share of its frames that pass; absent where no frame shows it.
     Marks(Vec<Option<f64>>),
 }
@@ -95,6 +98,17 @@ impl Table {
         self.keep(&shown);
     }
 
+    /// Removes the optional columns where bars show what is essential.
+    pub fn remove_optional_columns(&mut self) {
+        let cells = self.rows.iter().flatten();
+        let has_bars = cells
+            .into_iter()
+            .any(|c| matches!(c, TableCell::Bar { .. }));
+        let columns = self.columns.iter();
+        let shown: Vec<_> = columns.map(|c| !(has_bars && c.is_optional)).collect();
+        self.keep(&shown);
+    }
+
     /// Removes the columns that are not `shown`.
     fn keep(&mut self, shown: &[bool]) {
         let mut places = shown.iter();
@@ -126,6 +140,7 @@ impl TableCell {
     fn text(&self) -> String {
         match self {
             Self::Text(text) | Self::Alert(text) => text.clone(),
+            Self::Time(time_ms) => ms(*time_ms),
             Self::Bar { .. } => String::new(),
             Self::Marks(shares) => {
                 let marks = shares.iter().map(|share| share.map_or('·', mark));
