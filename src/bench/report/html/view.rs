@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use svl_core::Result;
 use svl_data::manifest::Manifest;
 use svl_data::overlay::{algorithm_color, viridis};
-use svl_data::score::ColumnChoice;
+use svl_data::score::{ColumnChoice, RunKind};
 
 #[derive(Serialize)]
 pub(super) struct ReportPageView<'a> {
@@ -117,7 +117,11 @@ impl<'a> ReportPageView<'a> {
         let mut identity = manifest.entries();
         let note = summary.ending.note();
         identity.extend(note.map(|note| ("not scored".to_owned(), note)));
-        let (by, algorithms) = summary.front();
+        // Its metrics are those of the headline.
+        let (by, algorithms) = match summary.kind() {
+            RunKind::Distances | RunKind::NoTruth => summary.front(),
+            RunKind::Disparities | RunKind::Courses => Default::default(),
+        };
         let front = FrontView {
             by: by.iter().map(|metric| metric.words).collect(),
             algorithms,

@@ -2,11 +2,12 @@
 
 use super::key::Key;
 use super::{
-    AXIS, DrawError, PlotCanvas, TEXT, TITLE, WIDTH, color, draw_title, svg, text, text_width,
+    AXIS, DrawError, PlotCanvas, TEXT, TITLE, WIDTH, draw_title, rgb, svg, text, text_width,
 };
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use svl_core::Result;
+use svl_data::overlay::viridis;
 
 /// A bar for every category, made of parts that stand one after another.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -51,7 +52,7 @@ impl Bars {
     fn drawn(&self, length: impl Fn(f64) -> f64) -> Result<String> {
         let is_shown = |i: usize| self.bars.iter().any(|(_, parts)| parts[i] > 0.0);
         let parts = self.parts.iter().enumerate().filter(|(i, _)| is_shown(*i));
-        let parts = parts.map(|(i, part)| (part.as_str(), color(i)));
+        let parts = parts.map(|(i, part)| (part.as_str(), self.color(i)));
         let key = Key::new(parts.filter(|_| self.parts.len() > 1));
         let title = if self.title.is_empty() { 12 } else { TITLE };
         let head = key.height + title;
@@ -61,6 +62,12 @@ impl Bars {
             key.draw(canvas, title)?;
             self.draw(canvas, head, length)
         })
+    }
+
+    /// Colour of a part: another than those of algorithms.
+    fn color(&self, part: usize) -> RGBColor {
+        let last = self.parts.len().saturating_sub(1).max(1);
+        rgb(viridis(0.2 + 0.75 * part as f32 / last as f32))
     }
 
     fn draw(
@@ -117,7 +124,7 @@ impl Bars {
             let mut from = 0.0;
             for (k, part) in parts.iter().enumerate() {
                 let corners = [(place(from), y + 8), (place(from + part), y + BAR - 8)];
-                canvas.draw(&Rectangle::new(corners, color(k).filled()))?;
+                canvas.draw(&Rectangle::new(corners, self.color(k).filled()))?;
                 from += part;
             }
             canvas.draw(&Text::new(
@@ -152,17 +159,20 @@ mod tests {
             ("v1".to_owned(), vec![0.0, 1.0, 0.5]),
             ("v3".to_owned(), vec![0.0, 0.5, 0.25]),
         ];
-        let svg = Bars {
+        let bars = Bars {
             title: "times".into(),
             label: "ms".into(),
             parts: parts.into(),
             bars,
-        }
-        .svg()
-        .unwrap();
+        };
+        let svg = bars.svg().unwrap();
         // A part that no bar has is not in the key, and leaves the others their colours.
-        let of = |fill: &str| svg.matches(&format!("fill=\"{fill}\"")).count();
-        assert_eq!((of("#D55E00"), of("#009E73")), (3, 3), "{svg}");
+        let of = |part: usize| {
+            let RGBColor(r, g, b) = bars.color(part);
+            svg.matches(&format!("fill=\"#{r:02X}{g:02X}{b:02X}\""))
+                .count()
+        };
+        assert_eq!((of(1), of(2)), (3, 3), "{svg}");
         assert!(svg.contains("\n1.50\n"), "{svg}");
     }
 

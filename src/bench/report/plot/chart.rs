@@ -73,7 +73,7 @@ impl Axis {
                 let room = if high > low {
                     0.04 * (high - low)
                 } else {
-                    0.5 * high.abs().max(1.0)
+                    0.5 * high.abs().max(2.0)
                 };
                 let begin = if low >= 0.0 && low <= 0.25 * high {
                     0.0
@@ -357,6 +357,37 @@ mod tests {
     fn shares_end_at_a_whole() {
         assert_eq!(Axis::share("%").span([100.0].into_iter()), (50.0, 100.0));
         assert_eq!(Axis::share("%").span([99.0, 90.0].into_iter()).1, 99.36);
+    }
+
+    #[test]
+    fn counts_begin_at_zero_and_have_whole_ticks() {
+        for values in [[0.0, 0.0], [0.0, 3.0]] {
+            let axis = Scale::new(&Axis::new("count"), || values.into_iter());
+            assert_eq!(axis.low, 0.0);
+            assert!(axis.ticks.len() > 1 && axis.ticks.iter().all(|t| t.fract() == 0.0));
+        }
+    }
+
+    #[test]
+    fn a_key_is_above_the_points() {
+        let svg = chart(vec![(0.0, 1.0), (1.0, 2.0)]).svg().unwrap();
+        let top = |text: &str| {
+            let y = svg
+                .split(text)
+                .nth(1)?
+                .split("y=\"")
+                .nth(1)?
+                .split('"')
+                .next()?;
+            y.parse::<i32>().ok()
+        };
+        // The square of the key, then the circles.
+        let square = top("<rect x=\"0\"").unwrap_or_else(|| panic!("{svg}"));
+        let circles = svg.split("cy=\"").skip(1);
+        let highest = circles
+            .filter_map(|c| c.split('"').next()?.parse::<i32>().ok())
+            .min();
+        assert!(highest > Some(square + 24), "{svg}");
     }
 
     #[test]

@@ -37,23 +37,24 @@ pub(super) fn write(
     let style = text(SIZE).pos(Pos::new(HPos::Left, VPos::Center));
     // In the order of importance: an algorithm's name is always drawn, the label of a sweep's value
     // only where nothing is covered.
-    let turns: [(fn(SeriesStyle) -> bool, i32); 3] = [
-        (
-            |form| matches!(form, SeriesStyle::Named | SeriesStyle::Disc(_)),
-            3,
-        ),
-        (|form| form == SeriesStyle::Caption, 3),
-        (|form| form == SeriesStyle::Label, 1),
-    ];
-    for (is_its, away) in turns {
-        for series in series.iter().filter(|s| is_its(s.form)) {
-            for point in series.points.iter().filter_map(&place) {
-                let (at, hidden) = labels.place(&series.name, point, away);
-                if series.form == SeriesStyle::Label && hidden > 0 {
-                    labels.withdraw();
-                } else {
-                    canvas.draw(&Text::new(series.name.clone(), at, style.clone()))?;
-                }
+    let turn = |form| match form {
+        SeriesStyle::Named | SeriesStyle::Disc(_) => Some((0, 3)),
+        SeriesStyle::Caption => Some((1, 3)),
+        SeriesStyle::Label => Some((2, 1)),
+        _ => None,
+    };
+    let mut turns: Vec<_> = series
+        .iter()
+        .filter_map(|s| turn(s.form).map(|(turn, away)| (turn, away, s)))
+        .collect();
+    turns.sort_by_key(|(turn, ..)| *turn);
+    for (_, away, series) in turns {
+        for point in series.points.iter().filter_map(&place) {
+            let (at, hidden) = labels.place(&series.name, point, away);
+            if series.form == SeriesStyle::Label && hidden > 0 {
+                labels.withdraw();
+            } else {
+                canvas.draw(&Text::new(series.name.clone(), at, style.clone()))?;
             }
         }
     }
