@@ -165,7 +165,9 @@ impl Summary {
                                 ..column
                             },
                             &|a| match head {
-                                "p50" if !is_all => TableCell::Time(a.p50_ms),
+                                "p50" if !is_all => {
+                                    a.p50_ms.map_or_else(|| text(number(a)), TableCell::Time)
+                                }
                                 _ => text(number(a)),
                             },
                         );

@@ -1,4 +1,4 @@
-// Chooses frames, sorts the headline table, shows all of its rows. Without it all frames and rows are there.
+// Chooses frames, sorts the headline table, shows all of its rows: without it all are there.
 const all = (selector, from = document) => [...from.querySelectorAll(selector)];
 const root = document.documentElement;
 const chooser = document.querySelector(".chooser");
@@ -14,11 +14,12 @@ function show() {
   for (const figure of all(".figure")) figure.classList.toggle("on", figure.id === state.figure);
   for (const shot of all(".shot")) {
     const { algorithm, rank } = shot.dataset;
-    const isChosen = (labels.length === 0 || state.algorithms.has(algorithm)) && (!rank || rank === state.rank);
-    shot.classList.toggle("off", !isChosen);
+    const isOf = labels.length === 0 || state.algorithms.has(algorithm);
+    shot.classList.toggle("off", !isOf || Boolean(rank && rank !== state.rank));
   }
   const press = (name, isPressed) => {
-    for (const button of all(`[data-${name}]`, chooser)) button.setAttribute("aria-pressed", isPressed(button.dataset[name]));
+    for (const button of all(`[data-${name}]`, chooser))
+      button.setAttribute("aria-pressed", isPressed(button.dataset[name]));
   };
   press("choose", (id) => id === state.figure);
   press("toggle", (label) => state.algorithms.has(label));
@@ -38,11 +39,12 @@ function sort(head) {
   head.setAttribute("aria-sort", isDown ? "descending" : "ascending");
   const compare = (a, b) => {
     const [x, y] = [a, b].map((row) => value(row.cells[column]));
-    if (column === 0) return b.textContent.localeCompare(a.textContent, undefined, { numeric: true });
+    if (column === 0) return b.textContent.localeCompare(a.textContent, "en", { numeric: true });
     return Number.isNaN(x) || Number.isNaN(y) ? 0 : y - x;
   };
   const isNone = (row) => column > 0 && Number.isNaN(value(row.cells[column]));
-  const sorted = rows.filter((row) => !isNone(row)).sort((a, b) => (isDown ? compare(a, b) : compare(b, a)));
+  const sorted = rows.filter((row) => !isNone(row));
+  sorted.sort((a, b) => (isDown ? compare(a, b) : compare(b, a)));
   rows[0].parentNode.append(...sorted, ...rows.filter(isNone));
 }
 

@@ -61,7 +61,7 @@ const TIME: PlotAxis = PlotAxis {
     label: "median ms per pair",
     is_log: true,
     is_cost: true,
-    number: |_, a| Some(a.p50_ms),
+    number: |_, a| a.p50_ms,
 };
 const WRONG: PlotAxis = PlotAxis {
     label: "wrong, of the known cells, %",
@@ -375,7 +375,7 @@ fn clouds(
 }
 
 /// What a stage of an algorithm takes.
-type StageTime = fn(&AlgorithmSummary) -> f64;
+type StageTime = fn(&AlgorithmSummary) -> Option<f64>;
 
 /// Latency, and where the time goes; nothing without pairs.
 pub(super) fn speed(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Vec<PlotView>> {

@@ -1,9 +1,8 @@
 //! Scenes of data sets: left image, truth, and every algorithm's disparities and errors.
 
 use super::frames::{cells, numbers};
-use super::view::rgb;
 use super::{SceneFigure, SceneResult};
-use crate::report::page::data_url;
+use crate::report::page::{css_color, data_url};
 use serde::Serialize;
 use svl_data::overlay::errors::{BINS, HIDDEN, SILENT, UNKNOWN};
 
@@ -58,7 +57,7 @@ pub(super) struct ErrorKey {
 
 impl ErrorKey {
     pub(super) fn new() -> Self {
-        let swatch = |color, words: &str| (rgb(color), words.to_owned());
+        let swatch = |color, words: &str| (css_color(color), words.to_owned());
         let errors = BINS.iter().enumerate().map(|(i, (end, color))| {
             // An error of size 1 is 3 px.
             let px = |size: f32| match 3.0 * size {

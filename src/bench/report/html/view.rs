@@ -8,7 +8,7 @@ use super::frames::FigureView;
 use super::plots::{PlotView, StressView, speed, stress, trade_offs};
 use super::scenes::{ErrorKey, SceneView};
 use super::{PartLink, ReportPage};
-use crate::report::page::{ImageView, PageImages};
+use crate::report::page::{ImageView, PageImages, css_color};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use svl_core::Result;
@@ -113,7 +113,7 @@ impl<'a> ReportPageView<'a> {
             let first = figure.shots.first().map(|(_, shot)| &shot.row.algorithm);
             (figure.shots.iter()).any(|(_, shot)| Some(&shot.row.algorithm) != first)
         });
-        let stops = (0..=8).map(|i| rgb(viridis(i as f32 / 8.0)));
+        let stops = (0..=8).map(|i| css_color(viridis(i as f32 / 8.0)));
         let mut identity = manifest.entries();
         let note = summary.ending.note();
         identity.extend(note.map(|note| ("not scored".to_owned(), note)));
@@ -186,13 +186,18 @@ impl<'a> HeadlineView<'a> {
             let view = AlgorithmView {
                 name: name(label, &swept),
                 place,
-                color: rgb(algorithm_color(colors.place(label).unwrap_or(place))),
+                color: css_color(algorithm_color(colors.place(label).unwrap_or(place))),
                 is_on_front: front.contains(&label),
             };
             (label, view)
         };
         let ranked = page.summary.ranked_algorithms();
-        let times = || ranked.iter().map(|a| a.p50_ms).filter(|ms| *ms > 0.0);
+        let times = || {
+            ranked
+                .iter()
+                .filter_map(|a| a.p50_ms)
+                .filter(|ms| *ms > 0.0)
+        };
         let labels = ranked.iter().map(|a| a.algorithm.as_str());
         let is_pictured = |label: &&str| {
             let figures = page.figures.iter().flat_map(|f| &f.shots);
@@ -270,11 +275,6 @@ fn name(label: &str, parameters: &[&str]) -> String {
         [] => name.to_owned(),
         _ => format!("{name}:{}", others.join(",")),
     }
-}
-
-/// A colour in CSS.
-pub(super) fn rgb([r, g, b]: [u8; 3]) -> String {
-    format!("rgb({r} {g} {b})")
 }
 
 #[cfg(test)]

@@ -66,6 +66,11 @@ fn log_place(value: f64, low: f64, high: f64) -> f64 {
     }
 }
 
+/// A colour in CSS.
+pub(crate) fn css_color([r, g, b]: [u8; 3]) -> String {
+    format!("rgb({r} {g} {b})")
+}
+
 /// An image file, PNG or JPEG, as a URL that holds it.
 pub(crate) fn data_url(file: &[u8]) -> String {
     let kind = if file.starts_with(&[0xff, 0xd8]) {

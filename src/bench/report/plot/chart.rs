@@ -102,8 +102,8 @@ impl Chart {
     /// As [`Chart::svg`].
     pub fn svg_in(&self, colors: &AlgorithmColors<'_>) -> Result<String> {
         let points = || self.series.iter().flat_map(|s| &s.points);
-        let x = Scale::new(&self.x, || points().map(|p| p.0));
-        let y = Scale::new(&self.y, || points().map(|p| p.1));
+        let x = TickedAxis::new(&self.x, || points().map(|p| p.0));
+        let y = TickedAxis::new(&self.y, || points().map(|p| p.1));
         let key = Key::new(
             self.series
                 .iter()
@@ -140,8 +140,8 @@ impl Chart {
     fn draw(
         &self,
         drawing: Drawing<'_, '_>,
-        x: Scale,
-        y: Scale,
+        x: TickedAxis,
+        y: TickedAxis,
     ) -> std::result::Result<(), DrawError> {
         let Drawing {
             canvas,
@@ -207,14 +207,14 @@ impl Chart {
 }
 
 /// An axis with its ends and its ticks. Plotters has a type per kind of axis.
-struct Scale {
+struct TickedAxis {
     low: f64,
     high: f64,
     log: bool,
     ticks: Vec<f64>,
 }
 
-impl Scale {
+impl TickedAxis {
     fn new<I: Iterator<Item = f64>>(axis: &Axis, values: impl Fn() -> I) -> Self {
         let (low, high) = axis.span(values());
         let is_whole = || {
@@ -235,7 +235,7 @@ impl Scale {
     }
 }
 
-impl Ranged for Scale {
+impl Ranged for TickedAxis {
     type FormatOption = NoDefaultFormatting;
     type ValueType = f64;
 
@@ -254,7 +254,7 @@ impl Ranged for Scale {
     }
 }
 
-impl ValueFormatter<f64> for Scale {
+impl ValueFormatter<f64> for TickedAxis {
     fn format_ext(&self, value: &f64) -> String {
         number(*value)
     }
@@ -362,7 +362,7 @@ mod tests {
     #[test]
     fn counts_begin_at_zero_and_have_whole_ticks() {
         for values in [[0.0, 0.0], [0.0, 3.0]] {
-            let axis = Scale::new(&Axis::new("count"), || values.into_iter());
+            let axis = TickedAxis::new(&Axis::new("count"), || values.into_iter());
             assert_eq!(axis.low, 0.0);
             assert!(axis.ticks.len() > 1 && axis.ticks.iter().all(|t| t.fract() == 0.0));
         }

@@ -31,8 +31,8 @@ const MARGIN: i32 = 12;
 const CROSS: i32 = 9;
 
 impl CourseMap {
-    /// The map as an SVG element, ways in the colours of their algorithms: what stands there in grey, a cross for each collision, a ring
-    /// where the robot was stuck.
+    /// The map as an SVG element: obstacles in grey, ways in the colours of their algorithms, a
+    /// cross for each collision, a ring where the robot was stuck.
     ///
     /// # Errors
     /// [`svl_core::Error::Invalid`] with what the plotting library says.

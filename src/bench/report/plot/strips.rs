@@ -11,8 +11,8 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use svl_core::Result;
 use svl_core::statistics::nearest_rank;
 
-/// A histogram for every algorithm of a run, in its colour, over one common logarithmic axis, with median, percentiles and
-/// maximum.
+/// A histogram for every algorithm of a run, in its colour, over one common logarithmic axis, with
+/// median, percentiles and maximum.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Strips {
     pub title: String,

@@ -10,11 +10,9 @@ pub(super) use markdown::escape;
 pub use terminal::TerminalStyle;
 pub(super) use terminal::wrapped;
 
+pub use super::words::NONE;
 use super::words::ms;
 use serde::Serialize;
-
-/// Shown for a number that does not exist.
-pub const NONE: &str = "–";
 
 /// A table whose first column names the rows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
