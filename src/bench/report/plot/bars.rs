@@ -1,6 +1,6 @@
 //! Horizontal bars of several parts.
 
-use super::key::Key;
+use super::key::PlotKey;
 use super::{
     AXIS, DrawError, PlotCanvas, TEXT, TITLE, WIDTH, draw_title, rgb, svg, text, text_width,
 };
@@ -53,7 +53,7 @@ impl Bars {
         let is_shown = |i: usize| self.bars.iter().any(|(_, parts)| parts[i] > 0.0);
         let parts = self.parts.iter().enumerate().filter(|(i, _)| is_shown(*i));
         let parts = parts.map(|(i, part)| (part.as_str(), self.color(i)));
-        let key = Key::new(parts.filter(|_| self.parts.len() > 1));
+        let key = PlotKey::new(parts.filter(|_| self.parts.len() > 1));
         let title = if self.title.is_empty() { 12 } else { TITLE };
         let head = key.height + title;
         let height = head + FOOT + BAR * self.bars.len() as i32;

@@ -1,6 +1,6 @@
 //! Lines and points over two axes.
 
-use super::key::Key;
+use super::key::PlotKey;
 use super::ticks::{linear_ticks, log_ticks};
 use super::{
     AXIS, AlgorithmColors, DrawError, PlotCanvas, Series, SeriesStyle, TEXT, TITLE, WIDTH, color,
@@ -104,7 +104,7 @@ impl Chart {
         let points = || self.series.iter().flat_map(|s| &s.points);
         let x = TickedAxis::new(&self.x, || points().map(|p| p.0));
         let y = TickedAxis::new(&self.y, || points().map(|p| p.1));
-        let key = Key::new(
+        let key = PlotKey::new(
             self.series
                 .iter()
                 .zip(self.colors(colors))
@@ -263,7 +263,7 @@ impl ValueFormatter<f64> for TickedAxis {
 /// What a chart is drawn with.
 struct Drawing<'a, 'b> {
     canvas: &'a PlotCanvas<'b>,
-    key: &'a Key<'a>,
+    key: &'a PlotKey<'a>,
     /// Of the series.
     colors: Vec<RGBColor>,
 }

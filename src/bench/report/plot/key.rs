@@ -9,13 +9,13 @@ const LINE: i32 = 44;
 const SIZE: u32 = TEXT - 2;
 
 /// Names with their colours and places.
-pub(super) struct Key<'a> {
+pub(super) struct PlotKey<'a> {
     entries: Vec<(&'a str, RGBColor, (i32, i32))>,
     /// Of all lines; 0 without names.
     pub height: i32,
 }
 
-impl<'a> Key<'a> {
+impl<'a> PlotKey<'a> {
     pub fn new(names: impl Iterator<Item = (&'a str, RGBColor)>) -> Self {
         let (mut x, mut y, mut entries) = (0, 0, Vec::new());
         for (name, color) in names {
