@@ -83,19 +83,6 @@ const FILE_BATCHES: ChunkBatcherConfig = ChunkBatcherConfig {
     ..ChunkBatcherConfig::DEFAULT
 };
 
-/// Colours of the algorithms' lines, distinct to most eyes (after Okabe and Ito), on a dark
-/// ground.
-const COLORS: [Rgba32; 8] = [
-    Rgba32::from_rgb(86, 180, 233),
-    Rgba32::from_rgb(230, 159, 0),
-    Rgba32::from_rgb(0, 190, 140),
-    Rgba32::from_rgb(240, 228, 66),
-    Rgba32::from_rgb(204, 121, 167),
-    Rgba32::from_rgb(213, 94, 0),
-    Rgba32::from_rgb(120, 140, 255),
-    Rgba32::from_rgb(200, 200, 200),
-];
-
 /// Rerun, as svl was built with it.
 pub struct Rerun;
 
@@ -232,14 +219,14 @@ impl RerunSink {
         ] {
             sink.log_static(path, &world::on_image())?;
         }
-        for (algorithm, color) in sink.algorithms.iter().zip(COLORS.into_iter().cycle()) {
-            sink.style(algorithm, color)?;
+        for (place, algorithm) in sink.algorithms.iter().enumerate() {
+            sink.style(algorithm, place)?;
         }
         Ok(sink)
     }
 
     /// Frames of reference, names and colours of an algorithm's entities.
-    fn style(&self, algorithm: &AlgorithmPath, color: Rgba32) -> Result<()> {
+    fn style(&self, algorithm: &AlgorithmPath, place: usize) -> Result<()> {
         let overlays = [
             "overlay",
             "overlay/percentiles",
@@ -249,15 +236,18 @@ impl RerunSink {
         for map in overlays.iter().chain(&MAPS) {
             self.log_static(&algorithm.path(map), &world::on_image())?;
         }
-        for (stage, color) in Stage::ALL.into_iter().zip(COLORS.into_iter().skip(1)) {
+        for (k, stage) in Stage::ALL.into_iter().enumerate() {
             self.log_static(
                 &algorithm.path(&format!("latency/{}", stage.name())),
-                &line(stage.name(), color),
+                &line(stage.name(), color(k + 1)),
             )?;
         }
         let plots = METRICS.iter().filter_map(|metric| metric.plot);
         for number in plots.chain(["latency/total"]) {
-            self.log_static(&algorithm.path(number), &line(&algorithm.label, color))?;
+            self.log_static(
+                &algorithm.path(number),
+                &line(&algorithm.label, color(place)),
+            )?;
         }
         Ok(())
     }
@@ -325,6 +315,12 @@ impl RerunSink {
             }
         }
     }
+}
+
+/// The colour of the algorithm at that place in the run.
+fn color(place: usize) -> Rgba32 {
+    let [r, g, b] = svl_data::overlay::algorithm_color(place);
+    Rgba32::from_rgb(r, g, b)
 }
 
 /// The look of a line over time.

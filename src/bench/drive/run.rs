@@ -284,6 +284,7 @@ impl DriveSink {
         };
         let shots = places.into_iter().filter_map(shot);
         Ok(CheckpointFigure {
+            checkpoint: None,
             title: format!("{name}, course {seed}: the two seconds before it hit '{with}'"),
             about: format!("Its fastest collision, at {speed:.2} m/s."),
             shots: shots.collect::<Result<_>>()?,

@@ -111,17 +111,12 @@ impl ReportContent {
         let gate: Vec<_> = gate
             .flat_map(|limit| limit_results(limit, &summary, &manifest))
             .collect();
-        let rulings = gate.iter();
-        let mut identity = manifest.entries();
-        let note = summary.ending.note();
-        identity.extend(note.map(|note| ("not scored".to_owned(), note)));
+        let parts = manifest.parts.iter().map(|part| link(folder, part));
         let page = ReportPage {
-            gate: rulings
+            gate: (gate.iter())
                 .map(|result| (result.state, result.to_string()))
                 .collect(),
-            title: manifest.scenario.clone(),
             description: head.description.to_owned(),
-            identity,
             times_ms: match machines {
                 1 => times_ms(&self.rows),
                 _ => Vec::new(),
@@ -131,9 +126,8 @@ impl ReportContent {
             figures,
             scenes,
             maps: self.maps,
-            parts: (manifest.parts.iter())
-                .map(|part| link(folder, part))
-                .collect(),
+            parts: parts.collect(),
+            manifest,
         };
         page.write(&folder.join("index.html"))?;
         Ok((summary, gate))

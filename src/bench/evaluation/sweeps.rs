@@ -22,7 +22,8 @@ pub(super) fn sweeps(algorithms: &[Algorithm]) -> Vec<ParameterSweep> {
                 .map(|(v, a)| (v.to_string(), a.label().to_owned()))
                 .collect();
             let sweep = ParameterSweep {
-                name: format!("{}: {key}", first.spec().name),
+                algorithm: first.spec().name.to_owned(),
+                parameter: key.to_owned(),
                 points,
             };
             // Every one of its algorithms finds the same sweep.
@@ -66,7 +67,7 @@ mod tests {
             .into_iter()
             .map(|s| {
                 (
-                    s.name,
+                    format!("{}: {}", s.algorithm, s.parameter),
                     s.points
                         .into_iter()
                         .map(|(value, _)| value)

@@ -164,7 +164,12 @@ impl Summary {
                                 is_optional,
                                 ..column
                             },
-                            &|a| text(number(a)),
+                            &|a| match head {
+                                "p50" if !is_all => {
+                                    a.p50_ms.map_or_else(|| text(number(a)), TableCell::Time)
+                                }
+                                _ => text(number(a)),
+                            },
                         );
                     }
                 }

@@ -1,7 +1,9 @@
 //! Number formats of tables and texts.
 
-use super::table::NONE;
 use svl_data::score::{Metric, MetricUnit};
+
+/// Shown for a number that does not exist.
+pub const NONE: &str = "–";
 
 /// A value in a table, whose head says the unit.
 pub(super) fn number(unit: MetricUnit, value: f64) -> String {

@@ -135,7 +135,8 @@ impl Sink for PictureSink {
     fn finish(self: Box<Self>) -> Result<()> {
         let figure = |(checkpoint, tallies): (Checkpoint, Vec<CheckpointTally<FrameShot>>)| {
             CheckpointFigure {
-                title: format!("{}. {}", checkpoint.number, checkpoint.name),
+                checkpoint: Some(checkpoint.number),
+                title: format!("{} {}", checkpoint.number, checkpoint.name),
                 about: checkpoint.description,
                 shots: tallies.into_iter().flat_map(leading_shots).collect(),
             }
@@ -200,6 +201,7 @@ impl PictureSink {
         let shots =
             shown.map(|scored| Ok((Rank::Sample, frame_shot(&self.identity, judged, scored)?)));
         self.samples.push(CheckpointFigure {
+            checkpoint: None,
             title: format!("{run}, frame {}, {seconds:.2} s", frame.sequence),
             about: String::new(),
             shots: shots.collect::<Result<_>>()?,

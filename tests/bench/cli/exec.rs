@@ -193,8 +193,10 @@ fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
     assert_says(
         &page,
         &[
-            "some failed on 1 pair and is not ranked",
-            "never failed on every pair: ",
+            "some on 1 pair: ",
+            "never on every pair: ",
+            "id=\"failures\"",
+            "id=\"warnings\"",
         ],
     );
     let json = fixture.svl(&[&line[..], &["--json"]].concat());

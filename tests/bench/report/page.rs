@@ -2,21 +2,30 @@
 
 use super::fixture::{cell, example, row};
 use crate::common::assert_says;
-use svl::overlay::{Nearness, marks};
-use svl::report::Summary;
+use svl::manifest::{AlgorithmRecord, Manifest};
+use svl::overlay::{Nearness, algorithm_color, marks};
 use svl::report::html::{
     CheckpointFigure, FrameShot, ParameterSweep, Rank, ReportPage, SceneFigure, SceneResult,
 };
+use svl::report::{GateState, Summary};
 use svl::score::Verdict;
 use svl::stereo::{Cell, CellDepth, DepthGrid, GridShape};
 
 /// A page under a title and with texts that would be HTML.
 fn page(summary: Summary) -> ReportPage {
+    let mut manifest = Manifest::new("<b>", &["v3".parse().unwrap()]).unwrap();
+    let record = manifest.algorithms.remove(0);
+    let records = summary.algorithms.iter().map(|a| AlgorithmRecord {
+        label: a.algorithm.clone(),
+        ..record.clone()
+    });
+    manifest.algorithms = records.collect();
+    manifest.machine.processor = "<script>alert(1)</script>".into();
+    manifest.pairs_hash = Some("58d0".into());
     ReportPage {
+        manifest,
         gate: Vec::new(),
-        title: "<b>".into(),
         description: "A & B.\n\nC.".into(),
-        identity: vec![("CPU".into(), "<script>alert(1)</script>".into())],
         times_ms: summary
             .algorithms
             .iter()
@@ -34,6 +43,25 @@ fn page(summary: Summary) -> ReportPage {
         maps: Vec::new(),
         parts: Vec::new(),
     }
+}
+
+fn figure(number: u32, title: &str, shots: Vec<(Rank, FrameShot)>) -> CheckpointFigure {
+    CheckpointFigure {
+        checkpoint: Some(number),
+        title: title.into(),
+        about: String::new(),
+        shots,
+    }
+}
+
+fn count(html: &str, text: &str) -> usize {
+    html.matches(text).count()
+}
+
+/// The fields of the page in their order, by their ids.
+fn places(html: &str, ids: &[&str]) -> Vec<usize> {
+    let place = |id: &&str| html.find(&format!("id=\"{id}\"")).expect(id);
+    ids.iter().map(place).collect()
 }
 
 /// A frame with a wrong cell, a right one and an unknown one.
@@ -105,21 +133,17 @@ fn scene() -> SceneFigure {
 
 #[test]
 fn the_page_shows_every_figure_and_holds_every_image_once() {
-    let figure = |title: &str, shots| CheckpointFigure {
-        title: title.into(),
-        about: String::new(),
-        shots,
-    };
     let figures = vec![
         figure(
-            "1. opening",
+            1,
+            "1 opening",
             vec![
                 (Rank::Worst, shot(false, b"one")),
                 (Rank::Best, shot(true, b"two")),
             ],
         ),
-        figure("2. ball", vec![(Rank::Worst, shot(true, b"one"))]),
-        figure("3. bridge", vec![]),
+        figure(2, "2 ball", vec![(Rank::Worst, shot(true, b"one"))]),
+        figure(3, "3 bridge", vec![]),
     ];
     let html = ReportPage {
         figures,
@@ -127,7 +151,7 @@ fn the_page_shows_every_figure_and_holds_every_image_once() {
     }
     .render()
     .unwrap();
-    let count = |text: &str| html.matches(text).count();
+    let count = |text: &str| count(&html, text);
     // "one", "two" and "preview" in base64; six overlays and three previews show them.
     assert_eq!(
         [
@@ -156,20 +180,79 @@ fn the_page_shows_every_figure_and_holds_every_image_once() {
         html.contains("seed 7, frame 143") && html.contains("cells: 12 right, 1 wrong, 2 unknown")
     );
     assert!(html.contains("wrong: (0, 0) 0.80 m, truly 0.40 m, obstacle missed"));
-    assert_eq!(count("Never seen: no frame shows it."), 1);
+    assert_eq!(count("class=\"unseen\""), 1);
+    // A square leads to the frames of its checkpoint and algorithm, if there are some.
+    for square in ["cp1", "cp2"] {
+        let target = format!("href=\"#{square}-0\" data-figure=\"{square}\" data-algorithm=\"v3\"");
+        assert_eq!(
+            [target, format!(" id=\"{square}-0\"")].map(|text| count(&text)),
+            [1, 1]
+        );
+    }
+    assert_eq!(
+        [
+            "<a class=\"cp\"",
+            "data-choose=",
+            "data-toggle=",
+            "data-rank=\"worst\""
+        ]
+        .map(count),
+        [2, 3, 0, 3]
+    );
 }
 
 #[test]
-fn the_page_shows_scenes_with_truth_and_errors() {
+fn the_answer_comes_before_frames_and_all_else_is_folded() {
     let html = ReportPage {
-        scenes: vec![scene()],
-        maps: Vec::new(),
-        parts: Vec::new(),
+        figures: vec![figure(1, "1 opening", vec![(Rank::Best, shot(true, b"x"))])],
+        gate: vec![
+            (GateState::Pass, "kept".into()),
+            (GateState::Fail, "broken".into()),
+        ],
         ..page(example())
     }
     .render()
     .unwrap();
-    let count = |text: &str| html.matches(text).count();
+    let ids = [
+        "headline", "plot", "frames", "metrics", "speed", "gate", "cite", "made",
+    ];
+    let order = places(&html, &ids);
+    assert!(order.is_sorted(), "{order:?}");
+    assert_eq!(count(&html, "<details"), ids.len() - 3 + 2);
+    // Limits that fail are not hidden.
+    assert_eq!(count(&html, "<details id=\"gate\" open>"), 1);
+    assert_eq!(count(&html, "<a href=\"#gate\">"), 1);
+    let own = |label: &str| format!("<tr data-algorithm=\"{label}\">");
+    assert_eq!(count(&html, &own("v3")), 1);
+    assert_eq!(count(&html, "class=\"stack\""), 1, "the other has no truth");
+    assert_eq!(count(&html, "class=\"time\""), 2);
+}
+
+#[test]
+fn an_algorithm_has_one_color_wherever_it_is() {
+    let rows = vec![row("bm", 0, 1_000), row("v3", 0, 5_000)];
+    let mut page = page(super::fixture::summary(rows, Vec::new()));
+    // By the order of the run, not that of a sorted summary.
+    page.summary.algorithms.reverse();
+    let html = page.render().unwrap();
+    for (label, [r, g, b]) in [("bm", algorithm_color(0)), ("v3", algorithm_color(1))] {
+        let key = format!("background: rgb({r} {g} {b})\"></i>{label}");
+        assert!(html.contains(&key), "{label}");
+        let drawn = format!("fill=\"#{r:02X}{g:02X}{b:02X}\"");
+        assert!(count(&html, &drawn) >= 3, "{label}");
+    }
+}
+
+#[test]
+fn the_page_shows_scenes_with_truth_and_errors() {
+    let summary = super::fixture::summary(vec![row("v3", 0, 1), row("bm", 0, 1)], Vec::new());
+    let html = ReportPage {
+        scenes: vec![scene()],
+        ..page(summary.clone())
+    }
+    .render()
+    .unwrap();
+    let count = |text: &str| count(&html, text);
     assert_eq!(
         [
             "<img ",
@@ -192,35 +275,27 @@ fn the_page_shows_scenes_with_truth_and_errors() {
             "not scored",
         ],
     );
-    assert!(!html.contains("Pictures of"));
+    assert_eq!(
+        ["data-choose=\"f0\"", "data-toggle=", "id=\"pictured\""].map(count),
+        [1, 2, 0]
+    );
     let one = SceneFigure {
         shots: scene().shots.split_off(1),
         ..scene()
     };
     let html = ReportPage {
         scenes: vec![one],
-        maps: Vec::new(),
-        parts: Vec::new(),
-        ..page(example())
+        ..page(summary)
     }
     .render()
     .unwrap();
-    assert!(html.contains("Pictures of 1 of the 2 algorithms"));
+    assert!(html.contains("id=\"pictured\""));
 }
 
 #[test]
 fn a_page_of_no_pairs_says_so() {
-    assert!(
-        ReportPage {
-            scenes: vec![],
-            maps: Vec::new(),
-            parts: Vec::new(),
-            ..page(Summary::default())
-        }
-        .render()
-        .unwrap()
-        .contains("No pairs.")
-    );
+    let html = page(Summary::default()).render().unwrap();
+    assert!(html.contains("id=\"nothing\"") && !html.contains("id=\"headline\""));
 }
 
 #[test]
@@ -229,7 +304,8 @@ fn a_sweep_is_a_line_with_its_values() {
     let point = |value: &str, label: &str| (value.to_owned(), label.to_owned());
     let points = vec![point("0.4", "v3"), point("0.8", "v3:texture_sigma=0.8")];
     let sweep = ParameterSweep {
-        name: "v3: texture_sigma".into(),
+        algorithm: "v3".into(),
+        parameter: "texture_sigma".into(),
         points,
     };
     let rows = vec![
@@ -243,28 +319,56 @@ fn a_sweep_is_a_line_with_its_values() {
     }
     .render()
     .unwrap();
-    let count = |html: &str, text: &str| html.matches(text).count();
-    // Two plots of accuracy, two of coverage.
+    // Two plots against time, two against coverage.
     assert_eq!(
         [&plain, &swept].map(|html| count(html, "\nv3: texture_sigma = 0.4, v3\n")),
         [0, 4]
     );
     assert_eq!([&plain, &swept].map(|html| count(html, "\nbm\n")), [0, 7]);
     assert_eq!(count(&swept, "class=\"plot\""), 7);
+    // The plot comes first; a column has the value, and the name not.
+    let order = places(&swept, &["plot", "headline"]);
+    assert!(order.is_sorted(), "{order:?}");
+    assert_eq!(
+        count(&swept, "<button type=\"button\">texture_sigma</button>"),
+        1
+    );
+    let named = "title=\"v3:texture_sigma=0.8\"><i class=\"key\"";
+    let from = swept.find(named).unwrap();
+    assert!(
+        swept[from..]
+            .split("</th>")
+            .next()
+            .unwrap()
+            .ends_with("</i>v3")
+    );
+}
+
+#[test]
+fn long_tables_are_cut_by_the_script() {
+    let many = |n: u32| {
+        let rows = (0..n).map(|i| row(&format!("bm:uniqueness={i}"), 0, 1_000));
+        page(super::fixture::summary(rows.collect(), Vec::new()))
+            .render()
+            .unwrap()
+    };
+    let marks = [
+        "class=\"headline long\"",
+        "id=\"all\"",
+        "<tr data-algorithm=",
+    ];
+    assert_eq!(marks.map(|text| count(&many(15), text)), [0, 0, 15]);
+    assert_eq!(marks.map(|text| count(&many(16), text)), [1, 1, 16]);
 }
 
 #[test]
 fn the_page_escapes_and_fetches_nothing() {
     let figure = CheckpointFigure {
-        title: "<u>".into(),
         about: "<em>".into(),
-        shots: vec![(Rank::Best, shot(true, b"x"))],
+        ..figure(1, "<u>", vec![(Rank::Best, shot(true, b"x"))])
     };
     let html = ReportPage {
         figures: vec![figure],
-        scenes: vec![scene()],
-        maps: Vec::new(),
-        parts: Vec::new(),
         ..page(example())
     }
     .render()
@@ -274,7 +378,8 @@ fn the_page_escapes_and_fetches_nothing() {
     for raw in [
         "<title><b>",
         "<h1><b>",
-        "<script",
+        "<script>alert",
+        "<script src",
         "<u>",
         "<em>",
         "A & B",
@@ -284,6 +389,7 @@ fn the_page_escapes_and_fetches_nothing() {
     ] {
         assert!(!html.contains(raw), "{raw}");
     }
+    assert_eq!(count(&html, "<script"), 1);
     assert_says(
         &html,
         &[

@@ -11,7 +11,9 @@ use svl_data::score::{CellFinding, METRICS, Metric, MetricTotal, Verdict};
 
 #[derive(Serialize)]
 pub(super) struct FigureView<'a> {
-    title: &'a str,
+    #[serde(skip)]
+    pub checkpoint: Option<u32>,
+    pub title: &'a str,
     about: &'a str,
     shots: Vec<ShotView<'a>>,
 }
@@ -19,7 +21,7 @@ pub(super) struct FigureView<'a> {
 #[derive(Serialize)]
 struct ShotView<'a> {
     algorithm: &'a str,
-    rank: &'static str,
+    rank: Rank,
     passed: Option<bool>,
     origin: String,
     cells: String,
@@ -37,6 +39,7 @@ impl<'a> FigureView<'a> {
             .map(|(rank, shot)| shot_view(*rank, shot, images))
             .collect();
         Self {
+            checkpoint: figure.checkpoint,
             title: &figure.title,
             about: &figure.about,
             shots,
@@ -65,11 +68,7 @@ fn shot_view<'a>(rank: Rank, shot: &'a FrameShot, images: &mut PageImages<'a>) -
     let missing = shot.findings.iter().filter(|finding| !finding.is_wrong);
     ShotView {
         algorithm: &shot.row.algorithm,
-        rank: match rank {
-            Rank::Worst => "worst frame",
-            Rank::Best => "best frame",
-            Rank::Sample => "",
-        },
+        rank,
         passed: shot.passed,
         origin: origin(&shot.row),
         cells: cells(&shot.row),

@@ -1,5 +1,5 @@
-//! `index.html`: one file without scripts or anything to fetch, with the thesis's figure 7.3 as
-//! vector graphics.
+//! `index.html`: one file that fetches nothing and is readable without its script. The answer comes
+//! first, then frames as in the thesis's figure 7.3; all else is folded.
 
 mod frames;
 mod plots;
@@ -7,23 +7,23 @@ mod scenes;
 mod view;
 
 use super::gate::GateState;
-use super::page::fill;
+use super::page::fill_with;
 use super::plot::CourseMap;
 use super::rows::{CellRow, Row};
 use super::summary::Summary;
 use serde::Serialize;
 use std::path::Path;
 use svl_core::{Error, Result};
+use svl_data::manifest::Manifest;
 use svl_data::overlay::Mark;
 use svl_data::score::CellFinding;
 
 /// Everything the page shows.
 pub struct ReportPage {
-    pub title: String,
+    /// Its scenario is the title.
+    pub manifest: Manifest,
     /// The scenario's prose; an empty line begins a paragraph.
     pub description: String,
-    /// Names and values of the run's manifest.
-    pub identity: Vec<(String, String)>,
     pub summary: Summary,
     /// Per algorithm the time of each pair, ms.
     pub times_ms: Vec<(String, Vec<f64>)>,
@@ -54,15 +54,17 @@ pub struct PartLink {
 /// Algorithms that differ in one parameter alone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParameterSweep {
-    /// The parameter that is swept, e.g. `v3: texture_sigma`.
-    pub name: String,
+    /// Kind of algorithm.
+    pub algorithm: String,
+    pub parameter: String,
     /// Values of the parameter, ascending, and the algorithms' labels.
     pub points: Vec<(String, String)>,
 }
 
 /// A row of shots under one heading.
 pub struct CheckpointFigure {
-    /// The checkpoint's name.
+    /// Number of the checkpoint; absent where it is of none.
+    pub checkpoint: Option<u32>,
     pub title: String,
     /// Description, may be empty.
     pub about: String,
@@ -109,7 +111,8 @@ pub struct SceneResult {
 }
 
 /// Place of a frame among those of its figure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Rank {
     Worst,
     Best,
@@ -132,6 +135,15 @@ impl ReportPage {
     /// [`Error::Invalid`] with what the template engine or the plotting library says.
     pub fn render(&self) -> Result<String> {
         let view = view::ReportPageView::new(self)?;
-        fill(include_str!("index.html"), "", view)
+        let parts = [
+            ("headline.html", include_str!("headline.html")),
+            ("page.js", include_str!("page.js")),
+        ];
+        fill_with(
+            include_str!("index.html"),
+            include_str!("page.css"),
+            &parts,
+            view,
+        )
     }
 }

@@ -1,11 +1,12 @@
 //! The plots of the page.
 
-use super::super::plot::{Axis, Bars, Chart, Series, SeriesStyle, Strips};
+use super::super::plot::{AlgorithmColors, Axis, Bars, Chart, Series, SeriesStyle, Strips};
 use super::super::stress::{NUMBERS, kinds};
-use super::super::summary::AlgorithmSummary;
+use super::super::summary::{AlgorithmSummary, Summary};
 use super::{ParameterSweep, ReportPage};
 use serde::Serialize;
 use svl_core::Result;
+use svl_data::score::{Metric, RunKind};
 use svl_data::stress::StressKind;
 
 #[derive(Serialize)]
@@ -14,12 +15,6 @@ pub(super) struct PlotView {
     about: &'static str,
     svg: String,
 }
-
-/// A place of an algorithm in a plot, where it has one.
-type PlotPoint = fn(&AlgorithmSummary) -> Option<(f64, f64)>;
-
-/// A number of every algorithm.
-type PlotNumber = fn(&AlgorithmSummary) -> Option<f64>;
 
 fn percent(share: f64) -> f64 {
     100.0 * share
@@ -39,39 +34,141 @@ fn known(a: &AlgorithmSummary) -> Option<f64> {
     (cells > 0.0).then(|| percent(known / cells))
 }
 
-/// Accuracy against speed: cells, and pixels.
-pub(super) fn accuracy(page: &ReportPage) -> Result<Vec<PlotView>> {
-    let time = || Axis {
-        log: true,
-        ..Axis::new("median ms per pair")
-    };
-    let cells: PlotPoint = |a| Some((a.p50_ms?, wrong_of_known(a)?));
-    let pixels: PlotPoint = |a| Some((a.p50_ms?, percent(a.totals.get("bad2")?)));
-    let about = "Better is farther left and lower.";
-    let plots = [
-        (
-            "Wrong cells against time",
-            cells,
-            Axis::share("wrong, of the known cells, %"),
-        ),
-        (
-            "Wrong pixels against time",
-            pixels,
-            Axis::share("off by > 2 px, of the estimates, %"),
-        ),
-    ];
-    let plots = plots
-        .into_iter()
-        .map(|(title, place, y)| scatter(page, title, about, place, time(), y));
-    Ok(plots
-        .collect::<Result<Vec<_>>>()?
-        .into_iter()
-        .flatten()
-        .collect())
+/// A number of an algorithm, where it has one.
+type PlotNumber = fn(&Summary, &AlgorithmSummary) -> Option<f64>;
+
+/// Two numbers of which more of one costs some of the other.
+struct TradeOff {
+    title: &'static str,
+    about: &'static str,
+    x: PlotAxis,
+    y: PlotAxis,
+    /// The area of a disc, of 100.
+    area: Option<PlotNumber>,
+    /// The kind of run whose page begins with it.
+    leads: Option<RunKind>,
 }
 
-/// Each number over the levels of a perturbation: a plot per number.
-pub(super) fn stress(page: &ReportPage) -> Result<Vec<StressView>> {
+struct PlotAxis {
+    label: &'static str,
+    is_log: bool,
+    /// Less is better.
+    is_cost: bool,
+    number: PlotNumber,
+}
+
+const TIME: PlotAxis = PlotAxis {
+    label: "median ms per pair",
+    is_log: true,
+    is_cost: true,
+    number: |_, a| a.p50_ms,
+};
+const WRONG: PlotAxis = PlotAxis {
+    label: "wrong, of the known cells, %",
+    is_log: false,
+    is_cost: true,
+    number: |_, a| wrong_of_known(a),
+};
+const BAD: PlotAxis = PlotAxis {
+    label: "off by > 2 px, of the estimates, %",
+    is_log: false,
+    is_cost: true,
+    number: |_, a| a.totals.get("bad2").map(percent),
+};
+const KNOWN: PlotAxis = PlotAxis {
+    label: "known, of the cells, %",
+    is_log: false,
+    is_cost: false,
+    number: |_, a| known(a),
+};
+const COVERED: PlotAxis = PlotAxis {
+    label: "estimated, of the visible pixels, %",
+    is_log: false,
+    is_cost: false,
+    number: |_, a| {
+        a.totals
+            .get("invalid")
+            .map(|invalid| percent(1.0 - invalid))
+    },
+};
+const COLLISIONS: PlotAxis = PlotAxis {
+    label: "collisions per 100 m",
+    is_log: false,
+    is_cost: true,
+    number: |summary, a| summary.value(&a.algorithm, Metric::find("collisions")?, None),
+};
+const UNRIVALLED: PlotAxis = PlotAxis {
+    label: "unrivalled, of the cells, %",
+    is_log: false,
+    is_cost: false,
+    number: |_, a| a.totals.get("unrivalled").map(percent),
+};
+
+const TRADE_OFFS: [TradeOff; 6] = [
+    TradeOff {
+        title: "Wrong against slow",
+        about: "Down and left is better. The area of a disc is the share of cells that the \
+                algorithm knows.",
+        x: TIME,
+        y: WRONG,
+        area: Some(|_, a| known(a)),
+        leads: Some(RunKind::Distances),
+    },
+    TradeOff {
+        title: "Wrong pixels against slow",
+        about: "Down and left is better. The area of a disc is the share of visible pixels with a \
+                disparity.",
+        x: TIME,
+        y: BAD,
+        area: Some(COVERED.number),
+        leads: Some(RunKind::Disparities),
+    },
+    TradeOff {
+        title: "Collisions against slow",
+        about: "Down and left is better.",
+        x: TIME,
+        y: COLLISIONS,
+        area: None,
+        leads: Some(RunKind::Courses),
+    },
+    TradeOff {
+        title: "Unrivalled cells against slow",
+        about: "Up and left is better.",
+        x: TIME,
+        y: UNRIVALLED,
+        area: None,
+        leads: Some(RunKind::NoTruth),
+    },
+    TradeOff {
+        title: "Wrong cells against known ones",
+        about: "Down and right is better.",
+        x: KNOWN,
+        y: WRONG,
+        area: None,
+        leads: None,
+    },
+    TradeOff {
+        title: "Wrong pixels against coverage",
+        about: "Down and right is better.",
+        x: COVERED,
+        y: BAD,
+        area: None,
+        leads: None,
+    },
+];
+
+/// The trade-offs that the run measures, that of its kind first.
+pub(super) fn trade_offs(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Vec<PlotView>> {
+    let kind = page.summary.kind();
+    let mut shown: Vec<_> = TRADE_OFFS.iter().collect();
+    // Stable.
+    shown.sort_by_key(|trade_off| trade_off.leads != Some(kind));
+    let plots = shown.into_iter().map(|of| scatter(page, of, colors));
+    plots.filter_map(Result::transpose).collect()
+}
+
+/// What is left of each number at the levels of a perturbation: a plot per number.
+pub(super) fn stress(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Vec<StressView>> {
     let all = &page.summary.stress;
     let view = |kind: &'static StressKind| {
         let own: Vec<_> = all.iter().filter(|s| s.kind == kind.name).collect();
@@ -95,7 +192,7 @@ pub(super) fn stress(page: &ReportPage) -> Result<Vec<StressView>> {
                 .filter(|series| !series.points.is_empty())
                 .collect();
             let chart = Chart {
-                title: (*title).to_owned(),
+                title: String::new(),
                 x: Axis::new(format!("{}, {}", kind.name, kind.unit)),
                 y: Axis::new(*axis),
                 series,
@@ -104,7 +201,7 @@ pub(super) fn stress(page: &ReportPage) -> Result<Vec<StressView>> {
                 Ok(PlotView {
                     title,
                     about: "",
-                    svg: chart.svg()?,
+                    svg: chart.svg_in(colors)?,
                 })
             })
         });
@@ -125,124 +222,134 @@ pub(super) struct StressView {
     plots: Vec<PlotView>,
 }
 
-/// Coverage against error: cells, and pixels.
-pub(super) fn coverage(page: &ReportPage) -> Result<Vec<PlotView>> {
-    let cells: PlotPoint = |a| Some((known(a)?, wrong_of_known(a)?));
-    let pixels: PlotPoint = |a| {
-        Some((
-            percent(1.0 - a.totals.get("invalid")?),
-            percent(a.totals.get("bad2")?),
-        ))
-    };
-    let about = "Better is farther right and lower.";
-    let plots = [
-        (
-            "Wrong cells against known ones",
-            cells,
-            "known, of the cells, %",
-            "wrong, of the known cells, %",
-        ),
-        (
-            "Wrong pixels against coverage",
-            pixels,
-            "estimated, of the visible pixels, %",
-            "off by > 2 px, of the estimates, %",
-        ),
-    ];
-    let plots = plots.into_iter().map(|(title, place, x, y)| {
-        scatter(page, title, about, place, Axis::share(x), Axis::share(y))
-    });
-    Ok(plots
-        .collect::<Result<Vec<_>>>()?
-        .into_iter()
-        .flatten()
-        .collect())
-}
-
-/// The algorithms as points, those of a sweep joined; absent where no algorithm has both numbers.
+/// The algorithms as discs, those of a sweep joined, and the front of those that no other beats in
+/// both numbers; absent where no algorithm has both.
 fn scatter(
     page: &ReportPage,
-    title: &'static str,
-    about: &'static str,
-    place: PlotPoint,
-    x: Axis,
-    y: Axis,
+    of: &TradeOff,
+    colors: &AlgorithmColors<'_>,
 ) -> Result<Option<PlotView>> {
-    let of = |label: &str| {
-        page.summary
-            .algorithms
+    let algorithms = &page.summary.algorithms;
+    let place = |a: &AlgorithmSummary| {
+        let [x, y] = [&of.x, &of.y].map(|axis| (axis.number)(&page.summary, a));
+        x.zip(y)
+    };
+    let find = |label: &str| {
+        algorithms
             .iter()
             .find(|a| a.algorithm == label)
             .and_then(place)
     };
-    let swept = |label: &str| {
-        page.sweeps
-            .iter()
-            .any(|sweep| sweep.points.iter().any(|(_, of)| of == label))
+    let is_swept = |label: &str| {
+        let mut points = page.sweeps.iter().flat_map(|sweep| &sweep.points);
+        points.any(|(_, of)| of == label)
     };
     let one = |name: &str, form, point| Series {
         name: name.to_owned(),
         form,
         points: vec![point],
     };
-    let alone = page
-        .summary
-        .algorithms
-        .iter()
-        .filter(|a| !swept(&a.algorithm));
-    let mut series: Vec<_> = alone
-        .filter_map(|a| Some(one(&a.algorithm, SeriesStyle::Named, place(a)?)))
-        .collect();
+    let mut series = vec![Series {
+        name: String::new(),
+        form: SeriesStyle::Front,
+        points: front(of, algorithms.iter().filter_map(place).collect()),
+    }];
+    let radius = |a: &AlgorithmSummary| {
+        let area = of.area.and_then(|area| area(&page.summary, a));
+        area.map_or(10, |percent| (1.7 * percent.sqrt()).round() as u32)
+            .max(5)
+    };
+    let alone = algorithms.iter().filter(|a| !is_swept(&a.algorithm));
+    let discs = alone.filter_map(|a| {
+        let form = SeriesStyle::Disc(radius(a));
+        Some(one(&a.algorithm, form, place(a)?))
+    });
+    series.extend(discs);
     if page.sweeps.len() > MAX_LINES {
         series.extend(clouds(page, place));
-    }
-    let lines = page
-        .sweeps
-        .iter()
-        .filter(|_| page.sweeps.len() <= MAX_LINES);
-    for ParameterSweep { name, points } in lines {
-        let places: Vec<_> = points
-            .iter()
-            .filter_map(|(value, label)| Some((value, label, of(label)?)))
-            .collect();
-        let line = places.iter().map(|(.., point)| *point).collect();
-        series.push(Series {
-            name: String::new(),
-            form: SeriesStyle::Both,
-            points: line,
-        });
-        series.extend(places.iter().enumerate().map(|(i, (value, label, point))| {
-            // A label without settings is how the algorithm is called in the tables.
-            // The first point names the sweep, the others only their value.
-            let value = if label.contains(':') {
-                (*value).clone()
-            } else {
-                format!("{value}, {label}")
-            };
-            match i {
-                0 => one(&format!("{name} = {value}"), SeriesStyle::Caption, *point),
-                _ => one(&value, SeriesStyle::Label, *point),
-            }
-        }));
+    } else {
+        for sweep in &page.sweeps {
+            series.extend(joined(sweep, find));
+        }
     }
     if series.iter().all(|s| s.points.is_empty()) {
         return Ok(None);
     }
-    let svg = Chart {
+    let axis = |axis: &PlotAxis| match axis.is_log {
+        true => Axis {
+            log: true,
+            ..Axis::new(axis.label)
+        },
+        false if axis.label.ends_with('%') => Axis::share(axis.label),
+        false => Axis::new(axis.label),
+    };
+    let chart = Chart {
         title: String::new(),
-        x,
-        y,
+        x: axis(&of.x),
+        y: axis(&of.y),
         series,
-    }
-    .svg()?;
-    Ok(Some(PlotView { title, about, svg }))
+    };
+    Ok(Some(PlotView {
+        title: of.title,
+        about: of.about,
+        svg: chart.svg_in(colors)?,
+    }))
+}
+
+/// The points that no other beats in both numbers, from left to right.
+fn front(of: &TradeOff, mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let cost = |axis: &PlotAxis, value: f64| if axis.is_cost { value } else { -value };
+    let costs = |p: &(f64, f64)| [cost(&of.x, p.0), cost(&of.y, p.1)];
+    let beats = |a: [f64; 2], b: [f64; 2]| a[0] <= b[0] && a[1] <= b[1] && a != b;
+    let all: Vec<_> = points.iter().map(costs).collect();
+    points.retain(|p| !all.iter().any(|other| beats(*other, costs(p))));
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    points
+}
+
+/// A sweep as a line with its values. Its first point names it.
+fn joined(sweep: &ParameterSweep, find: impl Fn(&str) -> Option<(f64, f64)>) -> Vec<Series> {
+    let points = sweep.points.iter();
+    let places: Vec<_> = points
+        .filter_map(|(value, label)| Some((value, label, find(label)?)))
+        .collect();
+    let line = Series {
+        name: sweep.algorithm.clone(),
+        form: SeriesStyle::Joined,
+        points: places.iter().map(|(.., point)| *point).collect(),
+    };
+    let label = |(i, (value, label, point)): (usize, &(&String, &String, (f64, f64)))| {
+        // A label without settings is how the algorithm is called in the tables.
+        let value = if label.contains(':') {
+            (*value).clone()
+        } else {
+            format!("{value}, {label}")
+        };
+        let (name, form) = match i {
+            0 => {
+                let name = format!("{}: {} = {value}", sweep.algorithm, sweep.parameter);
+                (name, SeriesStyle::Caption)
+            }
+            _ => (value, SeriesStyle::Label),
+        };
+        Series {
+            name,
+            form,
+            points: vec![*point],
+        }
+    };
+    let labels = places.iter().enumerate().map(label);
+    std::iter::once(line).chain(labels).collect()
 }
 
 /// Most sweeps that are drawn as lines: those of a grid would cover each other.
 const MAX_LINES: usize = 6;
 
 /// The swept algorithms as points, a series for each kind of algorithm.
-fn clouds(page: &ReportPage, place: PlotPoint) -> Vec<Series> {
+fn clouds(
+    page: &ReportPage,
+    place: impl Fn(&AlgorithmSummary) -> Option<(f64, f64)>,
+) -> Vec<Series> {
     let mut clouds: Vec<Series> = Vec::new();
     for algorithm in &page.summary.algorithms {
         let holds = |sweep: &&ParameterSweep| {
@@ -252,12 +359,13 @@ fn clouds(page: &ReportPage, place: PlotPoint) -> Vec<Series> {
         let (Some(sweep), Some(point)) = (page.sweeps.iter().find(holds), place(algorithm)) else {
             continue;
         };
-        // Sweeps are called `bm: uniqueness`.
-        let kind = sweep.name.split(':').next().unwrap_or_default();
-        match clouds.iter_mut().find(|cloud| cloud.name == kind) {
+        match clouds
+            .iter_mut()
+            .find(|cloud| cloud.name == sweep.algorithm)
+        {
             Some(cloud) => cloud.points.push(point),
             None => clouds.push(Series {
-                name: kind.to_owned(),
+                name: sweep.algorithm.clone(),
                 form: SeriesStyle::Points,
                 points: vec![point],
             }),
@@ -266,8 +374,11 @@ fn clouds(page: &ReportPage, place: PlotPoint) -> Vec<Series> {
     clouds
 }
 
+/// What a stage of an algorithm takes.
+type StageTime = fn(&AlgorithmSummary) -> Option<f64>;
+
 /// Latency, and where the time goes; nothing without pairs.
-pub(super) fn speed(page: &ReportPage) -> Result<Vec<PlotView>> {
+pub(super) fn speed(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Vec<PlotView>> {
     if page.times_ms.is_empty() {
         return Ok(Vec::new());
     }
@@ -276,7 +387,7 @@ pub(super) fn speed(page: &ReportPage) -> Result<Vec<PlotView>> {
         label: "ms per pair".into(),
         strips: page.times_ms.clone(),
     };
-    let stages: [(&str, PlotNumber); 6] = [
+    let stages: [(&str, StageTime); 6] = [
         ("smoothing", |a| a.smoothing_ms),
         ("texture", |a| a.texture_ms),
         ("matching", |a| a.matching_ms),
@@ -285,7 +396,7 @@ pub(super) fn speed(page: &ReportPage) -> Result<Vec<PlotView>> {
         ("other", |a| a.other_ms),
     ];
     // Rows hold whole microseconds, so a stage below 1 % may be rounding alone.
-    let counts = |of: PlotNumber| {
+    let counts = |of: StageTime| {
         page.summary
             .algorithms
             .iter()
@@ -311,7 +422,7 @@ pub(super) fn speed(page: &ReportPage) -> Result<Vec<PlotView>> {
         PlotView {
             title: "Latency",
             about: "Histogram of the times per pair; each strip has its own height scale.",
-            svg: latency.svg()?,
+            svg: latency.svg(colors)?,
         },
         PlotView {
             title: "Time by stage",

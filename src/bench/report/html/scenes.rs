@@ -2,13 +2,13 @@
 
 use super::frames::{cells, numbers};
 use super::{SceneFigure, SceneResult};
-use crate::report::page::data_url;
+use crate::report::page::{css_color, data_url};
 use serde::Serialize;
 use svl_data::overlay::errors::{BINS, HIDDEN, SILENT, UNKNOWN};
 
 #[derive(Serialize)]
 pub(super) struct SceneView<'a> {
-    title: &'a str,
+    pub title: &'a str,
     width: usize,
     height: usize,
     left: String,
@@ -48,26 +48,16 @@ impl<'a> SceneView<'a> {
     }
 }
 
-/// A colour of the error maps and its meaning.
-#[derive(Serialize)]
-pub(super) struct Swatch {
-    color: String,
-    words: String,
-}
-
-/// The colours of the error maps: errors, and pixels without one.
+/// The colours of the error maps with their meanings: errors, and pixels without one.
 #[derive(Serialize)]
 pub(super) struct ErrorKey {
-    errors: Vec<Swatch>,
-    others: Vec<Swatch>,
+    errors: Vec<(String, String)>,
+    others: Vec<(String, String)>,
 }
 
 impl ErrorKey {
     pub(super) fn new() -> Self {
-        let swatch = |[r, g, b]: [u8; 3], words: &str| Swatch {
-            color: format!("rgb({r} {g} {b})"),
-            words: words.into(),
-        };
+        let swatch = |color, words: &str| (css_color(color), words.to_owned());
         let errors = BINS.iter().enumerate().map(|(i, (end, color))| {
             // An error of size 1 is 3 px.
             let px = |size: f32| match 3.0 * size {

@@ -1,92 +1,172 @@
-//! The values of the page's template, numbers as text.
+//! The values of the page's template: the domain's own types, and what it cannot compute.
 
 use super::super::gate::GateState;
-use super::super::plot::CourseMap;
-use super::super::table::Table;
+use super::super::plot::AlgorithmColors;
+use super::super::summary::Summary;
+use super::super::table::{Table, TableCell, TableColumn};
 use super::frames::FigureView;
-use super::plots::{PlotView, StressView, accuracy, coverage, speed, stress};
+use super::plots::{PlotView, StressView, speed, stress, trade_offs};
 use super::scenes::{ErrorKey, SceneView};
 use super::{PartLink, ReportPage};
-use crate::report::page::{ImageView, PageImages};
+use crate::report::page::{ImageView, PageImages, css_color};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use svl_core::Result;
-use svl_data::overlay::viridis;
+use svl_data::manifest::Manifest;
+use svl_data::overlay::{algorithm_color, viridis};
+use svl_data::score::{ColumnChoice, RunKind};
 
 #[derive(Serialize)]
 pub(super) struct ReportPageView<'a> {
-    title: &'a str,
+    manifest: &'a Manifest,
+    summary: &'a Summary,
+    scope: String,
+    answer: Vec<String>,
+    cautions: Vec<String>,
     paragraphs: Vec<&'a str>,
-    incomplete: Option<&'a str>,
-    warnings: &'a [String],
-    caution: Option<String>,
-    identity: &'a [(String, String)],
-    summary: Option<Table>,
-    accuracy: Vec<PlotView>,
-    coverage: Vec<PlotView>,
+    identity: Vec<(String, String)>,
+    /// Cautions say it.
+    incomplete: (),
+    headline: Table,
+    of: HeadlineView<'a>,
+    metrics: Table,
     checkpoints: Option<Table>,
+    speed: Option<Table>,
+    drive_tables: Vec<Table>,
+    stress_tables: Vec<Table>,
+    /// The first is shown, the others are folded.
+    trade_offs: Vec<PlotView>,
+    speed_plots: Vec<PlotView>,
+    stress: Vec<StressView>,
+    maps: Vec<String>,
+    front: FrontView<'a>,
     /// State, its word, and the result.
     gate: Vec<(GateState, &'static str, &'a str)>,
-    speed: Option<Table>,
-    speed_plots: Vec<PlotView>,
+    /// Ids and titles of the figures, or of the scenes.
+    entries: Vec<(String, &'a str)>,
+    /// Figures have worst and best frames.
+    is_ranked: bool,
+    /// Some figure shows several algorithms.
+    has_choice: bool,
     figures: Vec<FigureView<'a>>,
     scenes: Vec<SceneView<'a>>,
-    tables: Vec<Table>,
-    maps: Vec<String>,
-    stress: Vec<StressView>,
     parts: &'a [PartLink],
-    /// Which algorithms have no pictures, if any.
-    left_out: Option<String>,
     errors: ErrorKey,
     /// Stops of the disparities' colours, for a gradient.
     ramp: String,
     images: Vec<ImageView>,
 }
 
+/// What the headline table has besides its numbers.
+#[derive(Serialize)]
+struct HeadlineView<'a> {
+    /// Per label its name, place in the run and colour.
+    algorithms: BTreeMap<&'a str, AlgorithmView>,
+    /// Number and name.
+    checkpoints: Vec<(u32, &'a str)>,
+    /// The labels of algorithms with pictures, in the order of the table.
+    pictured: Vec<&'a str>,
+    /// The least and the greatest time, ms.
+    times: (f64, f64),
+    is_swept: bool,
+    has_bars: bool,
+}
+
+#[derive(Serialize)]
+struct AlgorithmView {
+    /// Without the settings that are columns.
+    name: String,
+    place: usize,
+    color: String,
+    is_on_front: bool,
+}
+
+/// The algorithms that no other one dominates.
+#[derive(Serialize)]
+struct FrontView<'a> {
+    /// The words of the metrics.
+    by: Vec<&'static str>,
+    algorithms: Vec<&'a str>,
+}
+
 impl<'a> ReportPageView<'a> {
     pub(super) fn new(page: &'a ReportPage) -> Result<Self> {
+        let ReportPage {
+            manifest, summary, ..
+        } = page;
+        let colors = AlgorithmColors::new(manifest.labels());
         let mut images = PageImages::default();
-        let figures = page
-            .figures
+        let figures = page.figures.iter();
+        let figures = figures.map(|figure| FigureView::new(figure, &mut images));
+        let figures: Vec<_> = figures.collect();
+        let scenes: Vec<_> = page.scenes.iter().map(SceneView::new).collect();
+        let titles = figures
             .iter()
-            .map(|figure| FigureView::new(figure, &mut images))
-            .collect();
-        let summary = &page.summary;
-        let stops = (0..=8)
-            .map(|i| viridis(i as f32 / 8.0))
-            .map(|[r, g, b]| format!("rgb({r} {g} {b})"));
+            .map(|figure| (figure.checkpoint, figure.title));
+        let titles = titles.chain(scenes.iter().map(|scene| (None, scene.title)));
+        let entry = |(i, (checkpoint, title)): (usize, (Option<u32>, &'a str))| {
+            let id = checkpoint.map_or_else(|| format!("f{i}"), |number| format!("cp{number}"));
+            (id, title)
+        };
+        let entries = titles.enumerate().map(entry).collect();
+        let has_choice = page.figures.iter().any(|figure| {
+            let first = figure.shots.first().map(|(_, shot)| &shot.row.algorithm);
+            (figure.shots.iter()).any(|(_, shot)| Some(&shot.row.algorithm) != first)
+        });
+        let stops = (0..=8).map(|i| css_color(viridis(i as f32 / 8.0)));
+        let mut identity = manifest.entries();
+        let note = summary.ending.note();
+        identity.extend(note.map(|note| ("not scored".to_owned(), note)));
+        // Its metrics are those of the headline.
+        let (by, algorithms) = match summary.kind() {
+            RunKind::Distances | RunKind::NoTruth => summary.front(),
+            RunKind::Disparities | RunKind::Courses => Default::default(),
+        };
+        let front = FrontView {
+            by: by.iter().map(|metric| metric.words).collect(),
+            algorithms,
+        };
+        let headline = headline(page);
+        let mut drive_tables = summary.side_tables();
+        let stress_tables = drive_tables.split_off(usize::from(!summary.drives.is_empty()));
+        let gate = page.gate.iter();
+        let maps = page.maps.iter().map(|map| map.svg(&colors));
         Ok(Self {
-            title: &page.title,
-            incomplete: summary.ending.incomplete.as_deref(),
-            warnings: &summary.warnings,
-            caution: summary.caution(),
-            paragraphs: page
-                .description
-                // An empty line ends a paragraph, as in Markdown.
-                .split("\n\n")
-                .map(str::trim)
+            manifest,
+            summary,
+            scope: summary.scope_words(),
+            answer: summary.answer(),
+            cautions: summary.cautions(),
+            // An empty line ends a paragraph, as in Markdown.
+            paragraphs: (page.description.split("\n\n").map(str::trim))
                 .filter(|p| !p.is_empty())
                 .collect(),
-            identity: &page.identity,
-            summary: Some(summary.all_metrics()).filter(|table| !table.rows.is_empty()),
-            accuracy: accuracy(page)?,
-            coverage: coverage(page)?,
+            identity,
+            incomplete: (),
+            of: HeadlineView::new(page, &headline, &colors, &front.algorithms),
+            headline,
+            metrics: summary.all_metrics(),
             checkpoints: summary.checkpoint_table(),
-            gate: (page.gate.iter())
+            speed: summary.speed_table(),
+            drive_tables,
+            stress_tables,
+            trade_offs: trade_offs(page, &colors)?,
+            speed_plots: speed(page, &colors)?,
+            stress: stress(page, &colors)?,
+            maps: maps.collect::<Result<_>>()?,
+            front,
+            gate: gate
                 .map(|(state, text)| (*state, state.words(), text.as_str()))
                 .collect(),
-            speed: summary.speed_table(),
-            speed_plots: speed(page)?,
-            figures,
-            scenes: page.scenes.iter().map(SceneView::new).collect(),
-            tables: summary.side_tables(),
-            maps: page
-                .maps
+            entries,
+            is_ranked: page
+                .figures
                 .iter()
-                .map(CourseMap::svg)
-                .collect::<Result<_>>()?,
-            stress: stress(page)?,
+                .any(|figure| figure.checkpoint.is_some()),
+            has_choice,
+            figures,
+            scenes,
             parts: &page.parts,
-            left_out: left_out(page),
             errors: ErrorKey::new(),
             ramp: stops.collect::<Vec<_>>().join(", "),
             images: images.into_views(),
@@ -94,31 +174,117 @@ impl<'a> ReportPageView<'a> {
     }
 }
 
-/// Which algorithms have pictures, where not all have.
-fn left_out(page: &ReportPage) -> Option<String> {
-    let figures = page
-        .figures
-        .iter()
-        .flat_map(|f| f.shots.iter().map(|(_, s)| s.row.algorithm.as_str()));
-    let mut pictured: Vec<_> = figures
-        .chain(
-            page.scenes
+impl<'a> HeadlineView<'a> {
+    fn new(
+        page: &'a ReportPage,
+        table: &Table,
+        colors: &AlgorithmColors<'_>,
+        front: &[&str],
+    ) -> Self {
+        let swept = swept(page);
+        let view = |(place, label): (usize, &'a str)| {
+            let view = AlgorithmView {
+                name: name(label, &swept),
+                place,
+                color: css_color(algorithm_color(colors.place(label).unwrap_or(place))),
+                is_on_front: front.contains(&label),
+            };
+            (label, view)
+        };
+        let ranked = page.summary.ranked_algorithms();
+        let times = || {
+            ranked
                 .iter()
-                .flat_map(|s| s.shots.iter().map(|s| s.row.algorithm.as_str())),
-        )
-        .collect();
-    pictured.sort_unstable();
-    pictured.dedup();
-    let all = page
-        .summary
-        .algorithms
-        .iter()
-        .filter(|a| a.pairs > 0)
-        .count();
-    (!pictured.is_empty() && pictured.len() < all).then(|| {
-        format!(
-            "Pictures of {} of the {all} algorithms; the tables have all.",
-            pictured.len()
-        )
-    })
+                .filter_map(|a| a.p50_ms)
+                .filter(|ms| *ms > 0.0)
+        };
+        let labels = ranked.iter().map(|a| a.algorithm.as_str());
+        let is_pictured = |label: &&str| {
+            let figures = page.figures.iter().flat_map(|f| &f.shots);
+            let mut rows = figures.map(|(_, shot)| &shot.row).chain(
+                page.scenes
+                    .iter()
+                    .flat_map(|scene| scene.shots.iter().map(|shot| &shot.row)),
+            );
+            rows.any(|row| row.algorithm == **label)
+        };
+        Self {
+            algorithms: page.manifest.labels().enumerate().map(view).collect(),
+            checkpoints: page.summary.checkpoint_names(),
+            pictured: labels.filter(is_pictured).collect(),
+            times: (
+                times().fold(f64::INFINITY, f64::min),
+                times().fold(0.0, f64::max),
+            ),
+            is_swept: !swept.is_empty(),
+            has_bars: (table.rows.iter().flatten())
+                .any(|cell| matches!(cell, TableCell::Bar { .. })),
+        }
+    }
+}
+
+/// The headline table, with a column for each parameter that is swept.
+fn headline(page: &ReportPage) -> Table {
+    let mut table = page.summary.headline();
+    if page.summary.columns == ColumnChoice::Headline {
+        table.remove_optional_columns();
+    }
+    for parameter in swept(page).into_iter().rev() {
+        let value = |label: &str| {
+            let sweeps = page.sweeps.iter().filter(|s| s.parameter == parameter);
+            let mut points = sweeps.flat_map(|sweep| &sweep.points);
+            let own = points.find(|(_, of)| of == label);
+            own.map_or_else(String::new, |(value, _)| value.clone())
+        };
+        table
+            .columns
+            .insert(1, TableColumn::new("parameters", parameter));
+        for row in &mut table.rows {
+            let value = match &row[0] {
+                TableCell::Text(label) => value(label),
+                _ => String::new(),
+            };
+            row.insert(1, TableCell::Text(value));
+        }
+    }
+    table
+}
+
+/// The parameters that are swept, each once.
+fn swept(page: &ReportPage) -> Vec<&str> {
+    let mut parameters: Vec<&str> = Vec::new();
+    for sweep in &page.sweeps {
+        if !parameters.contains(&sweep.parameter.as_str()) {
+            parameters.push(&sweep.parameter);
+        }
+    }
+    parameters
+}
+
+/// A label without the settings of those parameters.
+fn name(label: &str, parameters: &[&str]) -> String {
+    let Some((name, settings)) = label.split_once(':') else {
+        return label.to_owned();
+    };
+    let is_column = |setting: &&str| {
+        let key = setting.split('=').next().unwrap_or_default();
+        parameters.contains(&key)
+    };
+    let others: Vec<_> = settings.split(',').filter(|s| !is_column(s)).collect();
+    match others[..] {
+        [] => name.to_owned(),
+        _ => format!("{name}:{}", others.join(",")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::name;
+
+    #[test]
+    fn settings_in_columns_are_not_in_names() {
+        let names = ["bm", "bm:uniqueness=3", "bm:uniqueness=3,size=9"];
+        let named = names.map(|label| name(label, &["uniqueness"]));
+        assert_eq!(named, ["bm", "bm", "bm:size=9"]);
+    }
 }

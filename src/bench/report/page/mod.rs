@@ -1,8 +1,9 @@
-//! Frame of all HTML pages: each is one file without scripts or anything to fetch.
+//! What all HTML pages share: each is one file that fetches nothing.
 //!
 //! A page extends `base.html` (head, style, images, identity of the run) and fills its blocks
 //! `title`, `style`, `header` and `main`.
 
+use super::words::{ms, percent};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use serde::Serialize;
 use svl_core::{Error, Result};
@@ -21,22 +22,53 @@ const PARTS: [(&str, &str); 4] = [
 /// # Errors
 /// [`Error::Invalid`] with what the template engine says.
 pub fn fill(page: &'static str, style: &'static str, view: impl Serialize) -> Result<String> {
+    fill_with(page, style, &[], view)
+}
+
+/// As [`fill`], with further templates that the page includes, by their names.
+///
+/// # Errors
+/// As [`fill`].
+pub(crate) fn fill_with(
+    page: &'static str,
+    style: &'static str,
+    parts: &[(&'static str, &'static str)],
+    view: impl Serialize,
+) -> Result<String> {
     let filled = || {
         let mut templates = minijinja::Environment::new();
         templates.set_trim_blocks(true);
         templates.set_lstrip_blocks(true);
         // A misspelt name in a template fails the tests instead of leaving a gap in a page.
         templates.set_undefined_behavior(minijinja::UndefinedBehavior::Strict);
+        templates.add_filter("ms", ms);
+        templates.add_filter("percent", |share: f64| percent(Some(share)));
+        templates.add_filter("log_place", log_place);
         // The ending .html makes the engine escape texts.
         for (name, part) in PARTS
             .into_iter()
             .chain([("page.css", style), ("page.html", page)])
+            .chain(parts.iter().copied())
         {
             templates.add_template(name, part)?;
         }
         templates.get_template("page.html")?.render(view)
     };
     filled().map_err(|e: minijinja::Error| Error::Invalid(format!("HTML page: {e:#}")))
+}
+
+/// The place of a value between the ends of a logarithmic scale, percent of its length.
+fn log_place(value: f64, low: f64, high: f64) -> f64 {
+    if low < high && value > 0.0 {
+        100.0 * (value / low).ln() / (high / low).ln()
+    } else {
+        0.0
+    }
+}
+
+/// A colour in CSS.
+pub(crate) fn css_color([r, g, b]: [u8; 3]) -> String {
+    format!("rgb({r} {g} {b})")
 }
 
 /// An image file, PNG or JPEG, as a URL that holds it.

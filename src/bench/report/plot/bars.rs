@@ -1,9 +1,13 @@
 //! Horizontal bars of several parts.
 
-use super::{AXIS, DrawError, PlotCanvas, TEXT, WIDTH, color, draw_title, svg, text, text_width};
+use super::key::PlotKey;
+use super::{
+    AXIS, DrawError, PlotCanvas, TEXT, TITLE, WIDTH, draw_title, rgb, svg, text, text_width,
+};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use svl_core::Result;
+use svl_data::overlay::viridis;
 
 /// A bar for every category, made of parts that stand one after another.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -17,20 +21,14 @@ pub struct Bars {
     pub bars: Vec<(String, Vec<f64>)>,
 }
 
-/// Height of a bar with its gap, of the title, of a line of the key, and of what stands below the
-/// bars.
+/// Height of a bar with its gap, and of what stands below the bars.
 const BAR: i32 = 52;
-const TITLE: i32 = 64;
-const KEY: i32 = 44;
 const FOOT: i32 = 72;
 /// Most room for the names.
 const NAMES: i32 = 400;
 /// Room for a bar's sum behind it.
 const SUM: i32 = 110;
 const SIZE: u32 = TEXT - 2;
-
-/// A point of the plot, from the left and from the top.
-type Place = (i32, i32);
 
 impl Bars {
     /// The plot as an SVG document.
@@ -52,41 +50,24 @@ impl Bars {
 
     /// `length` of a bar, of its sum.
     fn drawn(&self, length: impl Fn(f64) -> f64) -> Result<String> {
-        let (key, key_height) = self.key();
-        let head = key_height + if self.title.is_empty() { 12 } else { TITLE };
+        let is_shown = |i: usize| self.bars.iter().any(|(_, parts)| parts[i] > 0.0);
+        let parts = self.parts.iter().enumerate().filter(|(i, _)| is_shown(*i));
+        let parts = parts.map(|(i, part)| (part.as_str(), self.color(i)));
+        let key = PlotKey::new(parts.filter(|_| self.parts.len() > 1));
+        let title = if self.title.is_empty() { 12 } else { TITLE };
+        let head = key.height + title;
         let height = head + FOOT + BAR * self.bars.len() as i32;
         svg(height as u32, &self.title, |canvas| {
             draw_title(canvas, &self.title)?;
-            for (i, (x, y)) in key {
-                let (part, y) = (&self.parts[i], y + head - key_height);
-                canvas.draw(&Rectangle::new(
-                    [(x, y), (x + 24, y + 24)],
-                    color(i).filled(),
-                ))?;
-                canvas.draw(&Text::new(part.clone(), (x + 34, y + 12), at(HPos::Left)))?;
-            }
+            key.draw(canvas, title)?;
             self.draw(canvas, head, length)
         })
     }
 
-    /// The parts of the key and where they stand, in lines as wide as the plot, and how high they
-    /// are.
-    fn key(&self) -> (Vec<(usize, Place)>, i32) {
-        if self.parts.len() < 2 {
-            return (Vec::new(), 0);
-        }
-        let (mut x, mut y, mut places) = (0, 0, Vec::new());
-        let is_shown = |i: usize| self.bars.iter().any(|(_, parts)| parts[i] > 0.0);
-        for (i, part) in self.parts.iter().enumerate().filter(|(i, _)| is_shown(*i)) {
-            let width = 34 + text_width(part, SIZE);
-            // A part wider than the plot stays alone on its line.
-            if x > 0 && x + width > WIDTH as i32 {
-                (x, y) = (0, y + KEY);
-            }
-            places.push((i, (x, y)));
-            x += width + 28;
-        }
-        (places, y + KEY)
+    /// Colour of a part: another than those of algorithms.
+    fn color(&self, part: usize) -> RGBColor {
+        let last = self.parts.len().saturating_sub(1).max(1);
+        rgb(viridis(0.2 + 0.75 * part as f32 / last as f32))
     }
 
     fn draw(
@@ -143,7 +124,7 @@ impl Bars {
             let mut from = 0.0;
             for (k, part) in parts.iter().enumerate() {
                 let corners = [(place(from), y + 8), (place(from + part), y + BAR - 8)];
-                canvas.draw(&Rectangle::new(corners, color(k).filled()))?;
+                canvas.draw(&Rectangle::new(corners, self.color(k).filled()))?;
                 from += part;
             }
             canvas.draw(&Text::new(
@@ -178,17 +159,20 @@ mod tests {
             ("v1".to_owned(), vec![0.0, 1.0, 0.5]),
             ("v3".to_owned(), vec![0.0, 0.5, 0.25]),
         ];
-        let svg = Bars {
+        let bars = Bars {
             title: "times".into(),
             label: "ms".into(),
             parts: parts.into(),
             bars,
-        }
-        .svg()
-        .unwrap();
+        };
+        let svg = bars.svg().unwrap();
         // A part that no bar has is not in the key, and leaves the others their colours.
-        let of = |fill: &str| svg.matches(&format!("fill=\"{fill}\"")).count();
-        assert_eq!((of("#D55E00"), of("#009E73")), (3, 3), "{svg}");
+        let of = |part: usize| {
+            let RGBColor(r, g, b) = bars.color(part);
+            svg.matches(&format!("fill=\"#{r:02X}{g:02X}{b:02X}\""))
+                .count()
+        };
+        assert_eq!((of(1), of(2)), (3, 3), "{svg}");
         assert!(svg.contains("\n1.50\n"), "{svg}");
     }
 

@@ -1,11 +1,12 @@
 //! Lines and points over two axes.
 
+use super::key::PlotKey;
+use super::ticks::{linear_ticks, log_ticks};
 use super::{
-    AXIS, DrawError, PlotCanvas, Series, SeriesStyle, TEXT, WIDTH, color, labels, log_ticks, svg,
-    text,
+    AXIS, AlgorithmColors, DrawError, PlotCanvas, Series, SeriesStyle, TEXT, TITLE, WIDTH, color,
+    draw_title, labels, svg, text,
 };
-use plotters::coord::combinators::BindKeyPoints;
-use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::prelude::*;
 use svl_core::Result;
 
@@ -72,9 +73,9 @@ impl Axis {
                 let room = if high > low {
                     0.04 * (high - low)
                 } else {
-                    0.5 * high.abs().max(1.0)
+                    0.5 * high.abs().max(2.0)
                 };
-                let begin = if low >= 0.0 && low < 0.25 * high {
+                let begin = if low >= 0.0 && low <= 0.25 * high {
                     0.0
                 } else {
                     low - room
@@ -92,48 +93,75 @@ impl Chart {
     /// # Errors
     /// [`svl_core::Error::Invalid`] with what the drawing library says.
     pub fn svg(&self) -> Result<String> {
+        self.svg_in(&AlgorithmColors::new([]))
+    }
+
+    /// As [`Chart::svg`], series that are called as algorithms in the colours of these.
+    ///
+    /// # Errors
+    /// As [`Chart::svg`].
+    pub fn svg_in(&self, colors: &AlgorithmColors<'_>) -> Result<String> {
         let points = || self.series.iter().flat_map(|s| &s.points);
-        let (x0, x1) = self.x.span(points().map(|p| p.0));
-        let (y0, y1) = self.y.span(points().map(|p| p.1));
-        let log = |low: f64, high: f64| {
-            let axis = (low..high).log_scale();
-            axis.with_key_points(log_ticks(low, high))
-        };
-        svg(HEIGHT, &self.title, |canvas| {
-            // Plotters has a type per kind of axis, so each combination is its own call.
-            match (self.x.log, self.y.log) {
-                (false, false) => self.draw(canvas, x0..x1, y0..y1),
-                (true, false) => self.draw(canvas, log(x0, x1), y0..y1),
-                (false, true) => self.draw(canvas, x0..x1, log(y0, y1)),
-                (true, true) => self.draw(canvas, log(x0, x1), log(y0, y1)),
-            }
+        let x = TickedAxis::new(&self.x, || points().map(|p| p.0));
+        let y = TickedAxis::new(&self.y, || points().map(|p| p.1));
+        let key = PlotKey::new(
+            self.series
+                .iter()
+                .zip(self.colors(colors))
+                .filter(|(series, _)| series.is_keyed())
+                .map(|(series, color)| (series.name.as_str(), color)),
+        );
+        svg(HEIGHT + key.height as u32, &self.title, |canvas| {
+            let colors = self.colors(colors);
+            let drawing = Drawing {
+                canvas,
+                key: &key,
+                colors,
+            };
+            self.draw(drawing, x, y)
         })
     }
 
-    fn draw<X, Y>(&self, canvas: &PlotCanvas, x: X, y: Y) -> std::result::Result<(), DrawError>
-    where
-        X: AsRangedCoord<Value = f64>,
-        Y: AsRangedCoord<Value = f64>,
-        X::CoordDescType: ValueFormatter<f64>,
-        Y::CoordDescType: ValueFormatter<f64>,
-    {
+    /// A colour per series: that of its algorithm, else by its place. Named series without an
+    /// algorithm share the first.
+    fn colors(&self, colors: &AlgorithmColors<'_>) -> Vec<RGBColor> {
+        let named = usize::from(self.series.iter().any(|s| s.form == SeriesStyle::Named));
+        let mut others = (named..).map(color);
+        let own = |series: &Series| match series.form {
+            SeriesStyle::Caption | SeriesStyle::Label | SeriesStyle::Front => AXIS,
+            form => colors.color(&series.name).unwrap_or_else(|| match form {
+                SeriesStyle::Named => color(0),
+                _ => others.next().unwrap_or(AXIS),
+            }),
+        };
+        self.series.iter().map(own).collect()
+    }
+
+    fn draw(
+        &self,
+        drawing: Drawing<'_, '_>,
+        x: TickedAxis,
+        y: TickedAxis,
+    ) -> std::result::Result<(), DrawError> {
+        let Drawing {
+            canvas,
+            key,
+            colors,
+        } = drawing;
         let mut builder = ChartBuilder::on(canvas);
-        if !self.title.is_empty() {
-            builder.caption(&self.title, text(TEXT + 4));
-        }
+        draw_title(canvas, &self.title)?;
+        let title = if self.title.is_empty() { 0 } else { TITLE };
         let mut chart = builder
             .margin(12)
+            .margin_top(12 + title + key.height)
             .margin_right(36)
             .x_label_area_size(84)
             .y_label_area_size(110)
             .build_cartesian_2d(x, y)?;
-        let number = |v: &f64| number(*v);
         chart
             .configure_mesh()
             .x_desc(&self.x.label)
             .y_desc(&self.y.label)
-            .x_labels(8)
-            .y_labels(8)
             .label_style(text(TEXT - 4))
             .axis_desc_style(text(TEXT))
             .axis_style(AXIS.stroke_width(2))
@@ -141,47 +169,32 @@ impl Chart {
             .bold_line_style(AXIS.mix(0.25))
             // No minor grid lines: they would be invisible at the size of a page.
             .light_line_style(AXIS.mix(0.0))
-            .x_label_formatter(&number)
-            .y_label_formatter(&number)
             .draw()?;
         let shown = |p: &&(f64, f64)| self.x.shows(p.0) && self.y.shows(p.1);
-        let keyed = |s: &&Series| {
-            !s.name.is_empty()
-                && matches!(
-                    s.form,
-                    SeriesStyle::Line | SeriesStyle::Points | SeriesStyle::Both
-                )
-        };
-        // Named series share the first colour, so the others begin at the second.
-        let named = usize::from(self.series.iter().any(|s| s.form == SeriesStyle::Named));
-        let mut colors = (named..).map(color);
-        for series in self
-            .series
-            .iter()
-            .filter(|s| !matches!(s.form, SeriesStyle::Caption | SeriesStyle::Label))
-        {
-            let color = if series.form == SeriesStyle::Named {
-                color(0)
-            } else {
-                colors.next().unwrap_or(AXIS)
-            };
-            let symbol = series.form != SeriesStyle::Line;
-            if matches!(series.form, SeriesStyle::Line | SeriesStyle::Both) {
-                // A value without a place interrupts the line: joining its neighbours would invent
-                // data.
-                for run in series.points.split(|p| !shown(&p)) {
-                    chart
-                        .draw_series(LineSeries::new(run.iter().copied(), color.stroke_width(4)))?;
+        for (series, color) in self.series.iter().zip(colors) {
+            let points = || series.points.iter().copied().filter(|p| shown(&p));
+            match series.form {
+                SeriesStyle::Line | SeriesStyle::Both | SeriesStyle::Joined => {
+                    // A value without a place interrupts the line: joining its neighbours would
+                    // invent data.
+                    for run in series.points.split(|p| !shown(&p)) {
+                        let run = run.iter().copied();
+                        chart.draw_series(LineSeries::new(run, color.stroke_width(4)))?;
+                    }
                 }
+                SeriesStyle::Front => {
+                    let line = DashedLineSeries::new(points(), 12, 10, color.stroke_width(3));
+                    chart.draw_series(line)?;
+                }
+                _ => {}
             }
-            let marks = series.points.iter().filter(shown).filter(|_| symbol);
-            let marks = chart.draw_series(marks.map(|&p| Circle::new(p, 8, color.filled())))?;
-            if keyed(&series) {
-                marks.label(&series.name).legend(move |(x, y)| {
-                    let size = if symbol { 10 } else { 3 };
-                    Rectangle::new([(x, y - size), (x + 28, y + size)], color.filled())
-                });
-            }
+            let radius = match series.form {
+                SeriesStyle::Points | SeriesStyle::Both | SeriesStyle::Joined => 8,
+                SeriesStyle::Named => 8,
+                SeriesStyle::Disc(radius) => radius,
+                _ => continue,
+            };
+            chart.draw_series(points().map(|p| Circle::new(p, radius, color.filled())))?;
         }
         let place = |p: &(f64, f64)| chart.backend_coord(p);
         let (across, down) = chart.plotting_area().get_pixel_range();
@@ -189,47 +202,70 @@ impl Chart {
         labels::write(canvas, &self.series, bounds, |p| {
             Some(p).filter(shown).map(place)
         })?;
-        if self.series.iter().any(|s| keyed(&s)) {
-            let drawn = self
-                .series
-                .iter()
-                .flat_map(|s| &s.points)
-                .filter(shown)
-                .map(place);
-            let corner = emptiest(&drawn.collect::<Vec<_>>());
-            chart
-                .configure_series_labels()
-                .position(corner)
-                .legend_area_size(48)
-                .label_font(text(TEXT - 4))
-                .border_style(AXIS.mix(0.4))
-                .background_style(WHITE.mix(0.8))
-                .draw()?;
-        }
-        Ok(())
+        key.draw(canvas, title)
     }
 }
 
-/// The corner of the plot with the fewest points, where the key hides least.
-fn emptiest(points: &[(i32, i32)]) -> SeriesLabelPosition {
-    use SeriesLabelPosition::{LowerLeft, LowerRight, UpperLeft, UpperRight};
-    let (x, y) = (WIDTH as i32 / 2, HEIGHT as i32 / 2);
-    let in_corner = |right: bool, lower: bool| {
-        points
-            .iter()
-            .filter(|p| (p.0 > x) == right && (p.1 > y) == lower)
-            .count()
-    };
-    let corners = [
-        (true, false, UpperRight),
-        (false, false, UpperLeft),
-        (true, true, LowerRight),
-        (false, true, LowerLeft),
-    ];
-    let corner = corners
-        .into_iter()
-        .min_by_key(|&(right, lower, _)| in_corner(right, lower));
-    corner.map_or(UpperRight, |(.., position)| position)
+/// An axis with its ends and its ticks. Plotters has a type per kind of axis.
+struct TickedAxis {
+    low: f64,
+    high: f64,
+    log: bool,
+    ticks: Vec<f64>,
+}
+
+impl TickedAxis {
+    fn new<I: Iterator<Item = f64>>(axis: &Axis, values: impl Fn() -> I) -> Self {
+        let (low, high) = axis.span(values());
+        let is_whole = || {
+            values()
+                .filter(|&v| axis.shows(v))
+                .all(|v| v.fract() == 0.0)
+        };
+        let ticks = match axis.log {
+            true => log_ticks(low, high),
+            false => linear_ticks(low, high, is_whole()),
+        };
+        Self {
+            low,
+            high,
+            log: axis.log,
+            ticks,
+        }
+    }
+}
+
+impl Ranged for TickedAxis {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (from, to): (i32, i32)) -> i32 {
+        let of = |v: f64| if self.log { v.ln() } else { v };
+        let share = (of(*value) - of(self.low)) / (of(self.high) - of(self.low));
+        from + (share * f64::from(to - from)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
+        self.ticks.clone()
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.low..self.high
+    }
+}
+
+impl ValueFormatter<f64> for TickedAxis {
+    fn format_ext(&self, value: &f64) -> String {
+        number(*value)
+    }
+}
+
+/// What a chart is drawn with.
+struct Drawing<'a, 'b> {
+    canvas: &'a PlotCanvas<'b>,
+    key: &'a PlotKey<'a>,
+    /// Of the series.
+    colors: Vec<RGBColor>,
 }
 
 /// A tick's number, no longer than it must be.
@@ -321,6 +357,37 @@ mod tests {
     fn shares_end_at_a_whole() {
         assert_eq!(Axis::share("%").span([100.0].into_iter()), (50.0, 100.0));
         assert_eq!(Axis::share("%").span([99.0, 90.0].into_iter()).1, 99.36);
+    }
+
+    #[test]
+    fn counts_begin_at_zero_and_have_whole_ticks() {
+        for values in [[0.0, 0.0], [0.0, 3.0]] {
+            let axis = TickedAxis::new(&Axis::new("count"), || values.into_iter());
+            assert_eq!(axis.low, 0.0);
+            assert!(axis.ticks.len() > 1 && axis.ticks.iter().all(|t| t.fract() == 0.0));
+        }
+    }
+
+    #[test]
+    fn a_key_is_above_the_points() {
+        let svg = chart(vec![(0.0, 1.0), (1.0, 2.0)]).svg().unwrap();
+        let top = |text: &str| {
+            let y = svg
+                .split(text)
+                .nth(1)?
+                .split("y=\"")
+                .nth(1)?
+                .split('"')
+                .next()?;
+            y.parse::<i32>().ok()
+        };
+        // The square of the key, then the circles.
+        let square = top("<rect x=\"0\"").unwrap_or_else(|| panic!("{svg}"));
+        let circles = svg.split("cy=\"").skip(1);
+        let highest = circles
+            .filter_map(|c| c.split('"').next()?.parse::<i32>().ok())
+            .min();
+        assert!(highest > Some(square + 24), "{svg}");
     }
 
     #[test]

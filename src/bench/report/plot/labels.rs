@@ -18,8 +18,16 @@ pub(super) fn write(
     for series in series {
         let drawn: Vec<_> = series.points.iter().filter_map(&place).collect();
         // The marks of points come first: a label may cover another label's place, but not a point.
-        drawn.iter().for_each(|p| labels.avoid(*p, 10));
-        if series.form == SeriesStyle::Both {
+        let radius = match series.form {
+            SeriesStyle::Disc(radius) => radius as i32 + 2,
+            SeriesStyle::Front => 0,
+            _ => 10,
+        };
+        drawn.iter().for_each(|p| labels.avoid(*p, radius));
+        if matches!(
+            series.form,
+            SeriesStyle::Both | SeriesStyle::Joined | SeriesStyle::Front
+        ) {
             drawn
                 .windows(2)
                 .flat_map(|ends| between(ends[0], ends[1]))
@@ -29,19 +37,24 @@ pub(super) fn write(
     let style = text(SIZE).pos(Pos::new(HPos::Left, VPos::Center));
     // In the order of importance: an algorithm's name is always drawn, the label of a sweep's value
     // only where nothing is covered.
-    for (form, away) in [
-        (SeriesStyle::Named, 3),
-        (SeriesStyle::Caption, 3),
-        (SeriesStyle::Label, 1),
-    ] {
-        for series in series.iter().filter(|s| s.form == form) {
-            for point in series.points.iter().filter_map(&place) {
-                let (at, hidden) = labels.place(&series.name, point, away);
-                if form == SeriesStyle::Label && hidden > 0 {
-                    labels.withdraw();
-                } else {
-                    canvas.draw(&Text::new(series.name.clone(), at, style.clone()))?;
-                }
+    let turn = |form| match form {
+        SeriesStyle::Named | SeriesStyle::Disc(_) => Some((0, 3)),
+        SeriesStyle::Caption => Some((1, 3)),
+        SeriesStyle::Label => Some((2, 1)),
+        _ => None,
+    };
+    let mut turns: Vec<_> = series
+        .iter()
+        .filter_map(|s| turn(s.form).map(|(turn, away)| (turn, away, s)))
+        .collect();
+    turns.sort_by_key(|(turn, ..)| *turn);
+    for (_, away, series) in turns {
+        for point in series.points.iter().filter_map(&place) {
+            let (at, hidden) = labels.place(&series.name, point, away);
+            if series.form == SeriesStyle::Label && hidden > 0 {
+                labels.withdraw();
+            } else {
+                canvas.draw(&Text::new(series.name.clone(), at, style.clone()))?;
             }
         }
     }

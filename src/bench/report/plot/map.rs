@@ -1,6 +1,6 @@
 //! A course from above, with the ways that algorithms took through it.
 
-use super::{AXIS, DrawError, PlotCanvas, TEXT, WIDTH, color, svg, text, text_width};
+use super::{AXIS, AlgorithmColors, DrawError, PlotCanvas, TEXT, WIDTH, svg, text, text_width};
 use plotters::prelude::*;
 use svl_core::Result;
 
@@ -31,17 +31,17 @@ const MARGIN: i32 = 12;
 const CROSS: i32 = 9;
 
 impl CourseMap {
-    /// The map as an SVG element: what stands there in grey, a cross for each collision, a ring
-    /// where the robot was stuck.
+    /// The map as an SVG element: obstacles in grey, ways in the colours of their algorithms, a
+    /// cross for each collision, a ring where the robot was stuck.
     ///
     /// # Errors
     /// [`svl_core::Error::Invalid`] with what the plotting library says.
-    pub fn svg(&self) -> Result<String> {
+    pub fn svg(&self, colors: &AlgorithmColors<'_>) -> Result<String> {
         let scale = f64::from(WIDTH as i32 - 2 * MARGIN) / self.size_m.1;
         let bottom = self.top() + (scale * self.size_m.0) as i32;
         let height = bottom + TEXT as i32 + 2 * MARGIN;
         svg(height as u32, &self.title, |canvas| {
-            self.draw(canvas, scale, bottom)
+            self.draw(canvas, colors, (scale, bottom))
         })
     }
 
@@ -52,8 +52,8 @@ impl CourseMap {
     fn draw(
         &self,
         canvas: &PlotCanvas,
-        scale: f64,
-        bottom: i32,
+        colors: &AlgorithmColors<'_>,
+        (scale, bottom): (f64, i32),
     ) -> std::result::Result<(), DrawError> {
         let place = |[x, y]: [f64; 2]| {
             let across = MARGIN + (scale * y).round() as i32;
@@ -70,8 +70,8 @@ impl CourseMap {
         let goal = [[0.0, self.goal_m], [self.size_m.0, self.goal_m]];
         canvas.draw(&PathElement::new(places(&goal), AXIS.stroke_width(2)))?;
         let mut key = MARGIN;
-        for (i, way) in self.ways.iter().enumerate() {
-            let color = color(i);
+        for way in &self.ways {
+            let color = colors.color(&way.name).unwrap_or(AXIS);
             for stretch in &way.stretches {
                 canvas.draw(&PathElement::new(places(stretch), color.stroke_width(3)))?;
             }

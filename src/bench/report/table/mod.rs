@@ -11,10 +11,9 @@ pub(super) use markdown::escape;
 pub use terminal::TerminalStyle;
 pub(super) use terminal::wrapped;
 
+pub use super::words::NONE;
+use super::words::ms;
 use serde::Serialize;
-
-/// Shown for a number that does not exist.
-pub const NONE: &str = "–";
 
 /// A table whose first column names the rows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -52,6 +51,8 @@ pub enum TableCell {
         right: f64,
         wrong: f64,
     },
+    /// A median time, ms.
+    Time(f64),
     /// Per checkpoint the share of its frames that pass; absent where no frame shows it.
     Marks(Vec<Option<f64>>),
 }
@@ -96,6 +97,17 @@ impl Table {
         self.keep(&shown);
     }
 
+    /// Removes the optional columns where bars show what is essential.
+    pub fn remove_optional_columns(&mut self) {
+        let cells = self.rows.iter().flatten();
+        let has_bars = cells
+            .into_iter()
+            .any(|c| matches!(c, TableCell::Bar { .. }));
+        let columns = self.columns.iter();
+        let shown: Vec<_> = columns.map(|c| !(has_bars && c.is_optional)).collect();
+        self.keep(&shown);
+    }
+
     /// Removes the columns that are not `shown`.
     fn keep(&mut self, shown: &[bool]) {
         let mut places = shown.iter();
@@ -127,6 +139,7 @@ impl TableCell {
     fn text(&self) -> String {
         match self {
             Self::Text(text) | Self::Alert(text) => text.clone(),
+            Self::Time(time_ms) => ms(*time_ms),
             Self::Bar { .. } => String::new(),
             Self::Marks(shares) => {
                 let marks = shares.iter().map(|share| share.map_or('·', mark));
