@@ -193,8 +193,8 @@ fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
     assert_says(
         &page,
         &[
-            "some on 1 pair: ",
-            "never on every pair: ",
+            "some failed on 1 pair and is not ranked",
+            "never failed on every pair: ",
             "id=\"failures\"",
             "id=\"warnings\"",
         ],

@@ -113,6 +113,6 @@ fn without_a_calibration_cells_are_judged_in_pixels() {
     fixture.write_pair("scene/im0.pgm", "scene/im1.pgm", (64, 48), 4);
     let truth = svl::stereo::Plane::filled(64, 48, 4.0).unwrap();
     svl::files::write_pfm(&fixture.path("scene/disp0.pfm"), &truth).unwrap();
-    let table = fixture.run("score scene --algo bm:max_disparity=16");
+    let table = fixture.run("score scene --algo bm:max_disparity=16 --columns right --explain");
     assert_says(&table, &["right", "within 2 px"]);
 }
