@@ -138,14 +138,22 @@ impl Missing {
             skipped: _,
             grabber: _,
         } = self.losses;
-        let failures = self.algorithms.values().map(|of| of.failed).sum();
+        let failing = self.algorithms.iter().filter(|(_, of)| of.failed > 0);
+        let others = failing.clone().count().saturating_sub(1) as u64;
+        let others = (others > 0)
+            .then(|| format!(" ({} on no more)", counted(others, "other algorithm")))
+            .unwrap_or_default();
+        let failures = failing.max_by_key(|(_, of)| of.failed).map(|(label, of)| {
+            let pairs = counted(of.pairs, "pair");
+            format!("{label} failed on {} of {pairs}{others}", of.failed)
+        });
         let count = |n: u64, noun: &str| (n > 0).then(|| counted(n, noun));
         let missing = [
             count(unreadable, "pair").map(|n| n + " could not be read"),
             count(unpaired, "image").map(|n| n + " had no partner"),
             count(late, "image").map(|n| n + " came too late"),
             count(cut, "frame").map(|n| n + " of a video that is cut off"),
-            count(failures, "pair").map(|n| format!("algorithms failed on {n}")),
+            failures,
         ];
         let missing: Vec<_> = missing.into_iter().flatten().collect();
         (!missing.is_empty()).then(|| missing.join(" and "))
@@ -180,7 +188,7 @@ impl RunEnding {
     /// That of a run that came to the end of its sources.
     pub fn new(missing: Missing, allowed: Option<LossLimit>) -> Self {
         let is_lossy = missing.exceeds(allowed.unwrap_or(LossLimit::Pairs(0)));
-        let more = allowed.map(|limit| format!(", more than {limit}"));
+        let more = allowed.map(|limit| format!(", more than {limit}").replace('%', " %"));
         let words = missing.words().filter(|_| is_lossy);
         Self {
             state: if is_lossy {
@@ -297,7 +305,7 @@ mod tests {
         };
         let mut all = missing(10, losses.clone(), &[(10, 1)]);
         all.add(missing(5, losses, &[(5, 0), (5, 5)]));
-        let words = "2 pairs could not be read and algorithms failed on 6 pairs";
+        let words = "2 pairs could not be read and a1 failed on 5 of 5 pairs (1 other algorithm on no more)";
         assert_eq!(all.words().as_deref(), Some(words));
         assert_eq!((all.pairs, all.losses.lost()), (15, 2));
         let json = serde_json::to_string(&all).unwrap();

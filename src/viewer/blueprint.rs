@@ -271,7 +271,7 @@ pub(crate) fn save(
     timeline: &str,
     path: &Path,
 ) -> RecordingStreamResult<()> {
-    let blueprint = builder(app).save(path)?;
+    let blueprint = crate::file::open(builder(app), path)?;
     log(root, timeline, TimeCursor::Last, &blueprint)?;
     // The viewer activates what it has read so far. A failure shows again below.
     let _ = blueprint.flush_blocking();

@@ -26,6 +26,7 @@
 mod blueprint;
 mod board;
 mod detail;
+mod file;
 mod info;
 mod layout;
 mod overlay;
@@ -51,9 +52,9 @@ use step::RerunSteps;
 use svl_bench::sink::{
     BoardView, RerunDetail, RerunTarget, RunInfo, RunStart, Sink, StepView, Verdicts, Viewer,
 };
+use svl_core::Result;
 use svl_core::stereo::{ExtraPlanes, Frame, Pose, Rig, TruthOrigin};
 use svl_core::timing::Stage;
-use svl_core::{Error, Result};
 use svl_data::arena::WireObject;
 use svl_data::score::{Checkpoint, Judged, METRICS, Metric};
 use target::Destination;
@@ -293,13 +294,7 @@ impl RerunSink {
 
     /// Waits until all that was logged is written or sent.
     fn flush(&self) -> Result<()> {
-        let flushed = self.stream.flush_blocking();
-        flushed.map_err(|error| match &self.target.0 {
-            RerunTarget::File(path) => {
-                Error::format(path, "could not be written to its end; is the disk full?")
-            }
-            RerunTarget::Spawn | RerunTarget::Url(_) => self.target.broken(&error.to_string()),
-        })
+        self.target.flush(&self.stream)
     }
 
     /// The colour scale of the frame's camera, kept for as long as rig and image size stay.

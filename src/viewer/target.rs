@@ -1,7 +1,7 @@
 //! Rerun destinations: a file, a viewer started for the run, or a running one.
 
 use crate::blueprint::{self, LayoutNode, TimeCursor};
-use crate::{APPLICATION, TIMELINES};
+use crate::{APPLICATION, TIMELINES, file};
 use rerun::sink::FileSinkError;
 use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, RecordingStreamError};
 use std::io::ErrorKind;
@@ -122,8 +122,7 @@ impl ViewStream {
     }
 
     pub(crate) fn flush(&self) -> Result<()> {
-        let flushed = self.stream.flush_blocking();
-        flushed.map_err(|error| self.target.broken(&error.to_string()))
+        self.target.flush(&self.stream)
     }
 }
 
@@ -144,7 +143,9 @@ impl Destination {
                 path,
                 "already exists, and is not overwritten",
             )),
-            RerunTarget::File(path) => builder.save(path).map_err(|error| self.failed(error)),
+            RerunTarget::File(path) => {
+                file::open(builder, path).map_err(|error| self.failed(error))
+            }
             RerunTarget::Spawn => {
                 find_viewer()?;
                 builder.spawn().map_err(|error| self.failed(error))
@@ -163,6 +164,16 @@ impl Destination {
                 Ok(stream)
             }
         }
+    }
+
+    /// Waits until all that was logged is written or sent.
+    pub(crate) fn flush(&self, stream: &RecordingStream) -> Result<()> {
+        stream.flush_blocking().map_err(|error| match &self.0 {
+            RerunTarget::File(path) => {
+                Error::format(path, "could not be written to its end; is the disk full?")
+            }
+            RerunTarget::Spawn | RerunTarget::Url(_) => self.broken(&error.to_string()),
+        })
     }
 
     /// The SDK's error in one line.

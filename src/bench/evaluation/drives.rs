@@ -165,7 +165,7 @@ impl EarlierDrives {
                 result.failures.push(row);
             }
         }
-        // A killed run has none: its maps are those of the courses that are driven now.
+        // A killed run has none.
         let plans = std::fs::read_to_string(folder.join(COURSES)).ok();
         let plans = plans.and_then(|text| serde_json::from_str(&text).ok());
         Ok(Self {
@@ -187,8 +187,9 @@ struct DriveReport {
     collected: ReportContent,
     track: Vec<TrackRow>,
     plans: Vec<CoursePlan>,
-    /// Per algorithm its fastest collision.
-    worst: Vec<Option<(f64, CheckpointFigure)>>,
+    /// Per algorithm the speed of its fastest collision; a drive of an earlier part of the run has
+    /// no figure of it.
+    worst: Vec<(Option<f64>, Option<CheckpointFigure>)>,
 }
 
 impl DriveReport {
@@ -205,7 +206,7 @@ impl DriveReport {
             collected: ReportContent::default(),
             track: Vec::new(),
             plans: Vec::new(),
-            worst: scenario.algorithms.iter().map(|_| None).collect(),
+            worst: scenario.algorithms.iter().map(|_| (None, None)).collect(),
         })
     }
 
@@ -307,6 +308,11 @@ impl DriveReport {
         let is_new = |plan: &CoursePlan| built.iter().all(|built| built.seed != plan.seed);
         let mut plans: Vec<_> = earlier.plans.into_iter().filter(is_new).collect();
         plans.extend(built);
+        for row in &self.collected.drives {
+            if plans.iter().all(|plan| plan.seed != row.seed) {
+                plans.push(Course::of_scenario(scenario, row.seed)?.plan());
+            }
+        }
         let place = |plan: &CoursePlan| seeds.iter().position(|seed| *seed == plan.seed);
         plans.sort_by_key(place);
         self.plans = plans;
@@ -325,9 +331,11 @@ impl DriveReport {
             ..
         } = result;
         let fastest = &mut self.worst[unit.algorithm];
-        let speed = |worst: &Option<(f64, CheckpointFigure)>| worst.as_ref().map(|w| w.0);
-        if unit.stress.is_none() && speed(&worst) > speed(fastest) {
-            *fastest = worst;
+        let hits = track.iter();
+        let hits = hits.filter(|row| row.event.as_deref() == Some("collision"));
+        let speed = hits.map(|row| row.speed_m_per_s).reduce(f64::max);
+        if unit.stress.is_none() && speed > fastest.0 {
+            *fastest = (speed, worst.map(|(_, figure)| figure));
         }
         if let Some(last) = failures.last() {
             let record = &mut self.manifest.algorithms[unit.algorithm];
@@ -358,9 +366,9 @@ impl DriveReport {
         self.drives.finish()?;
         write_json(&self.folder.join(COURSES), &self.plans)?;
         self.collected.maps = maps(&self.plans, &self.collected.drives, &self.track);
-        let worst = self.worst.into_iter().flatten();
+        let worst = self.worst.into_iter();
         self.collected.pictures = ReportPictures {
-            figures: worst.map(|(_, figure)| figure).collect(),
+            figures: worst.filter_map(|(_, figure)| figure).collect(),
             scenes: Vec::new(),
         };
         let (head, content) = (plan.head(false), self.collected);

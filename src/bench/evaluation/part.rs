@@ -7,7 +7,7 @@ use std::path::Path;
 use std::str::FromStr;
 use svl_core::Result;
 use svl_core::stereo::CellRule;
-use svl_data::manifest::read_json;
+use svl_data::manifest::{hash_file, read_json};
 use svl_data::scenario::{Scenario, ScenarioSource};
 
 /// The tables that grow with a run, and that are merged.
@@ -33,8 +33,8 @@ pub struct ReportPart {
     pub driven: bool,
     /// All runs of the whole, in their order.
     pub runs: Vec<ReportRun>,
-    /// Its tables as CSV, each with its size in bytes; none before it is complete.
-    pub tables: BTreeMap<String, u64>,
+    /// Its tables as CSV, each with the hash of its bytes; none before it is complete.
+    pub tables: BTreeMap<String, String>,
     /// The runs that it read with the digests of their pairs, geometry and truth, before any
     /// perturbation; likewise.
     #[serde(default)]
@@ -71,8 +71,9 @@ impl ReportPart {
         part.inputs = inputs;
         for name in TABLES {
             let file = format!("{name}.csv");
-            if let Ok(metadata) = folder.join(&file).metadata() {
-                part.tables.insert(file, metadata.len());
+            let path = folder.join(&file);
+            if path.exists() {
+                part.tables.insert(file, hash_file(&path)?);
             }
         }
         write_json(&folder.join(PART), &part)
@@ -80,9 +81,8 @@ impl ReportPart {
 
     /// The first of its tables that is no more as it was completed.
     pub fn damaged(&self, folder: &Path) -> Option<&str> {
-        let is_other = |(file, bytes): &(&String, &u64)| {
-            let metadata = folder.join(file).metadata();
-            !metadata.is_ok_and(|metadata| metadata.len() == **bytes)
+        let is_other = |(file, hash): &(&String, &String)| {
+            !hash_file(&folder.join(file)).is_ok_and(|found| found == **hash)
         };
         let mut tables = self.tables.iter();
         tables.find(is_other).map(|(file, _)| file.as_str())

@@ -178,8 +178,21 @@ impl std::fmt::Display for GateResult {
                 }
             }
         }
+        // A bound that rounds to another one would be another limit.
+        let exact = |bound: f64| match metric.unit {
+            MetricUnit::Share => {
+                let shown = |digits: usize| format!("{:.digits$}", 100.0 * bound);
+                let is_bound = |text: &String| {
+                    text.parse()
+                        .is_ok_and(|v: f64| (v / 100.0 - bound).abs() < 1e-12)
+                };
+                let text = (1..9).map(shown).find(is_bound);
+                text.unwrap_or_else(|| shown(9)) + " %"
+            }
+            _ => metric.show_relative(bound),
+        };
         let bounds = [("at least", min), ("at most", max)]
-            .map(|(words, bound)| bound.map(|b| (words, metric.show_relative(b))));
+            .map(|(words, bound)| bound.map(|b| (words, exact(b))));
         for (i, (words, bound)) in bounds.into_iter().flatten().enumerate() {
             write!(f, "{} {words} {bound}", if i == 0 { "," } else { " and" })?;
         }

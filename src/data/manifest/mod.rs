@@ -10,6 +10,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::error::Category;
 use std::fs::read_to_string;
+use std::io::Read;
 use std::path::Path;
 use svl_core::kernel;
 use svl_core::matcher::{self, Algorithm, ProgramRecord, Value};
@@ -440,6 +441,23 @@ pub fn hash(text: &str) -> String {
 /// Hash of bytes, as that of a text.
 pub fn hash_bytes(bytes: &[u8]) -> String {
     format!("{:032x}", xxhash_rust::xxh3::xxh3_128(bytes))
+}
+
+/// Hash of a file's bytes.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn hash_file(path: &Path) -> Result<String> {
+    let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+    let mut file = std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
+    let mut bytes = vec![0; 1 << 20];
+    loop {
+        match file.read(&mut bytes).map_err(|e| Error::io(path, e))? {
+            0 => break,
+            n => hasher.update(&bytes[..n]),
+        }
+    }
+    Ok(format!("{:032x}", hasher.digest128()))
 }
 
 #[cfg(test)]

@@ -87,10 +87,21 @@ fn a_resumed_run_drives_only_what_is_missing() {
         lines[..4].join("\n") + "\n" + &lines[4][..30],
     );
     std::fs::remove_file(fixture.path("r/summary.json")).unwrap();
+    let courses = fixture.text("r/courses.json");
+    let fastest = || {
+        let page = fixture.text("r/index.html");
+        let claims = page.match_indices("Its fastest collision");
+        let claims = claims.map(|(at, words)| page[at..at + words.len() + 14].to_owned());
+        claims.collect::<Vec<_>>()
+    };
+    let claimed = fastest();
+    std::fs::remove_file(fixture.path("r/courses.json")).unwrap();
     let [first, last] = ["r/course-1-truth.mcap", "r/course-7-blind.mcap"]
         .map(|name| fixture.path(name).metadata().unwrap().modified().unwrap());
     fixture.run("score small.toml -q --out r --resume");
     assert_eq!(fixture.text("r/drives.csv"), whole);
+    assert_eq!(fixture.text("r/courses.json"), courses);
+    assert!(!claimed.is_empty() && fastest().iter().all(|claim| claimed.contains(claim)));
     let modified = |name: &str| fixture.path(name).metadata().unwrap().modified().unwrap();
     assert_eq!(modified("r/course-1-truth.mcap"), first);
     assert!(modified("r/course-7-blind.mcap") > last);
@@ -101,7 +112,7 @@ fn collisions_have_limits() {
     let fixture = Fixture::new();
     let limits = |collisions: u32| {
         format!(
-            "gate = [\n{{ algorithm = \"truth\", metric = \"finished\", min = 1 }},\n{{ algorithm \
+            "gate = [\n{{ algorithm = \"truth\", metric = \"finished\", min = 0.9999 }},\n{{ algorithm \
              = \"blind\", metric = \"collisions\", max = {collisions} }}]\n"
         )
     };
@@ -110,7 +121,7 @@ fn collisions_have_limits() {
     assert_says(
         &text,
         &[
-            "pass          truth: courses finished 100.0 %, at least 100.0 %",
+            "pass          truth: courses finished 100.0000 %, at least 99.99 %",
             "per 100 m, at most 500.0 per 100 m",
         ],
     );

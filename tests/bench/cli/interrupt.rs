@@ -98,14 +98,23 @@ fn a_score_reports_what_it_had() {
     let fixture = Fixture::new();
     fixture.write_recorded_arena("short.toml", 60);
     let rows = "reports/arena/rows.csv";
-    let (code, stderr) = interrupted(&fixture, "score short.toml -q", || {
-        size(&fixture, rows) > 3000
-    });
+    let line = "score short.toml -q --gate --junit j.xml";
+    let (code, stderr) = interrupted(&fixture, line, || size(&fixture, rows) > 3000);
     assert_eq!(code, Some(1));
     assert!(
         stderr.starts_with("error: interrupted") && stderr.lines().count() == 1,
         "{stderr}"
     );
+    let losses = "name=\"losses\"><failure message=\"interrupted";
+    assert!(fixture.text("j.xml").contains(losses));
+    // Also before the first pair.
+    std::fs::remove_file(fixture.path("j.xml")).unwrap();
+    let (code, _) = interrupted(&fixture, &format!("{line} --out new"), || {
+        std::thread::sleep(Duration::from_millis(50));
+        true
+    });
+    assert_eq!(code, Some(1));
+    assert!(fixture.text("j.xml").contains(losses));
     let json: serde_json::Value =
         serde_json::from_slice(&fixture.bytes("reports/arena/summary.json")).unwrap();
     let counts = json["algorithms"]

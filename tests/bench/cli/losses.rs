@@ -195,7 +195,7 @@ fn shards_that_miss_something_are_merged() {
     assert_eq!((shard(1, ""), shard(2, "")), (Some(0), Some(4)));
     let merged = fixture.svl("merge p1 p2 --out all -q --json");
     assert_eq!(merged.code, Some(4), "{}", merged.stderr);
-    assert_says(&merged.stderr, &["algorithms failed on 1 pair"]);
+    assert_says(&merged.stderr, &["m failed on 1 of 6 pairs"]);
     let merged = json(&merged.stdout);
     for key in ["missing", "state", "incomplete", "pairs_hash"] {
         assert_eq!(merged[key], whole[key], "{key}");
@@ -203,7 +203,7 @@ fn shards_that_miss_something_are_merged() {
     assert_eq!(merged["state"], "lossy");
     assert_says(
         &fixture.text("all/summary.md"),
-        &["algorithms failed on 1 pair"],
+        &["m failed on 1 of 6 pairs"],
     );
     // One of six is 17 %.
     let allowed = |limit: &str| {

@@ -183,9 +183,18 @@ fn a_killed_part_is_done_again_and_others_are_refused() {
     let whole_lines: Vec<_> = cells.lines().take(20).collect();
     fixture.write("p2/cells.csv", whole_lines.join("\n") + "\n");
     fixture.fails("merge p1 p2 --out all => 1: p2: cells.csv is not as it was written");
+    // Edited, of the same size.
+    fixture.write("p2/cells.csv", cells.replace("right", "wrong"));
+    fixture.fails("merge p1 p2 --out all => 1: p2: cells.csv is not as it was written");
     std::fs::remove_file(fixture.path("p2/cells.csv")).unwrap();
     fixture.fails("merge p1 p2 --out all => 1: p2: cells.csv is not as it was written");
     fixture.run("merge p1 killed --out all -q");
+    // Both algorithms have the pairs of a seed, each in its shard.
+    let missing = |report: &str| {
+        let text = fixture.text(&format!("{report}/summary.json"));
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()["missing"].take()
+    };
+    assert_eq!(missing("all"), missing("whole"));
     for table in ["rows", "cells", "checkpoints", "summary"] {
         let of = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
         assert_eq!(of("all"), of("whole"), "{table}");

@@ -109,6 +109,24 @@ fn a_folder_removed_while_recording_is_told() {
 }
 
 #[test]
+fn a_viewer_s_file_that_cannot_grow_ends_the_run() {
+    let fixture = Fixture::new();
+    let text = "name = \"small\"\nalgorithms = [\"bm\"]\n[source]\nkind = \"arena\"\nseeds = \
+                [1]\n[arena]\nframes = 6\n[arena.rig]\nwidth_px = 160\nheight_px = 120\n";
+    fixture.write("small.toml", text);
+    fixture.run("score small.toml --rerun none -q");
+    let svl = assert_cmd::cargo::cargo_bin!("svl").display();
+    let limited = "trap '' XFSZ; ulimit -f 60; exec";
+    let score = format!("{limited} timeout -s KILL 60 {svl} score small.toml --out r -q");
+    let mut bash = Command::new("bash");
+    bash.args(["-c", &score]).current_dir(fixture.path(""));
+    let ran = bash.output().unwrap();
+    assert_eq!(ran.status.code(), Some(1));
+    let words = "r/run.rrd: could not be written to its end";
+    assert_says(&String::from_utf8_lossy(&ran.stderr), &[words]);
+}
+
+#[test]
 fn a_full_disk_is_told_and_leaves_what_fitted() {
     let fixture = Fixture::new();
     let disk = fixture.path("disk");

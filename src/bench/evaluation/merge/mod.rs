@@ -192,6 +192,7 @@ fn merge(
 ) -> Result<Summary> {
     let part = &parts[0].part;
     let manifest = merged_manifest(parts, out)?;
+    warn_of_unknown_programs(parts, &manifest);
     write_json(&out.join(MANIFEST), &manifest)?;
     let tables = TableMerge {
         parts,
@@ -229,6 +230,11 @@ fn merge(
     parts
         .iter()
         .for_each(|found| missing.add(found.missing.clone()));
+    if !part.driven {
+        // Shards with other algorithms read the same pairs; each algorithm has every pair once.
+        let pairs = missing.algorithms.values().map(|of| of.pairs).max();
+        missing.pairs = pairs.unwrap_or(missing.pairs);
+    }
     let limits = match allow_loss {
         Some(limit) => vec![Some(limit)],
         None => {
@@ -246,6 +252,20 @@ fn merge(
     let ending = strictest.unwrap_or(&endings[0]).clone();
     let (summary, _) = collected.write(out, head, manifest, ending, console)?;
     Ok(summary)
+}
+
+/// Says of which algorithms the parts may be of other programs.
+fn warn_of_unknown_programs(parts: &[FoundPart], manifest: &Manifest) {
+    for record in manifest.algorithms.iter().filter(|_| parts.len() > 1) {
+        let is_unknown = |p: &ProgramRecord| p.version.is_none() && p.model.is_none();
+        if record.program.as_ref().is_some_and(is_unknown) {
+            tracing::warn!(
+                "{}: its program says neither version nor model, so parts cannot be checked to be \
+                 of the same program",
+                record.label
+            );
+        }
+    }
 }
 
 /// An algorithm of a manifest; those behind filters cannot be built of it.

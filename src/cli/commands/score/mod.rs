@@ -180,13 +180,18 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         viewer: chosen_viewer(args, &folder)?,
     };
     junit_file.set_aside()?;
-    let Evaluation { summary, gate, ran } = plan.evaluate(outputs, &Terminal { quiet })?;
+    let evaluated = plan.evaluate(outputs, &Terminal { quiet });
     if let Some(path) = &args.junit {
+        let (gate, why) = match &evaluated {
+            Ok(run) => (&run.gate[..], run.summary.ending.incomplete.clone()),
+            Err(error) => (&[][..], Some(error.to_string())),
+        };
         let cases = gate.iter().map(GateResult::test_case);
-        let cases: Vec<_> = cases.chain([losses_case(&summary)]).collect();
+        let cases: Vec<_> = cases.chain([losses_case(why)]).collect();
         write(path, junit(&format!("svl score {}", scenario.name), &cases))?;
         junit_file.commit();
     }
+    let Evaluation { summary, gate, ran } = evaluated?;
     if args.json {
         print_json(&ScoreAnswer {
             summary: &summary,
@@ -307,9 +312,8 @@ struct ScoreAnswer<'a> {
     gate: &'a [GateResult],
 }
 
-/// Pairs that are missing, as a test beside the limits.
-fn losses_case(summary: &Summary) -> TestCase {
-    let why = summary.ending.incomplete.clone();
+/// Pairs that are missing, as a test beside the limits; `why` the run is not complete.
+fn losses_case(why: Option<String>) -> TestCase {
     TestCase {
         name: "losses".to_owned(),
         result: why.map_or(TestResult::Passed, TestResult::Failed),
