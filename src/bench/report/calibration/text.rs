@@ -82,7 +82,7 @@ pub(super) fn extrinsics(solution: &Solution) -> Table {
     table.push("R, °", words(solution.rotation_deg));
     table.push(format!("T, {unit}"), words(solution.translation));
     let length = [solution.baseline.to_string(), String::new(), String::new()];
-    table.push(format!("baseline |T|, {unit}"), length);
+    table.push(format!("|T|, {unit}"), length);
     table
 }
 
