@@ -4,7 +4,7 @@ use super::columns::ColumnDescription;
 use super::drives::{DriveRow, TrackRow};
 use super::rows::{CellRow, CheckpointRow, FailureRow, Record, Row};
 use super::summary::{AlgorithmSummary, CheckpointSummary};
-use super::table::{Table, TableCell, TableColumn};
+use super::table::Table;
 
 /// A table of a report's folder, `NAME.csv` and `NAME.parquet`.
 pub struct TableDescription {
@@ -66,18 +66,13 @@ impl TableDescription {
 
     /// Its columns with types, units and meanings.
     pub fn table(&self) -> Table {
-        let mut table = Table::new(self.name, "column");
-        let text = |head: &str| TableColumn {
-            is_text: true,
-            ..TableColumn::new("", head)
-        };
-        table.columns.extend(["type", "unit", "meaning"].map(text));
+        let mut table = Table::new(self.name, "column").with_texts(["type", "unit", "meaning"]);
         for column in (self.columns)() {
             let unit = column.unit.unwrap_or_default();
-            let cells = [column.name, column.kind, unit, &column.about];
-            table
-                .rows
-                .push(cells.map(|cell| TableCell::Text(cell.to_owned())).to_vec());
+            table.push(
+                column.name,
+                [column.kind.to_owned(), unit.to_owned(), column.about],
+            );
         }
         table
     }

@@ -265,10 +265,7 @@ impl Summary {
             _ => ((i + 1) % 10).to_string(),
         };
         let heads: Vec<_> = names.iter().enumerate().map(number).collect();
-        (!names.is_empty()).then(|| TableColumn {
-            is_text: true,
-            ..TableColumn::new(CHECKPOINTS, heads.join(" "))
-        })
+        (!names.is_empty()).then(|| TableColumn::text(CHECKPOINTS, heads.join(" ")))
     }
 
     fn mark_words(&self) -> String {

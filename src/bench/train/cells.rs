@@ -2,8 +2,8 @@
 
 use crate::report::page::fill;
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
+use crate::report::table::{Table, TableColumn, TerminalStyle};
 use serde::Serialize;
-use std::fmt::{Display, Formatter};
 use svl_core::Result;
 use svl_data::fit::{CellFit, CellSample};
 
@@ -163,6 +163,7 @@ impl CellTraining {
         };
         let view = TrainingView {
             training: self,
+            scenarios: self.scenario_table(),
             charts: [
                 PlotView {
                     title: "Reliability",
@@ -184,55 +185,65 @@ impl CellTraining {
     }
 }
 
-impl Display for CellTraining {
-    /// Tables of at most 80 columns.
-    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+impl CellTraining {
+    /// The cells of each scenario and how far their probabilities hold.
+    pub fn terminal(&self, style: TerminalStyle) -> String {
         let (steps, confidence) = (self.steps, self.confidence);
-        writeln!(f, "{steps} steps; % of cells, known from {confidence} on")?;
-        writeln!(
-            f,
-            "{:34}{:>13}{:>20}{:>13}",
-            "", "all reported:", "fitted, held out:", "table in use:"
-        )?;
-        writeln!(
-            f,
-            "{:20}{:>8}{:>10}{:>9}{:>11}{:>9}{:>7}{:>6}",
-            "scenario", "runs", "cells", "right", "right", "wrong", "right", "wrong"
-        )?;
-        for of in &self.scenarios {
-            writeln!(
-                f,
-                "{:20.20}{:>8}{:>10}{:>9.1}{:>11.1}{:>9.2}{:>7.1}{:>6.2}",
-                of.name,
-                of.groups,
-                of.cells,
-                100.0 * of.right_of_all,
-                100.0 * of.fitted.right,
-                100.0 * of.fitted.wrong,
-                100.0 * of.present.right,
-                100.0 * of.present.wrong
-            )?;
-        }
-        writeln!(
-            f,
-            "\n{:>13}{:>10}{:>9}{:>9}",
-            "predicted, %", "cells", "mean", "right"
-        )?;
+        let mut bins =
+            Table::new("", "predicted, %").with_columns(["cells", "mean, %", "right, %"]);
         for bin in &self.reliability {
-            let range = format!("{:.0} to {:.0}", 100.0 * bin.from, 100.0 * bin.to);
-            write!(f, "{range:>13}{:>10}", bin.cells)?;
-            match bin.cells {
-                0 => writeln!(f)?,
-                _ => writeln!(f, "{:>9.1}{:>9.1}", 100.0 * bin.said, 100.0 * bin.right)?,
-            }
+            let share = |share| match bin.cells {
+                0 => String::new(),
+                _ => percent(share, 1),
+            };
+            let range = format!("{} to {}", percent(bin.from, 0), percent(bin.to, 0));
+            bins.push(
+                range,
+                [bin.cells.to_string(), share(bin.said), share(bin.right)],
+            );
         }
-        Ok(())
+        format!(
+            "{steps} steps; % of cells, known from {confidence} on\n{}\n{}",
+            self.scenario_table().terminal(style),
+            bins.terminal(style)
+        )
     }
+
+    fn scenario_table(&self) -> Table {
+        let mut table = Table::new("Cells", "scenario").with_columns(["runs", "cells"]);
+        let shares = [
+            ("all reported", "right, %"),
+            ("fitted, held out", "right, %"),
+            ("fitted, held out", "wrong, %"),
+            ("table in use", "right, %"),
+            ("table in use", "wrong, %"),
+        ];
+        let shares = shares.map(|(group, head)| TableColumn::new(group, head));
+        table.columns.extend(shares);
+        for of in &self.scenarios {
+            let cells = [
+                of.groups.to_string(),
+                of.cells.to_string(),
+                percent(of.right_of_all, 1),
+                percent(of.fitted.right, 1),
+                percent(of.fitted.wrong, 2),
+                percent(of.present.right, 1),
+                percent(of.present.wrong, 2),
+            ];
+            table.push(&of.name, cells);
+        }
+        table
+    }
+}
+
+fn percent(share: f64, digits: usize) -> String {
+    format!("{:.digits$}", 100.0 * share)
 }
 
 #[derive(Serialize)]
 struct TrainingView<'a> {
     training: &'a CellTraining,
+    scenarios: Table,
     charts: [PlotView; 2],
     images: [(); 0],
     identity: Vec<(String, String)>,

@@ -3,6 +3,7 @@
 use super::cells::PlotView;
 use crate::report::page::{data_url, fill};
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
+use crate::report::table::{Table, TerminalStyle};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::{Display, Formatter};
@@ -299,14 +300,16 @@ impl Display for FilterTraining {
         write!(f, "{:<18}{:.4}", "area of the ROC", self.roc.area)?;
         let by_hidden = self.by_hidden();
         if by_hidden.len() > 1 {
-            write!(
-                f,
-                "\n\n{:>14}{:>20}{:>20}",
-                "hidden neurons", "false accepted, %", "false rejected, %"
-            )?;
-            for (hidden, [accepted, rejected]) in by_hidden {
-                write!(f, "\n{hidden:>14}{accepted:>20.2}{rejected:>20.2}")?;
+            let heads = ["false accepted, %", "false rejected, %"];
+            let mut table = Table::new("", "hidden neurons").with_columns(heads);
+            for (hidden, errors) in by_hidden {
+                table.push(
+                    hidden.to_string(),
+                    errors.map(|error| format!("{error:.2}")),
+                );
             }
+            let table = table.terminal(TerminalStyle::plain(80));
+            write!(f, "\n\n{}", table.trim_end())?;
         }
         Ok(())
     }

@@ -3,7 +3,8 @@
 use super::goal::Goal;
 use super::search::Evaluated;
 use super::values::TrialValues;
-use crate::report::compare::{Change, Judgement, signed, verdict};
+use crate::report::compare::{Change, Judgement, change_table, signed};
+use crate::report::table::{NONE, Table, TerminalStyle, escape, wrapped};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -84,7 +85,7 @@ impl FrontEntry {
     fn show(&self, metric: &Metric) -> String {
         let mut values = self.values.iter();
         let found = values.find(|(name, _)| *name == metric.name);
-        found.map_or("-".to_owned(), |(_, value)| metric.show(*value))
+        found.map_or(NONE.to_owned(), |(_, value)| metric.show(*value))
     }
 }
 
@@ -98,17 +99,29 @@ impl TunedAlgorithm {
     pub fn verdict(&self) -> Option<String> {
         let sought = Metric::find(self.objective)?;
         let change = self.test.iter().find(|change| change.metric == sought)?;
-        let words = sought.words;
+        let (words, difference) = (sought.words, signed(sought, change.difference));
         Some(match change.judgement {
-            Judgement::Better => {
-                format!("the test confirms it: {words} {}", change_words(change)[2])
-            }
+            Judgement::Better => format!("the test confirms it: {words} {difference}"),
             Judgement::Worse => {
-                let change = &change_words(change)[2];
-                format!("the test refutes it: {words} {change}; keep the reference")
+                format!("the test refutes it: {words} {difference}; keep the reference")
             }
             _ => format!("the test does not confirm it: {words} are as before; keep the reference"),
         })
+    }
+
+    /// The Pareto front.
+    fn front_table(&self) -> Table {
+        let objectives = self.objectives();
+        let heads = objectives.iter().map(|metric| metric.words);
+        let table = Table::new("Pareto front", "setting").with_columns(heads);
+        let mut table = table.with_texts(["bounds"]);
+        for entry in &self.front {
+            let values = objectives.iter().map(|metric| entry.show(metric));
+            let bounds = if entry.is_allowed { "" } else { "broken" };
+            table.push(&entry.setting, values.chain([bounds.to_owned()]));
+        }
+        table.remove_empty_columns();
+        table
     }
 
     /// The metrics of the front that were measured.
@@ -123,24 +136,9 @@ impl TunedAlgorithm {
     }
 }
 
-/// A change with its interval and what it is called.
-fn change_words(change: &Change) -> [String; 4] {
-    let metric = change.metric;
-    let interval = change.interval.map_or("-".to_owned(), |(low, high)| {
-        format!("{} to {}", signed(metric, low), signed(metric, high))
-    });
-    [
-        metric.show(change.base),
-        metric.show(change.other),
-        signed(metric, change.difference),
-        format!("{interval} {}", verdict(change.judgement))
-            .trim()
-            .to_owned(),
-    ]
-}
-
 impl TuneOutcome {
-    fn parts(&self, of: &TunedAlgorithm) -> [(String, Vec<Change>); 2] {
+    /// The changes on the training and on the test pairs, where there are some.
+    fn parts(&self, of: &TunedAlgorithm) -> Vec<Table> {
         let TuneFacts {
             training,
             training_pairs,
@@ -153,16 +151,23 @@ impl TuneOutcome {
             }
             names => names.join(", "),
         };
-        let words = |what: &str, pairs: usize, of: &[String]| {
-            format!("{what}: {} of {}", counted(pairs as u64, "pair"), names(of))
+        let parts = [
+            ("training", *training_pairs, training, &of.training),
+            ("test", of.test_pairs, test, &of.test),
+        ];
+        let parts = parts
+            .into_iter()
+            .filter(|(.., changes)| !changes.is_empty());
+        let table = |(part, pairs, runs, changes): (_, _, &Vec<_>, &Vec<Change>)| {
+            let changes = changes.iter();
+            let changes = changes.map(|change| (change.metric.words.to_owned(), change));
+            let pairs = counted(pairs as u64, "pair");
+            Table {
+                title: format!("{part}: {pairs} of {}", names(runs)),
+                ..change_table(["reference", "best"], changes)
+            }
         };
-        [
-            (
-                words("training", *training_pairs, training),
-                of.training.clone(),
-            ),
-            (words("test", of.test_pairs, test), of.test.clone()),
-        ]
+        parts.map(table).collect()
     }
 
     /// As Markdown, titled.
@@ -185,52 +190,47 @@ impl TuneOutcome {
                 of.finalists,
                 of.axes.join(" ")
             );
-            for (words, changes) in self.parts(of) {
-                if changes.is_empty() {
-                    continue;
-                }
-                let _ = write!(
-                    text,
-                    "\nOn the {words}:\n\n| | {} | best | change | 95 % | |\n\
-                     |---|---:|---:|---:|---|---|\n",
-                    of.reference
-                );
-                for change in &changes {
-                    text += &change.markdown_row(change.metric.words);
-                }
+            for table in self.parts(of) {
+                let _ = write!(text, "\nOn the {}:\n\n", escape(&table.title));
+                text += &table.markdown();
             }
-            let objectives = of.objectives();
-            let heads = objectives
-                .iter()
-                .map(|metric| format!(" {} |", metric.words));
-            let lines = objectives.iter().map(|_| "--:|");
             let _ = write!(
                 text,
                 "\nSettings that no other is as good as by all of these and better by one, on the \
-                 training pairs:\n\n| setting |{} |\n|---|{}---|\n",
-                heads.collect::<String>(),
-                lines.collect::<String>()
+                 training pairs:\n\n{}",
+                of.front_table().markdown()
             );
-            for entry in &of.front {
-                let values = objectives
-                    .iter()
-                    .map(|metric| format!(" {} |", entry.show(metric)));
-                let note = if entry.is_allowed {
-                    ""
-                } else {
-                    "breaks a bound"
-                };
-                let _ = writeln!(
-                    text,
-                    "| `{}` |{} {note} |",
-                    entry.setting,
-                    values.collect::<String>()
-                );
-            }
         }
         text += "\n## How it was made\n\n";
         for (name, value) in &facts.made {
             let _ = writeln!(text, "- {name}: {value}");
+        }
+        text
+    }
+
+    /// For the terminal: the best, the changes by the test and the Pareto front.
+    pub fn terminal(&self, style: TerminalStyle) -> String {
+        let mut lines = vec![format!("sought: {}", self.facts.goal)];
+        lines.extend(self.notes());
+        let mut text = String::new();
+        for of in &self.algorithms {
+            lines.extend([String::new(), of.reference.clone()]);
+            lines.push(if of.is_unchanged() {
+                format!("best is the reference itself, of {} tried", of.tried)
+            } else {
+                format!("best of {} tried: {}", of.tried, of.best)
+            });
+            lines.extend(of.verdict());
+            for line in lines.drain(..) {
+                text += &wrapped(&line, 2, style.width);
+            }
+            // Training pairs are shown only without a test: the file beside the output has both.
+            let changes = self.parts(of).pop().filter(|_| !of.is_unchanged());
+            let front = (!of.front.is_empty()).then(|| of.front_table());
+            for table in changes.iter().chain(&front) {
+                let title = wrapped(&table.title, 2, style.width);
+                text += &format!("\n{title}{}", table.terminal(style));
+            }
         }
         text
     }
@@ -242,59 +242,6 @@ impl TuneOutcome {
             .into_iter()
             .chain(self.facts.caution.clone())
             .collect()
-    }
-}
-
-impl std::fmt::Display for TuneOutcome {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        writeln!(f, "sought: {}", self.facts.goal)?;
-        self.notes()
-            .iter()
-            .try_for_each(|note| writeln!(f, "{note}"))?;
-        for of in &self.algorithms {
-            writeln!(f, "\n{}", of.reference)?;
-            if of.is_unchanged() {
-                writeln!(f, "  best is the reference itself, of {} tried", of.tried)?;
-            } else {
-                writeln!(f, "  best of {} tried: {}", of.tried, of.best)?;
-            }
-            if let Some(verdict) = of.verdict() {
-                writeln!(f, "  {verdict}")?;
-            }
-            // Training pairs are shown only without a test: the file beside the output has both.
-            let parts = self.parts(of).into_iter();
-            let parts: Vec<_> = parts.filter(|(_, changes)| !changes.is_empty()).collect();
-            if let Some((words, changes)) = parts.last().filter(|_| !of.is_unchanged()) {
-                writeln!(f, "\n  {words}")?;
-                for change in changes {
-                    let [base, other, difference, interval] = change_words(change);
-                    let name = change.metric.name;
-                    writeln!(
-                        f,
-                        "  {name:<11} {base:>9} {other:>9} {difference:>9}  {interval}"
-                    )?;
-                }
-            }
-            if of.front.is_empty() {
-                continue;
-            }
-            let objectives = of.objectives();
-            let heads = objectives
-                .iter()
-                .map(|metric| format!("{:>10}", metric.name));
-            writeln!(f, "\n  Pareto front {}", heads.collect::<String>())?;
-            for entry in &of.front {
-                let values = objectives.iter().map(|m| format!("{:>10}", entry.show(m)));
-                let note = if entry.is_allowed {
-                    ""
-                } else {
-                    "  breaks a bound"
-                };
-                writeln!(f, "  {}", entry.setting)?;
-                writeln!(f, "               {}{note}", values.collect::<String>())?;
-            }
-        }
-        Ok(())
     }
 }
 

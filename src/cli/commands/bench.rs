@@ -1,18 +1,18 @@
 //! `svl bench`: how fast the algorithms are, side by side.
 
 use crate::cli::shared::filters::FilterArgs;
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::{progress, usage};
 use anyhow::{Context, bail};
 use serde::Serialize;
-use std::fmt::Write;
 use std::time::{Duration, Instant};
 use svl::arena::{Arena, ArenaConfig};
 use svl::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput, Matcher};
+use svl::report::table::{Table, TerminalStyle};
 use svl::statistics::nearest_rank;
 use svl::stereo::{RectifiedPair, StereoPair};
 use svl::train::with_filters;
-use svl::{BuildInfo, slow_profile};
+use svl::{BuildInfo, counted, slow_profile};
 
 /// Measure the speed of algorithms, matching only
 ///
@@ -99,7 +99,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if args.json {
         print_json(&figures)
     } else {
-        print(&table(&figures)?)
+        print(&text(&figures, style()))
     }
 }
 
@@ -190,48 +190,25 @@ fn figures(
     }
 }
 
-fn table(figures: &[Figures]) -> Result<String, std::fmt::Error> {
-    let mut text = String::new();
+fn text(figures: &[Figures], style: TerminalStyle) -> String {
     let Some(first) = figures.first() else {
-        return Ok(text);
+        return String::new();
     };
     let Figures {
-        width,
-        height,
-        threads,
-        isa,
-        ..
+        width, height, isa, ..
     } = first;
-    writeln!(
-        text,
-        "{width}x{height}, {threads} thread{}, {isa}",
-        if *threads == 1 { "" } else { "s" }
-    )?;
+    let threads = counted(first.threads as u64, "thread");
+    let mut text = format!("{width}x{height}, {threads}, {isa}\n");
     if let Some(words) = slow_profile(BuildInfo::current().profile) {
-        writeln!(text, "svl was {words}")?;
+        text += &format!("svl was {words}\n");
     }
-    let name = figures.iter().map(|f| f.algo.len()).max().unwrap_or(0);
-    writeln!(
-        text,
-        "{:<name$}  disparities   runs  median ms      p95      p99    MDE/s",
-        "algorithm"
-    )?;
+    let table = Table::new("", "algorithm").with_columns(["disparities", "runs"]);
+    let mut table = table.with_columns(["median, ms", "p95, ms", "p99, ms", "MDE/s"]);
     for f in figures {
-        let Figures {
-            algo,
-            disparities,
-            runs,
-            median_ms,
-            p95_ms,
-            p99_ms,
-            mde_per_s,
-            ..
-        } = f;
-        writeln!(
-            text,
-            "{algo:<name$}  {disparities:>11} {runs:>6} {median_ms:>10.3} {p95_ms:>8.3} \
-             {p99_ms:>8.3} {mde_per_s:>8.0}"
-        )?;
+        let [median, p95, p99] = [f.median_ms, f.p95_ms, f.p99_ms].map(|ms| format!("{ms:.3}"));
+        let (disparities, runs) = (f.disparities.to_string(), f.runs.to_string());
+        let speed = format!("{:.0}", f.mde_per_s);
+        table.push(&f.algo, [disparities, runs, median, p95, p99, speed]);
     }
-    Ok(text)
+    text + &table.terminal(style)
 }

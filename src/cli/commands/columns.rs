@@ -1,7 +1,6 @@
 //! `svl columns`: the columns of a report's tables with types, units and meanings.
 
-use crate::cli::shared::terminal::{print, print_json, width};
-use svl::report::table::TerminalStyle;
+use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use svl::report::{ColumnDescription, TABLES, TableDescription};
 
 /// List the columns of a report's tables, with their units and meanings
@@ -39,13 +38,21 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if args.markdown {
         return print(&page());
     }
-    let style = TerminalStyle::plain(width());
+    let last = width();
     for table in tables {
-        let TableDescription { name, about, .. } = table;
-        print(&format!(
-            "{name}: a row is {about}\n\n{}\n",
-            table.table().terminal(style)
-        ))?;
+        let mut text = format!("{}: a row is {}\n\n", table.name, table.about);
+        for ColumnDescription {
+            name,
+            kind,
+            unit,
+            about,
+        } in (table.columns)()
+        {
+            let unit = unit.map_or_else(String::new, |unit| format!(", {unit}"));
+            text += &format!("{name}  ({kind}{unit})\n");
+            text += &wrapped("", 4, &about, last);
+        }
+        print(&format!("{text}\n"))?;
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `svl compare`: compares reports.
 
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
@@ -140,17 +140,16 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         write(path, junit("svl compare", &cases))?;
         outputs.commit();
     }
-    let joined = |texts: Vec<String>| texts.join("\n");
+    let joined = |text: &dyn Fn(&Comparison) -> String| {
+        comparisons.iter().map(text).collect::<Vec<_>>().join("\n")
+    };
     if args.json {
         print_json(&comparisons)?;
     } else if args.markdown {
-        print(&joined(
-            comparisons.iter().map(Comparison::markdown).collect(),
-        ))?;
+        print(&joined(&Comparison::markdown))?;
     } else {
-        print(&joined(
-            comparisons.iter().map(ToString::to_string).collect(),
-        ))?;
+        let style = style();
+        print(&joined(&|of| of.terminal(style)))?;
     }
     // Metrics that became worse come before those that could not be judged.
     let failed = cases.iter().filter_map(|case| match &case.result {
@@ -180,7 +179,7 @@ fn history(args: &Args) -> anyhow::Result<()> {
     if args.json {
         print_json(&history)
     } else {
-        print(&history.to_string())
+        print(&history.terminal(style()))
     }
 }
 

@@ -6,6 +6,7 @@ use super::{
 use serde::Serialize;
 use std::fmt::Write;
 use svl_bench::report::page::{ImageView, MarkView, PageImages, PictureView, fill};
+use svl_bench::report::table::{NONE, Table};
 use svl_core::{Error, Result, joined};
 
 /// Everything that the report shows.
@@ -49,18 +50,11 @@ struct ReportView<'a> {
 struct SectionView<'a> {
     heading: &'static str,
     words: &'static str,
-    numbers: Vec<NumbersView<'a>>,
+    numbers: Vec<Table>,
     plots: Vec<&'a str>,
     pictures: Vec<PictureView<'a>>,
     #[serde(flatten)]
     entry: EntryView<'a>,
-}
-
-/// A table with its numbers worded.
-#[derive(Serialize)]
-struct NumbersView<'a> {
-    heads: Vec<&'a str>,
-    rows: Vec<(&'a str, Vec<String>)>,
 }
 
 #[derive(Serialize)]
@@ -117,12 +111,8 @@ impl FindingsPage<'_> {
                 let met = if condition.met { "met" } else { "not met" };
                 let _ = writeln!(text, "- {met}: {}", condition.says);
             }
-            for NumbersView { heads, rows } in numbers(finding) {
-                let rule = "---:|".repeat(heads.len() - 1);
-                let _ = writeln!(text, "\n| {} |\n|---|{rule}", heads.join(" | "));
-                for (name, cells) in rows {
-                    let _ = writeln!(text, "| {name} | {} |", cells.join(" | "));
-                }
+            for table in tables(finding) {
+                let _ = write!(text, "\n{}", table.markdown());
             }
             // The method comes last: who reads the result first may stop here.
             let _ = writeln!(text, "\n{}", experiment.method);
@@ -182,7 +172,7 @@ impl ExperimentFinding {
         SectionView {
             heading: self.experiment.place,
             words: self.finding.verdict().words(),
-            numbers: numbers(&self.finding),
+            numbers: tables(&self.finding),
             plots,
             pictures,
             entry: self.view(),
@@ -191,46 +181,39 @@ impl ExperimentFinding {
 }
 
 /// The quantities beside the thesis's, then the other tables.
-fn numbers(finding: &Finding) -> Vec<NumbersView<'_>> {
-    let beside = || NumbersView {
-        heads: vec!["", "thesis", "here"],
-        rows: finding.quantities.iter().map(quantity).collect(),
-    };
-    let others = finding.tables.iter().map(table_view);
-    (!finding.quantities.is_empty())
-        .then(beside)
-        .into_iter()
-        .chain(others)
-        .collect()
+fn tables(finding: &Finding) -> Vec<Table> {
+    let mut beside = Table::new("", "").with_columns(["thesis", "here"]);
+    for quantity in &finding.quantities {
+        beside.push(&quantity.name, numbers(quantity));
+    }
+    let beside = (!beside.rows.is_empty()).then_some(beside);
+    let others = finding.tables.iter().map(worded);
+    beside.into_iter().chain(others).collect()
 }
 
-fn quantity(quantity: &Quantity) -> (&str, Vec<String>) {
+fn numbers(quantity: &Quantity) -> [String; 2] {
     let with_unit = |number: String| match quantity.unit {
         "" => number,
         unit => format!("{number}\u{a0}{unit}"),
     };
     let thesis = quantity.thesis.clone().map_or_else(String::new, with_unit);
     let ours = quantity.ours.map(|value| with_unit(number(value)));
-    (
-        &quantity.name,
-        vec![thesis, ours.unwrap_or_else(|| "–".to_owned())],
-    )
+    [thesis, ours.unwrap_or_else(|| NONE.to_owned())]
 }
 
-fn table_view(table: &FindingTable) -> NumbersView<'_> {
+fn worded(of: &FindingTable) -> Table {
     let cell = |value: &TableValue| match value {
         TableValue::Number(value) => number(*value),
         TableValue::Text(text) => text.clone(),
-        TableValue::Nothing => "–".to_owned(),
+        TableValue::Nothing => NONE.to_owned(),
     };
-    let rows = table
-        .rows
-        .iter()
-        .map(|(name, values)| (name.as_str(), values.iter().map(cell).collect()));
-    NumbersView {
-        heads: table.heads.iter().map(String::as_str).collect(),
-        rows: rows.collect(),
+    let mut heads = of.heads.iter();
+    let first = heads.next().map_or("", String::as_str);
+    let mut table = Table::new("", first).with_columns(heads);
+    for (name, values) in &of.rows {
+        table.push(name, values.iter().map(cell));
     }
+    table
 }
 
 /// Three digits or so.
@@ -297,7 +280,7 @@ mod tests {
         assert!(
             page(&entries)
                 .markdown()
-                .contains("| share <i> | 35\u{a0}% | 33.3\u{a0}% |")
+                .contains("| share &lt;i&gt; | 35\u{a0}% | 33.3\u{a0}% |")
         );
         let json = page(&entries).json().unwrap();
         assert_eq!(

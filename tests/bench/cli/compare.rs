@@ -276,7 +276,7 @@ fn a_history_is_of_common_pairs_and_its_times_of_one_machine() {
     let text = fixture.run("compare --history 0 1");
     assert_says(
         &text,
-        &["Compared on the 5 pairs of all reports", ", 5 pairs"],
+        &["Compared on the 5 pairs of all reports", "      5  another"],
     );
     // Other truth, so no pair in common: not joined.
     let place = rows
@@ -304,8 +304,8 @@ fn reports_in_the_order_of_their_dates_are_a_history() {
     fixture.write("README.md", "");
     let text = fixture.run("compare --history 1 0 0.earlier-1 README.md --page history.html");
     let words = [
-        "  0\n   2  ",
-        "bm                   right           ▄                            –     ",
+        "  0\n2  ",
+        "bm                   right           ▄                      –  ",
         "0.earlier-1: left out, a later report replaced it",
         "README.md: left out, no report of `svl score`",
     ];

@@ -5,6 +5,8 @@ use nalgebra::Vector2;
 use svl::calibrate::choose::Chooser;
 use svl::calibrate::detect::{Detection, Detector, PairDetector};
 use svl::calibrate::{Board, solve};
+use svl::report::calibration;
+use svl::report::table::TerminalStyle;
 
 const NUMBERS: [u32; 13] = [1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12, 13, 14];
 
@@ -42,7 +44,8 @@ fn opencvs_own_pictures_calibrate_no_worse_than_with_opencv() {
     }
     assert!(chooser.views().len() >= 12, "{}", chooser.views().len());
     let solution = solve(&board, (640, 480), chooser.views()).unwrap();
-    println!("{solution}");
+    let style = TerminalStyle::plain(100);
+    println!("{}", calibration::terminal(&solution, style));
     assert!(solution.rms_px < OPENCV_RMS_PX, "{}", solution.rms_px);
     for (camera, fx) in [&solution.left, &solution.right].into_iter().zip(OPENCV_FX) {
         assert!(

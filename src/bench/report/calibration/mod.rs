@@ -1,6 +1,9 @@
 //! HTML report of a calibration: one file without scripts or external resources.
 
+mod text;
 mod view;
+
+pub use text::terminal;
 
 use super::page::fill;
 use std::path::Path;
@@ -97,7 +100,7 @@ mod tests {
             "&lt;i&gt;",
             "counted from another end",
             "5 of 6",
-            "T x, m",
+            "T, m",
         ] {
             assert!(page.contains(text), "{text}");
         }

@@ -1,18 +1,18 @@
 //! Data for the page template: formatted numbers, residuals as SVG paths.
 
 use super::CalibrationPage;
+use super::text::{extrinsics, facts, intrinsics};
+use crate::report::table::Table;
 use serde::Serialize;
 use std::fmt::Write;
-use svl_calibrate::{CameraEstimate, Corner, Correlation, Estimated, Fit, Solution};
+use svl_calibrate::{CameraEstimate, Corner, Correlation, Fit, Solution};
 
 #[derive(Serialize)]
 pub(super) struct CalibrationView<'a> {
     title: &'a str,
     facts: Vec<(&'static str, String)>,
-    /// Name with unit, left, right.
-    intrinsics: Vec<(String, String, String)>,
-    /// Name with unit, number.
-    extrinsics: Vec<(String, String)>,
+    intrinsics: Table,
+    extrinsics: Table,
     correlations: Vec<String>,
     cameras: Vec<CameraFigure>,
     /// Magnification of the residuals.
@@ -121,81 +121,6 @@ impl CalibrationPage<'_> {
         const GOLDEN_DEG: f64 = 137.508;
         (id as f64 * GOLDEN_DEG).rem_euclid(360.0).round()
     }
-}
-
-fn facts(solution: &Solution) -> Vec<(&'static str, String)> {
-    let (columns, rows) = solution.board;
-    let outliers = match solution.outliers() {
-        0 => String::new(),
-        1 => ", without 1 outlying corner".to_owned(),
-        n => format!(", without {n} outlying corners"),
-    };
-    let views = format!(
-        "{} of {} of the {columns}×{rows} board used{outliers}",
-        solution.used(),
-        solution.views.len()
-    );
-    let epipolar = solution.epipolar;
-    vec![
-        ("Views", views),
-        (
-            "RMS",
-            format!(
-                "{:.3} px over both images: {:.3} px of noise in x and in y",
-                solution.rms_px, solution.corner_deviation_px
-            ),
-        ),
-        (
-            "Vertical misalignment",
-            format!(
-                "|Δy| of rectified corners: mean {:.3} px, rms {:.3} px, maximum {:.2} px",
-                epipolar.mean_px, epipolar.rms_px, epipolar.worst_px
-            ),
-        ),
-        (
-            "Baseline",
-            format!("{} {}", solution.baseline, solution.unit_sign()),
-        ),
-    ]
-}
-
-fn intrinsics(solution: &Solution) -> Vec<(String, String, String)> {
-    let pairs = solution
-        .left
-        .parameters()
-        .into_iter()
-        .zip(solution.right.parameters());
-    let row = |(i, ((name, left), (_, right))): (usize, ((&str, Estimated), (_, Estimated)))| {
-        (
-            format!("{name}{}", if i < 4 { ", px" } else { "" }),
-            left.to_string(),
-            right.to_string(),
-        )
-    };
-    let mut rows: Vec<_> = pairs.enumerate().map(row).collect();
-    let both = |of: fn(&CameraEstimate) -> String| (of(&solution.left), of(&solution.right));
-    let (left, right) = both(|camera| format!("{:.3}", camera.rms_px));
-    rows.push(("RMS, px".to_owned(), left, right));
-    let (left, right) = both(|camera| format!("{:.0}", 100.0 * camera.coverage));
-    rows.push(("coverage, %".to_owned(), left, right));
-    rows
-}
-
-fn extrinsics(solution: &Solution) -> Vec<(String, String)> {
-    const AXES: [&str; 3] = ["x", "y", "z"];
-    let unit = solution.unit_sign();
-    let rows = |name: &'static str, unit: &'static str, estimates: [Estimated; 3]| {
-        AXES.into_iter()
-            .zip(estimates)
-            .map(move |(axis, e)| (format!("{name} {axis}, {unit}"), e.to_string()))
-    };
-    let mut all: Vec<_> = rows("R about", "°", solution.rotation_deg).collect();
-    all.extend(rows("T", unit, solution.translation));
-    all.push((
-        format!("baseline |T|, {unit}"),
-        solution.baseline.to_string(),
-    ));
-    all
 }
 
 /// The strongest correlations as text.

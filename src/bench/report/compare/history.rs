@@ -4,10 +4,10 @@ use super::ScoredRun;
 use crate::report::page::fill;
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::report::samples::{RunKey, run_key};
+use crate::report::table::{NONE, Table, TableColumn, TerminalStyle, wrapped};
 use crate::report::{Row, Summary};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::{Display, Formatter};
 use std::path::PathBuf;
 use svl_core::{Error, Result};
 use svl_data::manifest::Purpose;
@@ -165,6 +165,24 @@ impl History {
         })
     }
 
+    /// The reports of each scenario, and a line per algorithm and metric.
+    pub fn terminal(&self, style: TerminalStyle) -> String {
+        let mut parts = Vec::new();
+        for scenario in &self.scenarios {
+            let reports = scenario.report_table().terminal(style);
+            let notes = scenario.notes().into_iter();
+            let notes: String = notes.map(|note| wrapped(&note, 2, style.width)).collect();
+            let lines = scenario.line_table().terminal(style);
+            let name = &scenario.scenario;
+            parts.push(format!("{name}\n{reports}{notes}\n{lines}"));
+        }
+        let mut text = parts.join("\n");
+        for LeftOut { path, reason } in &self.left_out {
+            text.push_str(&format!("{}: left out, {reason}\n", path.display()));
+        }
+        text
+    }
+
     /// The page with a plot per metric: one file without scripts, all texts escaped.
     ///
     /// # Errors
@@ -172,7 +190,8 @@ impl History {
     pub fn page(&self) -> Result<String> {
         let scenarios = self.scenarios.iter().map(|scenario| {
             Ok(ScenarioView {
-                scenario,
+                scenario: &scenario.scenario,
+                reports: scenario.report_table(),
                 notes: scenario.notes(),
                 plots: scenario.plots()?,
             })
@@ -358,69 +377,50 @@ fn shown(metric: &Metric, value: Option<f64>) -> f64 {
     value.map_or(f64::NAN, |value| scale * value)
 }
 
-impl HistoryReport {
-    /// Day, revision and folder, and the number of its pairs if others have other ones.
-    fn words(&self, is_uneven: bool) -> String {
-        let day = self.began.get(..10).unwrap_or(&self.began);
-        let revision = self.revision.as_deref().unwrap_or("revision unknown");
-        let pairs = self.pairs.filter(|_| is_uneven);
-        let pairs = pairs.map_or_else(String::new, |n| format!(", {n} pairs"));
-        let incomplete = self.incomplete.as_ref();
-        let incomplete = incomplete.map_or_else(String::new, |why| format!(", incomplete: {why}"));
-        format!(
-            "{day}  {revision}  {}{pairs}{incomplete}",
-            self.folder.display()
-        )
-    }
-}
-
-impl Display for History {
-    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        for (i, scenario) in self.scenarios.iter().enumerate() {
-            if i > 0 {
-                writeln!(f)?;
-            }
-            scenario.fmt(f)?;
-        }
-        for LeftOut { path, reason } in &self.left_out {
-            writeln!(f, "{}: left out, {reason}", path.display())?;
-        }
-        Ok(())
-    }
-}
-
-impl Display for ScenarioHistory {
-    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        writeln!(f, "{}", self.scenario)?;
+impl ScenarioHistory {
+    /// The reports, with the numbers of their pairs if these differ.
+    fn report_table(&self) -> Table {
+        let mut table = Table::new("", "report").with_texts(["began", "revision"]);
+        table.columns.push(TableColumn::new("", "pairs"));
+        table.columns.push(TableColumn {
+            is_optional: true,
+            ..TableColumn::text("", "processor")
+        });
+        table.columns.push(TableColumn::text("", "folder"));
         for (i, report) in (1..).zip(&self.reports) {
-            writeln!(f, "{i:>4}  {}", report.words(self.uneven().is_some()))?;
+            let revision = report.revision.as_deref().unwrap_or("unknown");
+            let pairs = report.pairs.filter(|_| self.uneven().is_some());
+            let folder = report.folder.display().to_string();
+            let cells = [
+                report.began.clone(),
+                revision.to_owned(),
+                pairs.map(|n| n.to_string()).unwrap_or_default(),
+                report.processor.clone(),
+                match &report.incomplete {
+                    Some(why) => format!("{folder}, incomplete: {why}"),
+                    None => folder,
+                },
+            ];
+            table.push(i.to_string(), cells);
         }
-        for note in self.notes() {
-            writeln!(f, "{note}")?;
-        }
-        let names = self.lines.iter().map(|line| line.algorithm.chars().count());
-        let width = names.max().unwrap_or(0).clamp(9, 19);
-        writeln!(
-            f,
-            "\n{:<width$}  {:<13}  {:<20}  {:>9}  {:>9}",
-            "algorithm", "metric", "over the reports", "first", "last"
-        )?;
+        table.remove_empty_columns();
+        table
+    }
+
+    fn line_table(&self) -> Table {
+        let table = Table::new("", "algorithm").with_texts(["metric", "over the reports"]);
+        let mut table = table.with_columns(["first", "last"]);
         for line in &self.lines {
-            let show = |value: Option<&Option<f64>>| match value {
-                Some(Some(value)) => line.metric.show(*value),
-                _ => "–".to_owned(),
+            let show = |value: Option<&Option<f64>>| {
+                let value = value.copied().flatten();
+                value.map_or(NONE.to_owned(), |value| line.metric.show(value))
             };
-            writeln!(
-                f,
-                "{:<width$}  {:<13}  {:<20}  {:>9}  {:>9}",
-                line.algorithm,
-                line.metric.name,
-                sparkline(&line.values),
-                show(line.values.first()),
-                show(line.values.last()),
-            )?;
+            let (first, last) = (show(line.values.first()), show(line.values.last()));
+            let metric = line.metric.name.to_owned();
+            let cells = [metric, sparkline(&line.values), first, last];
+            table.push(&line.algorithm, cells);
         }
-        Ok(())
+        table
     }
 }
 
@@ -453,7 +453,8 @@ struct HistoryView<'a> {
 
 #[derive(Serialize)]
 struct ScenarioView<'a> {
-    scenario: &'a ScenarioHistory,
+    scenario: &'a str,
+    reports: Table,
     notes: Vec<String>,
     plots: Vec<HistoryPlotView>,
 }

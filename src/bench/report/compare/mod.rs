@@ -1,7 +1,6 @@
 //! Comparison of two runs: changes of metrics with confidence intervals.
 
 mod history;
-mod markdown;
 mod scored_run;
 mod text;
 
@@ -16,7 +15,8 @@ use svl_core::{Error, Result, counted};
 use svl_data::bootstrap::{self, Interval, IntervalMethod, Resamples, Sample};
 use svl_data::manifest::{Manifest, Purpose};
 use svl_data::score::{Better, METRICS, Metric, MetricUnit};
-pub use text::{signed, verdict};
+pub(crate) use text::change_table;
+pub use text::signed;
 
 /// The differences of the second run from the first.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -1,12 +1,58 @@
-//! A comparison on the terminal.
+//! A comparison on the terminal and as Markdown.
 
 use super::{AlgorithmChange, Change, Comparison, Judgement, ReportOrigin};
 use crate::report::summary::caution;
-use std::fmt::{Display, Formatter, Result};
+use crate::report::table::{Table, TableCell, TerminalStyle, escape, wrapped};
 use svl_core::counted;
+use svl_data::bootstrap::Interval;
 use svl_data::score::{Metric, MetricUnit};
 
 impl Comparison {
+    /// The origins of the two, a table for each algorithm, and what is not compared.
+    pub fn terminal(&self, style: TerminalStyle) -> String {
+        let mut text = self.head().join("\n") + "\n";
+        for of in &self.algorithms {
+            let head = format!("{}: {}", of.title(), of.extent());
+            let head = wrapped(&head, 2, style.width);
+            text.push_str(&format!("\n{head}{}", of.table().terminal(style)));
+        }
+        for line in self.left_out() {
+            text.push_str(&format!("\n{}", wrapped(&line, 2, style.width)));
+        }
+        text
+    }
+
+    /// The same as Markdown, for a pull request.
+    pub fn markdown(&self) -> String {
+        let (base, other) = (self.base.display(), self.other.display());
+        let mut page = format!("### {}: `{base}` → `{other}`\n\n", self.scenario);
+        for line in self.head() {
+            page.push_str(&format!("{line}  \n"));
+        }
+        for of in &self.algorithms {
+            let (title, extent) = (escape(&of.title()), escape(&of.extent()));
+            let table = of.table().markdown();
+            page.push_str(&format!("\n**{title}**: {extent}\n\n{table}"));
+        }
+        for line in self.left_out() {
+            page.push_str(&format!("\n{}\n", escape(&line)));
+        }
+        page
+    }
+
+    /// The algorithms of one report alone, a line each report.
+    fn left_out(&self) -> impl Iterator<Item = String> {
+        let sides = [
+            (&self.only_in_base, &self.base),
+            (&self.only_in_other, &self.other),
+        ];
+        let sides = sides.into_iter().filter(|(labels, _)| !labels.is_empty());
+        sides.map(|(labels, folder)| {
+            let folder = folder.display();
+            format!("only in {folder}, not compared: {}", labels.join(", "))
+        })
+    }
+
     /// Origin of the two reports, and the reasons that forbid a judgement.
     pub(super) fn head(&self) -> Vec<String> {
         let mut lines = Vec::new();
@@ -54,96 +100,61 @@ impl Comparison {
     }
 }
 
-impl Display for Comparison {
-    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        let mut head = self.head().into_iter();
-        head.try_for_each(|line| writeln!(f, "{line}"))?;
-        self.algorithms
-            .iter()
-            .try_for_each(|algorithm| write!(f, "\n{algorithm}"))?;
-        for (labels, folder) in [
-            (&self.only_in_base, &self.base),
-            (&self.only_in_other, &self.other),
-        ] {
-            if !labels.is_empty() {
-                write!(
-                    f,
-                    "\nonly in {}, not compared: {}\n",
-                    folder.display(),
-                    labels.join(", ")
-                )?;
-            }
-        }
-        Ok(())
-    }
-}
-
 impl AlgorithmChange {
     /// Pairs that the second run alone failed on, in words.
     pub fn failures(&self) -> Option<String> {
         let pairs = counted(self.newly_failed as u64, "pair");
         (self.newly_failed > 0).then(|| format!("failed on {pairs} that the base has results of"))
     }
-}
 
-impl Display for AlgorithmChange {
-    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
-        let Self {
-            pairs,
-            unmatched,
-            equal_results,
-            ..
-        } = self;
-        write!(
-            f,
-            "{}: {}, {equal_results} with equal results",
-            self.title(),
-            counted(*pairs, "pair")
-        )?;
-        if *unmatched > 0 {
-            write!(
-                f,
-                "; not compared: {} of one run alone",
-                counted(*unmatched, "pair")
-            )?;
-        }
-        if let Some(failures) = self.failures() {
-            write!(f, "; {failures}")?;
-        }
-        writeln!(
-            f,
-            "\n{:28} {:>10} {:>10} {:>10}   95 %",
-            "", "base", "other", "change"
-        )?;
-        let mut changes = self.changes();
-        changes.try_for_each(|(name, change)| line(f, &name, change))
+    /// The pairs that are compared, and those that are not.
+    fn extent(&self) -> String {
+        let pairs = counted(self.pairs, "pair");
+        let compared = format!("{pairs}, {} with equal results", self.equal_results);
+        let unmatched = (self.unmatched > 0).then(|| {
+            let pairs = counted(self.unmatched, "pair");
+            format!("not compared: {pairs} of one run alone")
+        });
+        let parts = [Some(compared), unmatched, self.failures()];
+        parts.into_iter().flatten().collect::<Vec<_>>().join("; ")
+    }
+
+    fn table(&self) -> Table {
+        change_table(["base", "other"], self.changes())
     }
 }
 
-fn line(f: &mut Formatter<'_>, name: &str, change: &Change) -> Result {
-    let Change {
-        metric,
-        base,
-        other,
-        difference,
-        interval,
-        judgement,
-    } = change;
-    let (base, other) = (metric.show(*base), metric.show(*other));
-    let signed = |v: f64| signed(metric, v);
-    write!(
-        f,
-        "  {name:26} {base:>10} {other:>10} {:>10}",
-        signed(*difference)
-    )?;
-    match interval {
-        Some((low, high)) => write!(f, "   {} .. {}", signed(*low), signed(*high))?,
-        None => write!(f, "   too few pairs")?,
+/// A row per change; `heads` are of the values before and after.
+pub(crate) fn change_table<'a>(
+    heads: [&str; 2],
+    changes: impl Iterator<Item = (String, &'a Change)>,
+) -> Table {
+    let table = Table::new("", "metric").with_columns(heads.into_iter().chain(["change"]));
+    let mut table = table.with_texts(["95 % interval", "result"]);
+    for (name, change) in changes {
+        let metric = change.metric;
+        let [base, other] = [change.base, change.other].map(|value| metric.show(value));
+        let interval = change.interval.map(|interval| between(metric, interval));
+        let interval = interval.unwrap_or_else(|| "too few pairs".to_owned());
+        let difference = signed(metric, change.difference);
+        let cells = [name, base, other, difference, interval];
+        let result = verdict(change.judgement).to_owned();
+        let result = match change.judgement {
+            Judgement::Worse => TableCell::Alert(result),
+            _ => TableCell::Text(result),
+        };
+        let cells = cells.into_iter().map(TableCell::Text);
+        table.rows.push(cells.chain([result]).collect());
     }
-    match verdict(*judgement) {
-        "" => writeln!(f),
-        word => writeln!(f, "  {word}"),
-    }
+    table.remove_empty_columns();
+    table
+}
+
+/// An interval of differences, its unit once.
+fn between(metric: &Metric, (low, high): Interval) -> String {
+    let [low, high] = [low, high].map(|value| signed(metric, value));
+    let low = low.split(' ').next().unwrap_or_default();
+    format!("{low} .. {high}")
 }
 
 /// A difference with its sign; of times a ratio.
@@ -158,7 +169,7 @@ pub fn signed(metric: &Metric, v: f64) -> String {
 }
 
 /// A word for what was found; none where that is nothing.
-pub fn verdict(judgement: Judgement) -> &'static str {
+fn verdict(judgement: Judgement) -> &'static str {
     match judgement {
         Judgement::Unclear => "",
         Judgement::Equal => "equal",

@@ -3,6 +3,7 @@
 
 use super::page::fill;
 use super::plot::{Axis, Chart, Series, SeriesStyle};
+use super::table::Table;
 use serde::Serialize;
 use std::ops::Range;
 use svl_core::Result;
@@ -91,9 +92,7 @@ impl EvidencePage<'_> {
                 Some(evidence) => Some(self.plot(evidence, pixels, tolerance, (columns, rows))?),
                 None => None,
             },
-            base: self.choice.decision.table.base,
-            parts: evidence.map_or_else(Vec::new, |evidence| self.parts(&evidence)),
-            score: evidence.map(|evidence| self.choice.decision.table.score(&evidence)),
+            table: evidence.map(|evidence| self.table(&evidence)),
         })
     }
 
@@ -174,23 +173,27 @@ impl EvidencePage<'_> {
         .svg()
     }
 
-    /// Weight of each feature, thousandths of the log odds.
-    fn parts(&self, evidence: &CellEvidence) -> Vec<PartView> {
-        let part = |feature: Feature| {
+    /// Weight of each feature in the log odds.
+    fn table(&self, evidence: &CellEvidence) -> Table {
+        let decision = &self.choice.decision.table;
+        let odds = |score: i64| format!("{:+.2}", score as f64 / 1000.0);
+        let mut table = Table::new("", "evidence").with_columns(["value", "log odds"]);
+        table.push("base", [String::new(), odds(decision.base)]);
+        for feature in Feature::ALL {
             let mut alone = CellEvidence {
                 features: [i64::MIN; CellEvidence::FEATURES],
                 ..*evidence
             };
             let value = evidence.features[feature as usize];
             alone.features[feature as usize] = value;
-            PartView {
-                name: feature.name(),
-                value,
-                unit: feature.unit(),
-                score: self.choice.decision.table.score(&alone) - self.choice.decision.table.base,
-            }
-        };
-        Feature::ALL.into_iter().map(part).collect()
+            let score = decision.score(&alone) - decision.base;
+            table.push(
+                feature.name(),
+                [format!("{value} {}", feature.unit()), odds(score)],
+            );
+        }
+        table.push("sum", [String::new(), odds(decision.score(evidence))]);
+        table
     }
 }
 
@@ -223,15 +226,5 @@ struct EvidenceCellView {
     is_known: bool,
     image: String,
     plot: Option<String>,
-    base: i64,
-    parts: Vec<PartView>,
-    score: Option<i64>,
-}
-
-#[derive(Serialize)]
-struct PartView {
-    name: &'static str,
-    value: i64,
-    unit: &'static str,
-    score: i64,
+    table: Option<Table>,
 }

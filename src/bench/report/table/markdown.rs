@@ -43,7 +43,7 @@ impl Table {
 }
 
 /// Keeps text from being read as Markdown or HTML.
-pub(in crate::report) fn escape(text: &str) -> String {
+pub fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

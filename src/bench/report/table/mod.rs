@@ -7,9 +7,9 @@ mod latex;
 mod markdown;
 mod terminal;
 
-pub(super) use markdown::escape;
+pub use markdown::escape;
 pub use terminal::TerminalStyle;
-pub(super) use terminal::wrapped;
+pub(crate) use terminal::wrapped;
 
 pub use super::words::NONE;
 use super::words::ms;
@@ -60,20 +60,25 @@ pub enum TableCell {
 impl Table {
     /// A table without rows; `first` heads the names of the rows.
     pub fn new(title: impl Into<String>, first: &str) -> Self {
-        Self {
+        let empty = Self {
             title: title.into(),
-            columns: vec![TableColumn {
-                is_text: true,
-                ..TableColumn::new("", first)
-            }],
             ..Self::default()
-        }
+        };
+        empty.with_texts([first])
     }
 
     /// Adds columns of numbers without groups.
     #[must_use]
     pub fn with_columns<T: Into<String>>(mut self, heads: impl IntoIterator<Item = T>) -> Self {
         let columns = heads.into_iter().map(|head| TableColumn::new("", head));
+        self.columns.extend(columns);
+        self
+    }
+
+    /// Adds columns of text without groups.
+    #[must_use]
+    pub fn with_texts<T: Into<String>>(mut self, heads: impl IntoIterator<Item = T>) -> Self {
+        let columns = heads.into_iter().map(|head| TableColumn::text("", head));
         self.columns.extend(columns);
         self
     }
@@ -126,6 +131,14 @@ impl TableColumn {
             group: group.into(),
             head: head.into(),
             ..Self::default()
+        }
+    }
+
+    /// A column of text.
+    pub fn text(group: impl Into<String>, head: impl Into<String>) -> Self {
+        Self {
+            is_text: true,
+            ..Self::new(group, head)
         }
     }
 }

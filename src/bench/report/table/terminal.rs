@@ -208,7 +208,7 @@ fn aligned(text: &str, width: usize, is_left: bool) -> String {
 fn cell(cell: &TableCell, width: usize, is_left: bool, style: TerminalStyle) -> String {
     match cell {
         TableCell::Bar { right, wrong } => bar(*right, *wrong, width),
-        TableCell::Alert(text) if style.is_rich => colored(&aligned(text, width, false), WRONG),
+        TableCell::Alert(text) if style.is_rich => colored(&aligned(text, width, is_left), WRONG),
         other => aligned(&other.text(), width, is_left),
     }
 }
@@ -234,7 +234,7 @@ fn bar(right: f64, wrong: f64, width: usize) -> String {
 }
 
 /// A text in lines that fit, all but the first behind blanks.
-pub(in crate::report) fn wrapped(text: &str, indent: usize, width: usize) -> String {
+pub(crate) fn wrapped(text: &str, indent: usize, width: usize) -> String {
     let mut lines = vec![String::new()];
     for word in text.split(' ') {
         let line = lines.last_mut().expect("one to begin with");

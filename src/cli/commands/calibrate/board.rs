@@ -4,7 +4,7 @@ use super::ask::{Answers, ViewPrompt};
 use super::collect::{Collected, collect};
 use super::report::ReportFolder;
 use crate::cli::shared::source::{self, CameraArgs};
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::usage;
 use anyhow::{anyhow, bail};
 use std::io::IsTerminal;
@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use svl::calibrate::{Board, LEAST_VIEWS, Solution, files, solve};
 use svl::outputs::Outputs;
 use svl::rectify::{Framing, bouguet};
+use svl::report::calibration;
 use svl::scenario::SourceOptions;
 use svl::sink::RerunTarget;
 use svl::source::{Opened, Request};
@@ -220,7 +221,8 @@ fn print_result(
         None => "\nLengths are in squares of the board: add --square-m for metres.",
     };
     print(&format!(
-        "{collected}\n{solution}{unit}\n{}: calibration\n{}: report\n",
+        "{collected}\n{}{unit}\n{}: calibration\n{}: report\n",
+        calibration::terminal(solution, style()),
         args.output.display(),
         report.display()
     ))

@@ -1,10 +1,10 @@
 //! The numbers as a table or as JSON.
 
 use super::{Args, ImageFiles};
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json, style};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::fmt::Write;
+use svl::report::table::{NONE, Table};
 use svl::score::protocol::{NumberUnit, Numbers, Protocol, Score};
 
 /// The contract's keys, and beside them what several masks or images bring.
@@ -37,7 +37,8 @@ pub(super) fn print_scores(
             }
             (true, _) => format!("{} images, their mean", images.len()),
         };
-        return print(&table(args.protocol, &what, &labels, &columns)?);
+        let (protocol, table) = (args.protocol.name(), table(&labels, &columns));
+        return print(&format!("{protocol}: {what}\n{}", table.terminal(style())));
     }
     let masks =
         (columns.len() > 1).then(|| labels.iter().map(String::as_str).zip(&columns).collect());
@@ -74,47 +75,27 @@ fn labels(args: &Args) -> Vec<String> {
     args.mask.iter().zip(&stems).map(label).collect()
 }
 
-fn table(
-    protocol: Protocol,
-    what: &str,
-    labels: &[String],
-    columns: &[Numbers],
-) -> Result<String, std::fmt::Error> {
-    let mut text = format!("{}: {what}\n", protocol.name());
-    let width = labels
-        .iter()
-        .map(|label| label.chars().count())
-        .max()
-        .unwrap_or(0)
-        .max(9);
-    if !labels.is_empty() {
-        write!(text, "{:17}", "")?;
-        labels
-            .iter()
-            .try_for_each(|label| write!(text, "  {label:>width$}"))?;
-        text.push('\n');
-    }
+/// A row per number; a column per mask.
+fn table(labels: &[String], columns: &[Numbers]) -> Table {
+    let heads = match labels {
+        [] => vec!["value"],
+        labels => labels.iter().map(String::as_str).collect(),
+    };
+    let mut table = Table::new("", "number")
+        .with_texts(["unit"])
+        .with_columns(heads);
     for (row, number) in columns[0].iter().enumerate() {
-        let unit = match number.unit {
-            NumberUnit::Percent => "%",
-            NumberUnit::Px => "px",
-            NumberUnit::Count => "",
+        let (unit, decimals) = match number.unit {
+            NumberUnit::Percent => ("%", 3),
+            NumberUnit::Px => ("px", 3),
+            NumberUnit::Count => ("", 0),
         };
-        write!(text, "{:<14} {unit:<2}", number.name)?;
-        for value in columns
-            .iter()
-            .filter_map(|numbers| numbers.iter().nth(row))
-            .map(|number| number.value)
-        {
-            match value {
-                Some(value) if number.unit == NumberUnit::Count => {
-                    write!(text, "  {value:>width$.0}")?
-                }
-                Some(value) => write!(text, "  {value:>width$.3}")?,
-                None => write!(text, "  {:>width$}", "-")?,
-            }
-        }
-        text.push('\n');
+        let values = columns.iter().filter_map(|numbers| numbers.iter().nth(row));
+        let values = values.map(|number| match number.value {
+            Some(value) => format!("{value:.decimals$}"),
+            None => NONE.to_owned(),
+        });
+        table.push(number.name, std::iter::once(unit.to_owned()).chain(values));
     }
-    Ok(text)
+    table
 }

@@ -12,6 +12,7 @@ use svl::recording::{
     Misalignment, Recording, RecordingSummary, SkewSummary, StampOrigin, Topic, UnpairedImages,
     is_bag,
 };
+use svl::report::table::{Table, TerminalStyle};
 use svl::source::SourceFacts;
 
 /// Show what a recording holds, and whether it is intact
@@ -188,8 +189,8 @@ fn table(summary: &RecordingSummary, facts: Vec<String>) -> String {
             .map(|(name, bytes)| format!("attached   {name}, {}", counted(*bytes, "byte"))),
     );
     let last = width();
-    let topics = topics(&summary.topics, last);
-    format!("{}\n{}\n", aligned(&lines, last), topics.join("\n"))
+    let topics = topics(&summary.topics).terminal(TerminalStyle::plain(last));
+    format!("{}\n{topics}", aligned(&lines, last))
 }
 
 /// Column where the value of a line begins.
@@ -355,35 +356,20 @@ fn gaps(summary: &RecordingSummary) -> Vec<String> {
     lines
 }
 
-/// The topics as a table; a schema that does not fit stands on a line of its own.
-fn topics(topics: &[Topic], last: usize) -> Vec<String> {
-    let head = ["topic", "messages", "Hz", "size", "schema"].map(str::to_owned);
-    let rows = topics.iter().map(|topic| {
+fn topics(topics: &[Topic]) -> Table {
+    let table = Table::new("", "topic").with_columns(["messages", "Hz", "size"]);
+    let mut table = table.with_texts(["schema"]);
+    for topic in topics {
         let rate = topic.rate_hz.map(|hz| format!("{hz:.2}"));
-        [
-            topic.name.clone(),
+        let cells = [
             topic.messages.to_string(),
             rate.unwrap_or_default(),
             size(topic.bytes),
             topic.schema.clone(),
-        ]
-    });
-    let rows: Vec<_> = std::iter::once(head).chain(rows).collect();
-    let width = |i: usize| {
-        let widths = rows.iter().map(|row| row[i].chars().count());
-        widths.max().unwrap_or_default()
-    };
-    let [name, messages, hz, bytes] = [0, 1, 2, 3].map(width);
-    let line = |row: &[String; 5]| {
-        let [topic, count, rate, size, schema] = row;
-        let numbers = format!("{topic:name$}  {count:>messages$}  {rate:>hz$}  {size:>bytes$}");
-        if numbers.chars().count() + 2 + schema.chars().count() <= last {
-            format!("{numbers}  {schema}")
-        } else {
-            format!("{numbers}\n    {schema}")
-        }
-    };
-    rows.iter().map(line).collect()
+        ];
+        table.push(&topic.name, cells);
+    }
+    table
 }
 
 fn seconds(ns: u64) -> String {

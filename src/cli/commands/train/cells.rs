@@ -1,7 +1,7 @@
 //! `svl train cells`: the table by which the cells of v5 become known.
 
 use crate::cli::shared::progress::{Terminal, interrupted};
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use std::path::PathBuf;
@@ -129,6 +129,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         print_json(&training)
     } else {
         let (table, page) = (args.out.display(), page.display());
+        let training = training.terminal(style());
         print(&format!("{training}\n{table}\n{page}"))
     }
 }

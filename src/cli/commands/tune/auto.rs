@@ -2,7 +2,7 @@
 
 use super::Args;
 use crate::cli::shared::progress::Terminal;
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::usage;
 use anyhow::{Context, bail};
 use std::path::Path;
@@ -154,7 +154,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if args.search.json {
         print_json(&outcome)?;
     } else {
-        print(&format!("{outcome}\n{written}\n"))?;
+        print(&format!("{}\n{written}\n", outcome.terminal(style())))?;
     }
     if was_interrupted {
         bail!("interrupted; the best so far is kept, and the same command with --resume goes on");

@@ -3,7 +3,7 @@
 mod measurements;
 mod report;
 
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::usage;
 use anyhow::Context;
 use clap::builder::NonEmptyStringValueParser;
@@ -92,12 +92,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         write(path, report.figure()?)?;
     }
     if let Some(path) = &args.table {
-        write(path, report.table()?)?;
+        write(path, report.csv()?)?;
     }
     outputs.commit();
     if args.json {
         print_json(&report.json())
     } else {
-        print(&report.text()?)
+        print(&report.text(style())?)
     }
 }

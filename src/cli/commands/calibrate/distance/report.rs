@@ -6,6 +6,7 @@ use std::fmt::{self, Write};
 use svl::calibrate::distance::cell_list;
 use svl::depth::{DistanceCurve, PinholeFit};
 use svl::report::plot::distance_chart;
+use svl::report::table::{NONE, Table, TerminalStyle};
 
 /// Largest relative error of a valid distance; the arena's checkpoints tolerate twice as much.
 const SHARE: f64 = 0.10;
@@ -94,36 +95,35 @@ impl DistanceReport {
             .map(|cm| (cm, self.pinhole.disparity_px(cm)))
     }
 
-    pub(super) fn text(&self) -> Result<String, fmt::Error> {
-        let mut text = String::from("  distance  disparity   degree 5    a/(d+b)\n");
+    fn table(&self) -> Table {
+        let table = Table::new("", "distance, cm");
+        let table = table.with_columns(["disparity, px", "degree 5, cm", "a/(d+b), cm"]);
+        let mut table = table.with_texts(["cells", "apart, px", "fit"]);
         let signed =
-            |residual: Option<f64>| residual.map_or("-".to_owned(), |cm| format!("{cm:+.1} cm"));
-        for ((measurement, weight), &pair) in self
-            .measurements
-            .iter()
-            .zip(self.pinhole.weights())
-            .zip(&self.pairs)
-        {
-            let [polynomial, pinhole] = self.residuals_cm(pair).map(signed);
-            let (cm, px) = pair;
-            write!(
-                text,
-                "{cm:>7.1} cm {px:>7.2} px {polynomial:>10} {pinhole:>10}"
-            )?;
-            if let Some(seen) = &measurement.seen {
-                write!(
-                    text,
-                    "   cells {}, {:.2} px apart",
-                    cell_list(&seen.cells),
-                    seen.spread_px
-                )?;
-            }
-            text.push_str(if *weight < OUTLIER {
-                "   outlier\n"
-            } else {
-                "\n"
-            });
+            |residual: Option<f64>| residual.map_or(NONE.to_owned(), |cm| format!("{cm:+.1}"));
+        let measurements = self.measurements.iter().zip(self.pinhole.weights());
+        for ((measurement, weight), &(cm, px)) in measurements.zip(&self.pairs) {
+            let [polynomial, pinhole] = self.residuals_cm((cm, px)).map(signed);
+            let seen = measurement.seen.as_ref();
+            let cells = seen.map(|seen| cell_list(&seen.cells));
+            let apart = seen.map(|seen| format!("{:.2}", seen.spread_px));
+            let fit = if *weight < OUTLIER { "outlier" } else { "" };
+            let cells = [
+                format!("{px:.2}"),
+                polynomial,
+                pinhole,
+                cells.unwrap_or_default(),
+                apart.unwrap_or_default(),
+                fit.to_owned(),
+            ];
+            table.push(format!("{cm:.1}"), cells);
         }
+        table.remove_empty_columns();
+        table
+    }
+
+    pub(super) fn text(&self, style: TerminalStyle) -> Result<String, fmt::Error> {
+        let mut text = self.table().terminal(style);
         let pinhole = &self.pinhole;
         let (deviation_a, deviation_b) = pinhole.standard_deviations();
         match &self.polynomial {
@@ -231,7 +231,7 @@ impl DistanceReport {
     }
 
     /// CSV of the distances of whole disparities, empty where a curve is not valid.
-    pub(super) fn table(&self) -> Result<String, fmt::Error> {
+    pub(super) fn csv(&self) -> Result<String, fmt::Error> {
         let mut text = String::from("disparity_px,polynomial_cm,pinhole_cm,pinhole_deviation_cm\n");
         let largest = self.pairs.iter().map(|(_, px)| *px).fold(0.0, f64::max);
         // Without a valid distance no disparity is large enough.
