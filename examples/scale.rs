@@ -174,7 +174,7 @@ fn figure(svl: &Path) -> Result<String, Failure> {
     let folder = tempfile::tempdir()?;
     let run = |line: &str| svl_s(svl, folder.path(), line);
     run("record arena --frames 640 -q -o run.mcap")?;
-    let score = "score run.mcap -q --rerun none --out r";
+    let score = "score run.mcap -q --rerun none -o r";
     let curve = |name: &str, points: &[usize], line: &dyn Fn(usize) -> String| {
         let point = |&point: &usize| Ok((point as f64, run(&line(point))?));
         let points = points.iter().map(point).collect::<Result<_, Failure>>()?;
@@ -195,19 +195,19 @@ fn figure(svl: &Path) -> Result<String, Failure> {
         &[algorithms],
     )?);
     // The runs are rendered once.
-    run("score arena --seeds 1..8 --algo bm -q --rerun none --out all")?;
+    run("score arena --seeds 1..8 --algo bm -q --rerun none -o all")?;
     let mut shards: [Curve; 2] =
         ["all shards, one after the other", "svl merge"].map(|name| (name.to_owned(), Vec::new()));
     for of in [1, 2, 4, 8] {
         let mut all_s = 0.0;
         for number in 1..=of {
-            let shard = format!("--shard {number}/{of} --out p{number}");
+            let shard = format!("--shard {number}/{of} -o p{number}");
             all_s += run(&format!(
                 "score arena --seeds 1..8 --algo bm -q --rerun none {shard}"
             ))?;
         }
         let parts: Vec<_> = (1..=of).map(|number| format!("p{number}")).collect();
-        let merge_s = run(&format!("merge {} --out all -q", parts.join(" ")))?;
+        let merge_s = run(&format!("merge {} -o all -q", parts.join(" ")))?;
         shards[0].1.push((of as f64, all_s));
         shards[1].1.push((of as f64, merge_s));
     }

@@ -29,10 +29,10 @@ wheel() { (cd packaging && maturin build --quiet --locked --zig --compatibility 
 wheel
 program="$target/$triple/dist/svl"
 mkdir -p "$beside"/share/{man/man1,bash-completion/completions,zsh/site-functions,fish/vendor_completions.d}
-"$program" man > "$beside/share/man/man1/svl.1"
-"$program" completions bash > "$beside/share/bash-completion/completions/svl"
-"$program" completions zsh > "$beside/share/zsh/site-functions/_svl"
-"$program" completions fish > "$beside/share/fish/vendor_completions.d/svl.fish"
+"$program" generate man > "$beside/share/man/man1/svl.1"
+"$program" generate completions bash > "$beside/share/bash-completion/completions/svl"
+"$program" generate completions zsh > "$beside/share/zsh/site-functions/_svl"
+"$program" generate completions fish > "$beside/share/fish/vendor_completions.d/svl.fish"
 wheel
 
 cargo deb --quiet --no-build --no-strip --profile dist --target "$triple" --output "$out/"

@@ -20,7 +20,7 @@ try() {
     cd /root
     svl -q record --frames 40 -o run.mcap
     svl -q replay run.mcap --algo v5 --rerun run.rrd
-    svl -q score run.mcap --algo v3 --algo v5 --out report
+    svl -q score run.mcap --algo v3 --algo v5 -o report
     test -s report/index.html -a -s run.rrd
     svl algos exec --example cpp > svl_matcher.hpp
   "

@@ -3,10 +3,10 @@
 mod commands;
 mod shared;
 
-use clap::{CommandFactory, Parser};
+use clap::{CommandFactory, FromArgMatches, Parser};
 use commands::Command;
 use shared::terminal::{WarningLog, Warnings};
-use shared::usage;
+use shared::{help, usage};
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing::Level;
@@ -18,7 +18,10 @@ use tracing_subscriber::{Layer, fmt, layer::SubscriberExt, util::SubscriberInitE
 /// Record synchronized pairs to MCAP, replay them through pluggable matchers, score them against
 /// obstacle checkpoints and data sets with truth, and watch the run in Rerun.
 #[derive(Parser)]
-#[command(name = "svl", version, about, max_term_width = 100, after_help = EXAMPLES)]
+#[command(
+    name = "svl", version, max_term_width = 100, after_help = EXAMPLES,
+    disable_help_flag = true, disable_help_subcommand = true
+)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -37,6 +40,10 @@ pub(crate) struct Cli {
     /// Print only results and errors
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     quiet: bool,
+
+    /// Print help: -h the options used most, --help all
+    #[arg(short, long, global = true, action = clap::ArgAction::Help)]
+    help: Option<bool>,
 }
 
 const EXAMPLES: &str = "\
@@ -49,17 +56,28 @@ Examples:
 Exit status: 0 done, 1 failed, 2 wrong usage, 3 a gate is broken or could not
 be judged, 4 done, but something is missing.";
 
+/// The whole command line, as help, completions and the man page show it.
+fn program() -> clap::Command {
+    help::arranged(Cli::command())
+}
+
 impl Cli {
     /// Parses, runs, and turns the result into the exit code.
     pub(crate) fn main() -> ExitCode {
-        let cli = match Self::try_parse() {
+        let parsed = program().try_get_matches();
+        let cli = match parsed.and_then(|matches| Self::from_arg_matches(&matches)) {
             Ok(cli) => cli,
             Err(error) => return usage::report_clap(&error),
         };
+        if let Command::Help(args) = &cli.command {
+            return args
+                .page(program())
+                .map_or_else(|error| usage::report_clap(&error), |_| ExitCode::SUCCESS);
+        }
         cli.configure();
         // As one of rayon's threads: beside them it would be one too many for the cores, and they
         // wait for each other.
-        match rayon::scope(|_| cli.command.run(cli.quiet, Self::command)) {
+        match rayon::scope(|_| cli.command.run(cli.quiet, program)) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => usage::report(&error),
         }
@@ -110,6 +128,15 @@ mod tests {
             longs.sort_unstable();
             longs.dedup();
             assert_eq!(longs.len(), all, "{}", subcommand.get_name());
+        }
+    }
+
+    #[test]
+    fn the_front_page_has_every_command_once() {
+        let page = program().render_help().to_string();
+        for command in Cli::command().get_subcommands() {
+            let line = format!("\n  {} ", command.get_name());
+            assert_eq!(page.matches(&line).count(), 1, "{}", command.get_name());
         }
     }
 

@@ -152,7 +152,7 @@ cp d.pfm disparity.pfm; cp d.pfm disp0GT.pfm; cp d.png truth.png
 cp left.png disp2.png; cp right.png disp6.png
 mkdir results disp_occ_0 obj_map
 cp d.png results/0.png; cp d.png disp_occ_0/0.png; cp left.png obj_map/0.png
-svl score scenarios/arena.toml --algo v3 --out reports/before
+svl score scenarios/arena.toml --algo v3 -o reports/before
 cp -r reports/before reports/after";
 
 const CALIBRATION: &str = "\

@@ -87,7 +87,7 @@ onnxruntime = argparse.Namespace(
     SessionOptions=Settings,
     InferenceSession=lambda *_, **__: Session(),
 )
-file = Path(__file__).parents[2] / "adapters/onnx.py"
+file = Path(__file__).parents[2] / "adapters/svl_onnx.py"
 spec = importlib.util.spec_from_file_location("svl_onnx", file)
 adapter = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(adapter)
@@ -98,4 +98,12 @@ try:
     sys.exit("the CPU was taken for CUDA")
 except SystemExit as error:
     assert "cannot use CUDA here" in str(error), error
+
+options = network("--batch", "4").options
+options.model = file
+try:
+    adapter.OnnxMatcher(options, onnxruntime).start(argparse.Namespace(threads=1))
+    sys.exit("a batch of 4 was taken for a network of single pairs")
+except SystemExit as error:
+    assert "its batch is fixed: 1, not 4; leave --batch out" in str(error), error
 print("well")

@@ -201,7 +201,7 @@ pub const REPORT: FolderRule = FolderRule {
     kind: "a report",
     owns: |name| REPORT_FILES.contains(&name) || is_recording(name),
     mark: MANIFEST,
-    cure: "name another folder with --out",
+    cure: "name another folder with -o",
 };
 
 const REPORT_FILES: &[&str] = &[

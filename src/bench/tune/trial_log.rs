@@ -60,7 +60,7 @@ impl TrialLog {
                 let Some((place, values)) = entry(&record, &key) else {
                     return Err(Error::Invalid(format!(
                         "{}: is the log of a search on other pairs, or by another svl or machine; \
-                         remove it, or name another --out",
+                         remove it, or name another -o",
                         path.display()
                     )));
                 };

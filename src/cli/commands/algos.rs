@@ -40,8 +40,8 @@ impl Example {
         match self {
             Self::Python => include_str!("../../../adapters/python/svl_matcher.py"),
             Self::Cpp => include_str!("../../../adapters/cpp/svl_matcher.hpp"),
-            Self::Onnx => include_str!("../../../adapters/onnx.py"),
-            Self::Torch => include_str!("../../../adapters/torch.py"),
+            Self::Onnx => include_str!("../../../adapters/svl_onnx.py"),
+            Self::Torch => include_str!("../../../adapters/svl_torch.py"),
         }
     }
 }

@@ -27,9 +27,8 @@ Examples:
   svl bench --max-disparity 128 --threads 2 --json
   SVL_ISA=avx2 svl bench      as a CPU without AVX-512 would; or portable")]
 pub(crate) struct Args {
-    /// Algorithm, as `svl algos` lists them; may be given more than once [default: all of svl's
-    /// own]
-    #[arg(long, value_name = "NAME[:key=value,…]")]
+    /// Algorithm, as NAME[:key=value,…]; repeatable [default: all of svl's own]
+    #[arg(long, value_name = "ALGO")]
     algo: Vec<Algorithm>,
     #[command(flatten)]
     filters: FilterArgs,

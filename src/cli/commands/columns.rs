@@ -3,7 +3,7 @@
 use crate::cli::shared::terminal::{print, print_json, width, wrapped};
 use svl::report::{ColumnDescription, TABLES, TableDescription};
 
-/// List the columns of a report's tables, with their units and meanings
+/// List the columns of a report's tables, with units and meanings
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

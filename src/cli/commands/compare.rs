@@ -60,7 +60,7 @@ pub(crate) struct Args {
     /// Write the metrics of --fail-on as JUnit's XML
     #[arg(long, value_name = "FILE", requires = "fail_on")]
     junit: Option<PathBuf>,
-    /// Replace the file if it exists
+    /// Replace files that exist
     #[arg(long)]
     force: bool,
     /// Print Markdown

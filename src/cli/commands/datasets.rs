@@ -16,25 +16,25 @@ use svl::source::dataset::{self, DATASETS, Dataset, Part};
 
 /// List the stereo data sets svl reads, or fetch one
 #[derive(clap::Args)]
-#[command(
-    after_help = "\
+#[command(after_help = "\
 Examples:
-  svl datasets
+  svl datasets list
   svl datasets fetch middeval3 --data DATASETS
-  svl score scenarios/middeval3.toml --data DATASETS",
-    args_conflicts_with_subcommands = true
-)]
+  svl score scenarios/middeval3.toml --data DATASETS")]
 pub(crate) struct Args {
     #[command(subcommand)]
-    command: Option<DatasetsCommand>,
-
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
+    command: DatasetsCommand,
 }
 
 #[derive(clap::Subcommand)]
 enum DatasetsCommand {
+    /// List the data sets with home pages, terms and sizes
+    #[command(after_help = "Examples:\n  svl datasets list\n  svl datasets list --json")]
+    List {
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
     Fetch(FetchArgs),
 }
 
@@ -52,7 +52,7 @@ Examples:
   svl datasets fetch kitti2015 --from ~/Downloads --data DATASETS
   svl datasets fetch eth3d --from https://mirror.example/eth3d --data DATASETS")]
 struct FetchArgs {
-    /// Data set, as `svl datasets` lists them
+    /// Data set, as `svl datasets list` names them
     #[arg(value_name = "NAME", value_parser = dataset::find)]
     dataset: &'static Dataset,
     /// Parts of it [default: the usual ones]
@@ -67,9 +67,9 @@ struct FetchArgs {
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.command {
-        Some(DatasetsCommand::Fetch(args)) => fetch(args, quiet),
-        None if args.json => print_json(&DATASETS),
-        None => print(&list()),
+        DatasetsCommand::Fetch(args) => fetch(args, quiet),
+        DatasetsCommand::List { json: true } => print_json(&DATASETS),
+        DatasetsCommand::List { json: false } => print(&list()),
     }
 }
 

@@ -26,7 +26,7 @@ Examples:
   svl match im0.png im1.png --algo v3:max_disparity=64 -o d.png \\
       --why why.png --preview p.png
   svl match im0.png im1.png -o d.pfm --calib calib.txt     distances too
-  svl match im0.png im1.png --algo v5 -o d.pfm --cells cells.html
+  svl match im0.png im1.png --algo v5 -o d.pfm --evidence cells.html
 
 OUT.png is 16-bit, KITTI's form: 256·disparity, 0 = none. OUT.pfm has +inf
 for none. WHY.png holds reason codes: 0 valid, 1 border, 2 untextured,
@@ -36,9 +36,9 @@ pub(crate) struct Args {
     left: PathBuf,
     /// Right image, of the same size
     right: PathBuf,
-    /// Algorithm, as `svl algos` lists them
+    /// Algorithm, as NAME[:key=value,…]; `svl algos` lists them
     #[arg(
-        long, value_name = "NAME[:key=value,…]", default_value = "v3",
+        long, value_name = "ALGO", default_value = "v5",
         value_parser = usage::algorithm
     )]
     algo: Algorithm,
@@ -56,7 +56,7 @@ pub(crate) struct Args {
     preview: Option<PathBuf>,
     /// Where a page goes that shows what each cell of v5 rests on: why it is known, or not
     #[arg(long, value_name = "C.html", value_parser = usage::ending(&["html"]))]
-    cells: Option<PathBuf>,
+    evidence: Option<PathBuf>,
     /// Middlebury's calibration, for distances
     #[arg(long, value_name = "calib.txt")]
     calib: Option<PathBuf>,
@@ -94,16 +94,17 @@ struct MatchReport<'a> {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let choice = args.algo.safe_choice()?;
-    if args.cells.is_some() && choice.is_none() {
+    if args.evidence.is_some() && choice.is_none() {
         let label = args.algo.label();
-        let words = format!("--cells: {label} does not say what its cells rest on; --algo v5 does");
+        let words =
+            format!("--evidence: {label} does not say what its cells rest on; --algo v5 does");
         return Err(usage::wrong(words));
     }
     let outputs = [
         Some(&args.output),
         args.why.as_ref(),
         args.preview.as_ref(),
-        args.cells.as_ref(),
+        args.evidence.as_ref(),
     ];
     let mut outputs = Outputs::claim(
         args.force,
@@ -155,7 +156,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let settings = GridSettings::default();
     let grid = own_grid.unwrap_or_else(|| depth::grid(map.disparity(), settings, rig.as_ref()));
-    if let Some((path, choice)) = args.cells.as_ref().zip(choice) {
+    if let Some((path, choice)) = args.evidence.as_ref().zip(choice) {
         let manifest = Manifest::new("match", std::slice::from_ref(&args.algo))?;
         let page = EvidencePage {
             title: format!("{}, {}", args.algo.label(), args.left.display()),

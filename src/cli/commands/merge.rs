@@ -17,9 +17,9 @@ use svl::run::complete;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  svl score scenarios/drive.toml --shard 1/2 --out part1
-  svl score scenarios/drive.toml --shard 2/2 --out part2
-  svl merge part1 part2 --out reports/all
+  svl score scenarios/drive.toml --shard 1/2 -o part1
+  svl score scenarios/drive.toml --shard 2/2 -o part2
+  svl merge part1 part2 -o reports/all
 
 The order of the parts does not matter. All shards of one run are needed, of
 one svl and one scenario with the same options, each at its end. Their losses
@@ -29,8 +29,8 @@ pub(in crate::cli) struct Args {
     #[arg(value_name = "PART", required = true)]
     parts: Vec<PathBuf>,
     /// Folder for the report; a report of svl's that is there is replaced
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
     /// Exit with 0 where no more is lost in all parts together: N pairs, or P per cent, as `svl
     /// score` counts them [default: the strictest of the parts'; 0]
     #[arg(long, value_name = "N|P%", allow_negative_numbers = true)]
@@ -45,21 +45,21 @@ pub(in crate::cli) struct Args {
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let parts = Parts::read(&args.parts)?;
-    if let Some(folder) = parts.folder_at(&args.out) {
+    if let Some(folder) = parts.folder_at(&args.output) {
         let shown = folder.display();
         return Err(usage::wrong(format!(
-            "{shown}: is a part; name another folder with --out"
+            "{shown}: is a part; name another folder with -o"
         )));
     }
-    let mut outputs = Outputs::claim_folder(&args.out, &REPORT)?;
+    let mut outputs = Outputs::claim_folder(&args.output, &REPORT)?;
     outputs.set_aside()?;
-    let summary = parts.merge(&args.out, args.allow_loss, &Terminal { quiet })?;
+    let summary = parts.merge(&args.output, args.allow_loss, &Terminal { quiet })?;
     outputs.commit();
     if args.json {
         print_json(&summary)?;
     } else {
         let text = summary.terminal("merged", style(), args.explain);
-        print(&format!("{text}\n{}", report_lines(&args.out)))?;
+        print(&format!("{text}\n{}", report_lines(&args.output)))?;
     }
     Ok(complete(&summary.ending)?)
 }

@@ -5,9 +5,10 @@ mod bench;
 mod calibrate;
 mod columns;
 mod compare;
-mod completions;
 mod datasets;
 mod eval;
+mod generate;
+mod help;
 mod info;
 mod label;
 mod matching;
@@ -44,10 +45,8 @@ pub(super) enum Command {
     Algos(algos::Args),
     Columns(columns::Args),
     Datasets(datasets::Args),
-    Completions(completions::Args),
-    /// Print the man page
-    #[command(after_help = "Example:\n  svl man > /usr/share/man/man1/svl.1")]
-    Man,
+    Generate(generate::Args),
+    Help(help::Args),
 }
 
 impl Command {
@@ -78,8 +77,9 @@ impl Command {
             Self::Algos(args) => algos::run(&args),
             Self::Columns(args) => columns::run(&args),
             Self::Datasets(args) => datasets::run(&args, quiet),
-            Self::Completions(args) => completions::run(&args, program()),
-            Self::Man => completions::man(program()),
+            Self::Generate(args) => generate::run(&args, program()),
+            // Printed before anything is set up.
+            Self::Help(_) => Ok(()),
         }
     }
 }

@@ -25,7 +25,7 @@ pub(crate) struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Replace a file that exists
+    /// Replace files that exist
     #[arg(long)]
     force: bool,
 }

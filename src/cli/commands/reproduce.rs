@@ -27,15 +27,15 @@ use svl::source::{RecordingSource, Source};
 Examples:
   svl reproduce
   svl reproduce 5.9 7.3
-  svl reproduce --data DATASETS --out reports/thesis")]
+  svl reproduce --data DATASETS -o reports/thesis")]
 pub(crate) struct Args {
     /// Figure of the thesis, `fps` for the speeds of its chapter 7, or `without-truth`, a study of
     /// svl's own that takes minutes; may be given more than once [default: all of the thesis]
     #[arg(value_name = "FIGURE", value_parser = figure)]
     figures: Vec<NamedExperiment>,
     /// Folder for the report; a report of svl's that is there is replaced
-    #[arg(long, value_name = "DIR", default_value = "reports/reproduce")]
-    out: PathBuf,
+    #[arg(short, long, value_name = "DIR", default_value = "reports/reproduce")]
+    output: PathBuf,
     /// Folder of the data sets, for experiments on real scenes [default: what SVL_DATASETS names,
     /// else none]
     #[arg(long, value_name = "DIR")]
@@ -58,7 +58,7 @@ const REPORT: FolderRule = FolderRule {
     kind: "a report",
     owns: |name| ["index.html", "reproduce.md", JSON].contains(&name),
     mark: JSON,
-    cure: "name another folder with --out",
+    cure: "name another folder with -o",
 };
 
 const JSON: &str = "reproduce.json";
@@ -71,7 +71,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         is_named || args.figures.is_empty() && e.by_default
     };
     let experiments: Vec<&'static Experiment> = EXPERIMENTS.iter().filter(asked).collect();
-    let mut outputs = Outputs::claim_folder(&args.out, &REPORT)?;
+    let mut outputs = Outputs::claim_folder(&args.output, &REPORT)?;
     let data = data_folder(args.data.as_deref());
     let scenes = data.as_deref().map_or(Ok(Vec::new()), scenes)?;
     let mut recording = if experiments.iter().any(|e| e.records) {
@@ -110,7 +110,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         incomplete: ran.as_ref().err().map(usage::one_line),
     };
     outputs.set_aside()?;
-    write_report(&page, &args.out)?;
+    write_report(&page, &args.output)?;
     match &ran {
         Ok(()) => outputs.commit(),
         Err(_) => outputs.keep_both(),
@@ -118,7 +118,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if args.json {
         print_json(&page.json()?)?
     } else {
-        print(&text(&page, &args.out)?)?
+        print(&text(&page, &args.output)?)?
     }
     ran
 }

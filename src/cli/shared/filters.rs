@@ -9,10 +9,11 @@ use svl::scenario::ScenarioFilter;
 /// The filters that the user names.
 #[derive(clap::Args)]
 pub(crate) struct FilterArgs {
-    /// Run the algorithms behind a filter, too, which `svl train filter` wrote; may be given once
-    /// for floor and once for too-close
+    /// Run the algorithms behind a filter, too
+    ///
+    /// A file that `svl train filter` wrote. May be given once for floor and once for too-close.
     #[arg(
-        long, value_name = "FILE.safetensors", value_parser = usage::ending(&["safetensors"])
+        long, value_name = "FILE", value_parser = usage::ending(&["safetensors"])
     )]
     filter: Vec<PathBuf>,
 }

@@ -1,6 +1,7 @@
-//! Code that subcommands share: sources, the viewer, progress, frame stepping, wrong usage.
+//! Code that subcommands share: sources, help, the viewer, progress, frame stepping, wrong usage.
 
 pub(crate) mod filters;
+pub(crate) mod help;
 pub(crate) mod progress;
 pub(crate) mod recordings;
 pub(crate) mod source;

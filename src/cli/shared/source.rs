@@ -22,7 +22,6 @@ pub(crate) fn hidden(arg: clap::Arg, keys: &[&str]) -> clap::Arg {
 
 /// Options that only cameras take.
 #[derive(clap::Args)]
-#[command(next_help_heading = "Cameras")]
 pub(crate) struct CameraArgs {
     /// Trigger source: svl when both cameras are armed, the trigger controller at DEVICE when both
     /// are armed, svl at a fixed rate, or none: free-running cameras [default: software where the
@@ -166,15 +165,15 @@ pub(crate) fn list() -> anyhow::Result<()> {
     print(&text)
 }
 
-/// Columns where the explanation of a source begins in the help of `svl record`, and that of an
+/// Columns where the explanation of a source begins in `svl help sources`, and that of an
 /// option.
 const COLUMN: usize = 18;
 const OPTION_COLUMN: usize = 38;
 /// Column where the description of a camera begins in `svl record --list`.
 const LIST_COLUMN: usize = 24;
 
-/// The sources with their options, as lines of the help of `svl record`.
-pub(crate) fn sources_help() -> String {
+/// The sources with their options, as lines of `svl help sources`.
+pub(super) fn sources_help() -> String {
     let help = SOURCES.iter().map(|kind| match kind.name {
         CAMERAS => DRIVERS.iter().map(driver_help).collect(),
         name => wrapped(&format!("  {name}"), COLUMN, kind.help, LAST_COLUMN),

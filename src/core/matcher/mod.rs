@@ -35,6 +35,7 @@ use crate::stereo::{
 };
 use crate::timing::Clock;
 use filtered::FilteredMatcher;
+use quotes::{split, unquote};
 use std::sync::Arc;
 
 /// A stereo correspondence algorithm, with its scratch memory.
@@ -310,6 +311,51 @@ pub fn labelled(text: &str) -> Result<(Option<&str>, &str)> {
         )));
     }
     Ok((Some(label), written))
+}
+
+/// The text of an algorithm with other paths: `file` makes one of each that a parameter names, and
+/// `word` one of each word of a command. A text that is no algorithm stays.
+pub fn with_paths(
+    text: &str,
+    file: &dyn Fn(&str) -> String,
+    word: &dyn Fn(&str) -> String,
+) -> String {
+    let Ok((_, written)) = labelled(text) else {
+        return text.to_owned();
+    };
+    let (name, settings) = written.split_once(':').unwrap_or((written, ""));
+    let Ok(spec) = find(name) else {
+        return text.to_owned();
+    };
+    let setting = |setting: &str| {
+        let (name, value) = setting.split_once('=')?;
+        let parameter = spec.parameters.iter().find(|p| p.name == name)?;
+        let replaced = match parameter.range {
+            Range::File if !value.is_empty() => file(unquote(value)),
+            // The only text is a command.
+            Range::Text { .. } => {
+                let words = split(unquote(value), ' ').map(|quoted| match unquote(quoted) {
+                    "" => quoted.to_owned(),
+                    plain => match word(plain) {
+                        same if same == plain => quoted.to_owned(),
+                        path if path.contains(' ') => format!("\"{path}\""),
+                        path => path,
+                    },
+                });
+                words.collect::<Vec<_>>().join(" ")
+            }
+            _ => return None,
+        };
+        (replaced != unquote(value)).then(|| format!("{name}={}", Value::Text(replaced)))
+    };
+    let settings = split(settings, ',').map(|text| setting(text).unwrap_or(text.to_owned()));
+    let settings = settings.collect::<Vec<_>>().join(",");
+    let head = &text[..text.len() - written.len() + name.len()];
+    if settings.is_empty() {
+        head.to_owned()
+    } else {
+        format!("{head}:{settings}")
+    }
 }
 
 impl Algorithm {

@@ -40,6 +40,15 @@ fn metric<'de, D: Deserializer<'de>>(
 }
 
 impl Limit {
+    /// The limit with other names of its algorithms.
+    pub(super) fn renamed(self, name: &dyn Fn(&str) -> String) -> Self {
+        Self {
+            algorithm: name(&self.algorithm),
+            relative_to: self.relative_to.as_deref().map(name),
+            ..self
+        }
+    }
+
     /// # Errors
     /// [`Error::Invalid`] for contradictions, with the line.
     pub fn validate(&self) -> Result<()> {

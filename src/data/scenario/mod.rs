@@ -27,6 +27,7 @@ use svl_core::{Error, Result, joined};
 
 use crate::score::{Checkpoint, CheckpointPlace, ColumnChoice, Judge};
 use serde::{Deserialize, Serialize};
+use source::algorithm_of;
 use std::path::Path;
 use stress::StressTable;
 use svl_core::stereo::{CellRule, GridShape};
@@ -338,12 +339,12 @@ impl File {
         let algorithms = self
             .algorithms
             .iter()
-            .map(|a| a.parse())
+            .map(|text| algorithm_of(text, folder).parse())
             .collect::<Result<Vec<Algorithm>>>()?;
-        let gate = self
-            .gate
-            .into_iter()
-            .map(|limit| check_limit(limit, text, &self.checkpoint));
+        let gate = self.gate.into_iter().map(|limit| {
+            let limit = check_limit(limit, text, &self.checkpoint)?;
+            Ok(limit.renamed(&|name| algorithm_of(name, folder)))
+        });
         let gate = gate.collect::<Result<_>>()?;
         for (i, filter) in self.filter.iter().enumerate() {
             if self.filter[..i].iter().any(|f| f.detects == filter.detects) {

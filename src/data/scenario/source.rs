@@ -9,7 +9,7 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use svl_core::matcher::Algorithm;
+use svl_core::matcher::{Algorithm, with_paths};
 use svl_core::{Error, Result, joined};
 
 const FPS: RangeInclusive<f64> = 0.001..=100_000.0;
@@ -128,7 +128,7 @@ pub struct SourceOptions {
     pub to_s: Option<f64>,
     /// Score against this algorithm where it is sure (textured, left and right consistent), not
     /// against a ground truth; given twice, where both agree
-    #[arg(long, value_name = "NAME[:key=value,…]", value_parser = reference)]
+    #[arg(long, value_name = "ALGO", value_parser = reference)]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub reference: Vec<String>,
     /// Exit with 0 where no more is lost: N pairs, or P per cent. Lost are images without a partner
@@ -388,15 +388,32 @@ impl SourceOptions {
         checked.map_err(|error| error.to_string())
     }
 
-    /// Takes paths from a folder: those of calibrations and data sets, which then are as usable
-    /// from the working folder. Files stay, as patterns are expanded below the folder.
+    /// Takes paths from a folder: those of calibrations, data sets and algorithms, which then are as
+    /// usable from the working folder. Files stay, as patterns are expanded below the folder.
     pub(super) fn rooted(mut self, folder: &Path) -> Self {
         self.calib = self
             .calib
             .map(|calib| of_calib(&calib, |path| folder.join(path)));
         self.data = self.data.map(|data| folder.join(data));
+        for algorithm in &mut self.reference {
+            *algorithm = algorithm_of(algorithm, folder);
+        }
         self
     }
+}
+
+/// The text of an algorithm of a file in `folder`, as the working folder takes it: its files are
+/// relative to `folder`, as are the words of a command that are files there.
+pub(super) fn algorithm_of(text: &str, folder: &Path) -> String {
+    let file = |path: &str| folder.join(path).display().to_string();
+    let word = |word: &str| {
+        if folder.join(word).is_file() {
+            file(word)
+        } else {
+            word.to_owned()
+        }
+    };
+    with_paths(text, &file, &word)
 }
 
 /// A calibration as `--calib` names it, with its paths replaced: two files have a comma between.

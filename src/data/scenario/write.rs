@@ -4,7 +4,7 @@ use super::source::of_calib;
 use super::{File, Scenario, ScenarioFilter, ScenarioSource, SourceOptions};
 use crate::files::relative_path;
 use std::path::{Path, PathBuf};
-use svl_core::matcher::Algorithm;
+use svl_core::matcher::{Algorithm, with_paths};
 use svl_core::{Error, Result};
 
 impl Scenario {
@@ -39,11 +39,25 @@ impl Scenario {
         let files = runs
             .iter()
             .map(|run| replaced(&run.path).display().to_string());
+        let path = |path: &str| replaced(Path::new(path)).display().to_string();
+        let word = |word: &str| {
+            if Path::new(word).is_file() {
+                path(word)
+            } else {
+                word.to_owned()
+            }
+        };
+        let rewritten = |text: &str| with_paths(text, &path, &word);
         let options = self.options.clone();
         let options = SourceOptions {
             files: files.collect(),
             calib: options.calib.map(|calib| of_calib(&calib, replaced)),
             data: options.data.map(|data| replaced(&data)),
+            reference: options
+                .reference
+                .iter()
+                .map(|text| rewritten(text))
+                .collect(),
             ..options
         };
         let (arena, drive) = match &self.source {
@@ -64,7 +78,9 @@ impl Scenario {
         Ok(File {
             name: self.name.clone(),
             description: self.description.clone(),
-            algorithms: algorithms.map(written).collect(),
+            algorithms: algorithms
+                .map(|algorithm| rewritten(&written(algorithm)))
+                .collect(),
             columns: self.columns.clone(),
             grid: self.grid,
             cells: self.cells,
@@ -77,7 +93,7 @@ impl Scenario {
             gate: self
                 .gate
                 .iter()
-                .map(|limit| toml::Spanned::new(0..0, limit.clone()))
+                .map(|limit| toml::Spanned::new(0..0, limit.clone().renamed(&rewritten)))
                 .collect(),
         })
     }
@@ -126,6 +142,45 @@ mod tests {
             equal(&scenario, &again);
             assert_eq!(scenario.gate.len(), again.gate.len());
         }
+    }
+
+    #[test]
+    fn files_of_algorithms_are_relative_to_the_scenario() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |path: &str| folder.path().join(path);
+        for inner in ["a b", "c"] {
+            std::fs::create_dir_all(at(inner)).unwrap();
+        }
+        for file in ["a b/net.py", "a b/own.mcap"] {
+            std::fs::write(at(file), "").unwrap();
+        }
+        let text = "name = \"s\"\n\
+                    algorithms = [\"exec:command='python3 net.py --fast',max_disparity=9\", \
+                    \"net=exec:command=net.py\", \"v3\"]\n\
+                    [source]\nkind = \"recording\"\nfiles = [\"*.mcap\"]\n\
+                    [[gate]]\nalgorithm = \"exec:command='python3 net.py --fast',max_disparity=9\"\n\
+                    metric = \"wrong\"\nmax = 0.03\n";
+        let scenario = Scenario::parse(text, &at("a b/s.toml")).unwrap();
+        let program = at("a b/net.py").display().to_string();
+        let command = scenario.algorithms[0].parameters().text("command");
+        assert_eq!(command, format!("python3 \"{program}\" --fast"));
+        assert_eq!(
+            scenario.algorithms[1].parameters().text("command"),
+            format!("\"{program}\"")
+        );
+        assert_eq!(scenario.algorithms[1].label(), "net");
+        assert_eq!(scenario.gate[0].algorithm, scenario.algorithms[0].label());
+        let beside = scenario.to_toml(&at("c")).unwrap();
+        let again = Scenario::parse(&beside, &at("c/t.toml")).unwrap();
+        assert_eq!(again.gate[0].algorithm, again.algorithms[0].label());
+        assert!(beside.contains("../a b/net.py"), "{beside}");
+        let missing = text.replace("\"v3\"", "\"v5:table=t.toml\"");
+        let error = Scenario::parse(&missing, &at("a b/s.toml")).unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .contains(&at("a b/t.toml").display().to_string())
+        );
     }
 
     #[test]

@@ -52,7 +52,7 @@ fn a_decorated_function_of_two_arrays_is_a_matcher() {
     fixture.run(&["record", "--frames", "4", "-o", "a.mcap"]);
     let mine = format!("mine={}", program(&python, "mine.py"));
     let ran = fixture.svl(&[
-        "score", "a.mcap", "--algo", &mine, "--out", "r", "--rerun", "none",
+        "score", "a.mcap", "--algo", &mine, "-o", "r", "--rerun", "none",
     ]);
     // Two of the four pairs fail, each with its own words.
     assert_eq!(ran.code, Some(4));
@@ -85,7 +85,7 @@ fn svl_s_files_are_arrays_and_data_frames() {
     let fixture = Fixture::new();
     fixture.run(&["record", "--frames", "4", "-o", "a.mcap"]);
     fixture.run(&[
-        "score", "a.mcap", "--algo", "v3", "--out", "r", "--rerun", "none",
+        "score", "a.mcap", "--algo", "v3", "-o", "r", "--rerun", "none",
     ]);
     let read = "import svl_matcher as s\n\
                 for p in s.read('a.mcap'): print(p.left.shape, p.right.dtype, p.depth_m.shape)\n\
@@ -138,7 +138,7 @@ fn a_network_in_onnx_equals_its_twin_alone_and_in_batches() {
         .current_dir(fixture.path(""))
         .status();
     assert!(wrote.unwrap().success());
-    let adapter = format!("'{ROOT}/adapters/onnx.py' tiny.onnx --multiple 1");
+    let adapter = format!("'{ROOT}/adapters/svl_onnx.py' tiny.onnx --multiple 1");
     let algorithms = [
         format!("net={},max_disparity=16", program(&python, &adapter)),
         format!(
@@ -150,7 +150,7 @@ fn a_network_in_onnx_equals_its_twin_alone_and_in_batches() {
             program(&python, &format!("'{tiny}'"))
         ),
     ];
-    let mut line = vec!["score", "a.mcap", "--out", "r", "--rerun", "none", "--json"];
+    let mut line = vec!["score", "a.mcap", "-o", "r", "--rerun", "none", "--json"];
     for algorithm in &algorithms {
         line.extend(["--algo", algorithm]);
     }
@@ -167,7 +167,7 @@ fn a_network_in_onnx_equals_its_twin_alone_and_in_batches() {
     assert_eq!(programs[0]["device"], "CPU");
     let ask = "import onnxruntime as o\nprint(*o.get_available_providers())";
     let providers = Command::new(&python).args(["-c", ask]).output().unwrap();
-    let on_cuda = format!("'{ROOT}/adapters/onnx.py' tiny.onnx --multiple 1 --device cuda");
+    let on_cuda = format!("'{ROOT}/adapters/svl_onnx.py' tiny.onnx --multiple 1 --device cuda");
     let on_cuda = program(&python, &on_cuda);
     let line = ["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--algo", &on_cuda];
     if String::from_utf8_lossy(&providers.stdout).contains("CUDAExecutionProvider") {
@@ -184,7 +184,7 @@ fn a_network_in_onnx_equals_its_twin_alone_and_in_batches() {
             "no output depth; there are disparity",
         ),
     ] {
-        let net = program(&python, &format!("'{ROOT}/adapters/onnx.py' {words}"));
+        let net = program(&python, &format!("'{ROOT}/adapters/svl_onnx.py' {words}"));
         let ran = fixture.svl(&["match", "l.pgm", "r.pgm", "-o", "d.pfm", "--algo", &net]);
         ran.failed(1, &[told]);
     }
@@ -206,14 +206,14 @@ fn tinystereo_is_right_on_the_arena() {
         program(
             &python,
             &format!(
-                "'{ROOT}/adapters/onnx.py' '{}' --multiple 16",
+                "'{ROOT}/adapters/svl_onnx.py' '{}' --multiple 16",
                 model.display()
             )
         )
     );
     fixture.run(&["record", "--frames", "60", "-o", "a.mcap"]);
     let line = [
-        "score", "a.mcap", "--every", "15", "--algo", &net, "--out", "r", "--json",
+        "score", "a.mcap", "--every", "15", "--algo", &net, "-o", "r", "--json",
     ];
     let summary: serde_json::Value = serde_json::from_str(&fixture.run(&line)).unwrap();
     let right = summary["algorithms"][0]["cells_right"].as_f64().unwrap();
@@ -277,7 +277,7 @@ fn a_header_makes_a_program_in_cpp() {
     fixture.run(&["record", "--frames", "4", "-o", "a.mcap"]);
     let mine = "mine=exec:command=./mine";
     let ran = fixture.svl(&[
-        "score", "a.mcap", "--algo", mine, "--out", "r", "--rerun", "none",
+        "score", "a.mcap", "--algo", mine, "-o", "r", "--rerun", "none",
     ]);
     assert_eq!(ran.code, Some(4), "{}", ran.stderr);
     assert_says(&ran.stderr, &["answered: no \"such\" texture"]);
@@ -313,12 +313,12 @@ fn torch_script_and_an_entry_are_matchers() {
         .status();
     assert!(wrote.unwrap().success());
     let net = |words: &str| {
-        let words = format!("'{ROOT}/adapters/torch.py' {words} --channels grey --negative");
+        let words = format!("'{ROOT}/adapters/svl_torch.py' {words} --channels grey --negative");
         program(&python, &words)
     };
     let (script, entry) = (net("net.pt"), net("--entry entry:load"));
     let line = [
-        "score", "a.mcap", "--algo", &script, "--algo", &entry, "--out", "r", "--json",
+        "score", "a.mcap", "--algo", &script, "--algo", &entry, "-o", "r", "--json",
     ];
     let summary: serde_json::Value = serde_json::from_str(&fixture.run(&line)).unwrap();
     let algorithms = summary["algorithms"].as_array().unwrap();
@@ -333,8 +333,8 @@ fn examples_are_the_files_of_adapters() {
     for (kind, file) in [
         ("python", "python/svl_matcher.py"),
         ("cpp", "cpp/svl_matcher.hpp"),
-        ("onnx", "onnx.py"),
-        ("torch", "torch.py"),
+        ("onnx", "svl_onnx.py"),
+        ("torch", "svl_torch.py"),
     ] {
         let text = std::fs::read_to_string(format!("{ROOT}/adapters/{file}")).unwrap();
         let printed = fixture.run(&["algos", "exec", "--example", kind]);

@@ -64,7 +64,7 @@ fn bad_input_is_one_line_that_names_it() {
         calibrate distance no.mcap => 2: no.mcap | 130cm=no.mcap
         calibrate distance 10cm=no.mcap => 1: no.mcap
         calibrate distance ten=no.mcap => 2: 'ten' | 130cm
-        calibrate distance few.csv --cells 1;2 => 2: COLUMN,ROW
+        calibrate distance few.csv --target 1;2 => 2: COLUMN,ROW
         calibrate distance few.csv --figure a.png => 2: a.png | .svg
         calibrate distance few.csv --table few.csv => 2: few.csv | named twice
         calibrate distance => 2: --help
@@ -125,8 +125,8 @@ fn a_simulated_target_gives_the_cameras_own_product() {
     assert_eq!(table["pinhole"], json["pinhole"]);
 
     let wrong = "
-        calibrate distance 120cm=120.mcap --cells 1,1 2,1 => 1: 120.mcap | in 2 cells, at least 3
-        calibrate distance 120cm=120.mcap --cells 1,1 2,1 9,1 => 2: --cells | 9,1 | 5x3 cells
+        calibrate distance 120cm=120.mcap --target 1,1 2,1 => 1: 120.mcap | in 2 cells, at least 3
+        calibrate distance 120cm=120.mcap --target 1,1 2,1 9,1 => 2: --target | 9,1 | 5x3 cells
     ";
     fixture.fails(wrong);
 }

@@ -7,7 +7,7 @@ fn scored(algorithms: &[&str]) -> Fixture {
     let fixture = Fixture::new();
     fixture.write_recorded_arena("short.toml", 40);
     for (i, names) in algorithms.iter().enumerate() {
-        fixture.run(&format!("score short.toml -q --out {i} --algo {names}"));
+        fixture.run(&format!("score short.toml -q -o {i} --algo {names}"));
     }
     fixture
 }
@@ -63,7 +63,7 @@ fn another_yardstick_judges_nothing() {
     let text = text.replace("seeds = [1, 2]", "seeds = [2]");
     let text = text.replace("[cells]\n", "[cells]\ntolerance_m = 0.2\n");
     fixture.write("one.toml", text);
-    fixture.run("score one.toml -q --algo v1 --out 1");
+    fixture.run("score one.toml -q --algo v1 -o 1");
     let text = fixture.run("compare 0 1");
     assert_says(
         &text,
@@ -72,7 +72,7 @@ fn another_yardstick_judges_nothing() {
             "40 pairs of one run alone",
         ],
     );
-    fixture.run("score one.toml -q --algo v3 --out 2");
+    fixture.run("score one.toml -q --algo v3 -o 2");
     let text = fixture.run("compare 0 2");
     assert_says(&text, &["v1 → v3", "0 with equal results"]);
     assert!(
@@ -102,7 +102,7 @@ fn what_cannot_be_compared_is_said() {
     fixture.write_short_arena("other.toml", 40);
     let text = fixture.text("other.toml");
     fixture.write("other.toml", text.replace("seeds = [1, 2]", "seeds = [3]"));
-    fixture.run("score other.toml -q --algo v3 --out 2");
+    fixture.run("score other.toml -q --algo v3 -o 2");
     fixture.fails("compare 0 2 => 1: no pair in common | other scenarios, seeds");
     let summary = fixture.text("2/summary.json");
     fixture.write(
@@ -148,7 +148,7 @@ fn pairs_that_fail_anew_are_worse_and_histories_are_of_common_pairs() {
             "none",
             "--allow-loss",
             "100%",
-            "--out",
+            "-o",
         ];
         let some = ["--algo", "some=exec:command=sh program.sh"];
         fixture.run(&[&line[..], &[out], &some, more].concat());
@@ -200,7 +200,7 @@ fn pairs_that_fail_anew_are_worse_and_histories_are_of_common_pairs() {
         };
         lines.find(is).unwrap()["values"].clone()
     };
-    let all = &fixture.json("score pairs --algo bm:max_disparity=8 --rerun none --out d --json");
+    let all = &fixture.json("score pairs --algo bm:max_disparity=8 --rerun none -o d --json");
     let all = &all["algorithms"][0]["coverage"];
     assert_eq!(of("bm:max_disparity=8"), serde_json::json!([all, all]));
     assert_eq!(of("some"), serde_json::json!([1.0, 1.0]));
@@ -328,7 +328,7 @@ fn reports_in_the_order_of_their_dates_are_a_history() {
     assert!(of("v3")[0].is_f64() && of("v3")[1].is_null(), "{json}");
     // Another scenario has its own.
     fixture.write_short_arena("short.toml", 2);
-    fixture.run("score short.toml -q --out 3 --algo v3");
+    fixture.run("score short.toml -q -o 3 --algo v3");
     let json = fixture.json("compare --history 0 3 --json");
     assert_eq!(json["scenarios"].as_array().unwrap().len(), 2);
 }

@@ -58,13 +58,13 @@ fn fetch_from(fixture: &Fixture, url: &str) -> Ran {
 
 #[test]
 fn lists_the_data_sets_with_terms_and_sizes() {
-    insta::assert_snapshot!(Fixture::new().run("datasets"));
+    insta::assert_snapshot!(Fixture::new().run("datasets list"));
 }
 
 #[test]
 fn json_has_every_address() {
     let json: serde_json::Value =
-        serde_json::from_str(&Fixture::new().run("datasets --json")).unwrap();
+        serde_json::from_str(&Fixture::new().run("datasets list --json")).unwrap();
     let kitti = json
         .as_array()
         .unwrap()
@@ -230,7 +230,7 @@ fn single_files_go_where_the_archive_would_have_put_them() {
             .clone();
         serde_json::from_value(sets["parts"][0]["urls"].clone()).unwrap()
     };
-    let urls = url(serde_json::from_str(&fixture.run("datasets --json")).unwrap());
+    let urls = url(serde_json::from_str(&fixture.run("datasets list --json")).unwrap());
     for url in &urls {
         let name = url.rsplit_once("/data/").unwrap().1;
         fixture.write(&format!("mirror/{name}"), pgm(40, 20, &[80; 800]));

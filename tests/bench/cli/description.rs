@@ -17,11 +17,11 @@ fn hashes(fixture: &Fixture, report: &str) -> Vec<String> {
 /// The run of a command line and the one of its printed scenario have equal hashes.
 #[track_caller]
 fn repeats(fixture: &Fixture, command: &str) {
-    fixture.run(&format!("score {command} --out first --rerun none"));
+    fixture.run(&format!("score {command} -o first --rerun none"));
     fixture.run(&format!(
         "score {command} --print-scenario=inner/again.toml"
     ));
-    fixture.run("score inner/again.toml --out second --rerun none");
+    fixture.run("score inner/again.toml -o second --rerun none");
     assert_eq!(
         hashes(fixture, "first"),
         hashes(fixture, "second"),
@@ -44,7 +44,7 @@ fn repeats(fixture: &Fixture, command: &str) {
     // On the terminal: relative to the working folder.
     let printed = fixture.run(&format!("score {command} --print-scenario"));
     std::fs::write(fixture.path("printed.toml"), printed).unwrap();
-    fixture.run("score printed.toml --out third --rerun none");
+    fixture.run("score printed.toml -o third --rerun none");
     assert_eq!(
         hashes(fixture, "first"),
         hashes(fixture, "third"),
@@ -94,13 +94,13 @@ fn resumed_and_compared_runs_are_held_against_each_other() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 6);
     fixture.run("record short.toml -o run.mcap");
-    fixture.run("score run.mcap --algo v3 --out one --rerun none");
+    fixture.run("score run.mcap --algo v3 -o one --rerun none");
     // A run that was killed has no summary.
     std::fs::remove_file(fixture.path("one/summary.json")).unwrap();
-    let other = fixture.svl("score run.mcap --algo v3 --every 2 --out one --rerun none --resume");
+    let other = fixture.svl("score run.mcap --algo v3 --every 2 -o one --rerun none --resume");
     other.failed(1, &["cannot be resumed", "source.every: not set and 2"]);
     let other =
-        fixture.svl("score run.mcap -q --algo v3 --reference sgm --out one --rerun none --resume");
+        fixture.svl("score run.mcap -q --algo v3 --reference sgm -o one --rerun none --resume");
     other.failed(
         1,
         &[
@@ -108,16 +108,16 @@ fn resumed_and_compared_runs_are_held_against_each_other() {
             "source.reference: not set and [\"sgm\"]",
         ],
     );
-    fixture.run("score run.mcap --algo v3 --out one --rerun none --resume");
+    fixture.run("score run.mcap --algo v3 -o one --rerun none --resume");
 
     // Shards of other options are no parts of one run.
-    fixture.run("score run.mcap --algo v3 --shard 1/2 --out part1 --rerun none");
-    fixture.run("score run.mcap --algo v3 --shard 2/2 --out part2 --reference sgm --rerun none");
-    let merged = fixture.svl("merge part1 part2 --out whole");
+    fixture.run("score run.mcap --algo v3 --shard 1/2 -o part1 --rerun none");
+    fixture.run("score run.mcap --algo v3 --shard 2/2 -o part2 --reference sgm --rerun none");
+    let merged = fixture.svl("merge part1 part2 -o whole");
     merged.failed(1, &["part2", "not of the same run", "source.reference"]);
 
     // A history has a line for each of them.
-    fixture.run("score run.mcap --algo v3 --every 2 --out two --rerun none");
+    fixture.run("score run.mcap --algo v3 --every 2 -o two --rerun none");
     let history = fixture.json("compare --history one two --json");
     assert_eq!(
         history["scenarios"].as_array().unwrap().len(),
@@ -173,10 +173,10 @@ fn another_program_behind_the_same_command_is_another_algorithm() {
     ];
     let score =
         |more: &[&str]| fixture.svl(&[&line[..], &["--rerun", "none", "-q"], more].concat());
-    assert_eq!(score(&["--out", "r"]).code, Some(4));
+    assert_eq!(score(&["-o", "r"]).code, Some(4));
     std::fs::remove_file(fixture.path("r/summary.json")).unwrap();
     fixture.write("m.sh", "exit 1 # two");
-    let ran = score(&["--out", "r", "--resume"]);
+    let ran = score(&["-o", "r", "--resume"]);
     assert_says(&ran.stderr, &["cannot be resumed", "algorithms.m."]);
 }
 
@@ -185,8 +185,8 @@ fn an_unfinished_report_fails_no_comparison_unnoticed() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 2);
     fixture.run("record short.toml -o run.mcap");
-    fixture.run("score run.mcap --algo v3 --rerun none --out one");
-    fixture.run("score run.mcap --algo v3 --rerun none --out two");
+    fixture.run("score run.mcap --algo v3 --rerun none -o one");
+    fixture.run("score run.mcap --algo v3 --rerun none -o two");
     std::fs::remove_file(fixture.path("two/summary.json")).unwrap();
     let compared = fixture.svl("compare one two --fail-on worse");
     compared.failed(3, &["two: is incomplete (it was never finished)"]);

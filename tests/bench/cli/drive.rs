@@ -15,7 +15,7 @@ fn courses(more: &str) -> String {
 fn drives_are_driven_counted_drawn_and_kept() {
     let fixture = Fixture::new();
     fixture.write("small.toml", courses(""));
-    let text = fixture.run("score small.toml -q --out r");
+    let text = fixture.run("score small.toml -q -o r");
     assert_says(&text, &["hits/100 m", "truth", "blind"]);
     let summary: serde_json::Value =
         serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
@@ -66,7 +66,7 @@ fn drives_are_driven_counted_drawn_and_kept() {
             .collect::<Vec<_>>()
     };
     let before = (kept("r/tracks.csv"), fixture.text("r/courses.json"));
-    fixture.run("score small.toml -q --out r --drives none");
+    fixture.run("score small.toml -q -o r --drives none");
     assert_eq!(
         (kept("r/tracks.csv"), fixture.text("r/courses.json")),
         before
@@ -78,7 +78,7 @@ fn drives_are_driven_counted_drawn_and_kept() {
 fn a_resumed_run_drives_only_what_is_missing() {
     let fixture = Fixture::new();
     fixture.write("small.toml", courses(""));
-    fixture.run("score small.toml -q --out r");
+    fixture.run("score small.toml -q -o r");
     let whole = fixture.text("r/drives.csv");
     // As a kill within the last drive leaves it.
     let lines: Vec<_> = whole.lines().collect();
@@ -98,7 +98,7 @@ fn a_resumed_run_drives_only_what_is_missing() {
     std::fs::remove_file(fixture.path("r/courses.json")).unwrap();
     let [first, last] = ["r/course-1-truth.mcap", "r/course-7-blind.mcap"]
         .map(|name| fixture.path(name).metadata().unwrap().modified().unwrap());
-    fixture.run("score small.toml -q --out r --resume");
+    fixture.run("score small.toml -q -o r --resume");
     assert_eq!(fixture.text("r/drives.csv"), whole);
     assert_eq!(fixture.text("r/courses.json"), courses);
     assert!(!claimed.is_empty() && fastest().iter().all(|claim| claimed.contains(claim)));
@@ -148,7 +148,7 @@ fn what_the_driver_sees_is_made_worse() {
     fixture.write("small.toml", courses(""));
     let line = "score small.toml --seeds 1 --algo seen=v5:max_disparity=24 --algo truth -q \
                 --stress row_offset=6";
-    let text = fixture.run(&format!("{line} --out r"));
+    let text = fixture.run(&format!("{line} -o r"));
     assert_says(&text, &["Stress: row_offset, px: collisions per 100 m"]);
     assert!(fixture.path("r/course-1-seen-row_offset=6.mcap").exists());
     let summary: serde_json::Value =
@@ -193,9 +193,9 @@ fn what_the_driver_sees_is_made_worse() {
 
     // In shards and resumed it is the same.
     for i in 1..=2 {
-        fixture.run(&format!("{line} --drives none --shard {i}/2 --out p{i}"));
+        fixture.run(&format!("{line} --drives none --shard {i}/2 -o p{i}"));
     }
-    fixture.run("merge p1 p2 --out all -q");
+    fixture.run("merge p1 p2 -o all -q");
     let hashes = |report: &str| {
         let text = fixture.text(&format!("{report}/drives.csv"));
         let lines = text.lines().skip(1);
@@ -212,7 +212,7 @@ fn what_the_driver_sees_is_made_worse() {
     let cut: Vec<_> = drives.lines().take(3).collect();
     fixture.write("r/drives.csv", cut.join("\n") + "\n");
     std::fs::remove_file(fixture.path("r/summary.json")).unwrap();
-    fixture.run(&format!("{line} --out r --resume"));
+    fixture.run(&format!("{line} -o r --resume"));
     assert_eq!(hashes("r"), hashes("all"));
 }
 

@@ -85,7 +85,7 @@ fn a_score_lacks_what_failed_and_judges_the_rest_by_its_name() {
         "--algo",
         "v3",
         "--json",
-        "--out",
+        "-o",
         "alone",
     ]);
     let both = fixture.svl(&[
@@ -96,7 +96,7 @@ fn a_score_lacks_what_failed_and_judges_the_rest_by_its_name() {
         "--algo",
         "v3",
         "--json",
-        "--out",
+        "-o",
         "both",
     ]);
     assert_eq!(both.code, Some(4), "{}", both.stderr);
@@ -146,7 +146,7 @@ fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
     let refuses = "some=exec:command=sh refuses.sh";
     let never = "never=exec:command=false,restarts=0";
     let bms = "bm:max_disparity=8..16/1";
-    let line = ["score", "pairs", "--out", "r", "--rerun", "none"];
+    let line = ["score", "pairs", "-o", "r", "--rerun", "none"];
     let line = [
         &line[..],
         &["--algo", refuses, "--algo", never, "--algo", bms],
@@ -257,7 +257,7 @@ fn what_failed_on_every_pair_is_not_measured() {
     let text = lines.collect::<Vec<_>>().join("\n");
     fixture.write("short.toml", text + gate);
     let never = "never=exec:command=false,restarts=0";
-    let score = ["score", "short.toml", "--rerun", "none", "--json", "--out"];
+    let score = ["score", "short.toml", "--rerun", "none", "--json", "-o"];
     let alone = [&score[..], &["alone", "--algo", never]].concat();
     let alone = fixture.svl(&alone);
     let alone: serde_json::Value = serde_json::from_str(&alone.stdout).unwrap();
@@ -294,7 +294,7 @@ fn ctrl_c_ends_a_program_that_never_answers() {
     std::fs::set_permissions(hang, PermissionsExt::from_mode(0o755)).unwrap();
     for line in [
         "replay a.mcap --algo exec:command=./hang,timeout_s=600 -o r.mcap",
-        "score a.mcap --algo exec:command=./hang,timeout_s=600 --out r",
+        "score a.mcap --algo exec:command=./hang,timeout_s=600 -o r",
         "match l.pgm r.pgm -o d.pfm --algo exec:command=./hang,timeout_s=600",
         "bench --algo exec:command=./hang,timeout_s=600",
     ] {

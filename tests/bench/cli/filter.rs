@@ -21,7 +21,7 @@ fn write_floors(fixture: &Fixture, name: &str, frames: u64) {
 static FLOOR: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
     let fixture = Fixture::new();
     write_floors(&fixture, "floors.toml", 12);
-    let train = "-q train filter floors.toml --filter floor --hidden 8";
+    let train = "-q train filter floors.toml --kind floor --hidden 8";
     let said = fixture.run(&format!("{train} -o floor.safetensors"));
     assert_says(
         &said,
@@ -54,7 +54,7 @@ fn a_recording_is_not_named_twice() {
     let fixture = Fixture::new();
     write_floors(&fixture, "floors.toml", 3);
     fixture.fails(
-        "-q train filter floors.toml floors.toml --filter floor --hidden 2 -o f.safetensors => \
+        "-q train filter floors.toml floors.toml --kind floor --hidden 2 -o f.safetensors => \
          2: floors seed 11: frame 0 is a frame of floors seed 11 | name each recording once",
     );
 }
@@ -118,7 +118,7 @@ fn algorithms_run_with_and_without_filters() {
     write_floors(&fixture, "floors.toml", 10);
     let json = fixture.json(
         "-q score floors.toml --seeds 3 --algo v3 --algo v5 --filter floor.safetensors --json \
-         --out report",
+         -o report",
     );
     let algorithms = json["algorithms"].as_array().unwrap();
     let labels: Vec<_> = algorithms
@@ -168,7 +168,7 @@ fn a_scenario_trains_its_filter_first_and_keeps_it() {
             .replace("\"11..15\"", "[3]")
             .replace("name = \"floors\"", "name = \"own\"");
         fixture.write("own.toml", text + more);
-        fixture.svl("-q score own.toml --algo v3 --rerun none --out report")
+        fixture.svl("-q score own.toml --algo v3 --rerun none -o report")
     };
     let said = scored(filter).done();
     assert_says(&said, &["v3+floor"]);
@@ -223,7 +223,7 @@ fn a_person_labels_windows_and_frames() {
         fixture.write("keys", keys);
         fixture.svl(&format!("label {what} run.mcap --script keys"))
     };
-    let said = label("windows --filter floor", "b b s a u a down a . screen q").done();
+    let said = label("windows --kind floor", "b b s a u a down a . screen q").done();
     assert_says(
         &said,
         &[
@@ -235,18 +235,18 @@ fn a_person_labels_windows_and_frames() {
     let table = "sequence,window,label\n0,0x0,other\n0,1x0,other\n0,3x0,floor\n0,4x1,floor\n";
     assert_eq!(labels_of(&fixture, "run.floor.csv"), table);
     // It goes on where it ended; Ctrl-C keeps what is there.
-    let stopped = label("windows --filter floor", "screen a backspace u b ctrl-c");
+    let stopped = label("windows --kind floor", "screen a backspace u b ctrl-c");
     assert_says(&stopped.stdout, &["going on at frame 0 with 4 labels"]);
     stopped.failed(1, &["what was labelled is kept"]);
     assert_eq!(labels_of(&fixture, "run.floor.csv"), table);
 
-    label("frames --filter too-close", "b b a s a u q").done();
+    label("frames --kind too-close", "b b a s a u q").done();
     let table = "sequence,window,label\n0,,clear\n1,,clear\n2,,too-close\n";
     assert_eq!(labels_of(&fixture, "run.too-close.csv"), table);
     let table = fixture.text("run.too-close.csv");
     fixture.write("run.too-close.csv", table + "9,,clear,0\n");
     fixture.fails(
-        "-q train filter run.mcap --filter too-close -o t.safetensors => 1: run.too-close.csv | \
+        "-q train filter run.mcap --kind too-close -o t.safetensors => 1: run.too-close.csv | \
          frame 9",
     );
 }
@@ -258,9 +258,7 @@ fn labels_are_given_in_a_terminal() {
     let run = fixture.path("run.mcap");
     let program = assert_cmd::cargo::cargo_bin!("svl").to_str().unwrap();
     let run = run.to_str().unwrap();
-    let line = [
-        "ab.bq", program, "label", "windows", run, "--filter", "floor",
-    ];
+    let line = ["ab.bq", program, "label", "windows", run, "--kind", "floor"];
     // Of Unix, as terminals are.
     let Some(screen) = python("terminal.py", "pty", line) else {
         return;
@@ -276,7 +274,7 @@ fn labels_are_of_the_recording_that_was_labelled() {
     let fixture = Fixture::new();
     fixture.run("record --frames 4 -o run.mcap");
     fixture.write("keys", "b a b q");
-    let label = "label frames run.mcap --filter floor --script keys";
+    let label = "label frames run.mcap --kind floor --script keys";
     fixture.run(label);
     let table = fixture.text("run.floor.csv");
     // As the tables of a report name pairs.
@@ -285,7 +283,7 @@ fn labels_are_of_the_recording_that_was_labelled() {
     let hash = table.lines().nth(2).unwrap().rsplit(',').next().unwrap();
     assert_eq!(rows.lines().filter(|row| row.contains(hash)).count(), 1);
 
-    let train = "-q train filter run.mcap --filter floor -o f.safetensors";
+    let train = "-q train filter run.mcap --kind floor -o f.safetensors";
     let refused = "run.floor.csv: labels another frame | than run.mcap has | label anew";
     fixture.run("record --frames 4 --seed 2 -o run.mcap --force");
     fixture.fails(&format!("{train} => 1: {refused}\n{label} => 1: {refused}"));
@@ -317,7 +315,7 @@ fn the_truth_labels_recordings_of_the_arena() {
     for run in 1..=3 {
         fixture.run(&format!("record floors.toml --seed {run} -o run{run}.mcap"));
         let said = fixture.run(&format!(
-            "-q label windows run{run}.mcap --filter floor --from-truth"
+            "-q label windows run{run}.mcap --kind floor --from-truth"
         ));
         assert_says(&said, &[&format!("run{run}.floor.csv: ")]);
     }
@@ -329,7 +327,7 @@ fn the_truth_labels_recordings_of_the_arena() {
         "{floor} {other}"
     );
     let json = fixture.json(
-        "-q train filter run1.mcap run2.mcap run3.mcap --filter floor --hidden 2,4 -o \
+        "-q train filter run1.mcap run2.mcap run3.mcap --kind floor --hidden 2,4 -o \
          f.safetensors --json",
     );
     assert_eq!(json["trials"].as_array().unwrap().len(), 6);
@@ -346,12 +344,12 @@ fn frames_of_both_kinds_are_not_labelled_by_truth() {
     fixture.write_pair("p/left/1.pgm", "p/right/1.pgm", (320, 240), 4);
     fixture.fails(
         "
-        label frames run.mcap --filter floor --from-truth -q => 1: its 3 frames show floor and \
-         other | svl label windows run.mcap --filter floor --from-truth
-        label frames p --filter floor --from-truth -q => 1: p: only recordings of the arena
+        label frames run.mcap --kind floor --from-truth -q => 1: its 3 frames show floor and \
+         other | svl label windows run.mcap --kind floor --from-truth
+        label frames p --kind floor --from-truth -q => 1: p: only recordings of the arena
         ",
     );
-    let said = fixture.run("label windows run.mcap --filter floor --from-truth -q");
+    let said = fixture.run("label windows run.mcap --kind floor --from-truth -q");
     assert_says(&said, &["run.floor.csv: ", "windows of both skipped"]);
 }
 
@@ -369,29 +367,29 @@ fn what_cannot_be_trained_or_run_is_refused_in_one_line() {
         .unwrap();
         fixture.write("keys", "a q");
         fixture.run(&format!(
-            "label frames {run}.mcap --filter floor --script keys"
+            "label frames {run}.mcap --kind floor --script keys"
         ));
     }
     fixture.write("mine.safetensors", "mine");
     let cut = &FLOOR.0[..FLOOR.0.len() - 100];
     std::fs::write(fixture.path("cut.safetensors"), cut).unwrap();
     fixture.fails(
-        "train filter run.mcap --filter floor -o t.safetensors => 1: run.mcap: has no labels | svl \
+        "train filter run.mcap --kind floor -o t.safetensors => 1: run.mcap: has no labels | svl \
          label windows
-        train filter none.mcap --filter floor -o t.safetensors => 1: none.mcap
+        train filter none.mcap --kind floor -o t.safetensors => 1: none.mcap
         train filter short.toml --filter flor -o t.safetensors => 2: did you mean 'floor'
-        train filter short.toml --filter floor -o t.bin => 2: t.bin | .safetensors
-        train filter short.toml --filter floor -o mine.safetensors => 1: mine.safetensors
-        train filter short.toml --filter floor --hidden 0 -o t.safetensors => 2: --hidden | 55
-        -q train filter short.toml --filter floor -o t.safetensors => 1: 2 recordings | three
-        -q train filter a.mcap b.mcap c.mcap --filter floor -o t.safetensors => 2: b.mcap: frame 0 \
+        train filter short.toml --kind floor -o t.bin => 2: t.bin | .safetensors
+        train filter short.toml --kind floor -o mine.safetensors => 1: mine.safetensors
+        train filter short.toml --kind floor --hidden 0 -o t.safetensors => 2: --hidden | 55
+        -q train filter short.toml --kind floor -o t.safetensors => 1: 2 recordings | three
+        -q train filter a.mcap b.mcap c.mcap --kind floor -o t.safetensors => 2: b.mcap: frame 0 \
          is a frame of a.mcap, too
-        -q train filter short.toml --seeds 1..3 --filter too-close -o t.safetensors => 1: windows \
+        -q train filter short.toml --seeds 1..3 --kind too-close -o t.safetensors => 1: windows \
          labelled 'too-close' | at least 20
         label windows run.mcap => 2: --filter
-        label windows run.mcap --filter floor --script none => 1: none
-        label frames v4l2:/dev/video0,/dev/video2 --filter floor => 1: record them first
-        label windows a.mcap --filter floor --from-truth => 1: a.floor.csv
+        label windows run.mcap --kind floor --script none => 1: none
+        label frames v4l2:/dev/video0,/dev/video2 --kind floor => 1: record them first
+        label windows a.mcap --kind floor --from-truth => 1: a.floor.csv
         replay run.mcap --filter none.safetensors => 1: none.safetensors
         replay run.mcap --filter mine.safetensors => 1: mine.safetensors | no safetensors file
         replay run.mcap --filter cut.safetensors => 1: cut.safetensors | damaged

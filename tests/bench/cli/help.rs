@@ -7,6 +7,66 @@ fn help_tells_what_svl_is_for() {
     insta::assert_snapshot!(Fixture::new().run("--help"));
 }
 
+/// The commands below `command`, with their words.
+fn commands(fixture: &Fixture, command: &str) -> Vec<String> {
+    let text = fixture.run(&format!("{command} --help"));
+    let line = |line: &str| {
+        let name = line.strip_prefix("  ")?.split_once("  ")?.0.trim();
+        let is_name = name.chars().all(|c| c.is_ascii_lowercase());
+        (is_name && !name.is_empty()).then(|| format!("{command} {name}").trim().to_owned())
+    };
+    let below = text.split("Options:").next().unwrap_or_default();
+    below.lines().filter_map(line).collect()
+}
+
+/// A screen has 80 columns; an option below no heading is one that nobody placed.
+#[test]
+fn short_help_fits_a_screen_and_options_have_headings() {
+    let fixture = Fixture::new();
+    let mut all = commands(&fixture, "");
+    for command in ["calibrate", "label", "train", "datasets", "generate"] {
+        all.extend(commands(&fixture, command));
+    }
+    assert!(all.len() > 30, "{all:?}");
+    for command in all {
+        let words: Vec<_> = command.split(' ').collect();
+        for (flag, most) in [("-h", 45), ("--help", usize::MAX)] {
+            let line = [&words[..], &[flag]].concat();
+            let text = fixture.svl_with(&line, &[("COLUMNS", "80")]).done();
+            let lines = text.lines().count();
+            assert!(lines <= most, "svl {command} {flag}: {lines} lines");
+            let long: Vec<_> = text
+                .lines()
+                .filter(|line| line.chars().count() > 80 && !line.starts_with("Usage:"))
+                .collect();
+            assert!(long.is_empty(), "svl {command} {flag}: {long:#?}");
+            assert!(!text.contains("\nOptions:"), "svl {command} {flag}");
+        }
+    }
+    let front = fixture.svl_with(&["-h"], &[("COLUMNS", "80")]).done();
+    assert!(front.lines().count() <= 45, "{front}");
+}
+
+#[test]
+fn options_of_sources_are_listed_once() {
+    let fixture = Fixture::new();
+    assert_says(
+        &fixture.run("help sources"),
+        &["--side-by-side", "--trigger", "v4l2:"],
+    );
+    let hint = "svl help sources";
+    for command in ["record", "replay", "score", "tune", "train filter"] {
+        let short = fixture.run(&format!("{command} -h"));
+        assert!(
+            short.contains(hint) && !short.contains("--side-by-side"),
+            "{short}"
+        );
+        assert_says(&fixture.run(&format!("{command} --help")), &["Source:"]);
+    }
+    assert_eq!(fixture.run("help score"), fixture.run("score --help"));
+    fixture.fails("help nosuch => 2: nosuch");
+}
+
 /// Wide enough or not, what svl broke into lines by hand stays so.
 #[test]
 fn no_terminal_breaks_the_text_below_the_options() {
@@ -33,15 +93,22 @@ fn no_arguments_is_wrong_usage() {
 #[test]
 fn completions_and_man_page() {
     let fixture = Fixture::new();
-    assert_says(&fixture.run("completions bash"), &["_svl"]);
-    assert_says(&fixture.run("man"), &[".TH svl"]);
+    assert_says(&fixture.run("generate completions bash"), &["_svl"]);
+    assert_says(&fixture.run("generate man"), &[".TH svl"]);
 }
 
 #[cfg(unix)]
 #[test]
 fn a_reader_that_goes_away_is_no_error() {
     let svl = assert_cmd::cargo::cargo_bin!("svl").display().to_string();
-    for command in ["algos", "algos --json", "completions bash", "man", "--help"] {
+    for command in [
+        "algos",
+        "algos --json",
+        "generate completions bash",
+        "generate man",
+        "--help",
+        "help sources",
+    ] {
         let shell = format!("{svl} {command} | true; exit ${{PIPESTATUS[0]}}");
         let output = std::process::Command::new("bash")
             .args(["-c", &shell])

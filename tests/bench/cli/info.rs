@@ -175,7 +175,7 @@ fn version_revision_and_profile_are_in_manifest_and_recording() {
     assert_eq!(built.git_revision.is_some(), in_git);
     let fixture = Fixture::new();
     fixture.run("record --frames 2 -o a.mcap");
-    let text = fixture.run("score a.mcap --algo v3 --out report --rerun none");
+    let text = fixture.run("score a.mcap --algo v3 -o report --rerun none");
     let times_are_slow = text.contains("built with the profile");
     assert_eq!(times_are_slow, svl::slow_profile(Some(profile)).is_some());
 

@@ -109,7 +109,7 @@ fn a_score_reports_what_it_had() {
     assert!(fixture.text("j.xml").contains(losses));
     // Also before the first pair.
     std::fs::remove_file(fixture.path("j.xml")).unwrap();
-    let (code, _) = interrupted(&fixture, &format!("{line} --out new"), || {
+    let (code, _) = interrupted(&fixture, &format!("{line} -o new"), || {
         std::thread::sleep(Duration::from_millis(50));
         true
     });

@@ -33,7 +33,7 @@ fn cells_are_tied_to_the_frame_at_which_they_were_labelled() {
         scenario.checkpoints[0].place,
         CheckpointPlace::Frames([3, 6])
     );
-    fixture.run("score run.toml --out report -q");
+    fixture.run("score run.toml -o report -q");
     fixture.run("score run.toml --print-scenario=again.toml -q");
     let again = Scenario::read(&fixture.path("again.toml")).unwrap();
     assert_eq!(again.checkpoints, scenario.checkpoints);
@@ -42,7 +42,7 @@ fn cells_are_tied_to_the_frame_at_which_they_were_labelled() {
     let hash = &pairs[2].hash;
     fixture.write("run.toml", text.replace(hash, &pairs[0].hash));
     fixture
-        .svl("score run.toml --out other -q")
+        .svl("score run.toml -o other -q")
         .failed(1, &["frame 6 is not the pair that was labelled", hash]);
 }
 
@@ -73,7 +73,7 @@ fn what_is_labelled_is_scored() {
         [far, ([2, 1], CellExpectation::Free)]
     );
 
-    fixture.run("score run.toml --out report -q");
+    fixture.run("score run.toml -o report -q");
     let rows = fixture.text("report/checkpoints.csv");
     assert_says(&rows, &["1,ahead,v3,3,3,1.0,7,true"]);
 
@@ -91,10 +91,10 @@ fn what_is_labelled_is_scored() {
          0]\ndistance_m = 1.5\ntolerance_m = 0.2\n"
     );
     assert_eq!(added, expected);
-    fixture.run("score run.toml --out report -q");
+    fixture.run("score run.toml -o report -q");
     assert_says(&fixture.text("report/checkpoints.csv"), &["2,wall,v3"]);
     // Perturbations do not change what is seen in a pair.
-    fixture.run("score run.toml --out report -q --stress noise");
+    fixture.run("score run.toml -o report -q --stress noise");
 
     fixture.run("record --frames 12 --seed 2 -o run.mcap --force");
     let words = [
@@ -102,9 +102,7 @@ fn what_is_labelled_is_scored() {
         &pair,
         "label it anew",
     ];
-    fixture
-        .svl("score run.toml --out other -q")
-        .failed(1, &words);
+    fixture.svl("score run.toml -o other -q").failed(1, &words);
 }
 
 /// The hash of a pair in the report's rows.

@@ -136,7 +136,7 @@ fn a_scenario_allows_losses_and_its_description_says_so() {
     fixture.fails("score s.toml => 1: s.toml | per cent as 1%");
     // Reports of other limits are compared.
     fixture.write("s.toml", scenario("1"));
-    fixture.run("score s.toml -q --rerun none --out other");
+    fixture.run("score s.toml -q --rerun none -o other");
     fixture.run("compare reports/s other --fail-on worse:known");
 }
 
@@ -179,7 +179,7 @@ fn with_a_bad_pair() -> Fixture {
 fn shards_that_miss_something_are_merged() {
     let fixture = with_a_bad_pair();
     let line = "score two.toml --rerun none -q";
-    let whole = fixture.svl(&format!("{line} --out whole --json"));
+    let whole = fixture.svl(&format!("{line} -o whole --json"));
     assert_eq!(whole.code, Some(4), "{}", whole.stderr);
     let whole = json(&whole.stdout);
     let failed = &whole["missing"]["algorithms"]["m"];
@@ -188,12 +188,12 @@ fn shards_that_miss_something_are_merged() {
         (&6.into(), &1.into())
     );
     let shard = |i: u8, more: &str| {
-        let ran = fixture.svl(&format!("{line} --shard {i}/2 --out p{i} {more}"));
+        let ran = fixture.svl(&format!("{line} --shard {i}/2 -o p{i} {more}"));
         assert!(ran.code.is_some(), "{}", ran.stderr);
         ran.code
     };
     assert_eq!((shard(1, ""), shard(2, "")), (Some(0), Some(4)));
-    let merged = fixture.svl("merge p1 p2 --out all -q --json");
+    let merged = fixture.svl("merge p1 p2 -o all -q --json");
     assert_eq!(merged.code, Some(4), "{}", merged.stderr);
     assert_says(&merged.stderr, &["m failed on 1 of 6 pairs"]);
     let merged = json(&merged.stdout);
@@ -207,7 +207,7 @@ fn shards_that_miss_something_are_merged() {
     );
     // One of six is 17 %.
     let allowed = |limit: &str| {
-        let ran = fixture.svl(&format!("merge p1 p2 --out all -q --allow-loss {limit}"));
+        let ran = fixture.svl(&format!("merge p1 p2 -o all -q --allow-loss {limit}"));
         (
             ran.code,
             json(&fixture.text("all/summary.json"))["state"].clone(),
@@ -219,14 +219,14 @@ fn shards_that_miss_something_are_merged() {
     // A part may allow another share than the whole: it is no other run.
     assert_eq!(shard(2, "--allow-loss 50% --resume"), Some(0));
     assert_eq!(shard(1, "--allow-loss 17%"), Some(0));
-    fixture.run("merge p1 p2 --out all -q");
+    fixture.run("merge p1 p2 -o all -q");
     // One that ended early is refused, whatever the words are.
     let early = json(&fixture.text("p2/summary.json"));
     for state in ["interrupted", "failed"] {
         let mut early = early.clone();
         early["state"] = state.into();
         fixture.write("p2/summary.json", early.to_string());
-        fixture.fails("merge p1 p2 --out all => 1: p2: is incomplete | --resume");
+        fixture.fails("merge p1 p2 -o all => 1: p2: is incomplete | --resume");
     }
 }
 

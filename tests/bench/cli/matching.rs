@@ -6,7 +6,8 @@ use super::fixture::{Fixture, assert_says, datasets, pgm};
 fn finds_the_shift_and_writes_what_was_asked_for() {
     let fixture = Fixture::new();
     fixture.write_pair("l.pgm", "r.pgm", (64, 24), 7);
-    let json = fixture.json("match l.pgm r.pgm -o d.pfm --why w.png --preview p.png --json");
+    let json =
+        fixture.json("match l.pgm r.pgm --algo v3 -o d.pfm --why w.png --preview p.png --json");
     assert!(json["coverage"].as_f64().unwrap() > 0.5);
     let disparities = svl::files::read_pfm(&fixture.path("d.pfm")).unwrap();
     let mut valid: Vec<f32> = disparities.pixels().filter(|d| d.is_finite()).collect();
@@ -69,7 +70,7 @@ fn images_smaller_than_the_window_are_all_border() {
     let fixture = Fixture::new();
     fixture.write("l.pgm", pgm(5, 4, &[7; 20]));
     fixture.write("r.pgm", pgm(5, 4, &[7; 20]));
-    let text = fixture.run("match l.pgm r.pgm -o d.pfm");
+    let text = fixture.run("match l.pgm r.pgm --algo v3 -o d.pfm");
     assert_says(&text, &["border       100.00 %"]);
 }
 
@@ -119,6 +120,8 @@ fn real_scenes_equal_the_expected_output() {
             "match",
             &image("im0.png"),
             &image("im1.png"),
+            "--algo",
+            "v3",
             "-o",
             "d.pfm",
             "--why",
@@ -153,7 +156,7 @@ fn real_scenes_equal_the_expected_output() {
 fn the_page_of_cells_shows_what_each_rests_on() {
     let fixture = Fixture::new();
     fixture.write_pair("l.pgm", "r.pgm", (160, 96), 7);
-    fixture.run("match l.pgm r.pgm --algo v5 -o d.pfm --cells c.html");
+    fixture.run("match l.pgm r.pgm --algo v5 -o d.pfm --evidence c.html");
     let page = fixture.text("c.html");
     assert_says(
         &page,
@@ -168,8 +171,9 @@ fn the_page_of_cells_shows_what_each_rests_on() {
         ],
     );
     assert!(page.contains("level line (50 %)"));
-    fixture.run("match l.pgm r.pgm --algo v5:target=near -o n.pfm --cells n.html");
+    fixture.run("match l.pgm r.pgm --algo v5:target=near -o n.pfm --evidence n.html");
     assert!(fixture.text("n.html").contains("level line (75 %)"));
-    fixture.fails("match l.pgm r.pgm --algo v3 -o e.pfm --cells e.html => 2: --cells | v3 | v5");
+    fixture
+        .fails("match l.pgm r.pgm --algo v3 -o e.pfm --evidence e.html => 2: --evidence | v3 | v5");
     assert!(!fixture.path("e.pfm").exists());
 }

@@ -31,7 +31,7 @@ fn write_pair(fixture: &Fixture, i: usize, shift: usize) {
 const SCORE: &str = "score pairs --algo bm:max_disparity=8 --stress noise=4/8 -q --rerun none";
 
 fn scored_part(fixture: &Fixture, i: usize) {
-    fixture.run(&format!("{SCORE} --shard {i}/3 --out p{i}"));
+    fixture.run(&format!("{SCORE} --shard {i}/3 -o p{i}"));
 }
 
 /// Changes a part's JSON file.
@@ -50,11 +50,11 @@ fn parts_of_changed_pictures_are_refused() {
     write_pair(&fixture, 2, 4);
     scored_part(&fixture, 3);
     fixture.fails(
-        "merge p1 p2 p3 --out all => 1: p3: is not of the same run as p1 | of pairs were others",
+        "merge p1 p2 p3 -o all => 1: p3: is not of the same run as p1 | of pairs were others",
     );
     scored_part(&fixture, 1);
     scored_part(&fixture, 2);
-    fixture.run("merge p3 p2 p1 --out all -q");
+    fixture.run("merge p3 p2 p1 -o all -q");
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn broken_files_of_a_part_are_named_with_the_cure() {
         ] {
             fixture.write(&format!("p2/{file}"), text);
             fixture.fails(&format!(
-                "merge p1 p2 p3 --out all => 1: p2/{file}: {what} | score it anew"
+                "merge p1 p2 p3 -o all => 1: p2/{file}: {what} | score it anew"
             ));
         }
         fixture.write(&format!("p2/{file}"), whole);
@@ -86,7 +86,7 @@ fn parts_of_another_program_are_refused_and_their_strictest_limit_holds() {
     let score = |part: &str, limit: &str| {
         let line = format!(
             "score pairs --stress noise=8 -q --rerun none --shard {part}/2 --allow-loss {limit} \
-             --out p{part} --algo"
+             -o p{part} --algo"
         );
         let line: Vec<_> = line
             .split(' ')
@@ -103,7 +103,7 @@ fn parts_of_another_program_are_refused_and_their_strictest_limit_holds() {
         for (part, limit) in ["1", "2"].iter().zip(limits) {
             assert_eq!(score(part, limit), Some(if limit == "10%" { 4 } else { 0 }));
         }
-        let ran = fixture.svl("merge p1 p2 --out all -q");
+        let ran = fixture.svl("merge p1 p2 -o all -q");
         assert_eq!(ran.code, Some(code), "{limits:?}: {}", ran.stderr);
         let unknown = "some: its program says neither version nor model";
         assert_eq!(ran.stderr.matches(unknown).count(), 1, "{}", ran.stderr);
@@ -120,18 +120,17 @@ fn parts_of_another_program_are_refused_and_their_strictest_limit_holds() {
     };
     program("1");
     program("2");
-    fixture.fails(
-        "merge p1 p2 --out all => 1: p2: is not of the same run as p1: some: net 1 and net 2",
-    );
+    fixture
+        .fails("merge p1 p2 -o all => 1: p2: is not of the same run as p1: some: net 1 and net 2");
 }
 
 #[test]
 fn times_of_several_machines_are_not_joined() {
     let fixture = pairs();
-    fixture.run(&format!("{SCORE} --out whole"));
+    fixture.run(&format!("{SCORE} -o whole"));
     (1..=3).for_each(|i| scored_part(&fixture, i));
     let merged = |code: &str| {
-        let ran = fixture.svl("merge p1 p2 p3 --out all --json");
+        let ran = fixture.svl("merge p1 p2 p3 -o all --json");
         assert_eq!(ran.code, Some(0), "{code}: {}", ran.stderr);
         let summary: Value = serde_json::from_str(&ran.stdout).unwrap();
         (summary, ran.stderr)

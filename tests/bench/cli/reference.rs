@@ -10,9 +10,9 @@ const CAUTION: &str = "against sgm, not truth";
 fn numbers_against_a_reference_say_so_everywhere() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 4);
-    let exact = fixture.run("score short.toml --algo v3 --out exact");
+    let exact = fixture.run("score short.toml --algo v3 -o exact");
     assert!(!exact.contains("against"), "{exact}");
-    let ran = fixture.svl("score short.toml --algo v3 --out other --reference sgm");
+    let ran = fixture.svl("score short.toml --algo v3 -o other --reference sgm");
     assert_says(&ran.stderr, &["judged against sgm, not its own truth"]);
     let text = ran.done();
     let tables = text.matches(CAUTION).count();

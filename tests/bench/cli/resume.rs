@@ -4,7 +4,7 @@ use super::fixture::{Fixture, assert_says};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-const SCORE: &str = "score short.toml --algo v3 --algo bm --algo v5 --out r";
+const SCORE: &str = "score short.toml --algo v3 --algo bm --algo v5 -o r";
 
 fn short_arena() -> Fixture {
     let fixture = Fixture::new();
@@ -72,13 +72,13 @@ fn a_resumed_run_ends_as_if_it_had_not_been_killed() {
     // Nothing is left to do, which is soon done.
     fixture.run(&format!("{SCORE} -q --resume"));
     let others = "
-        score short.toml -q --algo v3 --out r --resume => 1: r: cannot be resumed | algorithms: v3
-        score short.toml -q --algo v3 --algo bm --algo v5 --out r --resume --repeat 2 => \
+        score short.toml -q --algo v3 -o r --resume => 1: r: cannot be resumed | algorithms: v3
+        score short.toml -q --algo v3 --algo bm --algo v5 -o r --resume --repeat 2 => \
             1: cannot be resumed | times: matching alone | without --resume
     ";
     fixture.fails(others);
     // Without anything to go on with it begins.
-    fixture.run("score short.toml -q --algo v3 --out new --resume");
+    fixture.run("score short.toml -q --algo v3 -o new --resume");
 }
 
 /// Answers every pair with nothing, and notes each in a file.
@@ -102,7 +102,7 @@ fn a_killed_run_of_3000_pairs_repeats_little() {
         fixture.write_pair(&left, &right, (32, 24), i);
     }
     fixture.write("counts.sh", COUNTS);
-    let line = "score pairs -q --out r --rerun none --algo exec:command='sh counts.sh'";
+    let line = "score pairs -q -o r --rerun none --algo exec:command='sh counts.sh'";
     let words: Vec<_> = line.split(" exec:").collect();
     let algorithm = format!("exec:{}", words[1]);
     let line: Vec<_> = words[0].split(' ').chain([algorithm.as_str()]).collect();
@@ -139,7 +139,7 @@ fn a_killed_run_of_3000_pairs_repeats_little() {
 fn a_run_that_is_killed_twice_goes_on_twice() {
     let fixture = short_arena();
     // Recorded before, so that the kills meet the scoring.
-    fixture.run("score short.toml -q --algo v3 --out first");
+    fixture.run("score short.toml -q --algo v3 -o first");
     let kill_after = |rows: usize| {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
         command
@@ -181,9 +181,9 @@ fn a_run_that_is_killed_twice_goes_on_twice() {
 #[test]
 fn an_unfinished_run_is_not_replaced_without_a_word() {
     let fixture = short_arena();
-    fixture.run("score short.toml -q --algo v3 --out r");
+    fixture.run("score short.toml -q --algo v3 -o r");
     std::fs::remove_file(fixture.path("r/summary.json")).unwrap();
-    let ran = fixture.svl("score short.toml --algo v3 --out r");
+    let ran = fixture.svl("score short.toml --algo v3 -o r");
     assert_says(&ran.stderr, &["unfinished run", "--resume"]);
 }
 
@@ -214,7 +214,7 @@ fn another_program_behind_the_same_command_does_not_go_on() {
     program("0");
     let algorithm = "exec:command=sh -c '. ./counts.sh'";
     let line = [
-        "score", "pairs", "-q", "--out", "r", "--rerun", "none", "--algo", algorithm,
+        "score", "pairs", "-q", "-o", "r", "--rerun", "none", "--algo", algorithm,
     ];
     fixture.run(&line);
     let rows = fixture.text("r/rows.csv");

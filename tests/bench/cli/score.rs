@@ -79,9 +79,9 @@ fn a_folder_with_anything_else_is_left_alone() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 2);
     fixture.write("mine/thesis.tex", "years of work");
-    fixture.fails("score short.toml --out mine => 1: mine/thesis.tex | --out");
+    fixture.fails("score short.toml -o mine => 1: mine/thesis.tex | -o");
     fixture.write("file", "");
-    fixture.fails("score short.toml --out file => 1: file: exists already, as something else");
+    fixture.fails("score short.toml -o file => 1: file: exists already, as something else");
 }
 
 #[test]
@@ -207,7 +207,7 @@ fn what_is_not_measured_is_not_zero() {
              tolerance_px = 2\n[source]\nkind = \"dataset\"\nscenes = [\"scene\"]\n\
              [[gate]]\nalgorithm = \"bm\"\nmetric = \"wrong\"\nmax = 0\n",
         );
-        let line = format!("score s.toml --data data --rerun none --gate --out {name} --json");
+        let line = format!("score s.toml --data data --rerun none --gate -o {name} --json");
         let ran = fixture.svl(&line);
         let json: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
         let of = &json["algorithms"][0];
@@ -260,7 +260,7 @@ fn what_is_not_measured_is_not_zero() {
     let text = text.replacen("algorithm = \"v3\"", "algorithm = \"mine\"", 1);
     fixture.write("named.toml", text);
     fixture.fails("score named.toml -q => 2: 'mine' is neither");
-    let named = fixture.svl("score named.toml -q --gate --algo mine=v3 --out named --json");
+    let named = fixture.svl("score named.toml -q --gate --algo mine=v3 -o named --json");
     let json: serde_json::Value = serde_json::from_str(&named.stdout).unwrap();
     assert_eq!(json["gate"][0]["state"], "pass", "{}", named.stderr);
 }
@@ -281,13 +281,13 @@ fn a_gate_that_judges_nothing_does_not_pass() {
 fn truth_is_the_best_line_and_checks_the_checkpoints() {
     let fixture = Fixture::new();
     fixture.write_recorded_arena("short.toml", 60);
-    let json = fixture.json("score short.toml -q --json --algo truth --algo v3 --out both");
+    let json = fixture.json("score short.toml -q --json --algo truth --algo v3 -o both");
     let right = |i: usize| json["algorithms"][i]["cells_right"].as_u64().unwrap();
     assert!(right(0) > 1790 && right(1) < right(0), "{json}");
     fixture.run("score short.toml -q --check");
     assert!(fixture.path("reports/arena-check/index.html").exists());
     // A range in which no obstacle is seen.
-    let near = "score short.toml --algo truth:max_disparity=8 --out near";
+    let near = "score short.toml --algo truth:max_disparity=8 -o near";
     assert_says(
         &fixture.svl(near).stderr,
         &["max_disparity sees nothing nearer than"],
@@ -298,12 +298,12 @@ fn truth_is_the_best_line_and_checks_the_checkpoints() {
     let text = fixture.text("short.toml");
     let text = text.replacen("[[checkpoint]]", impossible, 1);
     fixture.write("wrong.toml", text);
-    let wrong = "score wrong.toml -q --check --out wrong => 3: \
+    let wrong = "score wrong.toml -q --check -o wrong => 3: \
                  even the truth fails checkpoint 7 impossible in 8 of 8 frames";
     fixture.fails(wrong);
     fixture.write_pair("left/1.pgm", "right/1.pgm", (64, 48), 4);
     let without = "
-        score . --check -q --out none => 3: no checkpoint is scored
+        score . --check -q -o none => 3: no checkpoint is scored
         score short.toml --check --gate => 2: cannot be used with
     ";
     fixture.fails(without);
@@ -313,7 +313,7 @@ fn truth_is_the_best_line_and_checks_the_checkpoints() {
 fn other_seeds_are_scored_and_said() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 2);
-    fixture.run("score short.toml -q --seeds 7,9..10 --algo v3 --rerun none --out r");
+    fixture.run("score short.toml -q --seeds 7,9..10 --algo v3 --rerun none -o r");
     let rows = fixture.text("r/rows.csv");
     let mut rows = csv::Reader::from_reader(rows.as_bytes());
     let seed = rows
@@ -346,7 +346,7 @@ fn a_limit_names_an_algorithm_by_its_label() {
     let named = "algorithms = [\"fast=v3:max_disparity=48\"]";
     let text = [&[named], &rest[..], &[gate]].concat();
     fixture.write("label.toml", text.join("\n"));
-    let text = fixture.run("score label.toml -q --gate --out r --rerun none");
+    let text = fixture.run("score label.toml -q --gate -o r --rerun none");
     assert_says(&text, &["pass", "fast: "]);
 }
 
@@ -363,7 +363,7 @@ fn the_safe_choice_decides_the_cells_of_any_map() {
     fixture.write("mean.toml", safe("mean"));
     let cells = |scenario: &str| {
         let json = fixture.json(&format!(
-            "score {scenario} -q --json --algo sgm:speckle_size=0 --algo v5 --out {scenario}.report"
+            "score {scenario} -q --json --algo sgm:speckle_size=0 --algo v5 -o {scenario}.report"
         ));
         let of = |i: usize, key: &str| json["algorithms"][i][key].as_u64().unwrap();
         [0, 1].map(|i| ["cells_right", "cells_wrong"].map(|key| of(i, key)))
@@ -392,8 +392,8 @@ fn a_folder_is_a_report_only_with_its_manifest() {
     fixture.write_short_arena("short.toml", 2);
     fixture.write("site/index.html", "my homepage");
     let wrong = "
-        score short.toml --out site => 1: site: holds files but no manifest.json | --out
-        reproduce 5.5 --out site => 1: site: holds files but no reproduce.json
+        score short.toml -o site => 1: site: holds files but no manifest.json | -o
+        reproduce 5.5 -o site => 1: site: holds files but no reproduce.json
     ";
     fixture.fails(wrong);
     assert_eq!(fixture.text("site/index.html"), "my homepage");

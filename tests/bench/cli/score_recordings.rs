@@ -118,9 +118,7 @@ fn patterns_are_runs_that_can_be_compared_and_verified() {
         "both.toml",
         scenario("both", "files = [\"bag*.mcap\"]", checkpoint),
     );
-    fixture
-        .svl(&["score", "both.toml", "-q", "--out", "a"])
-        .done();
+    fixture.svl(&["score", "both.toml", "-q", "-o", "a"]).done();
     let rows: Vec<Row> = read_rows(&fixture.path("a/rows.csv")).unwrap();
     let mut runs: Vec<_> = rows.iter().map(|row| row.run.as_deref().unwrap()).collect();
     runs.dedup();
@@ -133,7 +131,7 @@ fn patterns_are_runs_that_can_be_compared_and_verified() {
     assert!(frames("bag2.mcap") == 0 && frames("bag10.mcap") > 0);
 
     // A limit is broken, and a CI hears of it.
-    let broken = ["score", "both.toml", "-q", "--gate", "--out", "b"];
+    let broken = ["score", "both.toml", "-q", "--gate", "-o", "b"];
     fixture
         .svl(&broken)
         .failed(3, &["gate: v3: known cells", "at least 99.0 %"]);
@@ -199,7 +197,7 @@ fn patterns_are_runs_that_can_be_compared_and_verified() {
         assert!(text.contains(from), "{from}");
         fixture.write("bad.toml", text.replacen(from, to, 1));
         fixture
-            .svl(&["score", "bad.toml", "-q", "--out", "c"])
+            .svl(&["score", "bad.toml", "-q", "-o", "c"])
             .failed(1, &[words]);
     }
 }

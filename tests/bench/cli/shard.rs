@@ -28,10 +28,10 @@ fn lines(fixture: &Fixture, table: &str) -> Vec<Vec<String>> {
 fn merged(fixture: &Fixture, line: &str, shards: usize) {
     let part = |i: usize| format!("part-{shards}-{i}");
     for i in 1..=shards {
-        fixture.run(&format!("{line} --shard {i}/{shards} --out {}", part(i)));
+        fixture.run(&format!("{line} --shard {i}/{shards} -o {}", part(i)));
     }
     let parts: Vec<_> = (1..=shards).rev().map(part).collect();
-    fixture.run(&format!("merge {} --out all-{shards} -q", parts.join(" ")));
+    fixture.run(&format!("merge {} -o all-{shards} -q", parts.join(" ")));
 }
 
 #[test]
@@ -39,7 +39,7 @@ fn parts_make_the_tables_and_hashes_of_one_machine() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 4);
     let line = "score short.toml --algo v3 --algo bm --algo v1 --stress noise=8 -q --rerun none";
-    fixture.run(&format!("{line} --out whole"));
+    fixture.run(&format!("{line} -o whole"));
     let hashes = |report: &str| {
         let text = fixture.text(&format!("{report}/manifest.json"));
         let manifest: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -101,7 +101,7 @@ fn snakemake_runs_the_shards_and_merges_them() {
         "{}",
         String::from_utf8_lossy(&ran.stderr)
     );
-    fixture.run(&format!("score short.toml {args} -q --out whole"));
+    fixture.run(&format!("score short.toml {args} -q -o whole"));
     for table in ["rows", "cells", "checkpoints", "summary"] {
         let of = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
         assert_eq!(of("shards/all"), of("whole"), "{table}");
@@ -131,7 +131,7 @@ fn drives_are_shared_out_too() {
                 \"drive\"\nseeds = [1, 7]\n[arena]\nframes = 400\nrate_hz = \
                 6.0\n[arena.rig]\nwidth_px = 120\nheight_px = 90\n";
     fixture.write("small.toml", text);
-    fixture.run("score small.toml -q --drives none --out whole");
+    fixture.run("score small.toml -q --drives none -o whole");
     merged(&fixture, "score small.toml -q --drives none", 3);
     for table in ["rows", "cells", "drives", "tracks", "summary"] {
         let of = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
@@ -149,46 +149,46 @@ fn a_killed_part_is_done_again_and_others_are_refused() {
     fixture.write_short_arena("short.toml", 4);
     let line = "score short.toml --algo v3 --algo bm -q --rerun none";
     for i in 1..=2 {
-        fixture.run(&format!("{line} --shard {i}/2 --out p{i}"));
+        fixture.run(&format!("{line} --shard {i}/2 -o p{i}"));
     }
-    fixture.run(&format!("{line} --shard 1/3 --out third"));
-    fixture.run(&format!("{line} --shard 1/2 --out again"));
-    fixture.run(&format!("{line} --algo v1 --shard 2/2 --out other"));
-    fixture.run(&format!("{line} --seeds 1 --shard 2/2 --out seeds"));
-    fixture.run(&format!("{line} --out whole"));
+    fixture.run(&format!("{line} --shard 1/3 -o third"));
+    fixture.run(&format!("{line} --shard 1/2 -o again"));
+    fixture.run(&format!("{line} --algo v1 --shard 2/2 -o other"));
+    fixture.run(&format!("{line} --seeds 1 --shard 2/2 -o seeds"));
+    fixture.run(&format!("{line} -o whole"));
     // As a kill leaves it.
-    fixture.run(&format!("{line} --shard 2/2 --out killed"));
+    fixture.run(&format!("{line} --shard 2/2 -o killed"));
     let rows = fixture.text("killed/rows.csv");
     fixture.write("killed/rows.csv", &rows[..rows.len() / 2]);
     std::fs::remove_file(fixture.path("killed/summary.json")).unwrap();
     fixture.fails(
         "
-        merge p1 p2 --out p1 => 2: p1: is a part | --out
-        merge p1 --out all => 1: shard 2 of 2 missing | --shard 2/2
-        merge p1 p2 again --out all => 1: is shard 1/2, and so is
-        merge p1 third --out all => 1: all must be of one number of shards
-        merge p1 other --out all => 1: other: is not of the same run as p1 | algorithms
-        merge p1 seeds --out all => 1: seeds: is not of the same run | source.seeds: 1, 2 and 1
-        merge p1 whole --out all => 1: whole: is no part of a report
-        merge p1 nothing --out all => 1: nothing: is no part of a report
-        merge p1 killed --out all => 1: killed: is incomplete | --resume
-        score short.toml --shard 3/2 --out x => 2: I from 1 to N
-        score short.toml --shard 1/2 => 2: --out
-        score short.toml --algo v3 --algo bm --shard 1/2 --out p2 --resume => 1: shard: 2/2 and 1/2
+        merge p1 p2 -o p1 => 2: p1: is a part | -o
+        merge p1 -o all => 1: shard 2 of 2 missing | --shard 2/2
+        merge p1 p2 again -o all => 1: is shard 1/2, and so is
+        merge p1 third -o all => 1: all must be of one number of shards
+        merge p1 other -o all => 1: other: is not of the same run as p1 | algorithms
+        merge p1 seeds -o all => 1: seeds: is not of the same run | source.seeds: 1, 2 and 1
+        merge p1 whole -o all => 1: whole: is no part of a report
+        merge p1 nothing -o all => 1: nothing: is no part of a report
+        merge p1 killed -o all => 1: killed: is incomplete | --resume
+        score short.toml --shard 3/2 -o x => 2: I from 1 to N
+        score short.toml --shard 1/2 => 2: -o
+        score short.toml --algo v3 --algo bm --shard 1/2 -o p2 --resume => 1: shard: 2/2 and 1/2
         ",
     );
-    fixture.run(&format!("{line} --shard 2/2 --out killed --resume"));
+    fixture.run(&format!("{line} --shard 2/2 -o killed --resume"));
     // As a copy that broke off leaves it.
     let cells = fixture.text("p2/cells.csv");
     let whole_lines: Vec<_> = cells.lines().take(20).collect();
     fixture.write("p2/cells.csv", whole_lines.join("\n") + "\n");
-    fixture.fails("merge p1 p2 --out all => 1: p2: cells.csv is not as it was written");
+    fixture.fails("merge p1 p2 -o all => 1: p2: cells.csv is not as it was written");
     // Edited, of the same size.
     fixture.write("p2/cells.csv", cells.replace("right", "wrong"));
-    fixture.fails("merge p1 p2 --out all => 1: p2: cells.csv is not as it was written");
+    fixture.fails("merge p1 p2 -o all => 1: p2: cells.csv is not as it was written");
     std::fs::remove_file(fixture.path("p2/cells.csv")).unwrap();
-    fixture.fails("merge p1 p2 --out all => 1: p2: cells.csv is not as it was written");
-    fixture.run("merge p1 killed --out all -q");
+    fixture.fails("merge p1 p2 -o all => 1: p2: cells.csv is not as it was written");
+    fixture.run("merge p1 killed -o all -q");
     // Both algorithms have the pairs of a seed, each in its shard.
     let missing = |report: &str| {
         let text = fixture.text(&format!("{report}/summary.json"));

@@ -6,7 +6,7 @@ use super::fixture::{Fixture, assert_says};
 fn levels_are_scored_tabled_and_drawn() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 6);
-    let line = "score short.toml --seeds 1 --algo bm -q --out r --rerun none \
+    let line = "score short.toml --seeds 1 --algo bm -q -o r --rerun none \
                 --stress row_offset=0.5/8 --stress skew=1";
     let text = fixture.run(line);
     assert_says(
@@ -40,7 +40,7 @@ fn levels_are_scored_tabled_and_drawn() {
     assert!(fixture.text("r/index.html").contains("id=\"stress\""));
 
     // Reports are compared by the pairs as they are.
-    fixture.run("score short.toml --seeds 1 --algo bm -q --out plain --rerun none");
+    fixture.run("score short.toml --seeds 1 --algo bm -q -o plain --rerun none");
     let text = fixture.run("compare plain r");
     assert_says(&text, &["6 pairs, 6 with equal results"]);
 
@@ -48,7 +48,7 @@ fn levels_are_scored_tabled_and_drawn() {
     let mut scenario = fixture.text("short.toml");
     scenario.push_str("\n[[stress]]\nkind = \"noise\"\nlevels = [20]\n");
     fixture.write("short.toml", scenario);
-    fixture.run("score short.toml --seeds 1 --algo bm -q --out n --rerun none");
+    fixture.run("score short.toml --seeds 1 --algo bm -q -o n --rerun none");
     let whole = fixture.text("n/rows.csv");
     let kept: String = whole
         .lines()
@@ -57,7 +57,7 @@ fn levels_are_scored_tabled_and_drawn() {
         .collect();
     fixture.write("n/rows.csv", kept);
     std::fs::remove_file(fixture.path("n/summary.json")).unwrap();
-    fixture.run("score short.toml --seeds 1 --algo bm -q --out n --rerun none --resume");
+    fixture.run("score short.toml --seeds 1 --algo bm -q -o n --rerun none --resume");
     let hashes = |text: &str| {
         let mut lines = csv::Reader::from_reader(text.as_bytes());
         let heads = lines.headers().unwrap().clone();

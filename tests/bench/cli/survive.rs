@@ -117,7 +117,7 @@ fn a_viewer_s_file_that_cannot_grow_ends_the_run() {
     fixture.run("score small.toml --rerun none -q");
     let svl = assert_cmd::cargo::cargo_bin!("svl").display();
     let limited = "trap '' XFSZ; ulimit -f 60; exec";
-    let score = format!("{limited} timeout -s KILL 60 {svl} score small.toml --out r -q");
+    let score = format!("{limited} timeout -s KILL 60 {svl} score small.toml -o r -q");
     let mut bash = Command::new("bash");
     bash.args(["-c", &score]).current_dir(fixture.path(""));
     let ran = bash.output().unwrap();

@@ -45,7 +45,7 @@ fn cells_are_learned_and_the_table_decides() {
 
     // The table is part of the parameters, by what it holds.
     let right = |algorithm: &str, out: &str| {
-        let to = format!("--rerun none --out {out} --json");
+        let to = format!("--rerun none -o {out} --json");
         let json = fixture.json(&format!("-q score short.toml --algo {algorithm} {to}"));
         let manifest = fixture.text(&format!("{out}/manifest.json"));
         let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();

@@ -132,15 +132,15 @@ fn what_is_found_is_written_and_scored() {
         &page,
         &["`v3:max_disparity=70`, compared with `v3`", "right cells"],
     );
-    fixture.run("-q score tuned.toml --out report");
+    fixture.run("-q score tuned.toml -o report");
     assert!(fixture.path("report/index.html").exists());
     // Nothing is overwritten, and a name that is none is refused.
     let keys = "w backspace enter screen q";
-    let text = tune(&fixture, "run.mcap --algo v3 --out tuned.toml", keys).done();
+    let text = tune(&fixture, "run.mcap --algo v3 -o tuned.toml", keys).done();
     assert_says(&text, &["tuned.tom: must end in .toml"]);
     let text = tune(
         &fixture,
-        "run.mcap --algo v3 --out tuned.toml",
+        "run.mcap --algo v3 -o tuned.toml",
         "w enter screen q",
     )
     .done();
@@ -349,7 +349,7 @@ fn what_cannot_be_tuned_is_refused_in_one_line() {
          tune run.mcap other.mcap => 2: several sources are searched with --auto
          tune nothing.mcap --script bad => 1: bad: line 1: 'nonsense' is no key
          tune nothing.mcap --auto -o o.toml => 1: nothing.mcap
-         tune run.mcap --auto => 2: --out
+         tune run.mcap --auto => 2: -o
          tune run.mcap --auto -o o.csv => 2: must end in .toml
          tune run.mcap --auto -o there.toml => 1: there.toml: exists
          tune sim --auto -o o.toml => 2: sim: are cameras | svl record sim

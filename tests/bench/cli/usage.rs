@@ -41,7 +41,7 @@ const WRONG: &str = "
     calibrate distance ten=a.mcap => 2: 'ten' | 130cm
     calibrate distance 1m= => 2: 1m= | recording
     calibrate convert a.xml b.yaml --to euroc => 2: read only
-    completions nosuch => 2: nosuch | bash
+    generate completions nosuch => 2: nosuch | bash
     # Cameras.
     record sim:foo=1 => 2: no option 'foo' | arm_ms
     record sim:size=8x8 => 2: size=8x8 | 16 to 4096
@@ -89,7 +89,7 @@ const WRONG: &str = "
     calibrate convert a.xml , => 2: one has no name
     replay sim => 2: sim: is no recording | svl record sim
     replay arena --algo v3 => 2: arena: is no recording | svl record arena
-    calibrate distance 1m=a.mcap --cells 9,9 => 2: --cells | 9,9 | 5x3 cells
+    calibrate distance 1m=a.mcap --target 9,9 => 2: --target | 9,9 | 5x3 cells
     score '' => 2: <SCENARIO
     calibrate distance '' => 2: TABLE.csv
     calibrate check '' => 2: <RECORDING>

@@ -23,7 +23,7 @@ const HINTS: [&str; 7] = [
 /// The warnings of a score that are hints, as indices of [`HINTS`] with their lines.
 #[track_caller]
 fn hints(fixture: &Fixture, what: &str) -> Vec<(usize, String)> {
-    let ran = fixture.svl(&format!("score {what} --rerun none --out report"));
+    let ran = fixture.svl(&format!("score {what} --rerun none -o report"));
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
     let hint = |line: &str| {
         let place = HINTS.iter().position(|words| line.contains(words))?;

@@ -110,7 +110,7 @@ fn read_parts(folders: &[PathBuf]) -> Result<Vec<FoundPart>> {
         let names: Vec<_> = missing.iter().take(5).map(usize::to_string).collect();
         let more = if missing.len() > 5 { ", …" } else { "" };
         return Err(Error::Invalid(format!(
-            "shard {}{more} of {of} missing: run it, svl score … --shard {first}/{of} --out DIR",
+            "shard {}{more} of {of} missing: run it, svl score … --shard {first}/{of} -o DIR",
             names.join(", ")
         )));
     }

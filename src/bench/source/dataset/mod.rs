@@ -58,7 +58,7 @@ const OTHERS: FileNames = FileNames {
 pub fn find(name: &str) -> Result<&'static Dataset, String> {
     DATASETS.iter().find(|d| d.name == name).ok_or_else(|| {
         let hint = did_you_mean(name, DATASETS.iter().map(|d| d.name));
-        format!("unknown data set '{name}'{hint}; `svl datasets` lists them")
+        format!("unknown data set '{name}'{hint}; `svl datasets list` names them")
     })
 }
 

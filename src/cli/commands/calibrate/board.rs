@@ -6,6 +6,7 @@ use super::report::ReportFolder;
 use crate::cli::shared::source::{self, CameraArgs};
 use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::usage;
+use crate::cli::shared::viewer::RerunChoice;
 use anyhow::{anyhow, bail};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -66,10 +67,11 @@ pub(super) struct Args {
         value_parser = usage::ending(&["xml", "yaml", "yml"])
     )]
     output: PathBuf,
-    /// Show the pairs in Rerun: a new viewer, a running one, or a file [default: spawn, with --yes
-    /// nowhere]
-    #[arg(long, value_name = "spawn|URL|FILE.rrd")]
-    rerun: Option<RerunTarget>,
+    /// Rerun: spawn, URL, FILE.rrd, or none [default: spawn, with --yes none]
+    ///
+    /// A new viewer, a running one, a file, or none.
+    #[arg(long, value_name = "WHERE")]
+    rerun: Option<RerunChoice>,
     #[command(flatten)]
     options: SourceOptions,
     /// Print JSON
@@ -109,7 +111,8 @@ fn squares(text: &str) -> Result<(usize, usize), String> {
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let board = Board::new(args.squares, args.square_m)?;
     let source = Path::new(&args.source);
-    let rrd = args.rerun.as_ref().and_then(RerunTarget::file);
+    let rerun = args.rerun.as_ref().and_then(RerunChoice::target);
+    let rrd = rerun.and_then(RerunTarget::file);
     let outputs = [args.output.as_path()].into_iter().chain(rrd);
     let outputs = Outputs::claim(args.force, [source], outputs)?;
     let can_ask = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
@@ -135,10 +138,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     } else {
         Answers::from_terminal()
     };
-    let target = args
-        .rerun
-        .clone()
-        .or((!args.yes).then_some(RerunTarget::Spawn));
+    let target = match &args.rerun {
+        Some(choice) => choice.target().cloned(),
+        None => (!args.yes).then_some(RerunTarget::Spawn),
+    };
     let prompt = ViewPrompt::new(
         answers,
         target,

@@ -38,7 +38,7 @@ pub(super) struct Args {
     /// with another
     #[arg(long)]
     rectify: bool,
-    /// Replace a file that exists
+    /// Replace files that exist
     #[arg(long)]
     force: bool,
 }

@@ -77,7 +77,7 @@ pub(crate) struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Replace the error map when it exists
+    /// Replace files that exist
     #[arg(long)]
     force: bool,
 }

@@ -11,7 +11,7 @@ use clap::Subcommand;
 #[command(after_help = "\
 Examples:
   svl label checkpoints run.mcap -o own.toml
-  svl label windows run.mcap --filter floor")]
+  svl label windows run.mcap --kind floor")]
 pub(crate) struct Args {
     #[command(subcommand)]
     what: Label,
@@ -32,10 +32,10 @@ enum Label {
 
 const EXAMPLES: &str = "\
 Examples:
-  svl label windows run.mcap --filter floor          writes run.floor.csv
-  svl label frames run.mcap --filter too-close
-  svl label windows arena-1.mcap --filter floor --from-truth
-  svl train filter run*.mcap --filter floor -o floor.safetensors
+  svl label windows run.mcap --kind floor          writes run.floor.csv
+  svl label frames run.mcap --kind too-close
+  svl label windows arena-1.mcap --kind floor --from-truth
+  svl train filter run*.mcap --kind floor -o floor.safetensors
 
 Keys: a it shows it, b it does not, s skip, Backspace back, u undo, q quit;
 ? shows all. The table beside the recording is written at every key: the same

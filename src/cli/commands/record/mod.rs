@@ -18,9 +18,9 @@ use svl::source::{Limited, Request};
 /// Ctrl-C ends the recording and leaves it intact.
 #[derive(clap::Args)]
 #[command(mut_args(|arg| source::hidden(arg, OF_SCENARIOS)))]
-#[command(after_help = format!("{}\n{EXAMPLES}", source::sources_help()))]
+#[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// What to record
+    /// What to record, as `svl help sources` lists them
     #[arg(
         default_value = "arena", value_parser = source::SourceParser, hide_possible_values = true
     )]
@@ -55,7 +55,7 @@ pub(crate) struct Args {
     /// message for
     #[arg(long)]
     ros2: bool,
-    /// Replace a file that exists
+    /// Replace files that exist
     #[arg(long)]
     force: bool,
     /// List the cameras and serial ports of this machine

@@ -8,7 +8,7 @@ use crate::cli::shared::recordings;
 use crate::cli::shared::source;
 use crate::cli::shared::terminal::{print, print_error, print_json, style};
 use crate::cli::shared::usage;
-use crate::cli::shared::viewer::viewer;
+use crate::cli::shared::viewer::{RerunChoice, viewer};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
@@ -50,13 +50,16 @@ Examples:
   svl replay run.mcap --verify=rows.csv
       against a table of rows, or the folder of a report")]
 pub(crate) struct Args {
-    /// Recording to replay, svl's or another program's, or the folder of a ROS 2 bag [default: the
-    /// newest of recordings/, else the arena, recorded first]
+    /// Recording, or the folder of a ROS 2 bag [default: the newest]
+    ///
+    /// svl's or another program's [default: the newest of recordings/, else the arena, recorded
+    /// first].
     #[arg(value_parser = NonEmptyStringValueParser::new())]
     recording: Option<String>,
-    /// Algorithm, as `svl algos` lists them; may be given more than once [default: v5; with
-    /// --verify those of the earlier run]
-    #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
+    /// Algorithm, as NAME[:key=value,…]; repeatable [default: v5]
+    ///
+    /// `svl algos` lists them [default: v5; with --verify those of the earlier run].
+    #[arg(long, value_name = "ALGO", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
     #[command(flatten)]
     filters: FilterArgs,
@@ -83,9 +86,11 @@ pub(crate) struct Args {
         value_parser = usage::ending(&["csv", "parquet"])
     )]
     cells: Option<PathBuf>,
-    /// Show the run in Rerun: a new viewer, a running one, or a file
-    #[arg(long, value_name = "spawn|URL|FILE.rrd")]
-    rerun: Option<RerunTarget>,
+    /// Rerun: spawn, URL, FILE.rrd, or none [default: none]
+    ///
+    /// A new viewer, a running one, a file, or none.
+    #[arg(long, value_name = "WHERE")]
+    rerun: Option<RerunChoice>,
     /// Maps for Rerun: those of all pairs (full), SSDPI apart, or of every 30th and of the first 64
     /// scenes (light); images, overlays and numbers are always those of all pairs
     #[arg(
@@ -95,8 +100,9 @@ pub(crate) struct Args {
         requires = "rerun"
     )]
     rerun_detail: RerunDetail,
-    /// Check that the results equal those of an earlier run, by default those in the recording
-    /// itself
+    /// Compare the results with those of an earlier run
+    ///
+    /// By default with those in the recording itself.
     #[arg(
         long, value_name = "RESULT.mcap|ROWS.csv|REPORT", num_args = 0..=1, require_equals = true
     )]
@@ -127,7 +133,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     listen_for_interrupt();
     let named = args.recording.as_deref();
     let inputs = named.map(source::inputs).unwrap_or_default();
-    let rrd = args.rerun.as_ref().and_then(RerunTarget::file);
+    let rerun = args.rerun.as_ref().and_then(RerunChoice::target);
+    let rrd = rerun.and_then(RerunTarget::file);
     let mut outputs = Outputs::claim(
         args.force,
         inputs.iter().map(PathBuf::as_path),
@@ -184,7 +191,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     manifest.set_rule(Judge::default().cells);
     manifest.times = Some(args.rate.times());
     manifest.runs = vec![opened.record(&opened.source.name(), Path::new(&name))];
-    let shown = args.rerun.clone().map(|target| {
+    let shown = rerun.cloned().map(|target| {
         let scenario = opened.scenario.as_deref();
         let scenario = scenario.and_then(|text| Scenario::parse(text, Path::new(&name)).ok());
         let wireframe = scenario.map_or_else(Vec::new, |s| s.wireframe(seed));

@@ -17,7 +17,7 @@ use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{ColumnChoice, METRICS, Metric};
 use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget, Viewer};
 
-/// Score algorithms on a scenario or on recordings, and write a report
+/// Score algorithms on a scenario or on recordings into a report
 ///
 /// Replays the recordings through the algorithms (those of the arena are made first, and kept in
 /// recordings/), scores every cell and every checkpoint, prints a summary, and writes a report:
@@ -32,7 +32,7 @@ Examples:
   svl score own.toml                             with checkpoints of your own
   svl score scenarios/arena.toml --algo v3 --algo v3:max_disparity=64
   svl score scenarios/arena.toml --algo v3 --algo bm:uniqueness=0..60/10
-  svl score scenarios/middlebury.toml --data DATASETS --out reports/mine
+  svl score scenarios/middlebury.toml --data DATASETS -o reports/mine
   svl score scenarios/kitti2015.toml --data ~/kitti --scenes 'training/*'
   svl score arena --algo sgm:p1=5..20/5 --resume   goes on where it was killed
   svl score scenarios/arena.toml --gate
@@ -48,15 +48,16 @@ coverage against error. Tables take up to 1000 algorithms, Rerun up to 32.
 
 NAME= before an algorithm is how tables, gates, files and plots call it.")]
 pub(crate) struct Args {
-    /// A scenario, the arena, or recordings: svl's or another program's, bags, folders of pairs
+    /// A scenario, the arena, or recordings, bags and folders of pairs
     #[arg(
         value_name = "SCENARIO.toml|arena|RECORDING", required = true,
         value_parser = NonEmptyStringValueParser::new()
     )]
     what: Vec<String>,
-    /// Algorithm, as `svl algos` lists them, or a sweep; may be given more than once [default: the
-    /// scenario's; of recordings v5]
-    #[arg(long, value_name = "NAME[:key=value,…]")]
+    /// Algorithm, as NAME[:key=value,…], or a sweep; repeatable
+    ///
+    /// `svl algos` lists them [default: the scenario's; of recordings v5].
+    #[arg(long, value_name = "ALGO")]
     algo: Vec<Algorithms>,
     /// At most N algorithms of each sweep, spread evenly over its grid, always the same ones
     #[arg(
@@ -64,61 +65,72 @@ pub(crate) struct Args {
         value_parser = usage::within(1..=MAX_ALGORITHMS)
     )]
     sample: Option<usize>,
-    /// Folder for the report; a report of svl's that is there is replaced [default:
-    /// reports/SCENARIO]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
     #[command(flatten)]
     filters: FilterArgs,
-    /// Score the pairs made worse, too, as row_offset, at levels of your own as row_offset=0.5/1;
-    /// may be given more than once [default: the scenario's]
-    #[arg(long, value_name = "KIND[=LEVEL/…]")]
+    /// Score perturbed pairs, too: KIND or KIND=LEVEL/…
+    ///
+    /// As row_offset, or at levels of your own as row_offset=0.5/1; may be given more than once
+    /// [default: the scenario's].
+    #[arg(long, value_name = "KIND")]
     stress: Vec<StressLevels>,
     #[command(flatten)]
     source: SourceOptions,
-    /// Match each pair N times, in turns; its time is the median, and all results must be equal
+    /// Match each pair N times; its time is the median
+    ///
+    /// In turns; all results must be equal.
     #[arg(
         long, value_name = "N", default_value_t = 1, allow_negative_numbers = true,
         value_parser = usage::within(1..=1000usize)
     )]
     repeat: usize,
-    /// Sort the algorithms by a metric, the best first [default: right minus wrong cells, or the
-    /// first column]
+    /// Score the truth itself
+    ///
+    /// Fails when a checkpoint fails that a perfect matcher would pass. The report's folder is
+    /// reports/SCENARIO-check.
+    #[arg(long, conflicts_with_all = ["algo", "gate", "reference"])]
+    check: bool,
+    /// Fail when a limit of the scenario's [[gate]] is broken
+    #[arg(long)]
+    gate: bool,
+    /// Folder for the report [default: reports/SCENARIO]
+    ///
+    /// A report of svl's that is there is replaced.
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Sort the algorithms by a metric, the best first
+    ///
+    /// Without it by right minus wrong cells, or by the first column.
     #[arg(long, value_name = "METRIC", value_parser = metric)]
     sort: Option<&'static Metric>,
-    /// Metrics that the table shows; `svl columns` lists them [default: the scenario's, or those of
-    /// its kind]
-    #[arg(long, value_name = "all|NAME,…")]
+    /// Metrics that the table shows: all or NAME,…
+    ///
+    /// `svl columns` lists them [default: the scenario's, or those of its kind].
+    #[arg(long, value_name = "NAMES")]
     columns: Option<ColumnChoice>,
     /// Say what the columns mean
     #[arg(long)]
     explain: bool,
-    /// Show the run in Rerun: a new viewer, a running one, a file, or none [default: run.rrd in the
-    /// report]
-    #[arg(long, value_name = "spawn|URL|FILE.rrd|none")]
+    /// Rerun: spawn, URL, FILE.rrd, or none
+    ///
+    /// A new viewer, a running one, a file, or none [default: run.rrd in the report].
+    #[arg(long, value_name = "WHERE")]
     rerun: Option<RerunChoice>,
     /// Maps for Rerun: light has those of every 30th pair, of every 10th that shows a checkpoint,
     /// and of the first 64 scenes; images, overlays and numbers are always those of all pairs
     #[arg(long, value_name = "light|full", default_value = "light")]
     rerun_detail: RerunDetail,
-    /// Score the truth itself: fail when a checkpoint fails that a perfect matcher would pass; the
-    /// report's folder is reports/SCENARIO-check
-    #[arg(long, conflicts_with_all = ["algo", "gate", "reference"])]
-    check: bool,
     /// Score only the I-th of N shares of the run, for `svl merge`
-    #[arg(long, value_name = "I/N", requires = "out", conflicts_with_all = ["gate", "check"])]
+    #[arg(long, value_name = "I/N", requires = "output", conflicts_with_all = ["gate", "check"])]
     shard: Option<Shard>,
-    /// Go on with the killed or interrupted run in the report's folder: what its rows hold is not
-    /// matched again
+    /// Go on with the interrupted run in the report's folder
+    ///
+    /// What the rows of the killed or interrupted run hold is not matched again.
     #[arg(long)]
     resume: bool,
     /// Which drives of kind = "drive" are kept as recordings in the report; each takes about 80 MB
     /// [default: all]
     #[arg(long, value_name = "all|none", hide_possible_values = true)]
     drives: Option<KeptDrives>,
-    /// Fail when a limit of the scenario's [[gate]] is broken
-    #[arg(long)]
-    gate: bool,
     /// Write the limits of --gate as JUnit's XML; replaces the file
     #[arg(long, value_name = "FILE.xml", requires = "gate")]
     junit: Option<PathBuf>,
@@ -153,7 +165,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             "{named}: has no [[gate]], so there is nothing to fail; scenarios/arena.toml shows some"
         )));
     }
-    let folder = args.out.clone().unwrap_or_else(|| {
+    let folder = args.output.clone().unwrap_or_else(|| {
         let kind = if args.check { "-check" } else { "" };
         Path::new("reports").join(format!("{}{kind}", scenario.name))
     });

@@ -39,13 +39,13 @@ pub(crate) struct Args {
         short, long, value_name = "FILE.toml",
         value_parser = usage::ending(&["toml"])
     )]
-    out: PathBuf,
-    /// Replace the files
+    output: PathBuf,
+    /// Replace files that exist
     #[arg(long)]
     force: bool,
     /// Whose cells are learned: v5, or any algorithm in scenarios with decision = "safe"
     #[arg(
-        long, value_name = "NAME[:key=value,…]", default_value = "v5",
+        long, value_name = "ALGO", default_value = "v5",
         value_parser = usage::algorithm
     )]
     algo: Algorithm,
@@ -67,8 +67,8 @@ const FEWEST: usize = 20;
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let target = CellTarget::of(&args.algo)?;
-    let page = args.out.with_extension("html");
-    let paths = [&args.out, &page].into_iter().chain(&args.samples);
+    let page = args.output.with_extension("html");
+    let paths = [&args.output, &page].into_iter().chain(&args.samples);
     let mut outputs = Outputs::claim(args.force, [], paths.map(PathBuf::as_path))?;
     let terminal = &Terminal { quiet };
     let mut learned = LearnedCells::default();
@@ -119,7 +119,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let manifest = Manifest::new("train cells", std::slice::from_ref(&args.algo))?;
     outputs.set_aside()?;
     let head = header(&manifest, &groups, &training);
-    write(&args.out, head + &fit.table.to_toml())?;
+    write(&args.output, head + &fit.table.to_toml())?;
     write(&page, training.page(manifest.entries())?)?;
     if let Some(path) = &args.samples {
         write(path, samples_csv(&samples, &groups)?)?;
@@ -128,7 +128,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if args.json {
         print_json(&training)
     } else {
-        let (table, page) = (args.out.display(), page.display());
+        let (table, page) = (args.output.display(), page.display());
         let training = training.terminal(style());
         print(&format!("{training}\n{table}\n{page}"))
     }

@@ -22,10 +22,10 @@ use svl::train::{LabelledRuns, train, windows};
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  svl train filter scenarios/floor-training.toml --filter floor \\
+  svl train filter scenarios/floor-training.toml --kind floor \\
     -o floor.safetensors
-  svl label windows run1.mcap --filter floor
-  svl train filter run1.mcap run2.mcap run3.mcap --filter floor \\
+  svl label windows run1.mcap --kind floor
+  svl train filter run1.mcap run2.mcap run3.mcap --kind floor \\
     --hidden 25,50,100..1000/100 -o own-floor.safetensors
   svl replay run4.mcap --algo v3 --filter own-floor.safetensors
 
@@ -37,14 +37,14 @@ pub(crate) struct Args {
     labelled: Vec<PathBuf>,
     /// What it is to detect: floor or too-close
     #[arg(long, value_name = "NAME")]
-    filter: FilterKind,
+    kind: FilterKind,
     /// Filter to write; a page of the same name, .html, is written beside it
     #[arg(
         short, long, value_name = "FILE.safetensors",
         value_parser = usage::ending(&["safetensors"])
     )]
-    out: PathBuf,
-    /// Replace the files
+    output: PathBuf,
+    /// Replace files that exist
     #[arg(long)]
     force: bool,
     /// Hidden neurons, as 55 or 25,50,100..1000/100: of several sizes, each with three seeds, the
@@ -124,9 +124,9 @@ fn scaling(text: &str) -> Result<Scaling, String> {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let page = args.out.with_extension("html");
-    let mut outputs = Outputs::claim(args.force, [], [args.out.as_path(), &page])?;
-    let spec = args.filter.spec();
+    let page = args.output.with_extension("html");
+    let mut outputs = Outputs::claim(args.force, [], [args.output.as_path(), &page])?;
+    let spec = args.kind.spec();
     let features = Features {
         scaling: args.scaling.unwrap_or(spec.features.scaling),
         mean: spec.features.mean && !args.no_mean,
@@ -134,13 +134,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let terminal = &Terminal { quiet };
     let labelled = labelled(args, terminal)?;
-    let (mut samples, names) = windows(
-        args.filter,
-        features,
-        args.max_disparity,
-        labelled,
-        terminal,
-    )?;
+    let (mut samples, names) =
+        windows(args.kind, features, args.max_disparity, labelled, terminal)?;
     let (hidden, seeds) = match &args.hidden {
         None => (vec![spec.hidden], vec![args.seed]),
         Some(Sizes(one)) if one.len() == 1 => (one.clone(), vec![args.seed]),
@@ -155,12 +150,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let (model, training) = train(&mut samples, &settings, terminal)?;
     let manifest = Manifest::new("train filter", &[])?;
     outputs.set_aside()?;
-    write(&args.out, model.to_bytes())?;
+    write(&args.output, model.to_bytes())?;
     let mut identity = manifest.entries();
     identity.push(("recordings".to_owned(), names.join(", ")));
     write(&page, training.page(identity)?)?;
     outputs.commit();
-    let (file, page) = (args.out.display(), page.display());
+    let (file, page) = (args.output.display(), page.display());
     if args.json {
         print_json(&training)?;
     } else {
@@ -183,18 +178,18 @@ fn labelled(args: &Args, terminal: &Terminal) -> anyhow::Result<Vec<LabelledRuns
             labels.push(None);
             continue;
         }
-        let table = FrameLabels::path(path, args.filter);
+        let table = FrameLabels::path(path, args.kind);
         if !path.exists() {
             let path = path.display();
             bail!("{path}: no such file or folder; check the name");
         }
         if !table.exists() {
-            let (path, filter) = (path.display(), args.filter);
-            bail!("{path}: has no labels; `svl label windows {path} --filter {filter}` makes them");
+            let (path, kind) = (path.display(), args.kind);
+            bail!("{path}: has no labels; `svl label windows {path} --kind {kind}` makes them");
         }
         let files = [path.display().to_string()];
         scenarios.push(Scenario::of_recordings(&files, Vec::new())?);
-        let of_table = FrameLabels::read(&table, args.filter)?;
+        let of_table = FrameLabels::read(&table, args.kind)?;
         if let Some(sequence) = of_table.untied() {
             let (table, path) = (table.display(), path.display());
             tracing::warn!(

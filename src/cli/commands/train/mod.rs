@@ -10,7 +10,7 @@ use clap::Subcommand;
 #[command(after_help = "\
 Examples:
   svl train cells scenarios/arena.toml --seeds 4..10 -o table.toml
-  svl train filter a.mcap b.mcap c.mcap --filter floor -o floor.safetensors")]
+  svl train filter a.mcap b.mcap c.mcap --kind floor -o floor.safetensors")]
 pub(crate) struct Args {
     #[command(subcommand)]
     what: Train,

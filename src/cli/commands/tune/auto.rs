@@ -24,7 +24,7 @@ const FIRST_PAIRS: usize = 8;
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let terminal = &Terminal { quiet };
-    let out = args.out.as_deref().context("--out is required")?;
+    let out = args.output.as_deref().context("-o is required")?;
     if let Some(cameras) = args.what.iter().find(|name| grab::driver(name).is_some()) {
         let cure = format!("record them first: svl record {cameras}");
         return Err(usage::wrong(format!("{cameras}: are cameras; {cure}")));

@@ -54,30 +54,37 @@ A search that is interrupted writes the best so far; the same command with
 pub(crate) struct Args {
     /// A recording, a bag, a folder, a scene, the arena, a scenario, or cameras; with --auto also
     /// several recordings
-    #[arg(required = true, value_name = "SOURCE", value_parser = SourceParser)]
+    #[arg(
+        required = true, value_name = "SOURCE", value_parser = SourceParser,
+        hide_possible_values = true
+    )]
     what: Vec<String>,
-    /// Algorithm to tune, with the setting that it begins with; may be given more than once
-    /// [default: v5]
-    #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
+    /// Algorithm, as NAME[:key=value,…]; repeatable [default: v5]
+    ///
+    /// With the setting that it begins with.
+    #[arg(long, value_name = "ALGO", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
-    /// Take grid, cell rule and checkpoints from this scenario
+    /// Take grid, cell rule and checkpoints from it
     #[arg(long, value_name = "S.toml")]
     scenario: Option<PathBuf>,
     #[command(flatten)]
     filters: FilterArgs,
-    /// Show the frame in Rerun: a new viewer, a running one, a file, or not [default: spawn; none
-    /// with --script]
-    #[arg(long, value_name = "spawn|URL|FILE.rrd|none", conflicts_with = "auto")]
+    /// Rerun: spawn, URL, FILE.rrd, or none
+    ///
+    /// A new viewer, a running one, a file, or none [default: spawn; with --script none].
+    #[arg(long, value_name = "WHERE", conflicts_with = "auto")]
     rerun: Option<RerunChoice>,
     /// Take the keys from a file instead of a terminal, one token per key: characters, \"text\",
     /// enter, up, shift-left, tab, ctrl-r, wait (until all is done), screen (prints it), ...
     #[arg(long, value_name = "FILE", conflicts_with = "auto")]
     script: Option<PathBuf>,
-    /// Scenario to write: by hand proposed for w, with --auto where the best is written. Beside it
-    /// a .md says what was tried
+    /// Scenario to write
+    ///
+    /// By hand it is proposed for w, with --auto the best is written there. Beside it a .md says
+    /// what was tried.
     #[arg(short, long, value_name = "FILE.toml", value_parser = usage::ending(&["toml"]))]
-    out: Option<PathBuf>,
-    /// Replace the files of --out
+    output: Option<PathBuf>,
+    /// Replace files that exist
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -93,13 +100,16 @@ pub(crate) struct Args {
 #[command(next_help_heading = "Search")]
 struct SearchArgs {
     /// Search instead of a person
-    #[arg(long, requires = "out")]
+    #[arg(long, requires = "output")]
     auto: bool,
-    /// Parameter to vary; may be given more than once [default: all that change the result, around
-    /// their values]
-    #[arg(long, value_name = "NAME[=FROM..TO|=A/B]", requires = "auto")]
+    /// Parameter to vary: NAME, NAME=FROM..TO, NAME=A/B
+    ///
+    /// May be given more than once [default: all that change the result, around their values].
+    #[arg(long, value_name = "NAME", requires = "auto")]
     vary: Vec<String>,
-    /// Metric to be as large as possible [default: right, or unrivalled without truth]
+    /// Metric to be as large as possible
+    ///
+    /// [default: right, or unrivalled without truth]
     #[arg(
         long,
         value_name = "METRIC",
@@ -110,13 +120,15 @@ struct SearchArgs {
     /// Metric to be as small as possible
     #[arg(long, value_name = "METRIC", requires = "auto")]
     minimize: Option<String>,
-    /// Bound that the best has to keep, as 'wrong<=3%', or as a multiple of what --algo has:
-    /// 'time<=1.2x' [default: wrong, missed and blind <=1x,
-    /// time<=1.5x]
-    #[arg(long, value_name = "METRIC<=X[%|x]", requires = "auto")]
+    /// Bound that the best has to keep: METRIC<=X[%|x]
+    ///
+    /// As 'wrong<=3%', or as a multiple of what --algo has: 'time<=1.2x' [default: wrong, missed and
+    /// blind <=1x, time<=1.5x].
+    #[arg(long, value_name = "BOUND", requires = "auto")]
     subject_to: Vec<Constraint>,
-    /// Recordings or a scenario that judge what was found [default: a part of the runs that is held
-    /// out]
+    /// Recordings or a scenario that test what was found
+    ///
+    /// [default: a part of the runs that is held out]
     #[arg(long, value_name = "SOURCE", num_args = 1.., requires = "auto")]
     test: Vec<String>,
     /// Seeds of the arena that judge what was found
@@ -261,7 +273,7 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
         stepper.say(words);
     }
     let files = args.filters.files(&filters);
-    let mut tuner = Tuner::new(settings, worker, args.out.clone(), scenario, files);
+    let mut tuner = Tuner::new(settings, worker, args.output.clone(), scenario, files);
     let mut screen = match args.script {
         Some(_) => Screen::in_memory()?,
         None => Screen::of_terminal()?,

@@ -27,7 +27,7 @@ Examples:
   svl calibrate distance 130cm=far.mcap 80cm=middle.mcap 30cm=near.mcap
   svl calibrate distance target.csv --figure curve.svg --table curve.csv
   svl calibrate distance 1.3m=a.mcap 0.8m=b.mcap 0.3m=c.mcap \\
-      --algo v3 --cells 1,1 2,1 3,1
+      --algo v3 --target 1,1 2,1 3,1
 
 A CSV has the columns distance_cm and disparity_px, or distance_cm and
 recording (paths from the CSV's folder). In a recording the target stands
@@ -41,14 +41,14 @@ pub(super) struct Args {
     measurements: Vec<String>,
     /// Algorithm that matches the recordings, as `svl algos` lists them
     #[arg(
-        long, value_name = "NAME[:key=value,…]", default_value = "v3",
+        long, value_name = "ALGO", default_value = "v3",
         value_parser = usage::algorithm
     )]
     algo: Algorithm,
     /// Cells of the 5 x 3 grid that show the target [default: those that agree with the middle one,
     /// joined to it]
     #[arg(long, value_name = "COLUMN,ROW", num_args = 1.., value_parser = cell)]
-    cells: Vec<(usize, usize)>,
+    target: Vec<(usize, usize)>,
     /// Draw both curves with the measurements (figure 5.1)
     #[arg(long, value_name = "FIGURE.svg", value_parser = usage::ending(&["svg"]))]
     figure: Option<PathBuf>,
@@ -82,7 +82,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut outputs = Outputs::claim(args.force, inputs, outputs.into_iter().flatten())?;
     let measuring = Measuring {
         algorithm: &args.algo,
-        cells: &args.cells,
+        cells: &args.target,
         quiet,
     };
     let found = measurements(&args.measurements, &measuring)?;

@@ -57,10 +57,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "COLUMNSxROWS", value_parser = grid)]
     grid: Option<GridShape>,
     /// Show beside each cell what this algorithm reports there
-    #[arg(long, value_name = "NAME[:key=value,…]", value_parser = usage::algorithm)]
+    #[arg(long, value_name = "ALGO", value_parser = usage::algorithm)]
     algo: Option<Algorithm>,
-    /// Show the frames in Rerun too: a new viewer, a running one, a file, or none
-    #[arg(long, value_name = "spawn|URL|FILE.rrd|none", default_value = "none")]
+    /// Rerun, too: spawn, URL, FILE.rrd, or none
+    ///
+    /// A new viewer, a running one, a file, or none.
+    #[arg(long, value_name = "WHERE", default_value = "none")]
     rerun: RerunChoice,
     /// Take the keys from a file instead of a terminal, one token per key: characters, \"text\",
     /// enter, esc, left, space, click:COLUMN,ROW, screen (prints it), ...

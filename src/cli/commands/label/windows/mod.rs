@@ -32,11 +32,11 @@ pub(crate) struct Args {
     input: LabelInput,
     /// The filter that it is for: floor or too-close
     #[arg(long, value_name = "NAME")]
-    filter: FilterKind,
+    kind: FilterKind,
     /// Label by the truth of a simulated source; those of both kinds are skipped
     #[arg(long)]
     from_truth: bool,
-    /// Replace the table, with --from-truth
+    /// Replace files that exist
     #[arg(long, requires = "from_truth")]
     force: bool,
     /// Of too-close by truth: the range of disparities, pixels
@@ -54,7 +54,7 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args, of_windows: bool, quiet: bool) -> anyhow::Result<()> {
     let name = args.input.source.as_str();
     args.input.check()?;
-    let path = FrameLabels::path(Path::new(name), args.filter);
+    let path = FrameLabels::path(Path::new(name), args.kind);
     let request = args.input.request();
     if args.from_truth {
         return from_truth(args, of_windows, &request, &path, quiet);
@@ -68,9 +68,9 @@ pub(super) fn run(args: &Args, of_windows: bool, quiet: bool) -> anyhow::Result<
         }
     };
     let labels = if path.exists() {
-        FrameLabels::read(&path, args.filter)?
+        FrameLabels::read(&path, args.kind)?
     } else {
-        FrameLabels::new(args.filter)
+        FrameLabels::new(args.kind)
     };
     let first = RefCell::new(Some(source::open(request.clone(), quiet)?.source));
     let open: Open<'_> = Box::new(|| match first.take() {
@@ -115,7 +115,7 @@ fn from_truth(
 ) -> anyhow::Result<()> {
     let mut outputs = Outputs::claim(args.force, [], [path])?;
     let mut opened = source::open(request.clone(), quiet)?;
-    let (kind, range_px) = (args.filter, args.max_disparity);
+    let (kind, range_px) = (args.kind, args.max_disparity);
     let of_frame = CollectSink::new(move |judged| {
         let frame = &judged.frame;
         let side = kind.spec().features.window;
@@ -178,7 +178,7 @@ fn from_truth(
             (_, true) => bail!("{source}: all of its {of_both} show {is} and {is_not} alike"),
             (_, false) => bail!(
                 "{source}: its {of_both} show {is} and {is_not}, so none is one of them as a \
-                 whole; label their windows: svl label windows {source} --filter {kind} \
+                 whole; label their windows: svl label windows {source} --kind {kind} \
                  --from-truth"
             ),
         }

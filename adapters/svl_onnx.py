@@ -2,7 +2,7 @@
 """A network in ONNX as a matcher for svl, by onnxruntime on the CPU or CUDA.
 
     pip install numpy onnxruntime            # with CUDA: onnxruntime-gpu
-    svl score arena --algo v5 --algo "net=exec:command='python3 onnx.py model.onnx --multiple 16'"
+    svl score arena --algo v5 --algo "net=exec:command='python3 svl_onnx.py model.onnx --multiple 16'"
 
 svl_matcher has to be there: `pip install` svl's adapters/python, or
 `svl algos exec --example python > svl_matcher.py` in this file's folder.
@@ -15,15 +15,12 @@ import argparse
 import sys
 from pathlib import Path
 
-import numpy as np
-
-# svl_matcher: installed, beside this file, or in svl's repository.
+# A file beside this one, as onnx.py, must not take the place of a package; svl_matcher may be beside it.
 here = Path(__file__).resolve().parent
-sys.path.append(str(here / "python"))
+elsewhere = [folder for folder in sys.path if Path(folder or ".").resolve() != here]
+sys.path = [*elsewhere, str(here), str(here / "python")]
+import numpy as np
 import svl_matcher
-
-# This file has the name of a package.
-sys.path = [folder for folder in sys.path if Path(folder or ".").resolve() != here]
 
 
 def arguments():
@@ -68,6 +65,10 @@ class OnnxMatcher:
         fixed = self.inputs[0].shape[2:]
         if all(isinstance(n, int) for n in fixed):
             self.options.size, self.options.multiple = tuple(fixed), 1
+        batch, wanted = self.inputs[0].shape[0], self.options.batch
+        if isinstance(batch, int) and batch != wanted:
+            cure = f"--batch {batch}" if batch > 1 else "leave --batch out"
+            sys.exit(f"{model}: its batch is fixed: {batch}, not {wanted}; {cure}")
         self.kind = np.float16 if "float16" in self.inputs[0].type else np.float32
         device = "CPU" if session.get_providers()[0].startswith("CPU") else "CUDA"
         # It falls back by itself where libraries or the device are missing.

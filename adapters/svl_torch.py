@@ -2,8 +2,8 @@
 """A network in PyTorch as a matcher for svl: TorchScript, or a Python function that makes it.
 
     pip install numpy torch
-    svl score arena --algo v5 --algo "net=exec:command='python3 torch.py model.pt'"
-    svl score arena --algo v5 --algo "net=exec:command='python3 torch.py --entry mynet:load weights.pth'"
+    svl score arena --algo v5 --algo "net=exec:command='python3 svl_torch.py model.pt'"
+    svl score arena --algo v5 --algo "net=exec:command='python3 svl_torch.py --entry mynet:load weights.pth'"
 
 svl_matcher has to be there: `pip install` svl's adapters/python, or
 `svl algos exec --example python > svl_matcher.py` in this file's folder.
@@ -18,13 +18,13 @@ import os
 import sys
 from pathlib import Path
 
-# svl_matcher: installed, beside this file, or in svl's repository.
+# A file beside this one, as onnx.py, must not take the place of a package; svl_matcher may be beside it.
 here = Path(__file__).resolve().parent
-sys.path.append(str(here / "python"))
+elsewhere = [folder for folder in sys.path if Path(folder or ".").resolve() != here]
+sys.path = [*elsewhere, str(here), str(here / "python")]
 import svl_matcher
 
-# This file has the name of a package; a module of an entry may lie in the working folder.
-sys.path = [folder for folder in sys.path if Path(folder or ".").resolve() != here]
+# A module of an entry may be in the working folder.
 sys.path.append(os.getcwd())
 
 

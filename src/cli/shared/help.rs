@@ -1,0 +1,233 @@
+//! Help: the groups of the front page, the headings of options, and what `-h` leaves to `--help`.
+
+use super::source::{CameraArgs, sources_help};
+use clap::builder::StyledStr;
+use clap::{Arg, ArgAction, Args, Command};
+use svl::scenario::SourceOptions;
+
+/// Commands on the front page.
+const GROUPS: &[(&str, &[&str])] = &[
+    (
+        "Record and replay",
+        &["record", "replay", "view", "info", "recover"],
+    ),
+    (
+        "Score and compare",
+        &["score", "merge", "compare", "match", "eval", "bench"],
+    ),
+    ("Tune and train", &["tune", "label", "train"]),
+    ("Calibrate", &["calibrate"]),
+    ("Thesis", &["reproduce"]),
+    (
+        "Lists and help",
+        &["algos", "columns", "datasets", "generate", "help"],
+    ),
+];
+
+/// Headings of options that declare none, by their names.
+const HEADINGS: &[(&str, &[&str])] = &[
+    (
+        "Input",
+        &[
+            "algo",
+            "sample",
+            "filter",
+            "kind",
+            "data",
+            "seed",
+            "frames",
+            "duration",
+            "bits",
+            "calib",
+            "size",
+            "from",
+            "unit",
+            "scenario",
+            "target",
+            "squares",
+            "square_m",
+            "object_map",
+            "mask",
+            "right_truth",
+            "map",
+            "list",
+        ],
+    ),
+    (
+        "Scoring",
+        &[
+            "stress",
+            "repeat",
+            "check",
+            "gate",
+            "fail_on",
+            "allow_loss",
+            "protocol",
+            "scale",
+            "max_disparity",
+            "verify",
+            "pairs",
+            "grid",
+            "from_truth",
+            "hidden",
+            "scaling",
+            "no_mean",
+            "epochs",
+        ],
+    ),
+    (
+        "Output",
+        &[
+            "output",
+            "force",
+            "rows",
+            "cells",
+            "why",
+            "preview",
+            "evidence",
+            "error_map",
+            "figure",
+            "table",
+            "samples",
+            "compress",
+            "ros2",
+            "rerun",
+            "rerun_detail",
+            "drives",
+            "sort",
+            "columns",
+            "explain",
+            "history",
+            "page",
+            "junit",
+            "print_scenario",
+            "to",
+            "rectify",
+            "example",
+            "web",
+            "markdown",
+            "json",
+        ],
+    ),
+    (
+        "Run",
+        &[
+            "shard", "resume", "script", "rate", "yes", "threads", "verbose", "quiet", "help",
+            "version",
+        ],
+    ),
+];
+
+/// Options that `-h` leaves to `--help`.
+const LONG_OPTIONS: &[&str] = &[
+    "sample",
+    "rerun_detail",
+    "drives",
+    "junit",
+    "print_scenario",
+    "script",
+    "scaling",
+    "no_mean",
+    "epochs",
+    "samples",
+    "search_seed",
+    "test_seeds",
+    "trials",
+    "pairs",
+];
+
+/// Most lines that `-h` shows below the options.
+const MOST_LINES: usize = 7;
+
+/// The command line with its help arranged.
+pub(crate) fn arranged(program: Command) -> Command {
+    let groups = groups(&program);
+    let template = format!(
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}\nOptions:\n{{options}}{{after-help}}"
+    );
+    with_headings(program.help_template(template), "svl")
+}
+
+/// The commands in their groups.
+fn groups(program: &Command) -> String {
+    let about = |name: &&str| {
+        let command = program.find_subcommand(name);
+        let about = command.and_then(Command::get_about);
+        format!("  {name:<10} {}\n", about.cloned().unwrap_or_default())
+    };
+    let group = |(title, names): &(&str, &[&str])| {
+        let lines: String = names.iter().map(about).collect();
+        format!("{title}:\n{lines}")
+    };
+    GROUPS.iter().map(group).collect::<Vec<_>>().join("\n")
+}
+
+/// The names of an argument group's options.
+fn ids<A: Args>() -> Vec<clap::Id> {
+    let command = A::augment_args(Command::new(""));
+    command
+        .get_arguments()
+        .map(|arg| arg.get_id().clone())
+        .collect()
+}
+
+/// The command with a heading for each option, and with what `-h` shows of it.
+fn with_headings(command: Command, path: &str) -> Command {
+    let shared = [
+        ("Source", ids::<SourceOptions>()),
+        ("Cameras", ids::<CameraArgs>()),
+    ];
+    // A name of one group may be another option of a command without that group.
+    let has = |ids: &[clap::Id]| {
+        ids.iter()
+            .all(|id| command.get_arguments().any(|arg| arg.get_id() == id))
+    };
+    let shared: Vec<_> = shared.into_iter().filter(|(_, ids)| has(ids)).collect();
+    let has_sources = !shared.is_empty();
+    let command = command.mut_args(|arg| {
+        let id = arg.get_id();
+        if let Some((heading, _)) = shared.iter().find(|(_, ids)| ids.contains(id)) {
+            return arg.help_heading(*heading).hide_short_help(true);
+        }
+        let is_long = LONG_OPTIONS.contains(&id.as_str());
+        let heading = HEADINGS.iter().find(|(_, ids)| ids.contains(&id.as_str()));
+        let heading = heading.filter(|_| !arg.is_positional() && arg.get_help_heading().is_none());
+        let arg = match heading {
+            Some((heading, _)) => arg.help_heading(*heading),
+            None => arg,
+        };
+        arg.hide_short_help(is_long)
+    });
+    let below = command.get_after_help().map(StyledStr::to_string);
+    let below = below.unwrap_or_default();
+    let mut short = String::new();
+    if has_sources {
+        short += "Source options: svl help sources\n";
+    }
+    short += &if below.lines().count() > MOST_LINES {
+        format!("Examples: {path} --help")
+    } else {
+        below.clone()
+    };
+    let command = command.after_long_help(below).after_help(short);
+    command.mut_subcommands(|command| {
+        let path = format!("{path} {}", command.get_name());
+        with_headings(command, &path)
+    })
+}
+
+/// The page of `svl help sources`.
+pub(crate) fn sources_page() -> Command {
+    let help = Arg::new("help").long("help").action(ArgAction::Help);
+    let page = Command::new("svl")
+        .disable_help_flag(true)
+        .arg(help.hide(true))
+        .max_term_width(100);
+    let page = CameraArgs::augment_args(SourceOptions::augment_args(page));
+    let page = page
+        .about("The options of sources, equal in every command that opens one")
+        .long_about(None)
+        .help_template("{about-with-newline}\n{all-args}{after-help}")
+        .after_help(sources_help());
+    with_headings(page, "svl help sources")
+}
