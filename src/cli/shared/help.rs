@@ -143,7 +143,8 @@ const MOST_LINES: usize = 7;
 pub(crate) fn arranged(program: Command) -> Command {
     let groups = groups(&program);
     let template = format!(
-        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}\nOptions:\n{{options}}{{after-help}}"
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}\n\
+         Options:\n{{options}}{{after-help}}"
     );
     with_headings(program.help_template(template), "svl")
 }

@@ -388,8 +388,8 @@ impl SourceOptions {
         checked.map_err(|error| error.to_string())
     }
 
-    /// Takes paths from a folder: those of calibrations, data sets and algorithms, which then are as
-    /// usable from the working folder. Files stay, as patterns are expanded below the folder.
+    /// Takes paths from a folder: those of calibrations, data sets and algorithms, which then are
+    /// as usable from the working folder. Files stay, as patterns are expanded below the folder.
     pub(super) fn rooted(mut self, folder: &Path) -> Self {
         self.calib = self
             .calib

@@ -158,7 +158,8 @@ mod tests {
                     algorithms = [\"exec:command='python3 net.py --fast',max_disparity=9\", \
                     \"net=exec:command=net.py\", \"v3\"]\n\
                     [source]\nkind = \"recording\"\nfiles = [\"*.mcap\"]\n\
-                    [[gate]]\nalgorithm = \"exec:command='python3 net.py --fast',max_disparity=9\"\n\
+                    [[gate]]\n\
+                    algorithm = \"exec:command='python3 net.py --fast',max_disparity=9\"\n\
                     metric = \"wrong\"\nmax = 0.03\n";
         let scenario = Scenario::parse(text, &at("a b/s.toml")).unwrap();
         let program = at("a b/net.py").display().to_string();

@@ -122,8 +122,8 @@ struct SearchArgs {
     minimize: Option<String>,
     /// Bound that the best has to keep: METRIC<=X[%|x]
     ///
-    /// As 'wrong<=3%', or as a multiple of what --algo has: 'time<=1.2x' [default: wrong, missed and
-    /// blind <=1x, time<=1.5x].
+    /// As 'wrong<=3%', or as a multiple of what --algo has: 'time<=1.2x' [default: wrong, missed
+    /// and blind <=1x, time<=1.5x].
     #[arg(long, value_name = "BOUND", requires = "auto")]
     subject_to: Vec<Constraint>,
     /// Recordings or a scenario that test what was found
