@@ -13,7 +13,6 @@ mod measure;
 mod outliers;
 mod solution;
 mod start;
-mod text;
 
 pub use solution::{
     CameraEstimate, Corner, Correlation, EpipolarError, Estimated, Fit, Solution, ViewFit,

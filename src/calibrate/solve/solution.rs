@@ -1,6 +1,7 @@
 //! The result of a calibration, with standard deviations.
 
 use serde::Serialize;
+use std::fmt::{Display, Formatter};
 use svl_core::stereo::{LengthUnit, StereoCalibration};
 
 /// An estimated value with its standard deviation.
@@ -170,5 +171,31 @@ pub(super) fn unit(unit: LengthUnit) -> &'static str {
     match unit {
         LengthUnit::Metres => "metres",
         LengthUnit::Squares => "squares",
+    }
+}
+
+impl Display for Estimated {
+    /// As `533.42 ± 0.34`: two significant digits of the standard deviation, and as many decimals
+    /// of the value.
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let Self { value, deviation } = self;
+        // The cast saturates at 0.
+        let digits = if *deviation > 0.0 {
+            (1.0 - deviation.log10().floor()).min(9.0) as usize
+        } else {
+            9
+        };
+        f.pad(&format!("{value:.digits$} ± {deviation:.digits$}"))
+    }
+}
+
+impl Solution {
+    /// The symbol of [`Solution::unit`].
+    pub fn unit_sign(&self) -> &'static str {
+        if self.unit == "metres" {
+            "m"
+        } else {
+            "squares"
+        }
     }
 }
