@@ -140,9 +140,11 @@ impl Missing {
         } = self.losses;
         let failing = self.algorithms.iter().filter(|(_, of)| of.failed > 0);
         let others = failing.clone().count().saturating_sub(1) as u64;
-        let others = (others > 0)
-            .then(|| format!(" ({} on no more)", counted(others, "other algorithm")))
-            .unwrap_or_default();
+        let others = if others > 0 {
+            format!(" ({} on no more)", counted(others, "other algorithm"))
+        } else {
+            String::new()
+        };
         let failures = failing.max_by_key(|(_, of)| of.failed).map(|(label, of)| {
             let pairs = counted(of.pairs, "pair");
             format!("{label} failed on {} of {pairs}{others}", of.failed)
@@ -305,7 +307,8 @@ mod tests {
         };
         let mut all = missing(10, losses.clone(), &[(10, 1)]);
         all.add(missing(5, losses, &[(5, 0), (5, 5)]));
-        let words = "2 pairs could not be read and a1 failed on 5 of 5 pairs (1 other algorithm on no more)";
+        let words = "2 pairs could not be read and a1 failed on 5 of 5 pairs (1 other algorithm on \
+                     no more)";
         assert_eq!(all.words().as_deref(), Some(words));
         assert_eq!((all.pairs, all.losses.lost()), (15, 2));
         let json = serde_json::to_string(&all).unwrap();

@@ -112,7 +112,8 @@ fn collisions_have_limits() {
     let fixture = Fixture::new();
     let limits = |collisions: u32| {
         format!(
-            "gate = [\n{{ algorithm = \"truth\", metric = \"finished\", min = 0.9999 }},\n{{ algorithm \
+            "gate = [\n{{ algorithm = \"truth\", metric = \"finished\", min = 0.9999 \
+             }},\n{{ algorithm \
              = \"blind\", metric = \"collisions\", max = {collisions} }}]\n"
         )
     };

@@ -1,6 +1,7 @@
 //! A table of texts and bars: one form for terminal, Markdown, LaTeX and HTML.
 //!
-//! [`Table::terminal`], [`Table::markdown`] and [`Table::latex`] render it; a page gets it serialized and renders it
+//! [`Table::terminal`], [`Table::markdown`] and [`Table::latex`] render it; a page gets it
+//! serialized and renders it
 //! with the macro `table` of `tables.html`.
 
 mod latex;
