@@ -1,7 +1,7 @@
 //! The rows of an unfinished report as a log: what `svl score --resume` need not match again.
 
-use super::rows::{CellRow, CsvCells, Record, Row, hash_words};
-use std::collections::HashMap;
+use super::rows::{CellRow, CsvCells, FailureRow, Record, Row, hash_words};
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use svl_core::depth::GridSettings;
@@ -10,7 +10,7 @@ use svl_core::timing::{Stage, StageTimes};
 use svl_core::{Error, Result};
 use svl_data::files::ColumnPlaces;
 use svl_data::manifest::{Manifest, Purpose};
-use svl_data::score::RunPart;
+use svl_data::score::{MatchFailure, RunPart};
 
 /// The run that a killed or interrupted `svl score` left in a folder.
 pub struct EarlierRun {
@@ -46,6 +46,14 @@ impl EarlierRun {
         manifest.resumed = earlier.resumed;
         manifest.warnings = earlier.warnings;
         manifest.resumed.push(resumed);
+        for (own, before) in manifest.algorithms.iter_mut().zip(earlier.algorithms) {
+            // They come again, of all parts.
+            let of_part: Vec<_> = before.warnings().collect();
+            manifest
+                .warnings
+                .retain(|warning| !of_part.contains(warning));
+            own.program = before.program;
+        }
         Ok(Some(Self { others }))
     }
 }
@@ -101,6 +109,14 @@ impl ResultLog {
             log.take(other, grid)?;
         }
         log.others = earlier.others;
+        // The pairs that failed are matched again, and those that fail again are told again.
+        let failures = whole_rows::<FailureRow>(&folder.join("failures.csv"))?;
+        let words = |row: FailureRow| {
+            let (algorithm, reason) = (row.algorithm, row.reason);
+            MatchFailure { algorithm, reason }.words(row.sequence)
+        };
+        let told: HashSet<_> = failures.into_iter().map(words).collect();
+        manifest.warnings.retain(|warning| !told.contains(warning));
         Ok(log)
     }
 

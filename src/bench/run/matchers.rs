@@ -2,7 +2,7 @@
 
 use crate::report::LoggedResult;
 use std::collections::VecDeque;
-use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, ProgramRecord};
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use svl_core::stereo::{DisparityMap, RectifiedPair, Rig};
 use svl_core::timing::StageTimes;
 use svl_core::{Error, Result};
@@ -132,11 +132,16 @@ impl Matchers {
     pub fn complete(&self, manifest: &mut Manifest) {
         for record in &mut manifest.algorithms {
             if let Some(entry) = self.0.iter().find(|entry| entry.label == record.label) {
-                record.program = entry.matcher.program();
+                // Of a resumed run the record is that of the part before.
+                let earlier = record.program.take();
+                record.program = match (entry.matcher.program(), earlier) {
+                    (Some(program), Some(earlier)) => Some(program.after(&earlier)),
+                    (program, earlier) => program.or(earlier),
+                };
                 let process = record.program.as_ref().and_then(|p| p.memory_bytes);
                 record.memory_bytes = process.or(entry.memory.map(|memory| memory.peak));
-                for warning in record.program.iter().flat_map(ProgramRecord::warnings) {
-                    tracing::warn!("{}: {warning}", entry.label);
+                for warning in record.warnings() {
+                    tracing::warn!("{warning}");
                 }
                 record.failed_pairs = entry.failed_pairs;
                 record.failure.clone_from(&entry.failure);

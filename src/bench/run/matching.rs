@@ -51,7 +51,10 @@ pub(super) fn judged(judge: &Judge, frame: Frame, of_frame: MatchedFrame) -> Jud
     judged.failures = of_frame.failures;
     for (scored, logged) in judged.estimates.iter_mut().zip(logged) {
         if let Some((metrics, hash)) = logged {
+            // Another algorithm may answer now that failed before.
+            let agreed = scored.metrics.get("agreed");
             scored.metrics = metrics;
+            scored.metrics.set("agreed", agreed);
             scored.hash = hash;
         }
     }
@@ -143,10 +146,12 @@ impl<'a> Matching<'a> {
             }
         }
         let logged = self.logged(frame);
+        let needs_maps = logged.iter().any(Option::is_some) && self.judge.needs_maps(frame);
         // The first result of a log is matched again: another program behind the same command would
         // go on with other results.
         let is_known = |entry: &RunMatcher, i: usize| {
-            logged[i].is_some() && entry.is_verified && self.needed.get(i) == Some(&false)
+            let is_needed = needs_maps || self.needed.get(i) != Some(&false);
+            logged[i].is_some() && entry.is_verified && !is_needed
         };
         // In turns, so that a slow moment of the machine meets all algorithms.
         let mut rounds: Vec<_> = self.matchers.0.iter().map(|_| Ok(Vec::new())).collect();
@@ -195,11 +200,12 @@ impl<'a> Matching<'a> {
                 Err(error) => {
                     let (algorithm, reason) = (entry.label.clone(), error.to_string());
                     *self.failures.entry(algorithm.clone()).or_default() += 1;
-                    if entry.failed(&reason) {
-                        let failure = format!("{algorithm} on pair {}: {reason}", frame.sequence);
-                        self.monitor.failed(&failure);
+                    let is_news = entry.failed(&reason);
+                    let failure = MatchFailure { algorithm, reason };
+                    if is_news {
+                        self.monitor.failed(&failure.words(frame.sequence));
                     }
-                    of_frame.failures.push(MatchFailure { algorithm, reason });
+                    of_frame.failures.push(failure);
                 }
             }
         }

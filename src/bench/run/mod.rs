@@ -6,6 +6,8 @@
 mod matchers;
 mod matching;
 #[cfg(test)]
+mod resume_tests;
+#[cfg(test)]
 mod tests;
 mod threads;
 mod through;

@@ -84,6 +84,25 @@ impl ProgramRecord {
         }
     }
 
+    /// With the counts of an earlier process. The times are of the one with more pairs.
+    #[must_use]
+    pub fn after(self, earlier: &Self) -> Self {
+        let timed = if earlier.pairs > self.pairs {
+            earlier
+        } else {
+            &self
+        };
+        Self {
+            reported_us: timed.reported_us,
+            waited_us: timed.waited_us,
+            pairs: self.pairs + earlier.pairs,
+            disparities: self.disparities + earlier.disparities,
+            out_of_range: self.out_of_range + earlier.out_of_range,
+            memory_bytes: self.memory_bytes.max(earlier.memory_bytes),
+            ..self
+        }
+    }
+
     /// True if the time that it reports leaves out work: it answers far later.
     pub fn is_time_doubtful(&self) -> bool {
         let limit_us = self.reported_us + self.reported_us / 4 + ODD_US;

@@ -136,6 +136,14 @@ pub struct AlgorithmRecord {
     pub program: Option<ProgramRecord>,
 }
 
+impl AlgorithmRecord {
+    /// What its user should know of its program, once the run is over.
+    pub fn warnings(&self) -> impl Iterator<Item = String> {
+        let of_program = self.program.iter().flat_map(ProgramRecord::warnings);
+        of_program.map(|warning| format!("{}: {warning}", self.label))
+    }
+}
+
 /// The machine. Times depend on it, results do not.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Machine {

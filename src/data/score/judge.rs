@@ -59,6 +59,13 @@ pub struct MatchFailure {
     pub reason: String,
 }
 
+impl MatchFailure {
+    /// What the user is told of it.
+    pub fn words(&self, sequence: u64) -> String {
+        format!("{} on pair {sequence}: {}", self.algorithm, self.reason)
+    }
+}
+
 /// One algorithm's estimate with its score.
 #[derive(Clone, Debug)]
 pub struct JudgedEstimate {
@@ -79,7 +86,7 @@ impl Judge {
         let true_cells = if estimates.is_empty() {
             None
         } else {
-            TrueCells::new(&frame, self.grid.shape(), self.rule(&frame))
+            self.true_cells(&frame)
         };
         let supports = self.supports(&frame, &estimates);
         let estimates = estimates
@@ -97,6 +104,17 @@ impl Judge {
             pair_hash: OnceLock::new(),
             input_hash: OnceLock::new(),
         }
+    }
+
+    fn true_cells(&self, frame: &Frame) -> Option<TrueCells> {
+        TrueCells::new(frame, self.grid.shape(), self.rule(frame))
+    }
+
+    /// True if the score of the frame's cells needs the maps besides their grids: its truth is
+    /// points, which reports are moved to.
+    pub fn needs_maps(&self, frame: &Frame) -> bool {
+        self.true_cells(frame)
+            .is_some_and(|truth| truth.moves_reports())
     }
 
     /// What supports each estimate; only frames without truth need it.

@@ -108,6 +108,11 @@ impl SparseCell {
         self.count() >= MIN_POINTS && (self.covered || self.centred && points_agree())
     }
 
+    /// True if reports are moved to the points; those of a part of the cell move none.
+    pub fn moves_reports(&self) -> bool {
+        self.covered
+    }
+
     /// Excess of the map's median at the points over that in the whole cell; 0 if the points are of
     /// a part of the cell, or the map has too few disparities at them.
     pub fn map_offset(&self, map: &Plane<f32>, columns: &Range<usize>, rows: &Range<usize>) -> f32 {
@@ -116,7 +121,7 @@ impl SparseCell {
             d.is_finite().then_some((d, weight))
         };
         let at_points: Vec<_> = self.points.iter().filter_map(known).collect();
-        if at_points.len() < MIN_POINTS || !self.covered {
+        if at_points.len() < MIN_POINTS || !self.moves_reports() {
             return 0.0;
         }
         let mut all: Vec<f32> = Vec::with_capacity(columns.len() * rows.len());

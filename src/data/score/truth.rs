@@ -122,6 +122,14 @@ impl TrueCells {
         }
     }
 
+    /// True if a report may be moved ([`TrueCells::at_truth`]), so that its map is needed.
+    pub fn moves_reports(&self) -> bool {
+        let points = |cell: &TrueCell| cell.sparse.as_ref().is_some_and(SparseCell::moves_reports);
+        self.cells
+            .iter()
+            .any(|cell| cell.quarter.is_some() && points(cell))
+    }
+
     /// [`TrueCells::at_truth`] of a grid. A cell that is too close claims a side, and stays.
     pub fn reported<'a>(&self, reported: &'a DepthGrid, map: &Plane<f32>) -> Cow<'a, DepthGrid> {
         debug_assert_eq!(self.grid.shape(), reported.shape());

@@ -1,6 +1,6 @@
 //! `svl score --resume`: what was killed goes on, and ends as it would have.
 
-use super::fixture::{Fixture, assert_says};
+use super::fixture::{Fixture, assert_says, pgm};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -225,4 +225,65 @@ fn another_program_behind_the_same_command_does_not_go_on() {
     program("1");
     let ran = fixture.svl(&again);
     ran.failed(1, &["its result of pair 0 is another", "without --resume"]);
+}
+
+/// Answers pairs of 40x20 pixels with 2.0, out of its range; in a folder with `dark` those whose
+/// first pixel is 1 with an error.
+#[cfg(unix)]
+const SOME_ARE_DARK: &str = r#"
+while read -r line; do
+  seq=${line#*'"seq":'}
+  seq=${seq%%[,\}]*}
+  first=$(head -c 1 | od -An -tu1)
+  head -c 1599 > /dev/null
+  if [ $first -eq 1 ] && [ -e dark ]; then
+    echo "{\"seq\":$seq,\"error\":\"too dark\"}"
+  else
+    echo "{\"seq\":$seq,\"millis\":1}"
+    cat answer
+  fi
+done
+"#;
+
+#[cfg(unix)]
+#[test]
+fn a_resumed_run_warns_of_all_its_parts_and_of_nothing_that_it_redid() {
+    let fixture = Fixture::new();
+    for pair in 0..4u8 {
+        for side in ["left", "right"] {
+            let mut pixels = vec![90; 800];
+            pixels[0] = pair % 2;
+            fixture.write(&format!("pairs/{side}/{pair}.pgm"), pgm(40, 20, &pixels));
+        }
+    }
+    fixture.write("dark.sh", SOME_ARE_DARK);
+    fixture.write("answer", 2f32.to_le_bytes().repeat(800));
+    fixture.write("dark", "");
+    let algorithm = "net=exec:command='sh dark.sh',max_disparity=1";
+    let line = [
+        "score", "pairs", "-q", "--rerun", "none", "--out", "r", "--resume", "--algo", algorithm,
+    ];
+    let manifest = || -> (Vec<String>, [u64; 3]) {
+        let json: serde_json::Value =
+            serde_json::from_str(&fixture.text("r/manifest.json")).unwrap();
+        let warnings = json["warnings"].as_array().unwrap();
+        let of_net = warnings.iter().map(|of| of.as_str().unwrap().to_owned());
+        let program = &json["algorithms"][0]["program"];
+        let counts = ["pairs", "disparities", "out_of_range"].map(|n| program[n].as_u64().unwrap());
+        (of_net.filter(|of| of.starts_with("net")).collect(), counts)
+    };
+    assert_eq!(fixture.svl(&line).code, Some(4));
+    let (warnings, [_, first, _]) = manifest();
+    // The pairs 1 and 3, and the range.
+    assert_eq!(warnings.len(), 3, "{warnings:?}");
+    std::fs::remove_file(fixture.path("dark")).unwrap();
+    fixture.run(&line);
+    assert_eq!(fixture.text("r/failures.csv").lines().count(), 1);
+    let (warnings, [pairs, all, outside]) = manifest();
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert_says(&warnings[0], &[&format!("{all} of the {all} disparities")]);
+    assert!(
+        all > first && first > 0 && outside == all && pairs > 3,
+        "{first} {all} {pairs}"
+    );
 }

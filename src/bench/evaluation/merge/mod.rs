@@ -11,7 +11,7 @@ use crate::report::{CellRow, CoursePlan, DriveRow, FailureRow, Summary, TrackRow
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use svl_core::matcher::{Algorithm, ProgramRecord};
+use svl_core::matcher::Algorithm;
 use svl_core::{Error, Result};
 use svl_data::files::relative_path;
 use svl_data::losses::{LossLimit, Missing, RunEnding, RunState};
@@ -328,15 +328,8 @@ fn merged_manifest(parts: &[FoundPart], out: &Path) -> Result<Manifest> {
         record.memory_bytes = all.clone().filter_map(|a| a.memory_bytes).max();
         record.failed_pairs = all.clone().map(|a| a.failed_pairs).sum();
         record.failure = all.clone().filter_map(|a| a.failure.clone()).next_back();
-        // Its times are of the last part; the parts have theirs.
         let programs = all.filter_map(|a| a.program.clone());
-        record.program = programs.reduce(|one, other| ProgramRecord {
-            pairs: one.pairs + other.pairs,
-            disparities: one.disparities + other.disparities,
-            out_of_range: one.out_of_range + other.out_of_range,
-            memory_bytes: one.memory_bytes.max(other.memory_bytes),
-            ..other
-        });
+        record.program = programs.reduce(|one, other| other.after(&one));
     }
     Ok(manifest)
 }

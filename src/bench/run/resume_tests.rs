@@ -1,0 +1,166 @@
+//! Runs that go on with the results of an earlier part.
+
+use super::*;
+use crate::outputs::write_json;
+use crate::report::{ResultLog, Row};
+use crate::sink::{Outbox, TableSink};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use svl_core::matcher::{MatchContext, MatchOutput, Matcher};
+use svl_core::stereo::{
+    ExtraPlanes, Frame, Geometry, Gray, Plane, RectifiedPair, StereoPair, Truth,
+};
+use svl_data::manifest::Manifest;
+use svl_data::score::Judge;
+
+const SIZE: (usize, usize) = (160, 96);
+const PAIRS: u64 = 3;
+const ALGORITHMS: [&str; 3] = ["v1", "v2", "v3"];
+
+/// Pairs that show a floor, whose disparities are the numbers of its rows.
+struct Floors {
+    next: u64,
+    /// The truth has every so many rows; there is none without a number.
+    every: Option<usize>,
+}
+
+impl Source for Floors {
+    fn name(&self) -> String {
+        "floors".into()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        if self.next == PAIRS {
+            return Ok(None);
+        }
+        let image = Gray::filled(SIZE.0, SIZE.1, self.next as u8)?;
+        let pair = StereoPair::new(image.clone(), image)?;
+        let truth = |every: usize| {
+            let known = |_, y: usize| match y.is_multiple_of(every) {
+                true => y as f32,
+                false => f32::INFINITY,
+            };
+            Plane::from_fn(SIZE.0, SIZE.1, known).map(|floor| Truth::exact(floor, None))
+        };
+        self.next += 1;
+        Ok(Some(Frame {
+            sequence: self.next,
+            truth: self.every.map(truth).transpose()?,
+            ..Frame::new(pair, Geometry::Rectified(None))
+        }))
+    }
+
+    fn pairs(&self) -> Option<u64> {
+        Some(PAIRS)
+    }
+}
+
+/// Sees the floor, unless it fails, and counts its matchings.
+struct SeesFloor {
+    fails: bool,
+    matchings: Arc<AtomicU64>,
+}
+
+impl Matcher for SeesFloor {
+    fn compute(
+        &mut self,
+        pair: RectifiedPair<'_>,
+        _: &MatchContext,
+        output: &mut MatchOutput,
+    ) -> Result<()> {
+        if self.fails {
+            return Err(Error::Invalid("too dark".into()));
+        }
+        self.matchings.fetch_add(1, Ordering::Relaxed);
+        let (width, height) = pair.size();
+        output.disparity.resize(width, height, ExtraPlanes::NONE)?;
+        for (y, mut row) in output.disparity.rows_mut().enumerate() {
+            (0..width).for_each(|x| row.accept(x, y as f32));
+        }
+        Ok(())
+    }
+}
+
+/// The run through three algorithms, of which the last may fail, into a folder; it goes on with
+/// what `earlier` holds. Returns its rows and the number of matchings.
+fn scored(
+    folder: &Path,
+    earlier: Option<&Path>,
+    every: Option<usize>,
+    last_fails: bool,
+) -> (Vec<Row>, u64) {
+    let algorithms = ALGORITHMS.map(|name| name.parse().unwrap());
+    let mut manifest = Manifest::new("floors", &algorithms).unwrap();
+    let judge = Judge::default();
+    let log = earlier.map(|earlier| ResultLog::read(earlier, &mut manifest, judge.grid).unwrap());
+    std::fs::create_dir(folder).unwrap();
+    write_json(&folder.join("manifest.json"), &manifest).unwrap();
+    let rows = Outbox::default();
+    let mut sinks: Vec<Box<dyn Sink>> =
+        vec![Box::new(TableSink::in_folder(folder, &rows).unwrap())];
+    let matchings = Arc::new(AtomicU64::new(0));
+    let mut matchers = Matchers::new(&algorithms).unwrap();
+    for (i, entry) in matchers.0.iter_mut().enumerate() {
+        entry.matcher = Box::new(SeesFloor {
+            fails: last_fails && i == 2,
+            matchings: Arc::clone(&matchings),
+        });
+    }
+    let start = RunStart {
+        log: log.as_ref(),
+        ..RunStart::new(&manifest, None, &judge)
+    };
+    let (_, ran) = run(
+        &mut Floors { next: 0, every },
+        &mut matchers,
+        &start,
+        Pace::Measured { rounds: 1 },
+        &mut sinks,
+        &mut Always,
+    );
+    ran.unwrap();
+    crate::sink::finish(sinks).unwrap();
+    (rows.take(), matchings.load(Ordering::Relaxed))
+}
+
+struct Always;
+
+impl Monitor for Always {
+    fn go_on(&mut self, _: u64) -> bool {
+        true
+    }
+}
+
+#[test]
+fn only_pairs_whose_truth_is_points_are_matched_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let of_all = ALGORITHMS.len() as u64;
+    for (every, matched_again) in [(1, 1), (4, PAIRS)] {
+        let [first, second] =
+            ["first", "second"].map(|n| folder.path().join(format!("{n}{every}")));
+        scored(&first, None, Some(every), false);
+        let (_, matchings) = scored(&second, Some(&first), Some(every), false);
+        // One more sets up the memory.
+        assert_eq!(matchings, of_all * (1 + matched_again), "{every}");
+        for table in ["rows.csv", "cells.csv"] {
+            let [whole, resumed] =
+                [&first, &second].map(|at| std::fs::read_to_string(at.join(table)).unwrap());
+            assert_eq!(resumed, whole, "{table}, {every}");
+        }
+    }
+}
+
+#[test]
+fn an_algorithm_that_failed_before_is_one_of_those_that_agree() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = ["first", "second"].map(|name| folder.path().join(name));
+    let agreed = |rows: Vec<Row>| -> Vec<_> {
+        let of_rows = rows.iter().map(|row| row.metrics.get("agreed"));
+        of_rows.collect()
+    };
+    let (rows, _) = scored(&first, None, None, true);
+    assert_eq!(agreed(rows), [None; 2 * PAIRS as usize]);
+    let (rows, _) = scored(&second, Some(&first), None, false);
+    assert_eq!(agreed(rows), [Some(1.0); 3 * PAIRS as usize]);
+}
