@@ -11,7 +11,7 @@ use crate::report::{CellRow, CoursePlan, DriveRow, FailureRow, Summary, TrackRow
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use svl_core::matcher::Algorithm;
+use svl_core::matcher::{Algorithm, ProgramRecord};
 use svl_core::{Error, Result};
 use svl_data::files::relative_path;
 use svl_data::losses::{LossLimit, Missing, RunEnding, RunState};
