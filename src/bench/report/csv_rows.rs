@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_data::files::ColumnPlaces;
 
-/// The rows of a CSV file that [`super::Table`] wrote, read one after the other.
+/// The rows of a CSV file that [`super::TableWriter`] wrote, read one after the other.
 pub struct RowReader<R> {
     path: PathBuf,
     places: ColumnPlaces,
@@ -60,7 +60,7 @@ impl<R: Record> Iterator for RowReader<R> {
 /// all cells.
 const MAX_BYTES: u64 = 1 << 31;
 
-/// The rows of a CSV file that [`super::Table`] wrote.
+/// The rows of a CSV file that [`super::TableWriter`] wrote.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] with the line for a file that is no such table.
