@@ -105,7 +105,16 @@ impl TunedAlgorithm {
             Judgement::Worse => {
                 format!("the test refutes it: {words} {difference}; keep the reference")
             }
-            _ => format!("the test does not confirm it: {words} are as before; keep the reference"),
+            Judgement::Equal => {
+                format!("the test does not confirm it: {words} are equal; keep the reference")
+            }
+            _ if change.interval.is_none() => format!(
+                "the test has too few pairs to tell ({words} {difference}); use longer recordings"
+            ),
+            _ => format!(
+                "the test does not confirm it: {words} {difference}, no difference within its \
+                 interval; keep the reference"
+            ),
         })
     }
 

@@ -104,7 +104,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     let others = others.iter();
     let comparisons = others.map(|other| Comparison::from_runs(base, other, &args.map));
-    let comparisons = comparisons.collect::<Result<Vec<_>, _>>()?;
+    let comparisons = comparisons.collect::<Result<Vec<_>, _>>();
+    let comparisons = comparisons.map_err(|error| {
+        if args.fail_on.is_empty() || matches!(error, svl::Error::Usage(_)) {
+            error.into()
+        } else {
+            usage::gate(error)
+        }
+    })?;
     let cannot = comparisons.iter().find(|c| !c.is_judged());
     if let (Some(unlike), false) = (cannot, args.fail_on.is_empty()) {
         let (base, other) = (unlike.base.display(), unlike.other.display());
