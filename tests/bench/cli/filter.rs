@@ -377,7 +377,7 @@ fn what_cannot_be_trained_or_run_is_refused_in_one_line() {
         "train filter run.mcap --kind floor -o t.safetensors => 1: run.mcap: has no labels | svl \
          label windows
         train filter none.mcap --kind floor -o t.safetensors => 1: none.mcap
-        train filter short.toml --filter flor -o t.safetensors => 2: did you mean 'floor'
+        train filter short.toml --kind flor -o t.safetensors => 2: did you mean 'floor'
         train filter short.toml --kind floor -o t.bin => 2: t.bin | .safetensors
         train filter short.toml --kind floor -o mine.safetensors => 1: mine.safetensors
         train filter short.toml --kind floor --hidden 0 -o t.safetensors => 2: --hidden | 55
@@ -386,7 +386,7 @@ fn what_cannot_be_trained_or_run_is_refused_in_one_line() {
          is a frame of a.mcap, too
         -q train filter short.toml --seeds 1..3 --kind too-close -o t.safetensors => 1: windows \
          labelled 'too-close' | at least 20
-        label windows run.mcap => 2: --filter
+        label windows run.mcap => 2: --kind
         label windows run.mcap --kind floor --script none => 1: none
         label frames v4l2:/dev/video0,/dev/video2 --kind floor => 1: record them first
         label windows a.mcap --kind floor --from-truth => 1: a.floor.csv
