@@ -261,7 +261,7 @@ fn a_resumed_run_warns_of_all_its_parts_and_of_nothing_that_it_redid() {
     fixture.write("dark", "");
     let algorithm = "net=exec:command='sh dark.sh',max_disparity=1";
     let line = [
-        "score", "pairs", "-q", "--rerun", "none", "--out", "r", "--resume", "--algo", algorithm,
+        "score", "pairs", "-q", "--rerun", "none", "-o", "r", "--resume", "--algo", algorithm,
     ];
     let manifest = || -> (Vec<String>, [u64; 3]) {
         let json: serde_json::Value =
