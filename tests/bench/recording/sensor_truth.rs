@@ -261,10 +261,12 @@ fn numbers_from_sensors_equal_those_from_exact_truth() {
                 "{topic} {algorithm}: alike {same:.4}, with exact {:.4}",
                 alike(&all, &measured)
             );
-            // Where the sensor sees behind what the camera sees, no point of its own tells.
+            // Where the sensor sees behind what the camera sees, no point of its own tells. Of the
+            // lidar's few lines fewer cells are scored, so each such cell weighs more.
             let least = match topic {
                 "/cam0/depth32" => 1.0,
                 "/scan" => 0.93,
+                "/lidar/points" => 0.95,
                 _ => 0.97,
             };
             assert!(same >= least, "{topic} {algorithm}: {same}");
