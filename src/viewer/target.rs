@@ -110,7 +110,7 @@ impl ViewStream {
         Ok(Self { stream, target })
     }
 
-    /// What is logged from here on is of that pair.
+    /// Logs from here on are of that pair.
     pub(crate) fn set_pair(&self, sequence: u64) {
         let number = i64::try_from(sequence).unwrap_or(i64::MAX);
         self.stream.set_time_sequence(TIMELINES[0], number);

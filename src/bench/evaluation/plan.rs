@@ -47,7 +47,7 @@ pub(super) struct EndedRun {
     pub(super) others: Vec<PathBuf>,
     /// True if it holds all that the report before it had, even if it ended early.
     pub(super) holds_earlier: bool,
-    /// Of a part, as [`super::part::ReportPart`] has them.
+    /// Inputs of a part, as [`super::part::ReportPart`] has them.
     pub(super) inputs: Vec<(String, String)>,
 }
 

@@ -9,7 +9,7 @@ use super::table::Table;
 /// A table of a report's folder, `NAME.csv` and `NAME.parquet`.
 pub struct TableDescription {
     pub name: &'static str,
-    /// What a row of it is.
+    /// Description of a row.
     pub about: &'static str,
     pub columns: fn() -> Vec<ColumnDescription>,
 }

@@ -3,7 +3,7 @@
 //! ```text
 //! Row, CellRow, CheckpointRow ──▶ TableWriter ──▶ .csv during the run, .parquet at its end
 //!      │
-//!      └──▶ Summary ──▶ Display, markdown, JSON, html::ReportPage,
+//!      └──▶ Summary ──▶ Table ──▶ terminal, Markdown, LaTeX; JSON, html::ReportPage,
 //!                       summary and verdicts as .csv and .parquet
 //! ```
 

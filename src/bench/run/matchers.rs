@@ -132,7 +132,7 @@ impl Matchers {
     pub fn complete(&self, manifest: &mut Manifest) {
         for record in &mut manifest.algorithms {
             if let Some(entry) = self.0.iter().find(|entry| entry.label == record.label) {
-                // Of a resumed run the record is that of the part before.
+                // The record of a resumed run is that of the part before.
                 let earlier = record.program.take();
                 record.program = match (entry.matcher.program(), earlier) {
                     (Some(program), Some(earlier)) => Some(program.after(&earlier)),

@@ -126,7 +126,7 @@ impl RunSource {
         }
     }
 
-    /// What it is called, and the digest of the frames read so far, if it has one.
+    /// Its name, and the digest of the frames read so far, if it has one.
     pub fn inputs(&self) -> Option<(String, String)> {
         let digest = self.digest.as_ref()?;
         let digest = digest.lock().unwrap_or_else(PoisonError::into_inner);

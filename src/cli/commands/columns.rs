@@ -57,7 +57,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What `--json` prints of a table.
+/// A table as `--json` prints it.
 #[derive(serde::Serialize)]
 struct DescribedTable {
     table: &'static str,

@@ -216,7 +216,7 @@ fn describe(name: &str, ours: Option<&Value>, theirs: Option<&Value>, lines: &mu
         return;
     }
     let (ours, theirs) = (words(ours), words(theirs));
-    // What differs is in both, however long they are.
+    // The part that differs is in both, however long they are.
     let common = ours.chars().zip(theirs.chars());
     let common = common.take_while(|(own, other)| own == other).count();
     let [ours, theirs] = [ours, theirs].map(|text| shown(&text, common));
@@ -239,7 +239,7 @@ fn shown(text: &str, differs: usize) -> String {
     format!("{before}{part}{behind}")
 }
 
-/// What a table of a manifest is called.
+/// Name of a table of a manifest.
 fn name(value: &Value) -> Option<String> {
     let named = ["label", "name", "kind"].map(|key| value.get(key).and_then(Value::as_str));
     named.into_iter().flatten().next().map(str::to_owned)

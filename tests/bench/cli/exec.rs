@@ -203,7 +203,7 @@ fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
     let summary: serde_json::Value = serde_json::from_str(&json.stdout).unwrap();
     assert_eq!(summary["failed"][0]["pairs"], 1);
     assert_eq!(summary["failed"][1]["on_every_pair"], true);
-    // What failed on every pair has a line without numbers.
+    // An algorithm that failed on every pair has a line without numbers.
     let never = summary["algorithms"].as_array().unwrap().iter();
     let never: Vec<_> = never.filter(|a| a["algorithm"] == "never").collect();
     assert_eq!(never.len(), 1);

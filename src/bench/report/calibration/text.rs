@@ -3,7 +3,7 @@
 use crate::report::table::{Table, TerminalStyle, wrapped};
 use svl_calibrate::{CameraEstimate, Estimated, Solution};
 
-/// What was found, the parameters, and the views.
+/// The findings, the parameters and the views.
 pub fn terminal(solution: &Solution, style: TerminalStyle) -> String {
     let facts = facts(solution).into_iter();
     let mut lines: Vec<_> = facts

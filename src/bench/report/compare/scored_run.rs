@@ -106,7 +106,7 @@ impl ScoredRun {
             .collect()
     }
 
-    /// Whether its times are of one machine.
+    /// True if its times are of one machine.
     pub(super) fn has_times(&self) -> bool {
         self.manifest.machines().len() == 1
     }

@@ -374,7 +374,7 @@ fn clouds(
     clouds
 }
 
-/// What a stage of an algorithm takes.
+/// Time of a stage of an algorithm.
 type StageTime = fn(&AlgorithmSummary) -> Option<f64>;
 
 /// Latency, and where the time goes; nothing without pairs.

@@ -57,7 +57,7 @@ pub(super) struct ReportPageView<'a> {
     images: Vec<ImageView>,
 }
 
-/// What the headline table has besides its numbers.
+/// Parts of the headline table besides its numbers.
 #[derive(Serialize)]
 struct HeadlineView<'a> {
     /// Per label its name, place in the run and colour.

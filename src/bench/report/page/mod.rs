@@ -1,4 +1,4 @@
-//! What all HTML pages share: each is one file that fetches nothing.
+//! Common parts of all HTML pages: each is one file that fetches nothing.
 //!
 //! A page extends `base.html` (head, style, images, identity of the run) and fills its blocks
 //! `title`, `style`, `header` and `main`.

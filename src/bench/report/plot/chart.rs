@@ -260,11 +260,11 @@ impl ValueFormatter<f64> for TickedAxis {
     }
 }
 
-/// What a chart is drawn with.
+/// Canvas, key and colours of a chart.
 struct Drawing<'a, 'b> {
     canvas: &'a PlotCanvas<'b>,
     key: &'a PlotKey<'a>,
-    /// Of the series.
+    /// Colours of the series.
     colors: Vec<RGBColor>,
 }
 

@@ -11,7 +11,7 @@ const SIZE: u32 = TEXT - 2;
 /// Names with their colours and places.
 pub(super) struct PlotKey<'a> {
     entries: Vec<(&'a str, RGBColor, (i32, i32))>,
-    /// Of all lines; 0 without names.
+    /// Height of all lines; 0 without names.
     pub height: i32,
 }
 

@@ -1,6 +1,6 @@
 //! Ticks of axes.
 
-/// Where a logarithmic axis from `low` to `high` has ticks: at the powers of ten where it spans
+/// Ticks of a logarithmic axis from `low` to `high`: at the powers of ten where it spans
 /// many, else at their 1, 2 and 5, in a narrow range at more digits.
 pub(super) fn log_ticks(low: f64, high: f64) -> Vec<f64> {
     let decades = || low.log10().floor() as i32..=high.log10().ceil() as i32;
@@ -29,7 +29,7 @@ pub(super) fn log_ticks(low: f64, high: f64) -> Vec<f64> {
     })
 }
 
-/// Where a linear axis from `low` to `high` has ticks: four to eight at multiples of 1, 2 or 5
+/// Ticks of a linear axis from `low` to `high`: four to eight at multiples of 1, 2 or 5
 /// times a power of ten; of whole values at whole numbers alone.
 pub(super) fn linear_ticks(low: f64, high: f64, is_whole: bool) -> Vec<f64> {
     let most = 8.0;

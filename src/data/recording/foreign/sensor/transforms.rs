@@ -59,7 +59,7 @@ impl std::fmt::Display for Conflict {
 }
 
 impl Transforms {
-    /// Whether the messages of a channel hold such transforms: those of ROS only in `/tf_static`,
+    /// True if the messages of a channel hold such transforms: those of ROS only in `/tf_static`,
     /// as `/tf` moves; Foxglove has no such rule, so there the first of each frame counts.
     pub(super) fn reads(channel: &Channel) -> bool {
         match channel.schema.as_str() {
@@ -71,7 +71,7 @@ impl Transforms {
         }
     }
 
-    /// Whether the messages of a channel hold transforms that may move.
+    /// True if the messages of a channel hold transforms that may move.
     pub(super) fn are_moving(channel: &Channel) -> bool {
         channel.schema == ROS && !Self::reads(channel)
     }
