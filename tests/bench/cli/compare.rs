@@ -183,7 +183,7 @@ fn pairs_that_fail_anew_are_worse_and_histories_are_of_common_pairs() {
     // Nothing to compare is not equal.
     fixture
         .svl("compare c#some alone#some --fail-on worse")
-        .failed(1, &["no pair in common"]);
+        .failed(3, &["no pair in common"]);
     fixture
         .svl("compare c c --fail-on worse")
         .failed(3, &["some: no pair in common"]);
