@@ -328,17 +328,23 @@ mod tests {
             test_pairs: 9,
         };
         assert_eq!(of.verdict(), None);
-        for (judgement, words) in [
-            (Judgement::Better, "confirms it: right cells +10.0 %"),
-            (Judgement::Unclear, "does not confirm it"),
-            (Judgement::Worse, "refutes it"),
+        let interval = Some((-0.1, 0.3));
+        for (judgement, interval, words) in [
+            (
+                Judgement::Better,
+                interval,
+                "confirms it: right cells +10.0 %",
+            ),
+            (Judgement::Unclear, interval, "does not confirm it"),
+            (Judgement::Unclear, None, "too few pairs to tell"),
+            (Judgement::Worse, interval, "refutes it"),
         ] {
             of.test = vec![Change {
                 metric: Metric::find("right").unwrap(),
                 base: 0.5,
                 other: 0.6,
                 difference: 0.1,
-                interval: None,
+                interval,
                 judgement,
             }];
             let verdict = of.verdict().unwrap();

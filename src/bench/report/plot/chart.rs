@@ -322,7 +322,7 @@ mod tests {
         let svg = chart.svg().unwrap();
         assert!(svg.contains("v3 &lt;&amp;&gt;"), "{svg}");
         assert!(
-            svg.starts_with("<svg class=\"plot\" role=\"img\" viewBox=\"0 0 960 640\""),
+            svg.starts_with("<svg class=\"plot\" role=\"img\" viewBox=\"0 0 960 684\""),
             "{svg}"
         );
     }
