@@ -280,7 +280,7 @@ mod tests {
         assert!(
             page(&entries)
                 .markdown()
-                .contains("| share &lt;i&gt; | 35\u{a0}% | 33.3\u{a0}% |")
+                .contains("| share &lt;i\\> | 35\u{a0}% | 33.3\u{a0}% |")
         );
         let json = page(&entries).json().unwrap();
         assert_eq!(
