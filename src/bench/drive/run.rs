@@ -120,7 +120,7 @@ impl DrivePlan<'_> {
         let header = Header {
             scenario: Some(self.scenario.name.clone()),
             seed: Some(seed),
-            // Pairs that were made worse are none of the arena's.
+            // Perturbed pairs are not the arena's.
             hash: (self.stress.is_none())
                 .then(|| ArenaSource::hash(self.course.world().config(), seed)),
             ..Header::new("drive")

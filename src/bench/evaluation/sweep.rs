@@ -86,7 +86,7 @@ impl FromStr for Algorithms {
 }
 
 impl Algorithms {
-    /// The algorithms, the last parameter running fastest; `sample`: at most so many of them,
+    /// The algorithms, the last parameter running fastest; `sample`: the largest number of them,
     /// spread evenly over the grid by a quasi-random sequence (R2 of Roberts 2018, generalized),
     /// always the same ones.
     ///

@@ -1,7 +1,7 @@
 //! The rows of the tables and their columns, as CSV, JSON and polars have them.
 //!
 //! Shares are 0..=1, cells and sequences count from 0, distances are along the optical axis. A
-//! number that needs truth is absent where there is none.
+//! metric that needs ground truth is absent without it.
 
 use super::columns::ColumnDescription;
 use polars::prelude::{Column, DataFrame, PolarsResult};
@@ -25,7 +25,7 @@ pub trait Record: Sized {
     /// The column that is missing or holds no value of its type, in words.
     fn parse(cells: CsvCells<'_>) -> Result<Self, String>;
 
-    /// The rows as a data frame, typed also when there are none.
+    /// The rows as a data frame, typed also without rows.
     ///
     /// # Errors
     /// The error of polars.

@@ -27,7 +27,7 @@ pub struct Summary {
     /// The end of the run, and the pairs that it misses.
     #[serde(flatten)]
     pub ending: RunEnding,
-    /// Digest of the pairs' hashes in their order; absent when there are none.
+    /// Digest of the pairs' hashes in their order; absent without pairs.
     pub pairs_hash: Option<String>,
     /// Origins of the truths: each [`svl_core::stereo::TruthOrigin`] of the rows, once.
     pub truth: Vec<String>,

@@ -21,7 +21,7 @@ const ALGORITHMS: [&str; 3] = ["v1", "v2", "v3"];
 /// Pairs that show a floor, whose disparities are the numbers of its rows.
 struct Floors {
     next: u64,
-    /// The truth has every so many rows; there is none without a number.
+    /// The truth has every N-th row; `None`: no truth.
     every: Option<usize>,
 }
 

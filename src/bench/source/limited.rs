@@ -1,11 +1,11 @@
-//! Some of the pairs of another source: a range of its time, every n-th, or so many.
+//! Some of the pairs of another source: a range of its time, every n-th, or the first N.
 
 use super::Source;
 use svl_core::stereo::{Frame, Losses};
 use svl_core::{Error, Result};
 use svl_data::scenario::PairRange;
 
-/// A source of which a range of pairs is taken, and of these at most so many. Frames keep their
+/// A source limited to a range of its pairs, and to N of these. Frames keep their
 /// sequence numbers and stamps.
 pub struct Limited {
     source: Box<dyn Source>,
@@ -15,7 +15,7 @@ pub struct Limited {
     frames: Option<u64>,
     /// The first pair's stamp, once it was read.
     start_ns: Option<u64>,
-    /// The result of reading ahead: a frame to give out next, or why there is none.
+    /// The result of reading ahead: a frame to give out next, or the error.
     ahead: Option<Result<Option<Frame>>>,
     /// Pairs in the range that were read.
     in_range: u64,
@@ -40,7 +40,7 @@ impl Limited {
         }
     }
 
-    /// The frame that comes first, read ahead; nothing where there is none. An error is left to
+    /// The first frame, read ahead; none if the source is empty. An error is left to
     /// [`Source::next`].
     pub fn first(&mut self) -> Option<&Frame> {
         if self.ahead.is_none() {

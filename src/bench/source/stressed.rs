@@ -28,7 +28,7 @@ impl StressedSource {
         }
     }
 
-    /// The pair with the right image of an earlier one; nothing where there is none.
+    /// The pair with the right image of an earlier one; none for the first pairs.
     fn skewed(&mut self, pair: StereoPair) -> Result<Option<StereoPair>> {
         let [left, right] = pair.into_images();
         self.earlier.push_back(right.clone());

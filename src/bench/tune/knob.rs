@@ -270,7 +270,7 @@ impl TunedSetting {
     /// The same with another value of a knob.
     ///
     /// # Errors
-    /// Why the value, beside the others, is none that the algorithm or the rule takes.
+    /// The reason why the algorithm or the rule rejects the value beside the others.
     pub fn with(&self, knob: &Knob, value: &Value) -> Result<Self> {
         let mut changed = self.clone();
         match (knob.part, value) {
@@ -332,7 +332,7 @@ impl TunedSetting {
     /// The same a step up or down, to the next value that the algorithm takes beside the others.
     ///
     /// # Errors
-    /// That there is none in this direction, or that the knob has no steps.
+    /// No further value in this direction, or a knob without steps.
     pub fn stepped(&self, knob: &Knob, up: bool, coarse: bool) -> Result<Self> {
         let before = self.value(knob);
         let steps = (1..=STEPS).map(|n| if up { n } else { -n });

@@ -48,7 +48,7 @@ impl SearchAxis {
     /// or in all of a small range.
     ///
     /// # Errors
-    /// [`Error::UnknownParameter`]; [`Error::Usage`] for values that are none.
+    /// [`Error::UnknownParameter`]; [`Error::Usage`] for invalid values.
     pub fn parse(base: &Algorithm, text: &str) -> Result<Self> {
         let (name, values) = match text.split_once('=') {
             Some((name, values)) => (name, Some(values)),
@@ -334,7 +334,7 @@ mod tests {
         assert_eq!(values("block_size=5..8"), "5 6 7 8");
         assert_eq!(values("prefilter"), "xsobel log");
         assert_eq!(values("uniqueness=0/7/15"), "0 7 15");
-        // An even block is none: the next one is taken.
+        // An even block size is invalid: the next odd one is used.
         let space = Space::new(bm.clone(), &["block_size=6..8".into()]).unwrap();
         let size = |at: f64| space.at(&bm, &[at], &[0]).map(|a| a.written());
         assert_eq!(size(0.1).unwrap(), "bm:block_size=7");

@@ -42,25 +42,25 @@ pub(crate) struct Args {
         value_parser = usage::algorithm
     )]
     algo: Algorithm,
-    /// Where the disparities go
+    /// File of the disparities
     #[arg(
         short, long, value_name = "OUT.pfm|OUT.png",
         value_parser = usage::ending(&["pfm", "png"])
     )]
     output: PathBuf,
-    /// Where the reason of each missing pixel goes
+    /// File of the reason of each invalid pixel
     #[arg(long, value_name = "WHY.png", value_parser = usage::ending(&["png"]))]
     why: Option<PathBuf>,
-    /// Where a picture of the disparities goes
+    /// Picture of the disparities
     #[arg(long, value_name = "P.png", value_parser = usage::ending(&["png"]))]
     preview: Option<PathBuf>,
-    /// Where a page goes that shows what each cell of v5 rests on: why it is known, or not
+    /// HTML page that shows why each cell of v5 is known, or is not
     #[arg(long, value_name = "C.html", value_parser = usage::ending(&["html"]))]
     evidence: Option<PathBuf>,
     /// Middlebury's calibration, for distances
     #[arg(long, value_name = "calib.txt")]
     calib: Option<PathBuf>,
-    /// How many of 16 bits the images use [default: 10, 12, 14 or 16, by their largest value]
+    /// Bits that 16-bit images use [default: 10, 12, 14 or 16, by their largest value]
     #[arg(
         long, value_name = "N", allow_negative_numbers = true,
         value_parser = usage::within(8..=16u8)

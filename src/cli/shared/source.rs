@@ -36,7 +36,7 @@ pub(crate) struct CameraArgs {
         value_parser = usage::within(RATES_HZ)
     )]
     rate: Option<f64>,
-    /// What makes a pair: the same trigger pulse, the nearest stamps, or the order of arrival,
+    /// Rule that makes a pair: the same trigger pulse, the nearest stamps, or the order of arrival,
     /// which shows what goes wrong without either [default: trigger with software and serial where
     /// the driver can trigger, else stamp]
     #[arg(long, value_name = "trigger|stamp|order")]

@@ -368,7 +368,7 @@ impl ScenarioHistory {
     }
 }
 
-/// The value of a metric as a plot has it; not finite where there is none.
+/// The value of a metric for a plot; not finite if it is absent.
 fn shown(metric: &Metric, value: Option<f64>) -> f64 {
     let scale = match metric.unit {
         MetricUnit::Share => 100.0,

@@ -106,7 +106,7 @@ pub struct CheckpointChange {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Judgement {
-    /// There is none, as the results are equal.
+    /// The results are equal.
     Equal,
     /// The interval holds no difference, too.
     Unclear,

@@ -167,7 +167,7 @@ pub(super) fn trade_offs(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Res
     plots.filter_map(Result::transpose).collect()
 }
 
-/// What is left of each number at the levels of a perturbation: a plot per number.
+/// Plots of a perturbation: one per metric, its value over the levels.
 pub(super) fn stress(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Vec<StressView>> {
     let all = &page.summary.stress;
     let view = |kind: &'static StressKind| {

@@ -90,7 +90,7 @@ enum StampFile {
 }
 
 impl StampFile {
-    /// Nothing where there is none.
+    /// None without such a file.
     fn read(path: &Path) -> Result<Option<Self>> {
         if !path.is_file() {
             return Ok(None);

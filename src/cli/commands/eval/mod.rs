@@ -71,7 +71,7 @@ pub(crate) struct Args {
         value_parser = usage::within(0.001..=65536.0)
     )]
     scale: Option<f64>,
-    /// Where the errors in KITTI's colours go
+    /// Picture of the errors in KITTI's colours
     #[arg(long, value_name = "OUT.png", value_parser = usage::ending(&["png"]))]
     error_map: Option<PathBuf>,
     /// Print JSON

@@ -20,7 +20,7 @@ use svl::source::{Limited, Request};
 #[command(mut_args(|arg| source::hidden(arg, OF_SCENARIOS)))]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// What to record, as `svl help sources` lists them
+    /// Source to record, as `svl help sources` lists them
     #[arg(
         default_value = "arena", value_parser = source::SourceParser, hide_possible_values = true
     )]

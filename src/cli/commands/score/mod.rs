@@ -124,7 +124,7 @@ pub(crate) struct Args {
     shard: Option<Shard>,
     /// Go on with the interrupted run in the report's folder
     ///
-    /// What the rows of the killed or interrupted run hold is not matched again.
+    /// Pairs that the rows of an interrupted run hold are not matched again.
     #[arg(long)]
     resume: bool,
     /// Which drives of kind = "drive" are kept as recordings in the report; each takes about 80 MB

@@ -53,7 +53,7 @@ pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
     Ok(scenario)
 }
 
-/// The algorithm of a limit that is none of these.
+/// The algorithm of a limit that is not in the run.
 fn unknown_in<'a>(limit: &'a Limit, known: &[Algorithm]) -> Option<&'a String> {
     let is_known = |name: &str| {
         let name = without_filters(name);

@@ -35,7 +35,7 @@ pub(crate) struct Args {
     /// Recordings with labels beside them, or scenarios of the arena
     #[arg(value_name = "LABELLED", required = true)]
     labelled: Vec<PathBuf>,
-    /// What it is to detect: floor or too-close
+    /// Class to detect: floor or too-close
     #[arg(long, value_name = "NAME")]
     kind: FilterKind,
     /// Filter to write; a page of the same name, .html, is written beside it
@@ -66,7 +66,7 @@ pub(crate) struct Args {
         value_parser = usage::within(1..=10_000_usize)
     )]
     epochs: usize,
-    /// Of too-close: the range of disparities, pixels
+    /// Range of disparities of too-close, pixels
     #[arg(
         long, value_name = "PX", default_value_t = 80.0,
         value_parser = usage::within(1.0..=10_000.0)

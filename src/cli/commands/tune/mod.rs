@@ -341,7 +341,7 @@ fn open<'a>(args: &'a Args, name: &'a str, quiet: bool) -> anyhow::Result<Tuned<
     })
 }
 
-/// Target of the pictures, and the reason where there is none.
+/// Target of the pictures, or the reason why they go nowhere.
 fn destination(args: &Args) -> anyhow::Result<(Option<RerunTarget>, Option<String>)> {
     match &args.rerun {
         Some(choice) => Ok((choice.target().cloned(), None)),

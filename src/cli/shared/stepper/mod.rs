@@ -172,7 +172,7 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    /// Goes so many frames on, or back.
+    /// Moves N frames forward or back.
     pub(crate) fn step(&mut self, by: i64) {
         let to = self.index.saturating_add_signed(by);
         let found = self.store.at_most(to);
@@ -197,7 +197,7 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    /// Takes another frame, or says why there is none: the place stays.
+    /// Moves to another frame, or reports why it cannot and stays.
     fn moved(&mut self, found: anyhow::Result<Option<(u64, Arc<Frame>)>>) {
         match found {
             Ok(Some((index, frame))) => {

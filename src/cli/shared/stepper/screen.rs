@@ -36,7 +36,7 @@ impl Screen {
     pub(crate) fn check_terminal() -> anyhow::Result<()> {
         if !(stdin().is_terminal() && stdout().is_terminal()) {
             anyhow::bail!(
-                "needs a terminal, and standard input or output is none; run it in one, or give \
+                "needs a terminal, and standard input or output is not one; run it in one, or give \
                  the keys with --script FILE"
             );
         }

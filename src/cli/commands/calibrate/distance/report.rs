@@ -18,7 +18,7 @@ pub(super) struct DistanceReport {
     measurements: Vec<Measurement>,
     pairs: Vec<(f64, f64)>,
     pinhole: PinholeFit,
-    /// Or the reason why there is none.
+    /// Or the reason for its absence.
     polynomial: Result<DistanceCurve, String>,
 }
 

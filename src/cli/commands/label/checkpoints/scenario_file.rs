@@ -36,7 +36,7 @@ impl ScenarioFile {
     /// An existing scenario of `source`; nothing where there is no such file.
     ///
     /// # Errors
-    /// It is no scenario, or the source is none of its recordings.
+    /// The file is not a scenario, or does not list the source.
     pub(super) fn read(path: &Path, source: &str) -> anyhow::Result<Option<Self>> {
         if !path
             .try_exists()
@@ -57,7 +57,7 @@ impl ScenarioFile {
                 };
                 let Some(run) = runs.iter().find(|run| same(&run.path)) else {
                     bail!(
-                        "{shown}: {source} is none of its source.files; add it there, or name \
+                        "{shown}: {source} is not in its source.files; add it there, or name \
                          another scenario with -o"
                     );
                 };

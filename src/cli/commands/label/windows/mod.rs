@@ -39,7 +39,7 @@ pub(crate) struct Args {
     /// Replace files that exist
     #[arg(long, requires = "from_truth")]
     force: bool,
-    /// Of too-close by truth: the range of disparities, pixels
+    /// Range of disparities of too-close by truth, pixels
     #[arg(
         long, value_name = "PX", default_value_t = TrainSettings::RANGE_PX,
         value_parser = usage::within(1.0..=10_000.0)
