@@ -266,13 +266,18 @@ fn conclude(
             .zip(points)
             .filter(|(c, _)| c.number == number)
         {
-            let right = point.each_ref().map(|p| p.cells.right_percent());
+            let [v3, svs] = point;
             finding.condition(
-                right[1] > right[0],
+                svs.tally.passed > v3.tally.passed,
                 format!(
-                    "The SVS handles point {number}, {}, better: {:.0} % of all its cells are \
-                     right against v3's {:.0} %.",
-                    checkpoint.name, right[1], right[0]
+                    "The SVS handles point {number}, {}, better: it passes {} of {} frames, v3 {} \
+                     ({:.0} % and {:.0} % of all their cells are right).",
+                    checkpoint.name,
+                    svs.tally.passed,
+                    svs.tally.frames,
+                    v3.tally.passed,
+                    svs.cells.right_percent(),
+                    v3.cells.right_percent()
                 ),
             );
         }

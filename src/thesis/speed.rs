@@ -7,7 +7,7 @@ use svl_core::kernel::{Isa, isa};
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{RectifiedPair, StereoPair};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, joined};
 use svl_data::arena::{Arena, ArenaConfig};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -19,9 +19,10 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
             robot needs 5 to 7 (chapter 7, section 5.1).",
     method: "Matching alone, on one thread, with disparities 0 to 80, on one pair of the arena of \
              320 x 240 pixels. The algorithms run in turns, and the median counts. bm stands in \
-             for the SVS. Portable is code compiled for any processor of this kind, the nearest \
-             that svl has to the thesis's \"without MMX\". Beside it is the instruction set that \
-             svl picks here.",
+             for the SVS. The first level is code compiled for any processor of this kind, the \
+             nearest that svl has to the thesis's \"without MMX\", and the conditions are tested on \
+             it. Beside it is the instruction set that svl picks here. On a busy machine, where a \
+             tenth of the times exceeds the median by a quarter, no condition is tested.",
     records: false,
     by_default: true,
     run,
@@ -33,6 +34,8 @@ const ALGORITHMS: [(&str, &str, &str); 2] = [("v3", "v3", "6–8"), ("SVS (bm)",
 const BUDGET: Duration = Duration::from_millis(600);
 /// By how much the faster may be faster to be so slightly.
 const SLIGHTLY: f64 = 2.0;
+/// Ninth decile of the times over their median: more than this and the machine is busy.
+const STEADY: f64 = 1.25;
 /// Frames a second that a robot needs (section 5.1).
 const NEEDED: f64 = 7.0;
 
@@ -44,52 +47,47 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         .num_threads(1)
         .build()
         .map_err(|e| Error::Invalid(e.to_string()))?;
+    let baseline = Isa::BASELINE;
+    let mut levels = vec![baseline];
+    if picked != baseline {
+        levels.push(picked);
+    }
     let mut rates = Vec::new();
-    for isa in [Isa::PORTABLE, picked] {
+    for isa in levels {
         context.step()?;
-        rates.push(one.install(|| frames_per_second(isa, &pair))?);
+        rates.push((isa, one.install(|| frames_per_second(isa, &pair))?));
     }
     let mut finding = Finding::default();
-    for ((isa, rates), thesis) in ["portable", picked.name()]
-        .iter()
-        .zip(&rates)
-        .zip([true, false])
-    {
-        for ((name, _, said), rate) in ALGORITHMS.iter().zip(rates) {
-            finding.quantity(
-                format!("{name}, {isa}"),
-                "fps",
-                if thesis { said } else { "" },
-                *rate,
-            );
+    for (isa, rates) in &rates {
+        for ((name, _, thesis), rate) in ALGORITHMS.iter().zip(rates.per_second) {
+            let thesis = if *isa == baseline { thesis } else { "" };
+            finding.quantity(format!("{name}, {isa}"), "fps", thesis, rate);
         }
     }
-    finding.quantity(
-        "SVS over v3, portable",
-        "",
-        "1.2",
-        rates[0][1] / rates[0][0],
-    );
-    conclude(rates[0], &mut finding);
+    let [v3, svs] = rates[0].1.per_second;
+    finding.quantity(format!("SVS over v3, {baseline}"), "", "1.2", svs / v3);
+    let numbers = rates.iter().map(|(isa, rates)| {
+        let [v3, svs] = rates.per_second;
+        format!("{v3:.0} and {svs:.0} pairs a second ({isa})")
+    });
     finding.why = format!(
-        "On {}, one thread, v3 matches {:.0} and bm (StereoBM) {:.0} pairs a second in \
-         portable code, {:.0} and {:.0} with {}; the thesis's 3 GHz PC 6 to 8 and 8 to 9.",
+        "On {}, one thread, v3 and bm (StereoBM) match {}; the thesis's 3 GHz PC 6 to 8 and 8 to \
+         9.",
         context.machine,
-        rates[0][0],
-        rates[0][1],
-        rates[1][0],
-        rates[1][1],
-        picked.name()
+        joined(numbers)
     );
-    let bars = ["portable", picked.name()]
-        .into_iter()
-        .zip(&rates)
-        .flat_map(|(isa, rates)| {
-            ALGORITHMS
-                .iter()
-                .zip(rates)
-                .map(move |((name, ..), rate)| (format!("{name}, {isa}"), vec![*rate]))
-        });
+    if rates.iter().all(|(_, rates)| rates.steady) {
+        conclude([v3, svs], &mut finding);
+    } else {
+        finding.why +=
+            " The machine was busy, so no condition is tested: repeat this on an idle one.";
+    }
+    let bars = rates.iter().flat_map(|(isa, rates)| {
+        ALGORITHMS
+            .iter()
+            .zip(rates.per_second)
+            .map(move |((name, ..), rate)| (format!("{name}, {isa}"), vec![rate]))
+    });
     let thesis = [
         ("v3, thesis".to_owned(), vec![7.0]),
         ("SVS, thesis".to_owned(), vec![8.5]),
@@ -104,14 +102,21 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     Ok(finding)
 }
 
+/// Speed of the algorithms on an instruction set.
+struct Rates {
+    per_second: [f64; 2],
+    /// True if the times scatter as on an idle machine.
+    steady: bool,
+}
+
 fn conclude([v3, svs]: [f64; 2], finding: &mut Finding) {
     finding.condition(
         v3 >= NEEDED,
-        format!("v3 gives a robot the {NEEDED} frames a second it needs: {v3:.0}, portable."),
+        format!("v3 gives a robot the {NEEDED} frames a second it needs: {v3:.0}."),
     );
     finding.condition(
         svs > v3,
-        format!("The SVS is faster than v3: {svs:.0} against {v3:.0} frames a second, portable."),
+        format!("The SVS is faster than v3: {svs:.0} against {v3:.0} frames a second."),
     );
     finding.condition(
         svs.max(v3) < SLIGHTLY * svs.min(v3),
@@ -122,8 +127,8 @@ fn conclude([v3, svs]: [f64; 2], finding: &mut Finding) {
     );
 }
 
-/// Of the algorithms, by their median times.
-fn frames_per_second(isa: Isa, pair: &StereoPair) -> Result<[f64; 2]> {
+/// Frames per second of the algorithms, by their median times.
+fn frames_per_second(isa: Isa, pair: &StereoPair) -> Result<Rates> {
     let (context, mut output) = (MatchContext::default(), MatchOutput::new()?);
     let mut time = |matcher: &mut dyn Matcher| {
         let began = Instant::now();
@@ -148,11 +153,20 @@ fn frames_per_second(isa: Isa, pair: &StereoPair) -> Result<[f64; 2]> {
             times.push(time(&mut **matcher)?);
         }
     }
-    Ok(std::array::from_fn(|i| {
-        let times = &mut matchers[i].1;
-        times.sort_unstable();
-        nearest_rank(times, 0.5).map_or(f64::NAN, |median| 1.0 / median.as_secs_f64())
-    }))
+    let [medians, slow]: [[f64; 2]; 2] = [0.5, 0.9].map(|share| {
+        std::array::from_fn(|i| {
+            let times = &mut matchers[i].1;
+            times.sort_unstable();
+            nearest_rank(times, share).map_or(f64::NAN, |time| time.as_secs_f64())
+        })
+    });
+    Ok(Rates {
+        per_second: medians.map(|median| 1.0 / median),
+        steady: medians
+            .iter()
+            .zip(slow)
+            .all(|(median, slow)| slow <= STEADY * median),
+    })
 }
 
 #[cfg(test)]

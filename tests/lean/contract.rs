@@ -70,7 +70,7 @@ fn every_reason_occurs_and_no_other() {
         let mut occurring = [false; Reason::ALL.len()];
         for (scene, noise) in noisy.into_iter().chain([(Scene::Constant, 0)]) {
             let pair = pair(scene, (60, 20), 5, noise, 42);
-            let tally = common::run(&algorithm, Isa::PORTABLE, &pair).tally();
+            let tally = common::run(&algorithm, Isa::BASELINE, &pair).tally();
             Reason::ALL
                 .iter()
                 .for_each(|&reason| occurring[reason as usize] |= tally[reason as usize] > 0);

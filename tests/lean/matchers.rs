@@ -117,7 +117,7 @@ fn instruction_sets_and_threads_do_not_matter() {
     let pair = pair(150, 40);
     for spec in matchers() {
         let expected = pool(1)
-            .install(|| common::run(spec.name, Isa::PORTABLE, &pair))
+            .install(|| common::run(spec.name, Isa::BASELINE, &pair))
             .hash();
         for isa in Isa::available() {
             for threads in [1, 2, 3, 8] {
@@ -171,7 +171,7 @@ fn filter_model(kind: FilterKind, range_px: Option<f64>) -> Arc<FilterModel> {
 fn nothing_is_allocated_to_look_at_a_second_image() {
     let model = filter_model(FilterKind::Floor, None);
     let pair = pair(160, 96);
-    let mut filter = CellFilter::new(model, Isa::PORTABLE);
+    let mut filter = CellFilter::new(model, Isa::BASELINE);
     let shape = GridShape::default();
     assert_eq!(filter.look(pair.left(), shape).unwrap(), [true; 15]);
     let before = ALLOCATIONS.get();
@@ -241,7 +241,7 @@ fn tables_are_sane() {
             spec.name
         );
         // There is no program that everyone has.
-        let built = (spec.build)(&Parameters::defaults(spec), Isa::PORTABLE).is_ok();
+        let built = (spec.build)(&Parameters::defaults(spec), Isa::BASELINE).is_ok();
         assert_eq!(built, spec.name != "exec", "{}", spec.name);
         for (i, parameter) in spec.parameters.iter().enumerate() {
             let name = format!("{} {}", spec.name, parameter.name);

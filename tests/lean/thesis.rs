@@ -135,18 +135,18 @@ fn tall_pairs_equal_their_oracles() {
 fn the_misalignment_is_the_rows_that_the_right_image_is_too_low() {
     let pair = pair(Scene::Noise, (80, 40), 6, 0, 5);
     for rows in -2..=2 {
-        let map = common::run("v4:max_disparity=20", Isa::PORTABLE, &lowered(&pair, rows));
+        let map = common::run("v4:max_disparity=20", Isa::BASELINE, &lowered(&pair, rows));
         assert_eq!(map.median_row_offset(), Some(rows as i8));
     }
     assert_eq!(
-        common::run("v3", Isa::PORTABLE, &pair).median_row_offset(),
+        common::run("v3", Isa::BASELINE, &pair).median_row_offset(),
         None,
         "v3 knows of no other row"
     );
     let flat = Gray::filled(80, 40, 9).unwrap();
     let map = common::run(
         "v4",
-        Isa::PORTABLE,
+        Isa::BASELINE,
         &StereoPair::new(flat.clone(), flat).unwrap(),
     );
     assert_eq!((map.valid(), map.median_row_offset()), (0, None));
@@ -156,7 +156,7 @@ fn the_misalignment_is_the_rows_that_the_right_image_is_too_low() {
 #[test]
 fn row_offsets_do_not_outlive_their_result() {
     let pair = pair(Scene::Noise, (60, 8), 5, 9, 42);
-    let map = common::run("v4", Isa::PORTABLE, &pair);
+    let map = common::run("v4", Isa::BASELINE, &pair);
     assert_eq!(map.extra(), ExtraPlanes::ALL);
     let mut output = svl_core::matcher::MatchOutput::with_memory(map);
     let mut v3 = "v3"
@@ -177,7 +177,7 @@ fn subpixel_follows_a_half_pixel_shift() {
         let pair = StereoPair::new(side(0.0), side(7.0 + fraction)).unwrap();
         let map = common::run(
             "v1:max_disparity=20,subpixel=true,uniqueness=0",
-            Isa::PORTABLE,
+            Isa::BASELINE,
             &pair,
         );
         let mut found: Vec<f32> = map.disparity().pixels().filter(|d| d.is_finite()).collect();

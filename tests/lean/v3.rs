@@ -65,7 +65,7 @@ proptest! {
 #[test]
 fn small_images_have_no_window_or_one() {
     for (size, borders) in [((1, 1), 1), ((8, 8), 64), ((9, 1), 8)] {
-        let map = common::run("v3", Isa::PORTABLE, &pair(Scene::Noise, size, 0, 0, 7));
+        let map = common::run("v3", Isa::BASELINE, &pair(Scene::Noise, size, 0, 0, 7));
         assert_eq!(map.tally()[Reason::Border as usize], borders, "{size:?}");
     }
 }
@@ -76,7 +76,7 @@ fn a_window_without_neighbours_passes_the_self_check() {
     let line = Gray::from_fn(9, 1, |x, _| if x == 4 { 255 } else { 10 }).unwrap();
     let map = common::run(
         "v3",
-        Isa::PORTABLE,
+        Isa::BASELINE,
         &StereoPair::new(line.clone(), line).unwrap(),
     );
     assert_eq!(map.at(4, 0), Ok(0.0));
@@ -87,12 +87,12 @@ fn the_back_check_sends_negative_disparities_to_zero() {
     let pair = pair(Scene::Noise, (60, 4), -6, 0, 3);
     let plain = common::run(
         "v3:min_disparity=-10,smoothing_sigma=0",
-        Isa::PORTABLE,
+        Isa::BASELINE,
         &pair,
     );
     let checked = common::run(
         "v3:min_disparity=-10,smoothing_sigma=0,back_check=true",
-        Isa::PORTABLE,
+        Isa::BASELINE,
         &pair,
     );
     assert!(plain.disparity().pixels().filter(|&d| d == -6.0).count() > 20);

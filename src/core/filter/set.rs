@@ -205,7 +205,7 @@ mod tests {
             bright(FilterKind::Floor, 8),
             bright(FilterKind::TooClose, 16),
         ];
-        let mut filters = Filters::new(&models[..1], Isa::PORTABLE).unwrap();
+        let mut filters = Filters::new(&models[..1], Isa::BASELINE).unwrap();
         filters.look(&left, shape).unwrap();
         filters.drop_floor(&mut map, shape);
         assert_eq!(
@@ -230,7 +230,7 @@ mod tests {
         assert_eq!((certain(2), certain(3)), (Some(0.9), None));
         assert_eq!(known(&grid), [row, row, row].concat());
 
-        let mut filters = Filters::new(&models, Isa::PORTABLE).unwrap();
+        let mut filters = Filters::new(&models, Isa::BASELINE).unwrap();
         filters.look(&left, shape).unwrap();
         let rig = Rig::new(300.0, (50.0, 30.0), 0.1, 0.0).unwrap();
         let mut grid = depth::grid(map.disparity(), settings, Some(&rig));
@@ -244,7 +244,7 @@ mod tests {
         assert_eq!(close, [false, false, true, true, true]);
         let depth = grid.cell(4, 1).depth.unwrap();
         assert_eq!((depth.median_px, depth.distance_m), (30.0, Some(1.0)));
-        assert!(Filters::new(&[models[0].clone(), models[0].clone()], Isa::PORTABLE).is_err());
+        assert!(Filters::new(&[models[0].clone(), models[0].clone()], Isa::BASELINE).is_err());
         let small = Gray::filled(12, 12, 0).unwrap();
         assert!(filters.look(&small, shape).is_err());
     }

@@ -15,12 +15,13 @@ pub struct Isa(IsaKind);
 enum IsaKind {
     Avx512,
     Avx2,
-    Portable,
+    Baseline,
 }
 
 impl Isa {
-    /// What every CPU of the target runs.
-    pub const PORTABLE: Isa = Isa(IsaKind::Portable);
+    /// The instruction set that every CPU of the target has: `neon` on AArch64, else `portable`,
+    /// which is SSE2 on x86-64.
+    pub const BASELINE: Isa = Isa(IsaKind::Baseline);
     #[cfg(target_arch = "x86_64")]
     pub(super) const AVX2: Isa = Isa(IsaKind::Avx2);
     #[cfg(target_arch = "x86_64")]
@@ -28,13 +29,13 @@ impl Isa {
 
     /// All that this CPU has, fastest first.
     pub fn available() -> impl Iterator<Item = Isa> {
-        [IsaKind::Avx512, IsaKind::Avx2, IsaKind::Portable]
+        [IsaKind::Avx512, IsaKind::Avx2, IsaKind::Baseline]
             .into_iter()
             .filter(|kind| kind.supported())
             .map(Isa)
     }
 
-    /// `avx512`, `avx2` or `portable`.
+    /// `avx512`, `avx2`, `neon` or `portable`.
     pub fn name(self) -> &'static str {
         self.0.name()
     }
@@ -66,7 +67,8 @@ impl IsaKind {
         match self {
             IsaKind::Avx512 => "avx512",
             IsaKind::Avx2 => "avx2",
-            IsaKind::Portable => "portable",
+            IsaKind::Baseline if cfg!(target_arch = "aarch64") => "neon",
+            IsaKind::Baseline => "portable",
         }
     }
 
@@ -74,7 +76,7 @@ impl IsaKind {
     fn supported(self) -> bool {
         let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
         match self {
-            IsaKind::Portable => true,
+            IsaKind::Baseline => true,
             IsaKind::Avx2 => avx2,
             IsaKind::Avx512 => {
                 avx2 && is_x86_feature_detected!("avx512f")
@@ -88,12 +90,12 @@ impl IsaKind {
 
     #[cfg(not(target_arch = "x86_64"))]
     fn supported(self) -> bool {
-        self == IsaKind::Portable
+        self == IsaKind::Baseline
     }
 }
 
 /// The instruction set in use: the fastest this CPU has, or the one that the environment variable
-/// `SVL_ISA` names (`portable`, `avx2`, `avx512`). Chosen once per process.
+/// `SVL_ISA` names (`portable`, `avx2`, `avx512`; `neon` on AArch64). Chosen once per process.
 ///
 /// # Errors
 /// [`Error::Invalid`] when `SVL_ISA` names one that this CPU does not have: a measurement on
@@ -103,7 +105,7 @@ pub fn isa() -> Result<Isa> {
     CHOSEN
         .get_or_init(|| match std::env::var("SVL_ISA") {
             Ok(name) => Isa::named(&name).map_err(|e| format!("SVL_ISA: {e}")),
-            Err(_) => Ok(Isa::available().next().unwrap_or(Isa::PORTABLE)),
+            Err(_) => Ok(Isa::available().next().unwrap_or(Isa::BASELINE)),
         })
         .clone()
         .map_err(Error::Invalid)
@@ -114,12 +116,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_machine_has_the_portable_one_and_no_machine_an_invented_one() {
-        assert_eq!(Isa::named("portable").unwrap(), Isa::PORTABLE);
-        assert_eq!(Isa::available().last(), Some(Isa::PORTABLE));
+    fn every_machine_has_the_baseline_and_no_machine_an_invented_one() {
+        let baseline = if cfg!(target_arch = "aarch64") {
+            "neon"
+        } else {
+            "portable"
+        };
+        assert_eq!(Isa::named(baseline).unwrap(), Isa::BASELINE);
+        assert_eq!(Isa::available().last(), Some(Isa::BASELINE));
         let error = Isa::named("mmx").unwrap_err().to_string();
         assert!(
-            error.contains("'mmx'") && error.contains("portable"),
+            error.contains("'mmx'") && error.contains(baseline),
             "{error}"
         );
     }

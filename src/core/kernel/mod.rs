@@ -82,7 +82,7 @@ macro_rules! kernels {
                     return unsafe { avx2($($arg),*) };
                 }
             }
-            debug_assert_eq!(isa, Isa::PORTABLE);
+            debug_assert_eq!(isa, Isa::BASELINE);
             $body($($pairs::Portable,)? $($arg),*)
         }
     )*};

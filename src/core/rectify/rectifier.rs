@@ -310,8 +310,8 @@ mod tests {
             [left, right]
         };
         let expected = [
-            rectifier.left.apply(Isa::PORTABLE, pair.left()),
-            rectifier.right.apply(Isa::PORTABLE, pair.right()),
+            rectifier.left.apply(Isa::BASELINE, pair.left()),
+            rectifier.right.apply(Isa::BASELINE, pair.right()),
         ];
         let expected = expected.map(|image| image.unwrap());
         for isa in Isa::available() {
@@ -339,9 +339,9 @@ mod tests {
         // The right image lies 4 pixels further right, the left one where it was.
         let pair = pair(&calibration);
         let [left, other_left] =
-            [&plain, &apart].map(|r| r.left.apply(Isa::PORTABLE, pair.left()).unwrap());
+            [&plain, &apart].map(|r| r.left.apply(Isa::BASELINE, pair.left()).unwrap());
         let [right, other_right] =
-            [&plain, &apart].map(|r| r.right.apply(Isa::PORTABLE, pair.right()).unwrap());
+            [&plain, &apart].map(|r| r.right.apply(Isa::BASELINE, pair.right()).unwrap());
         assert!(left == other_left);
         assert!((0..120).all(|y| right.row(y)[..156] == other_right.row(y)[4..]));
     }

@@ -217,7 +217,7 @@ mod tests {
             Some(p + nalgebra::Vector2::new(1.0, 1.0))
         })
         .unwrap();
-        let seen = shifted.apply(Isa::PORTABLE, &image).unwrap();
+        let seen = shifted.apply(Isa::BASELINE, &image).unwrap();
         assert!((0..38).all(|y| seen.row(y)[..97] == image.row(y + 1)[1..98]));
         assert_eq!(shifted.outside(), 0);
     }
@@ -232,11 +232,11 @@ mod tests {
         let nowhere = Remap::new((20, 10), (5, 4), |p| (p.x != 2.0).then_some(p)).unwrap();
         assert_eq!(nowhere.outside(), 4);
         let seen = nowhere
-            .apply(Isa::PORTABLE, &Gray::filled(20, 10, 9).unwrap())
+            .apply(Isa::BASELINE, &Gray::filled(20, 10, 9).unwrap())
             .unwrap();
         assert_eq!(seen.row(3), [9, 9, 0, 9, 9]);
         let error = nowhere
-            .apply(Isa::PORTABLE, &Gray::filled(10, 20, 9).unwrap())
+            .apply(Isa::BASELINE, &Gray::filled(10, 20, 9).unwrap())
             .unwrap_err()
             .to_string();
         assert!(

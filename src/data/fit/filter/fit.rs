@@ -392,7 +392,7 @@ mod tests {
         let fit = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
             let fit =
-                || fit_network(&standardized, settings(), Isa::PORTABLE, &mut |_, _| true).unwrap();
+                || fit_network(&standardized, settings(), Isa::BASELINE, &mut |_, _| true).unwrap();
             pool.build().unwrap().install(fit)
         };
         let fitted = fit(1);
@@ -406,8 +406,8 @@ mod tests {
         // For features as they are it gives the same scores.
         let stride = plain.features.stride();
         let mut scores = vec![0.0; 1200];
-        network.scores(Isa::PORTABLE, &plain.inputs, &mut Vec::new(), &mut scores);
-        let own = fitted.scores(&standardized, SamplePart::Training, Isa::PORTABLE);
+        network.scores(Isa::BASELINE, &plain.inputs, &mut Vec::new(), &mut scores);
+        let own = fitted.scores(&standardized, SamplePart::Training, Isa::BASELINE);
         for (a, b) in scores.iter().step_by(2).zip(own) {
             assert!((a - b).abs() < 2e-2, "{a} {b}");
         }
@@ -420,7 +420,7 @@ mod tests {
         Standard::apply(&mut data);
         let fit = |most: usize| {
             let mut until = |epoch: usize, _: EpochError| epoch < most;
-            fit_network(&data, settings(), Isa::PORTABLE, &mut until).unwrap()
+            fit_network(&data, settings(), Isa::BASELINE, &mut until).unwrap()
         };
         let (two, three) = (fit(2), fit(3));
         assert_eq!((two.epochs.len(), two.interrupted), (2, true));
