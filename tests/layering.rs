@@ -17,7 +17,7 @@ struct Package {
     layers: &'static [&'static [&'static str]],
 }
 
-const PACKAGES: [Package; 7] = [
+const PACKAGES: [Package; 8] = [
     Package {
         root: "core/lib.rs",
         layers: &[
@@ -35,6 +35,10 @@ const PACKAGES: [Package; 7] = [
             &["detect", "distance", "files", "simulated", "solve"],
             &["choose"],
         ],
+    },
+    Package {
+        root: "c/lib.rs",
+        layers: &[&["errors"], &["engine"], &["worker"]],
     },
     Package {
         root: "data/lib.rs",

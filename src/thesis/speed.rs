@@ -20,8 +20,8 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     method: "Matching alone, on one thread, with disparities 0 to 80, on one pair of the arena of \
              320 x 240 pixels. The algorithms run in turns, and the median counts. bm stands in \
              for the SVS. The first level is code compiled for any processor of this kind, the \
-             nearest that svl has to the thesis's \"without MMX\", and the conditions are tested on \
-             it. Beside it is the instruction set that svl picks here. On a busy machine, where a \
+             nearest that svl has to the thesis's \"without MMX\"; the conditions are of it. \
+             Beside it is the instruction set that svl picks here. On a busy machine, where a \
              tenth of the times exceeds the median by a quarter, no condition is tested.",
     records: false,
     by_default: true,

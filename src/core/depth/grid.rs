@@ -69,12 +69,24 @@ impl GridSettings {
 /// # Panics
 /// When `shape` has no cells.
 pub fn grid(disparity: &Plane<f32>, settings: GridSettings, rig: Option<&Rig>) -> DepthGrid {
+    grid_with(disparity, settings, rig, Vec::new(), &mut Vec::new())
+}
+
+/// As [`grid`], in the memory of `cells` and `keys`, whose content is lost.
+pub(crate) fn grid_with(
+    disparity: &Plane<f32>,
+    settings: GridSettings,
+    rig: Option<&Rig>,
+    mut cells: Vec<Cell>,
+    keys: &mut Vec<i32>,
+) -> DepthGrid {
     let (shape, min_valid) = (settings.shape(), settings.min_valid);
-    let mut keys = Vec::new();
-    let cells = shape
-        .iter()
-        .map(|place| cell(disparity, shape, place, min_valid, rig, &mut keys))
-        .collect();
+    cells.clear();
+    cells.extend(
+        shape
+            .iter()
+            .map(|place| cell(disparity, shape, place, min_valid, rig, keys)),
+    );
     // One cell was made per place.
     DepthGrid::new(shape, cells).expect("a grid has at least one cell")
 }

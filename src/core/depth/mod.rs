@@ -9,6 +9,7 @@ mod projection;
 
 pub use cells::cells;
 pub use curve::DistanceCurve;
+pub(crate) use grid::grid_with;
 pub use grid::{CellDecision, GridSettings, MIN_VALID, grid};
 pub use pinhole::PinholeFit;
 pub use projection::project;

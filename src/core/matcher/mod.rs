@@ -25,8 +25,8 @@ pub use mirrored::{match_right, mirrored};
 pub use parameter::{Parameter, ParameterFile, Parameters, Range, Value};
 pub use program::ProgramRecord;
 
-use crate::depth::GridSettings;
 use crate::depth::decision::SafeChoice;
+use crate::depth::{self, GridSettings};
 use crate::error::{Error, Result, nearest};
 use crate::filter::{FilterModel, Filters};
 use crate::kernel::{Isa, isa};
@@ -129,8 +129,9 @@ pub struct MatchOutput {
     pub unfiltered: Option<DepthGrid>,
     /// Attributes the time since [`MatchOutput::begin`] to stages.
     pub clock: Clock,
-    /// Memory for the cells of a grid.
+    /// Memory for the cells of a grid, and for the disparities of one cell.
     cells: Vec<Cell>,
+    keys: Vec<i32>,
 }
 
 impl MatchOutput {
@@ -150,6 +151,7 @@ impl MatchOutput {
             unfiltered: None,
             clock: Clock::start(),
             cells: Vec::new(),
+            keys: Vec::new(),
         }
     }
 
@@ -164,6 +166,16 @@ impl MatchOutput {
     pub fn take_cells(&mut self) -> Vec<Cell> {
         self.take_back_cells();
         std::mem::take(&mut self.cells)
+    }
+
+    /// Makes the grid of the medians, unless the algorithm answered one. Allocates nothing after
+    /// the first pair.
+    pub fn decide(&mut self, settings: GridSettings, rig: Option<&Rig>) {
+        if self.grid.is_none() {
+            let cells = self.take_cells();
+            let map = self.disparity.disparity();
+            self.grid = Some(depth::grid_with(map, settings, rig, cells, &mut self.keys));
+        }
     }
 
     fn take_back_cells(&mut self) {

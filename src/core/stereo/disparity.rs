@@ -1,7 +1,7 @@
 //! A dense disparity map: disparities, and for each pixel without one the reason.
 
 use super::row::NO_SSDPI;
-use super::{BandMut, Plane, Reason, RowMut};
+use super::{BandMut, GridShape, Plane, Reason, RowMut};
 use crate::error::Result;
 use std::sync::{Mutex, PoisonError};
 
@@ -209,6 +209,24 @@ impl DisparityMap {
         tally
     }
 
+    /// The most frequent reason of the invalid pixels of a cell, the lower code if equal;
+    /// [`Reason::Valid`] if all are valid.
+    pub fn main_reason(&self, shape: GridShape, place: (usize, usize)) -> Reason {
+        let (columns, rows) = shape.pixels(place, self.size());
+        let mut counts = [0u32; Reason::ALL.len()];
+        for y in rows {
+            for &why in &self.why.row(y)[columns.clone()] {
+                counts[why as usize] += 1;
+            }
+        }
+        counts[Reason::Valid as usize] = 0;
+        let most = counts.iter().max().copied().unwrap_or_default();
+        let first = Reason::ALL
+            .into_iter()
+            .find(|&why| most > 0 && counts[why as usize] == most);
+        first.unwrap_or(Reason::Valid)
+    }
+
     /// Hash of size, disparities, reasons and row offsets: equal results have equal hashes on every
     /// machine.
     pub fn hash(&self) -> u128 {
@@ -264,10 +282,22 @@ fn share<T: Send>(items: impl Iterator<Item = T> + Send, count: usize, work: imp
     let items = Mutex::new(items);
     let next = || items.lock().unwrap_or_else(PoisonError::into_inner).next();
     let work_off = || std::iter::from_fn(next).for_each(&work);
+    if rayon::current_thread_index().is_some() {
+        return repeat(helpers, &work_off);
+    }
     rayon::in_place_scope(|scope| {
         (0..helpers).for_each(|_| scope.spawn(|_| work_off()));
         work_off();
     });
+}
+
+/// Calls `work` here and by up to `helpers` other threads of this thread's pool. Unlike a scope,
+/// it allocates nothing.
+fn repeat(helpers: usize, work: &(impl Fn() + Sync)) {
+    if helpers == 0 {
+        return work();
+    }
+    rayon::join(work, || repeat(helpers - 1, work));
 }
 
 #[cfg(test)]

@@ -1,0 +1,105 @@
+/* svl for C and C++: distances of a grid of cells from a stereo pair.
+ *
+ * Build the library:  cargo rustc --release -p svl-c --crate-type cdylib,staticlib
+ * Link:               cc robot.c -I src/c/include target/release/libsvl_c.a -lpthread -ldl -lm
+ *
+ * A handle is for one thread at a time; several handles are independent. Pointers that a handle returns are valid until its
+ * next svl_match or svl_close. After the first pair of a size svl_match allocates no memory. Equal pairs give equal bytes on
+ * every CPU, instruction set and number of threads.
+ */
+#ifndef SVL_H
+#define SVL_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Result of a call. svl_error() has the text. */
+typedef enum svl_status {
+    SVL_OK = 0,
+    SVL_INVALID = 1,   /* an argument: a null pointer, a size, a rig, an unknown algorithm or parameter */
+    SVL_FILE = 2,      /* a file cannot be read, or is not what it should be */
+    SVL_NO_RESULT = 3, /* no pair was matched yet */
+    SVL_INTERNAL = 4   /* a bug in svl; the handle can only be closed */
+} svl_status;
+
+/* State of a cell. */
+typedef enum svl_state {
+    SVL_UNKNOWN = 0,
+    SVL_KNOWN = 1,
+    SVL_TOO_CLOSE = 2 /* nearer than the range of disparities (filter too-close) */
+} svl_state;
+
+/* Reason of an invalid pixel, and of an unknown cell. */
+typedef enum svl_reason {
+    SVL_VALID = 0,        /* of an unknown cell: enough pixels are valid, but they do not agree well enough */
+    SVL_BORDER = 1,       /* the window or all disparities leave the image */
+    SVL_UNTEXTURED = 2,   /* too little texture */
+    SVL_AMBIGUOUS = 3,    /* another disparity costs nearly as little */
+    SVL_INCONSISTENT = 4, /* the right image prefers another match: often occluded */
+    SVL_SELF_CHECK = 5,   /* the window resembles its own surroundings */
+    SVL_UNMATCHED = 6,    /* no window of the right image matches it best */
+    SVL_FLOOR = 7         /* the filter floor dropped it */
+} svl_reason;
+
+/* A cell of the grid. */
+typedef struct svl_cell {
+    float distance_m;     /* along the optical axis; INFINITY at infinity; NAN if unknown or without a rig */
+    float disparity_px;   /* NAN if unknown */
+    float probability;    /* that the distance is right, 0 to 1; NAN if the algorithm gives none */
+    float valid_fraction; /* of the cell's pixels, 0 to 1 */
+    uint8_t state;        /* svl_state */
+    uint8_t reason;       /* svl_reason */
+    uint8_t reserved[2];
+} svl_cell;
+
+/* Everything 0 or NULL is the default: v5, rectified images without a rig, 5 x 3 cells, a thread per core. */
+typedef struct svl_options {
+    const char *algorithm;      /* as on svl's command line: "v3:max_disparity=64" */
+    const char *calibration;    /* file of a calibration for raw images: OpenCV, ROS, Kalibr, ... */
+    const char *const *filters; /* filter_count files of `svl train filter` */
+    size_t filter_count;
+    /* The rig of rectified images; not with a calibration. focal_px 0: none, so cells have no distances. */
+    double focal_px;
+    double baseline_m;
+    double cx_px, cy_px;
+    double doffs_px; /* cx of the right image minus cx of the left one */
+    uint32_t columns, rows;
+    uint32_t threads;
+} svl_options;
+
+typedef struct svl_handle svl_handle;
+
+/* Opens a matcher; *handle is NULL unless the result is SVL_OK. options may be NULL. */
+svl_status svl_open(const svl_options *options, svl_handle **handle);
+
+/* Matches a pair of 8-bit grey images, whose rows are stride bytes apart (0: width). */
+svl_status svl_match(svl_handle *handle, const uint8_t *left, const uint8_t *right, uint32_t width, uint32_t height,
+                     size_t stride);
+
+/* Cells of the last pair, row by row from the top left. columns and rows may be NULL. */
+svl_status svl_cells(svl_handle *handle, const svl_cell **cells, uint32_t *columns, uint32_t *rows);
+
+/* Disparities in pixels (INFINITY if invalid) and svl_reason of each pixel, row by row without gaps. width and height are
+ * those of the rectified images. Every pointer but handle may be NULL. */
+svl_status svl_disparities(svl_handle *handle, const float **disparities, const uint8_t **reasons, uint32_t *width,
+                           uint32_t *height);
+
+void svl_close(svl_handle *handle); /* NULL is allowed */
+
+/* Text of the last error of this thread, one line of UTF-8, valid until the thread's next call; "" if there was none. */
+const char *svl_error(void);
+/* Name of a reason, as in svl's tables; "" for another number. */
+const char *svl_reason_name(uint8_t reason);
+/* Version of svl, and the instruction set in use: avx512, avx2, portable or neon. */
+const char *svl_version(void);
+const char *svl_instruction_set(void);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,132 @@
+//! The thread of a handle: a job that waits for pairs inside the handle's pool.
+//!
+//! A call into a pool from outside allocates in its queue now and then. A job that never leaves the
+//! pool does not, and every matcher sees the pool's number of threads.
+
+use crate::engine::{Engine, Image};
+use crate::errors::Failure;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use svl_core::Error;
+
+enum JobState {
+    /// Waits for a pair.
+    Idle,
+    /// The engine holds a pair that is to be matched.
+    Loaded,
+    /// The pair was matched, or the error.
+    Done(Result<(), Failure>),
+    /// A panic: the engine is not used again.
+    Broken,
+    Closed,
+}
+
+struct JobSlot {
+    state: Mutex<(JobState, Engine)>,
+    changed: Condvar,
+}
+
+impl JobSlot {
+    fn lock(&self) -> MutexGuard<'_, (JobState, Engine)> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn wait<'a>(
+        &self,
+        guard: MutexGuard<'a, (JobState, Engine)>,
+    ) -> MutexGuard<'a, (JobState, Engine)> {
+        self.changed
+            .wait(guard)
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn serve(&self) {
+        let mut guard = self.lock();
+        loop {
+            match guard.0 {
+                JobState::Loaded => {
+                    let engine = &mut guard.1;
+                    let result = catch_unwind(AssertUnwindSafe(|| engine.compute()));
+                    guard.0 = result.map_or(JobState::Broken, |done| {
+                        JobState::Done(done.map_err(Failure::from))
+                    });
+                    self.changed.notify_all();
+                }
+                JobState::Closed => return,
+                JobState::Idle | JobState::Done(_) | JobState::Broken => guard = self.wait(guard),
+            }
+        }
+    }
+}
+
+pub struct PairWorker {
+    shared: Arc<JobSlot>,
+    /// Ends its threads when dropped, after the job has left it.
+    _pool: rayon::ThreadPool,
+}
+
+impl PairWorker {
+    /// A worker with that many threads; 0 is one per core.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if the threads cannot be started.
+    pub fn start(engine: Engine, threads: usize) -> Result<Self, Error> {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(|i| format!("svl-{i}"))
+            .build()
+            .map_err(|e| Error::Invalid(format!("threads cannot be started: {e}")))?;
+        let shared = Arc::new(JobSlot {
+            state: Mutex::new((JobState::Idle, engine)),
+            changed: Condvar::new(),
+        });
+        let of_job = Arc::clone(&shared);
+        pool.spawn(move || of_job.serve());
+        Ok(Self {
+            shared,
+            _pool: pool,
+        })
+    }
+
+    /// Matches a pair and waits for it.
+    pub fn run(&self, left: Image, right: Image) -> Result<(), Failure> {
+        let mut guard = self.shared.lock();
+        if matches!(guard.0, JobState::Broken) {
+            return Err(Failure::internal());
+        }
+        guard.1.load(left, right)?;
+        guard.0 = JobState::Loaded;
+        self.shared.changed.notify_all();
+        loop {
+            guard = self.shared.wait(guard);
+            match std::mem::replace(&mut guard.0, JobState::Idle) {
+                JobState::Done(result) => return result,
+                JobState::Broken => {
+                    guard.0 = JobState::Broken;
+                    return Err(Failure::internal());
+                }
+                other => guard.0 = other,
+            }
+        }
+    }
+
+    /// Reads the last result.
+    pub fn result(&self, read: impl FnOnce(&Engine)) -> Result<(), Failure> {
+        let guard = self.shared.lock();
+        if matches!(guard.0, JobState::Broken) {
+            return Err(Failure::internal());
+        }
+        if !guard.1.has_result() {
+            return Err(Failure::no_result());
+        }
+        read(&guard.1);
+        Ok(())
+    }
+}
+
+impl Drop for PairWorker {
+    fn drop(&mut self) {
+        self.shared.lock().0 = JobState::Closed;
+        self.shared.changed.notify_all();
+    }
+}

@@ -1,0 +1,326 @@
+//! The C interface: header, errors, examples in C and C++.
+
+use std::ffi::{CStr, CString};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::ptr::{null, null_mut};
+use svl_c::{
+    CCell, Handle, Options, Status, svl_cells, svl_close, svl_disparities, svl_error, svl_match,
+    svl_open, svl_reason_name,
+};
+use svl_core::depth::{self, GridSettings};
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl_core::stereo::{Gray, Reason, RectifiedPair, Rig, StereoPair};
+
+const SIZE: (usize, usize) = (320, 240);
+
+fn texture(x: usize, y: usize) -> u8 {
+    let mixed = (x as u32).wrapping_mul(0x9E37_79B9) ^ (y as u32).wrapping_mul(0x85EB_CA6B);
+    (mixed.wrapping_mul(0xC2B2_AE35) >> 24) as u8
+}
+
+/// A textured wall on the left, a plain one on the right.
+fn pair() -> StereoPair {
+    let side = |shift: usize| {
+        let at = |x, y| if x < 200 { texture(x + shift, y) } else { 90 };
+        Gray::from_fn(SIZE.0, SIZE.1, at).unwrap()
+    };
+    StereoPair::new(side(0), side(20)).unwrap()
+}
+
+fn open(options: &Options) -> (Status, *mut Handle) {
+    let mut handle = null_mut();
+    // SAFETY: the strings of the options outlive the call.
+    let status = unsafe { svl_open(options, &mut handle) };
+    (status, handle)
+}
+
+fn match_pair(handle: *mut Handle, pair: &StereoPair, stride: usize) -> Status {
+    let (width, height) = pair.size();
+    let [left, right] = [pair.left(), pair.right()].map(|image| {
+        let mut pixels = vec![0; stride * height];
+        for (y, row) in image.rows().enumerate() {
+            pixels[y * stride..][..width].copy_from_slice(row);
+        }
+        pixels
+    });
+    let (width, height) = (width as u32, height as u32);
+    // SAFETY: the images have that size.
+    unsafe { svl_match(handle, left.as_ptr(), right.as_ptr(), width, height, stride) }
+}
+
+fn last_error() -> String {
+    // SAFETY: the text lives until the next call of this thread.
+    unsafe { CStr::from_ptr(svl_error()) }
+        .to_str()
+        .unwrap()
+        .to_owned()
+}
+
+fn cells<'a>(handle: *mut Handle) -> Result<&'a [CCell], Status> {
+    let (mut cells, mut columns, mut rows) = (null(), 0, 0);
+    // SAFETY: the handle is open.
+    match unsafe { svl_cells(handle, &mut cells, &mut columns, &mut rows) } {
+        // SAFETY: so many cells are there, until the next call.
+        Status::Ok => Ok(unsafe { std::slice::from_raw_parts(cells, (columns * rows) as usize) }),
+        failed => Err(failed),
+    }
+}
+
+#[test]
+fn results_are_those_of_the_rust_library() {
+    let rig = Rig::new(328.0, (160.0, 120.0), 0.044, 0.0).unwrap();
+    for algorithm in ["v3:max_disparity=64", "v5:max_disparity=64"] {
+        let text = CString::new(algorithm).unwrap();
+        let options = Options {
+            algorithm: text.as_ptr(),
+            focal_px: 328.0,
+            baseline_m: 0.044,
+            cx_px: 160.0,
+            cy_px: 120.0,
+            ..Options::default()
+        };
+        let (status, handle) = open(&options);
+        assert_eq!(status, Status::Ok, "{}", last_error());
+        assert_eq!(cells(handle).unwrap_err(), Status::NoResult);
+        assert_eq!(match_pair(handle, &pair(), SIZE.0 + 13), Status::Ok);
+        let (mut output, context) = (
+            MatchOutput::new().unwrap(),
+            MatchContext {
+                rig: Some(rig),
+                ..MatchContext::default()
+            },
+        );
+        let pair = pair();
+        let mut matcher = algorithm.parse::<Algorithm>().unwrap().build().unwrap();
+        matcher
+            .compute(RectifiedPair::assume(&pair), &context, &mut output)
+            .unwrap();
+        let map = output.disparity.disparity();
+        let medians = || depth::grid(map, GridSettings::default(), Some(&rig));
+        let grid = output.grid.clone().unwrap_or_else(medians);
+        let found = cells(handle).unwrap();
+        assert_eq!(found.len(), 15);
+        for ((_, expected), cell) in grid.iter().zip(found) {
+            let depth = expected.depth.as_ref();
+            assert_eq!(cell.state, u8::from(depth.is_some()));
+            let distance = depth.map(|depth| depth.distance_m.unwrap() as f32);
+            assert_eq!(cell.distance_m.is_nan(), distance.is_none());
+            assert!(distance.is_none_or(|m| m == cell.distance_m));
+            let probability = expected.probability.map(|p| p as f32);
+            assert!(probability.is_none_or(|p| p == cell.probability));
+            if depth.is_none() && expected.valid_share == 0.0 {
+                assert_ne!(cell.reason, Reason::Valid as u8);
+            }
+        }
+        // The plain wall has no texture.
+        assert_eq!(found[4].state, 0);
+        let (mut disparities, mut reasons, mut width, mut height) = (null(), null(), 0, 0);
+        // SAFETY: the handle is open; so many pixels are there.
+        let (disparities, reasons) = unsafe {
+            let status = svl_disparities(
+                handle,
+                &mut disparities,
+                &mut reasons,
+                &mut width,
+                &mut height,
+            );
+            assert_eq!(status, Status::Ok);
+            let pixels = (width * height) as usize;
+            (
+                std::slice::from_raw_parts(disparities, pixels),
+                std::slice::from_raw_parts(reasons, pixels),
+            )
+        };
+        assert_eq!((width as usize, height as usize), SIZE);
+        assert!(map.pixels().eq(disparities.iter().copied()));
+        let codes = output.disparity.why().pixels().map(|why| why as u8);
+        assert!(codes.eq(reasons.iter().copied()));
+        // SAFETY: the handle is open and not used again.
+        unsafe { svl_close(handle) };
+    }
+}
+
+#[test]
+fn reasons_have_the_names_of_the_rust_library() {
+    for reason in Reason::ALL {
+        // SAFETY: the text is static.
+        let name = unsafe { CStr::from_ptr(svl_reason_name(reason as u8)) };
+        assert_eq!(name.to_str().unwrap(), reason.name());
+    }
+}
+
+#[test]
+fn bad_input_is_a_code_and_a_line() {
+    let cases: [(&str, Options, Status, &str); 6] = [
+        ("v9", Options::default(), Status::Invalid, "v9"),
+        ("exec", Options::default(), Status::Invalid, "exec"),
+        ("truth", Options::default(), Status::Invalid, "truth"),
+        (
+            "v3",
+            Options {
+                calibration: c"no such file.yml".as_ptr(),
+                ..Options::default()
+            },
+            Status::File,
+            "no such file.yml",
+        ),
+        (
+            "v3",
+            Options {
+                columns: 65,
+                rows: 1,
+                ..Options::default()
+            },
+            Status::Invalid,
+            "65",
+        ),
+        (
+            "v3",
+            Options {
+                focal_px: f64::NAN,
+                ..Options::default()
+            },
+            Status::Invalid,
+            "rig",
+        ),
+    ];
+    for (algorithm, options, status, word) in cases {
+        let text = CString::new(algorithm).unwrap();
+        let options = Options {
+            algorithm: text.as_ptr(),
+            ..options
+        };
+        let (got, handle) = open(&options);
+        assert_eq!(got, status, "{algorithm}");
+        assert!(handle.is_null());
+        let error = last_error();
+        assert!(
+            error.contains(word) && error.lines().count() == 1,
+            "{error}"
+        );
+    }
+    let (status, handle) = open(&Options::default());
+    assert_eq!(status, Status::Ok);
+    // SAFETY: nothing is read of a null pointer or a size that is refused.
+    unsafe {
+        assert_eq!(svl_match(handle, null(), null(), 8, 8, 0), Status::Invalid);
+        let pixel = [0u8; 1];
+        let pixel = pixel.as_ptr();
+        assert_eq!(svl_match(handle, pixel, pixel, 0, 0, 0), Status::Invalid);
+        assert_eq!(
+            svl_match(handle, pixel, pixel, 99_999, 1, 0),
+            Status::Invalid
+        );
+        assert_eq!(svl_match(handle, pixel, pixel, 8, 1, 4), Status::Invalid);
+        assert_eq!(
+            svl_match(null_mut(), pixel, pixel, 1, 1, 0),
+            Status::Invalid
+        );
+        assert_eq!(svl_open(null(), null_mut()), Status::Invalid);
+    }
+    // Nor does a failed pair leave the result of an earlier one.
+    assert_eq!(match_pair(handle, &pair(), SIZE.0), Status::Ok);
+    // SAFETY: as above.
+    unsafe {
+        let pixel = [0u8; 1];
+        let pixel = pixel.as_ptr();
+        assert_eq!(svl_match(handle, pixel, pixel, 0, 1, 0), Status::Invalid);
+        assert_eq!(cells(handle).unwrap_err(), Status::NoResult);
+        svl_close(handle);
+        svl_close(null_mut());
+    }
+}
+
+/// The C library, made as the documents say, in the profile of this test.
+fn library() -> (PathBuf, PathBuf) {
+    let here = std::env::current_exe().unwrap();
+    let folder = here.ancestors().nth(2).unwrap().to_path_buf();
+    let profile = folder.file_name().unwrap().to_str().unwrap();
+    let built = Command::new(env!("CARGO"))
+        .args([
+            "rustc",
+            "--quiet",
+            "--locked",
+            "-p",
+            "svl-c",
+            "--lib",
+            "--profile",
+            profile,
+        ])
+        .args(["--crate-type", "cdylib,staticlib", "--target-dir"])
+        .arg(folder.parent().unwrap())
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .status();
+    assert!(built.unwrap().success());
+    (folder.join("libsvl_c.a"), folder)
+}
+
+/// Compiles an example; none, with a note, without that compiler.
+fn compiled(compiler: &str, flags: &[&str], source: &str, out: &Path, library: &Path) -> bool {
+    let include = concat!(env!("CARGO_MANIFEST_DIR"), "/include");
+    let source = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("examples")
+        .join(source);
+    let mut command = Command::new(compiler);
+    command
+        .args(flags)
+        .args(["-Wall", "-Wextra", "-Werror", "-I", include])
+        .arg(source);
+    command
+        .arg(library)
+        .args(["-lpthread", "-ldl", "-lm", "-o"])
+        .arg(out);
+    let Ok(status) = command.status() else {
+        println!("skipped: no {compiler}");
+        return false;
+    };
+    assert!(status.success());
+    true
+}
+
+#[test]
+fn the_examples_run() {
+    let (archive, folder) = library();
+    let temporary = tempfile::tempdir().unwrap();
+    let program = |name: &str| temporary.path().join(name);
+    let output = |command: &mut Command| {
+        let output = command.output().unwrap();
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let c99 = ["-std=c99", "-pedantic"];
+    if compiled("cc", &c99, "stop.c", &program("stop"), &archive) {
+        let files = ["left.pgm", "right.pgm"].map(program);
+        let pair = pair();
+        for (file, image) in files.iter().zip([pair.left(), pair.right()]) {
+            let mut bytes = format!("P5 {} {} 255\n", SIZE.0, SIZE.1).into_bytes();
+            bytes.extend(image.pixels());
+            std::fs::write(file, bytes).unwrap();
+        }
+        let text = output(Command::new(program("stop")).args(&files));
+        // f B / d = 328 px · 0.044 m / 20 px.
+        assert!(
+            text.contains("0.72 m") && text.contains("uncertain"),
+            "{text}"
+        );
+        let refused = Command::new(program("stop")).arg(&files[0]).status();
+        assert_eq!(refused.unwrap().code(), Some(2));
+    }
+    // The shared library from C++.
+    let shared = folder.join("libsvl_c.so");
+    let cpp = ["-std=c++11", "-pedantic"];
+    if compiled("c++", &cpp, "stop.cpp", &program("stop_cpp"), &shared) {
+        let text = output(Command::new(program("stop_cpp")).env("LD_LIBRARY_PATH", folder));
+        let lines: Vec<_> = text.lines().collect();
+        assert_eq!(lines.len(), 6, "{text}");
+        assert!(
+            lines[0].contains("1.44 m: go on") && lines[5].contains("stop"),
+            "{text}"
+        );
+    }
+}
