@@ -11,16 +11,18 @@ use svl_data::score::{Checkpoint, CheckpointTally, Judged, JudgedEstimate};
 
 /// Widest picture of a frame, pixels: as wide as the arena's.
 const WIDTH: usize = 320;
-/// Widest picture of a scene: nineteen scenes through seven algorithms are a page of 5 MB, which
-/// mail still takes.
-const SCENE_WIDTH: usize = 288;
+/// Widest picture of a scene: nineteen scenes through eight algorithms are a page of 3.3 MB. The
+/// page shows it two thirds as wide.
+const SCENE_WIDTH: usize = 200;
 
 /// Limit of the algorithms with pictures, spread over those of the run: a page is to be sent
 /// around.
 const PICTURED: usize = 8;
 
-/// Limit of the frames shown of recordings, over all runs.
+/// Half the limit of the frames shown of recordings, over all runs.
 const SAMPLES: usize = 6;
+/// Half the limit of the scenes shown.
+const SCENES: usize = 10;
 
 /// The pictures of a report page.
 #[derive(Default)]
@@ -83,8 +85,8 @@ impl Sink for PictureSink {
     fn ask_for_maps(&mut self, frame: &Frame, shows_checkpoint: bool, needed: &mut [bool]) {
         let is_shown = match self.identity.run {
             _ if !self.checkpoints.is_empty() => shows_checkpoint,
-            Some(_) => self.asked.next().is_some(),
-            None => frame.name.is_some(),
+            Some(_) => self.asked.next(SAMPLES).is_some(),
+            None => frame.name.is_some() && self.asked.next(SCENES).is_some(),
         };
         if is_shown {
             let pictured = pictured(&self.algorithms);
@@ -124,8 +126,10 @@ impl Sink for PictureSink {
             _ if !self.checkpoints.is_empty() => Ok(()),
             _ if self.identity.run.is_some() => self.sample(judged),
             Some(name) => {
-                let scene = self.scene(name, judged)?;
-                self.scenes.push(scene);
+                if let Some(kept) = self.taken.next(SCENES) {
+                    let scene = self.scene(name, judged)?;
+                    push_spread(&mut self.scenes, kept, scene);
+                }
                 Ok(())
             }
             None => Ok(()),
@@ -150,7 +154,7 @@ impl Sink for PictureSink {
     }
 }
 
-/// Chooses frames that are spread evenly over those that came so far: at most twice the limit.
+/// Chooses frames that are spread evenly over those that came so far.
 #[derive(Default)]
 struct SampleChoice {
     /// Frames so far.
@@ -161,38 +165,42 @@ struct SampleChoice {
 }
 
 impl SampleChoice {
-    /// The number of samples before the next frame if that is one, else none. If it is less than
-    /// before, every second one stays, from the first.
-    fn next(&mut self) -> Option<usize> {
+    /// The number of samples before the next frame if that is one, else none; at most twice `half`
+    /// are kept. If it is less than before, every second one stays, from the first.
+    fn next(&mut self, half: usize) -> Option<usize> {
         let place = self.frames;
         self.frames += 1;
         let is_on_stride = |doublings: u32| place.is_multiple_of(1_usize << doublings);
         if !is_on_stride(self.doublings) {
             return None;
         }
-        if self.kept == 2 * SAMPLES {
+        if self.kept == 2 * half {
             if !is_on_stride(self.doublings + 1) {
                 return None;
             }
             self.doublings += 1;
-            self.kept = SAMPLES;
+            self.kept = half;
         }
         self.kept += 1;
         Some(self.kept - 1)
     }
 }
 
+/// Adds what is spread over a run, of which `kept` stay: all, or every second one.
+fn push_spread<T>(kept_so_far: &mut Vec<T>, kept: usize, next: T) {
+    if kept < kept_so_far.len() {
+        let mut places = 0..;
+        kept_so_far.retain(|_| places.next().is_some_and(|i: usize| i.is_multiple_of(2)));
+    }
+    kept_so_far.push(next);
+}
+
 impl PictureSink {
     /// Keeps frames that are spread evenly over what came so far, at most twice the limit.
     fn sample(&mut self, judged: &Judged) -> Result<()> {
-        let Some(kept) = self.taken.next() else {
+        let Some(kept) = self.taken.next(SAMPLES) else {
             return Ok(());
         };
-        if kept < self.samples.len() {
-            let mut places = 0..;
-            self.samples
-                .retain(|_| places.next().is_some_and(|i: usize| i.is_multiple_of(2)));
-        }
         let frame = &judged.frame;
         let seconds = frame.stamp_ns.saturating_sub(self.start_ns) as f64 / 1e9;
         let run = self.identity.run.as_deref().unwrap_or_default();
@@ -200,12 +208,13 @@ impl PictureSink {
         let shown = shown.filter(|scored| self.is_pictured(&scored.estimate.algorithm));
         let shots =
             shown.map(|scored| Ok((Rank::Sample, frame_shot(&self.identity, judged, scored)?)));
-        self.samples.push(CheckpointFigure {
+        let figure = CheckpointFigure {
             checkpoint: None,
             title: format!("{run}, frame {}, {seconds:.2} s", frame.sequence),
             about: String::new(),
             shots: shots.collect::<Result<_>>()?,
-        });
+        };
+        push_spread(&mut self.samples, kept, figure);
         Ok(())
     }
 
