@@ -77,7 +77,7 @@ impl Summary {
 
     /// The fastest of the algorithms that may be called best, with the best one as its second.
     fn fastest(&self, best: &str, rows: &[&Row]) -> Option<Lead> {
-        let metric = Metric::find("time").filter(|_| self.kind() != RunKind::Courses)?;
+        let metric = Metric::find("time")?;
         let of = |a: &AlgorithmSummary| self.ranked(a, metric);
         let best = self.algorithms.iter().find(|a| a.algorithm == best)?;
         let own = of(best)?;
@@ -95,7 +95,7 @@ impl Summary {
             algorithm: fastest.algorithm.clone(),
             value,
             is_outdone: self
-                .algorithms
+                .candidates()
                 .iter()
                 .any(|a| of(a).is_some_and(|ms| ms < value)),
             second: (fastest.algorithm != best.algorithm).then(second),
@@ -127,8 +127,9 @@ impl Summary {
         }
         let mut sentences: Vec<(&str, Vec<String>)> = Vec::new();
         let is_time = |lead: &&Lead| lead.metric.unit == MetricUnit::Ms;
+        let mut among = Among::default();
         for lead in self.leads.iter().filter(|lead| !is_time(lead)) {
-            let words = words(lead);
+            let words = words(lead, &mut among);
             match sentences
                 .iter_mut()
                 .find(|(algorithm, _)| *algorithm == lead.algorithm)
@@ -148,31 +149,43 @@ impl Summary {
         let sentences = sentences.into_iter().map(sentence);
         let fastest = self.leads.iter().find(is_time);
         sentences
-            .chain(fastest.and_then(|lead| self.speed_words(lead)))
+            .chain(fastest.and_then(|lead| self.speed_words(lead, &mut among)))
             .collect()
     }
 
     /// The fastest algorithm, and at what cost.
-    fn speed_words(&self, fastest: &Lead) -> Option<String> {
+    fn speed_words(&self, fastest: &Lead, among: &mut Among) -> Option<String> {
         let name = &fastest.algorithm;
-        let among = if fastest.is_outdone {
-            format!(" with {TRUSTED}")
+        let among = among.words(fastest);
+        let is_driven = self.kind() == RunKind::Courses;
+        let beside = if is_driven {
+            " beside other drives"
         } else {
-            String::new()
+            ""
         };
-        let time = value(fastest.metric, fastest.value);
+        let time = format!("{} per pair{beside}", value(fastest.metric, fastest.value));
         let Some(best) = &fastest.second else {
-            return Some(format!(
-                "{name} is also the fastest{among} ({time} per pair)."
-            ));
+            return Some(format!("{name} is also the fastest{among} ({time})."));
         };
+        let own = |metric| Some(value(metric, self.value(name, metric, None)?));
         let first = self.leads.first()?;
-        let cost = value(first.metric, self.value(name, first.metric, None)?);
+        let cost = format!("{} {}", own(first.metric)?, first.metric.words);
+        let most = self.coverage_words(name, &best.algorithm);
         let best = second_words(fastest.metric, best);
-        let words = first.metric.words;
         Some(format!(
-            "{name} is the fastest{among} ({time} per pair{best}), with {cost} {words}."
+            "{name} is the fastest{among} ({time}{best}), with {cost}{most}."
         ))
+    }
+
+    /// The coverage of two algorithms, where errors are of the estimated pixels alone.
+    fn coverage_words(&self, name: &str, other: &str) -> String {
+        let metric = Metric::find("coverage").filter(|_| self.kind() == RunKind::Disparities);
+        let words = |metric| {
+            let [own, others] = [name, other].map(|label| self.value(label, metric, None));
+            let (own, others) = (value(metric, own?), value(metric, others?));
+            Some(format!(" and {own} {} ({other} {others})", metric.words))
+        };
+        metric.and_then(words).unwrap_or_default()
     }
 }
 
@@ -192,19 +205,33 @@ fn second_words(metric: &Metric, second: &RunnerUp) -> String {
     )
 }
 
+/// The condition of leads that are outdone, in full at its first use.
+#[derive(Default)]
+struct Among {
+    is_said: bool,
+}
+
+impl Among {
+    fn words(&mut self, lead: &Lead) -> String {
+        let is_said = self.is_said;
+        self.is_said |= lead.is_outdone;
+        match (lead.is_outdone, is_said) {
+            (false, _) => String::new(),
+            (true, false) => format!(" of those with {TRUSTED}"),
+            (true, true) => " of these".to_owned(),
+        }
+    }
+}
+
 /// A lead behind the name of its algorithm and "has".
-fn words(lead: &Lead) -> String {
+fn words(lead: &Lead, among: &mut Among) -> String {
     let most = match lead.metric.better {
         Better::Less => "the fewest",
         _ => "the most",
     };
     let second = lead.second.as_ref();
     let second = second.map_or_else(String::new, |second| second_words(lead.metric, second));
-    let among = if lead.is_outdone {
-        format!(" of those with {TRUSTED}")
-    } else {
-        String::new()
-    };
+    let among = among.words(lead);
     let value = value(lead.metric, lead.value);
     format!("{most} {}{among} ({value}{second})", lead.metric.words)
 }

@@ -2,7 +2,7 @@
 
 use super::summary::{AlgorithmSummary, Summary};
 use std::cmp::Ordering;
-use svl_data::score::{Better, METRICS, Metric};
+use svl_data::score::{Better, Metric, RunKind};
 
 impl Summary {
     /// Sorts the algorithms by a metric, the best first, those without a value last. Of a metric
@@ -15,12 +15,16 @@ impl Summary {
         self.is_sorted = true;
     }
 
-    /// The algorithms that may be called best: those with a result of every pair.
+    /// The algorithms that may be called best: those with a result of every pair, without the ends
+    /// of the scale, the truth and `blind`.
     pub(super) fn candidates(&self) -> Vec<&AlgorithmSummary> {
         let has_failed =
             |a: &&AlgorithmSummary| self.failed.iter().any(|f| f.algorithm == a.algorithm);
+        let is_end = |a: &&AlgorithmSummary| ["truth", "blind"].contains(&a.algorithm.as_str());
         let algorithms = self.algorithms.iter();
-        algorithms.filter(|a| !has_failed(a)).collect()
+        algorithms
+            .filter(|a| !has_failed(a) && !is_end(a))
+            .collect()
     }
 
     /// The value by which an algorithm is ranked: none for a time that is not believable.
@@ -29,29 +33,21 @@ impl Summary {
             let mut programs = self.programs.iter();
             programs.any(|of| of.algorithm == algorithm.algorithm && of.program.is_time_doubtful())
         };
-        let value = algorithm.value(metric);
+        let value = self.value(&algorithm.algorithm, metric, None);
         value.filter(|_| metric.name != "time" || !is_doubtful())
     }
 
-    /// The metrics that the run measures, each with the best algorithms by it.
-    pub fn best(&self) -> Vec<(&'static Metric, Vec<&str>)> {
-        let directed = METRICS.iter().filter(|m| m.better != Better::Neither);
-        let candidates = self.candidates();
-        let best = directed.filter_map(|metric| {
-            let algorithms = || candidates.iter();
-            let values = algorithms().map(|a| self.ranked(a, metric));
-            let best = values.min_by(|a, b| better_first(metric, *a, *b))??;
-            let names = algorithms().filter(|a| self.ranked(a, metric) == Some(best));
-            Some((metric, names.map(|a| a.algorithm.as_str()).collect()))
-        });
-        best.collect()
-    }
-
-    /// The objectives of a robot that the run measures, and the algorithms that no other one
+    /// The objectives of the kind of run that it measures, and the algorithms that no other one
     /// dominates: at least as good by all of them, and better by one.
     pub fn front(&self) -> (Vec<&'static Metric>, Vec<&str>) {
+        let objectives: &[_] = match self.kind() {
+            RunKind::Distances | RunKind::NoTruth => &OBJECTIVES,
+            RunKind::Disparities => &["bad2", "coverage", "time"],
+            RunKind::Courses => &["finished", "collisions", "time"],
+        };
         let candidates = self.candidates();
-        let (objectives, front) = pareto_front(&candidates, |a, metric| self.ranked(a, metric));
+        let value = |a: &&AlgorithmSummary, metric: &Metric| self.ranked(a, metric);
+        let (objectives, front) = pareto_front(&candidates, objectives, value);
         (
             objectives,
             front.iter().map(|a| a.algorithm.as_str()).collect(),
@@ -59,19 +55,19 @@ impl Summary {
     }
 }
 
-/// The objectives of a robot that any of the items has a value for, and the items that no other one
-/// dominates: at least as good by all of them, and better by one.
-pub fn pareto_front<T>(
-    items: &[T],
+/// The objectives of a robot.
+pub const OBJECTIVES: [&str; 4] = ["right", "wrong", "unrivalled", "time"];
+
+/// The objectives that any of the items has a value for, and the items that no other one dominates:
+/// at least as good by all of them, and better by one.
+pub fn pareto_front<'a, T>(
+    items: &'a [T],
+    objectives: &[&str],
     value: impl Fn(&T, &Metric) -> Option<f64>,
-) -> (Vec<&'static Metric>, Vec<&T>) {
-    let objectives = ["right", "wrong", "unrivalled", "time"].map(Metric::find);
+) -> (Vec<&'static Metric>, Vec<&'a T>) {
+    let objectives = objectives.iter().map(|name| Metric::find(name));
     let is_measured = |metric: &&Metric| items.iter().any(|item| value(item, metric).is_some());
-    let objectives: Vec<_> = objectives
-        .into_iter()
-        .flatten()
-        .filter(is_measured)
-        .collect();
+    let objectives: Vec<_> = objectives.flatten().filter(is_measured).collect();
     let dominates = |a: &T, b: &T| {
         let orders = || {
             let values = objectives.iter().map(|m| (m, value(a, m), value(b, m)));
@@ -131,11 +127,6 @@ mod tests {
             ("as quick and worse", 1000, 4.0, 2.0),
         ]);
         assert_eq!(summary.front().1, ["slow and good", "quick"]);
-        let best = summary.best();
-        let by = |name: &str| best.iter().find(|(m, _)| m.name == name).unwrap().1.clone();
-        assert_eq!(by("right"), ["slow and good"]);
-        assert_eq!(by("time"), ["quick", "as quick and worse"]);
-        assert!(best.iter().all(|(metric, _)| metric.name != "bad2"));
         summary.sort_by(Metric::find("wrong").unwrap());
         let order: Vec<_> = summary
             .algorithms

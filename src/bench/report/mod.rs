@@ -40,7 +40,7 @@ mod totals;
 mod words;
 
 pub use algorithm_parameters::write_algorithms;
-pub use choice::{better_first, pareto_front};
+pub use choice::{OBJECTIVES, better_first, pareto_front};
 pub use columns::ColumnDescription;
 pub use csv_rows::{RowReader, read_rows};
 pub use descriptions::{TABLES, TableDescription};

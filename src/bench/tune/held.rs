@@ -4,7 +4,7 @@ use super::sample::{self, Sampler, spread_order};
 use super::{Evaluated, Evaluator, FrontEntry, Goal, Search, Space, TrialValues, TunedAlgorithm};
 use crate::console::{Bar, Console, Unit};
 use crate::report::compare::{changes, total};
-use crate::report::{Row, pareto_front};
+use crate::report::{OBJECTIVES, Row, pareto_front};
 use crate::run::{Matchers, Monitor, Pace};
 use crate::runs::runs;
 use crate::sink::{Outbox, RunStart, Sink, TableSink, finish};
@@ -307,7 +307,7 @@ pub fn found(
         .find(|of| of.algorithm.written() == space.base.written())
         .map(|of| of.values.clone())
         .unwrap_or_default();
-    let (_, front) = pareto_front(&ranked, |of, metric| of.values.get(metric));
+    let (_, front) = pareto_front(&ranked, &OBJECTIVES, |of, metric| of.values.get(metric));
     // The best first, which a setting that breaks a bound may dominate.
     let is_other = |of: &&&Evaluated| of.algorithm.written() != best.written();
     let first = ranked.first().into_iter();

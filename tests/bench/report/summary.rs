@@ -2,8 +2,8 @@
 
 use super::fixture::{blind, checkpoint, example, row, summary};
 use svl::report::table::TerminalStyle;
-use svl::report::{Certainty, Lead, Summary};
-use svl::score::{ColumnChoice, Metric};
+use svl::report::{Certainty, Lead, Row, Summary};
+use svl::score::{ColumnChoice, Metric, MetricValues};
 
 #[test]
 fn an_algorithm_is_summed_up() {
@@ -296,6 +296,32 @@ fn a_lead_is_as_sure_as_its_interval() {
     let none = run(&[("v1", 8.0, 2.0, [1, 1, 1]), ("dp", 4.0, 5.0, [1, 1, 1])]);
     assert!(none.leads.is_empty());
     assert_eq!(none.answer().len(), 1);
+}
+
+#[test]
+fn the_fastest_of_a_data_set_costs_errors_and_coverage() {
+    let of = |name: &'static str, bad2, coverage, us| {
+        (0..60).map(move |sequence| Row {
+            metrics: MetricValues::from([("bad2", bad2), ("coverage", coverage)]),
+            ..row(name, sequence, us)
+        })
+    };
+    let rows = of("sgm", 0.02, 0.9, 9_000).chain(of("bm", 0.05, 0.6, 1_000));
+    let worse = of("v1", 0.4, 0.5, 10_000).chain(of("truth", 0.0, 1.0, 1));
+    let rows: Vec<_> = rows.chain(worse).collect();
+    let mut summary = summary(rows.clone(), Vec::new());
+    summary.find_leads(&rows, &[]);
+    let leads = summary.leads.iter();
+    let leads: Vec<_> = leads
+        .map(|lead| (lead.metric.name, lead.algorithm.as_str(), lead.is_outdone))
+        .collect();
+    assert_eq!(leads, [("bad2", "sgm", false), ("time", "bm", false)]);
+    let last = summary.answer().pop().unwrap();
+    assert!(
+        last.ends_with("with 5.0 % pixels off > 2 px and 60.0 % coverage (sgm 90.0 %)."),
+        "{last}"
+    );
+    assert_eq!(summary.front().1, ["sgm", "bm"]);
 }
 
 #[test]
