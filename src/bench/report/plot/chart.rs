@@ -101,6 +101,18 @@ impl Chart {
     /// # Errors
     /// As [`Chart::svg`].
     pub fn svg_in(&self, colors: &AlgorithmColors<'_>) -> Result<String> {
+        self.svg_named(colors, &|series, _| series.name.clone())
+    }
+
+    /// As [`Chart::svg_in`]; the tooltip of a point begins with what `name` calls it.
+    ///
+    /// # Errors
+    /// As [`Chart::svg`].
+    pub fn svg_named(
+        &self,
+        colors: &AlgorithmColors<'_>,
+        name: &dyn Fn(&Series, (f64, f64)) -> String,
+    ) -> Result<String> {
         let points = || self.series.iter().flat_map(|s| &s.points);
         let x = TickedAxis::new(&self.x, || points().map(|p| p.0));
         let y = TickedAxis::new(&self.y, || points().map(|p| p.1));
@@ -111,7 +123,7 @@ impl Chart {
                 .filter(|(series, _)| series.is_keyed())
                 .map(|(series, color)| (series.name.as_str(), color)),
         );
-        svg(HEIGHT + key.height as u32, &self.title, |canvas| {
+        let svg = svg(HEIGHT + key.height as u32, &self.title, |canvas| {
             let colors = self.colors(colors);
             let drawing = Drawing {
                 canvas,
@@ -119,7 +131,13 @@ impl Chart {
                 colors,
             };
             self.draw(drawing, x, y)
-        })
+        })?;
+        Ok(self.with_tips(&svg, name))
+    }
+
+    /// True if the point has a place.
+    pub(super) fn shows(&self, (x, y): &(f64, f64)) -> bool {
+        self.x.shows(*x) && self.y.shows(*y)
     }
 
     /// A colour per series: that of its algorithm, else by its place. Named series without an
@@ -170,7 +188,7 @@ impl Chart {
             // No minor grid lines: they would be invisible at the size of a page.
             .light_line_style(AXIS.mix(0.0))
             .draw()?;
-        let shown = |p: &&(f64, f64)| self.x.shows(p.0) && self.y.shows(p.1);
+        let shown = |p: &&(f64, f64)| self.shows(p);
         for (series, color) in self.series.iter().zip(colors) {
             let points = || series.points.iter().copied().filter(|p| shown(&p));
             match series.form {
@@ -188,17 +206,13 @@ impl Chart {
                 }
                 _ => {}
             }
-            let radius = match series.form {
-                SeriesStyle::Points | SeriesStyle::Both | SeriesStyle::Joined => 8,
-                SeriesStyle::Named => 8,
-                SeriesStyle::Disc(radius) => radius,
-                _ => continue,
-            };
-            chart.draw_series(points().map(|p| Circle::new(p, radius, color.filled())))?;
+            if let Some(radius) = series.form.radius() {
+                chart.draw_series(points().map(|p| Circle::new(p, radius, color.filled())))?;
+            }
         }
         let place = |p: &(f64, f64)| chart.backend_coord(p);
         let (across, down) = chart.plotting_area().get_pixel_range();
-        let bounds = [across.start, down.start, WIDTH as i32, down.end];
+        let bounds = [across.start + 6, down.start, WIDTH as i32, down.end];
         labels::write(canvas, &self.series, bounds, |p| {
             Some(p).filter(shown).map(place)
         })?;

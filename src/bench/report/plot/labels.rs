@@ -19,9 +19,8 @@ pub(super) fn write(
         let drawn: Vec<_> = series.points.iter().filter_map(&place).collect();
         // The marks of points come first: a label may cover another label's place, but not a point.
         let radius = match series.form {
-            SeriesStyle::Disc(radius) => radius as i32 + 2,
             SeriesStyle::Front => 0,
-            _ => 10,
+            form => radius(form) + 2,
         };
         drawn.iter().for_each(|p| labels.avoid(*p, radius));
         if matches!(
@@ -50,7 +49,7 @@ pub(super) fn write(
     turns.sort_by_key(|(turn, ..)| *turn);
     for (_, away, series) in turns {
         for point in series.points.iter().filter_map(&place) {
-            let (at, hidden) = labels.place(&series.name, point, away);
+            let (at, hidden) = labels.place(&series.name, point, radius(series.form), away);
             if series.form == SeriesStyle::Label && hidden > 0 {
                 labels.withdraw();
             } else {
@@ -59,6 +58,11 @@ pub(super) fn write(
         }
     }
     Ok(())
+}
+
+/// Radius of a point; that of another series' point is that of most.
+fn radius(form: SeriesStyle) -> i32 {
+    form.radius().unwrap_or(8) as i32
 }
 
 /// Points of the line from `a` to `b`, half a text's height apart.
@@ -95,15 +99,22 @@ impl Labels {
             .push([x - radius, y - radius, x + radius, y + radius]);
     }
 
-    /// The left middle of `text` beside `point`, up to `away` lines from it; with how much of it is
-    /// hidden or hides, square units.
-    fn place(&mut self, text: &str, (x, y): (i32, i32), away: i32) -> ((i32, i32), i32) {
+    /// The left middle of `text` beside a point of that `radius`, up to `away` lines from it; with
+    /// how much of it is hidden or hides, square units.
+    fn place(
+        &mut self,
+        text: &str,
+        (x, y): (i32, i32),
+        radius: i32,
+        away: i32,
+    ) -> ((i32, i32), i32) {
         let (width, height) = (text_width(text, self.size), self.size as i32);
         let area =
             |left: i32, middle: i32| [left, middle - height / 2, left + width, middle + height / 2];
         let mut best: Option<(i32, Area)> = None;
         for away in 1..=away {
-            let (dx, dy) = (14 * away, 8 + height * (2 * away - 1) / 2 + 4);
+            let dx = radius + 14 * away - 8;
+            let dy = radius + height * (2 * away - 1) / 2 + 4;
             let beside = [(x + dx, y), (x - dx - width, y)];
             let above_and_below = [-dy, dy]
                 .into_iter()
@@ -160,15 +171,24 @@ mod tests {
         ];
         points.iter().for_each(|p| labels.avoid(*p, 8));
         for point in points {
-            let (_, hidden) = labels.place("sgm", point, 3);
+            let (_, hidden) = labels.place("sgm", point, 8, 3);
             assert_eq!(hidden, 0, "{point:?}");
         }
     }
 
     #[test]
+    fn a_text_is_beside_its_disc() {
+        let mut labels = Labels::new([0, 0, 400, 300], 20);
+        labels.avoid((200, 150), 40);
+        let ((left, middle), hidden) = labels.place("sgm", (200, 150), 38, 3);
+        assert_eq!((middle, hidden), (150, 0));
+        assert!((240..260).contains(&left), "{left}");
+    }
+
+    #[test]
     fn a_text_without_room_says_so() {
         let mut labels = Labels::new([0, 0, 60, 30], 20);
-        labels.place("abcde", (10, 10), 3);
-        assert!(labels.place("abcde", (10, 10), 3).1 > 0);
+        labels.place("abcde", (10, 10), 8, 3);
+        assert!(labels.place("abcde", (10, 10), 8, 3).1 > 0);
     }
 }

@@ -12,6 +12,7 @@ mod labels;
 mod map;
 mod strips;
 mod ticks;
+mod tips;
 
 pub use bars::Bars;
 pub use chart::{Axis, Chart};
@@ -96,6 +97,17 @@ pub enum SeriesStyle {
     Caption,
     /// As a caption, where there is room: the label of a point of another series.
     Label,
+}
+
+impl SeriesStyle {
+    /// Radius of its points, where they are drawn.
+    fn radius(self) -> Option<u32> {
+        match self {
+            Self::Points | Self::Both | Self::Joined | Self::Named => Some(8),
+            Self::Disc(radius) => Some(radius),
+            Self::Line | Self::Front | Self::Caption | Self::Label => None,
+        }
+    }
 }
 
 /// Width of every plot in the SVG's own units, which are whole; a page scales it, to between a
