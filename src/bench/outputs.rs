@@ -43,6 +43,14 @@ pub struct FolderRule {
     pub cure: &'static str,
 }
 
+/// The folder of figures: nobody's file is replaced there.
+const FIGURES: FolderRule = FolderRule {
+    kind: "the figures to come",
+    owns: |_| false,
+    mark: "",
+    cure: "name a new or empty folder with --figures",
+};
+
 impl Outputs {
     /// Claims files. Refuses, before any work is done, what cannot or must not be written: an
     /// existing file unless `force`, anything that is no regular file, a missing folder, a file
@@ -112,6 +120,36 @@ impl Outputs {
     pub fn and(mut self, mut more: Self) -> Self {
         self.0.append(&mut more.0);
         self
+    }
+
+    /// Claims also the folder of figures, if they are asked for. It is new or empty, and in none of
+    /// the folders claimed before, whose files are set aside.
+    pub fn and_figures(self, figures: Option<&Path>) -> Result<Self> {
+        let Some(folder) = figures else {
+            return Ok(self);
+        };
+        // The folder may not exist yet, but one above it does.
+        let real = folder.ancestors().find_map(|path| {
+            let path = if path == Path::new("") {
+                Path::new(".")
+            } else {
+                path
+            };
+            path.canonicalize().ok()
+        });
+        let is_above = |output: &Output| {
+            let output = output.path.canonicalize().ok();
+            (real.as_ref().zip(output)).is_some_and(|(real, output)| real.starts_with(output))
+        };
+        if self.0.iter().any(is_above) {
+            return Err(Error::Usage(format!(
+                "{}: is in a folder whose files are replaced; {}",
+                folder.display(),
+                FIGURES.cure
+            )));
+        }
+        let claimed = Self::claim_folder(folder, &FIGURES)?;
+        Ok(self.and(claimed))
     }
 
     /// Moves the earlier files out of the way.

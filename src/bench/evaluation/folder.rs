@@ -16,7 +16,7 @@ use std::path::Path;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::CellRule;
 use svl_core::{Result, counted};
-use svl_data::losses::RunEnding;
+use svl_data::losses::{RunEnding, RunState};
 use svl_data::manifest::{Manifest, PartRecord, hash, read_json};
 use svl_data::scenario::Limit;
 use svl_data::score::{ColumnChoice, Metric};
@@ -42,6 +42,8 @@ pub struct ReportHead<'a> {
     pub sort: Option<&'a Metric>,
     /// Limits that are judged.
     pub limits: &'a [Limit],
+    /// The folder for the plots as files.
+    pub figures: Option<&'a Path>,
 }
 
 /// The content of a report.
@@ -130,6 +132,11 @@ impl ReportContent {
             manifest,
         };
         page.write(&folder.join("index.html"))?;
+        // A run that is to be resumed leaves the folder empty for its end.
+        let is_over = matches!(summary.ending.state, RunState::Complete | RunState::Lossy);
+        if let Some(figures) = head.figures.filter(|_| is_over) {
+            page.write_figures(figures)?;
+        }
         Ok((summary, gate))
     }
 }

@@ -32,6 +32,8 @@ pub struct EvaluationPlan<'a> {
     pub sort: Option<&'static Metric>,
     /// True if the limits of the scenario are scored.
     pub gate: bool,
+    /// The folder for the plots as files.
+    pub figures: Option<&'a Path>,
     pub viewer: Option<(&'static dyn Viewer, RerunTarget, RerunDetail)>,
 }
 
@@ -74,6 +76,7 @@ impl EvaluationPlan<'_> {
             columns: &scenario.columns,
             sort: self.sort,
             limits: if self.gate { &scenario.gate } else { &[] },
+            figures: self.figures,
         }
     }
 

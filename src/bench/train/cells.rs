@@ -1,6 +1,6 @@
 //! Results of a training, for people.
 
-use crate::report::page::fill;
+use crate::report::page::{PlotView, fill};
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::report::table::{Table, TableColumn, TerminalStyle};
 use serde::Serialize;
@@ -166,13 +166,13 @@ impl CellTraining {
             scenarios: self.scenario_table(),
             charts: [
                 PlotView {
-                    title: "Reliability",
+                    title: "Reliability".into(),
                     about: "How many of the cells are right to which a table, fitted without their \
                             part of the runs, gives a probability; ranges with 20 cells or more.",
                     svg: reliability.svg()?,
                 },
                 PlotView {
-                    title: "Steps",
+                    title: "Steps".into(),
                     about: "What more steps are worth on runs that were held out.",
                     svg: losses.svg()?,
                 },
@@ -248,12 +248,4 @@ struct TrainingView<'a> {
     images: [(); 0],
     identity: Vec<(String, String)>,
     incomplete: Option<String>,
-}
-
-/// A chart of the page, with its heading and what it shows.
-#[derive(Serialize)]
-pub(super) struct PlotView {
-    pub title: &'static str,
-    pub about: &'static str,
-    pub svg: String,
 }

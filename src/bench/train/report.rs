@@ -1,7 +1,6 @@
 //! Results of the training of a filter, for people.
 
-use super::cells::PlotView;
-use crate::report::page::{data_url, fill};
+use crate::report::page::{PlotView, data_url, fill};
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::report::table::{Table, TerminalStyle};
 use serde::Serialize;
@@ -236,7 +235,7 @@ impl FilterTraining {
     pub fn page(&self, identity: Vec<(String, String)>) -> Result<String> {
         let plot = |(title, about, chart): (&'static str, &'static str, Chart)| {
             Ok(PlotView {
-                title,
+                title: title.into(),
                 about,
                 svg: chart.svg()?,
             })

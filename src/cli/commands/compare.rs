@@ -57,6 +57,9 @@ pub(crate) struct Args {
         value_parser = usage::ending(&["html"])
     )]
     page: Option<PathBuf>,
+    /// Folder, new or empty, for each plot of the page as an SVG file
+    #[arg(long, value_name = "DIR", requires = "history")]
+    figures: Option<PathBuf>,
     /// Write the metrics of --fail-on as JUnit's XML
     #[arg(long, value_name = "FILE", requires = "fail_on")]
     junit: Option<PathBuf>,
@@ -177,12 +180,16 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 /// Prints and draws the history of the reports.
 fn history(args: &Args) -> anyhow::Result<()> {
     let history = History::from_reports(&args.reports)?;
-    if let Some(path) = &args.page {
-        let mut outputs = Outputs::claim(args.force, [], [path.as_path()])?;
-        outputs.set_aside()?;
+    let page = args.page.as_deref();
+    let mut outputs = Outputs::claim(args.force, [], page)?.and_figures(args.figures.as_deref())?;
+    outputs.set_aside()?;
+    if let Some(path) = page {
         write(path, history.page()?)?;
-        outputs.commit();
     }
+    if let Some(folder) = &args.figures {
+        history.write_figures(folder)?;
+    }
+    outputs.commit();
     if args.json {
         print_json(&history)
     } else {

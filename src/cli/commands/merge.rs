@@ -31,6 +31,9 @@ pub(in crate::cli) struct Args {
     /// Folder for the report; a report of svl's that is there is replaced
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
+    /// Folder, new or empty, for each plot of the page as an SVG file
+    #[arg(long, value_name = "DIR")]
+    figures: Option<PathBuf>,
     /// Exit with 0 where no more is lost in all parts together: N pairs, or P per cent, as `svl
     /// score` counts them [default: the strictest of the parts'; 0]
     #[arg(long, value_name = "N|P%", allow_negative_numbers = true)]
@@ -51,9 +54,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             "{shown}: is a part; name another folder with -o"
         )));
     }
-    let mut outputs = Outputs::claim_folder(&args.output, &REPORT)?;
+    let figures = args.figures.as_deref();
+    let mut outputs = Outputs::claim_folder(&args.output, &REPORT)?.and_figures(figures)?;
     outputs.set_aside()?;
-    let summary = parts.merge(&args.output, args.allow_loss, &Terminal { quiet })?;
+    let summary = parts.merge(&args.output, figures, args.allow_loss, &Terminal { quiet })?;
     outputs.commit();
     if args.json {
         print_json(&summary)?;

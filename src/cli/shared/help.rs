@@ -87,6 +87,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "evidence",
             "error_map",
             "figure",
+            "figures",
             "table",
             "samples",
             "compress",

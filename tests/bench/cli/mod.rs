@@ -16,6 +16,7 @@ mod description;
 mod drive;
 mod eval;
 mod exec;
+mod figures;
 mod filter;
 mod firmware;
 mod help;

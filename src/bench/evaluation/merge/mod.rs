@@ -39,18 +39,19 @@ impl Parts {
         folders.find(|folder| folder.canonicalize().is_ok_and(|folder| folder == path))
     }
 
-    /// Writes their report into a folder. `allow_loss`: the limit of what is lost, in place of that
-    /// of the run.
+    /// Writes their report into a folder, and its plots as files into `figures`. `allow_loss`: the
+    /// limit of what is lost, in place of that of the run.
     ///
     /// # Errors
     /// As [`Parts::read`].
     pub fn merge(
         &self,
         out: &Path,
+        figures: Option<&Path>,
         allow_loss: Option<LossLimit>,
         console: &dyn Console,
     ) -> Result<Summary> {
-        merge(&self.0, out, allow_loss, console)
+        merge(&self.0, (out, figures), allow_loss, console)
     }
 }
 
@@ -186,7 +187,7 @@ fn read_part(folder: &Path) -> Result<FoundPart> {
 
 fn merge(
     parts: &[FoundPart],
-    out: &Path,
+    (out, figures): (&Path, Option<&Path>),
     allow_loss: Option<LossLimit>,
     console: &dyn Console,
 ) -> Result<Summary> {
@@ -225,6 +226,7 @@ fn merge(
         columns: &columns(&manifest)?,
         sort: None,
         limits: &[],
+        figures,
     };
     let mut missing = Missing::default();
     parts

@@ -1,14 +1,14 @@
 //! Reports in the order of their dates: each metric over svl's revisions.
 
 use super::ScoredRun;
-use crate::report::page::fill;
+use crate::report::page::{PlotView, fill};
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::report::samples::{RunKey, run_key};
 use crate::report::table::{NONE, Table, TableColumn, TerminalStyle, wrapped};
 use crate::report::{Row, Summary};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_data::manifest::Purpose;
 use svl_data::score::{METRICS, Metric, MetricOrigin, MetricUnit};
@@ -205,6 +205,19 @@ impl History {
         };
         fill(include_str!("history.html"), "", view)
     }
+
+    /// Writes each plot of the page as an SVG file into a folder.
+    ///
+    /// # Errors
+    /// As [`History::page`]; [`Error::Io`] with the file.
+    pub fn write_figures(&self, folder: &Path) -> Result<()> {
+        for scenario in &self.scenarios {
+            for plot in scenario.plots()? {
+                plot.write(folder, &scenario.scenario)?;
+            }
+        }
+        Ok(())
+    }
 }
 
 impl ScenarioHistory {
@@ -322,7 +335,7 @@ impl ScenarioHistory {
             .filter(|common| reports.any(|report| report.pairs != Some(*common)))
     }
 
-    fn plots(&self) -> Result<Vec<HistoryPlotView>> {
+    fn plots(&self) -> Result<Vec<PlotView>> {
         let plot = |metric: &'static Metric| {
             let own = self.lines.iter().filter(|line| line.metric == metric);
             let series: Vec<_> = own
@@ -357,8 +370,8 @@ impl ScenarioHistory {
                 series,
             };
             (!chart.series.is_empty()).then(|| {
-                Ok(HistoryPlotView {
-                    title: metric.name,
+                Ok(PlotView {
+                    title: metric.name.into(),
                     about: metric.words,
                     svg: chart.svg()?,
                 })
@@ -456,14 +469,7 @@ struct ScenarioView<'a> {
     scenario: &'a str,
     reports: Table,
     notes: Vec<String>,
-    plots: Vec<HistoryPlotView>,
-}
-
-#[derive(Serialize)]
-struct HistoryPlotView {
-    title: &'static str,
-    about: &'static str,
-    svg: String,
+    plots: Vec<PlotView>,
 }
 
 #[cfg(test)]

@@ -113,10 +113,11 @@ fn of_filters(metric: &Metric) -> bool {
     metric.group == "filters"
 }
 
-/// Number of cells of each kind.
+/// Number of cells of each kind, by the rule of the headline.
 pub(super) fn cells(row: &Row) -> String {
+    let group = Metric::find("right").map(|metric| metric.group);
     let is_share = |metric: &&Metric| {
-        !of_filters(metric) && matches!(metric.column(), Some((_, MetricTotal::ShareOf(_))))
+        Some(metric.group) == group && matches!(metric.column(), Some((_, MetricTotal::ShareOf(_))))
     };
     let count =
         |metric: &Metric| Some(format!("{} {}", row.metrics.get(metric.name)?, metric.head));

@@ -8,7 +8,7 @@ mod view;
 
 use super::gate::GateState;
 use super::page::fill_with;
-use super::plot::CourseMap;
+use super::plot::{AlgorithmColors, CourseMap};
 use super::rows::{CellRow, Row};
 use super::summary::Summary;
 use serde::Serialize;
@@ -127,6 +127,28 @@ impl ReportPage {
     /// [`Error::Io`] with the file.
     pub fn write(&self, path: &Path) -> Result<()> {
         std::fs::write(path, self.render()?).map_err(|e| Error::io(path, e))
+    }
+
+    /// Writes each plot of the page as an SVG file into a folder.
+    ///
+    /// # Errors
+    /// As [`ReportPage::render`]; [`Error::Io`] with the file.
+    pub fn write_figures(&self, folder: &Path) -> Result<()> {
+        let colors = AlgorithmColors::new(self.manifest.labels());
+        let plots = [
+            plots::trade_offs(self, &colors)?,
+            plots::speed(self, &colors)?,
+            plots::maps(self, &colors)?,
+        ];
+        for plot in plots.iter().flatten() {
+            plot.write(folder, "")?;
+        }
+        for stress in plots::stress(self, &colors)? {
+            for plot in &stress.plots {
+                plot.write(folder, stress.name)?;
+            }
+        }
+        Ok(())
     }
 
     /// The page. All texts are escaped.

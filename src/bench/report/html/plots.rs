@@ -1,6 +1,9 @@
 //! The plots of the page.
 
-use super::super::plot::{AlgorithmColors, Axis, Bars, Chart, Series, SeriesStyle, Strips};
+use super::super::page::PlotView;
+use super::super::plot::{
+    AlgorithmColors, Axis, Bars, Chart, CourseMap, Series, SeriesStyle, Strips,
+};
 use super::super::stress::{NUMBERS, kinds};
 use super::super::summary::{AlgorithmSummary, Summary};
 use super::{ParameterSweep, ReportPage};
@@ -8,13 +11,6 @@ use serde::Serialize;
 use svl_core::Result;
 use svl_data::score::{Metric, RunKind};
 use svl_data::stress::StressKind;
-
-#[derive(Serialize)]
-pub(super) struct PlotView {
-    title: &'static str,
-    about: &'static str,
-    svg: String,
-}
 
 fn percent(share: f64) -> f64 {
     100.0 * share
@@ -106,7 +102,7 @@ const UNRIVALLED: PlotAxis = PlotAxis {
 
 const TRADE_OFFS: [TradeOff; 6] = [
     TradeOff {
-        title: "Wrong against slow",
+        title: "Wrong against time",
         about: "Down and left is better. The area of a disc is the share of cells that the \
                 algorithm knows.",
         x: TIME,
@@ -115,7 +111,7 @@ const TRADE_OFFS: [TradeOff; 6] = [
         leads: Some(RunKind::Distances),
     },
     TradeOff {
-        title: "Wrong pixels against slow",
+        title: "Wrong pixels against time",
         about: "Down and left is better. The area of a disc is the share of visible pixels with a \
                 disparity.",
         x: TIME,
@@ -124,7 +120,7 @@ const TRADE_OFFS: [TradeOff; 6] = [
         leads: Some(RunKind::Disparities),
     },
     TradeOff {
-        title: "Collisions against slow",
+        title: "Collisions against time",
         about: "Down and left is better.",
         x: TIME,
         y: COLLISIONS,
@@ -132,7 +128,7 @@ const TRADE_OFFS: [TradeOff; 6] = [
         leads: Some(RunKind::Courses),
     },
     TradeOff {
-        title: "Unrivalled cells against slow",
+        title: "Unrivalled cells against time",
         about: "Up and left is better.",
         x: TIME,
         y: UNRIVALLED,
@@ -199,7 +195,7 @@ pub(super) fn stress(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<
             };
             (!chart.series.is_empty()).then(|| {
                 Ok(PlotView {
-                    title,
+                    title: (*title).into(),
                     about: "",
                     svg: chart.svg_in(colors)?,
                 })
@@ -217,9 +213,21 @@ pub(super) fn stress(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<
 /// A perturbation on the page.
 #[derive(Serialize)]
 pub(super) struct StressView {
-    name: &'static str,
+    pub name: &'static str,
     about: &'static str,
-    plots: Vec<PlotView>,
+    pub plots: Vec<PlotView>,
+}
+
+/// The courses from above.
+pub(super) fn maps(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Vec<PlotView>> {
+    let map = |map: &CourseMap| {
+        Ok(PlotView {
+            title: map.title.clone().into(),
+            about: "",
+            svg: map.svg(colors)?,
+        })
+    };
+    page.maps.iter().map(map).collect()
 }
 
 /// The algorithms as discs, those of a sweep joined, and the front of those that no other beats in
@@ -289,10 +297,16 @@ fn scatter(
         y: axis(&of.y),
         series,
     };
+    // Equal ones share a point.
+    let name = |_: &Series, point| {
+        let own = algorithms.iter().filter(|a| place(a) == Some(point));
+        let labels: Vec<_> = own.map(|a| a.algorithm.as_str()).collect();
+        labels.join(", ")
+    };
     Ok(Some(PlotView {
-        title: of.title,
+        title: of.title.into(),
         about: of.about,
-        svg: chart.svg_in(colors)?,
+        svg: chart.svg_named(colors, &name)?,
     }))
 }
 
@@ -420,17 +434,17 @@ pub(super) fn speed(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<V
     };
     Ok(vec![
         PlotView {
-            title: "Latency",
+            title: "Latency".into(),
             about: "Histogram of the times per pair; each strip has its own height scale.",
             svg: latency.svg(colors)?,
         },
         PlotView {
-            title: "Time by stage",
+            title: "Time by stage".into(),
             about: "Mean over the half of the pairs nearest to the median.",
             svg: bars.svg()?,
         },
         PlotView {
-            title: "Share of each stage",
+            title: "Share of each stage".into(),
             about: "As shares of the same times.",
             svg: shares.shares_svg()?,
         },

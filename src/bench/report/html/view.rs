@@ -5,16 +5,16 @@ use super::super::plot::AlgorithmColors;
 use super::super::summary::Summary;
 use super::super::table::{Table, TableCell, TableColumn};
 use super::frames::FigureView;
-use super::plots::{PlotView, StressView, speed, stress, trade_offs};
+use super::plots::{StressView, maps, speed, stress, trade_offs};
 use super::scenes::{ErrorKey, SceneView};
 use super::{PartLink, ReportPage};
-use crate::report::page::{ImageView, PageImages, css_color};
+use crate::report::page::{ImageView, PageImages, PlotView, css_color};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use svl_core::Result;
 use svl_data::manifest::Manifest;
 use svl_data::overlay::{algorithm_color, viridis};
-use svl_data::score::{ColumnChoice, RunKind};
+use svl_data::score::ColumnChoice;
 
 #[derive(Serialize)]
 pub(super) struct ReportPageView<'a> {
@@ -38,7 +38,7 @@ pub(super) struct ReportPageView<'a> {
     trade_offs: Vec<PlotView>,
     speed_plots: Vec<PlotView>,
     stress: Vec<StressView>,
-    maps: Vec<String>,
+    maps: Vec<PlotView>,
     front: FrontView<'a>,
     /// State, its word, and the result.
     gate: Vec<(GateState, &'static str, &'a str)>,
@@ -117,11 +117,7 @@ impl<'a> ReportPageView<'a> {
         let mut identity = manifest.entries();
         let note = summary.ending.note();
         identity.extend(note.map(|note| ("not scored".to_owned(), note)));
-        // Its metrics are those of the headline.
-        let (by, algorithms) = match summary.kind() {
-            RunKind::Distances | RunKind::NoTruth => summary.front(),
-            RunKind::Disparities | RunKind::Courses => Default::default(),
-        };
+        let (by, algorithms) = summary.front();
         let front = FrontView {
             by: by.iter().map(|metric| metric.words).collect(),
             algorithms,
@@ -130,7 +126,6 @@ impl<'a> ReportPageView<'a> {
         let mut drive_tables = summary.side_tables();
         let stress_tables = drive_tables.split_off(usize::from(!summary.drives.is_empty()));
         let gate = page.gate.iter();
-        let maps = page.maps.iter().map(|map| map.svg(&colors));
         Ok(Self {
             manifest,
             summary,
@@ -153,7 +148,7 @@ impl<'a> ReportPageView<'a> {
             trade_offs: trade_offs(page, &colors)?,
             speed_plots: speed(page, &colors)?,
             stress: stress(page, &colors)?,
-            maps: maps.collect::<Result<_>>()?,
+            maps: maps(page, &colors)?,
             front,
             gate: gate
                 .map(|(state, text)| (*state, state.words(), text.as_str()))

@@ -3,6 +3,10 @@
 //! A page extends `base.html` (head, style, images, identity of the run) and fills its blocks
 //! `title`, `style`, `header` and `main`.
 
+mod plot_view;
+
+pub use plot_view::PlotView;
+
 use super::words::{ms, percent};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use serde::Serialize;

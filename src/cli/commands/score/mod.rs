@@ -97,6 +97,9 @@ pub(crate) struct Args {
     /// A report of svl's that is there is replaced.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
+    /// Folder, new or empty, for each plot of the page as an SVG file
+    #[arg(long, value_name = "DIR")]
+    figures: Option<PathBuf>,
     /// Sort the algorithms by a metric, the best first
     ///
     /// Without it by right minus wrong cells, or by the first column.
@@ -169,7 +172,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let kind = if args.check { "-check" } else { "" };
         Path::new("reports").join(format!("{}{kind}", scenario.name))
     });
-    let mut outputs = Outputs::claim_folder(&folder, &REPORT)?;
+    let mut outputs =
+        Outputs::claim_folder(&folder, &REPORT)?.and_figures(args.figures.as_deref())?;
     let rerun = args.rerun.as_ref().and_then(RerunChoice::target);
     if let Some(file) = rerun.and_then(RerunTarget::file) {
         outputs = outputs.and(Outputs::claim(false, [], [file])?);
@@ -189,6 +193,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         resume: args.resume,
         sort: args.sort,
         gate: args.gate,
+        figures: args.figures.as_deref(),
         viewer: chosen_viewer(args, &folder)?,
     };
     junit_file.set_aside()?;

@@ -1,0 +1,104 @@
+//! `--figures DIR`: each plot of a page as an SVG file.
+
+use super::fixture::{Fixture, assert_says};
+use quick_xml::Reader;
+use quick_xml::events::Event;
+
+const SCORE: &str = "score pairs --algo bm:max_disparity=8 --algo v3:max_disparity=8 --stress \
+                     noise=4/8 -q --rerun none";
+
+/// A folder of four pairs.
+fn pairs() -> Fixture {
+    let fixture = Fixture::new();
+    for i in 0..4 {
+        let [left, right] = ["left", "right"].map(|side| format!("pairs/{side}_{i}.pgm"));
+        fixture.write_pair(&left, &right, (40, 20), 3);
+    }
+    fixture
+}
+
+/// The names of the figures in a folder; each is a whole SVG document that fetches nothing.
+fn figures(fixture: &Fixture, folder: &str) -> Vec<String> {
+    let entries = std::fs::read_dir(fixture.path(folder)).unwrap();
+    let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<_> = names.collect();
+    names.sort();
+    for name in &names {
+        let text = fixture.text(&format!("{folder}/{name}"));
+        assert_says(
+            &text,
+            &["viewBox=", "<title>", "font-family=\"sans-serif\""],
+        );
+        assert!(!text.contains("href") && !text.contains("<style"), "{name}");
+        let mut reader = Reader::from_str(&text);
+        let mut elements = 0;
+        loop {
+            match reader
+                .read_event()
+                .unwrap_or_else(|e| panic!("{name}: {e}"))
+            {
+                Event::Start(start) if elements == 0 => assert_eq!(start.name().as_ref(), b"svg"),
+                Event::Eof => break,
+                _ => {}
+            }
+            elements += 1;
+        }
+        assert!(elements > 10, "{name}");
+    }
+    names
+}
+
+#[test]
+fn every_plot_of_the_page_is_a_file() {
+    let fixture = pairs();
+    fixture.run(&format!("{SCORE} -o r --figures out/figures"));
+    let names = figures(&fixture, "out/figures");
+    let expected = [
+        "latency.svg",
+        "noise-known-cells.svg",
+        "share-of-each-stage.svg",
+        "time-by-stage.svg",
+        "unrivalled-cells-against-time.svg",
+    ];
+    assert_eq!(names, expected);
+    let page = fixture.text("r/index.html");
+    assert_eq!(page.matches("<svg class=\"plot\"").count(), names.len());
+    let plot = fixture.text("out/figures/unrivalled-cells-against-time.svg");
+    assert_says(&plot, &["<title>bm:max_disparity=8\nmedian ms per pair: "]);
+
+    // A merged page has its own, and so has a history.
+    for i in 1..=2 {
+        fixture.run(&format!("{SCORE} --shard {i}/2 -o p{i}"));
+    }
+    fixture.run("merge p1 p2 -o all -q --figures merged");
+    assert_eq!(figures(&fixture, "merged"), expected);
+    fixture.run("compare --history r all --figures history --page history.html");
+    let names = figures(&fixture, "history");
+    assert!(names.contains(&"pairs-known.svg".to_owned()), "{names:?}");
+    let page = fixture.text("history.html");
+    assert_eq!(page.matches("<svg class=\"plot\"").count(), names.len());
+    // Figures are not replaced.
+    fixture.fails(
+        "compare --history r all --figures history => 1: history/ | name a new or empty folder
+         merge p1 p2 -o again --figures merged => 1: merged/ | name a new or empty folder",
+    );
+    assert!(!fixture.path("again").exists());
+}
+
+#[test]
+fn a_folder_of_others_is_refused_before_the_run() {
+    let fixture = pairs();
+    fixture.write("full/notes.txt", "mine");
+    fixture.write("file", "mine");
+    fixture.fails(&format!(
+        "{SCORE} -o r --figures full => 1: full/notes.txt | name a new or empty folder
+         {SCORE} -o r --figures file => 1: file
+         {SCORE} -o r --figures r/figures => 2: r/figures | name a new or empty folder
+         {SCORE} -o r --figures ./r => 2: ./r: is in a folder | name a new or empty folder"
+    ));
+    assert!(!fixture.path("r").exists());
+    assert_eq!(
+        fixture.text("full/notes.txt") + &fixture.text("file"),
+        "minemine"
+    );
+}
