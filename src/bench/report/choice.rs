@@ -15,12 +15,16 @@ impl Summary {
         self.is_sorted = true;
     }
 
-    /// The algorithms that may be called best: those with a result of every pair.
-    pub(super) fn candidates(&self) -> Vec<&AlgorithmSummary> {
-        let has_failed =
-            |a: &&AlgorithmSummary| self.failed.iter().any(|f| f.algorithm == a.algorithm);
+    /// True for an algorithm that may be called best: it has a result of every pair, and is not the
+    /// truth itself.
+    pub(super) fn is_candidate(&self, algorithm: &AlgorithmSummary) -> bool {
+        let label = &algorithm.algorithm;
+        !self.perfect.contains(label) && self.failed.iter().all(|f| f.algorithm != *label)
+    }
+
+    fn candidates(&self) -> Vec<&AlgorithmSummary> {
         let algorithms = self.algorithms.iter();
-        algorithms.filter(|a| !has_failed(a)).collect()
+        algorithms.filter(|a| self.is_candidate(a)).collect()
     }
 
     /// The value by which an algorithm is ranked: none for a time that is not believable.

@@ -299,6 +299,28 @@ fn a_lead_is_as_sure_as_its_interval() {
 }
 
 #[test]
+fn neither_the_truth_nor_one_of_few_disparities_is_called_best() {
+    let mut rows = Vec::new();
+    for (name, bad, coverage) in [
+        ("truth", 0.0, 1.0),
+        ("few", 0.01, 0.05),
+        ("bm", 0.2, 0.6),
+        ("v3", 0.3, 0.5),
+    ] {
+        rows.extend((0..60).map(|i| svl::report::Row {
+            metrics: [("bad2", bad), ("coverage", coverage)].into(),
+            ..row(name, i, 1_000)
+        }));
+    }
+    let mut summary = summary(rows.clone(), Vec::new());
+    summary.perfect = vec!["truth".to_owned()];
+    summary.find_leads(&rows, &[]);
+    let lead = &summary.leads[0];
+    assert_eq!((lead.algorithm.as_str(), lead.is_outdone), ("bm", true));
+    assert!(summary.answer().last().unwrap().contains("coverage"));
+}
+
+#[test]
 fn a_run_without_truth_has_no_columns_of_it() {
     let summary = summary(vec![blind("v3", 1_000), blind("bm", 500)], Vec::new());
     assert!(summary.scope_words().ends_with("no ground truth"));
