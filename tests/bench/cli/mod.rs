@@ -35,6 +35,7 @@ mod reproduce;
 mod resume;
 mod score;
 mod score_recordings;
+mod screens;
 mod shard;
 mod stress;
 mod survive;
