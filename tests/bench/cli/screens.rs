@@ -94,7 +94,8 @@ fn a_data_set_of_disparities() {
     }
     let scenes = scenes.join(", ");
     let scenario = format!(
-        "name = \"noise\"\nalgorithms = [{EIGHT}]\n[source]\nkind = \"dataset\"\nscenes = [{scenes}]\n"
+        "name = \"noise\"\nalgorithms = [{EIGHT}]\n[source]\nkind = \"dataset\"\n\
+         scenes = [{scenes}]\n"
     );
     fixture.write("noise.toml", scenario);
     insta::assert_snapshot!(scored(&fixture, "noise.toml --data ."));
