@@ -29,7 +29,7 @@ wheel() { (cd packaging && maturin build --quiet --locked --zig --compatibility 
 wheel
 program="$target/$triple/dist/svl"
 mkdir -p "$beside"/share/{man/man1,bash-completion/completions,zsh/site-functions,fish/vendor_completions.d}
-"$program" generate man > "$beside/share/man/man1/svl.1"
+"$program" generate man -o "$beside/share/man/man1"
 "$program" generate completions bash > "$beside/share/bash-completion/completions/svl"
 "$program" generate completions zsh > "$beside/share/zsh/site-functions/_svl"
 "$program" generate completions fish > "$beside/share/fish/vendor_completions.d/svl.fish"

@@ -417,7 +417,11 @@ pub fn write_with_page(path: &Path, toml: &str, markdown: &str, force: bool) -> 
     write(path, toml)?;
     write(&page, markdown)?;
     outputs.commit();
-    Ok(format!("{} and {}", path.display(), page.display()))
+    Ok(format!(
+        "written  {} and {}",
+        path.display(),
+        page.display()
+    ))
 }
 
 /// Writes a file of a report as JSON.

@@ -174,7 +174,7 @@ pub fn cached_run(
         ScenarioSource::Arena { config, .. } => Some(config.frames),
         _ => None,
     };
-    let mut watch = Watch::new(console, &format!("arena, seed {seed}"), pairs, table);
+    let mut watch = Watch::new(console, &format!("record arena, seed {seed}"), pairs, table);
     let cached = record::cached_run(folder, scenario, seed, &mut watch);
     if interrupt::requested() {
         return Err(Error::Invalid(

@@ -37,6 +37,6 @@ impl BuildInfo {
 pub fn slow_profile(profile: Option<&str>) -> Option<String> {
     let slow = profile.filter(|name| ["debug", "work"].contains(name))?;
     Some(format!(
-        "built with the profile `{slow}`: results are the same, but timings do not count"
+        "built with the profile `{slow}`: results are the same, but times need a release build"
     ))
 }

@@ -15,9 +15,9 @@ use svl_data::score::{Better, Metric, MetricUnit, RunKind};
 /// Share of wrong cells above which an algorithm is not called best by anything.
 pub(super) const MOST_WRONG: f64 = 0.1;
 
-/// Share of right cells below which it is not, either: an algorithm that answers nothing misses
-/// nothing.
-const LEAST_RIGHT: f64 = 0.1;
+/// Share of right cells, or of pixels with a disparity, below which it is not, either: an algorithm
+/// that answers nothing misses nothing.
+const LEAST: f64 = 0.1;
 
 /// The metrics by which algorithms are called best.
 fn answer_metrics(kind: RunKind) -> Vec<&'static Metric> {
@@ -46,13 +46,10 @@ impl Summary {
     fn lead(&self, metric: &'static Metric, rows: &[&Row], drives: &[DriveRow]) -> Option<Lead> {
         let value = |a: &AlgorithmSummary| self.value(&a.algorithm, metric, None);
         // The best of all is the first of equal ones.
-        let candidates = self.candidates();
         let mut ranked = self.ranked_algorithms();
-        ranked.retain(|a| candidates.contains(a) && value(a).is_some());
+        ranked.retain(|a| self.is_candidate(a) && value(a).is_some());
         ranked.sort_by(|a, b| better_first(metric, value(a), value(b)));
-        let trusted = self.trusted();
-        let is_trusted = |a: &&AlgorithmSummary| trusted.iter().any(|t| t.algorithm == a.algorithm);
-        let place = ranked.iter().position(is_trusted)?;
+        let place = ranked.iter().position(|a| self.is_usable(a))?;
         let best = ranked[place];
         let second = ranked.get(place + 1).and_then(|second| {
             let labels = [best, second].map(|a| a.algorithm.as_str());
@@ -81,8 +78,9 @@ impl Summary {
         let of = |a: &AlgorithmSummary| self.ranked(a, metric);
         let best = self.algorithms.iter().find(|a| a.algorithm == best)?;
         let own = of(best)?;
-        let trusted = self.trusted().into_iter();
-        let timed = trusted.filter_map(|a| Some((of(a)?, a)));
+        let candidates = || self.algorithms.iter().filter(|a| self.is_candidate(a));
+        let usable = candidates().filter(|a| self.is_usable(a));
+        let timed = usable.filter_map(|a| Some((of(a)?, a)));
         let (value, fastest) = timed.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let labels = [fastest, best].map(|a| a.algorithm.as_str());
         let second = || RunnerUp {
@@ -94,25 +92,31 @@ impl Summary {
             metric,
             algorithm: fastest.algorithm.clone(),
             value,
-            is_outdone: self
-                .candidates()
-                .iter()
-                .any(|a| of(a).is_some_and(|ms| ms < value)),
+            is_outdone: candidates().any(|a| of(a).is_some_and(|ms| ms < value)),
             second: (fastest.algorithm != best.algorithm).then(second),
         })
     }
 
-    /// The algorithms that may be called best: those with a result of every pair, few wrong cells
-    /// and some right ones.
-    fn trusted(&self) -> Vec<&AlgorithmSummary> {
-        let mut trusted = self.candidates();
-        let is_scored = self.kind() == RunKind::Distances;
-        let share = |a: &AlgorithmSummary, name| a.value(Metric::find(name).filter(|_| is_scored)?);
-        trusted.retain(|a| {
-            share(a, "wrong").is_none_or(|wrong| wrong <= MOST_WRONG)
-                && share(a, "right").is_none_or(|right| right >= LEAST_RIGHT)
-        });
-        trusted
+    /// True for few wrong cells and some right ones, or some pixels with a disparity; else an
+    /// algorithm is not called best.
+    fn is_usable(&self, algorithm: &AlgorithmSummary) -> bool {
+        let share = |name| algorithm.value(Metric::find(name)?);
+        let has = |name| share(name).is_none_or(|share| share >= LEAST);
+        match self.kind() {
+            RunKind::Distances => {
+                has("right") && share("wrong").is_none_or(|wrong| wrong <= MOST_WRONG)
+            }
+            RunKind::Disparities => has("coverage"),
+            RunKind::Courses | RunKind::NoTruth => true,
+        }
+    }
+
+    /// The same in words.
+    fn usable_words(&self) -> &'static str {
+        match self.kind() {
+            RunKind::Disparities => "at least 10 % coverage",
+            _ => "at most 10 % wrong and at least 10 % right cells",
+        }
     }
 
     /// The answer in one or two sentences; none for a single algorithm, whose row says it all.
@@ -121,15 +125,17 @@ impl Summary {
             return Vec::new();
         }
         if self.leads.is_empty() {
-            let is_empty = self.kind() == RunKind::Distances && self.trusted().is_empty();
-            let words = format!("No algorithm has {TRUSTED}, so none is called best.");
-            return Vec::from_iter(is_empty.then_some(words));
+            let none = !self.algorithms.iter().any(|a| self.is_usable(a));
+            let words = format!(
+                "No algorithm has {}, so none is called best.",
+                self.usable_words()
+            );
+            return Vec::from_iter(none.then_some(words));
         }
         let mut sentences: Vec<(&str, Vec<String>)> = Vec::new();
         let is_time = |lead: &&Lead| lead.metric.unit == MetricUnit::Ms;
-        let mut among = Among::default();
         for lead in self.leads.iter().filter(|lead| !is_time(lead)) {
-            let words = words(lead, &mut among);
+            let words = words(lead);
             match sentences
                 .iter_mut()
                 .find(|(algorithm, _)| *algorithm == lead.algorithm)
@@ -148,24 +154,27 @@ impl Summary {
         };
         let sentences = sentences.into_iter().map(sentence);
         let fastest = self.leads.iter().find(is_time);
-        sentences
-            .chain(fastest.and_then(|lead| self.speed_words(lead, &mut among)))
-            .collect()
+        let fastest = fastest.and_then(|lead| self.speed_words(lead));
+        let is_outdone = self.leads.iter().any(|lead| lead.is_outdone);
+        let usable = is_outdone.then(|| format!("Usable: {}.", self.usable_words()));
+        sentences.chain(fastest).chain(usable).collect()
     }
 
     /// The fastest algorithm, and at what cost.
-    fn speed_words(&self, fastest: &Lead, among: &mut Among) -> Option<String> {
+    fn speed_words(&self, fastest: &Lead) -> Option<String> {
         let name = &fastest.algorithm;
-        let among = among.words(fastest);
-        let is_driven = self.kind() == RunKind::Courses;
-        let beside = if is_driven {
-            " beside other drives"
+        let usable = if fastest.is_outdone {
+            " usable one"
         } else {
             ""
         };
+        let beside = match self.kind() {
+            RunKind::Courses => " beside other drives",
+            _ => "",
+        };
         let time = format!("{} per pair{beside}", value(fastest.metric, fastest.value));
         let Some(best) = &fastest.second else {
-            return Some(format!("{name} is also the fastest{among} ({time})."));
+            return Some(format!("{name} is also the fastest{usable} ({time})."));
         };
         let own = |metric| Some(value(metric, self.value(name, metric, None)?));
         let first = self.leads.first()?;
@@ -173,7 +182,7 @@ impl Summary {
         let most = self.coverage_words(name, &best.algorithm);
         let best = second_words(fastest.metric, best);
         Some(format!(
-            "{name} is the fastest{among} ({time}{best}), with {cost}{most}."
+            "{name} is the fastest{usable} ({time}{best}), with {cost}{most}."
         ))
     }
 
@@ -189,9 +198,6 @@ impl Summary {
     }
 }
 
-/// The condition of [`Summary::trusted`] in words.
-const TRUSTED: &str = "at most 10 % wrong and at least 10 % right cells";
-
 /// The second best behind the value of the best.
 fn second_words(metric: &Metric, second: &RunnerUp) -> String {
     let certainty = match second.certainty.words() {
@@ -205,35 +211,21 @@ fn second_words(metric: &Metric, second: &RunnerUp) -> String {
     )
 }
 
-/// The condition of leads that are outdone, in full at its first use.
-#[derive(Default)]
-struct Among {
-    is_said: bool,
-}
-
-impl Among {
-    fn words(&mut self, lead: &Lead) -> String {
-        let is_said = self.is_said;
-        self.is_said |= lead.is_outdone;
-        match (lead.is_outdone, is_said) {
-            (false, _) => String::new(),
-            (true, false) => format!(" of those with {TRUSTED}"),
-            (true, true) => " of these".to_owned(),
-        }
-    }
-}
-
 /// A lead behind the name of its algorithm and "has".
-fn words(lead: &Lead, among: &mut Among) -> String {
+fn words(lead: &Lead) -> String {
     let most = match lead.metric.better {
         Better::Less => "the fewest",
         _ => "the most",
     };
     let second = lead.second.as_ref();
     let second = second.map_or_else(String::new, |second| second_words(lead.metric, second));
-    let among = among.words(lead);
     let value = value(lead.metric, lead.value);
-    format!("{most} {}{among} ({value}{second})", lead.metric.words)
+    let usable = if lead.is_outdone {
+        " of the usable"
+    } else {
+        ""
+    };
+    format!("{most} {}{usable} ({value}{second})", lead.metric.words)
 }
 
 fn certainty(interval: Option<Interval>, too_few: Certainty) -> Certainty {

@@ -29,22 +29,16 @@ impl Summary {
             format!("{name} answers far later than the time that it reports, which is not ranked")
         });
         let profile = self.slow_profile.clone();
-        let parts = incomplete
-            .chain(note)
-            .chain(self.caution())
-            .chain(failed)
-            .chain(doubtful);
+        let parts = incomplete.chain(note).chain(failed).chain(doubtful);
         parts.chain(profile).chain(self.outliers()).collect()
     }
 
     /// Times that the machine disturbed.
     fn outliers(&self) -> Option<String> {
-        // Else svl's own reading and writing makes them.
-        let measured = self
-            .algorithms
-            .iter()
-            .filter(|a| self.measured && a.outliers > Some(0));
-        (measured.count() > 0).then(|| {
+        // Else svl's own reading and writing makes them, or nobody counts on the times.
+        let counts = self.measured && self.slow_profile.is_none();
+        let is_disturbed = self.algorithms.iter().any(|a| a.outliers > Some(0));
+        (counts && is_disturbed).then(|| {
             "the machine was busy, so times are uncertain; an idle one, or --repeat 5, gives \
              better ones"
                 .to_owned()

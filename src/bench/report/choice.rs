@@ -15,16 +15,17 @@ impl Summary {
         self.is_sorted = true;
     }
 
-    /// The algorithms that may be called best: those with a result of every pair, without the ends
-    /// of the scale, the truth and `blind`.
-    pub(super) fn candidates(&self) -> Vec<&AlgorithmSummary> {
-        let has_failed =
-            |a: &&AlgorithmSummary| self.failed.iter().any(|f| f.algorithm == a.algorithm);
-        let is_end = |a: &&AlgorithmSummary| ["truth", "blind"].contains(&a.algorithm.as_str());
+    /// True for an algorithm that may be called best: it has a result of every pair, and is not an
+    /// end of the scale, the truth or `blind`.
+    pub(super) fn is_candidate(&self, algorithm: &AlgorithmSummary) -> bool {
+        let label = &algorithm.algorithm;
+        let is_end = self.perfect.contains(label) || label == "blind";
+        !is_end && self.failed.iter().all(|f| f.algorithm != *label)
+    }
+
+    fn candidates(&self) -> Vec<&AlgorithmSummary> {
         let algorithms = self.algorithms.iter();
-        algorithms
-            .filter(|a| !has_failed(a) && !is_end(a))
-            .collect()
+        algorithms.filter(|a| self.is_candidate(a)).collect()
     }
 
     /// The value by which an algorithm is ranked: none for a time that is not believable.

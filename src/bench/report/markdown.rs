@@ -19,10 +19,10 @@ impl Summary {
             page.push_str(&format!("\n## {}\n\n{}", escape(title), table.markdown()));
         };
         section("All metrics", &self.all_metrics());
-        let side = self.side_tables();
-        let checkpoints = self.checkpoint_table();
-        for table in checkpoints.iter().chain(&side).chain(&self.speed_table()) {
-            section(&table.title, table);
+        let single = [self.checkpoint_table(), self.drive_table()];
+        let tables = single.into_iter().flatten().chain(self.stress_tables());
+        for table in tables.chain(self.speed_table()) {
+            section(&table.title, &table);
         }
         let mut facts = Vec::new();
         facts.extend(self.times.clone().map(|times| format!("times: {times}")));

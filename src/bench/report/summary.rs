@@ -19,7 +19,7 @@ use svl_data::score::{
 };
 use svl_data::slow_profile;
 
-/// The results of a run. `Display` is a table for the terminal.
+/// The results of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
     /// Version of the files of a report, [`SCHEMA`].
@@ -61,6 +61,9 @@ pub struct Summary {
     /// The algorithms are in the order that the user chose.
     #[serde(skip)]
     pub is_sorted: bool,
+    /// The algorithms that report the truth itself.
+    #[serde(skip)]
+    pub perfect: Vec<String>,
     /// Rule by which cells were scored.
     #[serde(skip)]
     pub rule: CellRule,
@@ -235,6 +238,9 @@ impl Summary {
         self.warnings.clone_from(&manifest.warnings);
         self.slow_profile = slow_profile(manifest.profile.as_deref());
         for record in &manifest.algorithms {
+            if record.name == "truth" {
+                self.perfect.push(record.label.clone());
+            }
             let program = record.program.clone();
             self.programs.extend(program.map(|program| ProgramSummary {
                 algorithm: record.label.clone(),
@@ -329,17 +335,9 @@ impl Summary {
     /// The kind of the run by what was measured.
     pub fn kind(&self) -> RunKind {
         let has = |name: &str| self.algorithms.iter().any(|a| a.totals.get(name).is_some());
-        if !self.drives.is_empty() {
-            RunKind::Courses
-        } else if has("missed") {
-            RunKind::Distances
-        } else if METRICS
-            .iter()
-            .any(|m| m.against_truth && m.column().is_some() && has(m.name))
-        {
-            RunKind::Disparities
-        } else {
-            RunKind::NoTruth
+        match self.drives[..] {
+            [] => RunKind::from_measured(has),
+            _ => RunKind::Courses,
         }
     }
 
@@ -377,6 +375,7 @@ impl Summary {
             scope: RunScope::default(),
             columns: ColumnChoice::default(),
             is_sorted: false,
+            perfect: Vec::new(),
             rule: CellRule::default(),
             times: None,
             slow_profile: None,

@@ -80,35 +80,34 @@ impl Summary {
         self.metric_table(&ColumnChoice::All)
     }
 
-    /// The algorithms in the order of tables.
+    /// The algorithms in the order of tables: the user's, else by right minus wrong where true
+    /// distances are known, else by the first column that has a better direction.
     pub fn ranked_algorithms(&self) -> Vec<&AlgorithmSummary> {
-        let mut ranked: Vec<_> = self.algorithms.iter().collect();
         if self.is_sorted {
-            return ranked;
+            return self.algorithms.iter().collect();
         }
-        let value =
-            |a: &AlgorithmSummary, name| self.value(&a.algorithm, Metric::find(name)?, None);
-        let right = |a: &AlgorithmSummary| Some(value(a, "right")? - value(a, "wrong")?);
-        let mut first = self.columns.metrics(self.kind()).into_iter();
+        let kind = self.kind();
+        let value = |a: &AlgorithmSummary, name| a.value(Metric::find(name)?);
+        let mut first = self.columns.metrics(kind).into_iter();
         let first = first.find(|metric| metric.better != Better::Neither);
-        let key = |a: &AlgorithmSummary| match self.kind() {
-            RunKind::Distances => right(a),
+        let key = |a: &AlgorithmSummary| match kind {
+            RunKind::Distances => Some(value(a, "right")? - value(a, "wrong")?),
             _ => {
-                let metric = first?;
-                let value = self.value(&a.algorithm, metric, None)?;
-                Some(if metric.better == Better::Less {
+                let value = self.value(&a.algorithm, first?, None)?;
+                Some(if first?.better == Better::Less {
                     -value
                 } else {
                     value
                 })
             }
         };
+        let keyed = self.algorithms.iter();
+        let mut keyed: Vec<_> = keyed
+            .map(|a| (key(a).unwrap_or(f64::NEG_INFINITY), a))
+            .collect();
         // Stable, and those without a value are last.
-        ranked.sort_by(|a, b| {
-            let [a, b] = [a, b].map(|a| key(a).unwrap_or(f64::NEG_INFINITY));
-            b.total_cmp(&a)
-        });
-        ranked
+        keyed.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+        keyed.into_iter().map(|(_, a)| a).collect()
     }
 
     /// Those of them that have a result.
@@ -320,12 +319,14 @@ impl Summary {
         (!names.is_empty()).then_some(table)
     }
 
-    /// The tables of drives and of perturbations.
-    pub fn side_tables(&self) -> Vec<Table> {
+    /// The drives with intervals over the courses; nothing where there were none.
+    pub fn drive_table(&self) -> Option<Table> {
         drive_table(&self.drives)
-            .into_iter()
-            .chain(stress_tables(&self.stress))
-            .collect()
+    }
+
+    /// A table per kind of perturbation: right cells by level, and where each algorithm breaks.
+    pub fn stress_tables(&self) -> Vec<Table> {
+        stress_tables(&self.stress)
     }
 }
 
@@ -359,7 +360,6 @@ fn all_cell(checkpoints: &[&CheckpointSummary]) -> String {
     format!("{best}/{n} {worst}/{n} {share}", n = seen.len())
 }
 
-/// The drives with intervals over the courses; nothing where there were none.
 fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
     let interval = |interval: Option<Interval>, scale: f64, digits: usize| {
         interval.map_or_else(String::new, |(low, high)| {
@@ -417,7 +417,6 @@ fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
     (!drives.is_empty()).then_some(table)
 }
 
-/// A table per kind of perturbation: right cells by level, and where each algorithm breaks.
 fn stress_tables(stress: &[StressSummary]) -> Vec<Table> {
     let kinds = kinds(stress).into_iter();
     let mut tables: Vec<_> = kinds.map(|kind| stress_table(kind, stress)).collect();

@@ -48,12 +48,11 @@ impl Summary {
             text.push_str(&wrapped(&words, 2, style.width));
         }
         let mut tables = vec![table];
-        for table in self.side_tables() {
-            let is_stress = self.stress.iter().any(|s| table.title.contains(s.kind));
-            if is_stress || self.columns == ColumnChoice::All {
-                text.push_str(&format!("\n{}\n{}", table.title, table.terminal(style)));
-                tables.push(table);
-            }
+        let drives = self.drive_table();
+        tables.extend(drives.filter(|_| self.columns == ColumnChoice::All));
+        tables.extend(self.stress_tables());
+        for table in &tables[1..] {
+            text.push_str(&format!("\n{}\n{}", table.title, table.terminal(style)));
         }
         if explain {
             text.push('\n');

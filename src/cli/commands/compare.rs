@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use svl::outputs::{Outputs, write};
 use svl::report::compare::{Change, Comparison, History, Judgement, ScoredRun};
 use svl::report::{TestCase, TestResult, junit};
-use svl::score::{METRICS, Metric, MetricUnit};
+use svl::score::{ColumnChoice, METRICS, Metric, MetricUnit};
 
 /// Compare reports: changes of metrics, with confidence intervals
 ///
@@ -60,6 +60,9 @@ pub(crate) struct Args {
     /// Folder, new or empty, for each plot of the page as an SVG file
     #[arg(long, value_name = "DIR", requires = "history")]
     figures: Option<PathBuf>,
+    /// Metrics that are shown: all or NAME,… [default: the headline ones]
+    #[arg(long, value_name = "NAMES", conflicts_with_all = ["history", "markdown", "json"])]
+    columns: Option<ColumnChoice>,
     /// Write the metrics of --fail-on as JUnit's XML
     #[arg(long, value_name = "FILE", requires = "fail_on")]
     junit: Option<PathBuf>,
@@ -158,8 +161,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     } else if args.markdown {
         print(&joined(&Comparison::markdown))?;
     } else {
+        let columns = args.columns.clone().unwrap_or_default();
         let style = style();
-        print(&joined(&|of| of.terminal(style)))?;
+        print(&joined(&|of| of.terminal(&columns, style)))?;
     }
     // Metrics that became worse come before those that could not be judged.
     let failed = cases.iter().filter_map(|case| match &case.result {

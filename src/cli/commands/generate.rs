@@ -3,13 +3,15 @@
 use crate::cli::shared::source;
 use crate::cli::shared::terminal::print;
 use clap_complete::Shell;
+use std::path::PathBuf;
+use svl::outputs::make_folder;
 
 /// Print completions or the man page, for packagers
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   svl generate completions bash > /etc/bash_completion.d/svl
-  svl generate man > /usr/share/man/man1/svl.1")]
+  svl generate man -o /usr/share/man/man1")]
 pub(crate) struct Args {
     #[command(subcommand)]
     what: Generated,
@@ -20,20 +22,30 @@ enum Generated {
     /// Print a completion script for a shell
     #[command(after_help = "Example:\n  svl generate completions zsh > _svl")]
     Completions { shell: Shell },
-    /// Print the man page
-    #[command(after_help = "Example:\n  svl generate man > svl.1")]
-    Man,
+    /// Print the man page, or write those of all commands
+    #[command(after_help = "Examples:\n  svl generate man > svl.1\n  svl generate man -o man1")]
+    Man {
+        /// Folder for a page per command, which replace those that are there
+        #[arg(short, long, value_name = "DIR")]
+        output: Option<PathBuf>,
+    },
 }
 
 /// `program`: the whole command line.
 pub(super) fn run(args: &Args, mut program: clap::Command) -> anyhow::Result<()> {
     let mut text = Vec::new();
-    match args.what {
+    match &args.what {
         Generated::Completions { shell } => {
-            clap_complete::generate(shell, &mut program, "svl", &mut text);
+            clap_complete::generate(*shell, &mut program, "svl", &mut text);
             print(&with_files(&String::from_utf8(text)?))
         }
-        Generated::Man => {
+        Generated::Man {
+            output: Some(folder),
+        } => {
+            make_folder(folder)?;
+            Ok(clap_mangen::generate_to(program, folder)?)
+        }
+        Generated::Man { output: None } => {
             clap_mangen::Man::new(program).render(&mut text)?;
             print(&String::from_utf8(text)?)
         }

@@ -1,6 +1,7 @@
 //! Help: the groups of the front page, the headings of options, and what `-h` leaves to `--help`.
 
 use super::source::{CameraArgs, sources_help};
+use super::terminal::{LAST_COLUMN, wrapped};
 use clap::builder::StyledStr;
 use clap::{Arg, ArgAction, Args, Command};
 use svl::scenario::SourceOptions;
@@ -24,7 +25,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// Headings of options that declare none, by their names.
+/// Headings in their order, and the options of those that declare none, by their names.
 const HEADINGS: &[(&str, &[&str])] = &[
     (
         "Input",
@@ -137,6 +138,9 @@ const LONG_OPTIONS: &[&str] = &[
     "pairs",
 ];
 
+/// The command whose page has the options of sources, which others name.
+const SOURCES_PAGE: &str = "svl help sources";
+
 /// Most lines that `-h` shows below the options.
 const MOST_LINES: usize = 7;
 
@@ -189,7 +193,8 @@ fn with_headings(command: Command, path: &str) -> Command {
     let command = command.mut_args(|arg| {
         let id = arg.get_id();
         if let Some((heading, _)) = shared.iter().find(|(_, ids)| ids.contains(id)) {
-            return arg.help_heading(*heading).hide_short_help(true);
+            let arg = arg.help_heading(*heading).hide_short_help(true);
+            return arg.hide_long_help(path != SOURCES_PAGE);
         }
         let is_long = LONG_OPTIONS.contains(&id.as_str());
         let heading = HEADINGS.iter().find(|(_, ids)| ids.contains(&id.as_str()));
@@ -200,11 +205,27 @@ fn with_headings(command: Command, path: &str) -> Command {
         };
         arg.hide_short_help(is_long)
     });
+    // clap shows headings in the order of their first arguments; a command's own are in the middle.
+    let place = |arg: &Arg| {
+        let own = arg.get_help_heading()?;
+        let place = HEADINGS.iter().position(|(heading, _)| own == *heading);
+        Some(place.unwrap_or(1))
+    };
+    let mut sorted: Vec<_> = command.get_arguments().cloned().collect();
+    sorted.sort_by_key(place);
+    let mut sorted = sorted.into_iter();
+    let command = command.mut_args(|arg| sorted.next().unwrap_or(arg));
     let below = command.get_after_help().map(StyledStr::to_string);
-    let below = below.unwrap_or_default();
+    let mut below = below.unwrap_or_default();
     let mut short = String::new();
-    if has_sources {
+    if has_sources && path != SOURCES_PAGE {
         short += "Source options: svl help sources\n";
+        let shown = command.get_arguments().filter(|arg| !arg.is_hide_set());
+        let own = shown.filter(|arg| shared.iter().any(|(_, ids)| ids.contains(arg.get_id())));
+        let names = own.filter_map(|arg| Some(format!("--{}", arg.get_long()?)));
+        let names = names.collect::<Vec<_>>().join(" ");
+        let names = wrapped("", 2, &names, LAST_COLUMN);
+        below = format!("Source, as svl help sources explains:\n{names}\n{below}");
     }
     short += &if below.lines().count() > MOST_LINES {
         format!("Examples: {path} --help")
@@ -231,5 +252,5 @@ pub(crate) fn sources_page() -> Command {
         .long_about(None)
         .help_template("{about-with-newline}\n{all-args}{after-help}")
         .after_help(sources_help());
-    with_headings(page, "svl help sources")
+    with_headings(page, SOURCES_PAGE)
 }

@@ -37,7 +37,7 @@ pub(crate) fn record(
     listen_for_interrupt();
     let name = opened.source.name();
     let pairs = opened.source.pairs();
-    let mut watch = Watch::new(&Terminal { quiet }, &name, pairs, None);
+    let mut watch = Watch::new(&Terminal { quiet }, &format!("record {name}"), pairs, None);
     let recorded = svl::record::record(opened, path, format, &mut watch);
     drop(watch);
     report_losses(&name, &recorded.0.losses);

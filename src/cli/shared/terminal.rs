@@ -171,10 +171,13 @@ const PIPED: usize = 100;
 /// Narrower terminals get lines that the terminal itself breaks.
 const NARROWEST: usize = 40;
 
-/// Columns of standard output: the terminal's, or 100.
+/// Columns of standard output: the terminal's, else those of the variable `COLUMNS`, or 100.
 pub(crate) fn width() -> usize {
     let size = terminal_size::terminal_size_of(io::stdout());
-    size.map_or(PIPED, |(columns, _)| usize::from(columns.0).max(NARROWEST))
+    let own = size.map(|(columns, _)| usize::from(columns.0));
+    let named = || std::env::var("COLUMNS").ok()?.parse().ok();
+    own.or_else(named)
+        .map_or(PIPED, |columns| columns.max(NARROWEST))
 }
 
 /// Form of tables on standard output: with bars and colours on a terminal, unless `NO_COLOR` is

@@ -113,6 +113,22 @@ pub enum RunKind {
     NoTruth,
 }
 
+impl RunKind {
+    /// The kind of a run of pairs by the metrics that it has.
+    pub fn from_measured(has: impl Fn(&str) -> bool) -> Self {
+        let mut truths = METRICS
+            .iter()
+            .filter(|m| m.against_truth && m.column().is_some());
+        if has("missed") {
+            Self::Distances
+        } else if truths.any(|metric| has(metric.name)) {
+            Self::Disparities
+        } else {
+            Self::NoTruth
+        }
+    }
+}
+
 /// What a metric counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MetricUnit {

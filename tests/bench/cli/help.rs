@@ -30,7 +30,7 @@ fn short_help_fits_a_screen_and_options_have_headings() {
     assert!(all.len() > 30, "{all:?}");
     for command in all {
         let words: Vec<_> = command.split(' ').collect();
-        for (flag, most) in [("-h", 45), ("--help", usize::MAX)] {
+        for (flag, most) in [("-h", 40), ("--help", usize::MAX)] {
             let line = [&words[..], &[flag]].concat();
             let text = fixture.svl_with(&line, &[("COLUMNS", "80")]).done();
             let lines = text.lines().count();
@@ -41,6 +41,12 @@ fn short_help_fits_a_screen_and_options_have_headings() {
                 .collect();
             assert!(long.is_empty(), "svl {command} {flag}: {long:#?}");
             assert!(!text.contains("\nOptions:"), "svl {command} {flag}");
+            let places = ["Input", "Scoring", "Output", "Run"].map(|heading| {
+                let line = format!("\n{heading}:\n");
+                text.find(&line)
+            });
+            let places: Vec<_> = places.into_iter().flatten().collect();
+            assert!(places.is_sorted(), "svl {command} {flag}:\n{text}");
         }
     }
     let front = fixture.svl_with(&["-h"], &[("COLUMNS", "80")]).done();
@@ -61,7 +67,10 @@ fn options_of_sources_are_listed_once() {
             short.contains(hint) && !short.contains("--side-by-side"),
             "{short}"
         );
-        assert_says(&fixture.run(&format!("{command} --help")), &["Source:"]);
+        assert_says(
+            &fixture.run(&format!("{command} --help")),
+            &["--side-by-side", "svl help sources"],
+        );
     }
     assert_eq!(fixture.run("help score"), fixture.run("score --help"));
     fixture.fails("help nosuch => 2: nosuch");
@@ -95,6 +104,9 @@ fn completions_and_man_page() {
     let fixture = Fixture::new();
     assert_says(&fixture.run("generate completions bash"), &["_svl"]);
     assert_says(&fixture.run("generate man"), &[".TH svl"]);
+    fixture.run("generate man -o man1");
+    let page = fixture.text("man1/svl-calibrate-board.1");
+    assert_says(&page, &["svl\\-calibrate\\-board", "side\\-by\\-side"]);
 }
 
 #[cfg(unix)]

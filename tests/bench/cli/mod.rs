@@ -36,6 +36,7 @@ mod reproduce;
 mod resume;
 mod score;
 mod score_recordings;
+mod screens;
 mod shard;
 mod stress;
 mod survive;

@@ -310,6 +310,7 @@ fn the_fastest_of_a_data_set_costs_errors_and_coverage() {
     let worse = of("v1", 0.4, 0.5, 10_000).chain(of("truth", 0.0, 1.0, 1));
     let rows: Vec<_> = rows.chain(worse).collect();
     let mut summary = summary(rows.clone(), Vec::new());
+    summary.perfect = vec!["truth".to_owned()];
     summary.find_leads(&rows, &[]);
     let leads = summary.leads.iter();
     let leads: Vec<_> = leads
@@ -322,6 +323,28 @@ fn the_fastest_of_a_data_set_costs_errors_and_coverage() {
         "{last}"
     );
     assert_eq!(summary.front().1, ["sgm", "bm"]);
+}
+
+#[test]
+fn neither_the_truth_nor_one_of_few_disparities_is_called_best() {
+    let mut rows = Vec::new();
+    for (name, bad, coverage) in [
+        ("truth", 0.0, 1.0),
+        ("few", 0.01, 0.05),
+        ("bm", 0.2, 0.6),
+        ("v3", 0.3, 0.5),
+    ] {
+        rows.extend((0..60).map(|i| Row {
+            metrics: [("bad2", bad), ("coverage", coverage)].into(),
+            ..row(name, i, 1_000)
+        }));
+    }
+    let mut summary = summary(rows.clone(), Vec::new());
+    summary.perfect = vec!["truth".to_owned()];
+    summary.find_leads(&rows, &[]);
+    let lead = &summary.leads[0];
+    assert_eq!((lead.algorithm.as_str(), lead.is_outdone), ("bm", true));
+    assert!(summary.answer().last().unwrap().contains("coverage"));
 }
 
 #[test]

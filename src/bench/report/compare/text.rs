@@ -2,24 +2,83 @@
 
 use super::{AlgorithmChange, Change, Comparison, Judgement, ReportOrigin};
 use crate::report::summary::caution;
-use crate::report::table::{Table, TableCell, TerminalStyle, escape, wrapped};
+use crate::report::table::{NONE, Table, TableCell, TableColumn, TerminalStyle, escape, wrapped};
+use std::fmt::{self, Display, Formatter};
 use svl_core::counted;
 use svl_data::bootstrap::Interval;
-use svl_data::score::{Metric, MetricUnit};
+use svl_data::score::{Better, ColumnChoice, Metric, MetricUnit, RunKind};
 
 impl Comparison {
-    /// The origins of the two, a table for each algorithm, and what is not compared.
-    pub fn terminal(&self, style: TerminalStyle) -> String {
-        let mut text = self.head().join("\n") + "\n";
-        for of in &self.algorithms {
-            let head = format!("{}: {}", of.title(), of.extent());
-            let head = wrapped(&head, 2, style.width);
-            text.push_str(&format!("\n{head}{}", of.table().terminal(style)));
+    /// The origins of the two, a row for each algorithm or the table of a single one, and what is
+    /// not compared; tables of all if `columns` is all.
+    pub fn terminal(&self, columns: &ColumnChoice, style: TerminalStyle) -> String {
+        let fit = |line: String| wrapped(&line, 7, style.width);
+        let mut text: String = self.head().into_iter().map(fit).collect();
+        let is_all = *columns == ColumnChoice::All;
+        if self.algorithms.len() > 1 && !is_all {
+            let table = self.overview(columns).terminal(style);
+            text.push_str(&format!("\n{table}\n"));
+        } else {
+            for of in &self.algorithms {
+                let head = wrapped(&format!("{}: {}", of.title(), of.extent()), 2, style.width);
+                let table = change_table(["base", "other"], of.shown(columns).into_iter());
+                text.push_str(&format!("\n{head}{}\n", table.terminal(style)));
+            }
         }
-        for line in self.left_out() {
-            text.push_str(&format!("\n{}", wrapped(&line, 2, style.width)));
+        let besides = self
+            .algorithms
+            .iter()
+            .flat_map(|of| of.worse_besides(columns));
+        let unlike = self
+            .algorithms
+            .iter()
+            .filter(|_| self.algorithms.len() > 1 && !is_all);
+        let unlike = unlike.filter_map(|of| Some(format!("{}: {}", of.title(), of.missing()?)));
+        for line in besides.chain(unlike).chain(self.left_out()) {
+            text.push_str(&wrapped(&line, 2, style.width));
+        }
+        match self.algorithms.len() {
+            _ if is_all => {}
+            1 => text.push_str("more   --columns all, --json\n"),
+            _ => text.push_str("more   REPORT#ALGORITHM for intervals, --columns all, --json\n"),
         }
         text
+    }
+
+    /// The changes of the algorithms, a row each.
+    fn overview(&self, columns: &ColumnChoice) -> Table {
+        let has = |metric: &&Metric| {
+            let mut changes = self.algorithms.iter().flat_map(|of| &of.metrics);
+            changes.any(|change| change.metric == *metric)
+        };
+        let metrics = columns.metrics(self.algorithms[0].kind()).into_iter();
+        let metrics: Vec<_> = metrics.filter(has).collect();
+        let optional = |column| TableColumn {
+            is_optional: *columns == ColumnChoice::Headline,
+            ..column
+        };
+        let mut table = Table::new("", "change");
+        table.columns.extend(metrics.iter().map(|metric| {
+            let column = TableColumn::text(metric.group, metric.head);
+            match metric.better {
+                Better::Neither => optional(column),
+                _ if metric.unit == MetricUnit::Ms => optional(column),
+                _ => column,
+            }
+        }));
+        table.columns.push(optional(TableColumn::new("", "pairs")));
+        for of in &self.algorithms {
+            let cell = |metric: &&Metric| {
+                let change = of.metrics.iter().find(|change| change.metric == *metric);
+                change.map_or_else(|| TableCell::Text(NONE.to_owned()), Change::cell)
+            };
+            let changes = metrics.iter().map(cell);
+            let [name, pairs] = [of.title(), of.pairs.to_string()].map(TableCell::Text);
+            table
+                .rows
+                .push([name].into_iter().chain(changes).chain([pairs]).collect());
+        }
+        table
     }
 
     /// The same as Markdown, for a pull request.
@@ -31,7 +90,7 @@ impl Comparison {
         }
         for of in &self.algorithms {
             let (title, extent) = (escape(&of.title()), escape(&of.extent()));
-            let table = of.table().markdown();
+            let table = change_table(["base", "other"], of.changes()).markdown();
             page.push_str(&format!("\n**{title}**: {extent}\n\n{table}"));
         }
         for line in self.left_out() {
@@ -57,21 +116,19 @@ impl Comparison {
     pub(super) fn head(&self) -> Vec<String> {
         let mut lines = Vec::new();
         let sides = [("base ", &self.base), ("other", &self.other)];
+        let [base, other] = &self.origins;
+        let is_one = base == other;
         for (((name, folder), truths), origin) in sides.iter().zip(&self.truths).zip(&self.origins)
         {
             let caution = caution(truths).map_or_else(String::new, |words| format!(": {words}"));
             lines.push(format!("{name}  {}{caution}", folder.display()));
-            let ReportOrigin {
-                svl,
-                processor,
-                isa,
-                threads,
-                times: _,
-            } = origin;
-            let threads = counted(*threads, "thread");
-            lines.push(format!("       svl {svl}, {processor}, {isa}, {threads}"));
+            if !is_one {
+                lines.push(format!("       {origin}"));
+            }
         }
-        let [base, other] = &self.origins;
+        if is_one {
+            lines.push(format!("both   {base}"));
+        }
         let differs = [
             ("svl", base.svl != other.svl),
             ("CPU", base.processor != other.processor),
@@ -100,7 +157,43 @@ impl Comparison {
     }
 }
 
+impl Display for ReportOrigin {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let threads = counted(self.threads, "thread");
+        write!(
+            f,
+            "svl {}, {}, {}, {threads}",
+            self.svl, self.processor, self.isa
+        )
+    }
+}
+
 impl AlgorithmChange {
+    /// The kind of the runs by what was measured.
+    fn kind(&self) -> RunKind {
+        RunKind::from_measured(|name| self.metrics.iter().any(|change| change.metric.name == name))
+    }
+
+    /// The changes of these columns; of checkpoints where their column is one.
+    fn shown(&self, columns: &ColumnChoice) -> Vec<(String, &Change)> {
+        let metrics = columns.metrics(self.kind());
+        let is_shown = |(_, change): &(String, &Change)| metrics.contains(&change.metric);
+        self.changes().filter(is_shown).collect()
+    }
+
+    /// The headline does not show what else became worse.
+    fn worse_besides(&self, columns: &ColumnChoice) -> Option<String> {
+        let metrics = columns.metrics(self.kind());
+        let worse = self.metrics.iter().filter(|change| {
+            change.judgement == Judgement::Worse && !metrics.contains(&change.metric)
+        });
+        let words =
+            |of: &Change| format!("{} {}", of.metric.words, signed(of.metric, of.difference));
+        let words: Vec<_> = worse.map(words).collect();
+        let is_shown = *columns == ColumnChoice::Headline && !words.is_empty();
+        is_shown.then(|| format!("{}: WORSE besides: {}", self.title(), words.join(", ")))
+    }
+
     /// Pairs that the second run alone failed on, in words.
     pub fn failures(&self) -> Option<String> {
         let pairs = counted(self.newly_failed as u64, "pair");
@@ -111,16 +204,31 @@ impl AlgorithmChange {
     fn extent(&self) -> String {
         let pairs = counted(self.pairs, "pair");
         let compared = format!("{pairs}, {} with equal results", self.equal_results);
+        let parts = [Some(compared), self.missing()];
+        parts.into_iter().flatten().collect::<Vec<_>>().join("; ")
+    }
+
+    /// The pairs that are not compared.
+    fn missing(&self) -> Option<String> {
         let unmatched = (self.unmatched > 0).then(|| {
             let pairs = counted(self.unmatched, "pair");
             format!("not compared: {pairs} of one run alone")
         });
-        let parts = [Some(compared), unmatched, self.failures()];
-        parts.into_iter().flatten().collect::<Vec<_>>().join("; ")
+        let parts = [unmatched, self.failures()];
+        let parts: Vec<_> = parts.into_iter().flatten().collect();
+        (!parts.is_empty()).then(|| parts.join("; "))
     }
+}
 
-    fn table(&self) -> Table {
-        change_table(["base", "other"], self.changes())
+impl Change {
+    /// The difference and what it is called.
+    fn cell(&self) -> TableCell {
+        let number = unitless(self.metric, self.difference);
+        match self.judgement {
+            Judgement::Equal => TableCell::Text("equal".to_owned()),
+            Judgement::Worse => TableCell::Alert(format!("{number} {}", verdict(self.judgement))),
+            other => TableCell::Text(format!("{number} {}", verdict(other)).trim_end().to_owned()),
+        }
     }
 }
 
@@ -150,11 +258,15 @@ pub(crate) fn change_table<'a>(
     table
 }
 
-/// An interval of differences, its unit once.
+/// An interval of differences, beside which their unit is shown.
 fn between(metric: &Metric, (low, high): Interval) -> String {
-    let [low, high] = [low, high].map(|value| signed(metric, value));
-    let low = low.split(' ').next().unwrap_or_default();
+    let [low, high] = [low, high].map(|value| unitless(metric, value));
     format!("{low} .. {high}")
+}
+
+fn unitless(metric: &Metric, difference: f64) -> String {
+    let text = signed(metric, difference);
+    text.split(' ').next().unwrap_or_default().to_owned()
 }
 
 /// A difference with its sign; of times a ratio.

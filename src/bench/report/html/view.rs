@@ -32,7 +32,7 @@ pub(super) struct ReportPageView<'a> {
     metrics: Table,
     checkpoints: Option<Table>,
     speed: Option<Table>,
-    drive_tables: Vec<Table>,
+    drives: Option<Table>,
     stress_tables: Vec<Table>,
     /// The first is shown, the others are folded.
     trade_offs: Vec<PlotView>,
@@ -123,8 +123,6 @@ impl<'a> ReportPageView<'a> {
             algorithms,
         };
         let headline = headline(page);
-        let mut drive_tables = summary.side_tables();
-        let stress_tables = drive_tables.split_off(usize::from(!summary.drives.is_empty()));
         let gate = page.gate.iter();
         Ok(Self {
             manifest,
@@ -143,8 +141,8 @@ impl<'a> ReportPageView<'a> {
             metrics: summary.all_metrics(),
             checkpoints: summary.checkpoint_table(),
             speed: summary.speed_table(),
-            drive_tables,
-            stress_tables,
+            drives: summary.drive_table(),
+            stress_tables: summary.stress_tables(),
             trade_offs: trade_offs(page, &colors)?,
             speed_plots: speed(page, &colors)?,
             stress: stress(page, &colors)?,

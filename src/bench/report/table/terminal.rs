@@ -236,7 +236,9 @@ fn bar(right: f64, wrong: f64, width: usize) -> String {
 /// A text in lines that fit, all but the first behind blanks.
 pub(crate) fn wrapped(text: &str, indent: usize, width: usize) -> String {
     let mut lines = vec![String::new()];
-    for word in text.split(' ') {
+    // A number and its unit are one word.
+    let joined = text.replace(" %", "\u{a0}%").replace(" ms", "\u{a0}ms");
+    for word in joined.split(' ') {
         let line = lines.last_mut().expect("one to begin with");
         if line.is_empty() {
             line.push_str(word);
@@ -247,5 +249,5 @@ pub(crate) fn wrapped(text: &str, indent: usize, width: usize) -> String {
             line.push_str(word);
         }
     }
-    lines.join("\n") + "\n"
+    lines.join("\n").replace('\u{a0}', " ") + "\n"
 }

@@ -1,12 +1,13 @@
 //! `svl calibrate check`: vertical misalignment of a recording's pairs.
 
 use crate::cli::shared::source;
-use crate::cli::shared::terminal::{print, print_json};
+use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use svl::counted;
 use svl::rectify::{Alignment, AlignmentMeter, Misfit};
+use svl::report::table::{NONE, Table};
 use svl::run::report_losses;
 use svl::scenario::SourceOptions;
 use svl::source::Request;
@@ -128,10 +129,11 @@ fn text(name: &str, alignment: &Alignment) -> String {
             Misfit::Distortion => "looks like  lens distortion, or converging cameras".to_owned(),
         });
     }
-    lines.push("by part of the left image, px, + is lower in the right image:".to_owned());
-    let part =
-        |part: &Option<f64>| part.map_or_else(|| format!("{:>8}", "-"), |px| format!("{px:>+8.2}"));
-    lines.extend(parts_px.iter().map(|row| row.iter().map(part).collect()));
-    lines.push(String::new());
-    lines.join("\n")
+    lines.push("by part of the left image, px, + is lower in the right image:\n".to_owned());
+    let mut table = Table::new("", "").with_columns(["left", "middle", "right"]);
+    for (name, row) in ["top", "middle", "bottom"].iter().zip(parts_px) {
+        let part = |px: &Option<f64>| px.map_or(NONE.to_owned(), |px| format!("{px:+.2}"));
+        table.push(*name, row.iter().map(part));
+    }
+    lines.join("\n") + &table.terminal(style())
 }

@@ -226,7 +226,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let judge = Judge::default();
     let start = RunStart::new(&manifest, seed, &judge);
     let title = opened.source.name();
-    let watch = Watch::new(&terminal, &title, opened.source.pairs(), None);
+    let watch = Watch::new(
+        &terminal,
+        &format!("match {title}"),
+        opened.source.pairs(),
+        None,
+    );
     let (outcome, ran) = run_through(
         &mut *opened.source,
         &mut matchers,
@@ -259,8 +264,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             ..Summary::from_rows(&rows, &[])?
         };
         matchers.complete(&mut manifest);
-        summary.find_leads(&rows, &[]);
         summary.complete(&mut manifest);
+        summary.find_leads(&rows, &[]);
         verification = before
             .map(|before| {
                 let cells = now.map(|now| now.take().concat()).unwrap_or_default();
@@ -273,7 +278,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
                 verification: &verification,
             })?
         } else {
-            print(&summary.terminal(&title, style(), false))?
+            let files = [&args.output, &args.rows, &args.cells]
+                .into_iter()
+                .flatten();
+            let files: Vec<_> = files.map(|file| file.display().to_string()).collect();
+            let written = match files.len() {
+                0 => String::new(),
+                _ => format!("\nwritten  {}\n", files.join(", ")),
+            };
+            print(&(summary.terminal(&title, style(), false) + &written))?
         }
     }
     ran?;

@@ -1,0 +1,155 @@
+//! Whole screens: what a user reads at the end, at 80 and at 120 columns.
+
+use super::fixture::Fixture;
+use std::collections::BTreeMap;
+use svl::files::write_pfm;
+use svl::stereo::Plane;
+
+/// Algorithms of a screen that has to hold them all.
+const EIGHT: &str = "\"v5\", \"dp\", \"v1\", \"v2\", \"v3\", \"v4\", \"bm\", \"sgm\"";
+
+/// Lines of a terminal.
+const SCREEN: usize = 24;
+
+/// The rows with 1 ms for the first algorithm, 2 ms for the second and so on: times vary.
+fn fix_times(fixture: &Fixture, rows: &str) {
+    let text = fixture.text(rows);
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let heads = reader.headers().unwrap().clone();
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(&heads).unwrap();
+    let place = |name: &str| heads.iter().position(|head| head == name).unwrap();
+    let (label, total) = (place("algorithm"), place("total_us"));
+    let mut places = BTreeMap::new();
+    for record in reader.records().map(Result::unwrap) {
+        let next = places.len() + 1;
+        let ms = *places.entry(record[label].to_owned()).or_insert(next);
+        let field = |(i, field): (usize, &str)| match i {
+            i if i == total => (1000 * ms).to_string(),
+            i if heads[i].ends_with("_us") => "0".to_owned(),
+            _ => field.to_owned(),
+        };
+        writer
+            .write_record(record.iter().enumerate().map(field))
+            .unwrap();
+    }
+    fixture.write(rows, writer.into_inner().unwrap());
+}
+
+/// What a command prints at a width, without the build and the machine; it fits on a screen.
+#[track_caller]
+fn screen(fixture: &Fixture, command: &str, columns: usize) -> String {
+    let text = fixture.svl_with(command, &[("COLUMNS", &columns.to_string())]);
+    let text = text.done();
+    let mut is_of_build = false;
+    let mut lines = vec![format!("> svl {command}")];
+    for line in text.lines() {
+        assert!(line.chars().count() <= columns, "{columns}: {line}");
+        assert_eq!(line, line.trim_end(), "{columns}");
+        let machine = [
+            ("both   svl ", "both   svl …"),
+            ("       svl ", "       svl …"),
+        ];
+        let machine = machine.iter().find(|(start, _)| line.starts_with(start));
+        is_of_build =
+            line.starts_with("warning: built with") || is_of_build && line.starts_with("  ");
+        let is_double = line.is_empty() && lines.last().is_some_and(String::is_empty);
+        match machine {
+            Some((_, words)) => lines.push((*words).to_owned()),
+            None if is_of_build || is_double => {}
+            None => lines.push(line.to_owned()),
+        }
+    }
+    assert!(lines.len() <= SCREEN, "{}", lines.join("\n"));
+    lines.join("\n") + "\n"
+}
+
+/// The screens of `svl score` of a scenario or a recording, into the folder `r`, at both widths.
+#[track_caller]
+fn scored(fixture: &Fixture, what: &str) -> String {
+    let command = format!("score {what} -o r --rerun none -q");
+    fixture.run(&command);
+    fix_times(fixture, "r/rows.csv");
+    let at = |columns| {
+        // As a kill at the end leaves it.
+        std::fs::remove_file(fixture.path("r/summary.json")).unwrap();
+        screen(fixture, &format!("{command} --resume"), columns)
+    };
+    [80, 120].map(at).join("\n")
+}
+
+#[test]
+fn a_data_set_of_disparities() {
+    let fixture = Fixture::new();
+    let mut scenes = Vec::new();
+    for shift in 2..12 {
+        let name = format!("s{shift}");
+        let file = |file: &str| format!("{name}/{file}");
+        fixture.write_pair(&file("im0.pgm"), &file("im1.pgm"), (96, 64), shift);
+        let truth = Plane::from_fn(96, 64, |_, y| (shift + y / 48) as f32).unwrap();
+        for file in [file("disp0.pfm"), file("disp1.pfm")] {
+            write_pfm(&fixture.path(&file), &truth).unwrap();
+        }
+        scenes.push(format!("{name:?}"));
+    }
+    let scenes = scenes.join(", ");
+    let scenario = format!(
+        "name = \"noise\"\nalgorithms = [{EIGHT}]\n[source]\nkind = \"dataset\"\n\
+         scenes = [{scenes}]\n"
+    );
+    fixture.write("noise.toml", scenario);
+    insta::assert_snapshot!(scored(&fixture, "noise.toml --data ."));
+}
+
+#[test]
+fn a_drive() {
+    let fixture = Fixture::new();
+    let scenario = "name = \"small\"\nalgorithms = [\"truth\", \"v5\", \"bm\", \"blind\"]\n\
+                    [source]\nkind = \"drive\"\nseeds = [1, 7]\n[arena]\nframes = 280\nrate_hz = \
+                    4.0\n[arena.rig]\nwidth_px = 80\nheight_px = 60\n";
+    fixture.write("small.toml", scenario);
+    let command = "score small.toml -q -o r --drives none";
+    fixture.run(command);
+    let at = |columns| screen(&fixture, &format!("{command} --resume"), columns);
+    insta::assert_snapshot!([80, 120].map(at).join("\n"));
+}
+
+#[test]
+fn a_recording_without_truth() {
+    let fixture = Fixture::new();
+    fixture.write_recorded_arena("short.toml", 40);
+    let mut recordings = std::fs::read_dir(fixture.path("recordings")).unwrap();
+    let first = recordings.next().unwrap().unwrap().path();
+    fixture.run(&[
+        "record",
+        first.to_str().unwrap(),
+        "--ros2",
+        "-q",
+        "-o",
+        "bag.mcap",
+    ]);
+    let algorithms = EIGHT.replace('"', "").replace(", ", " --algo ");
+    insta::assert_snapshot!(scored(&fixture, &format!("bag.mcap --algo {algorithms}")));
+}
+
+#[test]
+fn two_reports() {
+    let fixture = Fixture::new();
+    fixture.write_recorded_arena("short.toml", 40);
+    let same = ["v1", "v2", "v3", "v4", "v5", "dp"].join(" --algo ");
+    for (folder, more) in [
+        ("before", "--algo bm --algo sgm"),
+        ("after", "--algo bm:block_size=21 --algo sgm:p1=0"),
+    ] {
+        fixture.run(&format!(
+            "score short.toml -q --rerun none -o {folder} --algo {same} {more}"
+        ));
+        fix_times(&fixture, &format!("{folder}/rows.csv"));
+    }
+    let renamed = "--map bm=bm:block_size=21 --map sgm=sgm:p1=0";
+    let kept = ["v1", "v2", "v3", "v4", "v5", "dp"].map(|name| format!("--map {name}={name}"));
+    let all = format!("compare before after {renamed} {}", kept.join(" "));
+    let text = [80, 120].map(|columns| screen(&fixture, &all, columns));
+    let one = [80, 120].map(|columns| screen(&fixture, "compare before#v3 before#v5", columns));
+    insta::assert_snapshot!([text, one].concat().join("\n"));
+}
