@@ -1,12 +1,12 @@
 //! Capped sums of squared differences (SSD) between windows of one image, for all rows of a block
-//! at once: what the self check compares with.
+//! at once: the reference values of the self check.
 //!
-//! As a window moves on by one pixel, one square comes in and one goes out (thesis, section 5.3.3,
-//! "Optimization", and figure 5.10). The sums are kept in 16 bits, twice as many to a vector as 32
-//! would allow: each square is capped at [`CAP`], so that nine of them fit. **A capped sum below
-//! [`CAP`] is exact**, as none of its squares was capped, **and one that is not is still no larger
-//! than the exact sum.** So a minimum below [`CAP`] is the exact minimum; callers look up the rest,
-//! windows that differ by 28 grey levels on average and more, one by one.
+//! When a window advances by one pixel, one square enters and one leaves (thesis, section 5.3.3,
+//! "Optimization", and figure 5.10). The sums are kept in 16 bits, so a vector holds twice as many
+//! as with 32: each square is capped at [`CAP`], so that nine of them fit. **A capped sum below
+//! [`CAP`] is exact**, as none of its squares was capped, **and any other is at most the exact
+//! sum.** So a minimum below [`CAP`] is the exact minimum; callers compute the rest one by one:
+//! windows that differ by 28 grey levels or more on average.
 
 use super::Lanes;
 use super::sliding_ssd::{REACH, WINDOW};
@@ -24,7 +24,7 @@ pub(super) fn least(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [La
         let (before, out) = out.split_at_mut(x);
         let here = &mut out[0];
         let mut least = *here;
-        // From the window beside x on to the left.
+        // From the window next to x to the left.
         let others = before[first..].iter_mut().rev();
         let come_others = block[first + REACH..x + REACH].iter().rev();
         let gone_others = block[first - REACH - 1..x - REACH - 1].iter().rev();
@@ -40,7 +40,7 @@ pub(super) fn least(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [La
                 there.0[l] = there.0[l].min(sum.0[l]);
             }
         }
-        // The window at the left edge was not there before.
+        // The window at the left edge is new.
         if let Some(sum) = sums.get_mut(x - REACH - 1) {
             *sum = Lanes::splat(0);
             for (a, b) in block[x - REACH..=x + REACH].iter().zip(block) {

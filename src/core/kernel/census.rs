@@ -1,15 +1,15 @@
-//! Census transform (Zabih & Woodfill 1994), which of a pixel's neighbours are darker, and the
-//! Hamming distances between censuses.
+//! Census transform (Zabih & Woodfill 1994): a bit for each neighbour of a pixel that is darker,
+//! and the Hamming distances between censuses.
 
 use super::{Lanes, VolumeShape};
 
 /// Half of the window, 9 x 7 pixels: 62 neighbours.
 pub const CENSUS_REACH: [usize; 2] = [4, 3];
 
-/// Bytes that a census takes. Those of a row lie in as many planes, so that pixels are lanes.
+/// Bytes of a census. The bytes of a row are in as many planes, so that pixels are lanes.
 pub const CENSUS_BYTES: usize = 8;
 
-/// Places before the first pixel in a plane of censuses, and after the last block of pixels.
+/// Elements before the first pixel in a plane of censuses, and after the last block of pixels.
 pub const CENSUS_MARGIN: usize = Lanes::COUNT;
 
 /// See [`super::census_row`].
@@ -74,10 +74,10 @@ pub(super) fn costs(
     }
 }
 
-/// How many bits are set. Seven bytes are added bit by bit first, as half as many are counted then.
+/// Number of bits set. Seven bytes are added bit by bit first, which halves the number of counts.
 #[inline(always)]
 fn ones([a, b, c, d, e, f, g, h]: [u8; CENSUS_BYTES]) -> u8 {
-    // What a full adder gives: the sum and the carry of three bits.
+    // A full adder: the sum and the carry of three bits.
     let add = |a: u8, b: u8, c: u8| (a ^ b ^ c, a & b | (a ^ b) & c);
     let ((sum_a, carry_a), (sum_b, carry_b)) = (add(a, b, c), add(d, e, f));
     let (ones, carry_c) = add(sum_a, sum_b, g);

@@ -6,7 +6,7 @@ use crate::stereo::Reason;
 
 const N: usize = Lanes::COUNT;
 
-/// Sum of eight path costs where a disparity is not admissible, or more.
+/// Least sum of eight path costs for a disparity that is not admissible.
 const OUTSIDE: u16 = 8 * super::volume::OUTSIDE as u16;
 
 /// Aggregated costs of a row of pixels: sums of eight path costs.
@@ -19,12 +19,12 @@ pub struct Totals {
 
 /// The chosen disparities of a row.
 pub struct ChosenRow<'a> {
-    /// Of the left image, in 16ths of a pixel.
+    /// In the left image, in 16ths of a pixel.
     pub left: &'a mut [i16],
     /// *Valid*, *ambiguous*, or *border* where no disparity leads into the right image.
     pub why: &'a mut [Reason],
-    /// Of the right image, in pixels, whole blocks; [`ChosenRow::NONE`] where no disparity leads
-    /// into the left image.
+    /// In the right image, in pixels, whole blocks; [`ChosenRow::NONE`] if no disparity leads into
+    /// the left image.
     pub right: &'a mut [i16],
 }
 
@@ -109,8 +109,8 @@ pub(super) fn choose(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) 
             };
         }
     }
-    // The right image's winners come from the same sums (Hirschmüller 2008, section 2.3): those on
-    // a diagonal of the volume.
+    // The right image's winners come from the same sums (Hirschmüller 2008, section 2.3), along a
+    // diagonal of the volume.
     for (block, right) in row.right.as_chunks_mut::<N>().0.iter_mut().enumerate() {
         // The right pixel x meets the left one x + d.
         let x = (block * N) as i32 + shape.first;
@@ -150,7 +150,7 @@ fn least(
     (least, place)
 }
 
-/// The least sums but for `place` and its neighbours.
+/// The least sums of all disparities except `place` and its neighbours.
 #[inline(always)]
 fn other(totals: &Totals, x: i32, reached: usize, place: &[u16; N]) -> [u16; N] {
     let mut other = [u16::MAX; N];

@@ -6,7 +6,8 @@
 /// Partial sums; the length of a row of inputs or weights is a multiple of it.
 pub const LANES: usize = 16;
 
-/// Samples whose sums with one row of weights are made together: each weight is read once for them.
+/// Samples whose sums with one row of weights are computed together: each weight is read once for
+/// them.
 const TOGETHER: usize = 5;
 
 /// See [`super::weighted_sums`].

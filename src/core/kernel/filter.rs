@@ -103,8 +103,8 @@ fn sorted((above, row, below): (&[i16], &[i16], &[i16]), x: usize) -> (i16, i16,
     (low.min(c), low.max(high.min(c)), high.max(c))
 }
 
-/// Of three sorted columns: the middle one of the largest least, the middle of the middle and the
-/// least largest.
+/// Median of three sorted columns: the middle one of the largest minimum, the median of the medians
+/// and the smallest maximum.
 #[inline(always)]
 fn median_of_nine(a: (i16, i16, i16), b: (i16, i16, i16), c: (i16, i16, i16)) -> i16 {
     middle(
@@ -119,8 +119,8 @@ fn middle(a: i16, b: i16, c: i16) -> i16 {
     a.min(b).max(a.max(b).min(c))
 }
 
-/// Pixels whose sources are fetched before any is weighed: so many that what was stored in bytes is
-/// there when it is loaded in vectors.
+/// Pixels whose sources are fetched before any is weighted: enough that the bytes stored are
+/// available when they are loaded as vectors.
 const FETCHED: usize = 1024;
 
 /// See [`super::remap_row`].

@@ -12,7 +12,7 @@ pub(super) fn halve(rows: [&[u8]; 4], smooth: &mut [u16], out: &mut [u16]) {
     }
     smooth[0] = smooth[1];
     smooth[width + 1] = smooth[width];
-    // At `2x` stands the pixel before `2x`.
+    // Index `2x` holds the pixel before `2x`.
     for (x, out) in out.iter_mut().enumerate() {
         let [before, first, second, after] = *smooth[2 * x..].first_chunk().expect("four pixels");
         *out = (before + 3 * (first + second) + after + 8) >> 4;

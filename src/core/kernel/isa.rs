@@ -4,10 +4,9 @@ use crate::error::{Error, Result};
 use crate::words::joined;
 use std::sync::OnceLock;
 
-/// An instruction set that this CPU has.
+/// An instruction set of this CPU.
 ///
-/// There is no way to make one for an instruction set that the CPU does not have, so kernels may
-/// rely on it.
+/// A value cannot be made for an instruction set that the CPU lacks, so kernels may rely on it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Isa(IsaKind);
 
@@ -43,7 +42,7 @@ impl Isa {
     /// The one called `name`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when there is none of that name or this CPU does not have it.
+    /// [`Error::Invalid`] if no instruction set has that name, or this CPU lacks it.
     pub fn named(name: &str) -> Result<Isa> {
         Self::available()
             .find(|isa| isa.name() == name)
@@ -98,8 +97,8 @@ impl IsaKind {
 /// `SVL_ISA` names (`portable`, `avx2`, `avx512`; `neon` on AArch64). Chosen once per process.
 ///
 /// # Errors
-/// [`Error::Invalid`] when `SVL_ISA` names one that this CPU does not have: a measurement on
-/// another would mislead.
+/// [`Error::Invalid`] if `SVL_ISA` names one that this CPU lacks: a measurement on another would
+/// mislead.
 pub fn isa() -> Result<Isa> {
     static CHOSEN: OnceLock<std::result::Result<Isa, String>> = OnceLock::new();
     CHOSEN

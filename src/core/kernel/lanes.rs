@@ -1,6 +1,6 @@
 //! Rows as lanes: blocks of rows transposed so that one vector holds a pixel of every row.
 //!
-//! A scan along the row then is the same for all lanes of a block: windows slide, nothing is
+//! A scan along the row is then the same for all lanes of a block: windows slide, nothing is
 //! gathered or reduced across lanes, and every load is aligned.
 
 use crate::stereo::Gray;
@@ -88,9 +88,9 @@ pub(super) fn transpose_back<T: Copy, C: AsRef<[T]>>(columns: &[C], out: &mut [T
     }
 }
 
-/// Transposes a square of bytes. To interleave the bytes of both halves rotates the bits of a
-/// byte's place by one, the first to the end: after as many times as a row's number has bits, row
-/// and column have changed places.
+/// Transposes a square of bytes. Interleaving the bytes of both halves rotates the bits of a byte's
+/// position by one, the first to the end: after as many rotations as a row number has bits, row and
+/// column have changed places.
 #[inline(always)]
 pub(super) fn transpose_square(square: &Square) -> Square {
     let mut square = *square;
@@ -104,7 +104,8 @@ pub(super) fn transpose_square(square: &Square) -> Square {
     square
 }
 
-/// The bytes of both in turn. What compilers make of the plain loop takes eight times as long.
+/// Interleaves the bytes of both. The code that compilers generate for the plain loop takes eight
+/// times as long.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 fn interleave(a: [u8; SIDE], b: [u8; SIDE]) -> [[u8; SIDE]; 2] {

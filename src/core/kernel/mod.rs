@@ -2,9 +2,9 @@
 //!
 //! Every function here takes the [`Isa`] it runs on. Its body is plain Rust over fixed-size lanes,
 //! marked `#[inline(always)]` and inlined into one function per instruction set, where the compiler
-//! makes vectors of the lanes. Arithmetic is on integers. Where it is not (the spread of v2, the
-//! networks of filters), each lane's operations are single and in order, so every variant gives the
-//! same bytes; the tests compare all variants with a slow oracle.
+//! vectorizes the lanes. Arithmetic is on integers. The exceptions (the spread of v2, the networks
+//! of filters) compute each lane with single operations in a fixed order, so every variant gives
+//! the same bytes; the tests compare all variants with a slow oracle.
 
 mod capped_ssd;
 mod census;
@@ -51,8 +51,8 @@ pub use window_table::{NO_SUM, Proposal, TableSearch, WindowTable, window_sums};
 
 use crate::stereo::{Gray, Reason, RowMut};
 
-/// Makes, per kernel, a safe function that runs its body compiled for the given instruction set; a
-/// body with `, pairs` behind it gets that set's [`pairs::Pairs`] as its first argument.
+/// Defines, per kernel, a safe function that runs its body compiled for the given instruction set;
+/// a body followed by `, pairs` gets that set's [`pairs::Pairs`] as its first argument.
 macro_rules! kernels {
     ($(
         $(#[$doc:meta])*
@@ -73,7 +73,7 @@ macro_rules! kernels {
                     $body($(unsafe { $pairs::Avx2::new() },)? $($arg),*)
                 }
                 if isa == Isa::AVX512 {
-                    // SAFETY: an `Isa` other than portable comes from `Isa::available` alone, which
+                    // SAFETY: an `Isa` other than portable comes only from `Isa::available`, which
                     // asked this CPU.
                     return unsafe { avx512($($arg),*) };
                 }
@@ -106,7 +106,7 @@ kernels! {
         out: &mut [f32],
     ) = dense::sums;
 
-    /// Adds the `rows`, each as long as `out` and times its factor, to `out`.
+    /// Adds the `rows` to `out`, each as long as `out` and multiplied by its factor.
     pub fn add_scaled(rows: &[f32], factors: &[f32], out: &mut [f32]) = dense::add;
 
     /// A step of Adam by a gradient: changes the running means of gradient and square, and the
@@ -127,12 +127,12 @@ kernels! {
     /// no window fits.
     pub fn deviating_row(row: &[u8], least: u32, out: &mut [bool]) = texture::deviation;
 
-    /// Transposes the rows `y ..` of `image`, as many as a block has, into columns of lanes: one
-    /// per pixel of a row. Lanes below the image are zero or stay.
+    /// Transposes the rows of a block, `y ..` of `image`, into columns of lanes: one per pixel of a
+    /// row. Lanes below the image are zero or unchanged.
     pub fn transpose(image: &Gray, y: usize, out: &mut [Lanes<u16>]) = lanes::transpose;
 
     /// The least capped SSD of each window of a block of rows with the windows up to `sums.len()`
-    /// pixels to either side in the same image, `u16::MAX` where there is none.
+    /// pixels to either side in the same image, `u16::MAX` if there is none.
     pub fn least_ssd(
         block: &[Lanes<u16>],
         sums: &mut [Lanes<u16>],
@@ -142,8 +142,8 @@ kernels! {
     /// Transposes the lanes of a block back into rows, one after the other.
     pub fn transpose_back(columns: &[Lanes<u16>], out: &mut [u16]) = lanes::transpose_back;
 
-    /// For each window of a block of rows the disparity of least cost, ties to the lower one, as
-    /// rows one after the other; as many rows as `out` holds.
+    /// For each window of a block of rows the disparity of least cost, ties to the lower one. The
+    /// rows are written one after the other, as many as `out` holds.
     pub fn matches(
         left: &[Lanes<u16>],
         right: &[Lanes<u16>],
@@ -151,8 +151,8 @@ kernels! {
         out: &mut [Match],
     ) = ssd_search::matches, pairs;
 
-    /// As [`matches()`], and whether a disparity not beside the winner costs less than
-    /// `thousandths` more.
+    /// Same as [`matches()`]; also marks windows in which a disparity not next to the winner costs
+    /// less than `thousandths` more.
     pub fn matches_and_rivals(
         left: &[Lanes<u16>],
         right: &[Lanes<u16>],
@@ -162,9 +162,9 @@ kernels! {
         doubts: &mut [Doubt],
     ) = ssd_search::matches_and_rivals, pairs;
 
-    /// As [`matches()`], and whether the standard deviation of all disparities, each weighted by
-    /// `(cost + 25)⁻²`, is at least `threshold_px`; [`Doubt::Open`] where single precision cannot
-    /// tell.
+    /// Same as [`matches()`]; also reports if the standard deviation of all disparities, each
+    /// weighted by `(cost + 25)⁻²`, is at least `threshold_px`, or [`Doubt::Open`] if single
+    /// precision cannot decide.
     pub fn matches_and_spread(
         left: &[Lanes<u16>],
         right: &[Lanes<u16>],
@@ -182,9 +182,9 @@ kernels! {
         out: &mut [Proposal],
     ) = window_table::propose_row, pairs;
 
-    /// Finds the cheapest scanline paths through the rows `first ..` of a block, as many as
-    /// [`ScanlinePaths::ROWS`]. An occlusion costs `occlusion` per pixel, a match that keeps its
-    /// disparity earns `reward`.
+    /// Finds the cheapest scanline paths through the first [`ScanlinePaths::ROWS`] rows of a block
+    /// from `first`. An occlusion costs `occlusion` per pixel; a match that keeps its disparity
+    /// earns `reward`.
     pub fn find_paths(
         left: &[Lanes<u16>],
         right: &[Lanes<u16>],
@@ -203,7 +203,7 @@ kernels! {
         row: &mut RowMut<'_>,
     ) = write::accept;
 
-    /// Rejects the valid pixels of a row whose SSD is not below its reference, where neither is
+    /// Rejects the valid pixels of a row whose SSD is not below its reference, unless either is
     /// capped.
     pub fn self_check_row(references: &[u16], row: &mut RowMut<'_>) = write::self_check;
 
@@ -219,8 +219,8 @@ kernels! {
     /// that enters and the one that leaves.
     ///
     /// `sums` holds `stride` columns, whole blocks of [`PIXELS`], for each disparity of the range,
-    /// the highest first; at place `i` a left pixel meets the right one `i` further on. The rows
-    /// hold as many pixels as that takes.
+    /// the highest first; at index `i` a left pixel is compared with the right one `i` further on.
+    /// The rows are long enough for that.
     pub fn slide_columns(
         left: [&[u8]; 2],
         right: [&[u8]; 2],
@@ -232,11 +232,11 @@ kernels! {
     /// `rows` enters, the second leaves.
     pub fn slide_texture(rows: [&[u8]; 2], sums: &mut [u16]) = sad::slide_texture;
 
-    /// Sums of `window` neighbouring columns, from each on; whole blocks of [`PIXELS`].
+    /// Sums of `window` neighbouring columns, starting at each column; whole blocks of [`PIXELS`].
     pub fn run_sums(columns: &[u16], window: usize, out: &mut [u16]) = sad::run_sums;
 
     /// The disparity of the least sum of `window` neighbouring columns for each pixel, and its
-    /// rivals; ties to the earlier place.
+    /// rivals; ties to the earlier index.
     pub fn least_sads(
         sums: &[u16],
         stride: usize,
@@ -244,7 +244,7 @@ kernels! {
         out: &mut [SadWinners],
     ) = sad::least;
 
-    /// Writes a row of winners with their fractions of a pixel, or the reason of their rejection.
+    /// Writes a row of winners with their fractions of a pixel, or the reason for their rejection.
     pub fn accept_sads(
         winners: &[SadWinners],
         textures: &[u16],
@@ -252,7 +252,7 @@ kernels! {
         row: &mut RowMut<'_>,
     ) = sad::accept;
 
-    /// The census transform of a row: its bytes, in planes that stand `stride` apart.
+    /// The census transform of a row: its bytes, in planes `stride` apart.
     ///
     /// `rows` are the row and the three above and below, each with [`CENSUS_REACH`] further pixels
     /// at both ends.
@@ -261,8 +261,8 @@ kernels! {
     /// Hamming distances between the censuses of a row of the left image and those of the right
     /// one: a row of the cost volume.
     ///
-    /// Both and `outside` have [`CENSUS_MARGIN`] places before the first pixel and after the last
-    /// block; `outside` has [`OUTSIDE`] where a place is outside the image, else 0.
+    /// Both and `outside` have [`CENSUS_MARGIN`] elements before the first pixel and after the last
+    /// block; `outside` is [`OUTSIDE`] beyond the image, else 0.
     pub fn census_costs(
         shape: &VolumeShape,
         left: &[u8],
@@ -271,9 +271,9 @@ kernels! {
         out: &mut [Lanes<u8>],
     ) = census::costs;
 
-    /// Aggregates costs along both directions of the rows from `top` of `image` on, those of a band
-    /// or less, and writes what they add to the matching costs. `costs` and `sums` are those rows
-    /// of the volume.
+    /// Aggregates costs along both directions of the rows from `top` of `image` on, at most a band,
+    /// and writes what the paths add to the matching costs. `costs` and `sums` are those rows of
+    /// the volume.
     pub fn follow_rows(
         paths: &mut RowPaths,
         costs: &[Lanes<u8>],
@@ -284,7 +284,7 @@ kernels! {
     ) = row_paths::follow;
 
     /// Aggregates costs along `paths` over the next row of a sweep, and writes what they add to its
-    /// matching costs. `costs` are those that the block reaches.
+    /// matching costs. `costs` are those of the disparities that the block reaches.
     ///
     /// `grey` is the row of the left image and the previous one in the direction of the sweep.
     pub fn follow_paths(
@@ -295,8 +295,8 @@ kernels! {
         sums: &mut [Lanes<u8>],
     ) = paths::follow;
 
-    /// As [`follow_paths`], but sums all eight path costs: `sums` are what the paths of the other
-    /// sweep and those along the row add.
+    /// Same as [`follow_paths`], but sums all eight path costs: `sums` are what the paths of the
+    /// other sweep and those along the row add.
     pub fn finish_paths(
         paths: &mut PathBlock,
         costs: &[Lanes<u8>],
@@ -310,20 +310,20 @@ kernels! {
     /// per cent.
     pub fn choose_row(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) = choose::choose;
 
-    /// A row of half the size: of four neighbouring rows of an image the low-pass `[1 3 3 1]` in
-    /// both directions, edges replicated, `(Σ + 8) >> 4`: quarters of grey levels, 0 ..= 1020.
+    /// A row at half size: the low-pass `[1 3 3 1]` of four neighbouring rows in both directions,
+    /// edges replicated, `(Σ + 8) >> 4`: quarters of grey levels, 0 ..= 1020.
     ///
-    /// `smooth` is scratch for a pixel more than the image has at either end.
+    /// `smooth` is scratch, one pixel longer than the image at either end.
     pub fn halve_row(rows: [&[u8]; 4], smooth: &mut [u16], out: &mut [u16]) = halve::halve;
 
-    /// The census of 5 x 5 pixels of the middle one of five rows, a bit for each darker neighbour,
-    /// in blocks. The rows have [`SMALL_CENSUS_REACH`] further pixels at both ends.
+    /// The 5 x 5 census of the middle one of five rows, a bit for each darker neighbour, in blocks.
+    /// The rows have [`SMALL_CENSUS_REACH`] further pixels at both ends.
     pub fn small_census_row(
         rows: [&[u16]; 5],
         out: [&mut [u8]; SMALL_CENSUS_PLANES],
     ) = small_census::census;
 
-    /// What a change of disparity by more than one costs between two pixels each, by the table of
+    /// Penalty of a disparity change by more than one between two pixels each, by the table of
     /// their differences.
     pub fn step_penalties(
         pixels: [&[u16]; 2],
@@ -331,7 +331,7 @@ kernels! {
         out: &mut [u8],
     ) = small_census::penalties;
 
-    /// Transposes a plane of bytes: `rows` lie `stride` apart, the columns of `out` `height`, both
+    /// Transposes a plane of bytes: `rows` are `stride` apart, the columns of `out` `height`, both
     /// multiples of 16.
     pub fn transpose_plane(
         rows: &[u8],
@@ -343,7 +343,7 @@ kernels! {
     /// Hamming distances of the censuses of a strip, and the sums of their paths along it in both
     /// directions.
     ///
-    /// `line` has an element more than there are disparities, the last [`u8::MAX`].
+    /// `line` has one element more than there are disparities; the last is [`u8::MAX`].
     pub fn follow_strip(
         place: &StripPlace,
         censuses: [[&[u8]; SMALL_CENSUS_PLANES]; 2],
@@ -353,9 +353,9 @@ kernels! {
         sums: &mut [Lanes<u8>],
     ) = strip_paths::follow;
 
-    /// Adds the sums of a strip of columns, from a row on, and those of the strip of rows that has
-    /// the row: up to 16 rows from `top`, the columns of a block from `first`, for `count`
-    /// disparities. In `out` a disparity of a row has `stride` pixels.
+    /// Adds the sums of a strip of columns, from a row on, and those of the strip of rows that
+    /// contains the row: up to 16 rows from `top`, the columns of a block from `first`, for `count`
+    /// disparities. In `out` each disparity of a row takes `stride` pixels.
     pub fn sum_strips(
         columns: &[Lanes<u8>],
         rows: &[Lanes<u8>],
@@ -374,17 +374,17 @@ kernels! {
     ) = row_winners::choose;
 
     /// Sixteenths of a half pixel of a row of winners: the winner, and the equiangular fraction
-    /// `⌊(16·(below − above) + rise) / (2·rise)⌋` with `rise = max(below, above) − least`; none at
-    /// both ends of the `count` disparities.
+    /// `⌊(16·(below − above) + rise) / (2·rise)⌋` with `rise = max(below, above) − least`; no
+    /// fraction at both ends of the `count` disparities.
     pub fn winner_fractions(
         winners: &RowWinners,
         count: usize,
         out: &mut [i16],
     ) = row_winners::fractions;
 
-    /// Tests a row of winners: *border* where they lead out of the right image, *inconsistent*
-    /// where that prefers another, *ambiguous* where `unique·(second − least) < least + 8`. Writes
-    /// their matching costs, too. The censuses begin at the rows' first pixels.
+    /// Tests a row of winners: *border* if they lead out of the right image, *inconsistent* if the
+    /// right image prefers another, *ambiguous* if `unique·(second − least) < least + 8`. Also
+    /// writes their matching costs. The censuses begin at the first pixels of the rows.
     pub fn test_winners(
         test: &WinnerTest,
         winners: &RowWinners,
@@ -397,11 +397,11 @@ kernels! {
     /// have no neighbour beyond them.
     pub fn median_row(rows: [&[i16]; 3], out: &mut [i16]) = filter::median;
 
-    /// Bilinear interpolation between the four pixels of `source` from each of `places` on, whose
-    /// rows stand `stride` apart. `parts` are the fractions to the right and downwards, in 256ths.
-    /// Rounded to the nearest.
+    /// Bilinear interpolation between the four pixels of `source` starting at each of `places`; its
+    /// rows are `stride` apart. `parts` are the fractions to the right and downwards, in 256ths.
+    /// The result is rounded to nearest.
     ///
-    /// `source` reaches a row and a pixel beyond every place.
+    /// `source` extends a row and a pixel beyond every place.
     pub fn remap_row(
         source: &[u8],
         stride: usize,

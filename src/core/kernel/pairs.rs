@@ -1,10 +1,10 @@
 //! Multiply-add of pairs of 16-bit numbers (`vpmaddwd`), an instruction that the compiler does not
-//! find by itself.
+//! find on its own.
 //!
 //! With it the sums of squared differences slide in four operations instead of six, and with one
 //! load less; the matching of v1 to v3 takes two thirds of the time.
 
-/// A number for each of sixteen rows: in 32 bits a vector of AVX-512.
+/// A number for each of sixteen rows; 32-bit numbers fill a vector of AVX-512.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
 pub struct Group<T>(pub [T; Group::<()>::ROWS]);
@@ -25,7 +25,7 @@ impl<T> AsRef<[T]> for Group<T> {
     }
 }
 
-/// How an instruction set multiplies pairs.
+/// Multiplication of pairs on one instruction set.
 pub trait Pairs {
     /// `sum + a + b + pairs[0][0]·pairs[1][0] + pairs[0][1]·pairs[1][1]` of each row.
     fn sum(
@@ -38,8 +38,8 @@ pub trait Pairs {
     /// `sum + pairs[0][0]·pairs[1][0] + pairs[0][1]·pairs[1][1]` of each row.
     fn add_products(&self, sum: Group<u32>, pairs: [Group<[i16; 2]>; 2]) -> Group<u32>;
 
-    /// `(float − 2²³) · weight` of each row, rounded once, of the floats with those bits, which are
-    /// between 2²³ and 2²⁴; the weight is a whole number below 2¹⁶, and `bias` −2²³ times it.
+    /// `(float − 2²³) · weight` of each row, rounded once. `floats` are the bits of floats between
+    /// 2²³ and 2²⁴; `weight` is a whole number below 2¹⁶, `bias` −2²³ times the weight.
     fn costs(&self, floats: Group<u32>, weight: f32, bias: f32) -> Group<f32>;
 }
 
@@ -97,9 +97,9 @@ mod x86 {
     use std::arch::x86_64::*;
     use std::mem::transmute;
 
-    /// A token that this CPU has AVX2.
+    /// A token: this CPU has AVX2.
     pub struct Avx2(());
-    /// A token that this CPU has AVX-512.
+    /// A token: this CPU has AVX-512.
     pub struct Avx512(());
 
     impl Avx2 {
@@ -120,8 +120,8 @@ mod x86 {
         }
     }
 
-    // SAFETY of all below: the token says that the CPU has the instructions; arrays of numbers are
-    // vectors of their size.
+    // SAFETY of all below: the token proves that the CPU has the instructions; arrays of numbers
+    // are vectors of their size.
 
     /// [`Pairs::costs`]: one operation multiplies and adds.
     #[inline(always)]

@@ -1,20 +1,20 @@
 //! SGM cost aggregation along paths (Hirschmüller 2008, equation 13): the three directions that
 //! come from the previous row of a sweep over the image.
 //!
-//! Path costs fit a byte: the matching cost is at most 62 and what a path adds to it at most P2.
-//! What three paths add fits a byte too, with P2 up to [`PathBlock::LARGEST_PENALTY`].
+//! Path costs fit a byte: the matching cost is at most 62, and a path adds at most P2 to it. The
+//! sum of three paths fits a byte too, with P2 up to [`PathBlock::LARGEST_PENALTY`].
 
 use super::volume::OUTSIDE;
 use super::{Lanes, Totals, VolumeShape};
 
 const N: usize = Lanes::COUNT;
 
-/// Penalties of a change of disparity between neighbours on a path.
+/// Penalties for a change of disparity between neighbours on a path.
 #[derive(Clone, Debug)]
 pub struct Penalties {
-    /// P1, of a change by one.
+    /// P1, for a change by one.
     pub small: u8,
-    /// P2, of any other change, by the difference of grey level between the two pixels.
+    /// P2, for any other change, by the difference in grey level between the two pixels.
     pub large: [u8; 256],
 }
 
@@ -26,13 +26,12 @@ pub struct Penalties {
 pub struct PathBlock {
     /// The block's first column.
     x: usize,
-    /// From the previous, the same and the next column of the previous row. Path costs by
-    /// disparity, one slot more than there are, then their least: [`OUTSIDE`] where there is no
-    /// path.
+    /// Paths from the previous, the same and the next column of the previous row. Path costs by
+    /// disparity, one slot more than there are, then their least: [`OUTSIDE`] if there is no path.
     lines: [Vec<PathPixels>; 3],
 }
 
-/// What the pixels of a block hold, between their neighbours of the blocks beside.
+/// The pixels of a block, between their neighbours of the adjacent blocks.
 type PathPixels = [u8; N + 2];
 
 impl PathBlock {
@@ -66,7 +65,7 @@ impl PathBlock {
         }
     }
 
-    /// Takes the costs of the diagonals that enter from the block before, `before`, and from the
+    /// Reads the costs of the diagonals that enter from the block before, `before`, and from the
     /// one after. Leaves in `before` those that enter the block after.
     pub fn enter(&mut self, before: &mut [u8], after: &[u8]) {
         let [falling, _, rising] = &mut self.lines;
@@ -78,8 +77,8 @@ impl PathBlock {
         }
     }
 
-    /// Aggregates over the next row, and passes on what each of the three paths adds, disparity
-    /// by disparity.
+    /// Aggregates over the next row, and passes on the amount that each of the three paths adds,
+    /// disparity by disparity.
     #[inline(always)]
     fn advance(
         &mut self,
@@ -124,7 +123,7 @@ fn steps(x: usize, grey: &[u8], behind: &[u8], penalties: &Penalties) -> [[u8; N
 ///
 /// `lines` and `least` hold L(q) and min L(q), and become those of p; a line has one slot more than
 /// p has disparities, `costs`. A slot has S − N neighbours about its pixels; q begins at `from` in
-/// it, p in the middle. `out` gets what each path adds to a cost.
+/// it, p in the middle. `out` receives the amount that each path adds to a cost.
 #[inline(always)]
 pub(super) fn advance<'a, const R: usize, const N: usize, const S: usize>(
     lines: [impl Iterator<Item = &'a mut [u8; S]>; R],
@@ -186,9 +185,10 @@ pub(super) fn advance<'a, const R: usize, const N: usize, const S: usize>(
     }
 }
 
-/// Where [`advance`] leaves what R paths add to the cost at place `i` of the disparities.
+/// Receiver of the amounts that R paths add to the cost at index `i` of the disparities in
+/// [`advance`].
 ///
-/// A trait, because closures cannot be told to be inlined, and those of some size are not.
+/// A trait, because a closure cannot be marked for inlining, and large ones are not inlined.
 pub(super) trait PathOutput<const R: usize, const N: usize> {
     fn put(&mut self, i: usize, cost: &[u8; N], added: [[u8; N]; R]);
 }
@@ -217,7 +217,7 @@ impl PathOutput<3, N> for AllPaths<'_> {
     fn put(&mut self, i: usize, cost: &[u8; N], added: [[u8; N]; 3]) {
         let [sums, along] = self.sums.map(|sums| &sums[i].0);
         let total = self.totals.at_mut(i, self.x);
-        // Each path carries C + added: of eight, the cost counts eight times.
+        // Each path carries C + added: summed over eight, the cost counts eight times.
         for l in 0..N {
             total[l] = 8 * u16::from(cost[l])
                 + u16::from(sums[l])

@@ -1,8 +1,8 @@
 //! SGM cost aggregation along the rows, from both ends, in bands of rows.
 //!
-//! A path along a row looks at its neighbour in the row, which is another lane of a volume's block.
-//! So the blocks are transposed first, with the rows of the band as lanes, and the sums are
-//! transposed back.
+//! A path along a row reads its neighbour in the row, which is another lane of a volume's block. So
+//! the blocks are transposed first, with the rows of the band as lanes, and the sums are transposed
+//! back.
 
 use super::lanes::{SIDE, Square, transpose_square};
 use super::paths::{PathOutput, advance};
@@ -26,7 +26,7 @@ pub struct RowPaths {
 }
 
 impl RowPaths {
-    /// Rows of a band: as many as leave the scratch in a core's own cache.
+    /// Rows of a band: few enough that the scratch stays in a core's own cache.
     pub const ROWS: usize = SIDE;
 
     /// Paths over volumes of that shape.
@@ -52,7 +52,7 @@ impl PathOutput<1, ROWS> for FromLeft<'_> {
     }
 }
 
-/// Added to what [`FromLeft`] left.
+/// Adds to the sums of [`FromLeft`].
 struct FromRight<'a>(&'a mut [[u8; ROWS]]);
 
 impl PathOutput<1, ROWS> for FromRight<'_> {
@@ -88,7 +88,7 @@ pub(super) fn follow(
             for l in (0..N).step_by(ROWS) {
                 let mut square = Square::default();
                 for row in 0..ROWS {
-                    // A band at the bottom may have fewer rows; what the others hold does not
+                    // A band at the bottom may have fewer rows; the content of the others does not
                     // matter.
                     let lanes = &costs[row.min(rows - 1) * stride + block * count + i].0;
                     square[row].copy_from_slice(&lanes[l..][..ROWS]);
@@ -135,7 +135,7 @@ pub(super) fn follow(
             &transposed[x * count..][..shape.reached(x)],
             &mut added[x * count..][..count],
         );
-        // At the last column nothing lies behind.
+        // The last column has no column after it.
         let step = steps[(x + 1).min(shape.width - 1)];
         advance(
             [line.iter_mut()],

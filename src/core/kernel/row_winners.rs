@@ -1,4 +1,4 @@
-//! Sums of strips along columns and rows brought together, and the winners of a row in both images.
+//! Sums of the strips along columns and rows, and the winners of a row in both images.
 
 use super::Lanes;
 use super::lanes::{SIDE, Square, transpose_square};
@@ -12,7 +12,7 @@ pub struct RowWinners {
     /// The disparity of the least sum, and that sum.
     pub best: Vec<u8>,
     pub least: Vec<u8>,
-    /// The least sum of a disparity that is not its neighbour; 255 where there is none.
+    /// The least sum of a disparity that is not its neighbour; 255 if there is none.
     pub second: Vec<u8>,
     /// The sums below and above the winner.
     pub below: Vec<u8>,
@@ -109,13 +109,13 @@ pub(super) fn choose(sums: &[u8], stride: usize, out: &mut RowWinners) {
     }
 }
 
-/// All bits, or none. Vectors select by masks; of branches compilers make branches.
+/// All bits set, or none. Compilers turn masks into vector selects, but branches into branches.
 #[inline(always)]
 fn mask(condition: bool) -> u8 {
     u8::from(condition).wrapping_neg()
 }
 
-/// Takes the sums of a disparity where they are lower than the least.
+/// Replaces the least sums by those of a disparity that are lower.
 #[inline(always)]
 fn lower(sum: &[u8; N], d: usize, least: &mut [u8; N], best: &mut [u8; N]) {
     for l in 0..N {
@@ -145,7 +145,7 @@ pub(super) fn fractions(winners: &RowWinners, count: usize, out: &mut [i16]) {
     }
 }
 
-/// What a winner must pass, and the cost of leaving the image.
+/// Thresholds that a winner must pass, and the cost of leaving the image.
 #[derive(Clone, Copy, Debug)]
 pub struct WinnerTest {
     pub unique: u32,
@@ -170,7 +170,7 @@ pub(super) fn test(
             (*cost, *why) = (test.out, Reason::Border);
             continue;
         };
-        // Together: that is one instruction where there is one.
+        // Compared together: a single instruction where one exists.
         let [a, b, c] = [
             left[0][x] ^ right[0][match_x],
             left[1][x] ^ right[1][match_x],
@@ -178,7 +178,7 @@ pub(super) fn test(
         ];
         *cost = u32::from_le_bytes([a, b, c, 0]).count_ones() as u8;
         let (least, second) = (u32::from(least[x]), u32::from(second[x]));
-        // Of a second that does not exist, 255, every positive share is enough.
+        // If there is no second (255), every positive fraction passes.
         let unique = test.unique * (second - least) >= least + 8;
         let unique = unique | (second == 255 && test.unique > 0);
         *why = match (right_best[match_x] == best[x], unique) {

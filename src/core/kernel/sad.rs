@@ -1,26 +1,26 @@
 //! Sums of absolute differences (SAD) over square windows, for a row of pixels at once.
 //!
 //! The columns of the windows are summed first and slide down with the rows: one difference enters,
-//! one leaves. A window then is as many neighbouring columns as it is wide. Pixels are the
-//! lanes, disparities the loop: minima, runners-up and the neighbours of the minimum are kept per
-//! lane, and nothing is reduced across lanes.
+//! one leaves. The sum of a window is then that of the neighbouring columns across its width.
+//! Pixels are the lanes, disparities the loop: minima, runners-up and the neighbours of the minimum
+//! are kept per lane, and nothing is reduced across lanes.
 
 use super::PREFILTER_CAP;
 use crate::stereo::{Reason, RowMut};
 
-/// Pixels handled together; rows given to these kernels go on for as many beyond their last pixel.
+/// Pixels handled together; rows passed to these kernels extend that far beyond their last pixel.
 pub const PIXELS: usize = 64;
 
 /// A pixel's cheapest disparities.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct SadWinners {
-    /// Place of the winner, counted from the first.
+    /// Index of the winner, counted from the first.
     pub index: [u16; PIXELS],
     pub sad: [u16; PIXELS],
-    /// Least of the others but for the winner's two neighbours, `u16::MAX` where there is none.
+    /// Least of the others except the winner's two neighbours, `u16::MAX` if there is none.
     pub other: [u16; PIXELS],
-    /// Of the neighbours before and after; nothing where they lie outside the range.
+    /// SADs of the neighbours before and after; unspecified where they lie outside the range.
     pub before: [u16; PIXELS],
     pub after: [u16; PIXELS],
 }
@@ -39,13 +39,13 @@ impl SadWinners {
 /// Thresholds of the tests of a winner.
 #[derive(Clone, Copy, Debug)]
 pub struct SadTest {
-    /// Disparity of the first place; each further place is one less.
+    /// Disparity of the first index; each further index is one less.
     pub highest: i32,
-    /// Places in the range.
+    /// Number of disparities in the range.
     pub count: u16,
     /// Least sum of the prefilter's responses over a window.
     pub texture: u16,
-    /// By how many per cent another disparity must be worse, 0 = off.
+    /// Per cent by which another disparity must be worse; 0 = off.
     pub uniqueness: u32,
 }
 
@@ -57,7 +57,7 @@ pub(super) fn slide(left: [&[u8]; 2], right: [&[u8]; 2], stride: usize, sums: &m
         for (block, sums) in sums.as_chunks_mut::<PIXELS>().0.iter_mut().enumerate() {
             let x = block * PIXELS;
             let pixels = |row: &[u8]| -> [u8; PIXELS] {
-                // Rows go on for a block beyond their end.
+                // Rows extend a block beyond their end.
                 *row[x..]
                     .first_chunk()
                     .expect("a block beyond the row's end")
@@ -99,15 +99,15 @@ pub(super) fn run_sums(columns: &[u16], window: usize, out: &mut [u16]) {
 pub(super) fn least(sums: &[u16], stride: usize, window: usize, out: &mut [SadWinners]) {
     for (block, out) in out.iter_mut().enumerate() {
         let mut best = SadWinners::NONE;
-        // The SADs of the disparity before, the least up to the one before that, and whether that
-        // one took the lead.
+        // The SADs of the previous disparity, the least of those before it, and whether the
+        // previous one took the lead.
         let mut previous = [u16::MAX; PIXELS];
         let mut older = [u16::MAX; PIXELS];
         let mut led = [0u16; PIXELS];
         for (index, columns) in sums.chunks_exact(stride).enumerate() {
             let sads = window_sum(columns, block * PIXELS, window);
-            // Read from a copy: a choice between a new value and the one that is there becomes a
-            // conditional store, which is a branch where the instruction set has none.
+            // Read from a copy: a choice between a new value and the one already stored becomes a
+            // conditional store, which is a branch on instruction sets without one.
             let now = best;
             for i in 0..PIXELS {
                 let (sad, least, led_before) = (sads[i], now.sad[i], led[i]);
@@ -164,7 +164,7 @@ pub(super) fn accept(
             disparity.iter_mut().zip(why).zip(textures).enumerate()
         {
             let (sad, other) = (u32::from(best.sad[i]), u32::from(best.other[i]));
-            // Divided as OpenCV does, rounding down, to decide as it does.
+            // Divided as in OpenCV, rounding down, so that decisions are the same.
             let limit = sad + sad * test.uniqueness / 100;
             let ambiguous =
                 (test.uniqueness > 0) & (other < u32::from(u16::MAX)) & (other <= limit);
@@ -195,8 +195,8 @@ pub(super) fn accept(
     }
 }
 
-/// Where between its neighbours the minimum lies, in 256ths of a pixel towards the higher
-/// disparity, which is before.
+/// Position of the minimum between its neighbours, in 256ths of a pixel towards the higher
+/// disparity, which comes before.
 #[inline(always)]
 fn fraction(before: u16, least: u16, after: u16) -> i32 {
     let [before, least, after] = [before, least, after].map(f64::from);

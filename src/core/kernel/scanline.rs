@@ -1,31 +1,31 @@
 //! Scanline matching by dynamic programming (Birchfield and Tomasi 1998), sixteen rows at once.
 //!
 //! A cell of the table waits for the one above it in its own column, so a row alone cannot be cut
-//! into lanes; rows can, as they know nothing of each other. A cell is one number,
-//! `4 · cost + step`: the least number is the least cost, and of equal costs the first step.
+//! into lanes; rows can, as they are independent. A cell is one number, `4 · cost + step`: the
+//! least number has the least cost, and among equal costs the first step.
 //!
 //! OpenCV forbids a step up after a diagonal one and a diagonal one after a step up. Two such steps
-//! lead where one step to the left leads for less, so with costs and rewards of 0 or more they are
-//! never taken and nothing forbids them here.
+//! lead to the same cell as one step to the left, which costs less, so with costs and rewards of 0
+//! or more they are never taken and nothing forbids them here.
 
 use super::Lanes;
 
-/// How a path came to a cell: from the column before at the same disparity, from one disparity more
-/// in the same column, from the column before at one disparity less.
+/// Steps of a path into a cell: from the column before at the same disparity, from one disparity
+/// more in the same column, from the column before at one disparity less.
 const LEFT: i32 = 0;
 const UP: i32 = 1;
 const DIAG: i32 = 2;
 const STEP: i32 = 3;
 
-/// Four times what no path of `MAX_SIDE` columns costs, with occlusions of up to 1000; and there is
-/// room to add to it.
+/// Four times a cost that no path of `MAX_SIDE` columns reaches, with occlusions of up to 1000; it
+/// leaves room for additions.
 const INFINITE: i32 = 1 << 29;
 
-/// What the larger is taken of with a step's cost: the step is allowed, or it is not.
+/// Gates: the maximum of a gate and a step's cost either allows the step or rules it out.
 const OPEN: i32 = i32::MIN;
 const CLOSED: i32 = INFINITE;
 
-/// Range of three grey levels from which on they hold an edge.
+/// Least range of three grey levels that counts as an edge.
 const EDGE: u16 = 5;
 
 #[derive(Clone, Copy, Debug)]
@@ -38,7 +38,7 @@ struct LeftColumn {
     pixel: [u16; ScanlinePaths::ROWS],
     /// All bits where dissimilarities count: the last column costs nothing.
     counted: u16,
-    /// Whether the disparity may fall here.
+    /// Gate: open if the disparity may fall here.
     up: [i32; ScanlinePaths::ROWS],
 }
 
@@ -49,7 +49,7 @@ struct RightColumn {
     /// The pixel's highest and lowest value within half a pixel, times four.
     high: [u16; ScanlinePaths::ROWS],
     low: [u16; ScanlinePaths::ROWS],
-    /// Whether the disparity may rise after the match with this column.
+    /// Gate: open if the disparity may rise after the match with this column.
     diag: [i32; ScanlinePaths::ROWS],
 }
 
@@ -57,15 +57,15 @@ struct RightColumn {
 pub struct ScanlinePaths {
     disparities: usize,
     right: Vec<RightColumn>,
-    /// Of the column before, by disparity from −1 on; while a column is made, what is above is of
-    /// that column.
+    /// Cells of the previous column, by disparity from −1 on; while a column is computed, the cells
+    /// above belong to it.
     cells: Vec<CellNumbers>,
     /// By column, then disparity.
     steps: Vec<[u8; ScanlinePaths::ROWS]>,
 }
 
 impl ScanlinePaths {
-    /// Rows at once.
+    /// Rows matched at once.
     pub const ROWS: usize = 16;
 
     /// For rows of `width` pixels and disparities from 0 up to 255.
@@ -90,7 +90,7 @@ impl ScanlinePaths {
         let step = |x: usize, d: usize| i32::from(self.steps[x * self.disparities + d][lane]);
         // Without the two bits of the step: only costs are compared.
         let last = self.cells[1..].iter().map(|numbers| numbers.0[lane] >> 2);
-        // There is always the disparity 0; of equals the first is taken.
+        // Disparity 0 always exists; among equals the first wins.
         let (mut d, _) = last
             .enumerate()
             .min_by_key(|&(_, cost)| cost)
@@ -112,8 +112,8 @@ impl ScanlinePaths {
     }
 }
 
-/// Whether column `x` of the left image ends an occlusion: there is an edge on the three pixels
-/// before it. `at` gives the columns of N rows.
+/// True if column `x` of the left image ends an occlusion: there is an edge on the three pixels
+/// before it. `at` returns the columns of N rows.
 #[inline(always)]
 pub fn edge_before<const N: usize>(
     x: usize,
@@ -127,7 +127,7 @@ pub fn edge_before<const N: usize>(
     }
 }
 
-/// Whether column `x` of the right image begins an occlusion: there is an edge on the three pixels
+/// True if column `x` of the right image begins an occlusion: there is an edge on the three pixels
 /// after it.
 #[inline(always)]
 fn edge_after<const N: usize>(x: usize, width: usize, at: impl Fn(usize) -> [u16; N]) -> [bool; N] {
@@ -138,7 +138,7 @@ fn edge_after<const N: usize>(x: usize, width: usize, at: impl Fn(usize) -> [u16
     }
 }
 
-/// Whether three neighbouring pixels hold an edge, in each of N rows.
+/// True for each of N rows in which three neighbouring pixels contain an edge.
 #[inline(always)]
 pub fn edge<const N: usize>([a, b, c]: [[u16; N]; 3]) -> [bool; N] {
     std::array::from_fn(|i| a[i].max(b[i]).max(c[i]) - a[i].min(b[i]).min(c[i]) >= EDGE)
@@ -168,7 +168,7 @@ pub(super) fn find(
 
     let costs = [4 * occlusion + UP, 4 * occlusion + DIAG, 4 * reward];
     paths.cells.fill(CellNumbers([INFINITE; N]));
-    // A path begins at disparity 0, as its first column has no other; cells count from −1.
+    // A path begins at disparity 0, as its first column has no other; cell indices start at −1.
     paths.cells[1] = CellNumbers([LEFT; N]);
     for x in 1..width {
         let count = (x + 1).min(paths.disparities);
@@ -196,8 +196,9 @@ pub(super) fn find(
     }
 }
 
-/// Makes of `here`, the number at the column before and the same disparity, that of this cell. `up`
-/// is the number by which this cell is reached from above, and becomes that for the cell below it.
+/// Replaces `here`, the number at the previous column and the same disparity, by that of this cell.
+/// `up` is the number by which this cell is reached from above; it becomes that for the cell below
+/// it.
 #[inline(always)]
 fn cell(
     [up_cost, diag_cost, reward]: [i32; 3],
@@ -209,7 +210,7 @@ fn cell(
     step: &mut [u8; ScanlinePaths::ROWS],
 ) {
     for i in 0..ScanlinePaths::ROWS {
-        // The larger of a step's number and its gate: a closed gate is more than any path costs.
+        // The larger of a step's number and its gate: a closed gate exceeds the cost of any path.
         let same = (here[i] & !STEP) - reward;
         let diag = ((below[i] & !STEP) + diag_cost).max(right.diag[i]);
         // One of the two is 0.
@@ -231,8 +232,8 @@ fn load(
 ) {
     let width = right.len();
     for (x, column) in out.iter_mut().enumerate() {
-        // What the last column holds does not matter: it matches only the last column of the left
-        // image, at no cost.
+        // The content of the last column does not matter: it matches only the last column of the
+        // left image, at no cost.
         let [before, here, after] =
             [x.saturating_sub(1), x, (x + 1).min(width - 1)].map(|x| rows(&right[x]));
         for i in 0..ScanlinePaths::ROWS {

@@ -1,13 +1,13 @@
 //! Sums of squared differences (SSD) of windows of nine pixels that slide along the rows of a
 //! block.
 //!
-//! As a window moves on by one pixel, one square comes in and one goes out (thesis, section 5.3.3,
-//! "Optimization", and figure 5.10). What comes in less what goes out is
-//! `(l² − l'²) + (r² − r'²) − 2·(l·r − l'·r')`: the first two belong to one image each and are the
-//! same for all disparities, the last is one product of pairs.
+//! When a window advances by one pixel, one square enters and one leaves (thesis, section 5.3.3,
+//! "Optimization", and figure 5.10). Their difference is `(l² − l'²) + (r² − r'²) − 2·(l·r −
+//! l'·r')`: the first two belong to one image each and are the same for all disparities, the last
+//! is one product of pairs.
 //!
-//! Sums are kept as the bits of the 32-bit float 2²³ + SSD: below 2²⁴ its bits count up by one as
-//! the number does, so the sum slides in integers and is multiplied by its weight as a float, in
+//! Sums are kept as the bits of the 32-bit float 2²³ + SSD: below 2²⁴ adding one to its bits adds
+//! one to the number, so the sum slides in integers and is multiplied by its weight as a float, in
 //! one operation where an integer product takes two.
 
 use super::Lanes;
@@ -19,7 +19,7 @@ pub const REACH: usize = 4;
 /// Pixels of the window.
 pub const WINDOW: usize = 2 * REACH + 1;
 
-/// What multiplies an SSD to make it a cost, 25 · (0.16 |d| + 1) (thesis, equation 5.2).
+/// Factor that turns an SSD into a cost, 25 · (0.16 |d| + 1) (thesis, equation 5.2).
 #[inline(always)]
 pub fn weight(disparity: i32) -> u32 {
     25 + 4 * disparity.unsigned_abs()
@@ -34,7 +34,7 @@ impl Match {
     pub const NONE: Self = Self(u32::MAX);
     /// Bits of an SSD: 9 · 255² < 2²⁰.
     pub(super) const BITS: u32 = 20;
-    /// How many disparities there may be.
+    /// Largest number of disparities.
     pub const DISPARITIES: usize = 1 << (u32::BITS - Self::BITS);
 
     pub fn index(self) -> u32 {
@@ -49,7 +49,7 @@ impl Match {
 /// The sum of an SSD of 0: the bits of 2²³.
 const ZERO: u32 = 0x4b00_0000;
 
-/// The SSD that a sum stands for.
+/// The SSD that a sum represents.
 #[inline(always)]
 pub(super) fn ssd(sum: u32) -> u32 {
     sum ^ ZERO
@@ -65,7 +65,7 @@ pub(super) struct Winners {
 /// The cheapest so far.
 #[derive(Clone, Copy)]
 struct Cheapest {
-    /// The bits of floats: they compare as whole numbers do, and sooner.
+    /// The bits of floats: they compare as whole numbers do, and faster.
     cost: Group<i32>,
     winner: Group<Match>,
 }
@@ -76,10 +76,10 @@ impl Cheapest {
         winner: Group::splat(Match::NONE),
     };
 
-    /// Costs below are exact; others were rounded, but not to below.
+    /// Costs below are exact; the others were rounded, but never to a value below.
     const EXACT: f32 = 16_777_216.0;
 
-    /// These or, where it is cheaper, the disparity of that place.
+    /// The cheaper of this one and the disparity of `disparity`.
     #[inline(always)]
     fn or(self, pairs: &impl Pairs, sums: Group<u32>, disparity: &WeightedDisparity) -> Self {
         let costs = pairs.costs(sums, disparity.weight, disparity.bias);
@@ -93,7 +93,7 @@ impl Cheapest {
         cheapest
     }
 
-    /// Of all `sums`, once more in integers where a cost is too large for floats.
+    /// The winners of all `sums`, recomputed in integers where a cost is too large for floats.
     #[inline(always)]
     fn winners(self, sums: &[Group<u32>], weights: &[WeightedDisparity]) -> Winners {
         let mut most = 0;
@@ -117,7 +117,8 @@ impl Cheapest {
 }
 
 impl Winners {
-    /// A window that differs by 70 grey levels from its best match: few columns have one.
+    /// Fallback for a window that differs by 70 grey levels from its best match: few columns have
+    /// one.
     #[cold]
     fn in_integers(sums: &[Group<u32>], disparities: &[WeightedDisparity]) -> Self {
         let mut winners = Self {
@@ -137,19 +138,19 @@ impl Winners {
     }
 }
 
-/// A disparity and what multiplies its SSD to make it a cost.
+/// A disparity and the factor that turns its SSD into a cost.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct WeightedDisparity {
     pub(super) whole_weight: u32,
     pub(super) weight: f32,
     /// −2²³ times the weight.
     bias: f32,
-    /// Its [`Match`] with a sum's [`ZERO`] turned over: a sum makes of it the match.
+    /// Its [`Match`] with an SSD of 0, XORed with [`ZERO`]: XOR with a sum gives the match.
     place: u32,
 }
 
 impl WeightedDisparity {
-    /// That one, counted from the first, with a weight below 2¹⁶.
+    /// The disparity at `index`, counted from the first, with a weight below 2¹⁶.
     pub(super) fn new(index: u32, weight: u32) -> Self {
         Self {
             whole_weight: weight,
@@ -160,7 +161,7 @@ impl WeightedDisparity {
     }
 }
 
-/// The pixels that enter and leave the windows as they slide on to a column.
+/// The pixels that enter and leave the windows as they advance to a column.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
     pixels: Group<[i16; 2]>,
@@ -174,8 +175,8 @@ impl Step {
         squares: Group::splat(0),
     };
 
-    /// The step to column `x`, of a block's group of rows. Pixels that come in count `factors[0]`
-    /// times.
+    /// The step to column `x`, of a block's group of rows. Entering pixels are multiplied by
+    /// `factors[0]`, leaving ones by `factors[1]`.
     #[inline(always)]
     fn to(x: usize, block: &[Lanes<u16>], group: usize, factors: [i16; 2]) -> Self {
         let (come, gone) = (
@@ -184,7 +185,7 @@ impl Step {
         );
         let mut step = Self::NONE;
         for l in 0..Group::ROWS {
-            // Pixels have 8 bits, so that also twice one fits the signed 16 of a product's factor.
+            // Pixels have 8 bits, so even twice one fits the signed 16 bits of a factor.
             step.pixels.0[l] = [come[l] as i16 * factors[0], gone[l] as i16 * factors[1]];
             let [come, gone] = [come[l], gone[l]].map(u32::from);
             step.squares.0[l] = (come * come).wrapping_sub(gone * gone);
@@ -204,12 +205,12 @@ pub(super) struct RowGroup<'a> {
     left: &'a [Lanes<u16>],
     right: &'a [Lanes<u16>],
     group: usize,
-    /// Of the right image.
+    /// Steps of the right image.
     steps: &'a [Step],
 }
 
 impl<'a> RowGroup<'a> {
-    /// That group of rows of two blocks; `steps` has an element per column.
+    /// Group `group` of the rows of two blocks; `steps` has an element per column.
     #[inline(always)]
     pub(super) fn new(
         left: &'a [Lanes<u16>],
@@ -233,9 +234,9 @@ impl<'a> RowGroup<'a> {
         }
     }
 
-    /// Makes of `sums` those of the window around `x` in the left image with each of the `windows`
-    /// in the right one, from the rightmost on, and finds the cheapest. Before, they were those for
-    /// `x - 1` and windows one pixel to the left.
+    /// Advances `sums` to the window around `x` in the left image with each of the `windows` in the
+    /// right one, from the rightmost on, and finds the cheapest. On entry they are those for `x -
+    /// 1` and windows one pixel to the left.
     #[inline(always)]
     pub(super) fn slide(
         &self,
@@ -245,7 +246,7 @@ impl<'a> RowGroup<'a> {
         disparities: &[WeightedDisparity],
         sums: &mut [Group<u32>],
     ) -> Winners {
-        // Windows that were not there before: all for the first x, else that at the left edge.
+        // New windows: all for the first x, else the one at the left edge.
         let fresh = if x == REACH {
             windows.end
         } else {
@@ -256,8 +257,8 @@ impl<'a> RowGroup<'a> {
         let (slid_disparities, new_disparities) = disparities.split_at(slid.len());
         let mut cheapest = Cheapest::NONE;
         if !slid.is_empty() {
-            // (a − b)² = a² − 2ab + b²: the squares slide by themselves, and −2ab comes from the
-            // factors, for pixels that enter, and for those that leave.
+            // (a − b)² = a² − 2ab + b²: the squares slide on their own, and −2ab comes from the
+            // factors, for entering and leaving pixels.
             let left = Step::to(x, self.left, self.group, [-2, 2]);
             let steps = self.steps[fresh..windows.end].iter().rev();
             for ((sum, disparity), right) in slid.iter_mut().zip(slid_disparities).zip(steps) {
@@ -305,7 +306,8 @@ mod tests {
     use super::super::pairs::Portable;
     use super::*;
 
-    /// Costs that floats round to the same number are told apart, and of equal ones the first wins.
+    /// Costs that round to the same float are still distinguished, and among equal ones the first
+    /// wins.
     #[test]
     fn the_cheapest_is_that_of_whole_numbers() {
         let disparities = [80, 81].map(|d| WeightedDisparity::new(d as u32, weight(d)));

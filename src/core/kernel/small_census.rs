@@ -1,16 +1,16 @@
-//! Census of 5 x 5 pixels in 24 bits, as three planes of bytes, and the penalties of steps.
+//! 5 x 5 census in 24 bits, as three planes of bytes, and the penalties of disparity steps.
 
 use super::Lanes;
 
 const N: usize = Lanes::COUNT;
 
-/// Planes of bytes that a census of 24 neighbours takes.
+/// Planes of bytes of a census of 24 neighbours.
 pub const SMALL_CENSUS_PLANES: usize = 3;
 
-/// Pixels of the window to either side.
+/// Reach of the window to either side, pixels.
 pub const SMALL_CENSUS_REACH: usize = 2;
 
-/// More than the greatest difference of two pixels at half size; a power of two.
+/// A power of two above the greatest difference of two pixels at half size.
 pub const STEPS: usize = 1024;
 
 /// See [`super::small_census_row`].

@@ -1,5 +1,5 @@
-//! Block matching by SSD: for each window the cheapest disparity, and filters that look at the
-//! costs of all of them.
+//! Block matching by SSD: for each window the cheapest disparity, and filters that use the costs of
+//! all disparities.
 
 use super::Lanes;
 use super::lanes::transpose_back;
@@ -23,18 +23,18 @@ struct WeightedRange {
     all: Vec<WeightedDisparity>,
 }
 
-/// Verdict of a filter on the costs of a window.
+/// Decision of a filter on the costs of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Doubt {
     Certain,
     Ambiguous,
-    /// The kernel cannot tell.
+    /// The kernel cannot decide.
     Open,
 }
 
-/// The costs of a column of windows: the SSDs of `sums` times the weights of the disparities, from
-/// that with the `index` on.
+/// The costs of a column of windows: the SSDs of `sums` times the weights of the disparities,
+/// starting at `index`.
 struct Costs<'a> {
     sums: &'a [Group<u32>],
     disparities: &'a [WeightedDisparity],
@@ -42,8 +42,9 @@ struct Costs<'a> {
 }
 
 impl SsdSearch {
-    /// For rows of `width` pixels and the disparities from `first` on, with what multiplies the SSD
-    /// of each to make it a cost. Costs fit 32 bits, and there are at most [`Match::DISPARITIES`].
+    /// For rows of `width` pixels and the disparities from `first` on, with the factor that turns
+    /// the SSD of each into a cost. Costs fit 32 bits, and there are at most
+    /// [`Match::DISPARITIES`].
     pub fn new(width: usize, first: i32, weights: Vec<u32>) -> Self {
         Self {
             steps: vec![Step::NONE; width],
@@ -65,7 +66,7 @@ impl SsdSearch {
         self.range.first
     }
 
-    /// What multiplies the SSD of the disparity at that index.
+    /// Factor that turns the SSD of the disparity at that index into a cost.
     pub fn weight(&self, index: u32) -> u32 {
         self.range.all[index as usize].whole_weight
     }
@@ -91,7 +92,7 @@ impl WeightedRange {
             if from >= to {
                 continue;
             }
-            // The windows of those disparities, from the right to the left.
+            // The windows of those disparities, from right to left.
             let last = (x as i32 - self.first) as usize + 1;
             let (sums, disparities) = (&mut sums[from..to], &self.all[from..to]);
             let winners = rows.slide(pairs, x, last - to..last - from, disparities, sums);
@@ -209,7 +210,7 @@ fn matches_and_doubts(
     }
 }
 
-/// The least costs of disparities that are not beside the winners.
+/// The least costs of disparities that are not next to the winners.
 #[inline(always)]
 fn rivals(costs: &Costs<'_>, winners: &Winners) -> Group<u32> {
     let mut rivals = Group::splat(u32::MAX);
@@ -220,7 +221,7 @@ fn rivals(costs: &Costs<'_>, winners: &Winners) -> Group<u32> {
     let costs = (costs.index as u32..).zip(costs.sums.iter().zip(costs.disparities));
     for (index, (sum, disparity)) in costs {
         for l in 0..Group::ROWS {
-            // 0 ..= 2 for the winner and its neighbours; what lies below them wraps to much more.
+            // 0 ..= 2 for the winner and its neighbours; anything below wraps to much more.
             let elsewhere = index.wrapping_sub(beside.0[l]) > 2;
             let rival = rivals.0[l].min(ssd(sum.0[l]) * disparity.whole_weight);
             rivals.0[l] = if elsewhere { rival } else { rivals.0[l] };
@@ -232,8 +233,8 @@ fn rivals(costs: &Costs<'_>, winners: &Winners) -> Group<u32> {
 /// The spread of the disparities, each weighted by `(cost + 25)⁻²`, against the threshold.
 ///
 /// With u the unit roundoff, a weight is off by at most 8 u of itself, each of the three sums of n
-/// positive terms by (n + 10) u, and so the variance by 6 (n + 10) u times the mean square. What is
-/// within twice that of the threshold stays open.
+/// positive terms by (n + 10) u, and so the variance by 6 (n + 10) u times the mean square.
+/// Variances within twice that of the threshold stay open.
 #[inline(always)]
 fn spread(costs: &Costs<'_>, threshold_px: f32) -> Group<Doubt> {
     let [mut zeroth, mut first, mut second] = [Group::splat(0f32); 3];

@@ -1,9 +1,9 @@
 //! Costs of censuses and their aggregation along both directions of strips.
 //!
-//! A strip is as many neighbouring columns, or rows, as there are lanes; the paths run along it, so
-//! that no lane looks at another. SGM's recurrence is Hirschmüller 2008, equation 13.
+//! A strip is one column, or row, per lane; the paths run along it, so that no lane reads another.
+//! SGM's recurrence is Hirschmüller 2008, equation 13.
 
-// Iterators over lanes in place of these loops take longer.
+// Iterators over lanes instead of these loops are slower.
 #![expect(clippy::needless_range_loop)]
 
 use super::Lanes;
@@ -11,33 +11,33 @@ use super::small_census::SMALL_CENSUS_PLANES;
 
 const N: usize = Lanes::COUNT;
 
-/// Where a strip and its matches lie in planes of bytes.
+/// Position of a strip and its matches in planes of bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct StripPlace {
     /// Pixels along the strip.
     pub length: usize,
-    /// Place of its first pixel in the planes of the left image and of the steps.
+    /// Index of its first pixel in the planes of the left image and of the steps.
     pub start: usize,
     /// The same in the planes of the right image.
     pub right: usize,
-    /// From a pixel to the next along the strip.
+    /// Distance from a pixel to the next along the strip.
     pub pitch: usize,
-    /// From a match to that of the next disparity, backwards.
+    /// Distance from a match to that of the next disparity, backwards.
     pub towards: usize,
     /// Column of the first pixel's first lane.
     pub column: usize,
-    /// Whether lanes are columns; else the pixels along the strip are.
+    /// True if lanes are columns; else the pixels along the strip are.
     pub lanes_are_columns: bool,
 }
 
-/// What paths cost.
+/// Costs along a path.
 #[derive(Clone, Copy, Debug)]
 pub struct PathCost<'a> {
-    /// Of a disparity that leads out of the right image.
+    /// Cost of a disparity that leads out of the right image.
     pub out: u8,
-    /// Of a change of disparity by one.
+    /// Penalty for a change of disparity by one.
     pub small: u8,
-    /// Of any other change from the pixel before, by the place of the pixel.
+    /// Penalty for any other change from the previous pixel, by the index of the pixel.
     pub large: &'a [u8],
 }
 
@@ -107,7 +107,7 @@ fn match_pixels(
     out: u8,
     costs: &mut [Lanes<u8>],
 ) {
-    // Written out: `map` would be a call, and copy.
+    // Unrolled: `map` would be a call, and copy.
     let from = place.start + i * place.pitch;
     let here = [
         lanes(left[0], from),
@@ -133,7 +133,7 @@ fn match_pixels(
         ];
         for l in 0..N {
             let [a, b, c] = [0, 1, 2].map(|plane| here[plane][l] ^ there[plane][l]);
-            // A full adder first, as fewer bytes are counted then.
+            // A full adder first, so that fewer bytes are counted.
             let (ones, twos) = (a ^ b ^ c, a & b | (a ^ b) & c);
             costs.0[l] = ones.count_ones() as u8 + 2 * twos.count_ones() as u8;
         }
@@ -156,8 +156,8 @@ fn begin(costs: &[Lanes<u8>], line: &mut [Lanes<u8>]) -> [u8; N] {
     least
 }
 
-/// Leads paths on by a pixel. `line` has the path costs of the pixel before, `least` their least,
-/// and its last element is greater than any. Returns the new least.
+/// Extends paths by a pixel. `line` has the path costs of the previous pixel, `least` their least;
+/// the last element of `line` is greater than any. Returns the new least.
 #[inline(always)]
 fn advance(
     costs: &[Lanes<u8>],

@@ -6,7 +6,7 @@ use super::sliding_ssd::{REACH, WINDOW};
 /// Fixed-point weights (65536 = 1) of the fine and the coarse difference of Gaussians at distance 0
 /// ..= 12.
 ///
-/// Both are even functions, yet the taps stand at −12 ..= +11: distance 12 counts on the left side
+/// Both are even functions, but the taps cover −12 ..= +11: distance 12 counts on the left side
 /// only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DogTaps {

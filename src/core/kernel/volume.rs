@@ -1,6 +1,6 @@
 //! Memory layout of a cost volume: row by row, in blocks of neighbouring pixels, which are the
-//! lanes, and in a block disparity by disparity. A path that comes from another row then never
-//! looks across lanes.
+//! lanes, and within a block disparity by disparity. A path from another row then never reads
+//! across lanes.
 
 use super::Lanes;
 
@@ -12,7 +12,7 @@ pub const OUTSIDE: u8 = u8::MAX;
 pub struct VolumeShape {
     pub width: usize,
     pub height: usize,
-    /// The first disparity, and how many there are.
+    /// The first disparity, and the number of disparities.
     pub first: i32,
     pub count: usize,
 }
@@ -23,7 +23,7 @@ impl VolumeShape {
         self.width.div_ceil(Lanes::COUNT)
     }
 
-    /// Pixels in the blocks of a row, those beyond the image with them.
+    /// Pixels in the blocks of a row, including those beyond the image.
     pub fn padded(&self) -> usize {
         self.blocks() * Lanes::COUNT
     }
@@ -33,14 +33,14 @@ impl VolumeShape {
         self.blocks() * self.count
     }
 
-    /// How many of the disparities lead from column `x`, or from one before it, into the right
+    /// Number of disparities that lead from column `x`, or from one before it, into the right
     /// image. Costs beyond them are neither written nor read.
     #[inline(always)]
     pub(super) fn reached(&self, x: usize) -> usize {
         self.count.min((x as i32 + 1 - self.first).max(0) as usize)
     }
 
-    /// How many of the disparities lead from some pixel of a block into the right image. Costs
+    /// Number of disparities that lead from some pixel of a block into the right image. Costs
     /// beyond them are neither written nor read.
     #[inline(always)]
     pub fn reached_in(&self, block: usize) -> usize {

@@ -5,15 +5,15 @@ use super::pairs::{Group, Pairs};
 use super::sliding_ssd::{REACH, WINDOW, weight};
 use crate::stereo::{Gray, Plane};
 
-/// Pairs of pixels of a window; the last has no second.
+/// Pairs of pixels of a window; the last pair is half empty.
 const PAIRS: usize = WINDOW.div_ceil(2);
 /// Windows compared at a time.
 const CHUNK: usize = 2 * Group::ROWS;
 /// Sums a window can have.
 const SUMS: usize = WINDOW * 255 + 1;
 
-/// Sums this far apart are looked up first: most windows find their match there, and its cost
-/// bounds the rest of the search.
+/// Windows whose sums differ by up to this are searched first: most windows find their match there,
+/// and its cost bounds the rest of the search.
 const FIRST: u32 = 32;
 /// Invalid value: the sum of a window that is in no table.
 pub const NO_SUM: u16 = u16::MAX;
@@ -21,15 +21,15 @@ pub const NO_SUM: u16 = u16::MAX;
 /// A hash table of the left windows that those of a right row may match; the hash of a window is
 /// the sum of its nine pixels.
 ///
-/// Buckets lie one after the other, so that those of neighbouring sums are one range of places. The
-/// pixels of a window stand in five planes of pairs, so that windows at neighbouring places are
-/// compared in one vector.
+/// Buckets are contiguous, so that those of neighbouring sums are one range of indices. The pixels
+/// of a window are in five planes of pairs, so that windows at neighbouring indices are compared in
+/// one vector.
 #[derive(Clone, Debug)]
 pub struct WindowTable {
-    /// The place where the bucket of each sum begins, and where the last one ends.
+    /// Index at which the bucket of each sum begins, and the end of the last one.
     starts: Vec<u32>,
-    /// Per place the rank of the window's row, then 16 bits for its column. There is room for a
-    /// chunk behind the last, and so there is in the others.
+    /// Per window the rank of its row, then 16 bits for its column. There is room for a chunk after
+    /// the last, also in the other planes.
     windows: Vec<u32>,
     pairs: [Vec<[i16; 2]>; PAIRS],
     /// Sums of the squares of the pixels.
@@ -65,9 +65,9 @@ impl WindowTable {
             end += *start;
             *start = end;
         }
-        // From here on starts are ends, and each window moves its bucket's back by one.
+        // From here on starts are ends, and each window moves that of its bucket back by one.
         for row in rows() {
-            // The row above is the better of two at one distance.
+            // At equal distance the row above ranks first.
             let rank = 2 * row.abs_diff(y) - usize::from(row < y);
             for (x, &sum) in sums
                 .row(row)
@@ -89,7 +89,7 @@ impl WindowTable {
         }
     }
 
-    /// The places of the windows whose sum is within `tolerance` of `sum`.
+    /// The indices of the windows whose sum is within `tolerance` of `sum`.
     #[inline(always)]
     fn near(&self, sum: u32, tolerance: u32) -> std::ops::Range<usize> {
         let first = sum.saturating_sub(tolerance) as usize;
@@ -98,7 +98,7 @@ impl WindowTable {
     }
 }
 
-/// The sums of the windows of `row` around the pixels that `marked` names, [`NO_SUM`] elsewhere.
+/// The sums of the windows of `row` around the `marked` pixels, [`NO_SUM`] elsewhere.
 pub fn window_sums(row: &[u8], marked: &[bool], out: &mut [u16]) {
     out.fill(NO_SUM);
     for (x, window) in (REACH..).zip(row.windows(WINDOW)) {
@@ -115,17 +115,17 @@ pub struct TableSearch<'a> {
     /// Disparities, both ends included; cost is SSD · (25 + 4·|d|) and fits 32 bits.
     pub min_disparity: i32,
     pub max_disparity: i32,
-    /// Farthest that the sums of two windows may be apart.
+    /// Largest difference between the sums of two windows.
     pub sum_tolerance: u32,
 }
 
 /// The cheapest left window of a right window: the match it proposes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proposal {
-    /// The match's SSD, `u32::MAX` where there is none.
+    /// The match's SSD, `u32::MAX` if there is none.
     pub ssd: u32,
     pub disparity: i16,
-    /// Row of the right window less that of the left one.
+    /// Row of the right window minus that of the left one.
     pub row_offset: i8,
 }
 
@@ -136,7 +136,7 @@ impl Proposal {
         row_offset: 0,
     };
 
-    /// The cost of the match, above every real one where there is none.
+    /// The cost of the match; without a match, more than any real one.
     pub fn cost(self) -> u32 {
         if self.ssd == u32::MAX {
             u32::MAX
@@ -186,7 +186,7 @@ impl Candidate {
         Self(u64::from(cost) << 32 | u64::from(rank_and_index))
     }
 
-    /// Windows whose sums are farther apart cost more: nine differences that sum to s have squares
+    /// Largest difference of sums that can still win: nine differences that sum to s have squares
     /// of at least s² / 9, and no weight is below 25.
     #[inline(always)]
     fn farthest_sum(self) -> u32 {
@@ -260,7 +260,7 @@ impl Window {
         }
     }
 
-    /// Keeps in `best` the better of what it holds and the matches at those `places`.
+    /// Keeps in `best` the best of its content and the matches at those `places`.
     #[inline(always)]
     fn compare(
         &self,
@@ -310,6 +310,6 @@ impl Window {
 
 #[inline(always)]
 fn chunk<T, const N: usize>(places: &[T], start: usize) -> &[T; N] {
-    // Places end a chunk behind the last window's.
+    // The planes extend a chunk beyond the last window.
     places[start..].first_chunk().expect("room for a chunk")
 }

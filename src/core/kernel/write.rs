@@ -1,4 +1,4 @@
-//! Branch-free writers of block matching's results into the rows of a disparity map with SSDPIs.
+//! Branch-free writers of block-matching results into the rows of a disparity map with SSDPIs.
 
 use super::{CAP, Match};
 use crate::stereo::{DisparityMap, Reason, RowMut};
