@@ -4,11 +4,11 @@ use super::{Intrinsics, Rig};
 use crate::error::{Error, Result};
 use nalgebra::{Isometry3, Matrix3, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
 
-/// What a calibration's lengths are measured in.
+/// Unit of a calibration's lengths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LengthUnit {
     Metres,
-    /// Squares of a calibration board of unknown size: directions are right, distances unknown.
+    /// Squares of a calibration board of unknown size: directions are correct, distances unknown.
     Squares,
 }
 
@@ -27,7 +27,7 @@ impl StereoCalibration {
     /// down, z forward), `T` in `unit`.
     ///
     /// # Errors
-    /// [`Error::Rig`] unless it is finite, the cameras are apart, and the right one is on the
+    /// [`Error::Rig`] unless it is finite, the baseline is not zero, and the right camera is on the
     /// right.
     pub fn new(
         left: Intrinsics,
@@ -57,7 +57,7 @@ impl StereoCalibration {
         })
     }
 
-    /// The same cameras with the rectification that their file holds or that was computed for them.
+    /// The same cameras with the rectification from their file, or one computed for them.
     pub fn with_rectification(self, rectification: Rectification) -> Self {
         Self {
             rectification: Some(rectification),
@@ -82,7 +82,7 @@ impl StereoCalibration {
         self.unit
     }
 
-    /// Distance of the cameras' centres, in [`StereoCalibration::unit`].
+    /// Distance between the camera centres, in [`StereoCalibration::unit`].
     pub fn baseline(&self) -> f64 {
         self.right_from_left.translation.vector.norm()
     }
@@ -91,7 +91,7 @@ impl StereoCalibration {
         self.rectification.as_ref()
     }
 
-    /// The rectified rig; nothing without a rectification or without metres.
+    /// The rectified rig; `None` without a rectification or if the unit is not metres.
     pub fn rig(&self) -> Option<Rig> {
         let rectification = self.rectification.as_ref()?;
         (self.unit == LengthUnit::Metres).then_some(rectification.rig)
@@ -125,11 +125,11 @@ impl Rectification {
     }
 }
 
-/// The rotation nearest to a matrix of a file, where the digits it was written with make it almost
-/// one.
+/// The rotation nearest to a matrix from a file, which is a rotation only up to the digits written.
 ///
 /// # Errors
-/// [`Error::Rig`] when it is not finite or farther from a rotation than 0.001 in any element.
+///
+/// [`Error::Rig`] if it is not finite or differs from a rotation by more than 0.001 in any element.
 pub fn rotation(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>> {
     let wrong = |why: &str| {
         Error::Rig(format!(
@@ -141,7 +141,7 @@ pub fn rotation(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>> {
         return Err(wrong("it is not finite"));
     }
     let crooked = || wrong("its rows are not right-handed, at right angles and of length 1");
-    // What is larger overflows, and then compares with nothing.
+    // A larger value overflows, and then no comparison holds.
     if matrix.amax() > 2.0 {
         return Err(crooked());
     }
@@ -157,9 +157,10 @@ pub fn rotation(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>> {
     Ok(Rotation3::from_matrix_unchecked(nearest))
 }
 
-/// R and T of a file as one motion.
+/// R and T from a file as one motion.
 ///
 /// # Errors
+///
 /// Those of [`rotation`].
 pub fn motion(matrix: &Matrix3<f64>, translation: Vector3<f64>) -> Result<Isometry3<f64>> {
     let rotation = UnitQuaternion::from_rotation_matrix(&rotation(matrix)?);

@@ -1,15 +1,14 @@
-//! A dense disparity map: disparities, and for each pixel without one the reason.
+//! A dense disparity map: disparities, and the reason for each invalid pixel.
 
 use super::row::NO_SSDPI;
 use super::{BandMut, GridShape, Plane, Reason, RowMut};
 use crate::error::Result;
 use std::sync::{Mutex, PoisonError};
 
-/// Disparity and reason for every pixel of the left image; from some matchers also the winner's SSD
+/// Disparity and reason for every pixel of the left image; with some matchers also the winner's SSD
 /// and row offset.
 ///
-/// A pixel's disparity is finite exactly when its reason is [`Reason::Valid`]; elsewhere it is
-/// `+∞`.
+/// A pixel's disparity is finite exactly if its reason is [`Reason::Valid`]; otherwise it is `+∞`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DisparityMap {
     disparity: Plane<f32>,
@@ -18,7 +17,7 @@ pub struct DisparityMap {
     row_offset: Option<Plane<i8>>,
 }
 
-/// Planes of a [`DisparityMap`] that only some matchers make.
+/// Planes of a [`DisparityMap`] that only some matchers produce.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ExtraPlanes {
     pub ssdpi: bool,
@@ -68,8 +67,8 @@ impl DisparityMap {
         Ok(map)
     }
 
-    /// Makes the map `width` x `height` with these `extra` planes alone, keeping the memory and the
-    /// content of what already fits.
+    /// Resizes the map to `width` x `height` with exactly these `extra` planes. Memory and content
+    /// that already fit are kept.
     ///
     /// # Errors
     /// [`crate::Error::Dimensions`].
@@ -90,7 +89,7 @@ impl DisparityMap {
         self.disparity.size()
     }
 
-    /// Which extra planes the map has.
+    /// The extra planes of the map.
     pub fn extra(&self) -> ExtraPlanes {
         ExtraPlanes {
             ssdpi: self.ssdpi.is_some(),
@@ -98,7 +97,7 @@ impl DisparityMap {
         }
     }
 
-    /// Disparities in pixels, `+∞` where there is none.
+    /// Disparities in pixels, `+∞` for invalid pixels.
     pub fn disparity(&self) -> &Plane<f32> {
         &self.disparity
     }
@@ -108,27 +107,27 @@ impl DisparityMap {
     }
 
     /// The winner's sum of squared differences of pixel intensities (thesis, section 5.3.3), kept
-    /// also where a later check rejected it; [`DisparityMap::NO_SSDPI`] where nothing was compared.
-    /// None from matchers without such a cost.
+    /// even if a later check rejected it; [`DisparityMap::NO_SSDPI`] if nothing was compared.
+    /// `None` from matchers without such a cost.
     pub fn ssdpi(&self) -> Option<&Plane<u32>> {
         self.ssdpi.as_ref()
     }
 
-    /// How many rows lower the match of each pixel lies: `(x, y)` matches `(x − d, y + offset)` in
-    /// the right image; without meaning where a pixel is not valid. None from matchers that search
-    /// along the row alone.
+    /// Row of each pixel's match minus the pixel's row: `(x, y)` matches `(x − d, y + offset)` in
+    /// the right image; meaningless for invalid pixels. `None` from matchers that search only along
+    /// the row.
     pub fn row_offset(&self) -> Option<&Plane<i8>> {
         self.row_offset.as_ref()
     }
 
-    /// The row offsets, to write; none where the map has no such plane.
+    /// The row offsets, mutable; `None` if the map has no such plane.
     pub fn row_offset_mut(&mut self) -> Option<&mut Plane<i8>> {
         self.row_offset.as_mut()
     }
 
-    /// The vertical misalignment, in rows that the right image lies too low: the median row offset
-    /// of the valid pixels (of an even number the lower of the two in the middle). 0 for a
-    /// rectified pair; none without row offsets or valid pixels.
+    /// The vertical misalignment, in rows by which the right image is too low: the median row
+    /// offset of the valid pixels (the lower of the two middle ones for an even number). 0 for a
+    /// rectified pair; `None` without row offsets or valid pixels.
     pub fn median_row_offset(&self) -> Option<i8> {
         let mut counts = [0usize; 256];
         let offsets = self.row_offset.as_ref()?.pixels().zip(self.why.pixels());
@@ -144,7 +143,7 @@ impl DisparityMap {
         })
     }
 
-    /// The disparity at `(x, y)`, or why there is none.
+    /// The disparity at `(x, y)`, or the reason for its absence.
     pub fn at(&self, x: usize, y: usize) -> std::result::Result<f32, Reason> {
         match self.why.get(x, y) {
             Reason::Valid => Ok(self.disparity.get(x, y)),
@@ -157,7 +156,7 @@ impl DisparityMap {
         self.band_mut().into_rows()
     }
 
-    /// Cuts the map into bands of `rows` rows and calls `work` with the number of each band's first
+    /// Cuts the map into bands of `rows` rows and calls `work` with the index of each band's first
     /// row, its rows and one element of `scratch`, on the threads of rayon's current pool.
     /// `scratch` has one element per band.
     pub fn each_band_mut<S: Send>(
@@ -196,7 +195,7 @@ impl DisparityMap {
         self.why.pixels().filter(|&w| w == Reason::Valid).count()
     }
 
-    /// Share of pixels that are valid, 0..=1.
+    /// Fraction of valid pixels, 0..=1.
     pub fn coverage(&self) -> f64 {
         let (width, height) = self.size();
         self.valid() as f64 / (width * height) as f64
@@ -273,7 +272,8 @@ fn fit<T: Copy>(
 ///
 /// The calling thread works too, instead of waiting: a whole pair takes a fraction of a
 /// millisecond, and the pool's other threads need a part of that to wake up. A caller in the pool
-/// needs none of them: it takes every item itself, and helpers that start late find nothing left.
+/// needs none of them: it can process every item itself, and threads that start late find none
+/// left.
 fn share<T: Send>(items: impl Iterator<Item = T> + Send, count: usize, work: impl Fn(T) + Sync) {
     let helpers = rayon::current_num_threads().min(count).saturating_sub(1);
     if helpers == 0 {

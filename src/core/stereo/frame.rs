@@ -1,4 +1,4 @@
-//! Frames and estimates: what flows from a source through the matchers into the sinks.
+//! Frames and estimates: the data that flow from a source through the matchers into the sinks.
 
 use super::{DepthGrid, DisparityMap, Plane, RectifiedPair, Rgb, Rig, StereoPair};
 use crate::error::{Error, Result};
@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 /// metres.
 pub type Pose = nalgebra::Isometry3<f64>;
 
-/// A synchronized pair with geometry, pose, truth and exposure.
+/// A synchronized pair with geometry, pose, ground truth and exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Number of the pair in its source, from 0.
@@ -22,14 +22,14 @@ pub struct Frame {
     pub geometry: Geometry,
     pub pose: Option<Pose>,
     pub truth: Option<Truth>,
-    /// Left and right in colour, of the pair's size, where the source has it. To look at: matchers
-    /// take the pair, which is its luma ([`super::Gray::from_color`]).
+    /// Left and right in colour, of the pair's size, if the source has it. For display only:
+    /// matchers use the pair, which is its luma ([`super::Gray::from_color`]).
     pub color: Option<[Rgb; 2]>,
     pub exposure: Exposure,
 }
 
 impl Frame {
-    /// The first frame of a source, at 0 ns, of which nothing else is known.
+    /// The first frame of a source, at 0 ns, with nothing but its geometry known.
     pub fn new(pair: StereoPair, geometry: Geometry) -> Self {
         Self {
             sequence: 0,
@@ -44,8 +44,8 @@ impl Frame {
         }
     }
 
-    /// About how much memory it takes: two images, in colour too where it has them, disparities in
-    /// four bytes, visibility and surface in one each.
+    /// Approximate memory use in bytes: two images, also in colour if present; four bytes per
+    /// disparity, one each per visibility and surface.
     pub fn memory_bytes(&self) -> usize {
         let (width, height) = self.pair.size();
         let color = self.color.as_ref().map_or(0, |_| 6);
@@ -53,13 +53,13 @@ impl Frame {
         width * height * per_pixel
     }
 
-    /// The rig of a rectified pair, where it is calibrated.
+    /// The rig of a rectified pair, if it is calibrated.
     pub fn rig(&self) -> Option<&Rig> {
         self.geometry.rig()
     }
 
-    /// Hash of all that scores of the frame rest on: the pixels, by `pair`, the pair's hash, the
-    /// geometry, and the truth as it is used.
+    /// Hash of all inputs of the frame's scores: the pixels, as `pair`, the pair's hash; the
+    /// geometry; and the truth as used.
     pub fn input_hash(&self, pair: u128) -> u128 {
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
         hasher.update(&pair.to_le_bytes());
@@ -101,17 +101,18 @@ impl Frame {
     }
 }
 
-/// Whether a pair is raw or rectified.
+/// Geometry of a pair: raw or rectified.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Geometry {
     /// Images with lens distortion and vertical misalignment: epipolar lines are not rows.
     Raw,
-    /// Epipolar lines are rows. A rig gives distances; without one the scale is unknown.
+    /// Epipolar lines are rows. With a rig disparities give distances; without one the scale is
+    /// unknown.
     Rectified(Option<Rig>),
 }
 
 impl Geometry {
-    /// The rig of a rectified pair, where it is calibrated.
+    /// The rig of a rectified pair, if it is calibrated.
     pub fn rig(&self) -> Option<&Rig> {
         match self {
             Self::Raw => None,
@@ -120,12 +121,12 @@ impl Geometry {
     }
 }
 
-/// How and when a pair was exposed.
+/// Exposure of a pair: trigger, settings and losses so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Exposure {
     /// Number of the trigger pulse that triggered both cameras.
     pub trigger_id: u64,
-    /// Right stamp minus left stamp, nanoseconds; nothing where the source does not tell.
+    /// Right stamp minus left stamp, nanoseconds; `None` if the source does not report it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skew_ns: Option<i64>,
     /// Exposure time, microseconds; 0 when unknown.
@@ -141,14 +142,14 @@ pub struct Exposure {
 pub struct Truth {
     /// Disparity in pixels, `+∞` where unknown.
     pub disparity: Plane<f32>,
-    /// Whether the right camera sees the pixel's point; absent where unknown.
+    /// Visibility of the pixel's point in the right camera; `None` if unknown.
     pub visibility: Option<Plane<Visibility>>,
-    /// What the pixel shows; only simulations know it.
+    /// Surface that the pixel shows; only simulations know it.
     pub surface: Option<Plane<Surface>>,
     pub kind: TruthKind,
 }
 
-/// How a truth was measured; dense and exact by default.
+/// Origin and density of a truth; exact and dense by default.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct TruthKind {
     pub density: TruthDensity,
@@ -172,8 +173,7 @@ impl Truth {
         hasher.digest128()
     }
 
-    /// Hash of all that scores depend on: disparities, what the right camera sees, surfaces, and
-    /// how it was measured.
+    /// Hash of everything that scores depend on: disparities, visibility, surfaces and kind.
     fn whole_hash(&self) -> u128 {
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
         hasher.update(&self.hash().to_le_bytes());
@@ -189,7 +189,7 @@ impl Truth {
         hasher.digest128()
     }
 
-    /// A dense truth of a simulation or a data set.
+    /// A dense truth from a simulation or a data set.
     pub fn exact(disparity: Plane<f32>, visibility: Option<Plane<Visibility>>) -> Self {
         Self {
             disparity,
@@ -200,33 +200,33 @@ impl Truth {
     }
 }
 
-/// Density of a truth, of areas or of single points, which decides what remains of it in shrunk
-/// pairs. How a cell is scored depends on how many of its pixels are known.
+/// Density of a truth, which decides how it is shrunk along with a pair. The rule for a cell
+/// depends on the number of its pixels with truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TruthDensity {
     /// A measurement for every pixel, with holes.
     #[default]
     Dense,
-    /// Points of a sensor with another view or resolution.
+    /// Points of a sensor with another viewpoint or resolution.
     Sparse,
 }
 
-/// Where true disparities come from. Written `exact`, `sensor TOPIC`, `reference ALGORITHMS`.
+/// Origin of the true disparities. Written as `exact`, `sensor TOPIC` or `reference ALGORITHMS`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum TruthOrigin {
-    /// A simulation, or the makers of a data set.
+    /// A simulation, or the authors of a data set.
     #[default]
     Exact,
     /// Another sensor: its topic.
     Sensor(String),
-    /// Other algorithms, where they are sure: their labels.
+    /// Other algorithms, where they agree: their labels.
     Reference(String),
 }
 
 impl TruthOrigin {
-    /// What must be said beside every number that it gives; nothing of an exact truth.
+    /// Caution that belongs next to every number from this truth; `None` for an exact truth.
     pub fn caution(&self) -> Option<String> {
         match self {
             Self::Exact => None,
@@ -265,21 +265,21 @@ impl TryFrom<String> for TruthOrigin {
     }
 }
 
-/// Whether a left pixel's point is seen by the right camera, with the codes of Middlebury's
+/// Visibility of a left pixel's point in the right camera, with the codes of Middlebury's
 /// `mask0nocc.png`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Visibility {
     /// No truth there.
     Unknown = 0,
-    /// Hidden from the right camera or outside its image.
+    /// Occluded in the right camera or outside its image.
     Occluded = 128,
     /// Seen by both.
     Visible = 255,
 }
 
 impl Visibility {
-    /// From a mask's grey value; anything but 128 and 255 is unknown.
+    /// From a mask's grey value; any value other than 128 and 255 is unknown.
     #[inline]
     pub fn from_code(code: u8) -> Self {
         match code {
@@ -290,14 +290,14 @@ impl Visibility {
     }
 }
 
-/// What a left pixel shows, with its grey values in `/truth/surface`.
+/// Surface that a left pixel shows, with its grey value in `/truth/surface`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Surface {
     Unknown = 0,
-    /// What the robot crawls on.
+    /// The ground that the robot drives on.
     Floor = 64,
-    /// What stands behind the arena's walls.
+    /// The room behind the arena's walls.
     Room = 128,
     /// The arena's walls.
     Wall = 192,
@@ -306,7 +306,7 @@ pub enum Surface {
 }
 
 impl Surface {
-    /// From a grey value; one that is none of theirs is unknown.
+    /// From a grey value; `None` for any other value.
     #[inline]
     pub fn from_code(code: u8) -> Self {
         match code {
@@ -319,24 +319,24 @@ impl Surface {
     }
 }
 
-/// One algorithm's answer to one frame.
+/// Output of one algorithm for one frame.
 #[derive(Clone, Debug)]
 pub struct Estimate {
     /// The algorithm as the user wrote it, e.g. `v3` or `v3:max_disparity=64`.
     pub algorithm: String,
     pub disparity: DisparityMap,
     pub grid: DepthGrid,
-    /// Whether the algorithm made the grid, not [`crate::depth::grid`].
+    /// True if the algorithm computed the grid itself, rather than [`crate::depth::grid`].
     pub own_grid: bool,
-    /// The grid before filters, where the algorithm is behind some.
+    /// The grid before filters, if the algorithm is followed by any.
     pub unfiltered: Option<DepthGrid>,
-    /// The greatest disparity that was tried, where that is known, pixels.
+    /// The greatest disparity searched, pixels, if known.
     pub range_px: Option<f64>,
     pub times: StageTimes,
 }
 
 impl Estimate {
-    /// Hash of the disparities, and of the grid where it is the algorithm's own.
+    /// Hash of the disparities, and of the grid if it is the algorithm's own.
     pub fn hash(&self) -> u128 {
         if self.own_grid {
             self.grid.hash(self.disparity.hash())
@@ -346,40 +346,40 @@ impl Estimate {
     }
 }
 
-/// Everything of a source that is in no frame, with its reason.
+/// Everything from a source that is in no frame, by reason.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Losses {
     /// Images without a partner, while both cameras had images.
     pub unpaired: u64,
-    /// Images before the other camera's first or after its last: nothing is lost.
+    /// Images before the other camera's first or after its last: not a loss.
     pub outside: u64,
-    /// Images that came after those of their time had been dropped: the file is not in the order
-    /// of its stamps.
+    /// Images that arrived after those of their time had been dropped: the file is not ordered by
+    /// stamp.
     pub late: u64,
     /// Pairs that cannot be read.
     pub unreadable: u64,
-    /// Messages beside the images that cannot be read, by topic: their pairs go on without them.
+    /// Unreadable messages other than images, by topic: their pairs are used without them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub broken: BTreeMap<String, u64>,
-    /// Frames for which the truth that was asked for has no measurement, where it has some.
+    /// Frames for which the requested truth has no measurement, if it has any.
     pub without_truth: u64,
-    /// Frames of a video that was cut off or is damaged.
+    /// Frames of a truncated or corrupt video.
     pub cut: u64,
-    /// Pairs that were not asked for.
+    /// Pairs that were not requested.
     pub skipped: u64,
-    /// What a synchronized grabber counted.
+    /// Counts of a synchronized grabber.
     #[serde(skip)]
     pub grabber: Option<GrabberReport>,
 }
 
 impl Losses {
-    /// Pairs that are lost; an image without a partner is one.
+    /// Number of pairs lost; an image without a partner counts as one.
     pub fn lost(&self) -> u64 {
-        // An image that came too late has no partner, either.
+        // A late image has no partner, either.
         self.unpaired.max(self.late) + self.unreadable + self.cut
     }
 
-    /// Adds those of another run; of grabbers the last one's report stays.
+    /// Adds those of another run; the last grabber report is kept.
     pub fn add(&mut self, other: Self) {
         let Self {
             unpaired,
@@ -406,7 +406,7 @@ impl Losses {
     }
 }
 
-/// The counts of a synchronized grabber at its end.
+/// Final counts of a synchronized grabber.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GrabberReport {
     /// For the metadata of a recording.

@@ -1,4 +1,4 @@
-//! The coarse grid of depths that an obstacle avoider reads (thesis, section 5.1).
+//! The coarse grid of depths that an obstacle avoider uses (thesis, section 5.1).
 
 use crate::error::{Error, Result};
 
@@ -45,27 +45,26 @@ impl GridShape {
     }
 }
 
-/// What a grid says of one cell.
+/// Estimate for one cell of a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
-    /// Share of the cell's pixels that have a disparity, 0..=1.
+    /// Fraction of the cell's pixels that have a disparity, 0..=1.
     pub valid_share: f64,
-    /// Nothing where `valid_share` was too small.
+    /// `None` if `valid_share` was too small.
     pub depth: Option<CellDepth>,
-    /// Whether a filter says that it shows something nearer than the range of disparities; its
-    /// depth is then where the range ends.
+    /// True if a filter reports something nearer than the range of disparities; the depth is then
+    /// that of the end of the range.
     pub too_close: bool,
-    /// How probably it is right, 0..=1, where the algorithm says so.
+    /// Probability that the cell is right, 0..=1, if the algorithm reports one.
     pub probability: Option<f64>,
-    /// What the probability rests on, where svl's own decision made it.
+    /// Evidence behind the probability, if svl's own decision computed it.
     pub evidence: Option<CellEvidence>,
 }
 
-/// What is known of a cell before it is decided whether to report it
-/// ([`crate::depth::decision`]).
+/// Evidence on a cell, from which it is decided whether to report it ([`crate::depth::decision`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CellEvidence {
-    /// What is to be reported, and the percentile that is asked for, bins of 1/8 pixel.
+    /// The value to report, and the requested percentile, bins of 1/8 pixel.
     pub report: i64,
     pub target: i64,
     /// In the order of [`crate::depth::decision::Feature::ALL`].
@@ -73,7 +72,7 @@ pub struct CellEvidence {
 }
 
 impl CellEvidence {
-    /// How many features there are.
+    /// Number of features.
     pub const FEATURES: usize = 7;
 }
 
@@ -87,7 +86,7 @@ impl Cell {
     }
 }
 
-/// Whether a grid knows a cell.
+/// State of a cell in a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CellState {
@@ -122,7 +121,7 @@ pub struct CellDepth {
     pub p20_px: f32,
     /// 80th percentile of the disparities: a nearer part of the cell.
     pub p80_px: f32,
-    /// Distance of the median; nothing without a rig, or at infinity.
+    /// Distance of the median; `None` without a rig, or at infinity.
     pub distance_m: Option<f64>,
 }
 
@@ -135,7 +134,7 @@ pub struct DepthGrid {
 
 impl DepthGrid {
     /// # Errors
-    /// [`Error::Invalid`] unless there is one cell per place of `shape`.
+    /// [`Error::Invalid`] unless there is one cell per element of `shape`.
     pub fn new(shape: GridShape, cells: Vec<Cell>) -> Result<Self> {
         if shape.cells() != 0 && shape.cells() == cells.len() {
             Ok(Self { shape, cells })
@@ -153,21 +152,21 @@ impl DepthGrid {
         self.shape
     }
 
-    /// Hash of the disparities of all cells and of another hash. Probabilities are left out, as
-    /// their last digits depend on the machine.
+    /// Hash of the disparities of all cells, combined with another hash. Probabilities are
+    /// excluded, as their last digits depend on the machine.
     pub fn hash(&self, other: u128) -> u128 {
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
         hasher.update(&other.to_le_bytes());
         for cell in &self.cells {
             let px = |d: CellDepth| [d.median_px, d.p20_px, d.p80_px];
-            // Infinity for an unknown one, which no disparity is.
+            // Infinity for an unknown cell; no disparity is infinite.
             let px = cell.depth.map_or([f32::INFINITY; 3], px);
             px.iter().for_each(|px| hasher.update(&px.to_le_bytes()));
         }
         hasher.digest128()
     }
 
-    /// The cells in raster order, to be changed.
+    /// The cells in raster order, mutable.
     pub fn cells_mut(&mut self) -> impl Iterator<Item = &mut Cell> {
         self.cells.iter_mut()
     }
@@ -182,7 +181,7 @@ impl DepthGrid {
         &self.cells[row * self.shape.columns + column]
     }
 
-    /// Share of the cells that are known, 0..=1.
+    /// Fraction of the cells that are known, 0..=1.
     pub fn known_share(&self) -> f64 {
         let known = self.cells.iter().filter(|cell| cell.depth.is_some());
         known.count() as f64 / self.cells.len() as f64
@@ -194,7 +193,7 @@ impl DepthGrid {
     }
 }
 
-/// How a reported cell is judged against the truth, as a scenario's `[cells]` says it.
+/// Rule by which a reported cell is scored against the truth, as in a scenario's `[cells]`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
 #[serde(tag = "judge", rename_all = "lowercase", deny_unknown_fields)]
 pub enum CellRule {
@@ -204,10 +203,10 @@ pub enum CellRule {
         tolerance_m: f64,
         #[serde(default = "CellRule::tolerance_percent")]
         tolerance_percent: f64,
-        /// What is nearer is an obstacle.
+        /// Anything nearer is an obstacle.
         #[serde(default = "CellRule::obstacle_m")]
         obstacle_m: f64,
-        /// What is farther need not be avoided yet.
+        /// Anything farther need not be avoided yet.
         #[serde(default = "CellRule::clear_m")]
         clear_m: f64,
     },
@@ -227,7 +226,7 @@ impl Default for CellRule {
 }
 
 impl CellRule {
-    // Functions, as serde takes defaults from nothing else.
+    // Functions, as serde accepts nothing else as defaults.
     const fn tolerance_m() -> f64 {
         0.10
     }
@@ -244,8 +243,8 @@ impl CellRule {
         0.75
     }
 
-    /// The rule for a frame with or without a calibration: without distances disparities are
-    /// judged, within 2 px.
+    /// The rule for a frame with or without a calibration: without distances, disparities are
+    /// scored, within 2 px.
     #[must_use]
     pub fn for_rig(self, has_rig: bool) -> Self {
         match self {
@@ -255,8 +254,9 @@ impl CellRule {
     }
 
     /// # Errors
-    /// [`Error::Invalid`] for what is not a positive number, and for obstacles that are not nearer
-    /// than what is clear.
+    ///
+    /// [`Error::Invalid`] if a number is not positive, or obstacles are not nearer than clear
+    /// space.
     pub fn validate(&self) -> Result<()> {
         let numbers = match *self {
             Self::Distance {
@@ -290,7 +290,7 @@ impl CellRule {
         }
     }
 
-    /// Metres, and per cent of the distance: the larger of the two counts.
+    /// Tolerance in metres, and in per cent of the distance: the larger of the two counts.
     pub fn tolerances(&self) -> (f64, f64) {
         match *self {
             Self::Distance {
@@ -302,14 +302,15 @@ impl CellRule {
         }
     }
 
-    /// How far off a distance may be, metres: near things need centimetres, far ones a share of the
-    /// distance.
+    /// Tolerance at a distance, metres: centimetres for near things, a fraction of the distance for
+    /// far ones.
     pub fn tolerance_at_m(&self, distance_m: f64) -> f64 {
         let (metres, percent) = self.tolerances();
         (percent / 100.0 * distance_m).max(metres)
     }
 
-    /// Below which distance something is an obstacle, and beyond which it need not be avoided yet.
+    /// Distances in metres: anything nearer than the first is an obstacle; anything beyond the
+    /// second need not be avoided yet.
     pub fn obstacle_and_clear_m(&self) -> (f64, f64) {
         match *self {
             Self::Distance {
@@ -321,7 +322,7 @@ impl CellRule {
         }
     }
 
-    /// When a cell is right, in words.
+    /// The rule for a right cell, in words.
     pub fn right_words(&self) -> String {
         match self {
             Self::Distance {

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 /// Longest side of an image that svl accepts, in pixels.
 pub const MAX_SIDE: usize = 16_384;
 
-/// A row-major plane of pixels whose rows stand `stride` elements apart.
+/// A row-major plane of pixels whose rows are `stride` elements apart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane<T> {
     width: usize,
@@ -24,7 +24,7 @@ impl<T: Copy> Plane<T> {
     /// A plane filled with `value`.
     ///
     /// # Errors
-    /// [`Error::Dimensions`] when a side is 0 or above [`MAX_SIDE`].
+    /// [`Error::Dimensions`] if a side is 0 or above [`MAX_SIDE`].
     pub fn filled(width: usize, height: usize, value: T) -> Result<Self> {
         check_size(width, height)?;
         Ok(Self {
@@ -46,7 +46,7 @@ impl<T: Copy> Plane<T> {
     /// A plane over `data` whose row `y` begins at `y * stride`.
     ///
     /// # Errors
-    /// [`Error::Dimensions`], or [`Error::Size`] when `stride < width` or `data` is short.
+    /// [`Error::Dimensions`], or [`Error::Size`] if `stride < width` or `data` is too short.
     pub fn from_strided(width: usize, height: usize, stride: usize, data: Vec<T>) -> Result<Self> {
         check_size(width, height)?;
         let expected = stride
@@ -76,7 +76,7 @@ impl<T: Copy> Plane<T> {
     pub fn from_fn(width: usize, height: usize, f: impl Fn(usize, usize) -> T) -> Result<Self> {
         check_size(width, height)?;
         let mut data = Vec::with_capacity(width * height);
-        // Row by row: a chain of all pixels does not know its length.
+        // Row by row: an iterator over all pixels does not know its length.
         (0..height).for_each(|y| data.extend((0..width).map(|x| f(x, y))));
         Ok(Self {
             width,
@@ -126,8 +126,8 @@ impl<T: Copy> Plane<T> {
         self.row_mut(y)[x] = value;
     }
 
-    /// The pixels as one slice when there are no gaps between rows, which is so unless
-    /// [`Plane::from_strided`] made them.
+    /// The pixels as one slice, if there are no gaps between rows; only [`Plane::from_strided`]
+    /// leaves gaps.
     pub fn as_slice(&self) -> Option<&[T]> {
         (self.stride == self.width).then(|| &self.data[..self.width * self.height])
     }
@@ -137,10 +137,10 @@ impl<T: Copy> Plane<T> {
         (self.stride == self.width).then(|| &mut self.data[..self.width * self.height])
     }
 
-    /// The same plane with every pixel passed through `f`.
+    /// A plane of the same size with `f` applied to every pixel.
     pub fn map<U: Copy>(&self, f: impl Fn(T) -> U) -> Plane<U> {
         let mut data = Vec::with_capacity(self.width * self.height);
-        // Row by row, which is compiled to vector instructions where all pixels in a chain are not.
+        // Row by row, which the compiler vectorizes; a chain of all pixels it does not.
         self.rows()
             .for_each(|row| data.extend(row.iter().map(|&value| f(value))));
         Plane {

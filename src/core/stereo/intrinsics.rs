@@ -3,13 +3,12 @@
 use crate::error::{Error, Result};
 use nalgebra::{Matrix2, Matrix3, Point2, Point3, SMatrix, Vector2};
 
-/// A pinhole camera with the lens of Brown (Close-range camera calibration, 1971), as in OpenCV's
-/// `plumb_bob`.
+/// A pinhole camera with Brown's distortion model (Close-range camera calibration, 1971), as in
+/// OpenCV's `plumb_bob`.
 ///
-/// With `(x, y) = (X/Z, Y/Z)` and `r² = x² + y²`, the lens puts the point at
-/// `x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)`,
-/// `y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y`, and the sensor at pixel
-/// `(fx x' + cx, fy y' + cy)`.
+/// With `(x, y) = (X/Z, Y/Z)` and `r² = x² + y²`, the lens maps the point to `x' = x (1 + k1 r² +
+/// k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)`, `y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2
+/// y²) + 2 p2 x y`, which is pixel `(fx x' + cx, fy y' + cy)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Intrinsics {
     size: (usize, usize),
@@ -93,12 +92,12 @@ impl Intrinsics {
         Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)
     }
 
-    /// Pixel of a point in the camera frame; nothing for points that are not in front of it.
+    /// Pixel of a point in the camera frame; `None` for points that are not in front of it.
     pub fn project(&self, point: &Point3<f64>) -> Option<Point2<f64>> {
         (point.z > 0.0).then(|| self.pixel(Vector2::new(point.x / point.z, point.y / point.z)))
     }
 
-    /// Pixel that sees in the direction `(X/Z, Y/Z)`.
+    /// Pixel that views the direction `(X/Z, Y/Z)`.
     pub fn pixel(&self, direction: Vector2<f64>) -> Point2<f64> {
         let distorted = self.distort(direction);
         Point2::new(
@@ -135,8 +134,8 @@ impl Intrinsics {
         (pixel, by_direction, by_parameters)
     }
 
-    /// Direction `(X/Z, Y/Z)` in which a pixel sees; nothing where the lens model, beyond what it
-    /// was fitted to, folds back and no direction leads there.
+    /// Direction `(X/Z, Y/Z)` that a pixel views; `None` where the distortion model, extrapolated
+    /// beyond its fit, folds back and no direction leads to the pixel.
     pub fn direction(&self, pixel: Point2<f64>) -> Option<Vector2<f64>> {
         let target = Vector2::new(
             (pixel.x - self.center_px.0) / self.focal_px.0,
@@ -153,7 +152,7 @@ impl Intrinsics {
         None
     }
 
-    /// Where the lens puts a direction, both in units of the focal length.
+    /// The distorted image of a direction, both in units of the focal length.
     fn distort(&self, Vector2 { data, .. }: Vector2<f64>) -> Vector2<f64> {
         let [[x, y]] = data.0;
         let [k1, k2, p1, p2, k3] = self.distortion;
@@ -183,7 +182,7 @@ impl Intrinsics {
     }
 }
 
-/// In units of the focal length: far below a thousandth of a pixel.
+/// Convergence threshold in units of the focal length: far below a thousandth of a pixel.
 const CLOSE: f64 = 1e-10;
 const MAX_STEPS: usize = 50;
 

@@ -1,18 +1,18 @@
-//! The occlusion mask, from the true disparities of both images.
+//! The occlusion mask, computed from the true disparities of both images.
 
 use super::{Plane, Visibility};
 use crate::error::{Error, Result};
 
-/// Largest difference between the true disparities of one point in both images, pixels.
+/// Largest difference between the true disparities of one point in the two images, pixels.
 const TOLERANCE_PX: f32 = 1.0;
 
 /// The mask of the pixels that the right camera sees too, from the true disparities of the left and
 /// of the right image (pixels, both positive, `+∞` where unknown).
 ///
-/// As the tools of the Middlebury evaluation v3 make `mask0nocc.png`: left pixel `x` with disparity
-/// `d` lies at `round(x - d)` in the right image, halves away from zero; it is seen there when the
-/// truth of that pixel is within 1.0 px of `d`, hidden when it is farther off, unknown, or outside
-/// the image.
+/// Computed like `mask0nocc.png` of the Middlebury evaluation v3: left pixel `x` with disparity `d`
+/// lies at `round(x - d)` in the right image, halves away from zero; it is visible if the truth of
+/// that pixel is within 1.0 px of `d`, occluded if it is farther off, unknown, or outside the
+/// image.
 ///
 /// # Errors
 /// [`Error::PairSize`] when the two differ in size.

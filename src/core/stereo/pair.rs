@@ -1,4 +1,4 @@
-//! Stereo pairs: any synchronized pair, and one that a matcher takes.
+//! Stereo pairs: any synchronized pair, and the rectified pair that matchers require.
 
 use super::Gray;
 use crate::error::{Error, Result};
@@ -38,7 +38,7 @@ pub struct StereoPair {
 
 impl StereoPair {
     /// # Errors
-    /// [`Error::PairSize`] when the sizes differ.
+    /// [`Error::PairSize`] if the sizes differ.
     pub fn new(left: Gray, right: Gray) -> Result<Self> {
         if left.size() == right.size() {
             Ok(Self { left, right })
@@ -85,13 +85,14 @@ impl StereoPair {
 
 /// A pair whose epipolar lines are the image rows: a left pixel `(x, y)` matches `(x - d, y)`.
 ///
-/// Only rectified pairs can be matched, so [`crate::matcher::Matcher`] takes this type. It comes
-/// from [`super::Frame::rectified`], or from a caller who knows: [`RectifiedPair::assume`].
+/// Only rectified pairs can be matched, so [`crate::matcher::Matcher`] requires this type.
+/// [`super::Frame::rectified`] returns it; a caller that knows its pair is rectified uses
+/// [`RectifiedPair::assume`].
 #[derive(Clone, Copy, Debug)]
 pub struct RectifiedPair<'a>(&'a StereoPair);
 
 impl<'a> RectifiedPair<'a> {
-    /// Takes the caller's word that the pair is rectified.
+    /// Assumes, without a check, that the pair is rectified.
     pub fn assume(pair: &'a StereoPair) -> Self {
         Self(pair)
     }

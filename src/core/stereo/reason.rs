@@ -1,10 +1,10 @@
-//! Reasons of pixels without a disparity.
+//! Reasons for invalid pixels.
 
-/// Why a pixel has no disparity. The discriminant is the code in files (`WHY.png`).
+/// Reason why a pixel has no disparity. The discriminant is its code in files (`WHY.png`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Reason {
-    /// It has one.
+    /// The pixel has a disparity.
     Valid = 0,
     /// No window fits around it, or no disparity of the range keeps the window inside the right
     /// image.
@@ -17,9 +17,9 @@ pub enum Reason {
     Inconsistent = 4,
     /// The window resembles its own surroundings as much as its match.
     SelfCheck = 5,
-    /// No window of the right image has it as its best match.
+    /// No window of the right image has this one as its best match.
     Unmatched = 6,
-    /// A filter says that the cell shows the floor ([`crate::filter`]).
+    /// A filter reports that the cell shows the floor ([`crate::filter`]).
     Floor = 7,
 }
 
@@ -36,7 +36,7 @@ impl Reason {
         Reason::Floor,
     ];
 
-    /// The word for it in tables and legends.
+    /// Its name in tables and legends.
     pub fn name(self) -> &'static str {
         match self {
             Reason::Valid => "valid",

@@ -20,7 +20,7 @@ pub struct Rig {
 
 impl Rig {
     /// `cx_px`, `cy_px`: principal point of the left image. `doffs_px`: the right image's principal
-    /// point minus the left's, along x (Middlebury's `doffs`), 0 when both are the same.
+    /// point minus the left's, along x (Middlebury's `doffs`), 0 if they are equal.
     ///
     /// # Errors
     /// [`Error::Rig`] unless all are finite and focal length and baseline positive.
@@ -51,12 +51,13 @@ impl Rig {
     }
 
     /// The rig of two rectified cameras by their projection matrices, `[f 0 cx tx; 0 f cy 0; 0 0 1
-    /// 0]` with `tx = -f·x` of a camera at `x` (OpenCV's P1 and P2, ROS's CameraInfo). Both are in
-    /// one frame, not necessarily the left camera's: the baseline is `(tx_left - tx_right) / f`.
+    /// 0]` with `tx = -f·x` of a camera at `x` (OpenCV's P1 and P2, ROS's CameraInfo). Both use one
+    /// frame, not necessarily the left camera's: the baseline is `(tx_left - tx_right) / f`.
     ///
     /// # Errors
-    /// [`Error::Rig`] where the focal lengths differ by more than `focal_tolerance` of themselves,
-    /// the principal rows by more than `row_tolerance_px`, or the right camera is on the left.
+    /// [`Error::Rig`] if the focal lengths differ by more than the fraction `focal_tolerance`, the
+    /// principal rows by more than `row_tolerance_px`, or the right camera is to the left of the
+    /// left one.
     pub fn from_projections(
         left: &Matrix3x4<f64>,
         right: &Matrix3x4<f64>,
@@ -100,7 +101,7 @@ impl Rig {
         self.doffs_px
     }
 
-    /// Depth along the optical axis of a point with that disparity; none at or beyond infinity.
+    /// Depth along the optical axis of a point with that disparity; `None` at or beyond infinity.
     pub fn depth_m(&self, disparity_px: f64) -> Option<f64> {
         let shift = disparity_px + self.doffs_px;
         (shift > 0.0).then(|| self.focal_px * self.baseline_m / shift)
@@ -130,7 +131,7 @@ impl Rig {
         )
     }
 
-    /// Projection matrix P of a camera; of the right one, `P[0][3] = -f·B`.
+    /// Projection matrix P of a camera; for the right one, `P[0][3] = -f·B`.
     pub fn projection(&self, side: Side) -> Matrix3x4<f64> {
         let mut p = self.intrinsics(side).fixed_resize::<3, 4>(0.0);
         if side == Side::Right {
@@ -140,7 +141,7 @@ impl Rig {
     }
 }
 
-/// The numbers of a rig as they stand in a file, not yet checked.
+/// The numbers of a rig as read from a file, not yet checked.
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RigNumbers {

@@ -2,10 +2,10 @@
 
 use super::Reason;
 
-/// SSDPI of a pixel of which nothing was compared.
+/// SSDPI of a pixel for which nothing was compared.
 pub(super) const NO_SSDPI: u32 = u32::MAX;
 
-/// Neighbouring rows of a [`super::DisparityMap`], to write.
+/// Neighbouring rows of a [`super::DisparityMap`], mutable.
 pub struct BandMut<'a> {
     pub(super) width: usize,
     pub(super) disparity: &'a mut [f32],
@@ -15,7 +15,7 @@ pub struct BandMut<'a> {
 }
 
 impl<'a> BandMut<'a> {
-    /// The rows as writers, top to bottom, to be filled again later.
+    /// The rows as writers, top to bottom; the band can be iterated again.
     pub fn rows_mut(&mut self) -> impl Iterator<Item = RowMut<'_>> {
         BandMut {
             width: self.width,
@@ -45,7 +45,7 @@ impl<'a> BandMut<'a> {
         })
     }
 
-    /// Takes the first `rows` rows, or what is left of them; none when the band is empty.
+    /// Splits off the first `rows` rows, or as many as remain; `None` if the band is empty.
     fn split_off(&mut self, rows: usize) -> Option<Self> {
         let pixels = (rows * self.width).min(self.why.len());
         // A missing SSDPI plane is an empty slice, and so are all its parts.
@@ -59,7 +59,7 @@ impl<'a> BandMut<'a> {
     }
 }
 
-/// One row of a [`super::DisparityMap`], to write.
+/// One row of a [`super::DisparityMap`], mutable.
 pub struct RowMut<'a> {
     disparity: &'a mut [f32],
     why: &'a mut [Reason],
@@ -72,7 +72,7 @@ impl RowMut<'_> {
         self.why.len()
     }
 
-    /// The disparity at `x`, or why there is none.
+    /// The disparity at `x`, or the reason for its absence.
     pub fn at(&self, x: usize) -> Result<f32, Reason> {
         match self.why[x] {
             Reason::Valid => Ok(self.disparity[x]),
@@ -85,13 +85,13 @@ impl RowMut<'_> {
         self.ssdpi
     }
 
-    /// Disparities, reasons and SSDPIs, to write together: finite exactly where valid. SSDPIs are
-    /// empty where the map has none.
+    /// Disparities, reasons and SSDPIs, mutable together: a disparity is finite exactly if valid.
+    /// SSDPIs are empty if the map has none.
     pub(crate) fn planes_mut(&mut self) -> (&mut [f32], &mut [Reason], &mut [u32]) {
         (self.disparity, self.why, self.ssdpi)
     }
 
-    /// The row's pixels `columns` alone.
+    /// Pixels `columns` of the row.
     pub fn part_mut(&mut self, columns: std::ops::Range<usize>) -> RowMut<'_> {
         RowMut {
             disparity: &mut self.disparity[columns.clone()],
@@ -108,23 +108,24 @@ impl RowMut<'_> {
         self.ssdpi.fill(NO_SSDPI);
     }
 
-    /// Writes a disparity; the SSDPI stays.
+    /// Writes a disparity; the SSDPI is unchanged.
     pub fn accept(&mut self, x: usize, disparity: f32) {
         debug_assert!(disparity.is_finite());
         self.disparity[x] = disparity;
         self.why[x] = Reason::Valid;
     }
 
-    /// Writes all pixels, `+∞` where there is no disparity; SSDPIs stay.
+    /// Writes all pixels, `+∞` for invalid ones; SSDPIs are unchanged.
     ///
     /// # Panics
+    ///
     /// Unless both have the row's width.
     pub fn write(&mut self, disparities: &[f32], why: &[Reason]) {
         self.disparity.copy_from_slice(disparities);
         self.why.copy_from_slice(why);
     }
 
-    /// Writes that there is no disparity, and why; the SSDPI stays.
+    /// Marks the pixel as invalid for a reason; the SSDPI is unchanged.
     pub fn reject(&mut self, x: usize, reason: Reason) {
         debug_assert!(reason != Reason::Valid);
         self.disparity[x] = f32::INFINITY;
@@ -134,7 +135,7 @@ impl RowMut<'_> {
     /// Writes the winner's SSD.
     ///
     /// # Panics
-    /// When the map has no SSDPI plane.
+    /// If the map has no SSDPI plane.
     pub fn set_ssdpi(&mut self, x: usize, ssdpi: u32) {
         self.ssdpi[x] = ssdpi;
     }
