@@ -1,7 +1,7 @@
-//! An algorithm that sees nothing: what a run is worth without one.
+//! An algorithm that reports nothing: the result of a run without stereo.
 //!
-//! It is the other end of the scale from the truth. A robot that it steers drives by what unknown
-//! cells stand for.
+//! It is the other end of the scale from `truth`. A robot that it steers treats every cell as
+//! unknown.
 
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec};
 use crate::error::Result;

@@ -17,14 +17,14 @@ pub(super) struct BlockMatching<S, C> {
     isa: Isa,
     range: DisparityRange,
     smoothing: VerticalSmoothing,
-    /// Without one every pixel is matched.
+    /// `None` matches every pixel.
     texture: Option<Box<dyn TextureFilter>>,
     steps: Steps<S, C>,
     subpixel: bool,
     back_check: bool,
 }
 
-/// Makes the search and the check for rows of a width.
+/// Constructor of the search and the check for rows of a width.
 type Steps<S, C> = Box<dyn Fn(usize, DisparityRange) -> (S, C) + Send + Sync>;
 
 /// Memory for a block of rows.
@@ -36,9 +36,10 @@ pub(super) struct Scratch<S, C> {
 }
 
 impl<S: RowSearch, C: RowCheck> BlockMatching<S, C> {
-    /// With the parameters that all three have: range, smoothing, `subpixel` and `back_check`.
+    /// From the parameters that all three share: range, smoothing, `subpixel` and `back_check`.
     ///
     /// # Errors
+    ///
     /// As [`DisparityRange::new`].
     pub(super) fn new(
         parameters: &Parameters,
@@ -80,7 +81,7 @@ impl<S: RowSearch, C: RowCheck> BlockMatching<S, C> {
             (0..count)
                 .for_each(|lane| texture.apply_row(isa, strip.left(lane), textured.row_mut(lane)));
         }
-        // Also without a texture filter, so that every run of the method has all stages.
+        // Also without a texture filter, so that every run of the method reports all stages.
         clock.lap(Stage::Texture);
 
         // Texture and checks read rows, the search reads columns of lanes: both are kept.
@@ -117,7 +118,7 @@ impl<S: RowSearch, C: RowCheck> Method for BlockMatching<S, C> {
             let (search, check) = (self.steps)(width, self.range);
             Ok(Scratch {
                 strip: Strip::new(width)?,
-                // Stays all true where there is no texture filter.
+                // Stays all true without a texture filter.
                 textured: Plane::filled(width, Blocks::ROWS, true)?,
                 search,
                 check,

@@ -1,5 +1,5 @@
-//! Block matching, as the SRI Small Vision System does it (chapter 7 of the thesis) and OpenCV's
-//! StereoBM after it.
+//! Block matching of the SRI Small Vision System (chapter 7 of the thesis), on which OpenCV's
+//! StereoBM is based.
 //!
 //! Konolige, "Small Vision Systems: Hardware and Implementation", ISRR 1997. Edges instead of grey
 //! levels, the sum of absolute differences over a square window, a test of texture, a test of
@@ -9,7 +9,7 @@
 //! With `min_disparity` 0 and `max_disparity` one less than a multiple of 16 it equals
 //! `cv2.StereoBM_create(max_disparity + 1, block_size)` of OpenCV 5.0 on every pixel. Departures
 //! from OpenCV: any disparity range; with a negative `min_disparity` windows that leave the right
-//! image are *border*; the speckle filter's step is in pixels, and what it removes is
+//! image are *border*; the speckle filter's step is in pixels, and the pixels it removes are
 //! *inconsistent*. Departure from Konolige: x-Sobel unless `prefilter=log`.
 
 use super::method::{Method, matcher};
@@ -105,7 +105,8 @@ impl Method for Bm {
     const PLANES: ExtraPlanes = ExtraPlanes::NONE;
 
     fn scratch(&self, (width, height): (usize, usize)) -> Result<Scratch> {
-        // Each band sums its first window anew, so a band is several windows high.
+        // Each band computes the sum of its first window from scratch, so a band is several windows
+        // high.
         let bands = match rayon::current_num_threads() {
             1 => 1,
             threads => threads.min(height.div_ceil(4 * self.window)),
@@ -158,7 +159,7 @@ impl Method for Bm {
             for (y, mut row) in (top..).zip(band.into_rows()) {
                 search.match_row(isa, y, left, right, &mut row);
                 if let Some(check) = check {
-                    // Here, as the SADs are those of the row last matched; the time counts as
+                    // Here, as the SADs are those of the last matched row; the time counts as
                     // matching.
                     check.check_row(|x| search.sad(x), &mut row);
                 }

@@ -1,22 +1,21 @@
-//! OpenCV 1.0's `CV_DISPARITY_BIRCHFIELD`, the thesis's first try (section 5.2 and appendix A):
+//! OpenCV 1.0's `CV_DISPARITY_BIRCHFIELD`, the thesis's first attempt (section 5.2 and appendix A):
 //! dynamic programming along each row, then reliable disparities are propagated along columns and
 //! rows.
 //!
-//! The thesis gave it up: it minimises a global error by local assumptions, sees no escape between
-//! obstacles, and is wrong throughout in the dark and on even texture. It answers for every pixel,
-//! whatever it sees. It stands here as the base line, and gives what OpenCV's own code gives, on
-//! every pixel.
+//! The thesis abandoned it: it minimises a global error by local assumptions, finds no gap between
+//! obstacles, and is wrong throughout in the dark and on uniform texture. It gives a disparity for
+//! every pixel. Here it is the baseline, and equals OpenCV's own code on every pixel.
 //!
 //! Departures of OpenCV from Birchfield and Tomasi: the dissimilarity is one-sided, left pixels
-//! against the right image's half-pixel means and not the other way round too; an occlusion costs
-//! per pixel and not once; the table is searched whole, where the paper prunes it; and the ends of
-//! a row are free, its first three columns for a disparity to rise, its last three for it to fall,
-//! its last column at no cost.
+//! against the right image's half-pixel means but not the reverse; an occlusion costs per pixel
+//! rather than once; the whole table is searched, while the paper prunes it; and the ends of a row
+//! are free, its first three columns for a disparity to rise, its last three for it to fall, its
+//! last column at no cost.
 //!
 //! OpenCV's public documentation names its parameters 3 and 5 the wrong way round, "highly" and
-//! "slightly reliable". In the code, and here, parameter 3 (12) is what a *slightly* reliable
-//! disparity needs to withstand a larger one, and parameter 5 (25) what makes a disparity *highly*
-//! reliable, so that it is propagated even over one that is larger by one.
+//! "slightly reliable". In the code, and here, parameter 3 (12) is the run length at which a
+//! *slightly* reliable disparity withstands a larger one, and parameter 5 (25) that at which a
+//! disparity is *highly* reliable and is propagated even over one that is larger by one.
 
 use super::method::{Method, matcher};
 use super::stage::{
@@ -132,7 +131,7 @@ impl Scratch {
     fn new((width, height): (usize, usize), max_disparity: u8, costs: PathCosts) -> Self {
         let (bands, band_rows) = Blocks::bands(height);
         let rows = band_rows.min(height);
-        // Columns differ in how far disparities propagate: more bands than threads.
+        // Disparities propagate differently far in each column: more bands than threads.
         let column_band = match rayon::current_num_threads() {
             1 => width,
             threads => width.div_ceil(4 * threads),
@@ -194,11 +193,11 @@ impl Scratch {
                 mark_steep(left.column(first.saturating_sub(1)), here);
                 mark_steep(left.column(first), after);
                 for (x, column) in (first..).zip(columns.chunks_exact_mut(*height)) {
-                    // The marks of three columns roll along, so that each column is marked once.
+                    // The marks of three columns are rotated, so that each column is marked once.
                     std::mem::swap(before, here);
                     std::mem::swap(here, after);
                     mark_steep(left.column((x + 1).min(*width - 1)), after);
-                    // An edge counts where it goes on to either side, as far as there are columns.
+                    // An edge counts if it continues to both sides, as far as there are columns.
                     let inner = x > 0 && x + 1 < *width;
                     let disparities = scanlines.iter().flat_map(|band| band.column(x));
                     for ((y, pixel), disparity) in column.iter_mut().enumerate().zip(disparities) {
@@ -229,7 +228,7 @@ impl Scratch {
                 for (x, pixel) in line.iter_mut().enumerate() {
                     let [edge] = edge_before(x, *width, |x| [u16::from(grey[x])]);
                     *pixel = PropagationPixel {
-                        // The result of the columns, which lie one after the other, transposed.
+                        // The result of the columns, which are contiguous, transposed.
                         disparity: columns[x * *height + y].disparity,
                         edge,
                         run: 0,
@@ -267,14 +266,14 @@ impl Method for Dp {
     }
 }
 
-/// Marks the three pixels of every window of a column that holds an edge. The window right below a
-/// marked one is passed over.
+/// Marks the three pixels of every window of a column that contains an edge. The window directly
+/// below a marked one is skipped.
 fn mark_steep(column: impl Iterator<Item = u16>, steep: &mut [bool]) {
     steep.fill(false);
     let (mut window, mut marked) = ([0; 3], false);
     for (y, pixel) in column.take(steep.len()).enumerate() {
         window = [window[1], window[2], pixel];
-        // OpenCV steps on by two after a window that holds an edge.
+        // OpenCV advances by two after a window that contains an edge.
         marked = y >= 2 && !marked && edge(window.map(|v| [v])) == [true];
         if marked {
             steep[y - 2..=y].fill(true);

@@ -1,4 +1,4 @@
-//! An algorithm behind filters ([`crate::filter`]): `v3+floor`.
+//! An algorithm followed by filters ([`crate::filter`]): `v3+floor`.
 
 use super::{MatchContext, MatchOutput, Matcher, ProgramRecord};
 use crate::depth;
@@ -7,7 +7,8 @@ use crate::filter::Filters;
 use crate::stereo::RectifiedPair;
 use crate::timing::Stage;
 
-/// Matches by another matcher, then drops and marks what the filters see. Answers the grid itself.
+/// Matches by another matcher, then drops and marks what the filters detect. Computes the grid
+/// itself.
 pub(super) struct FilteredMatcher {
     pub(super) matcher: Box<dyn Matcher>,
     pub(super) filters: Filters,

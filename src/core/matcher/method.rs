@@ -1,22 +1,22 @@
-//! Matchers as a method and its scratch memory, which lasts as long as the pairs keep their size.
+//! Matchers as a method and its scratch memory, which is kept as long as the pairs keep their size.
 
 use super::{MatchContext, MatchOutput, Matcher};
 use crate::error::Result;
 use crate::stereo::{DisparityMap, ExtraPlanes, RectifiedPair, StereoPair};
 use crate::timing::Clock;
 
-/// An algorithm apart from its memory.
+/// An algorithm without its memory.
 pub(super) trait Method: Send + 'static {
     /// Memory for pairs of one size.
     type Scratch: Send;
 
-    /// What it makes besides disparities and reasons.
+    /// Planes it fills besides disparities and reasons.
     const PLANES: ExtraPlanes;
 
     /// Memory for pairs of `size`, width and height.
     ///
     /// # Errors
-    /// When the algorithm cannot match pairs of that size.
+    /// If the algorithm cannot match pairs of that size.
     fn scratch(&self, size: (usize, usize)) -> Result<Self::Scratch>;
 
     /// Matches `pair` and writes every pixel of `map`, which has its size and [`Self::PLANES`].
@@ -39,7 +39,7 @@ pub(super) fn matcher<M: Method>(method: M) -> Box<dyn Matcher> {
 
 struct MethodMatcher<M: Method> {
     method: M,
-    /// With the size of pairs that it fits.
+    /// With the pair size that it was made for.
     scratch: Option<((usize, usize), M::Scratch)>,
 }
 

@@ -4,17 +4,18 @@ use super::{MatchContext, MatchOutput, Matcher};
 use crate::error::Result;
 use crate::stereo::{Gray, Plane, RectifiedPair, StereoPair};
 
-/// The right image mirrored as the left one, and the left one mirrored as the right one: a pair
-/// with the same disparities.
+/// A pair with the same disparities: the mirrored right image as the left one, and the mirrored
+/// left image as the right one.
 ///
 /// # Errors
-/// None: the images have the sizes of a pair's.
+///
+/// None: the images keep the sizes of a valid pair.
 pub fn mirrored(pair: &StereoPair) -> Result<StereoPair> {
     let image = |image: &Gray| mirror(image);
     StereoPair::new(image(pair.right())?, image(pair.left())?)
 }
 
-/// The disparities of the right image, `+∞` where there is none: its pixel `(x, y)` matches the
+/// The disparities of the right image, `+∞` for invalid pixels: a right pixel `(x, y)` matches the
 /// left `(x + d, y)`. `output` is used for the matching.
 ///
 /// # Errors
@@ -49,7 +50,7 @@ mod tests {
     use super::*;
     use crate::matcher::Algorithm;
 
-    /// Noise, and the same 7 px to the left.
+    /// Noise, and the same shifted 7 px to the left.
     fn shifted() -> StereoPair {
         let mut random = fastrand::Rng::with_seed(3);
         let noise: Vec<u8> = (0..80 * 40).map(|_| random.u8(..)).collect();

@@ -44,7 +44,7 @@ pub trait Matcher: Send {
     /// after the first pair of a size; on several threads rayon keeps a small job for each.
     ///
     /// # Errors
-    /// Whatever keeps this pair from being matched; the matcher stays usable.
+    /// The reason why this pair cannot be matched; the matcher stays usable.
     fn compute(
         &mut self,
         pair: RectifiedPair<'_>,
@@ -52,37 +52,37 @@ pub trait Matcher: Send {
         output: &mut MatchOutput,
     ) -> Result<()>;
 
-    /// Of a program of its own, what it is and how it did.
+    /// Identity and performance of the external program, if the matcher runs one.
     fn program(&self) -> Option<ProgramRecord> {
         None
     }
 
-    /// How many pairs it matches at once.
+    /// Number of pairs it matches at once.
     fn batch(&self) -> usize {
         1
     }
 
-    /// Tells the pairs of the next calls of [`Matcher::compute`], of one size and in their order,
-    /// to one that matches several at once.
+    /// Announces the pairs of the next calls of [`Matcher::compute`], of one size and in their
+    /// order, to a matcher that handles several at once.
     fn announce(&mut self, _pairs: &[(RectifiedPair<'_>, MatchContext<'_>)]) {}
 }
 
-/// What a matcher may know besides the pair.
+/// Everything a matcher may use besides the pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MatchContext<'a> {
     /// Number of the pair in its run.
     pub sequence: u64,
-    /// Name of the pair, where it has one.
+    /// Name of the pair, if it has one.
     pub name: Option<&'a str>,
-    /// Left and right in colour, of the pair's size, where the source has them.
+    /// Left and right in colour, of the pair's size, if the source has them.
     pub color: Option<&'a [Rgb; 2]>,
-    /// The truth of the frame, for the algorithm `truth` alone.
+    /// The truth of the frame, only for the algorithm `truth`.
     pub truth: Option<&'a Truth>,
     /// The rig of a calibrated pair.
     pub rig: Option<Rig>,
-    /// Shape of the depth grid, and when a cell is known.
+    /// Shape of the depth grid, and the rule for a known cell.
     pub grid: GridSettings,
-    /// When a reported cell counts as right.
+    /// Rule for a right cell.
     pub cells: CellRule,
     /// Threads of the pool that calls the matcher, for algorithms that start threads of their own.
     pub threads: usize,
@@ -105,7 +105,7 @@ impl Default for MatchContext<'_> {
 }
 
 impl<'a> MatchContext<'a> {
-    /// What the frame has, with those settings.
+    /// Context of a frame with those settings.
     pub fn of(frame: &'a Frame, grid: GridSettings, cells: CellRule) -> Self {
         Self {
             sequence: frame.sequence,
@@ -120,12 +120,12 @@ impl<'a> MatchContext<'a> {
     }
 }
 
-/// What a matcher makes of a pair. Kept between pairs, it keeps its memory.
+/// Output of a matcher for a pair. Reusing it for the next pair reuses its memory.
 pub struct MatchOutput {
     pub disparity: DisparityMap,
-    /// The depth grid, from an algorithm that answers cells itself.
+    /// The depth grid, from an algorithm that computes cells itself.
     pub grid: Option<DepthGrid>,
-    /// The grid before filters, from an algorithm behind some.
+    /// The grid before filters, from an algorithm followed by some.
     pub unfiltered: Option<DepthGrid>,
     /// Attributes the time since [`MatchOutput::begin`] to stages.
     pub clock: Clock,
@@ -162,7 +162,7 @@ impl MatchOutput {
         self.clock = Clock::start();
     }
 
-    /// Memory for the cells of a grid: those of the last one, where there was one.
+    /// Buffer for the cells of a grid: that of the last grid, if there was one.
     pub fn take_cells(&mut self) -> Vec<Cell> {
         self.take_back_cells();
         std::mem::take(&mut self.cells)
@@ -191,20 +191,20 @@ pub struct MatcherSpec {
     /// Other names it is known by; unique in the table, as `name` is.
     pub aliases: &'static [&'static str],
     pub summary: &'static str,
-    /// How it works, in some lines; may be empty.
+    /// Description in a few lines; may be empty.
     pub about: &'static str,
-    /// Where the method was published.
+    /// Publication of the method.
     pub paper: &'static str,
     pub parameters: &'static [Parameter],
-    /// How it decides on the cells of the depth grid, where it answers them itself by the rule that
-    /// they are judged by.
+    /// Its decision on the cells of the depth grid, if it computes them itself by the rule that
+    /// scores them.
     pub cells: Option<fn(&Parameters) -> Result<SafeChoice>>,
-    /// Makes one that runs on that instruction set; the parameters are complete and within their
+    /// Builds the matcher for that instruction set; the parameters are complete and within their
     /// ranges.
     pub build: fn(&Parameters, Isa) -> Result<Box<dyn Matcher>>,
 }
 
-/// Every algorithm svl knows. A new one is one file and one line here.
+/// Every algorithm of svl. A new one is one file and one line here.
 pub const MATCHERS: &[MatcherSpec] = &[
     dp::SPEC,
     v1::SPEC,
@@ -235,7 +235,7 @@ pub fn find(name: &str) -> Result<&'static MatcherSpec> {
 }
 
 impl MatcherSpec {
-    /// Whether it matches images in this process: not a program, nor the truth, nor nothing.
+    /// True if it matches images in this process: not a program, `truth` or `blind`.
     pub fn matches_images(&self) -> bool {
         !["exec", "truth", "blind"].contains(&self.name)
     }
@@ -265,7 +265,7 @@ impl std::fmt::Debug for Algorithm {
 }
 
 impl Default for Algorithm {
-    /// The algorithm that runs where a user names none: v5.
+    /// The algorithm used if none is named: v5.
     fn default() -> Self {
         "v5".parse().expect("it is registered")
     }
@@ -276,7 +276,7 @@ impl std::str::FromStr for Algorithm {
 
     fn from_str(text: &str) -> Result<Self> {
         let (label, written) = labelled(text)?;
-        // The first colon alone: values may hold more, as paths of programs do.
+        // Only the first colon: values may contain more, such as paths of programs.
         let (name, settings) = written.split_once(':').unwrap_or((written, ""));
         let spec = find(name)?;
         let parameters = Parameters::parse(spec, settings)?;
@@ -289,12 +289,13 @@ impl std::str::FromStr for Algorithm {
     }
 }
 
-/// Splits `LABEL=NAME[:key=value,...]` into the label, where there is one, and the rest. The label
-/// may have settings behind a colon, as those of a sweep: `fast:p1=20=sgm:p1=20`.
+/// Splits `LABEL=NAME[:key=value,...]` into the label, if there is one, and the rest. The label may
+/// have settings after a colon, like those of a sweep: `fast:p1=20=sgm:p1=20`.
 ///
 /// # Errors
-/// [`Error::Usage`] for a label that has other characters than letters, digits, `_`, `-` and `.`,
-/// or is an algorithm's own name.
+///
+/// [`Error::Usage`] for a label that contains characters other than letters, digits, `_`, `-` and
+/// `.`, or is an algorithm's own name.
 pub fn labelled(text: &str) -> Result<(Option<&str>, &str)> {
     let own = text.split([':', '=']).next().unwrap_or_default();
     let is_written =
@@ -325,8 +326,8 @@ pub fn labelled(text: &str) -> Result<(Option<&str>, &str)> {
     Ok((Some(label), written))
 }
 
-/// The text of an algorithm with other paths: `file` makes one of each that a parameter names, and
-/// `word` one of each word of a command. A text that is no algorithm stays.
+/// The text of an algorithm with other paths: `file` maps each path that a parameter names, and
+/// `word` each word of a command. A text that is not an algorithm is returned unchanged.
 pub fn with_paths(
     text: &str,
     file: &dyn Fn(&str) -> String,
@@ -375,13 +376,13 @@ impl Algorithm {
         self.spec
     }
 
-    /// The same algorithm, called so.
+    /// The same algorithm with that label.
     #[must_use]
     pub fn called(self, label: String) -> Self {
         Self { label, ..self }
     }
 
-    /// The same algorithm behind filters, at most one of a kind, which are added to its label:
+    /// The same algorithm followed by filters, at most one of a kind, which are added to its label:
     /// `v3+floor`.
     #[must_use]
     pub fn filtered(self, filters: &[Arc<FilterModel>]) -> Self {
@@ -393,9 +394,10 @@ impl Algorithm {
         }
     }
 
-    /// The same algorithm with another value of a parameter, called as it is written.
+    /// The same algorithm with another value of a parameter, labelled with its text.
     ///
     /// # Errors
+    ///
     /// [`Error::UnknownParameter`] and [`Error::ParameterValue`], as for a text.
     pub fn with(&self, name: &str, value: &Value) -> Result<Self> {
         let parameters = self.parameters.with(self.spec, name, value)?;
@@ -409,8 +411,8 @@ impl Algorithm {
         Ok(changed.called(label).filtered(&self.filters))
     }
 
-    /// As every command takes it, without its filters: the name, and what differs from the
-    /// defaults.
+    /// Its text as accepted by every command, without its filters: the name, and all that differs
+    /// from the defaults.
     pub fn written(&self) -> String {
         let name = self.spec.name;
         match self.parameters.changes(self.spec) {
@@ -419,7 +421,7 @@ impl Algorithm {
         }
     }
 
-    /// The filters behind it.
+    /// The filters after it.
     pub fn filters(&self) -> &[Arc<FilterModel>] {
         &self.filters
     }
@@ -434,8 +436,8 @@ impl Algorithm {
         &self.parameters
     }
 
-    /// How many disparities are tried for a pixel, where the parameters determine it:
-    /// `max_disparity`, from `min_disparity` or 0.
+    /// Number of disparities searched per pixel, if the parameters determine it: from
+    /// `min_disparity` or 0 to `max_disparity`.
     pub fn disparities(&self) -> Option<u32> {
         let bound = |name| {
             self.parameters
@@ -451,7 +453,7 @@ impl Algorithm {
         }
     }
 
-    /// The greatest disparity that is tried, where the parameters determine it, pixels.
+    /// The greatest disparity searched, if the parameters determine it, pixels.
     pub fn max_disparity(&self) -> Option<i32> {
         let mut parameters = self.parameters.iter();
         match parameters.find(|(name, _)| *name == "max_disparity")? {
@@ -460,10 +462,11 @@ impl Algorithm {
         }
     }
 
-    /// How it decides on cells, where it answers them itself ([`MatcherSpec::cells`]).
+    /// Its decision on cells, if it computes them itself ([`MatcherSpec::cells`]).
     ///
     /// # Errors
-    /// What is wrong with its parameters, as with the file of a table.
+    ///
+    /// Those of its parameters, such as the file of a table.
     pub fn safe_choice(&self) -> Result<Option<SafeChoice>> {
         let choice = self.spec.cells.map(|choice| choice(&self.parameters));
         choice.transpose()
@@ -472,15 +475,16 @@ impl Algorithm {
     /// A matcher on the instruction set in use, [`crate::kernel::isa`].
     ///
     /// # Errors
-    /// What the algorithm's constructor says, or that `SVL_ISA` names an instruction set this CPU
-    /// does not have.
+    /// Those of the algorithm's constructor, or of an `SVL_ISA` that names an instruction set this
+    /// CPU lacks.
     pub fn build(&self) -> Result<Box<dyn Matcher>> {
         self.build_on(isa()?)
     }
 
-    /// Matches one pair with a matcher made for it: the short way, for a single pair.
+    /// Matches one pair with a matcher built for it: the short form for a single pair.
     ///
     /// # Errors
+    ///
     /// As [`Algorithm::build`] and [`Matcher::compute`].
     pub fn match_pair(&self, pair: RectifiedPair<'_>, rig: Option<Rig>) -> Result<MatchOutput> {
         let context = MatchContext {
@@ -492,8 +496,8 @@ impl Algorithm {
         Ok(output)
     }
 
-    /// Refuses a filter that calls disparities too close only beyond those that are tried: what
-    /// lies between would be neither reported nor filtered.
+    /// Rejects a too-close filter whose range begins beyond the disparities searched: those in
+    /// between would be neither reported nor filtered.
     fn check_filters(&self) -> Result<()> {
         let Some(max) = self.max_disparity() else {
             return Ok(());
@@ -515,7 +519,7 @@ impl Algorithm {
     /// A matcher on a given instruction set; the result is the same on all of them.
     ///
     /// # Errors
-    /// What the algorithm's constructor says.
+    /// Those of the algorithm's constructor.
     pub fn build_on(&self, isa: Isa) -> Result<Box<dyn Matcher>> {
         let matcher = (self.spec.build)(&self.parameters, isa)?;
         self.check_filters()?;

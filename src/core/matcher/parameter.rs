@@ -43,7 +43,7 @@ pub enum Range {
     File,
 }
 
-/// Most bytes of a file that a parameter names.
+/// Largest file that a parameter may name, bytes.
 const MAX_FILE: u64 = 1 << 20;
 
 /// A parameter's value.
@@ -57,7 +57,7 @@ pub enum Value {
     File(Option<ParameterFile>),
 }
 
-/// A file that a parameter names, read when the algorithm is named.
+/// A file that a parameter names, read when the algorithm is parsed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParameterFile {
     pub path: String,
@@ -94,7 +94,7 @@ impl Range {
         }
     }
 
-    /// The value `text` stands for, if it is one of the range.
+    /// The value of `text`, if it lies in the range.
     pub fn parse(&self, text: &str) -> Option<Value> {
         match *self {
             Range::Int { min, max, .. } => text
@@ -134,7 +134,7 @@ impl std::fmt::Display for Range {
 }
 
 impl Value {
-    /// As [`Range::parse`] reads it.
+    /// In the form that [`Range::parse`] reads.
     pub fn written(&self) -> String {
         match self {
             Value::File(Some(file)) => Value::Text(file.path.clone()).to_string(),
@@ -142,7 +142,7 @@ impl Value {
         }
     }
 
-    /// A number, where it is one.
+    /// The value as a number, if it is one.
     pub fn number(&self) -> Option<f64> {
         match self {
             Value::Int(v) => Some(f64::from(*v)),
@@ -158,7 +158,7 @@ impl std::fmt::Display for Value {
             Value::Int(v) => write!(f, "{v}"),
             Value::Real(v) => write!(f, "{v}"),
             Value::Flag(v) => write!(f, "{v}"),
-            // In quotes where it would be read otherwise without them.
+            // In quotes if it would be parsed differently without them.
             Value::Text(v) if split(v, ',').count() < 2 && unquote(v) == v => write!(f, "{v}"),
             Value::Text(v) => write!(
                 f,
@@ -167,7 +167,7 @@ impl std::fmt::Display for Value {
             ),
             Value::Choice(v) => write!(f, "{v}"),
             Value::File(None) => Ok(()),
-            // Equal texts are equal parameters: what the file holds is part of it.
+            // Equal texts are equal parameters: the content of the file is included.
             Value::File(Some(file)) => {
                 let hash = xxhash_rust::xxh3::xxh3_64(file.text.as_bytes());
                 write!(f, "{}#{hash:016x}", file.path)
@@ -178,11 +178,11 @@ impl std::fmt::Display for Value {
 
 impl ParameterFile {
     fn read(path: &str) -> Option<Self> {
-        // Before opening: to open a pipe would wait for its writer.
+        // Before opening: opening a pipe would wait for its writer.
         let is_file = std::fs::metadata(path).is_ok_and(|of| of.is_file());
         let file = std::fs::File::open(path).ok().filter(|_| is_file)?;
         let mut text = String::new();
-        // One more than allowed: the file may grow while it is read.
+        // One more than allowed, as the file may grow while it is read.
         file.take(MAX_FILE + 1).read_to_string(&mut text).ok()?;
         let path = path.to_owned();
         (text.len() as u64 <= MAX_FILE).then_some(Self { path, text })
@@ -205,16 +205,16 @@ impl Parameters {
     }
 
     /// The defaults changed by `settings`, written `key=value,key=value`. A text with commas needs
-    /// quotes, single or double ones, as a whole or around the commas.
+    /// single or double quotes, around the whole or around the commas.
     ///
     /// # Errors
     /// [`Error::UnknownParameter`] with the nearest name, [`Error::ParameterValue`] with what is
-    /// expected; [`Error::Usage`] for a parameter that is given twice.
+    /// expected; [`Error::Usage`] for a parameter given twice.
     pub fn parse(spec: &MatcherSpec, settings: &str) -> Result<Self> {
         let mut parameters = Self::defaults(spec);
         let mut given = Vec::new();
         for setting in split(settings, ',').filter(|s| !s.is_empty()) {
-            // A name alone has an empty value, which the ranges of all kinds but texts refuse.
+            // A name alone has an empty value, which only text ranges accept.
             let (name, text) = setting.split_once('=').unwrap_or((setting, ""));
             let index = spec
                 .parameters
@@ -254,7 +254,7 @@ impl Parameters {
         Self::parse(spec, &format!("{others},{setting}"))
     }
 
-    /// What differs from the defaults, as [`Parameters::parse`] takes it.
+    /// All values that differ from the defaults, as accepted by [`Parameters::parse`].
     pub fn changes(&self, spec: &MatcherSpec) -> String {
         self.settings(spec, |_| true)
     }
@@ -276,7 +276,7 @@ impl Parameters {
     /// The whole number `name`.
     ///
     /// # Panics
-    /// When the algorithm's table has no such whole number: a slip in the algorithm's own file.
+    /// If the algorithm's table has no such whole number: an error in the algorithm's own file.
     pub fn int(&self, name: &str) -> i32 {
         match self.value(name) {
             Value::Int(v) => *v,
@@ -317,9 +317,10 @@ impl Parameters {
         }
     }
 
-    /// The file `name`, where one is given.
+    /// The file `name`, if one is given.
     ///
     /// # Panics
+    ///
     /// As [`Parameters::int`].
     pub fn file(&self, name: &str) -> Option<&ParameterFile> {
         match self.value(name) {

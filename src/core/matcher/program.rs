@@ -1,9 +1,9 @@
-//! What is known of a program that matches.
+//! Identity and performance of an external matching program.
 
 use crate::words::joined;
 use serde::{Deserialize, Serialize};
 
-/// A program behind an algorithm: what it says that it is, and what svl saw of it.
+/// The program behind an algorithm: its reported identity, and svl's measurements.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ProgramRecord {
@@ -11,7 +11,7 @@ pub struct ProgramRecord {
     pub name: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub version: Option<String>,
-    /// What it computes on, as `CPU` or `cuda:0`.
+    /// Its compute device, such as `CPU` or `cuda:0`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -22,33 +22,33 @@ pub struct ProgramRecord {
     /// Hash of its model.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
-    /// Whether it takes colour.
+    /// True if it uses colour.
     pub color: bool,
-    /// How many pairs it takes at once.
+    /// Number of pairs it accepts at once.
     pub batch: usize,
-    /// Pairs of which the times are: without the first of each size, which may set up memory.
+    /// Number of timed pairs: all but the first of each size, which may set up memory.
     pub pairs: u64,
-    /// Median of the times that it reports for a pair, microseconds.
+    /// Median of its self-reported times per pair, microseconds.
     pub reported_us: u64,
-    /// Median of the times from the request to the answer, of a batch by pair, microseconds.
+    /// Median of the times from request to answer, per pair of a batch, microseconds.
     pub waited_us: u64,
-    /// Disparities that it gave, in all matchings,
+    /// Disparities it returned, in all matchings,
     pub disparities: u64,
-    /// and of these the ones outside its range, which count as none.
+    /// and those outside its range, which count as invalid.
     pub out_of_range: u64,
-    /// The most memory that it had, bytes, where the system tells.
+    /// Its peak memory, bytes, if the system reports it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub memory_bytes: Option<usize>,
 }
 
-/// Difference of the times that is no matter of the transfer, microseconds.
+/// Largest difference between the times that the transfer may explain, microseconds.
 const ODD_US: u64 = 20_000;
 
-/// Fewer pairs say nothing of a median.
+/// Fewest pairs for a meaningful median.
 const ENOUGH_PAIRS: u64 = 3;
 
 impl ProgramRecord {
-    /// What it is and how long it took, in words.
+    /// Its identity and times, in words.
     pub fn words(&self) -> String {
         let ms = |us: u64| format!("{:.1} ms", us as f64 / 1e3);
         let name = self.name.clone().map(|name| match &self.version {
@@ -73,7 +73,7 @@ impl ProgramRecord {
         joined(parts.into_iter().flatten())
     }
 
-    /// Name, version and model, as far as it says them.
+    /// Name, version and model, as far as reported.
     pub fn identity(&self) -> String {
         let parts = [&self.name, &self.version, &self.model];
         let said: Vec<_> = parts.into_iter().flatten().map(String::as_str).collect();
@@ -84,7 +84,8 @@ impl ProgramRecord {
         }
     }
 
-    /// With the counts of an earlier process. The times are of the one with more pairs.
+    /// Combined with the counts of an earlier process. The times are those of the process with more
+    /// pairs.
     #[must_use]
     pub fn after(self, earlier: &Self) -> Self {
         let timed = if earlier.pairs > self.pairs {
@@ -103,13 +104,13 @@ impl ProgramRecord {
         }
     }
 
-    /// True if the time that it reports leaves out work: it answers far later.
+    /// True if its self-reported time leaves out work: it answers much later.
     pub fn is_time_doubtful(&self) -> bool {
         let limit_us = self.reported_us + self.reported_us / 4 + ODD_US;
         self.waited_us > limit_us && self.pairs >= ENOUGH_PAIRS
     }
 
-    /// What its user should know before its numbers are believed.
+    /// Warnings about its numbers, for the user.
     pub fn warnings(&self) -> Vec<String> {
         let (reported, waited) = (self.reported_us as f64 / 1e3, self.waited_us as f64 / 1e3);
         let mut warnings = Vec::new();

@@ -9,7 +9,7 @@ pub(super) fn split(text: &str, separator: char) -> impl Iterator<Item = &str> {
     })
 }
 
-/// Whether every quote is closed.
+/// True if every quote is closed.
 pub(super) fn closed(text: &str) -> bool {
     text.chars().fold(None, after).is_none()
 }
@@ -30,7 +30,7 @@ pub(super) fn words(command: &str) -> Vec<String> {
     let mut words = Vec::new();
     for word in split(command, ' ').filter(|word| !word.is_empty()) {
         let mut open = None;
-        // A character that opens or closes a quote is the quote itself: it is dropped.
+        // A character that opens or closes a quote is dropped.
         let kept = word.chars().filter(|&c| {
             let before = open;
             open = after(before, c);

@@ -2,11 +2,11 @@
 //!
 //! Hirschmüller, "Stereo Processing by Semiglobal Matching and Mutual Information", PAMI 2008, with
 //! the census of Zabih & Woodfill, "Non-parametric Local Transforms for Computing Visual
-//! Correspondence", ECCV 1994, in place of mutual information: eight paths, a penalty P1 for steps
+//! Correspondence", ECCV 1994, instead of mutual information: eight paths, a penalty P1 for steps
 //! of one disparity and P2, less at edges, for others; then the median of three by three,
 //! uniqueness, the left/right check and the speckle filter.
 //!
-//! Departures from Hirschmüller: the right image's disparities come from the same sums (his section
+//! Departures from Hirschmüller: the right image's disparities use the same sums (his section
 //! 2.3 allows it); P2 falls with the gradient only where that exceeds a threshold; the fraction of
 //! a pixel is the equiangular one, which suits Hamming distances, in 16ths; nothing is
 //! interpolated; speckles are *inconsistent*. Left pixels near the edge try the disparities that
@@ -60,7 +60,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             range: Range::Flag { default: true },
             description: "take the median of three by three disparities",
         },
-        // Found by `svl tune --auto`: docs/tuning.md has what it gains.
+        // Found by `svl tune --auto`: see docs/tuning.md for the gain.
         Speckles::size(4),
         Speckles::RANGE,
     ],
@@ -90,7 +90,7 @@ struct Scratch {
 }
 
 impl Sgm {
-    /// Most bytes of costs and sums that a pair may take.
+    /// Largest memory for costs and sums of a pair, bytes.
     const MEMORY: usize = 4 << 30;
 
     fn new(parameters: &Parameters, isa: Isa) -> Result<Self> {
@@ -100,7 +100,7 @@ impl Sgm {
                 "sgm: p2={p2} is below p1={p1}: a large step costs at least a small one"
             )));
         }
-        // P2 is divided by the gradient (Hirschmüller, equation 13), but only from `edge` on and
+        // P2 is divided by the gradient (Hirschmüller, equation 13), but only from `edge` on, and
         // never falls below P1.
         let large = |difference: i32| p1.max(p2 * edge / edge.max(difference)) as u8;
         Ok(Self {
@@ -120,7 +120,8 @@ impl Sgm {
         })
     }
 
-    /// Writes row `y`: the chosen `disparities`, or their medians, that pass the left-right check.
+    /// Writes the pixels of row `y` that pass the left-right check: the chosen `disparities`, or
+    /// their medians.
     fn write(&self, chosen: &Chosen, y: usize, disparities: &[i16], row: &mut RowMut<'_>) {
         let right = chosen.right(y);
         for (x, (&disparity, &why)) in disparities.iter().zip(chosen.why(y)).enumerate() {
@@ -146,12 +147,12 @@ impl Sgm {
 }
 
 impl Method for Sgm {
-    /// None where no disparity leads into an image of that size.
+    /// `None` if no disparity leads into an image of that size.
     type Scratch = Option<Scratch>;
     const PLANES: ExtraPlanes = ExtraPlanes::NONE;
 
     fn scratch(&self, (width, height): (usize, usize)) -> Result<Option<Scratch>> {
-        // Disparities beyond the width lead nowhere and would only cost memory.
+        // Disparities beyond the width lead outside the image and would only cost memory.
         let farthest = width as i32 - 1;
         let range = self.range.min().max(-farthest)..=self.range.max().min(farthest);
         if range.is_empty() {
@@ -165,7 +166,7 @@ impl Method for Sgm {
             count,
         };
         let bytes = shape.stride() * height * Aggregation::BYTES;
-        // Refused here: the allocation itself may succeed, and the machine then swaps.
+        // Checked here: the allocation itself may succeed, and the machine would swap.
         if bytes > Self::MEMORY {
             return Err(Error::Invalid(format!(
                 "sgm: {width}x{height} pixels by {} disparities take {} MiB, more than {}: narrow \

@@ -4,7 +4,7 @@
 //! error filter after Hirschmüller, and the symmetric check.
 //!
 //! Departures from the thesis: all in integers; windows near the left edge try the disparities that
-//! stay inside the right image; the error filter takes no disparity beside the winner for a rival.
+//! stay inside the right image; the error filter ignores disparities next to the winner.
 
 use super::block_matching::BlockMatching;
 use super::method::matcher;
@@ -44,10 +44,10 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     },
 };
 
-/// The error filter (after Hirschmüller): the second least cost must lie clearly above the least.
+/// The error filter (after Hirschmüller): the second least cost must be clearly above the least.
 ///
-/// Departure from the thesis: disparities beside the winner are no rivals. That its filter ignores
-/// how far apart the two minima are is a weakness the thesis names in its remarks.
+/// Departure from the thesis: disparities next to the winner are ignored. The thesis mentions in
+/// its remarks, as a weakness, that its filter ignores the distance between the two minima.
 #[derive(Clone, Copy)]
 struct ErrorFilter {
     thousandths: u32,
@@ -62,7 +62,7 @@ impl ErrorFilter {
     };
 
     /// # Errors
-    /// [`Error::Invalid`] for a share, as earlier versions took it.
+    /// [`Error::Invalid`] for a fraction, the unit of earlier versions.
     fn from_parameters(parameters: &Parameters) -> Result<Self> {
         let percent = parameters.real(Self::UNIQUENESS.name);
         if percent > 0.0 && percent < 1.0 {

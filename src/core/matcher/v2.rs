@@ -1,11 +1,11 @@
 //! Stereoscopic Machine Vision Algo v.2 (thesis, section 5.3.2).
 //!
-//! As v1, but windows of little contrast are dropped before the matching, and instead of the two
-//! best costs the spread of all of them shows whether a match is ambiguous.
+//! Same as v1, but windows of low contrast are dropped before the matching, and a match is
+//! ambiguous by the spread of all costs instead of the two best.
 //!
 //! Departures from the thesis: those of v1; the weight of a disparity in the spread, which the
-//! thesis leaves open. The spread is in floating point, decided in single precision where that is
-//! sure and in double where it is not, so that it too is the same on every machine.
+//! thesis leaves open. The spread is in floating point, decided in single precision if that is
+//! certain, else in double, so that it too is the same on every machine.
 
 use super::block_matching::BlockMatching;
 use super::method::matcher;
@@ -55,8 +55,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
 /// The spread filter ("Mismatch Error Filtering"): good costs must lie close together.
 ///
 /// The disparities, each with the weight `((least cost + 25) / (cost + 25))²`, have a standard
-/// deviation; a match is ambiguous when it reaches the threshold. The thesis leaves the weight
-/// open.
+/// deviation; a match is ambiguous if it reaches the threshold. The thesis leaves the weight open.
 #[derive(Clone, Copy)]
 struct SpreadFilter {
     threshold_px: f64,

@@ -37,8 +37,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     cells: None,
     build: |parameters, isa| {
         let texture = Some(Box::new(DogTexture::from_parameters(parameters)) as _);
-        // The self check looks at the left image alone. Without a second matching, v3 is the
-        // fastest.
+        // The self check uses only the left image. Without a second matching, v3 is the fastest.
         let matching = BlockMatching::new(parameters, isa, texture, |width, range| {
             (BlockSearch::new(width, range), SelfCheck::new(width, range))
         })?;

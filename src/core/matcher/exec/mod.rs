@@ -10,45 +10,45 @@
 //! W·H·channels bytes of the left image, W·H·channels bytes of the right image
 //! ```
 //!
-//! `seq`: the number of the request; `sequence`: that of the pair in its run; `name`: of a pair
-//! that has one, as data sets do; `columns`, `rows`: of the depth grid;
-//! `threads`: as many may be used; `rig`: where the cameras are known; `batch`: below. The program
-//! writes to its standard output one line of JSON and the disparities, row by row, little-endian,
-//! `+∞` for none:
+//! `seq`: the number of the request; `sequence`: that of the pair in its run; `name`: the pair's
+//! name, if it has one, as in data sets; `columns`, `rows`: size of the depth grid; `threads`:
+//! number that may be used; `rig`: if the cameras are known; `batch`: see below. The program writes
+//! to its standard output one line of JSON and the disparities, row by row, little-endian, `+∞` for
+//! none:
 //!
 //! ```text
 //! {"seq":n,"millis":t}\n  or  {"seq":n,"error":"why this pair cannot be matched"}\n
 //! W·H · 4 bytes                nothing
 //! ```
 //!
-//! In place of its first reply a program may say what it is; then it gets the same pair once more:
+//! Instead of its first reply a program may identify itself; it is then sent the same pair again:
 //!
 //! ```text
 //! {"hello":{"name":"mynet","version":"1.2","device":"cuda:0","threads":2,"isa":"avx2",
 //!           "model":"HASH","color":true,"batch":8,"shared":true}}\n
 //! ```
 //!
-//! All of it is optional, and stands in the run's manifest. One that wants colour gets three
-//! channels, red, green and blue by pixel; grey images have three equal ones. One that takes
-//! several pairs at once gets them so where svl measures (`svl score`): up to `batch` requests of
-//! one size, of which each says how many there are from it on; svl then reads as many replies.
-//! `millis` is then the time of all divided by their number. One that takes shared memory, and
-//! single pairs, gets `"shared":"PATH"` in the requests and no pixels behind them: the file, which
-//! it maps, has both images, and room for the disparities behind them at the next multiple of 64
-//! bytes; then nothing follows its replies either. Where the system has no such memory, `shared` is
-//! absent.
+//! All fields are optional, and are recorded in the run's manifest. A program that requests colour
+//! is sent three channels, red, green and blue by pixel; grey images have three equal ones. A
+//! program that accepts several pairs at once is sent them so when svl measures (`svl score`): up
+//! to `batch` requests of one size, each with the number of requests left in the batch, itself
+//! included; svl then reads as many replies. `millis` is then the time of the batch divided by its
+//! size. A program that accepts shared memory, and single pairs, is sent `"shared":"PATH"` in the
+//! requests and no pixels after them: it maps that file, which contains both images, and after
+//! them, at the next multiple of 64 bytes, room for the disparities; then nothing follows its
+//! replies either. If the system has no such memory, `shared` is absent.
 //!
-//! A program may answer the C·R cells of the depth grid itself: `"cells":[...]` beside `millis`,
+//! A program may report the C·R cells of the depth grid itself: `"cells":[...]` next to `millis`,
 //! row by row, `null` for an unknown one, else `{"disparity_px":d}` or with `"probability":p`, 0 to
-//! 1. Distances follow from the rig. Where it does not, cells are made of its disparities.
+//! 1. Distances follow from the rig. Without `cells`, svl computes them from the disparities.
 //!
-//! `millis` is the self-reported time of the matching, without the transfer; it is the time that
-//! svl reports, beside that until the answer, with a warning where they do not fit together.
-//! Disparities that lie more than half a pixel outside the range count as none, and are counted. At
-//! the end of its input the program must end. The end of its standard error is kept for error
-//! messages. An error reply concerns its pair alone. A program that ends, times out or answers
-//! anything else is killed, with all that it started, and started again for the next pair,
-//! `restarts` times. Ctrl-C ends it at once. `svl algos exec --example python` is such a program.
+//! `millis` is the self-reported time of the matching, without the transfer; svl reports it next to
+//! the time until the answer, with a warning if the two are inconsistent. Disparities more than
+//! half a pixel outside the range are discarded and counted. The program must exit at the end of
+//! its input. The end of its standard error is kept for error messages. An error reply concerns
+//! only its pair. A program that exits, times out or answers anything else is killed, with all that
+//! it started, and restarted for the next pair, up to `restarts` times. Ctrl-C ends it at once.
+//! `svl algos exec --example python` is such a program.
 //!
 //! No shell is involved: the command is split at spaces, and quotes keep spaces in a word.
 
@@ -115,28 +115,28 @@ struct Exec {
     words: Vec<String>,
     range: DisparityRange,
     timeout: Duration,
-    /// Limit of the starts after failures, and the number so far.
+    /// Limit on restarts after failures, and the number so far.
     max_restarts: u32,
     restarts: u32,
-    /// None after a failure.
+    /// `None` after a failure.
     program: Option<Program>,
     /// Number of the last request.
     seq: u64,
-    /// Answers to pairs that were announced.
+    /// Answers to announced pairs.
     ahead: VecDeque<PairAnswer>,
     /// The size of the last pair. The first pair of a size may set up memory.
     warm_for: Option<(usize, usize)>,
-    /// Of all other pairs, microseconds: what it reported, and how long it was waited for.
+    /// Times of all other pairs, microseconds: the self-reported time, and the time waited.
     reported_us: Vec<u32>,
     waited_us: Vec<u32>,
     disparities: u64,
     out_of_range: u64,
-    /// What the last program said that it is, and the most memory that it had.
+    /// Identity of the last program, and its peak memory.
     hello: Hello,
     memory_bytes: Option<usize>,
 }
 
-/// What came of a pair, and how long svl waited for it.
+/// Reply to a pair, and the time svl waited for it.
 struct PairAnswer {
     reply: Reply,
     waited: Duration,
@@ -172,7 +172,7 @@ impl Exec {
         })
     }
 
-    /// The program, started again if it failed before.
+    /// The program, restarted if it failed before.
     fn program(&mut self) -> std::result::Result<&mut Program, ProgramFailure> {
         let program = match self.program.take() {
             Some(program) => program,
@@ -233,7 +233,7 @@ impl Exec {
                     let shared = hello.shared.then(SharedMemory::new).flatten();
                     program.shared = shared.map(Arc::new);
                     program.hello = Some(hello);
-                    // The pair once more, as the program wants it.
+                    // The same pair again, in the form that the program requested.
                     return self.ask(pairs);
                 }
                 Reply::Hello(_) => return Err(ProgramFailure::new("says twice what it is")),
@@ -245,7 +245,7 @@ impl Exec {
         Ok(replies.into_iter().map(answer).collect())
     }
 
-    /// As [`Exec::ask`]; a program that failed is ended.
+    /// Same as [`Exec::ask`], but ends a program that failed.
     fn ask_or_end(
         &mut self,
         pairs: &[(RectifiedPair<'_>, MatchContext<'_>)],
@@ -258,13 +258,13 @@ impl Exec {
             }
         }
         answers.map_err(|failure| {
-            // Dropped, so ended; another one has to warm up.
+            // Dropped, and so ended; a new one has to warm up.
             (self.program, self.warm_for) = (None, None);
             failure.into_error(&self.command)
         })
     }
 
-    /// Whether a pixel is within half a pixel of the range.
+    /// True if a pixel's disparity is within half a pixel of the range.
     fn is_in_range(&self, disparity: f32) -> bool {
         let (min, max) = (self.range.min() as f32, self.range.max() as f32);
         (min - 0.5..=max + 0.5).contains(&disparity)
@@ -299,12 +299,12 @@ impl Matcher for Exec {
 
     fn announce(&mut self, pairs: &[(RectifiedPair<'_>, MatchContext<'_>)]) {
         self.ahead.clear();
-        // One that was started again has to say first what it is.
+        // A restarted program has to identify itself first.
         let has_said = |program: &Program| program.hello.is_some();
         if !self.program.as_ref().is_some_and(has_said) {
             return;
         }
-        // A failure comes again when the pairs are sent one by one.
+        // A failure recurs when the pairs are sent one by one.
         if let Ok(answers) = self.ask_or_end(pairs) {
             self.ahead.extend(answers);
         }
@@ -340,7 +340,7 @@ impl Matcher for Exec {
                     ProgramFailure::new(format!("answered: {why}")).into_error(&self.command)
                 );
             }
-            // As many answers as pairs, and none of them says what the program is.
+            // One answer per pair, and none of them is a hello.
             Some(PairAnswer {
                 reply: Reply::Hello(_),
                 ..
@@ -354,7 +354,7 @@ impl Matcher for Exec {
                     row.accept(x, disparity);
                 } else {
                     self.out_of_range += u64::from(disparity.is_finite());
-                    // It does not say why.
+                    // The program gives no reason.
                     row.reject(x, Reason::Unmatched);
                 }
             }
@@ -371,13 +371,13 @@ impl Matcher for Exec {
             self.reported_us.push(micros(reported));
             self.waited_us.push(micros(waited));
         }
-        // More than svl waited is not believed.
+        // Capped at the time that svl waited.
         output.clock.lap_with(Stage::Matching, reported.min(waited));
         Ok(())
     }
 }
 
-/// By nearest rank; 0 of nothing.
+/// By nearest rank; 0 if empty.
 fn median(times: &[u32]) -> u64 {
     let mut times = times.to_vec();
     times.sort_unstable();
@@ -385,7 +385,7 @@ fn median(times: &[u32]) -> u64 {
     middle.copied().map_or(0, u64::from)
 }
 
-/// The program's own cells, with the share of its disparities that each has.
+/// The program's own cells, with the fraction of valid disparities in each.
 fn own_grid(
     cells: &[Option<ReplyCell>],
     disparity: &Plane<f32>,

@@ -14,20 +14,20 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How much of its standard error is kept, in bytes.
+/// Bytes of its standard error that are kept.
 const STDERR_KEPT: usize = 4096;
 
-/// How long a program that closed its output may take to end and to close its standard error.
+/// Time that a program which closed its output has to exit and to close its standard error.
 const GRACE: Duration = Duration::from_millis(300);
 
-/// How often it is looked whether svl is to end while a program works.
+/// Interval at which an interruption of svl is checked while a program works.
 const GLANCE: Duration = Duration::from_millis(50);
 
-/// The most that Linux lets a pipe hold without privileges: a pair goes through in few pieces.
+/// Largest pipe that Linux allows without privileges: a pair then passes in few pieces.
 #[cfg(target_os = "linux")]
 const PIPE_BYTES: usize = 1 << 20;
 
-/// A failure of the program, in words that follow its name.
+/// A failure of the program, worded to follow its name.
 #[derive(Debug)]
 pub(super) struct ProgramFailure {
     reason: String,
@@ -51,7 +51,7 @@ impl ProgramFailure {
         }
     }
 
-    /// The error of that command.
+    /// The error for that command.
     pub(super) fn into_error(self, command: &str) -> Error {
         if self.is_interrupt {
             return Error::Interrupted;
@@ -66,32 +66,32 @@ impl ProgramFailure {
 
 enum ProgramEvent {
     Answered(Result<Reply, String>),
-    /// The program does not take what is written to it.
+    /// The program does not accept its input.
     Refused(std::io::Error),
 }
 
 /// A running program. Dropping it ends it.
 pub(super) struct Program {
     child: Child,
-    /// What it said that it is.
+    /// Its identity, once reported.
     pub(super) hello: Option<Hello>,
-    /// Where it wants that.
+    /// Present if the program requests it.
     pub(super) shared: Option<Arc<SharedMemory>>,
     requests: Sender<Vec<u8>>,
-    /// Memory of requests that were written,
+    /// Buffers of requests already written,
     written: Receiver<Vec<u8>>,
     questions: Sender<Question>,
-    /// and of disparities that were taken.
+    /// and of disparities already used.
     taken: Sender<Vec<u8>>,
     events: Receiver<ProgramEvent>,
-    /// Bytes of the answer under way.
+    /// Bytes received of the current answer.
     received: Arc<AtomicUsize>,
     stderr_tail: Arc<Mutex<VecDeque<u8>>>,
     stderr_closed: Receiver<()>,
 }
 
 impl Program {
-    /// The most memory that it has had, bytes, where the system tells.
+    /// Its peak memory, bytes, if the system reports it.
     pub(super) fn memory(&self) -> Option<usize> {
         let status = format!("/proc/{}/status", self.child.id());
         let status = std::fs::read_to_string(status).ok()?;
@@ -110,7 +110,7 @@ impl Program {
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
-        // Ctrl-C is svl's: it ends the run orderly, and the program with it.
+        // Ctrl-C is for svl, which ends the run in order, and the program with it.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command.spawn().map_err(|error| {
@@ -121,13 +121,13 @@ impl Program {
             ProgramFailure::new(format!("cannot be started: {why}"))
         })?;
         let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());
-        // All three were asked for above.
+        // All three were requested above.
         let (Some(stdin), Some(stdout), Some(stderr)) = pipes else {
             unreachable!("pipes")
         };
         #[cfg(target_os = "linux")]
         {
-            // Where the system refuses, they work as they are.
+            // If the system refuses, the pipes work as they are.
             let _ = rustix::pipe::fcntl_setpipe_size(&stdin, PIPE_BYTES);
             let _ = rustix::pipe::fcntl_setpipe_size(&stdout, PIPE_BYTES);
         }
@@ -163,12 +163,12 @@ impl Program {
         })
     }
 
-    /// Memory for a request.
+    /// A buffer for a request.
     pub(super) fn memory_for_request(&self) -> Vec<u8> {
         self.written.try_recv().unwrap_or_default()
     }
 
-    /// Takes the memory of disparities for later ones.
+    /// Returns a buffer of disparities for reuse.
     pub(super) fn take_back(&self, disparities: Vec<u8>) {
         let _ = self.taken.send(disparities);
     }
@@ -176,7 +176,7 @@ impl Program {
     /// Sends a request; its answer comes from [`Program::answer`].
     pub(super) fn send(&mut self, request: Vec<u8>, question: Question) {
         self.received.store(0, Ordering::Relaxed);
-        // A thread that is gone has left an event, which says more.
+        // If the thread is gone, it has left an event, which tells more.
         let _ = self.questions.send(question);
         let _ = self.requests.send(request);
     }
@@ -224,11 +224,11 @@ impl Program {
         }
     }
 
-    /// The failure, which is first of all that it ended, if it did.
+    /// The failure: first of all that the program exited, if it did.
     fn failed(&mut self, reason: String) -> ProgramFailure {
         let deadline = Instant::now() + GRACE;
         let mut ended: Option<ExitStatus> = None;
-        // Polled, as `wait` would block for a program that closed its output and goes on.
+        // Polled, as `wait` would block on a program that closed its output but keeps running.
         while ended.is_none() && Instant::now() < deadline {
             ended = self.child.try_wait().ok().flatten();
             thread::sleep(Duration::from_millis(5));
@@ -240,9 +240,9 @@ impl Program {
             Some(status) => format!("ended ({status}): it {reason}"),
             None => reason,
         };
-        // What it still has to say comes through once it is gone.
+        // Its remaining output arrives once it is gone.
         self.kill();
-        // The channel closes when the thread that reads standard error is done.
+        // The channel closes when the thread that reads standard error ends.
         let _ = self.stderr_closed.recv_timeout(GRACE);
         ProgramFailure {
             reason,
@@ -251,18 +251,18 @@ impl Program {
         }
     }
 
-    /// Ends it with all that it started in its process group.
+    /// Kills it with everything it started in its process group.
     fn kill(&mut self) {
         #[cfg(unix)]
         {
             use rustix::process::{Pid, Signal, kill_process_group};
-            // Its own, by `process_group(0)`. Where all of it ended, the number is not given out
-            // again before all others were.
+            // Its own group, by `process_group(0)`. If all of the group has ended, its number is
+            // not reused before all others have been.
             if let Some(group) = Pid::from_raw(self.child.id().cast_signed()) {
                 let _ = kill_process_group(group, Signal::KILL);
             }
         }
-        // It may have ended by itself, which is as good.
+        // It may have exited already, which is fine.
         let _ = self.child.kill();
     }
 
@@ -286,7 +286,7 @@ impl Drop for Program {
     }
 }
 
-/// Counts what is read.
+/// A reader that counts the bytes it reads.
 struct Counted {
     from: ChildStdout,
     count: Arc<AtomicUsize>,
@@ -331,13 +331,13 @@ fn read(
     }
 }
 
-/// Keeps the end of the program's standard error; `_open` is dropped where that ends.
+/// Keeps the end of the program's standard error; `_open` is dropped when that closes.
 fn keep_stderr(mut stderr: ChildStderr, kept: &Mutex<VecDeque<u8>>, _open: Sender<()>) {
     let mut bytes = [0; STDERR_KEPT];
     while let Ok(count @ 1..) = stderr.read(&mut bytes) {
         let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
         kept.extend(&bytes[..count]);
-        // The end says most: an error message follows what led to it.
+        // The end is the most useful part: an error message comes last.
         let surplus = kept.len().saturating_sub(STDERR_KEPT);
         kept.drain(..surplus);
     }

@@ -1,4 +1,4 @@
-//! What goes to the program and what comes back.
+//! Requests to the program and its replies.
 
 use super::shared::SharedMemory;
 use crate::matcher::MatchContext;
@@ -11,13 +11,13 @@ use std::sync::Arc;
 /// Longest line of a reply, in bytes.
 const LONGEST_LINE: u64 = 64 * 1024;
 
-/// Most pairs that a program may ask for at once.
+/// Largest batch that a program may request.
 const LARGEST_BATCH: usize = 64;
 
-/// Disparities in shared memory begin behind the images at the next multiple of this, in bytes.
+/// Disparities in shared memory begin at the next multiple of this after the images, in bytes.
 const SHARED_ALIGNMENT: usize = 64;
 
-/// A line before a pair.
+/// Header line of a pair.
 #[derive(Serialize)]
 struct RequestLine<'a> {
     width: usize,
@@ -40,17 +40,17 @@ struct RequestLine<'a> {
     rig: Option<Rig>,
 }
 
-/// What a program says of itself in place of its first reply.
+/// Identity that a program reports instead of its first reply.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Hello {
     pub(super) name: Option<String>,
     pub(super) version: Option<String>,
-    /// Whether it wants colour.
+    /// True if it requests colour.
     pub(super) color: bool,
-    /// How many pairs it takes at once; 0 is 1.
+    /// Number of pairs it accepts at once; 0 means 1.
     pub(super) batch: usize,
-    /// Whether it takes pixels and gives disparities through shared memory.
+    /// True if it exchanges pixels and disparities through shared memory.
     pub(super) shared: bool,
     pub(super) threads: Option<usize>,
     pub(super) isa: Option<String>,
@@ -60,7 +60,7 @@ pub(super) struct Hello {
 }
 
 impl Hello {
-    /// The same with texts of one line; an error where no run can keep to it.
+    /// The same with every text limited to one line; an error if no run can meet its request.
     fn checked(self) -> Result<Self, String> {
         if self.batch > LARGEST_BATCH {
             let batch = self.batch;
@@ -80,7 +80,7 @@ impl Hello {
     }
 }
 
-/// A line before disparities, or in their place.
+/// Header line of disparities, or a reply without any.
 #[derive(Deserialize)]
 struct ReplyLine {
     #[serde(default)]
@@ -99,61 +99,62 @@ pub(super) struct ReplyCell {
     pub(super) probability: Option<f64>,
 }
 
-/// What is asked for.
+/// Expected reply.
 #[derive(Clone, Debug)]
 pub(super) struct Question {
     pub(super) seq: u64,
     /// Width and height of the pair.
     pub(super) size: (usize, usize),
-    /// How many cells the grid has.
+    /// Number of cells in the grid.
     pub(super) cells: usize,
     /// Replies to other pairs of its batch that follow.
     pub(super) followers: usize,
-    /// Where its disparities are, unless they follow the reply.
+    /// Position of its disparities, unless they follow the reply.
     pub(super) shared: Option<(Arc<SharedMemory>, u64)>,
 }
 
-/// What the program answered to a pair.
+/// Reply of the program to a pair.
 #[derive(Debug, PartialEq)]
 pub(super) enum Reply {
-    /// Disparities in raster order, as they came.
+    /// Disparities in raster order, as received.
     Matched {
         millis: f64,
         disparities: Vec<u8>,
-        /// Its own cells in raster order, nothing for unknown ones.
+        /// Its own cells in raster order, `None` for unknown ones.
         cells: Option<Vec<Option<ReplyCell>>>,
     },
-    /// Why it does not match the pair, in one line.
+    /// Its reason for not matching the pair, in one line.
     Refused(String),
-    /// What it is; the pair has to be sent again.
+    /// Its identity; the pair has to be sent again.
     Hello(Hello),
 }
 
-/// How a pair is asked for.
+/// Form of a request.
 #[derive(Clone, Copy)]
 pub(super) struct RequestForm<'a> {
     pub(super) range: DisparityRange,
     /// Number of the request, which the reply repeats.
     pub(super) seq: u64,
-    /// Whether the program wants colour.
+    /// True if the program requests colour.
     pub(super) color: bool,
-    /// For programs that take several pairs at once, how many there are from this one on.
+    /// For programs that accept several pairs at once, the number of pairs from this one on.
     pub(super) batch: Option<usize>,
-    /// Where its pixels go, unless they follow the line.
+    /// Destination of its pixels, unless they follow the line.
     pub(super) shared: Option<&'a SharedMemory>,
 }
 
-/// What asks for a pair: the bytes for the program's input, and where in shared memory its
-/// disparities are expected.
+/// A request for a pair: the bytes for the program's input, and the position of its disparities in
+/// shared memory.
 pub(super) struct PairRequest {
     pub(super) bytes: Vec<u8>,
     pub(super) disparities_at: u64,
 }
 
-/// Asks for a pair, with bytes in that memory.
+/// Builds the request for a pair in the buffer `bytes`.
 ///
 /// # Errors
-/// Where shared memory is not to be had.
+///
+/// If shared memory is unavailable.
 pub(super) fn request(
     pair: &StereoPair,
     form: RequestForm<'_>,
@@ -215,10 +216,11 @@ fn push_color(bytes: &mut Vec<u8>, image: &Rgb) {
     rows.for_each(|row| bytes.extend_from_slice(row.as_flattened()));
 }
 
-/// Reads the answer to a question; its disparities take that memory.
+/// Reads the reply to a question; its disparities go into the given buffer.
 ///
 /// # Errors
-/// What is wrong with it, as what the program did.
+///
+/// The violation of the protocol, worded as something the program did.
 pub(super) fn read_reply(
     from: &mut BufReader<impl Read>,
     question: Question,
@@ -228,7 +230,7 @@ pub(super) fn read_reply(
     let broken = |error: std::io::Error| format!("cannot be read from: {error}");
     let mut line = Vec::new();
     from.by_ref()
-        // A program that prints no end of line must not fill the memory.
+        // A program that never ends its line must not fill the memory.
         .take(LONGEST_LINE)
         .read_until(b'\n', &mut line)
         .map_err(broken)?;
@@ -280,7 +282,7 @@ pub(super) fn read_reply(
         }
         _ => return Err(garbage("neither millis, 0 or more, nor error")),
     };
-    // What is left over would be read as the reply to the next pair.
+    // Any surplus would be read as the reply to the next pair.
     match from.buffer().len() {
         0 => Ok(reply),
         _ if question.followers > 0 => Ok(reply),
@@ -290,7 +292,7 @@ pub(super) fn read_reply(
     }
 }
 
-/// Refuses cells that no grid of that many has.
+/// Rejects cells that do not fit a grid of that many cells.
 fn check_cells(cells: Option<&[Option<ReplyCell>]>, expected: usize) -> Result<(), String> {
     let Some(cells) = cells else { return Ok(()) };
     if cells.len() != expected {
@@ -335,7 +337,7 @@ fn read_disparities(
     Ok(bytes)
 }
 
-/// The disparities that a reply's bytes are.
+/// The disparities encoded in a reply.
 pub(super) fn disparities(bytes: &[u8]) -> impl Iterator<Item = f32> {
     let (values, _) = bytes.as_chunks::<4>();
     values.iter().map(|&value| f32::from_le_bytes(value))
@@ -356,13 +358,13 @@ fn check_disparities(bytes: &[u8], width: usize) -> Result<(), String> {
     ))
 }
 
-/// The beginning of `bytes` in quotes, fit for one line.
+/// The beginning of `bytes` in quotes, as part of one line.
 fn quoted(bytes: &[u8]) -> String {
     let bytes = bytes.trim_ascii_end();
     format!("\"{}\"", bytes[..bytes.len().min(60)].escape_ascii())
 }
 
-/// `text` in one line that is not too long.
+/// `text` as one line of limited length.
 pub(super) fn one_line(text: &str) -> String {
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
     words

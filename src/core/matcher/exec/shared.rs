@@ -3,14 +3,14 @@
 use std::fs::File;
 use std::io::Result;
 
-/// A file without a name in memory. A program opens it by its path while svl has it, and maps it;
-/// nothing of it is left when both have ended, however they end.
+/// An unnamed file in memory. While svl holds it, a program opens it by its path and maps it; it
+/// disappears when both have ended, however they end.
 #[derive(Debug)]
 pub(super) struct SharedMemory(File);
 
 #[cfg(target_os = "linux")]
 impl SharedMemory {
-    /// Nothing where the system has none.
+    /// `None` if the system has no such memory.
     pub(super) fn new() -> Option<Self> {
         let flags = rustix::fs::MemfdFlags::CLOEXEC;
         let file = rustix::fs::memfd_create("svl", flags).ok()?;
@@ -23,7 +23,7 @@ impl SharedMemory {
     }
 
     /// Writes `bytes` at offset 0, and NaN at the offset of the disparities, so that a program that
-    /// does not write them is noticed. The file has at least `size` bytes afterwards.
+    /// does not write them is detected. The file has at least `size` bytes afterwards.
     pub(super) fn write(&self, bytes: &[u8], disparities_at: u64, size: u64) -> Result<()> {
         use std::os::unix::fs::FileExt;
         if self.0.metadata()?.len() < size {
@@ -42,7 +42,7 @@ impl SharedMemory {
     }
 }
 
-/// Other systems have pipes alone.
+/// Other systems only have pipes.
 #[cfg(not(target_os = "linux"))]
 impl SharedMemory {
     pub(super) fn new() -> Option<Self> {

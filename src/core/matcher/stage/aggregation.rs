@@ -2,13 +2,13 @@
 //! the disparity of the least sum.
 //!
 //! First the paths along the rows, in bands. Then two sweeps follow three directions each, one
-//! downwards and one upwards, at the same time. In its first half of the image each stores what its
-//! paths add. Then they change halves: each adds its paths to what the other has stored, and
-//! chooses the disparities. The result depends on nothing but the costs.
+//! downwards and one upwards, at the same time. In its first half of the image each sweep stores
+//! the sums of its paths. Then they change halves: each adds its paths to the sums that the other
+//! has stored, and chooses the disparities. The result depends only on the costs.
 //!
-//! Threads share a sweep as a wavefront: each takes the next row and follows its blocks from the
-//! left, each as soon as the row before has passed the block after it. So a sweep has work for half
-//! as many threads as a row has blocks.
+//! Threads process a sweep as a wavefront: each takes the next row and follows its blocks from the
+//! left, a block as soon as the row before has passed the block after it. So a sweep can occupy
+//! half as many threads as a row has blocks.
 
 use super::CostVolume;
 use crate::kernel::{
@@ -24,9 +24,9 @@ use std::sync::{Mutex, MutexGuard};
 /// The aggregation, with its scratch memory.
 pub struct Aggregation {
     shape: VolumeShape,
-    /// What the paths along the rows add to the costs.
+    /// Sums of the paths along the rows.
     along: Vec<Lanes<u8>>,
-    /// What the paths of the sweep that came to a row first add.
+    /// Sums of the paths of the sweep that reached the row first.
     sums: Vec<Lanes<u8>>,
     /// Downwards and upwards.
     sweeps: [Sweep; 2],
@@ -36,10 +36,10 @@ pub struct Aggregation {
 /// The disparities chosen from the sums.
 pub struct Chosen {
     shape: VolumeShape,
-    /// Of the left image, in 16ths of a pixel.
+    /// In the left image, in 16ths of a pixel.
     left: Vec<i16>,
     why: Vec<Reason>,
-    /// Of the right image, in pixels, whole blocks.
+    /// In the right image, in pixels, whole blocks.
     right: Vec<i16>,
 }
 
@@ -72,7 +72,7 @@ struct ChosenRows<'a> {
 }
 
 impl Aggregation {
-    /// Bytes per [`Lanes`] of the cost volume, for that and for the sums.
+    /// Bytes per [`Lanes`] of the cost volume, for the volume and the sums.
     pub const BYTES: usize = 3 * size_of::<Lanes<u8>>();
 
     /// For costs of that shape, on the threads of rayon's current pool.
@@ -138,7 +138,7 @@ impl Aggregation {
             },
         );
 
-        // Then each goes on over the half that the other has left its sums in.
+        // Then each resumes over the half in which the other has left its sums.
         let first_half = [middle, height - middle];
         let (top, bottom) = chosen.split(middle);
         let rows = [
@@ -179,14 +179,14 @@ impl Sweep {
     fn restart(&mut self) {
         for block in &mut self.blocks {
             *block.rows.get_mut() = 0;
-            // A thread that panicked has left nothing that restarting does not mend.
+            // A thread that panicked has left nothing that a restart does not reset.
             block.paths.clear_poison();
             block.paths.get_mut().expect("not poisoned").restart();
         }
     }
 
-    /// Row `y` of the image and the previous one of the sweep. The first row of a sweep has none;
-    /// no path of it looks there.
+    /// Row `y` of the image and the previous one of the sweep. The first row of a sweep has no
+    /// previous row, and none of its paths reads it.
     fn grey<'a>(&self, image: &'a Gray, y: usize) -> [&'a [u8]; 2] {
         let behind = if self.upwards {
             (y + 1).min(image.height() - 1)
@@ -223,8 +223,8 @@ impl Sweep {
 }
 
 impl SweepBlock {
-    /// The paths, once that number of rows has passed. Rows are taken in their order and wait for
-    /// earlier ones only, so some thread can always go on.
+    /// The paths, once that number of rows has passed. Rows are taken in order and wait only for
+    /// earlier ones, so some thread can always proceed.
     fn after(&self, rows: usize) -> MutexGuard<'_, PathBlock> {
         let mut tries = 0;
         while self.rows.load(Ordering::Acquire) < rows {
@@ -239,7 +239,7 @@ impl SweepBlock {
     }
 }
 
-/// Lets the threads go on that wait for a row whose thread panics.
+/// Releases the threads that wait for a row whose thread panics.
 struct ReleaseOnPanic<'a>(&'a Sweep);
 
 impl Drop for ReleaseOnPanic<'_> {
@@ -264,9 +264,9 @@ impl Worker {
     }
 }
 
-/// Runs `first` with each worker, and then `work` on the rows of both sweeps: it gets which sweep
-/// it is, how many rows have been taken before, the row and a worker. Each worker runs on a thread
-/// of rayon's current pool, where it has threads for it.
+/// Runs `first` with each worker, and then `work` on the rows of both sweeps with the index of the
+/// sweep, the number of rows already taken, the row and a worker. Each worker runs on a thread of
+/// rayon's current pool, as far as it has threads.
 fn on_rows<R: Send>(
     workers: &mut [Worker],
     first: impl Fn(&mut Worker) + Sync,
@@ -335,7 +335,7 @@ impl Chosen {
         &self.why[y * self.shape.width..][..self.shape.width]
     }
 
-    /// The disparities of row `y` of the right image, in pixels; [`ChosenRow::NONE`] where there is
+    /// The disparities of row `y` of the right image, in pixels; [`ChosenRow::NONE`] if there is
     /// none.
     pub fn right(&self, y: usize) -> &[i16] {
         &self.right[y * self.shape.padded()..][..self.shape.width]

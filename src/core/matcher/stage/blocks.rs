@@ -1,10 +1,10 @@
-//! An image in blocks of rows, transposed for the kernels that take rows as lanes.
+//! An image in blocks of rows, transposed for the kernels that use rows as lanes.
 
 use super::each_row;
 use crate::kernel::{Isa, Lanes, transpose};
 use crate::stereo::Gray;
 
-/// The blocks of an image, top to bottom; what lies below the image is zero.
+/// The blocks of an image, top to bottom; rows below the image are zero.
 pub struct Blocks {
     width: usize,
     columns: Vec<Lanes<u16>>,
@@ -22,14 +22,14 @@ impl Blocks {
         }
     }
 
-    /// Takes the pixels of `image`.
+    /// Loads the pixels of `image`.
     pub fn load(&mut self, isa: Isa, image: &Gray) {
         each_row(&mut self.columns, self.width, 1, |block, columns| {
             transpose(isa, image, block * Self::ROWS, columns)
         });
     }
 
-    /// The columns of the block that row `y` lies in, one per pixel of a row.
+    /// The columns of the block that contains row `y`, one per pixel of a row.
     pub fn around(&self, y: usize) -> &[Lanes<u16>] {
         &self.columns[y / Self::ROWS * self.width..][..self.width]
     }
@@ -42,13 +42,13 @@ impl Blocks {
             .flat_map(|lanes| lanes.0)
     }
 
-    /// Into how many bands, each with its own scratch, an image of `height` rows is cut and of how
-    /// many rows each, whole blocks: a few bands per thread, so that a thread that finishes early
-    /// finds more to do.
+    /// Number of bands, each with its own scratch, into which an image of `height` rows is cut, and
+    /// the rows of each, in whole blocks: a few bands per thread, so that a thread that finishes
+    /// early finds another.
     pub fn bands(height: usize) -> (usize, usize) {
         let blocks = height.div_ceil(Self::ROWS);
         let wanted = match rayon::current_num_threads() {
-            // One thread needs one band's scratch only.
+            // One thread needs the scratch of only one band.
             1 => 1,
             threads => blocks.min(4 * threads),
         };

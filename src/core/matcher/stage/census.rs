@@ -1,6 +1,6 @@
-//! Cost volume of the census transform (Zabih & Woodfill 1994): which of a pixel's 62 neighbours in
-//! 9 x 7 are darker. It is invariant to gain and offset of the cameras. Edges of the image are
-//! replicated.
+//! Cost volume of the census transform (Zabih & Woodfill 1994): a bit for each of a pixel's 62
+//! neighbours in 9 x 7 that is darker. It is invariant to gain and offset of the cameras. The
+//! image's borders are replicated.
 
 use super::each_row;
 use crate::kernel::{
@@ -22,16 +22,16 @@ pub struct CostVolume {
 /// The censuses of an image.
 struct Census {
     stride: usize,
-    /// The image with as many pixels around it as the census needs at the sides.
+    /// The image, padded at the sides as far as the census reaches.
     padded: Vec<u8>,
     bytes: Vec<u8>,
 }
 
 impl CostVolume {
-    /// For images of that size. Some disparity of the range leads into the image.
+    /// For images of that size. At least one disparity of the range must lead into the image.
     pub fn new(shape: VolumeShape) -> Self {
         let mut outside = vec![OUTSIDE; shape.padded() + 2 * CENSUS_MARGIN];
-        // ORed into the costs, so that the inner loop has no test for the image's edges.
+        // ORed into the costs, so that the inner loop has no test for the image's borders.
         outside[CENSUS_MARGIN..][..shape.width].fill(0);
         Self {
             shape,
@@ -42,7 +42,7 @@ impl CostVolume {
         }
     }
 
-    /// Takes the costs of a pair.
+    /// Computes the costs of a pair.
     pub fn load(&mut self, isa: Isa, left: &Gray, right: &Gray) {
         self.left.load(isa, left);
         self.right.load(isa, right);
@@ -107,7 +107,7 @@ impl Census {
         });
     }
 
-    /// Of row `y`, plane after plane.
+    /// Censuses of row `y`, plane after plane.
     fn row(&self, y: usize) -> &[u8] {
         &self.bytes[y * self.stride * CENSUS_BYTES..][..self.stride * CENSUS_BYTES]
     }

@@ -1,5 +1,5 @@
-//! Checks of a match that need no second matching (thesis, section 5.3.3, "Validity Test" and "Back
-//! checking").
+//! Checks of a match that need no second matching pass (thesis, section 5.3.3, "Validity Test" and
+//! "Back checking").
 
 use super::ssd::{farthest_shift, ssd};
 use super::{DisparityRange, RowCheck};
@@ -10,8 +10,8 @@ use crate::stereo::{DisparityMap, Reason, RowMut};
 /// The self check: a match must be better than the window's best match in its own image.
 ///
 /// The reference of a window is its least SSD with the left image's own windows, up to the farthest
-/// disparity to either side and wholly inside. It is high on texture, so the check forgives there
-/// what it would not in a flat area. It holds one thread's scratch.
+/// disparity to either side and wholly inside. It is high on texture, so the check is more tolerant
+/// there than in a flat area. It holds one thread's scratch.
 pub struct SelfCheck {
     farthest: usize,
     sums: Vec<Lanes<u16>>,
@@ -31,11 +31,11 @@ impl SelfCheck {
         }
     }
 
-    /// Whether some window near `x` differs from the one at `x` by at most `ssdpi`; the nearest are
+    /// True if some window near `x` differs from the one at `x` by at most `ssdpi`; the nearest are
     /// the likeliest.
     fn resembles(&self, left: &[u8], x: usize, ssdpi: u32) -> bool {
         let inside = REACH..left.len() - REACH;
-        // Left of the image the subtraction wraps to a number that is not inside.
+        // Left of the image the subtraction wraps to a number outside it.
         let around = (1..=self.farthest).flat_map(|o| [x.wrapping_sub(o), x + o]);
         around
             .filter(|u| inside.contains(u))
@@ -50,8 +50,8 @@ impl RowCheck for SelfCheck {
         transpose_back(isa, &self.columns, &mut self.references);
     }
 
-    /// Rejects the matches of `row`, the one of that `lane` in the block, whose SSDPI is not below
-    /// their reference. A window that has no other window to resemble passes.
+    /// Rejects the matches of `row`, lane `lane` of the block, whose SSDPI is not below their
+    /// reference. A window that no other window resembles passes.
     fn check_row(&self, isa: Isa, lane: usize, left: &[u8], row: &mut RowMut<'_>) {
         self_check_row(
             isa,
@@ -67,7 +67,7 @@ impl RowCheck for SelfCheck {
     }
 }
 
-/// Calls `look_up` with each pixel of `row` that has an SSD which may be capped; they are few.
+/// Calls `look_up` with each pixel of `row` whose SSD may be capped; they are few.
 fn each_capped(row: &mut RowMut<'_>, mut look_up: impl FnMut(usize, &mut RowMut<'_>)) {
     const CHUNK: usize = 32;
     let capped = |ssd: u32| (u32::from(CAP)..DisparityMap::NO_SSDPI).contains(&ssd);
@@ -75,7 +75,7 @@ fn each_capped(row: &mut RowMut<'_>, mut look_up: impl FnMut(usize, &mut RowMut<
         let end = row.width().min(start + CHUNK);
         if row.ssdpi()[start..end]
             .iter()
-            // Without a branch per pixel: nearly all chunks have none that is capped.
+            // Without a branch per pixel: nearly all chunks have no capped pixel.
             .fold(false, |any, &ssd| any | capped(ssd))
         {
             (start..end).for_each(|x| {
@@ -87,7 +87,7 @@ fn each_capped(row: &mut RowMut<'_>, mut look_up: impl FnMut(usize, &mut RowMut<
     }
 }
 
-/// Whether negative disparities become 0, as the matchers' tables have it.
+/// The switch that turns negative disparities into 0, as a parameter of the matchers.
 pub const BACK_CHECK: Parameter = Parameter {
     name: "back_check",
     unit: "",
@@ -95,7 +95,7 @@ pub const BACK_CHECK: Parameter = Parameter {
     description: "write negative disparities as 0, the farthest that can be measured",
 };
 
-/// The back check: with view axes that cross, a negative disparity lies behind the crossing and
+/// The back check: if the optical axes cross, a negative disparity lies behind the crossing and
 /// becomes 0, the farthest that can be measured.
 ///
 /// The thesis says "the maximal disparity", which would be the nearest obstacle and contradicts its

@@ -1,7 +1,7 @@
 //! One-pass left-right consistency check, without a second matching: the disparity of a right pixel
 //! is that of the cheapest left pixel that matches it.
 //!
-//! As OpenCV's `validateDisparity`: a disparity between two whole pixels passes when the right
+//! As in OpenCV's `validateDisparity`, a disparity between two whole pixels passes if the right
 //! pixel on either side confirms it.
 
 use crate::matcher::{Parameter, Range};
@@ -18,7 +18,7 @@ pub struct OnePassCheck {
 const UNMATCHED: (u16, f32) = (u16::MAX, 0.0);
 
 impl OnePassCheck {
-    /// The tolerance, as the matchers' tables have it.
+    /// The tolerance, as a parameter of the matchers.
     pub const fn tolerance(default: i32) -> Parameter {
         Parameter {
             name: "symmetry_tolerance",
@@ -28,7 +28,7 @@ impl OnePassCheck {
         }
     }
 
-    /// For rows of `width` pixels; none when `tolerance` is negative, which switches the check off.
+    /// For rows of `width` pixels; `None` if `tolerance` is negative, which turns the check off.
     pub fn new(width: usize, tolerance: i32) -> Option<Self> {
         (tolerance >= 0).then(|| Self {
             tolerance_px: tolerance as f32,
@@ -36,7 +36,7 @@ impl OnePassCheck {
         })
     }
 
-    /// Rejects the pixels of `row` whose right pixel has another disparity. `cost` gives the cost
+    /// Rejects the pixels of `row` whose right pixel has another disparity. `cost` returns the cost
     /// of a valid pixel.
     pub fn check_row(&mut self, cost: impl Fn(usize) -> u16, row: &mut RowMut<'_>) {
         let width = row.width() as i32;
@@ -44,7 +44,7 @@ impl OnePassCheck {
         for x in 0..row.width() {
             if let Ok(d) = row.at(x) {
                 let match_x = x as i32 - (d + 0.5).floor() as i32;
-                // Strictly: of equal costs the left-most pixel holds, as in OpenCV.
+                // Strictly: among equal costs the left-most pixel wins, as in OpenCV.
                 if (0..width).contains(&match_x) && cost(x) < self.right[match_x as usize].0 {
                     self.right[match_x as usize] = (cost(x), d);
                 }
@@ -58,7 +58,8 @@ impl OnePassCheck {
                         cost < u16::MAX && (disparity - d).abs() > self.tolerance_px
                     }
                 };
-                // Both neighbours of the match must deny it; for a whole disparity they are one.
+                // Both neighbours of the match must contradict it; for a whole disparity they are
+                // one pixel.
                 if denied(x as i32 - d.floor() as i32) && denied(x as i32 - d.ceil() as i32) {
                     row.reject(x, Reason::Inconsistent);
                 }

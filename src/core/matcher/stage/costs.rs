@@ -7,7 +7,7 @@ use crate::stereo::{Reason, RowMut};
 
 /// A filter on the costs of a window, run along with the search for the winner.
 pub trait CostFilter: Copy + Send + Sync + 'static {
-    /// Finds the matches of rows of two blocks, and what the filter says of each.
+    /// Finds the matches of rows of two blocks, and the filter's decision on each.
     fn search(
         &self,
         isa: Isa,
@@ -18,21 +18,21 @@ pub trait CostFilter: Copy + Send + Sync + 'static {
         doubts: &mut [Doubt],
     );
 
-    /// Whether a window is ambiguous that [`CostFilter::search`] left open, by its least cost and
-    /// all its costs, as pairs with their disparities. Not called for a filter that leaves nothing
+    /// True if a window that [`CostFilter::search`] left open is ambiguous, by its least cost and
+    /// all its costs, as pairs with their disparities. Not called for a filter that leaves none
     /// open.
     fn settle(&self, _least: u32, _costs: impl Iterator<Item = (i32, u32)>) -> bool {
         false
     }
 }
 
-/// Finds the cheapest match of each pixel and asks a filter whether other disparities come close.
-/// It holds one thread's scratch.
+/// Finds the cheapest match of each pixel and asks a filter if other disparities are nearly as
+/// cheap. It holds one thread's scratch.
 pub struct CostSearch<F> {
     filter: F,
     range: DisparityRange,
     search: SsdSearch,
-    /// Rows, one after the other, as the doubts.
+    /// Row after row, as the doubts.
     matches: Vec<Match>,
     doubts: Vec<Doubt>,
 }
@@ -50,7 +50,7 @@ impl<F: CostFilter> CostSearch<F> {
     }
 
     fn settle(&self, left: &[u8], right: &[u8], x: usize, winner: Match) -> bool {
-        // Rare: single precision left it open, so all costs are computed once more.
+        // Rare: single precision left it open, so all costs are computed again.
         let least = winner.ssd() * self.search.weight(winner.index());
         let admissible = self.range.admissible(x, left.len());
         let cost = |d: i32| ssd(left, x, right, (x as i32 - d) as usize) * weight(d);
@@ -68,7 +68,7 @@ impl<F: CostFilter> RowSearch for CostSearch<F> {
             .search(isa, left, right, &mut self.search, matches, doubts);
     }
 
-    /// *Ambiguous* where the filter says so.
+    /// *Ambiguous* if the filter decides so.
     fn write_row(
         &self,
         _: Isa,
@@ -85,7 +85,7 @@ impl<F: CostFilter> RowSearch for CostSearch<F> {
                 row.reject(x, Reason::Untextured);
                 continue;
             }
-            // Kept also for ambiguous pixels: it is of a pair that was compared.
+            // Kept also for ambiguous pixels: their windows were compared.
             row.set_ssdpi(x, winner.ssd());
             if doubt == Doubt::Ambiguous
                 || doubt == Doubt::Open && self.settle(left, right, x, winner)

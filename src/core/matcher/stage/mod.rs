@@ -1,4 +1,4 @@
-//! The published steps that the matchers are composed of.
+//! The published stages that the matchers are composed of.
 
 mod aggregation;
 mod blocks;
@@ -41,7 +41,7 @@ use crate::matcher::{Parameter, Range};
 use crate::stereo::{Plane, RowMut};
 use rayon::prelude::*;
 
-/// The uniqueness ratio, as the matchers' tables have it.
+/// The uniqueness ratio, as a parameter of the matchers.
 pub const fn uniqueness(default: i32) -> Parameter {
     Parameter {
         name: "uniqueness",
@@ -57,8 +57,8 @@ pub trait RowSearch: Send + 'static {
     /// Matches the first `rows` of a block of the left image with the same rows of the right one.
     fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize);
 
-    /// Writes the winners of the row of that `lane` of the block, whose pixels are `pair`: *border*
-    /// where no disparity is admissible, *untextured* where `textured` says so.
+    /// Writes the winners of the row `lane` of the block, whose pixels are `pair`: *border* if no
+    /// disparity is admissible, *untextured* where `textured` is false.
     fn write_row(
         &self,
         isa: Isa,
@@ -71,14 +71,14 @@ pub trait RowSearch: Send + 'static {
 
 /// Checks the matches of a block of rows. It holds one thread's scratch.
 pub trait RowCheck: Send + 'static {
-    /// Searches for what the matches of the block's first `rows` are compared with.
+    /// Finds the values that the matches of the block's first `rows` are compared with.
     fn search(&mut self, isa: Isa, left: &[Lanes<u16>], right: &[Lanes<u16>], rows: usize);
 
-    /// Rejects matches of the row of that `lane` of the block, whose left pixels are `left`.
+    /// Rejects matches of the row `lane` of the block, whose left pixels are `left`.
     fn check_row(&self, isa: Isa, lane: usize, left: &[u8], row: &mut RowMut<'_>);
 }
 
-/// Runs `work` on each row of `plane` with its number, on the threads of rayon's current pool, at
+/// Runs `work` on each row of `plane` with its index, on the threads of rayon's current pool, at
 /// least `together` rows on one thread.
 pub(super) fn each_row<T: Send>(
     plane: &mut [T],
@@ -101,10 +101,11 @@ pub(super) fn each_row<T: Send>(
     }
 }
 
-/// As [`each_row`], on the rows of a plane without gaps.
+/// Same as [`each_row`], on the rows of a plane without gaps.
 ///
 /// # Panics
-/// When the plane has gaps between its rows: scratch planes have none.
+///
+/// If the plane has gaps between its rows: scratch planes have none.
 pub(super) fn each_plane_row<T: Copy + Send>(
     plane: &mut Plane<T>,
     together: usize,
@@ -119,7 +120,7 @@ pub(super) fn each_plane_row<T: Copy + Send>(
     );
 }
 
-/// Runs `work` on bands of `plane`, of `pixels` each, with their number and one element of
+/// Runs `work` on bands of `plane`, of `pixels` each, with their index and one element of
 /// `scratch`, on the threads of rayon's current pool.
 pub(super) fn each_band<T: Send, S: Send>(
     plane: &mut [T],
@@ -143,13 +144,13 @@ pub(super) fn each_band<T: Send, S: Send>(
     }
 }
 
-/// Runs both, at the same time where rayon's current pool has threads for it.
+/// Runs both, at the same time if rayon's current pool has threads for it.
 pub(super) fn both(a: impl FnOnce() + Send, b: impl FnOnce() + Send) {
     if rayon::current_num_threads() == 1 {
         a();
         b();
     } else {
-        // The calling thread runs one of the two, or both where the pool is busy.
+        // The calling thread runs one of the two, or both if the pool is busy.
         rayon::join(a, b);
     }
 }

@@ -1,13 +1,13 @@
 //! Prefilters of block matching: capped edges instead of grey levels, so that cameras may differ in
-//! brightness (Konolige 1997, section 3, where the Laplacian of a Gaussian serves; OpenCV's
-//! StereoBM takes x-Sobel).
+//! brightness (Konolige 1997, section 3, uses the Laplacian of a Gaussian; OpenCV's StereoBM
+//! x-Sobel).
 
 use super::each_row;
 use crate::kernel::{Isa, PIXELS, PREFILTER_CAP, log_row, sobel_row};
 use crate::matcher::{Parameter, Range};
 use crate::stereo::Gray;
 
-/// Which edges count.
+/// Edge operator of the prefilter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Prefilter {
     /// x-Sobel, three rows. The response in the last row of an image of odd height is 0, as in
@@ -18,7 +18,7 @@ pub enum Prefilter {
 }
 
 impl Prefilter {
-    /// The choice, as the matchers' tables have it.
+    /// The choice, as a parameter of the matchers.
     pub const CHOICE: Parameter = Parameter {
         name: "prefilter",
         unit: "",
@@ -30,7 +30,7 @@ impl Prefilter {
                       Small Vision System",
     };
 
-    /// The one that an option of [`Prefilter::CHOICE`] names.
+    /// The prefilter that an option of [`Prefilter::CHOICE`] names.
     pub fn new(choice: &str) -> Self {
         if choice == "log" {
             Self::Log
@@ -59,13 +59,12 @@ impl EdgeImage {
         }
     }
 
-    /// Filters `image`, which has the size this was made for.
+    /// Filters `image`, which must have this object's size.
     pub fn load(&mut self, isa: Isa, prefilter: Prefilter, image: &Gray) {
         let (width, last) = (self.width, image.height() - 1);
         each_row(&mut self.data, self.stride, 16, |y, row| {
             let out = &mut row[..width];
-            // Rows outside the image are those as far inside it, for x-Sobel; the nearest, for the
-            // Laplacian.
+            // Rows outside the image are mirrored for x-Sobel, and clamped for the Laplacian.
             match prefilter {
                 Prefilter::Sobel if y == last && last % 2 == 0 => out.fill(PREFILTER_CAP as u8),
                 Prefilter::Sobel => {

@@ -1,7 +1,7 @@
 //! Propagation of reliable disparities over unreliable ones, along columns and rows up to the
-//! image's edges (Birchfield and Tomasi 1998, section 4, as OpenCV 1.0 does it).
+//! image's edges (Birchfield and Tomasi 1998, section 4, as in OpenCV 1.0).
 //!
-//! The reliability of a pixel is the length of the run of equal disparities that it lies in.
+//! The reliability of a pixel is the length of its run of equal disparities.
 
 /// A pixel of a column or a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -13,19 +13,19 @@ pub struct PropagationPixel {
     pub run: u16,
 }
 
-/// Which runs propagate and which are overwritten, by their length in pixels.
+/// Run lengths, in pixels, from which disparities propagate or resist.
 #[derive(Clone, Copy, Debug)]
 pub struct Propagation {
-    /// From this on a smaller disparity is not overwritten.
+    /// From this length on a smaller disparity is not overwritten.
     pub slightly_reliable: u16,
-    /// From this on a disparity propagates.
+    /// From this length on a disparity propagates.
     pub moderately_reliable: u16,
-    /// From this on a disparity propagates also over one that is larger by one.
+    /// From this length on a disparity propagates even over one that is larger by one.
     pub highly_reliable: u16,
 }
 
 impl Propagation {
-    /// Propagates disparities along a line, from its beginning on and in place.
+    /// Propagates disparities along a line, from its start and in place.
     pub fn apply(&self, line: &mut [PropagationPixel]) {
         measure_runs(line);
         let mut i = 0;
@@ -42,7 +42,8 @@ impl Propagation {
         }
     }
 
-    /// Writes the disparity of `from` until something stops it; returns the number of pixels.
+    /// Writes the disparity of `from` until something stops it; returns the number of pixels
+    /// written.
     fn overwrite<'a>(
         &self,
         from: PropagationPixel,
@@ -72,8 +73,8 @@ fn measure_runs(line: &mut [PropagationPixel]) {
     }
 }
 
-/// Gives a pixel the disparity of its neighbours where these agree, from the line's beginning on
-/// and in place.
+/// Assigns a pixel the disparity of its neighbours if these agree, from the line's start and in
+/// place.
 pub fn bridge(line: &mut [PropagationPixel]) {
     for i in 1..line.len().saturating_sub(1) {
         if line[i - 1].disparity == line[i + 1].disparity {

@@ -1,8 +1,8 @@
 //! Block matching by the sum of absolute differences over a square window (Konolige 1997).
 //!
-//! Only windows that every disparity of the range keeps inside both images are matched: a strip as
+//! A window is matched only if every disparity of the range keeps it inside both images: a strip as
 //! wide as the highest disparity is lost at the left, which the thesis criticises in section 7 and
-//! the matchers of the thesis avoid.
+//! its own matchers avoid.
 
 use super::{DisparityRange, EdgeImage};
 use crate::kernel::{
@@ -27,14 +27,14 @@ pub struct SadSearch {
     room: Room,
     /// Columns kept per disparity, whole blocks.
     stride: usize,
-    /// The row that the sums are of.
+    /// The row of the current sums.
     at: Option<usize>,
-    /// Of columns, per disparity from the highest down.
+    /// Sums of columns, per disparity from the highest down.
     sums: Vec<u16>,
     texture_sums: Vec<u16>,
     textures: Vec<u16>,
     winners: Vec<SadWinners>,
-    /// Stands for the leaving row where none leaves: equal in both images, without texture.
+    /// Substitute for the leaving row if none leaves: equal in both images, without texture.
     blank: Vec<u8>,
 }
 
@@ -73,7 +73,7 @@ impl SadSearch {
             room
         };
         let blocks = room.columns.len().div_ceil(PIXELS);
-        // A block more, as the sums of a window's columns reach beyond its first pixel.
+        // One more block, as the sums of a window's columns reach beyond its first pixel.
         let stride = (blocks + 1) * PIXELS;
         let count = if blocks == 0 {
             0
@@ -100,8 +100,8 @@ impl SadSearch {
         }
     }
 
-    /// Writes `row`, the one of number `y`. Consecutive rows reuse the column sums; after a jump
-    /// they are summed anew; another image needs [`SadSearch::restart`].
+    /// Writes `row`, row `y` of the map. Consecutive rows reuse the column sums; after a jump they
+    /// are recomputed; another image needs [`SadSearch::restart`].
     pub fn match_row(
         &mut self,
         isa: Isa,
@@ -130,12 +130,12 @@ impl SadSearch {
         );
     }
 
-    /// Forgets the column sums: the next row is of another image.
+    /// Discards the column sums: the next row is from another image.
     pub fn restart(&mut self) {
         self.at = None;
     }
 
-    /// The winner's SAD at `x` of the row last matched, the largest number where there is none.
+    /// The winner's SAD at `x` of the last matched row, the maximum if there is none.
     pub fn sad(&self, x: usize) -> u16 {
         match x.checked_sub(self.room.columns.start) {
             Some(i) if x < self.room.columns.end => self.winners[i / PIXELS].sad[i % PIXELS],
@@ -143,7 +143,7 @@ impl SadSearch {
         }
     }
 
-    /// Makes the column sums those of the windows around row `y`.
+    /// Moves the column sums to the windows around row `y`.
     fn move_to(&mut self, isa: Isa, y: usize, left: &EdgeImage, right: &EdgeImage) {
         let reach = self.window / 2;
         match self.at {

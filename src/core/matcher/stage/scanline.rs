@@ -4,13 +4,13 @@
 use super::Blocks;
 use crate::kernel::{Isa, Lanes, ScanlinePaths, find_paths};
 
-/// What a path through the pixels of a row costs and earns beside its dissimilarities, in grey
+/// Costs and rewards of a path through the pixels of a row besides its dissimilarities, in grey
 /// levels.
 #[derive(Clone, Copy, Debug)]
 pub struct PathCosts {
-    /// Per pixel of disparity that changes.
+    /// Cost per pixel of disparity change.
     pub occlusion: i32,
-    /// Per pixel that keeps its disparity.
+    /// Reward per pixel that keeps its disparity.
     pub reward: i32,
 }
 
@@ -35,7 +35,7 @@ impl Scanlines {
         }
     }
 
-    /// Matches the band's rows, the image's `rows`.
+    /// Matches the band's rows, `rows` of the image.
     pub fn search(
         &mut self,
         isa: Isa,

@@ -1,5 +1,5 @@
 //! Vertical smoothing (thesis, section 5.3.1 and figure 5.3): with a Gaussian along each column a
-//! match survives a small vertical misalignment.
+//! match tolerates a small vertical misalignment.
 //!
 //! Departure from the thesis: fixed point, so that every machine gives the same grey levels.
 
@@ -16,7 +16,7 @@ pub struct VerticalSmoothing {
 }
 
 impl VerticalSmoothing {
-    /// σ, as the matchers' tables have it.
+    /// σ, as a parameter of the matchers.
     pub const SIGMA: Parameter = Parameter {
         name: "smoothing_sigma",
         unit: "px",
@@ -24,7 +24,7 @@ impl VerticalSmoothing {
         description: "standard deviation of the vertical smoothing of both images, 0 = none",
     };
 
-    /// `sigma_px` 0 leaves images as they are.
+    /// `sigma_px` 0 leaves images unchanged.
     pub fn new(sigma_px: f64) -> Self {
         let radius = (3.0 * sigma_px).ceil() as usize;
         let gaussian = |k: usize| {
@@ -38,12 +38,12 @@ impl VerticalSmoothing {
         let mut weights: Vec<u32> = (0..=radius)
             .map(|k| (65536.0 * gaussian(k) / sum + 0.5).floor() as u32)
             .collect();
-        // The centre takes the rounding errors, so that a flat area keeps its grey level.
+        // The centre absorbs the rounding errors, so that a flat area keeps its grey level.
         weights[0] = 65536 - 2 * weights[1..].iter().sum::<u32>();
         Self { weights }
     }
 
-    /// As the parameters of a matcher have it.
+    /// From the parameters of a matcher.
     pub fn from_parameters(parameters: &Parameters) -> Self {
         Self::new(parameters.real(Self::SIGMA.name))
     }

@@ -1,4 +1,4 @@
-//! Speckle filter: small regions of disparity that differ from all around them are outliers
+//! Speckle filter: small regions whose disparity differs from their surroundings are outliers
 //! (Hirschmüller 2008, section 2.5.1).
 
 use crate::matcher::{Parameter, Range};
@@ -15,7 +15,7 @@ pub struct Speckles {
 }
 
 impl Speckles {
-    /// Largest region removed, as the matchers' tables have it.
+    /// Largest region removed, as a parameter of the matchers.
     pub const fn size(default: i32) -> Parameter {
         Parameter {
             name: "speckle_size",
@@ -25,7 +25,7 @@ impl Speckles {
         }
     }
 
-    /// Step within a region, as the matchers' tables have it.
+    /// Largest step within a region, as a parameter of the matchers.
     pub const RANGE: Parameter = Parameter {
         name: "speckle_range",
         unit: "px",
@@ -33,7 +33,7 @@ impl Speckles {
         description: "largest step of disparity between neighbours of one island",
     };
 
-    /// For maps of that many pixels; nothing when `size` is 0.
+    /// For maps of that many pixels; `None` if `size` is 0.
     pub fn new(pixels: usize, size: i32, range_px: f64) -> Option<Self> {
         let scratch = || vec![0; pixels];
         (size > 0).then(|| Self {
@@ -67,7 +67,7 @@ impl Speckles {
             for x in 0..width {
                 let pixel = (y * width + x) as u32;
                 self.parents[pixel as usize] = pixel;
-                // Where there is no disparity the difference is infinite or no number.
+                // For an invalid pixel the difference is infinite or NaN.
                 if x > 0 && (row[x] - row[x - 1]).abs() <= self.range_px {
                     self.unite(pixel, pixel - 1);
                 }
@@ -88,7 +88,7 @@ impl Speckles {
         }
     }
 
-    /// The root of a pixel's region; halves the way for those who come after.
+    /// The root of a pixel's region; halves the path for later look-ups.
     fn root(&mut self, mut pixel: u32) -> u32 {
         while self.parents[pixel as usize] != pixel {
             let parent = self.parents[pixel as usize];

@@ -1,7 +1,7 @@
 //! Block matching by the sum of squared differences (thesis, section 5.3, equations 5.1 and 5.2).
 //!
-//! Departures from the thesis: the cost `SSD · (0.16 d + 1)` is taken 25 times, in integers, and
-//! with |d|, so that it is also a penalty behind the point where the view axes cross.
+//! Departures from the thesis: the cost `SSD · (0.16 d + 1)` is scaled by 25, to integers, and uses
+//! |d|, so that it is also a penalty behind the crossing of the optical axes.
 
 use super::RowSearch;
 use crate::error::{Error, Result};
@@ -10,7 +10,7 @@ use crate::matcher::{Parameter, Parameters, Range};
 use crate::stereo::{Reason, RowMut};
 use std::ops;
 
-/// The disparities a matcher tries, both ends included, in pixels.
+/// The disparities that a matcher searches, both ends included, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DisparityRange {
     min: i32,
@@ -18,18 +18,18 @@ pub struct DisparityRange {
 }
 
 impl DisparityRange {
-    /// Farthest disparity either way. With it the largest cost, 9 · 255² · weight(LIMIT), fits 32
-    /// bits.
+    /// Farthest disparity in either direction. With it the largest cost, 9 · 255² · weight(LIMIT),
+    /// fits 32 bits.
     pub const LIMIT: i32 = 1024;
 
-    /// Lowest disparity, as the matchers' tables have it.
+    /// Lowest disparity, as a parameter of the matchers.
     pub const MIN: Parameter = Parameter {
         name: "min_disparity",
         unit: "px",
         range: Range::int(0, -Self::LIMIT..=Self::LIMIT),
         description: "lowest disparity tried; below 0 for cameras whose view axes cross",
     };
-    /// Highest disparity, as the matchers' tables have it.
+    /// Highest disparity, as a parameter of the matchers.
     pub const MAX: Parameter = Parameter {
         name: "max_disparity",
         unit: "px",
@@ -38,8 +38,7 @@ impl DisparityRange {
     };
 
     /// # Errors
-    /// [`Error::Usage`] when `min` is above `max` or one of them beyond
-    /// ±[`DisparityRange::LIMIT`].
+    /// [`Error::Usage`] if `min` is above `max` or either is beyond ±[`DisparityRange::LIMIT`].
     pub fn new(min: i32, max: i32) -> Result<Self> {
         if min <= max && -Self::LIMIT <= min && max <= Self::LIMIT {
             Ok(Self { min, max })
@@ -52,7 +51,7 @@ impl DisparityRange {
         }
     }
 
-    /// As the parameters of a matcher have it.
+    /// From the parameters of a matcher.
     ///
     /// # Errors
     /// As [`DisparityRange::new`].
@@ -76,8 +75,8 @@ impl DisparityRange {
         self.min.abs().max(self.max.abs())
     }
 
-    /// The x of a row whose window has an admissible disparity: one that keeps it inside the right
-    /// image.
+    /// The columns of a row whose window has an admissible disparity: one that keeps it inside the
+    /// right image.
     pub fn columns(self, width: usize) -> ops::Range<usize> {
         let (reach, width) = (REACH as i32, width as i32);
         let first = reach + self.min.max(0);
@@ -117,7 +116,7 @@ pub(super) fn search(width: usize, range: DisparityRange) -> SsdSearch {
 pub struct BlockSearch {
     range: DisparityRange,
     search: SsdSearch,
-    /// Rows, one after the other.
+    /// Row after row.
     matches: Vec<Match>,
 }
 
@@ -166,7 +165,7 @@ impl RowSearch for BlockSearch {
     }
 }
 
-/// The farthest two windows of a row can be apart, −1 when there is not even one.
+/// The largest distance between two windows of a row, −1 if there is no window.
 pub(super) fn farthest_shift(width: usize) -> i32 {
     width as i32 - 2 * REACH as i32 - 1
 }

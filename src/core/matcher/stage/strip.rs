@@ -1,5 +1,5 @@
-//! Blocks of rows of a pair, one task for a thread from the smoothing to the last check: every step
-//! finds the rows in the thread's cache.
+//! Blocks of rows of a pair, one task for a thread from the smoothing to the last check: every
+//! stage finds the rows in the thread's cache.
 
 use super::{Blocks, VerticalSmoothing};
 use crate::error::Result;
@@ -31,7 +31,7 @@ impl Strip {
         })
     }
 
-    /// Takes `rows` rows of `pair` from `top` on, smoothed.
+    /// Loads `rows` rows of `pair` from `top` on, smoothed.
     pub fn load(
         &mut self,
         isa: Isa,
@@ -49,7 +49,7 @@ impl Strip {
         }
     }
 
-    /// Lays the rows out as columns.
+    /// Transposes the rows into columns of lanes.
     pub fn transpose(&mut self, isa: Isa) {
         transpose(isa, &self.left, 0, &mut self.left_columns);
         transpose(isa, &self.right, 0, &mut self.right_columns);
@@ -65,17 +65,16 @@ impl Strip {
         self.right.row(lane)
     }
 
-    /// The columns of the left and the right image; those of rows that were not loaded mean
-    /// nothing.
+    /// The columns of the left and the right image; rows that were not loaded are unspecified.
     pub fn columns(&self) -> [&[Lanes<u16>]; 2] {
         [&self.left_columns, &self.right_columns]
     }
 }
 
-/// The bands that images of one height are cut into, each with its scratch.
+/// The bands into which images of one height are cut, each with its scratch.
 pub struct Bands<S> {
     rows: usize,
-    /// With the time that the last pair took there.
+    /// With the time spent there on the last pair.
     scratch: Vec<(S, StageTimes)>,
 }
 
@@ -92,7 +91,7 @@ impl<S: Send> Bands<S> {
         Ok(Self { rows, scratch })
     }
 
-    /// Runs `work` on each block of rows of `map` with the number of the first, on the threads of
+    /// Runs `work` on each block of rows of `map` with the index of the first, on the threads of
     /// rayon's current pool.
     pub fn each_block(
         &mut self,
@@ -112,8 +111,8 @@ impl<S: Send> Bands<S> {
             },
         );
         let mut times = StageTimes::default();
-        // Bands run side by side: their times add up to more than the wall time, which is shared
-        // out among the stages in their proportion.
+        // Bands run in parallel: their times add up to more than the wall time, which is divided
+        // among the stages in proportion.
         for (_, band) in &self.scratch {
             Stage::ALL
                 .into_iter()

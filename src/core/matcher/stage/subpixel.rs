@@ -1,11 +1,10 @@
-//! Sub-pixel refinement by a parabola. The thesis works in whole pixels, so matchers have it off by
-//! default.
+//! Sub-pixel refinement by a parabola. The thesis uses whole pixels, so it is off by default.
 
 use super::ssd::{DisparityRange, ssd};
 use crate::matcher::{Parameter, Range};
 use crate::stereo::RowMut;
 
-/// Whether matches are refined, as the matchers' tables have it.
+/// The switch for the refinement, as a parameter of the matchers.
 pub const SUBPIXEL: Parameter = Parameter {
     name: "subpixel",
     unit: "",
@@ -14,15 +13,15 @@ pub const SUBPIXEL: Parameter = Parameter {
                   and beside it",
 };
 
-/// Moves the disparity `d` of each valid pixel of `row` to the lowest point of the parabola through
-/// the SSDs at d − 1, d and d + 1: by `(p − n) / 2(p − 2m + n)`, at most half a pixel.
+/// Moves the disparity `d` of each valid pixel of `row` to the minimum of the parabola through the
+/// SSDs at d − 1, d and d + 1: by `(p − n) / 2(p − 2m + n)`, at most half a pixel.
 ///
 /// The SSDs are unweighted: the weight of the cost favours low disparities and would pull the
-/// parabola that way. A disparity stays whole where one beside it is not admissible (an end of the
-/// range, or the window would leave the right image), or where one beside it has the lower SSD and
-/// won less only by its weight, or where all three are equal.
+/// parabola that way. A disparity stays whole if a neighbour is not admissible (an end of the
+/// range, or the window would leave the right image), if a neighbour has a lower SSD and lost only
+/// by its weight, or if all three are equal.
 ///
-/// `right` is the row of the right image that the match of pixel x lies in.
+/// `right` returns the row of the right image that contains the match of pixel x.
 pub fn refine<'a>(
     range: DisparityRange,
     left: &[u8],
@@ -36,7 +35,7 @@ pub fn refine<'a>(
             let ssd = |d: i32| ssd(left, x, right(x), (x as i32 - d) as usize) as i32;
             let (previous, middle, next) = (ssd(d - 1), ssd(d), ssd(d + 1));
             let curvature = previous - 2 * middle + next;
-            // A neighbour with a lower SSD lost by its weight alone: no minimum lies here.
+            // A neighbour with a lower SSD lost only by its weight: there is no minimum here.
             if middle <= previous.min(next) && curvature > 0 {
                 let offset = (previous - next) as f32 / (2 * curvature) as f32;
                 row.accept(x, d as f32 + offset);

@@ -7,13 +7,12 @@ use crate::kernel::{Isa, Lanes, Match, SsdSearch, matches};
 use crate::matcher::{Parameter, Range};
 use crate::stereo::{Reason, RowMut};
 
-/// Lets each pixel of the right image take its own cheapest disparity. It holds one thread's
-/// scratch.
+/// Finds the cheapest disparity of each pixel of the right image. It holds one thread's scratch.
 ///
-/// A mirrored pair has the same disparities the other way round, so this is the search of the left
-/// image's pixels once more, on the mirrored right and left images. That costs the sums twice;
-/// right winners that accumulate in one search would have to be read and written for every
-/// disparity of every pixel, which takes as long.
+/// A mirrored, swapped pair has the same disparities, so this is the search for the left image's
+/// pixels again, on the mirrored right and left images. This computes the sums twice; right winners
+/// accumulated in one search would have to be read and written for every disparity of every pixel,
+/// which takes as long.
 pub struct SymmetricCheck {
     tolerance_px: i32,
     search: SsdSearch,
@@ -24,7 +23,7 @@ pub struct SymmetricCheck {
 }
 
 impl SymmetricCheck {
-    /// Largest difference between the two disparities, as the matchers' tables have it.
+    /// Largest difference between the two disparities, as a parameter of the matchers.
     pub const TOLERANCE: Parameter = Parameter {
         name: "symmetry_tolerance",
         unit: "px",
@@ -63,15 +62,15 @@ impl RowCheck for SymmetricCheck {
         );
     }
 
-    /// Rejects the matches of `row`, the one of that `lane` in the block, that the right image does
-    /// not share.
+    /// Rejects the matches of `row`, lane `lane` of the block, with which the right image
+    /// disagrees.
     fn check_row(&self, _: Isa, lane: usize, _: &[u8], row: &mut RowMut<'_>) {
         let width = row.width();
         let matches = &self.matches[lane * width..][..width];
         for x in 0..width {
             if let Ok(d) = row.at(x) {
-                // Matchers of whole pixels: `d` is one of the range, and its window lies inside the
-                // right image.
+                // Matchers of whole pixels: `d` lies in the range, and its window inside the right
+                // image.
                 let d = d as i32;
                 let matched = matches[(width as i32 - 1 - (x as i32 - d)) as usize];
                 if (self.search.first() + matched.index() as i32).abs_diff(d)

@@ -2,19 +2,19 @@
 //! annexes C and D) and by the standard deviation of a window (section 5.3.2).
 //!
 //! **Differences of Gaussians.** Along the row the image is convolved with two differences of
-//! Gaussians, of σ and σ+Δ and of σ+Δ and σ+2Δ. Where the fine one answers at least as strongly as
-//! the coarse one, the pixel lies on texture.
+//! Gaussians, of σ and σ+Δ and of σ+Δ and σ+2Δ. If the fine one responds at least as strongly as
+//! the coarse one, the pixel has texture.
 //!
-//! **Why 24 taps and not 25.** The thesis's filter stands at −12 ..= +11, one tap short of
-//! symmetry, and lives by it: its kernels do not sum to zero. With 24 taps they sum to 0.0865
-//! (fine) and 0.0901 (coarse), so a flat area falls to the coarse scale and is dropped, by a margin
-//! proportional to its brightness. With −12 ..= +12 the coarse sum is 0.0772, the fine one is
-//! larger, and every flat area passes.
+//! **Why 24 taps and not 25.** The thesis's filter covers −12 ..= +11, one tap short of
+//! symmetry, and depends on it: its kernels do not sum to zero. With 24 taps they sum to 0.0865
+//! (fine) and 0.0901 (coarse), so in a flat area the coarse scale wins and the area is dropped, by
+//! a margin proportional to its brightness. With −12 ..= +12 the coarse sum is 0.0772, the fine one
+//! is larger, and every flat area passes.
 //!
 //! Departure from the thesis: fixed point, and rows are replicated at their ends instead of
 //! skipping 12 pixels.
 //!
-//! **Standard deviation.** The thesis itself names its weakness: it follows the light. A darker
+//! **Standard deviation.** The thesis itself names its weakness: it depends on the light. A darker
 //! room has a lower deviation everywhere, and the threshold must follow. Departure from the thesis:
 //! squares instead of roots, so that the test is exact in integers.
 
@@ -25,10 +25,10 @@ use crate::stereo::{Gray, Plane};
 
 /// Finds the pixels on texture.
 pub trait TextureFilter: Send + Sync {
-    /// Marks in `textured`, which holds as many pixels, where `row` has texture.
+    /// Marks in `textured`, which has as many elements, the pixels of `row` with texture.
     fn apply_row(&self, isa: Isa, row: &[u8], textured: &mut [bool]);
 
-    /// Marks in `textured`, which has its size, where `image` has texture.
+    /// Marks in `textured`, which has its size, the pixels of `image` with texture.
     fn apply(&self, isa: Isa, image: &Gray, textured: &mut Plane<bool>) {
         each_plane_row(textured, 16, |y, row| {
             self.apply_row(isa, image.row(y), row)
@@ -36,7 +36,7 @@ pub trait TextureFilter: Send + Sync {
     }
 }
 
-/// Marks the pixels where the fine difference of Gaussians answers at least as strongly as the
+/// Marks the pixels where the fine difference of Gaussians responds at least as strongly as the
 /// coarse one.
 #[derive(Clone, Debug)]
 pub struct DogTexture {
@@ -44,14 +44,14 @@ pub struct DogTexture {
 }
 
 impl DogTexture {
-    /// σ of the finest Gaussian, as the matchers' tables have it.
+    /// σ of the finest Gaussian, as a parameter of the matchers.
     pub const SIGMA: Parameter = Parameter {
         name: "texture_sigma",
         unit: "px",
         range: Range::real(0.4, 0.1..=12.0),
         description: "finest Gaussian of the texture filter",
     };
-    /// Δ between the three Gaussians, as the matchers' tables have it.
+    /// Δ between the three Gaussians, as a parameter of the matchers.
     pub const DELTA: Parameter = Parameter {
         name: "texture_delta",
         unit: "px",
@@ -66,7 +66,7 @@ impl DogTexture {
             std::array::from_fn(|t| {
                 let g = (gaussian(a, t as f64) - gaussian(b, t as f64))
                     / (2.0 * std::f64::consts::PI).sqrt();
-                // Halves round up also below zero, where `round` would go away from it.
+                // Halves round up also below zero, while `round` would round away from it.
                 (65536.0 * g + 0.5).floor() as i32
             })
         };
@@ -79,7 +79,7 @@ impl DogTexture {
         }
     }
 
-    /// As the parameters of a matcher have it.
+    /// From the parameters of a matcher.
     pub fn from_parameters(parameters: &Parameters) -> Self {
         Self::new(
             parameters.real(Self::SIGMA.name),
@@ -102,7 +102,7 @@ pub struct DeviationTexture {
 }
 
 impl DeviationTexture {
-    /// The threshold, as the matchers' tables have it.
+    /// The threshold, as a parameter of the matchers.
     pub const THRESHOLD: Parameter = Parameter {
         name: "texture_threshold",
         unit: "grey levels",
@@ -113,7 +113,7 @@ impl DeviationTexture {
     /// With that threshold, in grey levels.
     pub fn new(threshold: f64) -> Self {
         Self {
-            // The integer test against a real bound: at least its next integer.
+            // The least integer that meets the real bound.
             least: (WINDOW as f64 * threshold).powi(2).ceil() as u32,
         }
     }

@@ -7,8 +7,8 @@
 //! pair's vertical misalignment.
 //!
 //! Departures from the thesis: all in integers; a table for each right row instead of one for the
-//! image, so that a look-up meets no window of a row too far away; of several right windows that
-//! propose one left window the cheapest match holds; v3's self check follows.
+//! image, so that a look-up finds no window of a row too far away; if several right windows propose
+//! one left window, the cheapest match wins; v3's self check follows.
 
 mod proposals;
 
@@ -160,7 +160,7 @@ impl Method for V4 {
             for (y, mut row) in (top..).zip(band.into_rows()) {
                 let lane = y % Blocks::ROWS;
                 if lane == 0 {
-                    // The self check looks at the left image alone.
+                    // The self check uses only the left image.
                     let columns = left_blocks.around(y);
                     check.search(isa, columns, columns, Blocks::ROWS);
                 }

@@ -7,12 +7,12 @@ use crate::matcher::stage::{DisparityRange, each_band, each_plane_row};
 use crate::matcher::{Parameter, Parameters, Range};
 use crate::stereo::{Gray, Plane};
 
-/// How far a window and its match may differ.
+/// Largest differences between a window and its match.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tolerance {
-    /// Of the sums of two windows' pixels.
+    /// Between the sums of the two windows' pixels.
     pub(super) sum: u32,
-    /// Of their rows.
+    /// Between their rows.
     pub(super) rows: usize,
 }
 
@@ -42,7 +42,7 @@ impl Tolerance {
 pub(super) struct Proposals {
     range: DisparityRange,
     tolerance: Tolerance,
-    /// Of the textured windows.
+    /// Sums of the textured windows.
     sums: Plane<u16>,
     band_rows: usize,
     /// One per band.
@@ -59,7 +59,7 @@ impl Proposals {
         range: DisparityRange,
         tolerance: Tolerance,
     ) -> Result<Self> {
-        // Rows differ in what they have to look up: more and smaller bands than blocks give.
+        // Look-ups differ in number from row to row: more and smaller bands than blocks give.
         let wanted = match rayon::current_num_threads() {
             1 => 1,
             threads => 8 * threads,
@@ -76,7 +76,7 @@ impl Proposals {
         })
     }
 
-    /// The proposal that each pixel of the left image accepts. Only textured pixels take part.
+    /// The proposal that each pixel of the left image accepts. Only textured pixels are matched.
     pub(super) fn resolve(
         &mut self,
         isa: Isa,
@@ -98,7 +98,7 @@ impl Proposals {
             window_sums(left.row(y), textured.row(y), sums);
         });
 
-        // Made by `Plane::filled`, so its rows have no gaps.
+        // Created by `Plane::filled`, so its rows have no gaps.
         let rows = proposed.as_mut_slice().expect("gapless");
         each_band(rows, *band_rows * width, tables, |band, rows, table| {
             for (y, row) in (band * *band_rows..).zip(rows.chunks_exact_mut(width)) {
@@ -122,7 +122,8 @@ impl Proposals {
                 for (u, &proposal) in proposals.filter(|(_, p)| p.row_offset == row_offset) {
                     // `Proposal::NONE` names column u itself and costs too much.
                     let x = (u as i32 + i32::from(proposal.disparity)) as usize;
-                    // Strictly: of equal costs the first in raster order of the right image holds.
+                    // Strictly: among equal costs the first in raster order of the right image
+                    // wins.
                     if proposal.cost() < accepted[x].cost() {
                         accepted[x] = proposal;
                     }

@@ -1,4 +1,4 @@
-//! Both images at half size, their censuses, and the cost of steps: by row, and by column.
+//! Both images at half size, their censuses, and the penalties of steps: by row, and by column.
 
 use crate::kernel::{
     Isa, Lanes, SMALL_CENSUS_PLANES, SMALL_CENSUS_REACH, STEPS, halve_row, small_census_row,
@@ -22,11 +22,11 @@ pub(super) struct HalfImage {
     half: Vec<u16>,
     smooth: Vec<u16>,
     pub(super) census: [TwoWayPlane; PLANES],
-    /// Places before the first pixel of the planes by row.
+    /// Elements before the first pixel of the planes by row.
     pub(super) margin: usize,
 }
 
-/// What jumps of disparity cost, from the pixel above and from the one on the left.
+/// Penalties for jumps of disparity, from the pixel above and from the one on the left.
 pub(super) struct StepCosts {
     pub(super) down: Vec<u8>,
     pub(super) across: TwoWayPlane,
@@ -38,7 +38,7 @@ pub(super) fn padded(pixels: usize) -> usize {
 }
 
 impl TwoWayPlane {
-    /// Of `size`, with room before the first pixel by row.
+    /// Of size `size`, with room before the first pixel by row.
     fn new((width, height): (usize, usize), margin: usize) -> Self {
         let pixels = padded(width) * padded(height);
         Self {
@@ -95,7 +95,7 @@ impl HalfImage {
         i64::from(pairs.map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>())
     }
 
-    /// Halves an image and takes its censuses.
+    /// Halves an image and computes its censuses.
     pub(super) fn load(&mut self, isa: Isa, image: &Gray) {
         let ((width, height), stride) = (self.size, self.stride());
         let last = image.height() - 1;
@@ -143,7 +143,7 @@ impl StepCosts {
         }
     }
 
-    /// Of the left image, by the table of its differences.
+    /// Loads the penalties from the left image and the table of differences.
     pub(super) fn load(&mut self, isa: Isa, left: &HalfImage, table: &[u8; STEPS]) {
         let (width, height) = left.size;
         for y in 0..height {

@@ -1,4 +1,4 @@
-//! The disparities of the half image: winners, checks, and the gaps filled.
+//! Disparities at half size: winners, checks, and filled gaps.
 
 use super::census::{HalfImage, padded};
 use super::sums::StripSums;
@@ -8,10 +8,10 @@ use crate::stereo::{DisparityMap, Reason};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Rows that are summed up at once.
+/// Rows summed at once.
 const TILE: usize = 16;
 
-/// What is known of the pixels of the half image, in raster order.
+/// State of the half image's pixels, in raster order.
 pub(super) struct HalfMap {
     size: (usize, usize),
     count: usize,
@@ -19,11 +19,11 @@ pub(super) struct HalfMap {
     bins: Vec<i16>,
     /// The matching costs of the disparities.
     own: Vec<u8>,
-    /// Whether they pass the tests, or why not.
+    /// Result of the tests.
     why: Vec<Reason>,
-    /// 1 where a pixel is seen.
+    /// 1 for a pixel that is seen.
     seen: Vec<u8>,
-    /// Bins of all pixels, the gaps filled; of no meaning where no pixel was seen.
+    /// Bins of all pixels, gaps filled; meaningless if no pixel was seen.
     filled: Vec<i16>,
     bands: Vec<BandScratch>,
     band_rows: usize,
@@ -32,13 +32,14 @@ pub(super) struct HalfMap {
 struct BandScratch {
     sums: Vec<u8>,
     winners: RowWinners,
-    /// How many of three rows pass, a pixel more at both ends.
+    /// Number of three rows that pass, per column, with one more pixel at both ends.
     passing: Vec<u8>,
     /// A row of the full image.
     row: (Vec<f32>, Vec<Reason>),
 }
 
-/// Pixels of a disparity of a row of sums: the row's, and as many as the disparities shift it.
+/// Elements per disparity in a row of sums: the row's pixels, and room for the shift by
+/// disparities.
 fn stride(width: usize, count: usize) -> usize {
     padded(width) + padded(count)
 }
@@ -113,9 +114,9 @@ impl HalfMap {
         });
     }
 
-    /// A pixel stays seen when at least five of the nine around it pass the tests. Gaps between
-    /// seen pixels of a row are filled: by their mean, by the smaller of two that differ by more
-    /// than `jump`, by the only one at the ends. A row without any takes the nearest one.
+    /// A pixel stays seen if at least five of the nine around it pass the tests. Gaps between seen
+    /// pixels of a row are filled: by their mean, by the smaller of two that differ by more than
+    /// `jump`, by the only one at the ends. A row without any uses the nearest row that has some.
     pub(super) fn fill(&mut self, jump: i32) {
         let (size, band_rows) = (self.size, self.band_rows);
         let (width, why, bins) = (size.0, &self.why, &self.bins);
@@ -138,12 +139,12 @@ impl HalfMap {
         fill_empty_rows(&self.seen, width, &mut self.filled);
     }
 
-    /// Whether any pixel is seen.
+    /// True if any pixel is seen.
     pub(super) fn sees(&self) -> bool {
         self.seen.contains(&1)
     }
 
-    /// Bins, which pixels are seen, and the sum of the costs, of a row's columns.
+    /// Bins, seen flags, and the sum of the costs, for the columns of a row.
     pub(super) fn part(&self, y: usize, columns: &Range<usize>) -> (&[i16], &[u8], i64) {
         let start = y * self.size.0;
         let places = start + columns.start..start + columns.end;
@@ -156,8 +157,8 @@ impl HalfMap {
         )
     }
 
-    /// Writes the seen disparities to the full image: each to its four pixels, an odd last column
-    /// or row as its neighbour.
+    /// Writes the seen disparities to the full image: each to its four pixels; an odd last column
+    /// or row copies its neighbour.
     pub(super) fn write(&mut self, map: &mut DisparityMap) {
         let Self {
             size: (width, height),
@@ -169,7 +170,7 @@ impl HalfMap {
             ..
         } = self;
         let (width, height) = (*width, *height);
-        // The bands of the full image; an odd last row may need one more band than there is.
+        // The bands of the full image; an odd last row may need one more band than there are.
         let full_rows =
             (2 * *band_rows).max(map.size().1.div_ceil(bands.len()).next_multiple_of(2));
         let bands = &mut bands[..map.size().1.div_ceil(full_rows)];
@@ -203,7 +204,7 @@ impl HalfMap {
     }
 }
 
-/// Marks the pixels of row `y` that pass, as five of the nine around them do.
+/// Marks the pixels of row `y` for which at least five of the nine around them pass.
 fn keep_majorities(
     why: &[Reason],
     (width, height): (usize, usize),

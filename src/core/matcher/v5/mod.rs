@@ -1,9 +1,9 @@
-//! v5: what may be said of a cell.
+//! v5: svl's own algorithm, which decides on cells instead of pixels.
 //!
-//! svl's own algorithm. Not the disparity of a pixel is asked for, but the distance of a cell of
-//! the depth grid, and whether it may be told. SGM (Hirschmüller 2008) of small censuses at half
-//! size along four paths; then gaps are filled as hidden surfaces are, and each cell reports
-//! what is right whatever its uncertain pixels are ([`crate::depth::decision`]).
+//! It estimates the distance of each cell of the depth grid, and decides if that may be reported.
+//! SGM (Hirschmüller 2008) of small censuses at half size along four paths; then gaps are filled
+//! like occluded surfaces, and each cell reports a value that is right whatever the disparities of
+//! its uncertain pixels ([`crate::depth::decision`]).
 
 mod census;
 mod half_map;
@@ -135,16 +135,16 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
 
 struct V5 {
     isa: Isa,
-    /// Disparities at half size.
+    /// Number of disparities at half size.
     count: usize,
-    /// Of a disparity that leads out of the right image, and of a change by one.
+    /// Cost of a disparity that leads out of the right image, and of a change by one.
     out_and_small: [u8; 2],
-    /// What a jump of disparity costs, by the difference of the pixels.
+    /// Penalty for a jump of disparity, by the difference of the pixels.
     jumps: [u8; STEPS],
     test: WinnerTest,
     choice: SafeChoice,
-    /// Whether a cell needs the grid's least share of seen pixels to be known. From revision 2 on
-    /// the probability alone decides, which counts that share among its evidence.
+    /// True if a cell must have the grid's least fraction of seen pixels to be known. From revision
+    /// 2 on the probability alone decides; that fraction is among its evidence.
     needs_valid: bool,
     scratch: Option<Scratch>,
     tolerance: Option<(CellRule, Option<Rig>, Tolerance)>,
@@ -190,7 +190,7 @@ impl V5 {
         })
     }
 
-    /// Disparities are told apart by so many bins.
+    /// Number of bins that distinguish disparities.
     fn bins(&self) -> usize {
         16 * self.count
     }
@@ -248,7 +248,7 @@ impl V5 {
     }
 }
 
-/// How the parameters ask to decide on cells.
+/// Decision on cells according to the parameters.
 fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
     let table = table(parameters)?;
     let rank = match parameters.int("rank") {
@@ -272,7 +272,7 @@ fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
     })
 }
 
-/// The steps of the probability that the parameters ask for.
+/// The probability steps that the parameters select.
 fn table(parameters: &Parameters) -> Result<VerdictTable> {
     let target = parameters.choice("target");
     if let Some(file) = parameters.file("table") {
@@ -305,7 +305,7 @@ impl Matcher for V5 {
         output.disparity.resize(width, height, ExtraPlanes::NONE)?;
         let size = (width / 2, height / 2);
         if size.0 == 0 || size.1 == 0 {
-            // There is no half image.
+            // The image is too small for a half image.
             self.scratch = None;
             let rows = output.disparity.rows_mut();
             rows.for_each(|mut row| row.clear(Reason::Border));

@@ -1,4 +1,4 @@
-//! The sums of four paths: strips of columns and strips of rows, each by a thread of its own.
+//! The sums of four paths: strips of columns and strips of rows, one task for each.
 
 use super::census::{HalfImage, StepCosts, TwoWayPlane, padded};
 use crate::kernel::{Isa, Lanes, PathCost, StripPlace, follow_strip, sum_strips};
@@ -65,8 +65,8 @@ impl StripSums {
         }
     }
 
-    /// Follows the paths of all strips, with what a disparity that leads out of the right image
-    /// costs, and what a change by one.
+    /// Follows the paths of all strips, with the cost of a disparity that leads out of the right
+    /// image, and of a change by one.
     pub(super) fn follow(
         &mut self,
         isa: Isa,
@@ -97,7 +97,7 @@ impl StripSums {
             } = strip;
             follow_strip(isa, place, planes, cost, costs, line, sums);
         };
-        // Columns beside rows: two threads take about as long for the one as for the other.
+        // Columns in parallel with rows: each takes one of two threads about as long.
         let (columns, rows) = self.strips.split_at_mut(self.columns);
         both(
             || columns.par_iter_mut().for_each(follow),
@@ -105,9 +105,9 @@ impl StripSums {
         );
     }
 
-    /// The sums of up to 16 rows from `top`, a multiple of 16, on: by row, disparity and column,
-    /// with `stride` columns. Those of whole
-    /// blocks are written, with [`u8::MAX`] beyond the image's `width`.
+    /// The sums of up to 16 rows from `top` on, a multiple of 16: by row, disparity and column,
+    /// with `stride` columns. Whole blocks are written, with [`u8::MAX`] beyond the image's
+    /// `width`.
     pub(super) fn rows(&self, isa: Isa, top: usize, width: usize, stride: usize, out: &mut [u8]) {
         let rows = &self.strips[self.columns + top / N];
         for (i, columns) in self.strips[..self.columns].iter().enumerate() {
@@ -128,7 +128,7 @@ impl StripSums {
     }
 }
 
-/// The plane whose rows, or columns, are lanes.
+/// The plane by column or by row.
 fn chosen(plane: &TwoWayPlane, by_column: bool) -> &[u8] {
     if by_column {
         &plane.rows
