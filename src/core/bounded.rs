@@ -1,4 +1,4 @@
-//! Reads whole files up to a limit of their size.
+//! Readers of whole files up to a size limit.
 
 use crate::error::{Error, Result};
 use std::fs::File;
@@ -8,11 +8,11 @@ use std::path::Path;
 /// Reads a whole file of at most `max_bytes`.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for an empty file, a larger one, and what is not a regular file
-/// (a folder, a device, a pipe).
+/// [`Error::Io`]; [`Error::Format`] for an empty file, a larger one, and anything but a regular
+/// file (a folder, a device, a pipe).
 pub fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     let io = |e| Error::io(path, e);
-    // Before opening: to open a pipe would wait for its writer.
+    // Before opening: opening a pipe would wait for its writer.
     let kind = std::fs::metadata(path).map_err(io)?.file_type();
     if !kind.is_file() {
         let what = if kind.is_dir() {
@@ -25,7 +25,7 @@ pub fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)
         .map_err(io)?
-        // One more than allowed: the file may grow while it is read.
+        // One more than allowed, as the file may grow while it is read.
         .take(max_bytes + 1)
         .read_to_end(&mut bytes)
         .map_err(io)?;

@@ -1,15 +1,16 @@
-//! The library's error type: every variant has what was read, what was expected and what to do.
+//! The library's error type: every variant reports the value read, the value expected and the
+//! remedy.
 
 use std::path::PathBuf;
 
-/// Result of everything in svl that can fail.
+/// Result of a fallible operation in svl.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// What went wrong, with the numbers. `Display` is one line, fit to show a user.
+/// Failure with its figures. `Display` is one line for the user.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A buffer does not hold the image its size promises.
+    /// A buffer whose length does not match the image size.
     #[error("a {width}x{height} image needs {expected} bytes, got {got}")]
     Size {
         width: usize,
@@ -49,7 +50,7 @@ pub enum Error {
         name: String,
         nearest: Option<String>,
     },
-    /// A parameter value that cannot be read or lies outside its range.
+    /// A parameter value that cannot be parsed or lies outside its range.
     #[error("{algorithm}: {name}={value} is not {expected}")]
     ParameterValue {
         algorithm: &'static str,
@@ -57,7 +58,7 @@ pub enum Error {
         value: String,
         expected: String,
     },
-    /// A rig whose numbers are not those of a stereo camera.
+    /// Parameters that are not those of a stereo rig.
     #[error("not a stereo rig: {0}")]
     Rig(String),
     /// A file could not be opened, read or written.
@@ -66,22 +67,22 @@ pub enum Error {
         path: PathBuf,
         cause: std::io::Error,
     },
-    /// A file is not what it should be.
+    /// A file is malformed.
     #[error("{}: {reason}", path.display())]
     Format { path: PathBuf, reason: String },
-    /// A truncated or corrupt recording. What was read of it before is good.
+    /// A truncated or corrupt recording. Everything read from it before is valid.
     #[error(
         "{}: {reason}; `svl recover {} -o OUT.mcap` keeps what is intact",
         path.display(), path.display()
     )]
     Damaged { path: PathBuf, reason: String },
-    /// A limit is broken, or could not be judged.
+    /// A limit is exceeded, or could not be checked.
     #[error("{0}")]
     Gate(String),
-    /// All is done, but something is missing.
+    /// The work is done, but something is missing.
     #[error("{0}")]
     Incomplete(String),
-    /// The work was asked to end ([`crate::interrupt`]).
+    /// The work was interrupted ([`crate::interrupt`]).
     #[error("interrupted")]
     Interrupted,
     /// A program that matches pairs failed; `stderr` is the end of its standard error.
@@ -94,10 +95,10 @@ pub enum Error {
     /// A download failed.
     #[error("{url}: {reason}")]
     Download { url: String, reason: String },
-    /// A camera or its trigger failed during the recording. The frames before are good.
+    /// A camera or its trigger failed during the recording. Earlier frames are valid.
     #[error("{camera}: {reason}")]
     Camera { camera: String, reason: String },
-    /// A request that contradicts itself, or an option that what is named does not take.
+    /// A request that contradicts itself, or an option that does not apply to what it is given for.
     #[error("{0}")]
     Usage(String),
     /// A scenario or setting that contradicts itself.
@@ -106,8 +107,8 @@ pub enum Error {
 }
 
 impl Error {
-    /// Whether the request is wrong, whatever files and machines there are. A program exits with
-    /// its code for wrong usage.
+    /// True if the request itself is wrong, regardless of files and machines. The program then
+    /// exits with its code for wrong usage.
     pub fn is_usage(&self) -> bool {
         use Error::{ParameterValue, UnknownAlgorithm, UnknownParameter, Usage};
         matches!(
@@ -148,7 +149,7 @@ impl Error {
         }
     }
 
-    /// A recording at `path` that is good only up to here.
+    /// A recording at `path` that is valid only up to here.
     pub fn damaged(path: impl Into<PathBuf>, reason: impl Into<String>) -> Self {
         Self::Damaged {
             path: path.into(),
@@ -165,7 +166,7 @@ fn stderr_note(stderr: &str) -> String {
     }
 }
 
-/// The cause of an I/O error, with the cure where there is one.
+/// The cause of an I/O error, with the remedy if there is one.
 fn words(cause: &std::io::Error) -> String {
     use std::io::ErrorKind::{
         AlreadyExists, IsADirectory, NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem,
@@ -191,7 +192,7 @@ fn words(cause: &std::io::Error) -> String {
     words.to_owned()
 }
 
-/// A hint to the candidate nearest to an unknown `name`, to follow it in a message; empty without
+/// A hint at the candidate nearest to an unknown `name`, to be appended to a message; empty without
 /// one.
 pub fn did_you_mean<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> String {
     hint(&nearest(name, candidates))
@@ -204,12 +205,12 @@ fn hint(nearest: &Option<String>) -> String {
         .unwrap_or_default()
 }
 
-/// The candidate nearest to `name` by edit distance, if it is near enough to be a typing error.
+/// The candidate nearest to `name` by edit distance, if it is close enough to be a typo.
 pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
     candidates
         .into_iter()
         .map(|c| (strsim::damerau_levenshtein(&name.to_lowercase(), c), c))
-        // With more than half of its letters changed it is another word.
+        // With more than half of its letters changed it is a different word.
         .filter(|(distance, c)| *distance <= (c.len() / 2).max(1))
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, c)| c.to_owned())

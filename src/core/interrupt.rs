@@ -1,15 +1,15 @@
-//! The request to end work early, as by Ctrl-C.
+//! The request to end work early, for example by Ctrl-C.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// Asks all work of this process to end; says whether it was asked before.
+/// Asks all work of this process to end; returns true if that was requested before.
 pub fn request() -> bool {
     REQUESTED.swap(true, Ordering::Relaxed)
 }
 
-/// Whether the work is to end. What may wait for long looks here: a program that matches pairs.
+/// True if the work is to end. Long waits poll it: the wait for a matching program.
 pub fn requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
 }

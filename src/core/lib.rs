@@ -1,8 +1,8 @@
-//! svl's matchers, filters and grid of distances: what a robot links.
+//! svl's matchers, filters and depth grid: the library for a robot.
 //!
-//! A rectified pair goes through a [`matcher`], its disparities become a [`depth`] grid of a few
-//! cells with a distance each. [`rectify`] makes a rectified pair of a raw one by a calibration,
-//! which the package `svl-calibrate` reads. The package `svl` is the bench around it.
+//! A [`matcher`] turns a rectified pair into disparities, and these become a [`depth`] grid of a
+//! few cells with a distance each. [`rectify`] rectifies a raw pair by a calibration, which the
+//! package `svl-calibrate` reads. The package `svl` is the bench around it.
 //!
 //! ```
 //! use svl_core::depth::{self, GridSettings};

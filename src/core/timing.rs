@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// A named step of a method. The names are the columns of the reports.
+/// A named stage of a method. The names are columns of the reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Stage {
     Smoothing,
@@ -10,7 +10,7 @@ pub enum Stage {
     /// Matching cost, aggregation and the search for the winner.
     Matching,
     Checks,
-    /// What filters see in the left image ([`crate::filter`]).
+    /// Detection by filters in the left image ([`crate::filter`]).
     Filters,
 }
 
@@ -75,18 +75,18 @@ impl Clock {
         self.last = now;
     }
 
-    /// Ends the lap, for which `time` counts, spent in it or before it.
+    /// Ends the lap and charges `time` for it, spent in it or before it.
     pub fn lap_with(&mut self, stage: Stage, time: Duration) {
         self.times.add(stage, time);
         self.last = Instant::now();
     }
 
     /// Ends the lap: the time since the last one is divided among the stages in proportion to
-    /// `times`, the sums over threads that ran side by side.
+    /// `times`, the sums over parallel threads.
     pub fn lap_as(&mut self, times: StageTimes) {
         let now = Instant::now();
         let share =
-            // Without any time the quotient is no number; this way every share is 0.
+            // Without any time the quotient is NaN; this way every fraction is 0.
             (now - self.last).as_secs_f64() / times.total().as_secs_f64().max(f64::MIN_POSITIVE);
         for stage in Stage::ALL {
             self.times.add(

@@ -1,4 +1,4 @@
-//! Numbers of things, and lists of them, in words.
+//! Counts and lists in words.
 
 use std::fmt::Display;
 

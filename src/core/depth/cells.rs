@@ -1,11 +1,11 @@
-//! The depth grid of a disparity map, by the decision that a scenario asks for.
+//! The depth grid of a disparity map, by the scenario's cell decision.
 
 use super::decision::safe_grid;
 use super::grid::{CellDecision, GridSettings, grid};
 use crate::stereo::{CellRule, DepthGrid, Gray, Plane, Rig};
 
-/// The grid of a matcher's disparities, by the decision that the settings ask for; `left` is the
-/// left image, and `rule` that by which cells are judged.
+/// The grid of a matcher's disparities, by the decision in the settings; `left` is the left image,
+/// `rule` the one that scores cells.
 pub fn cells(
     disparity: &Plane<f32>,
     left: &Gray,

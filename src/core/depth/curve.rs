@@ -1,15 +1,16 @@
 //! Distance curve of the thesis: a polynomial of degree 5 fitted to measured distances and
 //! disparities (annex B; section 5.1, figure 5.1).
 //!
-//! A target was moved from 130 cm towards the cameras and its disparity noted. The robot used the
-//! table of `polyfit(disparity, cm, 5)`.
+//! A target was moved from 130 cm towards the cameras and its disparity recorded. The robot used
+//! the table of `polyfit(disparity, cm, 5)`.
 //!
 //! Departure from the thesis: no extrapolation. Outside its measurements a polynomial of degree 5
-//! is arbitrary, and the thesis's table has it for every disparity from 1 on.
+//! is arbitrary, but the thesis's table contains it for every disparity from 1 on.
 //!
-//! Even inside, where annex B's measurements are far apart, the curve oscillates: it passes within
+//! Even inside the range, where annex B's measurements are far apart, the curve oscillates: it
+//! passes within
 //! 1.2 cm of most of them, but between 38 and 81 px it gives 15 cm at 50 px and 38 cm at 70 px. The
-//! pinhole model does not.
+//! pinhole model does not oscillate.
 
 use crate::error::{Error, Result};
 use nalgebra::{SMatrix, SVector};
@@ -19,7 +20,7 @@ const COEFFICIENTS: usize = 6;
 /// Points between two measurements at which the curve is evaluated.
 const STEPS: u32 = 20;
 
-/// Distance as a polynomial of degree 5 in disparity, within the disparities it was measured at.
+/// Distance as a polynomial of degree 5 in disparity, within the measured disparities.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DistanceCurve {
     /// Lowest power first, in disparities mapped to −1 ..= 1, where the fit is well conditioned.
@@ -49,7 +50,7 @@ impl DistanceCurve {
     /// The polynomial with the least squared error over `(distance_cm, disparity_px)` pairs.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when a number is not finite or fewer than six disparities are distinct.
+    /// [`Error::Invalid`] if a number is not finite or fewer than six disparities are distinct.
     pub fn fit(pairs: &[(f64, f64)]) -> Result<Self> {
         if pairs
             .iter()
@@ -90,19 +91,20 @@ impl DistanceCurve {
     /// The curve of annex B.
     ///
     /// # Errors
-    /// None in fact: the table has thirteen distinct disparities.
+    ///
+    /// None in practice: the table has thirteen distinct disparities.
     pub fn annex_b() -> Result<Self> {
         Self::fit(&Self::TABLE_B1)
     }
 
-    /// Distance in centimetres; none outside [`DistanceCurve::measured_px`].
+    /// Distance in centimetres; `None` outside [`DistanceCurve::measured_px`].
     pub fn distance_cm(&self, disparity_px: f64) -> Option<f64> {
         let measured = self.measured_px().contains(&disparity_px);
         measured.then(|| self.powers(disparity_px).dot(&self.coefficients))
     }
 
-    /// Its coefficients for disparities in pixels, lowest power first, as MATLAB's `polyfit` gives
-    /// them in reverse.
+    /// Its coefficients for disparities in pixels, lowest power first, the reverse order of
+    /// MATLAB's `polyfit`.
     pub fn coefficients(&self) -> [f64; COEFFICIENTS] {
         // t = slope·d + offset, expanded by Horner's rule.
         let slope = 2.0 / (self.last_px - self.first_px);
@@ -127,9 +129,9 @@ impl DistanceCurve {
             .collect()
     }
 
-    /// The ranges of disparity in which it may be used: between measurements next to each other it
-    /// stays between their distances, or goes beyond by no more than a share of them. `pairs` are
-    /// those it was fitted to.
+    /// The ranges of disparity in which it may be used: between adjacent measurements it stays
+    /// between their distances, or exceeds them by at most the fraction `share`. `pairs` are those
+    /// it was fitted to.
     pub fn usable_px(&self, pairs: &[(f64, f64)], share: f64) -> Vec<(f64, f64)> {
         let mut pairs = pairs.to_vec();
         pairs.sort_by(|a, b| a.1.total_cmp(&b.1));

@@ -1,46 +1,45 @@
 //! Depth grid of medians (thesis, section 5.1, figure 5.2).
 //!
-//! Departure from the thesis: percentiles are by nearest rank, so each is a disparity that was
-//! measured.
+//! Departure from the thesis: percentiles are by nearest rank, so each is a measured disparity.
 
 use crate::stereo::{Cell, CellDepth, DepthGrid, GridShape, Plane, Rig};
 
-/// Least share of a cell's pixels that must have a disparity for the cell to be known (thesis,
+/// Least fraction of a cell's pixels that must have a disparity for the cell to be known (thesis,
 /// section 5.3.1).
 pub const MIN_VALID: f64 = 0.20;
 
-/// Shape of the depth grid and when a cell is known.
+/// Shape of the depth grid and the rule for a known cell.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GridSettings {
     pub columns: usize,
     pub rows: usize,
-    /// Least share of a cell's pixels with a disparity, 0..=1.
+    /// Least fraction of a cell's pixels with a disparity, 0..=1.
     pub min_valid: f64,
-    /// What cells report.
+    /// Value that cells report.
     pub decision: CellDecision,
 }
 
-/// What the cells of a disparity map report.
+/// Value that the cells of a disparity map report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CellDecision {
-    /// The median of their disparities, as the thesis does.
+    /// The median of their disparities, as in the thesis.
     #[default]
     Median,
-    /// What is safe to report, with its probability ([`crate::depth::decision::safe_grid`]).
+    /// The safe choice, with its probability ([`crate::depth::decision::safe_grid`]).
     Safe,
 }
 
 impl Default for GridSettings {
-    /// The thesis's 5 x 3 cells and its share of pixels.
+    /// The thesis's 5 x 3 cells and its fraction of pixels.
     fn default() -> Self {
         GridShape::default().into()
     }
 }
 
 impl From<GridShape> for GridSettings {
-    /// That shape with the thesis's share of pixels.
+    /// That shape with the thesis's fraction of pixels.
     fn from(GridShape { columns, rows }: GridShape) -> Self {
         Self {
             columns,
@@ -60,14 +59,15 @@ impl GridSettings {
     }
 }
 
-/// The grid of medians of a plane of disparities, of a matcher or of the truth: per cell the
-/// median, 20th and 80th percentile of those that are finite, and the distance of the median.
+/// The grid of medians of a plane of disparities, from a matcher or the truth: per cell the median,
+/// 20th and 80th percentile of the finite ones, and the distance of the median.
 ///
-/// A cell is unknown when fewer than `min_valid`, 0..=1, of its pixels have a disparity, and when
-/// none has. Distances are pinhole, `f·B / (d + doffs)`; without `rig` there are none.
+/// A cell is unknown if no pixel has a disparity, or a fraction below `min_valid`, 0..=1. Distances
+/// are pinhole, `f·B / (d + doffs)`; without `rig` there are none.
 ///
 /// # Panics
-/// When `shape` has no cells.
+///
+/// If `shape` has no cells.
 pub fn grid(disparity: &Plane<f32>, settings: GridSettings, rig: Option<&Rig>) -> DepthGrid {
     grid_with(disparity, settings, rig, Vec::new(), &mut Vec::new())
 }
@@ -101,8 +101,8 @@ fn cell(
 ) -> Cell {
     let (columns, rows) = shape.pixels(place, disparity.size());
     let pixels = columns.len() * rows.len();
-    // Every pixel is written and the next one over it unless it is finite: quicker than to decide
-    // whether to write.
+    // Every pixel is written, and overwritten by the next unless it is finite: faster than a
+    // branch.
     keys.resize(pixels + 1, 0);
     let mut valid = 0;
     for y in rows {
@@ -142,13 +142,13 @@ fn key(value: f32) -> i32 {
     bits ^ ((bits >> 31) as u32 >> 1) as i32
 }
 
-/// The float of a key; the bits that [`key`] turns over leave the sign, so it undoes itself.
+/// The float of a key; [`key`] leaves the sign bit, so it is its own inverse.
 fn value(key: i32) -> f32 {
     f32::from_bits((key ^ ((key >> 31) as u32 >> 1) as i32) as u32)
 }
 
 /// The 20th, 50th and 80th percentile by nearest rank, `sorted[⌈p·n⌉ − 1]`, of at least one value;
-/// reorders them.
+/// the values are reordered.
 fn percentiles(keys: &mut [i32]) -> [f32; 3] {
     let index = |percent: usize| (percent * keys.len()).div_ceil(100) - 1;
     let [low, middle, high] = [20, 50, 80].map(index);
@@ -199,8 +199,8 @@ mod tests {
     #[test]
     fn cells_are_known_from_the_share_on() {
         let none = f32::INFINITY;
-        // Two cells of five pixels: one valid of five is exactly 0.20, none is unknown even when
-        // nothing is asked.
+        // Two cells of five pixels: one valid of five is exactly 0.20; none is unknown even if no
+        // minimum is set.
         let disparities = plane(
             10,
             1,

@@ -1,4 +1,4 @@
-//! Disparities to the depth grid and to distances (thesis, section 5.1 and annex B).
+//! From disparities to the depth grid and to distances (thesis, section 5.1 and annex B).
 
 mod cells;
 mod curve;

@@ -2,20 +2,20 @@
 //! `d = a/Z − b`, hence `Z = a/(d + b)`, where `a` is `f·B` and `b` the difference of the principal
 //! points (`doffs`).
 //!
-//! In `1/Z` that is a straight line. A priori, disparities are rounded to whole pixels and
-//! distances have a standard deviation of half a centimetre, which is a pixel and more for a near
-//! target; the residuals scale both. The fit begins with the line of median slope (Theil 1950, Sen
-//! 1968), which tolerates nearly a third of outliers, and goes on with Tukey's biweight (Beaton and
-//! Tukey 1974).
+//! This is a straight line in `1/Z`. A priori, disparities are rounded to whole pixels and
+//! distances have a standard deviation of half a centimetre, which is a pixel or more for a near
+//! target; the residuals scale both. The fit starts with the line of median slope (Theil 1950, Sen
+//! 1968), which tolerates nearly a third of outliers, and continues with Tukey's biweight (Beaton
+//! and Tukey 1974).
 
 use crate::error::{Error, Result};
 use crate::statistics::midpoint_median;
 use nalgebra::{Matrix2, Vector2};
 
-/// Least measurements: two parameters and one degree of freedom for the residuals.
+/// Fewest measurements: two parameters and one degree of freedom for the residuals.
 const LEAST: usize = 3;
 
-/// Tukey's constant: 95 % of the efficiency of least squares where all errors are normal.
+/// Tukey's constant: 95 % of the efficiency of least squares if all errors are normal.
 const BIWEIGHT: f64 = 4.685;
 
 /// Limit of iterations; the fit converges after about ten.
@@ -24,7 +24,7 @@ const STEPS: usize = 50;
 /// Standard deviation of disparities that are rounded to whole pixels: `1/√12`.
 const DISPARITY_PX: f64 = 0.29;
 
-/// Standard deviation of a distance that is measured with a rule.
+/// Standard deviation of a distance measured with a ruler.
 const DISTANCE_CM: f64 = 0.5;
 
 /// Floor of the scale of both deviations: a few measurements may agree by chance.
@@ -44,8 +44,8 @@ impl PinholeFit {
     /// The robust least-squares line through `(distance_cm, disparity_px)` pairs.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for fewer than three pairs, two equal distances alone, numbers that are
-    /// not finite, distances that are not positive, and disparities that do not grow as the target
+    /// [`Error::Invalid`] for fewer than three pairs, a single distance, numbers that are not
+    /// finite, distances that are not positive, and disparities that do not grow as the target
     /// comes nearer.
     pub fn fit(pairs: &[(f64, f64)]) -> Result<Self> {
         if pairs
@@ -100,7 +100,7 @@ impl PinholeFit {
             .iter()
             .map(|row| row.weight * row.residual(&line).powi(2))
             .sum();
-        // Whole disparities are no better known than that, however well they fit.
+        // Whole disparities are known no better than that, however well they fit.
         let best = if pairs.iter().all(|(_, px)| px.fract() == 0.0) {
             1.0
         } else {
@@ -143,7 +143,7 @@ impl PinholeFit {
         self.b_px
     }
 
-    /// Of `a` and `b`.
+    /// Standard deviations of `a` and `b`.
     pub fn standard_deviations(&self) -> (f64, f64) {
         (
             self.covariance[(0, 0)].sqrt(),
@@ -161,7 +161,7 @@ impl PinholeFit {
         &self.weights
     }
 
-    /// Distance in centimetres; none at or beyond infinity.
+    /// Distance in centimetres; `None` at or beyond infinity.
     pub fn distance_cm(&self, disparity_px: f64) -> Option<f64> {
         let shift = disparity_px + self.b_px;
         (shift > 0.0).then(|| self.a_cm_px / shift)
@@ -172,8 +172,8 @@ impl PinholeFit {
         self.a_cm_px / distance_cm - self.b_px
     }
 
-    /// Standard deviation of the distance that one measured disparity gives, relative to it: of `a`
-    /// and `b`, and of the measurement. Nothing at or beyond infinity.
+    /// Standard deviation of the distance from one measured disparity, relative to the distance,
+    /// from those of `a` and `b` and of the measurement. `None` at or beyond infinity.
     pub fn relative_deviation(&self, disparity_px: f64) -> Option<f64> {
         let shift = disparity_px + self.b_px;
         let gradient = Vector2::new(1.0 / self.a_cm_px, -1.0 / shift);
@@ -182,14 +182,14 @@ impl PinholeFit {
         (shift > 0.0).then(|| variance.max(0.0).sqrt())
     }
 
-    /// The farthest distance that is known to a share of itself in 95 of 100 cases; nothing when no
-    /// distance is.
+    /// The farthest distance that is known to within the fraction `share` in 95 of 100 cases;
+    /// `None` if no distance is.
     ///
     /// The variance of a distance is quadratic in the distance, so there is one.
     pub fn farthest_cm(&self, share: f64) -> Option<f64> {
         let [aa, ab, bb] = [(0, 0), (0, 1), (1, 1)].map(|at| self.covariance[at]);
         let a = self.a_cm_px;
-        // Of Z: (aa − 2 ab Z + (bb + noise²) Z²) / a² = (share / 2)².
+        // Variance of Z: (aa − 2 ab Z + (bb + noise²) Z²) / a² = (share / 2)².
         let (square, linear) = (bb + self.noise_px.powi(2), -2.0 * ab);
         let constant = aa - (0.5 * share * a).powi(2);
         let root = linear * linear - 4.0 * square * constant;
@@ -207,7 +207,7 @@ fn biweight(u: f64) -> f64 {
     }
 }
 
-/// One measurement as a line of the equations, in units of its own standard deviation.
+/// One measurement as a row of the equations, in units of its own standard deviation.
 struct Row {
     x: Vector2<f64>,
     y: f64,
@@ -229,8 +229,8 @@ impl Row {
     }
 }
 
-/// `a` and `b` of the median slope of all two measurements, and the median intercept; nothing where
-/// all distances are one.
+/// `a` and `b` of the median slope over all pairs of measurements, and the median intercept; `None`
+/// if all distances are equal.
 fn median_line(pairs: &[(f64, f64)]) -> Option<Vector2<f64>> {
     let points: Vec<(f64, f64)> = pairs.iter().map(|&(cm, px)| (1.0 / cm, px)).collect();
     let slope = |(i, p): (usize, &(f64, f64))| {
@@ -298,14 +298,14 @@ mod tests {
             let (of_a, of_b) = fit.standard_deviations();
             inside[0] += usize::from((fit.a_cm_px() - 1300.0).abs() < 2.0 * of_a);
             inside[1] += usize::from((fit.b_px() - 1.0).abs() < 2.0 * of_b);
-            // A new measurement at 2 m, beyond all that were fitted.
+            // A new measurement at 2 m, beyond all fitted ones.
             let measured =
                 1300.0 / 200.0 - 1.0 + 0.3 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
             let told = fit.distance_cm(measured).unwrap();
             let deviation = fit.relative_deviation(measured).unwrap();
             inside[2] += usize::from((told / 200.0 - 1.0).abs() < 2.0 * deviation);
         }
-        // Two deviations hold 95 %; the biweight and so few measurements leave a little less.
+        // Two deviations contain 95 %; the biweight and the few measurements lower that a little.
         assert!(inside.iter().all(|n| (340..=396).contains(n)), "{inside:?}");
     }
 

@@ -1,26 +1,24 @@
-//! Points in space as disparities of the left image: a z-buffer, without the points that nearer
-//! ones hide.
+//! Points in space as disparities of the left image: a z-buffer that removes occluded points.
 
 use crate::stereo::{Plane, Rig};
 use nalgebra::Point3;
 
-/// A point is nearer than another when its depth is less by this share: half of what a cell's
-/// distance may be off.
+/// Least fraction by which a nearer point's depth is less: half of a cell's distance tolerance.
 const NEARER: f32 = 0.1;
-/// Largest radius in which a point is looked for that hides another, pixels.
+/// Largest radius of the search for points that occlude another, pixels.
 const MAX_RADIUS: usize = 16;
 
 /// The disparities of `points`, metres in the rectified left camera's frame (x right, y down, z
-/// forward), as the left image of `size` shows them: `+∞` where there is none. Of several points
-/// in one pixel the nearest counts, of one surface the one nearest to its centre.
+/// forward), as seen in the left image of `size`: `+∞` in pixels without a point. If several points
+/// fall into one pixel, the nearest wins; on one surface, the one nearest to the pixel's centre.
 ///
-/// Another sensor sees between the points of a near surface what the camera does not see behind
-/// it. So a point is dropped as hidden when points that are nearer by a tenth surround it within
-/// the points' spacing and a half: when no line through it has all of them on one side. That is
-/// the screen-space visibility of Pintus, Gobbetti and Agus (Real-time rendering of massive
-/// unstructured raw point clouds using screen-space operators, VAST 2011) with that test in
-/// place of their solid angle. A floor, a slanted wall and what stands beside an edge have nearer
-/// neighbours on one side alone and stay.
+/// Between the points of a near surface, another sensor sees points behind it that the camera does
+/// not. So a point is dropped as occluded if points that are nearer by a tenth surround it within
+/// one and a half times the points' spacing: if no line through it has all of them on one side.
+/// That is the screen-space visibility of Pintus, Gobbetti and Agus (Real-time rendering of massive
+/// unstructured raw point clouds using screen-space operators, VAST 2011) with that test instead of
+/// their solid angle. A floor, a slanted wall and points next to an edge have nearer neighbours on
+/// only one side and are kept.
 pub fn project(
     points: impl IntoIterator<Item = Point3<f64>>,
     rig: &Rig,
@@ -30,7 +28,7 @@ pub fn project(
     let mut nearest = Plane::filled(size.0, size.1, f32::INFINITY).expect("the size of an image");
     let (focal, (cx, cy)) = (rig.focal_px(), rig.center_px());
     let doffs = rig.doffs_px() as f32;
-    // How far from the pixel's centre its point is, squared.
+    // Squared distance of each pixel's point from the pixel's centre.
     let mut off_center = Plane::filled(size.0, size.1, f32::INFINITY).expect("as above");
     for point in points {
         // False for NaN too.
@@ -52,7 +50,7 @@ pub fn project(
         let known = nearest.get(x, y);
         let wins = match known.is_finite() {
             false => true,
-            // Of one surface the point in the middle: the nearest would be that of its near rim.
+            // On one surface the central point: the nearest one would belong to its near rim.
             true if is_nearer(disparity, known, doffs) => true,
             true => !is_nearer(known, disparity, doffs) && off < off_center.get(x, y),
         };
@@ -64,7 +62,7 @@ pub fn project(
     without_hidden(&nearest, doffs)
 }
 
-/// Whether the first disparity is of a point that is nearer by a tenth.
+/// True if the first disparity belongs to a point that is nearer by a tenth.
 fn is_nearer(disparity: f32, other: f32, doffs: f32) -> bool {
     // Inverse depths: f·B/z is d + doffs.
     (disparity + doffs) * (1.0 - NEARER) > other + doffs
@@ -100,7 +98,7 @@ fn without_hidden(nearest: &Plane<f32>, doffs: f32) -> Plane<f32> {
     seen
 }
 
-/// The directions between two of less than half a turn, or those all around.
+/// The directions between two that span less than half a turn, or all directions.
 #[derive(Default)]
 struct Fan {
     ends: Option<[(i32, i32); 2]>,
@@ -117,7 +115,7 @@ impl Fan {
         let (from_first, from_last) = (cross(*first, direction), cross(*last, direction));
         let is_ahead = first.0 * direction.0 + first.1 * direction.1 > 0;
         match (from_first, from_last) {
-            // Of a fan that is one direction, the same and not its opposite.
+            // If the fan is a single direction: the same direction, not its opposite.
             (0, 0) => self.is_round |= !is_ahead,
             (0.., ..=0) => {}
             (1.., 1..) => *last = direction,
@@ -127,7 +125,7 @@ impl Fan {
     }
 }
 
-/// One and a half times the mean spacing of the samples in the area that they cover.
+/// One and a half times the mean spacing of the samples over the area they cover.
 fn radius(samples: &[(usize, usize, f32)]) -> usize {
     let range = |of: fn(&(usize, usize, f32)) -> usize| {
         let (least, most) = samples
@@ -149,7 +147,7 @@ mod tests {
         Rig::new(100.0, (20.0, 15.0), 0.1, 0.0).unwrap()
     }
 
-    /// The point that pixel (x, y) sees at that depth.
+    /// The point viewed by pixel (x, y) at that depth.
     fn at(x: usize, y: usize, z: f64) -> Point3<f64> {
         Point3::new(
             (x as f64 - 20.0) * z / 100.0,
@@ -197,7 +195,7 @@ mod tests {
                 (true, false) => f32::INFINITY,
                 (false, _) => (10.0f64 / 3.0) as f32,
             };
-            // At the board's edge a point has the board on one side alone.
+            // At the board's edge a point has the board on only one side.
             let is_edge = x.abs_diff(10) < 2 || x.abs_diff(30) < 2;
             assert!(is_edge || seen.get(x, y) == expected, "({x}, {y})");
         }

@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --example stop_for_obstacles`
 //!
-//! A made-up camera stands in for a real one: a textured wall that comes nearer by 0.2 m a pair.
+//! A simulated camera replaces a real one: a textured wall approaches by 0.2 m per pair.
 
 use svl_core::depth::{self, GridSettings};
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
@@ -19,7 +19,7 @@ fn pair(rig: &Rig, distance_m: f64) -> svl_core::Result<StereoPair> {
         let mixed = (x as u32).wrapping_mul(0x9E37_79B9) ^ (y as u32).wrapping_mul(0x85EB_CA6B);
         (mixed.wrapping_mul(0xC2B2_AE35) >> 24) as u8
     };
-    // What the left camera sees at x, the right one sees at x - disparity.
+    // The left pixel x corresponds to the right pixel x - disparity.
     let left = Gray::from_fn(SIZE.0, SIZE.1, texture)?;
     let right = Gray::from_fn(SIZE.0, SIZE.1, |x, y| texture(x + disparity, y))?;
     StereoPair::new(left, right)
@@ -27,7 +27,7 @@ fn pair(rig: &Rig, distance_m: f64) -> svl_core::Result<StereoPair> {
 
 fn main() -> svl_core::Result<()> {
     // Focal length and principal point in pixels, baseline in metres, offset of the principal
-    // points in pixels. A calibration file has them: package svl-calibrate.
+    // points in pixels. Package svl-calibrate reads them from a calibration file.
     let rig = Rig::new(328.0, (160.0, 120.0), 0.044, 0.0)?;
     let mut matcher = "v3:max_disparity=64".parse::<Algorithm>()?.build()?;
     let mut output = MatchOutput::new()?;

@@ -1,9 +1,9 @@
-//! Functions of floats by additions, multiplications and divisions alone: the system's own give
-//! other last digits on other machines.
+//! Float functions by additions, multiplications and divisions alone: the system's own differ in
+//! the last digits from machine to machine.
 
 use std::f32::consts::{LN_2, SQRT_2};
 
-/// `e^x`, relative error below 3e-7; `x` is taken into -80..=80.
+/// `e^x`, relative error below 3e-7; `x` is clamped to -80..=80.
 fn exp(x: f32) -> f32 {
     let x = x.clamp(-80.0, 80.0);
     let power = (x / LN_2).round();
@@ -31,7 +31,7 @@ pub(super) fn ln_1p(x: f32) -> f32 {
     let bits = (1.0 + x).to_bits();
     let exponent = (bits >> 23) as i32 - 127;
     let mantissa = f32::from_bits((bits & 0x007F_FFFF) | 0x3F80_0000);
-    // Into sqrt(1/2) .. sqrt(2), where the series is short.
+    // Reduced to sqrt(1/2) .. sqrt(2), where the series is short.
     let high = mantissa > SQRT_2;
     let mantissa = if high { 0.5 * mantissa } else { mantissa };
     let exponent = exponent + i32::from(high);

@@ -1,13 +1,13 @@
-//! Filters of the depth grid (thesis, chapter 8): small neural networks that look at the amplitude
+//! Filters of the depth grid (thesis, chapter 8): small neural networks applied to the amplitude
 //! spectrum of windows of the left image. [`FILTERS`] is their table.
 //!
-//! *Floor* (section 8.2): the ground is no obstacle. Disparities in cells that show it are dropped
-//! with [`crate::stereo::Reason::Floor`]. *Too close* (section 8.1): what is nearer than the range
-//! of disparities cannot be matched. Cells that show it are
+//! *Floor* (section 8.2): the ground is not an obstacle. Disparities in cells that show it are
+//! dropped with [`crate::stereo::Reason::Floor`]. *Too close* (section 8.1): anything nearer than
+//! the range of disparities cannot be matched. Cells that show it are
 //! [`crate::stereo::CellState::TooClose`].
 //!
-//! Departures from the thesis: windows lie where the cells are; the outputs are probabilities; the
-//! networks are trained on standardized features, which is part of their weights.
+//! Departures from the thesis: windows follow the cells; the outputs are probabilities; the
+//! networks are trained on standardized features, and the standardization is part of their weights.
 
 mod math;
 mod model;
@@ -25,7 +25,7 @@ pub use window::FilterWindows;
 
 use crate::error::{Error, Result, did_you_mean};
 
-/// What a filter detects.
+/// Object of a filter's detection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum FilterKind {
     /// A cell that shows the floor.
@@ -38,19 +38,19 @@ pub enum FilterKind {
 #[derive(Debug)]
 pub struct FilterSpec {
     pub kind: FilterKind,
-    /// In files, labels and on the command line.
+    /// Name in files, labels and on the command line.
     pub name: &'static str,
     pub summary: &'static str,
-    /// What windows are labelled as: what it detects, and all else.
+    /// Labels of its windows: the detected category, and everything else.
     pub categories: [&'static str; 2],
-    /// What a network is trained on where the user does not say.
+    /// Features of a network unless the user chooses others.
     pub features: Features,
-    /// How many false rejections a false acceptance is worth, where its threshold is chosen: an
-    /// obstacle that is taken for floor is worse than floor that is taken for an obstacle.
+    /// Number of false rejections that weigh as much as one false acceptance in the choice of its
+    /// threshold: taking an obstacle for floor is worse than the reverse.
     pub acceptance_cost: f64,
     /// Weight of the L2 penalty of its training.
     pub decay: f32,
-    /// Hidden neurons where the user does not say: the thesis's.
+    /// Hidden neurons unless the user chooses a number: those of the thesis.
     pub hidden: usize,
 }
 
@@ -98,7 +98,7 @@ impl FilterKind {
     }
 }
 
-/// An algorithm's label without the filters behind it: `v3` of `v3+floor`.
+/// An algorithm's label without its filters: `v3` of `v3+floor`.
 pub fn without_filters(label: &str) -> &str {
     let is_filter = |name| FILTERS.iter().any(|spec| spec.name == name);
     match label.rsplit_once('+') {

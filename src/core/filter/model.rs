@@ -1,4 +1,4 @@
-//! The file of a trained filter: safetensors with what it detects, its features and its figures.
+//! The file of a trained filter: safetensors with its kind, features and figures.
 
 use super::{Features, FilterKind, Network, Scaling};
 use crate::error::{Error, Result};
@@ -14,16 +14,16 @@ pub struct FilterModel {
     pub kind: FilterKind,
     pub features: Features,
     pub network: Network,
-    /// Of *too close*: disparities from this on are out of range, pixels.
+    /// For *too close*: disparities from this on are out of range, pixels.
     pub range_px: Option<f64>,
-    /// What its maker says of it: version, data, figures.
+    /// Facts reported by its author: version, data, figures.
     pub facts: ModelFacts,
 }
 
 /// Names and texts.
 pub type ModelFacts = BTreeMap<String, String>;
 
-/// Largest file that is read, bytes.
+/// Largest file accepted, bytes.
 const MAX_BYTES: u64 = 256 << 20;
 
 /// Largest side of a window.
@@ -40,7 +40,7 @@ impl FilterModel {
     /// Reads a file that `svl train filter` wrote.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] with what is wrong with it.
+    /// [`Error::Io`]; [`Error::Format`] with the fault.
     pub fn read(path: &Path) -> Result<Self> {
         let file = std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
         let mut bytes = Vec::new();
@@ -53,10 +53,11 @@ impl FilterModel {
         Self::from_bytes(&bytes).map_err(|reason| Error::format(path, reason))
     }
 
-    /// Reads the bytes of such a file.
+    /// Parses the bytes of such a file.
     ///
     /// # Errors
-    /// What is wrong with them.
+    ///
+    /// The fault in them.
     pub fn from_bytes(bytes: &[u8]) -> std::result::Result<Self, String> {
         let damaged = |e| format!("is no safetensors file, or damaged: {e}");
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(damaged)?;
@@ -127,7 +128,7 @@ impl FilterModel {
         })
     }
 
-    /// The bytes of its file; the same for the same model.
+    /// The bytes of its file; identical for identical models.
     pub fn to_bytes(&self) -> Vec<u8> {
         use serde_json::{Value, json};
 
@@ -161,7 +162,7 @@ impl FilterModel {
             (OUTPUT_WEIGHT, vec![1, hidden], out_weights.to_vec()),
             (OUTPUT_BIAS, vec![1], vec![out_bias]),
         ];
-        // Written here, as the crate orders metadata by chance: equal models are equal files.
+        // Written here, as the crate orders metadata randomly: equal models are equal files.
         let (mut header, mut data) = (serde_json::Map::new(), Vec::new());
         header.insert("__metadata__".into(), json!(said));
         for (name, shape, values) in tensors {
@@ -177,7 +178,7 @@ impl FilterModel {
         [&length[..], &header, &data].concat()
     }
 
-    /// Hash of what it decides by.
+    /// Hash of everything that determines its decisions.
     pub fn hash(&self) -> u128 {
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
         let Features {

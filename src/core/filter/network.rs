@@ -8,14 +8,14 @@ use crate::kernel::{self, Isa, LANES};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
     inputs: usize,
-    /// A row per hidden neuron, with zeros behind the inputs.
+    /// A row per hidden neuron, padded with zeros after the inputs.
     weights: Vec<f32>,
     bias: Vec<f32>,
     out_weights: Vec<f32>,
     out_bias: f32,
 }
 
-/// Most hidden neurons, so that a file cannot ask for any amount of memory.
+/// Most hidden neurons, so that a file cannot demand unlimited memory.
 const MAX_HIDDEN: usize = 10_000;
 
 impl Network {
@@ -23,7 +23,7 @@ impl Network {
     /// of the output.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for other numbers of weights, and for what is not finite.
+    /// [`Error::Invalid`] for a wrong number of weights, and for values that are not finite.
     pub fn new(
         inputs: usize,
         weights: &[f32],
@@ -85,8 +85,8 @@ impl Network {
         (&self.out_weights, self.out_bias)
     }
 
-    /// The log odds of each row of `inputs`, whose rows have [`LANES`] times a whole number of
-    /// values. `hidden` is scratch memory.
+    /// The log odds of each row of `inputs`, whose length is a multiple of [`LANES`]. `hidden` is
+    /// scratch memory.
     pub fn scores(&self, isa: Isa, inputs: &[f32], hidden: &mut Vec<f32>, out: &mut [f32]) {
         let stride = self.inputs.next_multiple_of(LANES);
         hidden.resize(out.len() * self.hidden(), 0.0);

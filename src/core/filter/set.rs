@@ -1,4 +1,4 @@
-//! The filters of a run: what they see in a left image, and what becomes of disparities and cells.
+//! The filters of a run: their detections in a left image, applied to disparities and cells.
 
 use super::{FilterKind, FilterModel, FilterWindows, Spectrum};
 use crate::error::{Error, Result};
@@ -34,11 +34,12 @@ impl CellFilter {
         }
     }
 
-    /// In which cells of the left image it sees what it detects, in raster order. Allocates nothing
-    /// after the first image of a size.
+    /// The cells of the left image in which it detects its object, in raster order. Allocates
+    /// nothing after the first image of a size.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for images that are smaller than its window.
+    ///
+    /// [`Error::Invalid`] for images smaller than its window.
     pub fn look(&mut self, left: &Gray, shape: GridShape) -> Result<&[bool]> {
         let features = self.model.features;
         let size = left.size();
@@ -78,7 +79,7 @@ pub struct Filters {
 
 impl Filters {
     /// # Errors
-    /// [`Error::Usage`] for two of a kind.
+    /// [`Error::Usage`] for two of the same kind.
     pub fn new(models: &[Arc<FilterModel>], isa: Isa) -> Result<Self> {
         let only = |kind: FilterKind| {
             let mut of_kind = models.iter().filter(|model| model.kind == kind);
@@ -94,9 +95,10 @@ impl Filters {
         })
     }
 
-    /// Looks at a left image; what it sees is applied to the estimates of that image.
+    /// Runs the filters on a left image; the detections are applied to the estimates of that image.
     ///
     /// # Errors
+    ///
     /// As [`CellFilter::look`].
     pub fn look(&mut self, left: &Gray, shape: GridShape) -> Result<()> {
         let filters = [&mut self.floor, &mut self.too_close];
@@ -104,7 +106,7 @@ impl Filters {
         filters.try_for_each(|filter| filter.look(left, shape).map(drop))
     }
 
-    /// Drops the disparities of the floor.
+    /// Removes the disparities of the floor.
     pub fn drop_floor(&self, map: &mut DisparityMap, shape: GridShape) {
         let Some(floor) = &self.floor else {
             return;
@@ -122,8 +124,9 @@ impl Filters {
         }
     }
 
-    /// Makes cells of the floor unknown, which an algorithm answered itself, and marks what is too
-    /// close: such a cell has the disparity where the range ends, or what it knew to be nearer.
+    /// Marks floor cells as unknown, if an algorithm computed the grid itself, and marks cells that
+    /// are too close: such a cell reports the disparity at the end of the range, or its own nearer
+    /// one.
     pub fn mark_cells(&self, grid: &mut DepthGrid, rig: Option<&Rig>) {
         let floor = self.floor.as_ref().map(|floor| &floor.seen);
         for (cell, _) in grid
@@ -132,7 +135,7 @@ impl Filters {
             .filter(|(_, seen)| **seen)
         {
             cell.depth = None;
-            // It was of the report that is dropped.
+            // It belonged to the removed report.
             cell.probability = None;
         }
         let Some(too_close) = &self.too_close else {
@@ -153,7 +156,7 @@ impl Filters {
             if cell.depth.is_none_or(|known| known.median_px < range_px) {
                 cell.depth = Some(depth);
                 cell.too_close = true;
-                // It was of the report that this replaces.
+                // It belonged to the replaced report.
                 cell.probability = None;
             }
         }
@@ -167,7 +170,7 @@ mod tests {
     use crate::depth::{self, GridSettings};
     use std::collections::BTreeMap;
 
-    /// A filter that sees what it detects in windows whose mean grey value exceeds 100.
+    /// A filter that detects windows whose mean grey value exceeds 100.
     fn bright(kind: FilterKind, window: usize) -> Arc<FilterModel> {
         let features = Features {
             window,
@@ -220,7 +223,7 @@ mod tests {
         let mut grid = depth::grid(map.disparity(), settings, None);
         let row = [true, true, true, false, false];
         assert_eq!(known(&grid), [row, row, row].concat());
-        // So is what an algorithm answered itself.
+        // The same holds for an algorithm's own grid.
         let (left, map) = scene();
         grid = depth::grid(map.disparity(), settings, None);
         grid.cells_mut()
@@ -235,7 +238,7 @@ mod tests {
         let rig = Rig::new(300.0, (50.0, 30.0), 0.1, 0.0).unwrap();
         let mut grid = depth::grid(map.disparity(), settings, Some(&rig));
         filters.mark_cells(&mut grid, Some(&rig));
-        // The right window stands for the columns 50 to 90.
+        // The right window covers the columns 50 to 90.
         let close: Vec<_> = grid
             .iter()
             .take(5)

@@ -1,4 +1,4 @@
-//! Amplitude spectrum of a square window: what the networks look at (thesis, section 8.1).
+//! Amplitude spectrum of a square window: the input of the networks (thesis, section 8.1).
 
 use super::math;
 use crate::kernel;
@@ -8,17 +8,17 @@ use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 use std::sync::Arc;
 
-/// What a network is trained on.
+/// Features of a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Features {
     /// Side of the square window, pixels; even.
     pub window: usize,
     pub scaling: Scaling,
-    /// Whether the mean grey value is one of them; else it is 0.
+    /// True if the mean grey value is one of them; else it is 0.
     pub mean: bool,
 }
 
-/// How amplitudes are scaled, of grey values 0..=255 and a window of side N.
+/// Scaling of amplitudes, for grey values 0..=255 and a window of side N.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scaling {
     /// Amplitude / N².
@@ -43,13 +43,13 @@ impl Scaling {
 }
 
 impl Features {
-    /// How many there are: the first N²/2 + 1 amplitudes of the full spectrum, row by row. With a
-    /// window of 128 that is 8193, of 64 it is 2049, the thesis's numbers.
+    /// Number of features: the first N²/2 + 1 amplitudes of the full spectrum, row by row. A window
+    /// of 128 has 8193, one of 64 has 2049, as in the thesis.
     pub fn count(&self) -> usize {
         self.window * self.window / 2 + 1
     }
 
-    /// Their number with the zeros behind them that make it a multiple of [`kernel::LANES`].
+    /// Number of features with zeros appended up to a multiple of [`kernel::LANES`].
     pub fn stride(&self) -> usize {
         self.count().next_multiple_of(kernel::LANES)
     }
@@ -68,7 +68,7 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
-    /// For windows of that side, which is even.
+    /// For windows of that side, which must be even.
     pub fn new(side: usize) -> Self {
         let of_columns = RealFftPlanner::new().plan_fft_forward(side);
         let of_rows = FftPlanner::new().plan_fft_forward(side);
@@ -87,8 +87,8 @@ impl Spectrum {
         }
     }
 
-    /// The amplitudes of the window of `image` from (x, y) on: of the N x N values of the transform
-    /// by rows of vertical frequencies, the first N²/2 + 1. The window has to lie in the image.
+    /// The amplitudes of the window of `image` from (x, y) on: the first N²/2 + 1 of the N x N
+    /// values of the transform, by rows of vertical frequencies. The window must lie in the image.
     pub fn amplitudes(&mut self, image: &Gray, [x, y]: [usize; 2], out: &mut [f32]) {
         let n = self.side;
         for column in 0..n {
@@ -97,7 +97,7 @@ impl Spectrum {
             }
             let (input, output) = (&mut self.column, &mut self.column_spectrum);
             let scratch = &mut self.scratch[..self.of_columns.get_scratch_len()];
-            // Fails for other lengths only.
+            // Fails only for other lengths.
             let done = self.of_columns.process_with_scratch(input, output, scratch);
             done.expect("lengths as planned");
             for (row, value) in output.iter().enumerate() {
@@ -110,12 +110,12 @@ impl Spectrum {
         for (out, value) in out.iter_mut().zip(&*upper) {
             *out = (value.re * value.re + value.im * value.im).sqrt();
         }
-        // Of the row N/2 only its mean.
+        // Only the mean of row N/2.
         let sum: Complex<f32> = middle.iter().sum();
         out[n / 2 * n] = (sum.re * sum.re + sum.im * sum.im).sqrt();
     }
 
-    /// The features of a window, and zeros up to their stride.
+    /// The features of a window, padded with zeros up to their stride.
     pub fn features(&mut self, features: Features, image: &Gray, at: [usize; 2], out: &mut [f32]) {
         let count = features.count();
         self.amplitudes(image, at, out);

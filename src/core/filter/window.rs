@@ -1,33 +1,33 @@
-//! Where a filter looks: windows of the image, and the cells of the grid that each stands for.
+//! Windows of a filter: their positions in the image, and the cells of the grid that each covers.
 //!
-//! Other sizes of the image scale the windows' places, not their size.
+//! Other image sizes scale the positions of the windows, not their size.
 
 use super::FilterKind;
 use crate::error::{Error, Result};
 use crate::stereo::GridShape;
 
-/// The windows of a filter in images of a size, and the cells they stand for.
+/// The windows of a filter in images of one size, and the cells that they cover.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FilterWindows {
     /// Left upper corners.
     corners: Vec<[usize; 2]>,
-    /// Per cell of the grid, in raster order, the windows of which one suffices.
+    /// Per cell of the grid, in raster order, its windows; a detection in any of them suffices.
     of_cells: Vec<Vec<usize>>,
 }
 
-/// The strips of the image's width, in tenths, that the two windows of *too close* stand for.
+/// The strips of the image's width, in tenths, that the two windows of *too close* cover.
 const STRIPS: [[usize; 2]; 2] = [[1, 5], [5, 9]];
 
 impl FilterWindows {
-    /// *Floor*: one window centred in each cell, moved into the image, that stands for its cell.
+    /// *Floor*: one window per cell, centred in it and shifted into the image.
     ///
     /// *Too close*: two windows at half height, left and right of the middle (at 320 x 240 from the
-    /// columns 32 and 160 and the row 56 on). Each stands for a strip of four tenths of the width,
-    /// of full height: what is so near and stands on the floor is higher than the image. A cell is
-    /// too close when a window is whose strip covers at least half of the cell.
+    /// columns 32 and 160 and the row 56 on). Each covers a strip of four tenths of the width, of
+    /// full height: an object that near on the floor is taller than the image. A cell is too close
+    /// if a window is whose strip covers at least half of the cell.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for images that are smaller than a window of that `side`.
+    /// [`Error::Invalid`] for images smaller than a window of that `side`.
     pub fn new(
         kind: FilterKind,
         side: usize,
@@ -40,7 +40,7 @@ impl FilterWindows {
                  {side}x{side}"
             )));
         }
-        // Twice the middles, which need not be whole.
+        // Twice the centres, which need not be whole.
         let corner = |middle: [usize; 2]| {
             let corner =
                 |middle: usize, length: usize| (middle.saturating_sub(side) / 2).min(length - side);
@@ -77,7 +77,7 @@ impl FilterWindows {
         &self.corners
     }
 
-    /// Per cell of the grid, in raster order, the windows of which one suffices.
+    /// Per cell of the grid, in raster order, its windows; a detection in any of them suffices.
     pub fn of_cells(&self) -> &[Vec<usize>] {
         &self.of_cells
     }
@@ -94,7 +94,7 @@ mod tests {
         let corners: Vec<_> = windows.corners().iter().step_by(6).collect();
         assert_eq!(corners, [&[0, 8], &[64, 88], &[128, 168]]);
         assert_eq!(windows.of_cells()[7], [7]);
-        // Clamped where a cell is narrower than a window.
+        // Clamped if a cell is narrower than a window.
         let narrow = FilterWindows::new(FilterKind::Floor, 64, (100, 70), shape).unwrap();
         assert_eq!(narrow.corners()[0], [0, 0]);
         assert_eq!(narrow.corners()[14], [36, 6]);

@@ -1,4 +1,4 @@
-//! Vertical misalignment of pairs, measured from the images alone.
+//! Vertical misalignment of pairs, measured from images alone.
 
 use super::epipolar::EpipolarGeometry;
 use super::features::{PointMatch, matches};
@@ -14,8 +14,7 @@ pub struct AlignmentMeter {
     pairs: usize,
 }
 
-/// Vertical misalignment: Δy of matched points, positive where the point is lower in the right
-/// image.
+/// Vertical misalignment: Δy of matched points, positive if the point is lower in the right image.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Alignment {
     /// Number of pairs measured.
@@ -30,7 +29,7 @@ pub struct Alignment {
     pub median_px: f64,
     /// The simplest model that explains the misalignment.
     pub misfit: Misfit,
-    /// Median of Δy in 3 x 3 parts of the left image, row by row; `None` where too few points were
+    /// Median of Δy in 3 x 3 parts of the left image, row by row; `None` if too few points were
     /// matched.
     pub parts_px: [[Option<f64>; 3]; 3],
 }
@@ -45,7 +44,7 @@ pub enum Misfit {
     /// right one relative to the left).
     #[serde(rename = "turn")]
     Rotation { degrees: f64, scale: f64 },
-    /// More than that: lens distortion, or converging cameras.
+    /// Anything else: lens distortion, or converging cameras.
     #[serde(rename = "bent")]
     Distortion,
 }
@@ -54,7 +53,7 @@ impl Alignment {
     /// A larger misalignment costs matchers more than a few matches.
     pub const TOLERABLE_PX: f64 = 0.5;
 
-    /// Whether the misalignment is too large for matchers.
+    /// True if the misalignment is too large for matchers.
     pub fn is_off(&self) -> bool {
         self.median_abs_px > Self::TOLERABLE_PX
     }
@@ -66,7 +65,7 @@ const TOLERANCE_PX: f64 = 2.0;
 /// Fewest matches for a result: in all, and in a part of the image.
 const LEAST: usize = 40;
 const LEAST_OF_PART: usize = 8;
-/// Disparities that are negative by less may be of points far away.
+/// Negative disparities of smaller magnitude may belong to points far away.
 const BEYOND_PX: f64 = 1.0;
 /// Iterations of the robust plane fit.
 const STEPS: usize = 10;
@@ -97,8 +96,8 @@ impl AlignmentMeter {
         &self.matches
     }
 
-    /// Share of the matched points that are farther right in the right image: nearly none of a
-    /// rectified pair, nearly all where left and right are exchanged. `None` with too few matches.
+    /// Fraction of the matched points that are farther right in the right image: nearly 0 for a
+    /// rectified pair, nearly 1 if left and right are swapped. `None` with too few matches.
     pub fn beyond_infinity(&self) -> Option<f64> {
         let is_beyond = |m: &&PointMatch| m.left.x - m.right.x < -BEYOND_PX;
         let beyond = self.matches.iter().filter(is_beyond).count();
@@ -186,7 +185,7 @@ mod tests {
     use super::*;
     use crate::stereo::Gray;
 
-    /// A textured pair whose right image lies lower by so many rows, more so to the right.
+    /// A textured pair whose right image is lower by that many rows, and more so to the right.
     fn pair(lower: f64, turned: f64) -> StereoPair {
         let blob = |x: f64, y: f64| {
             let wave = |a: f64, b: f64, c: f64| (a * x + b * y + c).sin();

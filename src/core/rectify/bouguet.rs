@@ -8,16 +8,16 @@ use crate::stereo::{Rectification, Rig, StereoCalibration};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
 /// Computes the rectification of `calibration`: each camera is rotated by half of the rotation
-/// between them, then both alike so that their rows run along the baseline. Points at infinity have
-/// disparity 0.
+/// between them, then both equally, so that their rows are parallel to the baseline. Points at
+/// infinity have disparity 0.
 ///
 /// The rotations are OpenCV's. Focal length and centre are not: OpenCV centres the images on their
 /// undistorted corners and zooms until the tightest side is valid; here the centre is the middle of
-/// the valid rectangle, so that at `alpha` 0 more of the images is kept.
+/// the valid rectangle, so that more of the images is kept at `alpha` 0.
 ///
 /// # Errors
-/// [`Error::Rig`] for images of two sizes, and cameras that are not side by side or have no common
-/// field of view; [`Error::Invalid`] and [`Error::Dimensions`] for an invalid framing.
+/// [`Error::Rig`] for images of different sizes, and for cameras that are not side by side or have
+/// no common field of view; [`Error::Invalid`] and [`Error::Dimensions`] for an invalid framing.
 pub fn bouguet(calibration: &StereoCalibration, framing: &Framing) -> Result<Rectification> {
     let (left, right) = (calibration.left(), calibration.right());
     if left.size() != right.size() {

@@ -1,7 +1,7 @@
 //! Epipolar geometry of two images from point matches: the fundamental matrix.
 //!
 //! Normalized eight-point algorithm (Hartley, In defense of the eight-point algorithm, 1997) in
-//! RANSAC (Fischler & Bolles 1981) with a fixed seed, so that results repeat.
+//! RANSAC (Fischler & Bolles 1981) with a fixed seed, so that results are reproducible.
 
 use super::features::PointMatch;
 use nalgebra::{Matrix3, SMatrix, SVD, SymmetricEigen, Vector3};
@@ -15,16 +15,16 @@ pub struct EpipolarGeometry {
     pub inliers: Vec<PointMatch>,
 }
 
-/// Most samples drawn.
+/// Largest number of samples.
 const SAMPLES: usize = 500;
-/// Fewest inliers that are more than chance.
+/// Fewest inliers that cannot be chance.
 const LEAST: usize = 16;
 /// Probability of having drawn a sample without outliers at which sampling stops.
 const CERTAINTY: f64 = 0.999;
 
 impl EpipolarGeometry {
     /// The geometry with the most inliers, whose Sampson distance is below `tolerance_px`; `None`
-    /// when fewer than 16, or less than half of all matches, are inliers.
+    /// if fewer than 16, or less than half of all matches, are inliers.
     pub fn estimate(matches: &[PointMatch], tolerance_px: f64) -> Option<Self> {
         if matches.len() < LEAST {
             return None;
@@ -57,7 +57,7 @@ impl EpipolarGeometry {
                 let share = count as f64 / matches.len() as f64;
                 let needed =
                     (1.0 - CERTAINTY).ln() / (1.0 - share.powi(8)).max(f64::MIN_POSITIVE).ln();
-                // Fewer samples are needed the more inliers there are (Fischler & Bolles).
+                // The more inliers, the fewer samples are needed (Fischler & Bolles).
                 samples = SAMPLES.min(needed.ceil().max(1.0) as usize);
             }
         }
@@ -76,8 +76,8 @@ impl EpipolarGeometry {
     }
 }
 
-/// Sampson distance: that of a match from the nearest one that satisfies `f`, to first order
-/// (Hartley & Zisserman, Multiple View Geometry, section 11.4.3).
+/// Sampson distance: the distance of a match from the nearest one that satisfies `f`, to first
+/// order (Hartley & Zisserman, Multiple View Geometry, section 11.4.3).
 fn sampson_px(f: &Matrix3<f64>, PointMatch { left, right }: &PointMatch) -> f64 {
     let (left, right) = (left.to_homogeneous(), right.to_homogeneous());
     let (there, back) = (f * left, f.transpose() * right);
@@ -110,7 +110,7 @@ fn fundamental(matches: &[PointMatch]) -> Option<Matrix3<f64>> {
     (norm.is_finite() && norm > 0.0).then(|| f / norm)
 }
 
-/// The similarity that moves the points' mean to the origin and scales their mean distance to √2.
+/// The similarity that moves the centroid to the origin and scales the mean distance from it to √2.
 fn normalisation(points: impl Iterator<Item = Vector3<f64>> + Clone) -> Option<Matrix3<f64>> {
     let count = points.clone().count() as f64;
     let mean = points.clone().sum::<Vector3<f64>>() / count;
@@ -148,7 +148,7 @@ mod tests {
     use super::*;
     use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion};
 
-    /// Points before two cameras, seen with so much noise, and as many that agree with nothing.
+    /// Points in front of two cameras, with that noise, and as many outliers.
     fn seen(count: usize, noise_px: f64, outliers: usize) -> (Vec<PointMatch>, Vec<PointMatch>) {
         let mut random = Random(7);
         let mut even = |from: f64, to: f64| {

@@ -1,4 +1,5 @@
-//! Size, focal length and centre of rectified images: how much of the cameras' images they show.
+//! Size, focal length and centre of rectified images: the part of the cameras' images that they
+//! show.
 
 use super::rotated_camera::RotatedCamera;
 use crate::error::{Error, Result};
@@ -25,8 +26,8 @@ pub(super) struct Pinhole {
 
 impl Framing {
     /// # Errors
-    /// [`Error::Invalid`] for an `alpha` outside 0 ..= 1; [`Error::Dimensions`]; [`Error::Rig`]
-    /// where no rectangle is seen by both cameras.
+    /// [`Error::Invalid`] for an `alpha` outside 0 ..= 1; [`Error::Dimensions`]; [`Error::Rig`] if
+    /// no rectangle is seen by both cameras.
     pub(super) fn pinhole(&self, views: &[RotatedCamera; 2]) -> Result<Pinhole> {
         if !(0.0..=1.0).contains(&self.alpha) {
             return Err(Error::Invalid(format!(

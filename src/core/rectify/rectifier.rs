@@ -23,12 +23,13 @@ pub struct Rectifier {
 }
 
 impl Rectifier {
-    /// By the rectification of a calibration, or that of [`bouguet`] with the default framing where
-    /// it has none.
+    /// From the rectification of a calibration, or from [`bouguet`] with the default framing if it
+    /// has none.
     ///
     /// # Errors
-    /// Those of [`bouguet`], and [`Error::Invalid`] when `SVL_ISA` names an instruction set that
-    /// this CPU does not have.
+    ///
+    /// Those of [`bouguet`], and [`Error::Invalid`] if `SVL_ISA` names an instruction set that this
+    /// CPU lacks.
     pub fn new(calibration: &StereoCalibration) -> Result<Self> {
         let rectification = match calibration.rectification() {
             Some(own) => own.clone(),
@@ -58,9 +59,10 @@ impl Rectifier {
         })
     }
 
-    /// By homographies, for raw images of `size`. There is no rig.
+    /// From homographies, for raw images of `size`. There is no rig.
     ///
     /// # Errors
+    ///
     /// [`Error::Invalid`] for singular homographies, and as [`Rectifier::new`].
     pub fn uncalibrated(homographies: &Homographies, size: (usize, usize)) -> Result<Self> {
         let remap = |homography: &Matrix3<f64>| {
@@ -93,7 +95,7 @@ impl Rectifier {
         Self { isa, ..self }
     }
 
-    /// The rig of the rectified pairs; `None` where lengths are unknown.
+    /// The rig of the rectified pairs; `None` if lengths are unknown.
     pub fn rig(&self) -> Option<&Rig> {
         self.rig.as_ref()
     }
@@ -109,7 +111,7 @@ impl Rectifier {
         self.left.size()
     }
 
-    /// Share of the rectified pixels outside the cameras' images, 0..=1.
+    /// Fraction of the rectified pixels outside the cameras' images, 0..=1.
     pub fn outside(&self) -> f64 {
         let (width, height) = self.size();
         (self.left.outside() + self.right.outside()) as f64 / (2 * width * height) as f64
@@ -134,7 +136,7 @@ impl Rectifier {
         // `Gray::filled` above makes contiguous rows.
         let outs = [left, right].map(|out| out.as_mut_slice().expect("gapless"));
         let threads = rayon::current_num_threads();
-        // With one thread a band is the whole image: splitting it would only cost.
+        // With one thread a band is the whole image: splitting would only add cost.
         let rows = if threads == 1 {
             height
         } else {
@@ -225,7 +227,7 @@ mod tests {
         .unwrap()
     }
 
-    /// Smooth pictures of points far away in which every place has its own grey: what a camera sees
+    /// Smooth images of distant points in which every position has its own grey: the camera's view
     /// is known exactly.
     fn pair(calibration: &StereoCalibration) -> StereoPair {
         let grey =
@@ -336,7 +338,7 @@ mod tests {
         let of = |own| Rectifier::new(&calibration.clone().with_rectification(own)).unwrap();
         let (plain, apart) = (of(plain), of(apart));
         assert_eq!(apart.rig().unwrap().doffs_px(), 4.0);
-        // The right image lies 4 pixels further right, the left one where it was.
+        // The right image is shifted 4 pixels further right, the left one is unchanged.
         let pair = pair(&calibration);
         let [left, other_left] =
             [&plain, &apart].map(|r| r.left.apply(Isa::BASELINE, pair.left()).unwrap());

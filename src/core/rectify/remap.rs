@@ -6,12 +6,12 @@ use crate::stereo::{Gray, MAX_SIDE};
 use nalgebra::Point2;
 use std::ops::Range;
 
-/// The source position of each pixel, in 1/256 of a pixel; bilinear interpolation in integers, so
-/// the bytes are the same on every instruction set and any number of threads.
+/// The source position of each pixel, in 1/256 of a pixel. Bilinear interpolation is in integers,
+/// so the bytes are the same on every instruction set and any number of threads.
 ///
 /// Pixels from outside the source (more than half a pixel beyond the centres of its outermost
 /// pixels) are 0. Black has no texture, so texture checks reject it; replicated border pixels would
-/// have some, and be matched.
+/// have texture, and be matched.
 #[derive(Clone, Debug)]
 pub struct Remap {
     source: (usize, usize),
@@ -30,8 +30,8 @@ impl Remap {
     /// size `source`, or from outside (`None`).
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a source of less than 2x2 pixels; [`Error::Dimensions`] for sizes
-    /// that no image may have.
+    /// [`Error::Invalid`] for a source of less than 2x2 pixels; [`Error::Dimensions`] for invalid
+    /// image sizes.
     pub fn new(
         source: (usize, usize),
         size: (usize, usize),
@@ -160,7 +160,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// What a pixel is, said once more and as plainly as can be.
+    /// Value of a pixel by the definition, written as plainly as possible.
     fn oracle(image: &Gray, at: Point2<f64>) -> u8 {
         let (width, height) = image.size();
         if !(-0.5..width as f64 - 0.5).contains(&at.x)

@@ -32,7 +32,7 @@ impl RotatedCamera {
         onto_plane(self.rotation * seen.push(1.0))
     }
 
-    /// The pixel of a direction; `None` behind the camera, and where the distortion is undefined.
+    /// The pixel of a direction; `None` behind the camera, or if the distortion is undefined.
     pub(super) fn pixel(&self, direction: Vector2<f64>) -> Option<Point2<f64>> {
         let seen = onto_plane(self.rotation.inverse() * direction.push(1.0))?;
         (seen.norm_squared() < self.fold_r2).then(|| self.camera.pixel(seen))

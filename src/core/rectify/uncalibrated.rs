@@ -1,10 +1,10 @@
 //! Rectification without a calibration, from matches alone (Fusiello & Irsara, Quasi-Euclidean
 //! epipolar rectification of uncalibrated images, 2011).
 //!
-//! Both cameras are modelled as pinholes of one focal length and rotated so that the rows of all
-//! matches agree. The homographies are those of rotated cameras, which shear little; those that
-//! send the epipole to infinity in one step (Hartley 1999) shear much. Departures: the cost is the
-//! vertical misalignment instead of the Sampson error, and where the matches do not determine the
+//! Both cameras are modelled as pinholes of one focal length and rotated so that all matches lie on
+//! equal rows. The homographies are those of rotated cameras, with little shear; those that send
+//! the epipole to infinity in one step (Hartley 1999) have much. Departures: the cost is the
+//! vertical misalignment instead of the Sampson error, and if the matches do not determine the
 //! parameters, priors prefer small rotations and a typical focal length.
 
 use super::features::PointMatch;
@@ -27,7 +27,7 @@ pub struct Homographies {
 /// length relative to [`typical_focal_px`].
 type Guess = SVector<f64, 6>;
 
-/// Standard deviations of the priors: rotations of some degrees, focal lengths within a factor of
+/// Standard deviations of the priors: rotations of a few degrees, focal lengths within a factor of
 /// e^0.4; then that of a row.
 const PRIOR: [f64; 6] = [0.1, 0.1, 0.1, 0.1, 0.1, 0.4];
 const NOISE_PX: f64 = 0.5;
@@ -115,7 +115,7 @@ fn focal_px(guess: &Guess, size: (usize, usize)) -> f64 {
 
 fn rotations(guess: &Guess) -> [Rotation3<f64>; 2] {
     [
-        // A common rotation about x moves all rows alike, so the left camera's is fixed to 0.
+        // A common rotation about x moves all rows equally, so the left camera's is fixed to 0.
         Rotation3::from_euler_angles(0.0, guess[0], guess[1]),
         Rotation3::from_euler_angles(guess[2], guess[3], guess[4]),
     ]
@@ -178,8 +178,8 @@ fn slopes(guess: &Guess, matches: &[PointMatch], size: (usize, usize)) -> Vec<Gu
     slopes
 }
 
-/// Large misalignments, from distortion and wrong matches, count little (Cauchy loss); the priors
-/// count in full.
+/// Large misalignments, from distortion and wrong matches, have little weight (Cauchy loss); the
+/// priors have full weight.
 fn cost(residuals: &[f64], matches: usize) -> f64 {
     let (misalignments, priors) = residuals.split_at(matches);
     misalignments
@@ -234,7 +234,7 @@ mod tests {
             assert!((l.y - r.y).abs() < 0.05, "{l} {r}");
         }
         for h in [left, right] {
-            // The sides of a square around the middle stay at right angles and equal.
+            // The sides of a square around the centre stay perpendicular and equal.
             let at = |x, y| onto(&h, Point2::new(319.5 + x, 239.5 + y));
             let (across, down) = (
                 at(50.0, 0.0) - at(-50.0, 0.0),

@@ -4,22 +4,22 @@
 
 use std::iter::Sum;
 
-/// Counts over couples of observations (x, y). Those of several strata add up, so that only couples
+/// Counts over pairs of observations (x, y). Counts of several strata add up, so that only pairs
 /// within a stratum count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Concordance {
-    /// Couples ordered alike by x and y, minus those ordered oppositely.
+    /// Pairs ordered alike by x and y, minus those ordered oppositely.
     net: i64,
-    /// Couples that differ in x, and in y.
+    /// Pairs that differ in x, and in y.
     differ: [i64; 2],
 }
 
 impl Concordance {
-    /// Of the observations of one stratum, which are sorted by it.
+    /// Counts of the observations of one stratum, which are sorted in place.
     pub fn of(observations: &mut [(f64, f64)]) -> Self {
         observations.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let couples = |n: usize| (n * n.saturating_sub(1) / 2) as i64;
-        // Of equal neighbours, couple by couple: each with those before it.
+        // Among equal neighbours, pair by pair: each with those before it.
         let tied = |equal: fn(&(f64, f64), &(f64, f64)) -> bool| {
             let groups = observations.chunk_by(equal);
             groups.map(|group| couples(group.len())).sum::<i64>()
@@ -42,13 +42,13 @@ impl Concordance {
         }
     }
 
-    /// −1 to 1; nothing where no couple differs in x or none in y.
+    /// −1 to 1; `None` if no pair differs in x or none in y.
     pub fn tau_b(&self) -> Option<f64> {
         let whole = self.differ.map(|n| n as f64).iter().product::<f64>();
         (whole > 0.0).then(|| self.net as f64 / whole.sqrt())
     }
 
-    /// Couples that differ in both or one of the two.
+    /// Pairs that differ in x, y or both.
     pub fn couples(&self) -> i64 {
         self.differ[0].max(self.differ[1])
     }

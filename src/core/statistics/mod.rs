@@ -1,42 +1,40 @@
-//! Medians and quantiles. On few values the conventions differ, so each function's name says its
-//! own. Rank correlation.
+//! Medians and quantiles, and rank correlation. On few values the conventions differ, so each
+//! function's name states its own.
 
 mod kendall;
 
 pub use kendall::Concordance;
 
 /// The value of the nearest rank, `sorted[⌈n·share⌉ − 1]`: the smallest of the ascending values
-/// that at least `share` of them do not exceed. `None` without values.
+/// that is not less than the fraction `share` of them. `None` without values.
 pub fn nearest_rank<T: Copy>(sorted: &[T], share: f64) -> Option<T> {
     let rank = (share * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.max(1) - 1).or(sorted.last()).copied()
 }
 
-/// `sorted[⌊n·share⌋]`, the value above the nearest rank where `n·share` is whole. `None` without
+/// `sorted[⌊n·share⌋]`, the value above the nearest rank if `n·share` is whole. `None` without
 /// values.
 pub fn upper_rank<T: Copy>(sorted: &[T], share: f64) -> Option<T> {
     let index = (share * sorted.len() as f64) as usize;
     sorted.get(index).or(sorted.last()).copied()
 }
 
-/// The median by nearest rank: of an even number of values the lower of the two in the middle.
-/// `None` without values.
+/// The median by nearest rank: the lower of the two middle values for an even number. `None`
+/// without values.
 pub fn lower_median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<_> = values.into_iter().collect();
     let index = values.len().checked_sub(1)? / 2;
     Some(*values.select_nth_unstable_by(index, f64::total_cmp).1)
 }
 
-/// The median; of an even number of values the upper of the two in the middle. `None` without
-/// values.
+/// The median; the upper of the two middle values for an even number. `None` without values.
 pub fn upper_median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<_> = values.into_iter().collect();
     let index = values.len() / 2;
     (index < values.len()).then(|| *values.select_nth_unstable_by(index, f64::total_cmp).1)
 }
 
-/// The median; of an even number of values the mean of the two in the middle. `None` without
-/// values.
+/// The median; the mean of the two middle values for an even number. `None` without values.
 pub fn midpoint_median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let values: Vec<_> = values.into_iter().collect();
     Some(0.5 * (lower_median(values.iter().copied())? + upper_median(values)?))

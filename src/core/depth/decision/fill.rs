@@ -1,8 +1,8 @@
-//! Gaps between seen disparities, filled as hidden surfaces are: they belong to the farther one.
+//! Gaps between seen disparities, filled like occluded surfaces: they belong to the farther one.
 
 /// Fills the gaps of a row between the `bins` of pixels that are `seen`, 0 or 1: by the mean of
-/// both ends, by the smaller of two that differ by more than `jump`, at the row's ends by the only
-/// one. Leaves a row without any seen pixel as it is.
+/// both ends; by the smaller of two that differ by more than `jump`; at the row's ends by the only
+/// one. A row without any seen pixel is left unchanged.
 pub fn fill_row(bins: &[i16], seen: &[u8], jump: i32, filled: &mut [i16]) {
     let mut before: Option<(usize, i16)> = None;
     for (x, (&bin, _)) in bins
@@ -25,8 +25,8 @@ pub fn fill_row(bins: &[i16], seen: &[u8], jump: i32, filled: &mut [i16]) {
     }
 }
 
-/// Copies to each row of `filled` without any seen pixel the nearest row that has some, of two the
-/// upper one. Returns whether there is any.
+/// Copies to each row of `filled` without any seen pixel the nearest row that has some; if two are
+/// equally near, the upper one. Returns true if there is such a row.
 pub fn fill_empty_rows(seen: &[u8], width: usize, filled: &mut [i16]) -> bool {
     let height = seen.len() / width;
     let has_any = |y: usize| seen[y * width..][..width].contains(&1);

@@ -7,19 +7,19 @@ use super::{
 use crate::depth::GridSettings;
 use crate::stereo::{Cell, CellRule, DepthGrid, Gray, Plane, Rig};
 
-/// The disparities of a map in bins, its gaps filled.
+/// The disparities of a map in bins, gaps filled.
 pub struct FilledMap {
     pub width: usize,
-    /// Of no meaning where no pixel was seen.
+    /// Meaningless if no pixel was seen.
     pub bins: Vec<i16>,
     /// 1 for pixels that have a disparity of their own, else 0.
     pub seen: Vec<u8>,
-    /// Whether any pixel was seen.
+    /// True if any pixel was seen.
     pub sees: bool,
 }
 
 impl FilledMap {
-    /// Fills a map; `jump` as [`super::SafeChoice`] has it. Disparities below 0 become 0.
+    /// Fills a map; `jump` as in [`super::SafeChoice`]. Disparities below 0 become 0.
     pub fn new(disparity: &Plane<f32>, jump: i32) -> Self {
         let (width, height) = disparity.size();
         let bin = |px: f32| match px.is_finite() {
@@ -44,11 +44,11 @@ impl FilledMap {
     }
 }
 
-/// The grid of a disparity map whose cells are known where they are safe to report: gaps are
-/// filled, and a cell reports the disparity that stays right by `rule` whatever its uncertain
-/// pixels are (docs/v5.md, with the settings of `v5:revision=1` and its table for medians).
+/// The grid of a disparity map whose cells are known if they are safe to report: gaps are filled,
+/// and a cell reports a disparity that is right by `rule` whatever the disparities of its uncertain
+/// pixels (docs/v5.md, with the settings of `v5:revision=1` and its table for medians).
 ///
-/// As a map has no matching costs, they count as low. Disparities of 0 and below are never
+/// A map has no matching costs, so they count as low. Disparities of 0 and below are never
 /// reported. `left` is the left image, of the map's size.
 pub fn safe_grid(
     disparity: &Plane<f32>,
@@ -98,7 +98,7 @@ pub fn safe_grid(
         decision.cell(&pixels, &evidence, settings.min_valid, rig)
     };
     let cells = settings.shape().iter().map(cell).collect();
-    // One cell was made per place.
+    // There is one cell per element of the shape.
     DepthGrid::new(settings.shape(), cells).expect("a grid has at least one cell")
 }
 
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn cells_of_one_surface_are_known_and_those_of_two_are_not() {
-        // The left cell lies on one surface, seen by half of its pixels; the right one on two.
+        // The left cell shows one surface, seen by half of its pixels; the right one shows two.
         let scene = |x: usize, y: usize| match x {
             0..20 if (x + y).is_multiple_of(2) => 10.0,
             0..20 => f32::INFINITY,
@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn hidden_pixels_belong_to_the_farther_surface() {
-        // Two fifths are near, and what is not seen beside them is far.
+        // Two fifths are near, and the unseen pixels next to them are far.
         let scene = |x: usize, _: usize| match x % 20 {
             0..6 => 30.0,
             6..13 => f32::INFINITY,

@@ -1,8 +1,9 @@
-//! The safe choice: what may be said of a cell of the depth grid, and how probably it is right.
+//! The safe choice: the disparity to report for a cell of the depth grid, and the probability that
+//! it is right.
 //!
-//! A cell's verdict depends on a percentile of its true disparities. Of all disparities that could
+//! A cell's score depends on a percentile of its true disparities. Among all disparities that could
 //! be reported, the one is chosen whose tolerance interval leaves the least of the cell on either
-//! side. What was measured on the way becomes a probability by a table of steps.
+//! side. The evidence gathered on the way becomes a probability by a table of steps.
 //!
 //! Disparities are in bins of 1/8 pixel.
 
@@ -21,35 +22,35 @@ use crate::stereo::{Cell, CellDepth, CellEvidence, Rig};
 /// Bins per pixel of disparity.
 pub const BINS_PER_PX: i32 = 8;
 
-/// How cells are decided.
+/// Rule that decides on cells.
 #[derive(Clone, Debug)]
 pub struct Decision {
-    /// The percentile of the cell's disparities that is reported, 1..=99: 50 is the median, 75 the
-    /// nearest quarter.
+    /// The percentile of the cell's disparities to report, 1..=99: 50 is the median, 75 the nearest
+    /// quarter.
     pub rank: i64,
-    /// Of nearly equal disparities, by so many thousandths of the cell, the one nearest to that
-    /// percentile is reported.
+    /// Disparities whose safety differs by at most this, thousandths of the cell, count as equal:
+    /// the one nearest to that percentile is reported.
     pub slack: i64,
-    /// Least score of a cell that is known, thousandths of the log odds.
+    /// Least score of a known cell, thousandths of the log odds.
     pub least_score: i64,
     pub table: VerdictTable,
 }
 
-/// How cells are made of a disparity map: how its gaps are filled, and the decision.
+/// Computation of cells from a disparity map: the filling of gaps, and the decision.
 #[derive(Clone, Debug)]
 pub struct SafeChoice {
     pub decision: Decision,
-    /// Ends of a gap whose disparities differ by more are of two surfaces, bins.
+    /// Ends of a gap whose disparities differ by more belong to two surfaces, bins.
     pub jump: i32,
-    /// Part of the tolerance that is kept for the matcher's own error, pixels.
+    /// Part of the tolerance reserved for the matcher's own error, pixels.
     pub allowance_px: f64,
 }
 
-/// The pixels of a cell, gathered.
+/// The pixels of a cell, collected.
 #[derive(Clone, Debug)]
 pub struct CellPixels {
-    /// Per bin the pixels in it, then those in lower bins: all in the lower half of the bits, those
-    /// that were seen in the upper.
+    /// Per bin the pixels in it, later those in lower bins: all pixels in the lower half of the
+    /// bits, seen pixels in the upper.
     counts: Vec<u64>,
     pixels: i64,
     /// Sums over the pixels: matching costs, and steps of grey level to the left neighbour in
@@ -69,17 +70,16 @@ impl CellPixels {
         }
     }
 
-    /// Forgets all pixels.
+    /// Removes all pixels.
     pub fn clear(&mut self) {
         self.counts.fill(0);
         (self.pixels, self.cost, self.texture) = (0, 0, 0);
     }
 
-    /// Adds pixels of a row: their bins, whether each was seen, and the sums of their costs and
-    /// steps.
+    /// Adds pixels of a row: their bins, their seen flags, and the sums of their costs and steps.
     pub fn add(&mut self, bins: &[i16], seen: &[u8], cost: i64, texture: i64) {
         for (&bin, &seen) in bins.iter().zip(seen) {
-            // Counted a place higher, so that sums of all before are counts of lower bins.
+            // Counted one index higher, so that prefix sums are counts of lower bins.
             self.counts[bin as usize + 1] += 1 + (u64::from(seen) << 32);
         }
         self.pixels += bins.len() as i64;
@@ -87,7 +87,7 @@ impl CellPixels {
         self.texture += texture;
     }
 
-    /// Makes counts of lower bins of the counts of bins.
+    /// Turns counts per bin into counts of lower bins.
     fn accumulate(&mut self) {
         let mut below = 0;
         for count in &mut self.counts {
@@ -96,17 +96,17 @@ impl CellPixels {
         }
     }
 
-    /// How many pixels have lower bins.
+    /// Number of pixels in lower bins.
     fn all(&self, bin: usize) -> i64 {
         i64::from(self.counts[bin] as u32)
     }
 
-    /// How many of these were seen.
+    /// Number of seen pixels in lower bins.
     fn seen(&self, bin: usize) -> i64 {
         (self.counts[bin] >> 32) as i64
     }
 
-    /// The first bin that at least `percent` of the pixels do not exceed.
+    /// The first bin that is at least the disparity of `percent` of the pixels.
     fn percentile(&self, percent: i64) -> i64 {
         let reached = |&count: &u64| 100 * i64::from(count as u32) >= percent * self.pixels;
         self.counts[1..].partition_point(|count| !reached(count)) as i64
@@ -114,14 +114,14 @@ impl CellPixels {
 }
 
 impl Decision {
-    /// Decides on the pixels, at least one, which are of no use afterwards.
+    /// Decides on the pixels, at least one, which are consumed.
     pub fn evidence(&self, cell: &mut CellPixels, tolerance: &Tolerance) -> CellEvidence {
         cell.accumulate();
         let pixels = cell.pixels;
         let bins = tolerance.bins();
         let all = |bin| cell.all(bin);
         let seen = |bin| cell.seen(bin);
-        // How much of the cell may be uncertain on the side where there is less room.
+        // Fraction of the cell that may be uncertain, on the side with less room.
         let safe = |v: usize| {
             let [l, r] = tolerance.within(v);
             let near = (100 - self.rank) * pixels - 100 * (pixels - all(r));
@@ -155,7 +155,7 @@ impl Decision {
         }
     }
 
-    /// The cell as a grid has it. `min_valid` is the least share of pixels that were seen.
+    /// The cell of a grid. `min_valid` is the least fraction of seen pixels.
     pub fn cell(
         &self,
         pixels: &CellPixels,

@@ -1,23 +1,23 @@
-//! For which true disparities a reported one is right.
+//! True disparities for which a reported one is right.
 
 use super::BINS_PER_PX;
 use crate::stereo::{CellRule, Rig};
 
-/// Per bin that could be reported, the bins of true disparities for which that is right.
+/// For each bin that could be reported, the bins of true disparities for which it is right.
 #[derive(Clone, Debug)]
 pub struct Tolerance {
-    /// First and last bin, not limited to those that there are.
+    /// First and last bin, not limited to existing bins.
     ends: Vec<[i32; 2]>,
-    /// First bin and the one behind the last, limited.
+    /// First bin and one past the last, limited.
     within: Vec<[u32; 2]>,
 }
 
-/// Distances beyond which nothing is told apart are reported as this disparity, pixels.
+/// Distances beyond the resolution are reported as this disparity, pixels.
 const MOST_PX: f64 = 10_000.0;
 
 impl Tolerance {
-    /// Of a rule, narrowed on both sides by `allowance_px`, for `bins` bins. Without a rig
-    /// distances are judged as [`CellRule::for_rig`] says.
+    /// From a rule, narrowed on both sides by `allowance_px`, for `bins` bins. Without a rig the
+    /// rule is that of [`CellRule::for_rig`].
     pub fn new(rule: CellRule, rig: Option<&Rig>, allowance_px: f64, bins: usize) -> Self {
         let ends = |v: i32| match (rule.for_rig(rig.is_some()), rig) {
             (
@@ -36,7 +36,7 @@ impl Tolerance {
             (CellRule::Disparity { tolerance_px }, _) => {
                 by_disparity(v, tolerance_px, allowance_px)
             }
-            // `for_rig` leaves no rule of distances without a rig.
+            // `for_rig` returns no distance rule without a rig.
             (CellRule::Distance { .. }, None) => [v, v],
         };
         let ends: Vec<_> = (0..bins as i32).map(ends).collect();
@@ -48,22 +48,22 @@ impl Tolerance {
         Self { ends, within }
     }
 
-    /// How many bins there are.
+    /// Number of bins.
     pub fn bins(&self) -> usize {
         self.ends.len()
     }
 
-    /// The first bin for which `bin` is right, and the one behind the last.
+    /// The first bin for which `bin` is right, and one past the last.
     pub(super) fn within(&self, bin: usize) -> [usize; 2] {
         self.within[bin].map(|end| end as usize)
     }
 
-    /// The first and the last bin for which `bin` is right, those beyond the range with them.
+    /// The first and the last bin for which `bin` is right, including those beyond the range.
     pub fn ends(&self, bin: usize) -> [i32; 2] {
         self.ends[bin]
     }
 
-    /// For how many bins `bin` is right, those beyond the range with them.
+    /// Number of bins for which `bin` is right, including those beyond the range.
     pub(super) fn span(&self, bin: usize) -> i64 {
         let [first, last] = self.ends[bin].map(i64::from);
         last - first + 1

@@ -1,24 +1,24 @@
-//! What is measured of a cell as log odds that its report is right.
+//! Log odds that a cell's report is right, from the evidence on the cell.
 
 use crate::stereo::CellEvidence;
 use std::borrow::Cow;
 
-/// A number of a cell.
+/// One piece of evidence on a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feature {
-    /// Share of the cell that may be on the wrong side before the report is wrong, ‰.
+    /// Fraction of the cell that may be on the wrong side before the report is wrong, ‰.
     Margin,
-    /// Share of pixels that were seen and agree with the report, ‰.
+    /// Fraction of pixels that were seen and agree with the report, ‰.
     Support,
-    /// Share of pixels that were seen, ‰.
+    /// Fraction of pixels that were seen, ‰.
     Seen,
-    /// How far the report is from the percentile, in tolerances, ‰.
+    /// Distance of the report from the percentile, in tolerances, ‰.
     Shift,
     /// Mean matching cost, hundredths.
     Cost,
     /// Mean difference of left neighbours, hundredths of a grey level.
     Texture,
-    /// For how many bins of true disparities the report is right.
+    /// Number of bins of true disparities for which the report is right.
     Span,
 }
 
@@ -56,7 +56,7 @@ impl Feature {
     ];
 }
 
-/// Greatest number of a table's file.
+/// Greatest number in a table's file.
 const MAX_VALUE: u64 = 1_000_000_000;
 
 #[derive(serde::Deserialize)]
@@ -87,10 +87,10 @@ impl TableFile {
 /// that it exceeds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VerdictTable {
-    /// The percentile of a cell's disparities that it is for.
+    /// The percentile of a cell's disparities for which it is fitted.
     pub rank: i64,
     pub base: i64,
-    /// By feature: above which value, what score.
+    /// By feature: pairs of a value and the score above it.
     pub steps: [Cow<'static, [(i64, i64)]>; Feature::ALL.len()],
 }
 
@@ -159,7 +159,7 @@ impl VerdictTable {
         ],
     };
 
-    /// For the median of a cell, revision 2 (docs/v5.md: made by `svl train cells`).
+    /// For the median of a cell, revision 2 (docs/v5.md: fitted by `svl train cells`).
     pub const MEDIAN_2: Self = Self {
         rank: 50,
         base: 2561,
@@ -234,11 +234,11 @@ impl VerdictTable {
         ],
     };
 
-    /// Reads the table of a file: TOML with `rank`, `base`, and under `[steps]` per feature a list
+    /// Parses the table in a file: TOML with `rank`, `base`, and under `[steps]` per feature a list
     /// of `[above, score]`, which rises.
     ///
     /// # Errors
-    /// What is wrong with the text, in one line.
+    /// The fault in the text, in one line.
     pub fn parse(text: &str) -> Result<Self, String> {
         let file = TableFile::parse(text)?;
         if !(1..=99).contains(&file.rank) {
@@ -273,13 +273,13 @@ impl VerdictTable {
         })
     }
 
-    /// The table as [`VerdictTable::parse`] reads it.
+    /// The table in the form that [`VerdictTable::parse`] reads.
     pub fn to_toml(&self) -> String {
         use std::fmt::Write;
         let mut text = format!("rank = {}\nbase = {}\n\n[steps]\n", self.rank, self.base);
         for (feature, steps) in Feature::ALL.into_iter().zip(&self.steps) {
             let steps: Vec<_> = steps.iter().map(|(a, s)| format!("[{a}, {s}]")).collect();
-            // Writing to a text cannot fail.
+            // Writing to a string cannot fail.
             let _ = writeln!(text, "{} = [{}]", feature.name(), steps.join(", "));
         }
         text

@@ -9,7 +9,7 @@ const REACH: usize = 3;
 pub(super) const MARGIN: usize = 10;
 /// Least RMS gradient in the weaker direction, grey levels per pixel: above camera noise.
 const LEAST: f64 = 3.0;
-/// Corners kept per cell of the image, the strongest.
+/// Corners kept per cell of the image: the strongest.
 const PER_CELL: usize = 2;
 
 /// About `count` corners, spread over the image, as (x, y).
@@ -37,7 +37,7 @@ pub(super) fn corners(image: &Gray, count: usize) -> Vec<(usize, usize)> {
                         continue;
                     }
                     let around = (y - 2..=y + 2).flat_map(|v| (x - 2..=x + 2).map(move |u| (u, v)));
-                    // Of equal neighbours the first in raster order.
+                    // Among equal neighbours the first in raster order.
                     let is_peak = |(u, v): (usize, usize)| {
                         let other = strength(u, v);
                         own > other || own == other && (v, u) >= (y, x)

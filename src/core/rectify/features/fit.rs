@@ -1,4 +1,4 @@
-//! Subpixel refinement of a match: the shift that makes two patches most alike (Lucas & Kanade
+//! Subpixel refinement of a match: the shift that makes two patches most similar (Lucas & Kanade
 //! 1981, inverse compositional).
 
 use crate::stereo::Gray;

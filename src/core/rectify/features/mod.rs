@@ -23,15 +23,15 @@ pub struct PointMatch {
 /// Corners sought per image.
 const CORNERS: usize = 1500;
 /// Least correlation of two patches; and the uniqueness ratio: the best candidate's `1 −
-/// correlation` must be less than this share of the next best one's.
+/// correlation` must be less than this fraction of the next best one's.
 const LEAST: f64 = 0.85;
 const UNIQUENESS: f64 = 0.7;
-/// Largest vertical distance of a match, as a share of the image's height.
+/// Largest vertical distance of a match, as a fraction of the image's height.
 const ROWS: f64 = 0.2;
 /// Matches that move farther than this in the refinement are rejected.
 const NEAR_PX: f64 = 2.0;
 
-/// Matches of a pair, accurate to about a tenth of a pixel; none without texture.
+/// Matches of a pair, accurate to about a tenth of a pixel; empty without texture.
 ///
 /// Each point is the other's best candidate (left-right consistency). Most are right, but not all:
 /// [`super::EpipolarGeometry`] finds the inliers.
@@ -66,7 +66,7 @@ fn described(image: &Gray) -> Vec<Patch> {
 mod tests {
     use super::*;
 
-    /// Blobs of all sizes, as a function of the place.
+    /// Blobs of all sizes, as a function of position.
     fn scene(x: f64, y: f64) -> f64 {
         let wave = |a: f64, b: f64, c: f64| (a * x + b * y + c).sin();
         128.0
@@ -106,7 +106,7 @@ mod tests {
         assert_eq!(matches(&StereoPair::new(flat.clone(), flat).unwrap()), []);
         let tiny = Gray::from_fn(9, 5, |x, y| (x * y) as u8).unwrap();
         assert_eq!(matches(&StereoPair::new(tiny.clone(), tiny).unwrap()), []);
-        // Stripes: along them every place looks the same.
+        // Stripes: all positions along them look the same.
         let stripes = Gray::from_fn(320, 240, |x, _| {
             (128.0 + 100.0 * (x as f64 * 0.4).sin()) as u8
         })

@@ -72,7 +72,7 @@ pub(super) fn candidates(
             .collect();
         let &(best, score) = scores.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
         let at = among[best].at;
-        // Corners within a few pixels show the same point, so they are no rivals.
+        // Corners within a few pixels show the same point, so they do not compete.
         let is_same =
             |i: usize| among[i].at.0.abs_diff(at.0) <= SAME && among[i].at.1.abs_diff(at.1) <= SAME;
         let rival = scores
