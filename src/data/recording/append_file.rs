@@ -1,4 +1,4 @@
-//! An MCAP file of which every prefix of complete chunks is valid: it is only appended to.
+//! An append-only MCAP file: every prefix of complete chunks is valid.
 
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use svl_core::{Error, Result};
 
-/// Chunks close when they grow beyond this: two pairs of 320x240 with truth.
+/// Chunks close once they exceed this: two pairs of 320x240 with truth.
 const CHUNK_BYTES: u64 = 1 << 20;
 
 /// A file to which only complete chunks are appended, without seeking back. Dropping it finishes
@@ -24,7 +24,7 @@ pub(super) struct AppendFile {
     memory: Memory,
     /// Bytes in the file.
     written: u64,
-    /// Whether bytes were written since the last fsync.
+    /// True if bytes were written since the last fsync.
     unsynced: bool,
     open: bool,
 }
@@ -34,7 +34,7 @@ pub(super) type SchemaParts<'a> = (&'a str, &'a str, &'a [u8]);
 
 impl AppendFile {
     /// # Errors
-    /// [`Error::Io`] when the file exists already or cannot be created.
+    /// [`Error::Io`] if the file exists already or cannot be created.
     pub(super) fn create(path: PathBuf, profile: &str, library: &str) -> Result<Self> {
         let file = File::create_new(&path).map_err(|e| match e.kind() {
             io::ErrorKind::AlreadyExists => {
@@ -44,15 +44,15 @@ impl AppendFile {
             }
             _ => Error::io(&path, e),
         })?;
-        // Another svl that is to replace it finds that it is being written. Where files cannot be
-        // locked, there is no such guard.
+        // Another svl that tries to replace the file detects that it is being written. On systems
+        // without file locks there is no such guard.
         let _ = file.try_lock();
         let memory = Memory::default();
         let mcap = WriteOptions::new()
             .profile(profile)
             .library(library)
-            // Of the arena's pairs with truth (539 kB) level 1 makes 390 kB, lz4 465, level 3 378
-            // at half the speed.
+            // Pairs of the arena with truth (539 kB) compress to 390 kB at level 1, 465 with lz4,
+            // and 378 at level 3 at half the speed.
             .compression(Some(Compression::Zstd))
             .compression_level(1)
             // mcap would use all CPUs, which the cameras and matchers need.
@@ -103,11 +103,11 @@ impl AppendFile {
         self.write(|mcap| mcap.write_metadata(metadata))
     }
 
-    /// Closes the chunk and syncs the file (fsync), where anything was written since the last sync.
-    /// A finished file is synced.
+    /// Closes the chunk and syncs the file (fsync), if anything was written since the last sync. A
+    /// finished file is already synced.
     ///
     /// # Errors
-    /// [`Error::Io`], also when the file is gone from its folder.
+    /// [`Error::Io`], also if the file has disappeared from its folder.
     pub(super) fn sync(&mut self) -> Result<()> {
         if !self.open {
             return Ok(());
@@ -136,7 +136,7 @@ impl AppendFile {
         Ok(())
     }
 
-    /// Lets mcap do something, and appends to the file what that wrote.
+    /// Performs an operation of mcap, and appends the bytes it wrote to the file.
     fn write(
         &mut self,
         act: impl FnOnce(&mut mcap::Writer<NoSeek<Memory>>) -> McapResult<()>,
@@ -144,7 +144,7 @@ impl AppendFile {
         self.check_open()?;
         self.unsynced = true;
         act(&mut self.mcap).map_err(|e| refused(&self.path, e))?;
-        // Nothing, until mcap closes a chunk.
+        // Empty until mcap closes a chunk.
         let bytes = self.memory.take();
         self.file.write_all(&bytes).map_err(|e| self.failed(e))?;
         self.written += bytes.len() as u64;
@@ -165,7 +165,7 @@ impl AppendFile {
     /// Closes the file after an error; it keeps its valid prefix.
     fn failed(&mut self, error: io::Error) -> Error {
         self.open = false;
-        // Half a chunk may have been written. Where it cannot be cut off, readers stop before it.
+        // Half a chunk may have been written. If it cannot be cut off, readers stop before it.
         let _ = self.file.set_len(self.written);
         Error::io(&self.path, error)
     }
@@ -177,7 +177,7 @@ impl Drop for AppendFile {
     }
 }
 
-/// The error of mcap, which writes to memory: more topics than a file can have.
+/// The error of mcap, which writes to memory: more topics than a file can contain.
 fn refused(path: &Path, error: McapError) -> Error {
     Error::format(path, error.to_string())
 }

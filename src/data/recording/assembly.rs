@@ -13,10 +13,10 @@ use svl_core::stereo::{
     Frame, Geometry, Gray, Plane, Pose, Rgb, Rig, Side, StereoPair, Surface, Truth, Visibility,
 };
 
-/// Limit of stamps that wait for the rest of their pair. svl's writer needs one.
+/// Limit on stamps that wait for the rest of their pair. svl's writer needs one.
 const WAITING: usize = 16;
 
-/// Makes frames of the messages of svl's own recordings.
+/// Assembles frames from the messages of svl's own recordings.
 #[derive(Default)]
 pub(super) struct PairAssembler {
     /// Messages that wait for the rest of their pair, by side and stamp.
@@ -27,7 +27,7 @@ pub(super) struct PairAssembler {
     unpaired: u64,
 }
 
-/// Messages with one stamp. The right one has image and calibration alone.
+/// Messages with one stamp. The right side has only image and calibration.
 #[derive(Default)]
 struct PairMessages {
     image: Option<Gray>,
@@ -42,7 +42,7 @@ struct PairMessages {
 }
 
 impl PairAssembler {
-    /// The messages with a stamp. Bounded memory: the stamp that waits longest is dropped.
+    /// The messages with a stamp. Memory is bounded: the stamp that has waited longest is dropped.
     fn at(&mut self, side: Side, stamp: u64) -> &mut PairMessages {
         let waiting = &mut self.waiting[side as usize];
         if waiting.len() >= WAITING && !waiting.contains_key(&stamp) {
@@ -61,7 +61,8 @@ impl PairAssembler {
     ) -> Result<(), String> {
         match kind {
             TopicKind::Image(side) => {
-                // Counted before decoding, so that a file of unreadable images is not called empty.
+                // Counted before decoding, so that a file of unreadable images is not reported as
+                // empty.
                 self.images[side as usize] += 1;
                 let image = images::decode_gray(schema, data)?;
                 let replaced = self.at(side, stamp).image.replace(image);
@@ -74,7 +75,7 @@ impl PairAssembler {
                 self.at(side, stamp).calibration =
                     Some(geometry::decode_calibration(schema, data)?);
             }
-            // The calibration has it too; this message is for viewers.
+            // The calibration contains it too; this message is for viewers.
             TopicKind::Baseline => {}
             TopicKind::Pose => {
                 self.at(Side::Left, stamp).pose = Some(geometry::decode_pose(schema, data)?);
@@ -93,7 +94,7 @@ impl PairAssembler {
             }
             TopicKind::Sync => {
                 let sync = StereoSync::decode(schema, data)?;
-                // log_time and the JSON say the same; where they differ, one of them is damaged.
+                // log_time and the JSON are redundant; if they differ, one of them is corrupt.
                 if sync.left_stamp_ns != stamp {
                     return Err(format!("it is of the pair at {} ns", sync.left_stamp_ns));
                 }
@@ -106,8 +107,8 @@ impl PairAssembler {
     /// The pair that the message `kind` at `stamp` completes.
     fn completed(&mut self, kind: TopicKind, stamp: u64) -> Result<Option<Frame>, String> {
         let [lefts, rights] = &mut self.waiting;
-        // The right image has a stamp of its own; only the sync message knows of which left one it
-        // is the partner.
+        // The right image has a stamp of its own; only the sync message names the left stamp that
+        // it belongs to.
         let names = |left: &PairMessages| {
             let sync = left.sync.as_ref();
             sync.is_some_and(|sync| sync.right_stamp_ns == stamp)
@@ -200,14 +201,14 @@ impl PairSource for PairAssembler {
     }
 }
 
-/// The frame of all messages of a pair.
+/// The frame made of all messages of a pair.
 fn frame(left: PairMessages, right: PairMessages) -> Result<Frame, String> {
     let (Some(left_image), Some(right_image), Some(sync)) = (left.image, right.image, left.sync)
     else {
         return Err("an image or its /stereo/sync is missing".to_owned());
     };
     let pair = StereoPair::new(left_image, right_image).map_err(|e| e.to_string())?;
-    // One calibration without the other makes no rig.
+    // One calibration without the other does not make a rig.
     let rig = match (left.calibration, right.calibration) {
         (Some(left), Some(right)) => Some(geometry::rig(&left, &right)?),
         _ => None,
@@ -281,7 +282,7 @@ fn true_disparity(
     rig: Option<&Rig>,
 ) -> Result<Option<Plane<f32>>, String> {
     match (disparity, depth, rig) {
-        // Written where depth could not stand for the truth, so it wins over a depth.
+        // Written if depth could not represent the truth, so it takes precedence over a depth.
         (Some(disparity), _, _) => Ok(Some(truth::from_file(&disparity))),
         (None, Some(depth), Some(rig)) => Ok(Some(truth::disparities(&depth, rig))),
         (None, Some(_), None) => {

@@ -1,4 +1,4 @@
-//! A ROS 2 bag: a folder of MCAP or SQLite files that make one recording.
+//! A ROS 2 bag: a folder of MCAP or SQLite files that form one recording.
 
 use crate::files::read_text;
 use std::path::{Path, PathBuf};
@@ -6,34 +6,35 @@ use svl_calibrate::yaml::{self, YamlNode};
 use svl_core::counted;
 use svl_core::{Error, Result};
 
-/// The file that rosbag2 writes beside the MCAP files when it ends.
+/// The file that rosbag2 writes next to the MCAP files at the end.
 const METADATA: &str = "metadata.yaml";
 /// Top-level key of the metadata.
 const BAG: &str = "rosbag2_bagfile_information";
-/// Limit of its size in bytes: thousands of files and topics.
+/// Limit on its size in bytes: thousands of files and topics.
 const MAX_BYTES: u64 = 1 << 22;
-/// Limit of files listed in a message.
+/// Limit on files listed in a message.
 const LISTED: usize = 5;
-/// Converts a bag that svl does not read to one that it reads.
+/// Command that converts a bag svl cannot read.
 const CONVERT: &str = "`rosbags-convert --src BAG --dst NEW --dst-storage mcap` makes a bag that \
                        svl reads (pip install rosbags)";
 
-/// Whether `path` is the folder of a bag: with its metadata, or with its files and no folders.
+/// True if `path` is the folder of a bag: with its metadata, or with its files and no subfolders.
 pub fn is_bag(path: &Path) -> bool {
     let holds_no_folder = || {
         path.read_dir()
-            // A folder with subfolders is a data set or a project, though MCAP files may lie in it.
+            // A folder with subfolders is a data set or a project, even if it contains MCAP files.
             .is_ok_and(|mut entries| !entries.any(|e| e.is_ok_and(|e| e.path().is_dir())))
     };
     read_text(&path.join(METADATA), MAX_BYTES).is_ok_and(|text| text.contains(BAG))
         || holds_no_folder() && bag_files(path).is_ok_and(|files| !files.is_empty())
 }
 
-/// The files of the recording at `path`, in their order: itself, or those of a ROS 2 bag.
+/// The files of the recording at `path`, in order: the file itself, or those of a ROS 2 bag.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for a folder that is not a bag, or a bag that svl does not
-/// read, with the cure.
+///
+/// [`Error::Io`]; [`Error::Format`] for a folder that is not a bag, or a bag that svl cannot read,
+/// with the remedy.
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);
@@ -65,7 +66,7 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
 /// The only file of the recording at `path`.
 ///
 /// # Errors
-/// As [`files`]; [`Error::Format`] besides for a bag of several, which names them.
+/// As [`files`]; also [`Error::Format`] for a bag of several files, which lists them.
 pub fn only_file(path: &Path) -> Result<PathBuf> {
     match &files(path)?[..] {
         [file] => Ok(file.clone()),
@@ -73,13 +74,13 @@ pub fn only_file(path: &Path) -> Result<PathBuf> {
     }
 }
 
-/// The error where one file is wanted, and `path` is a bag of several.
+/// The error if one file is required, but `path` is a bag of several.
 pub(super) fn several_files(path: &Path, files: &[PathBuf]) -> Error {
     let count = counted(files.len() as u64, "file");
     Error::format(path, format!("is a bag of {count}: {}", name_one(files)))
 }
 
-/// What the file at `path` is that begins with `start`, if not MCAP, and the cure.
+/// Description of a file that begins with `start` and is not MCAP, with the remedy.
 pub(super) fn not_mcap(path: &Path, start: &[u8]) -> String {
     // `#ROSBAG V2.0`
     if start.starts_with(b"#ROSBAG ") {
@@ -97,7 +98,7 @@ pub(super) fn not_mcap(path: &Path, start: &[u8]) -> String {
     "is not an MCAP file, nor a bag of ROS 2 in SQLite; svl reads these (.mcap, .db3)".to_owned()
 }
 
-/// The names of a bag's files by its metadata.
+/// The names of a bag's files, from its metadata.
 fn names(metadata: &Path) -> Result<Vec<String>> {
     let wrong = |reason: String| Error::format(metadata, reason);
     let YamlNode::Table(mut root) = yaml::parse(&read_text(metadata, MAX_BYTES)?).map_err(wrong)?
@@ -109,7 +110,7 @@ fn names(metadata: &Path) -> Result<Vec<String>> {
             "is not that of a ROS 2 bag: it has no {BAG}"
         )));
     };
-    // rosbag2 writes modes in capitals.
+    // rosbag2 writes modes in upper case.
     let text = |key: &str| match bag.get(key) {
         Some(YamlNode::Value(text)) => text.to_lowercase(),
         _ => String::new(),
@@ -131,7 +132,8 @@ fn names(metadata: &Path) -> Result<Vec<String>> {
     let Some(YamlNode::List(paths)) = bag.get("relative_file_paths") else {
         return Err(wrong("has no list of relative_file_paths".to_owned()));
     };
-    // Only the file name: rosbag2 once wrote the folder too, and a bag must not name other folders.
+    // Only the file name: rosbag2 used to write the folder too, and a bag must not refer to other
+    // folders.
     let name = |path: &YamlNode| match path {
         YamlNode::Value(path) => Path::new(path).file_name()?.to_str().map(str::to_owned),
         _ => None,
@@ -142,7 +144,7 @@ fn names(metadata: &Path) -> Result<Vec<String>> {
         .ok_or_else(|| wrong("its relative_file_paths name no files".to_owned()))
 }
 
-/// The MCAP and SQLite files in a folder, by their names.
+/// The MCAP and SQLite files in a folder, sorted by name.
 fn bag_files(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = folder
         .read_dir()
@@ -154,7 +156,7 @@ fn bag_files(folder: &Path) -> Result<Vec<PathBuf>> {
             ending.is_some_and(|ending| ending == "mcap" || ending == "db3")
         })
         .collect();
-    // read_dir has no order of its own.
+    // The order of read_dir is unspecified.
     files.sort_unstable();
     Ok(files)
 }

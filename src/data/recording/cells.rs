@@ -21,21 +21,21 @@ pub struct AlgorithmCells {
     pub cells: Vec<CellReport>,
 }
 
-/// What an algorithm reports of a cell. Distance and probability are rounded to a millionth, so
-/// that they read back exactly.
+/// Report of an algorithm on a cell. Distance and probability are rounded to a millionth, so that
+/// they read back exactly.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CellReport {
     pub column: usize,
-    /// 0 on top.
+    /// 0 is the top row.
     pub row: usize,
     pub state: CellState,
-    /// Of the median disparity, metres; absent where unknown, at infinity, or without a rig.
+    /// Distance of the median disparity, metres; absent if unknown, at infinity, or without a rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_m: Option<f64>,
-    /// Median disparity, pixels; absent where unknown.
+    /// Median disparity, pixels; absent if unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub disparity_px: Option<f32>,
-    /// How probably it is right, 0..=1; absent where the algorithm does not say.
+    /// Probability that it is right, 0..=1; absent if the algorithm does not report it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
 }
@@ -75,8 +75,8 @@ impl AlgorithmCells {
 }
 
 impl Recording {
-    /// The cells of all algorithms, in the order of the recording; none in one that no replay
-    /// wrote, or that of an earlier version.
+    /// The cells of all algorithms, in the order of the recording; empty if no replay wrote it, or
+    /// an earlier version did.
     ///
     /// # Errors
     /// As [`Recording::results`].

@@ -5,20 +5,20 @@ use mcap::records::{Record, op};
 use std::io::Read as _;
 use std::ops::Range;
 
-/// The records of the chunk opened last.
+/// The records of the current chunk.
 pub(super) struct Chunk {
     records: Vec<u8>,
-    /// Where the next record begins.
+    /// Start of the next record.
     next: usize,
     /// The current record without its head.
     body: Range<usize>,
-    /// Whether the chunk has a CRC, which matches.
+    /// True if the chunk has a CRC, which matches.
     has_crc: bool,
     zstd: zstd::bulk::Decompressor<'static>,
 }
 
-/// Size of a chunk's records when decompressed, read from the beginning of its record of `length`
-/// bytes; nothing where that cannot be the beginning of a chunk.
+/// Decompressed size of a chunk's records, read from the start of its record of `length` bytes;
+/// `None` if that cannot be the start of a chunk.
 pub(super) fn chunk_size(record: &[u8], length: u64) -> Option<u64> {
     let name = u32_at(record, 28)? as usize;
     let compression = record.get(32..)?.get(..name)?;
@@ -28,7 +28,7 @@ pub(super) fn chunk_size(record: &[u8], length: u64) -> Option<u64> {
         b"zstd" | b"lz4" => size <= MAX_RECORD,
         _ => false,
     };
-    // A cheap test that most byte patterns which only look like chunks fail.
+    // A cheap test that most byte patterns which merely look like chunks fail.
     let times_are_in_order = u64_at(record, 0)? <= u64_at(record, 8)?;
     (fits && times_are_in_order && body_size(op::CHUNK, record) == Some(length)).then_some(size)
 }
@@ -47,7 +47,7 @@ impl Chunk {
     /// Decompresses and checks the chunk in the body of a record.
     ///
     /// # Errors
-    /// Why it cannot be used; then it has no records.
+    /// The reason why it cannot be used; it then has no records.
     pub(super) fn open(&mut self, record: &[u8]) -> Result<(), String> {
         self.clear();
         let opened = self.decompress(record);
@@ -57,7 +57,7 @@ impl Chunk {
         opened
     }
 
-    /// Skips the records that are left.
+    /// Skips the remaining records.
     pub(super) fn clear(&mut self) {
         self.records.clear();
         (self.next, self.body) = (0, 0..0);
@@ -80,13 +80,13 @@ impl Chunk {
             "" => (&*data).read_to_end(records),
             "zstd" => {
                 records
-                    // The size is unchecked until the CRC matches. Pages that are reserved and not
+                    // The size is untrusted until the CRC matches. Pages that are reserved but not
                     // written cost nothing.
                     .try_reserve(size as usize)
                     .map_err(|e| e.to_string())?;
                 self.zstd.decompress_to_buffer(&data, records)
             }
-            // One byte more than claimed, so that a chunk that is longer is found.
+            // One byte more than claimed, to detect a chunk that is longer.
             "lz4" => lz4::Decoder::new(&*data).and_then(|d| d.take(size + 1).read_to_end(records)),
             other => return Err(format!("its compression '{other}' is unknown")),
         };
@@ -95,7 +95,7 @@ impl Chunk {
             return Err(format!("it holds {} bytes, {size} expected", records.len()));
         }
         let (saved, calculated) = (header.uncompressed_crc, crc32fast::hash(records));
-        // MCAP's 0 stands for no CRC.
+        // In MCAP, 0 means no CRC.
         if saved != 0 && saved != calculated {
             return Err(format!("its CRC is {calculated:08x}, {saved:08x} expected"));
         }
@@ -103,12 +103,12 @@ impl Chunk {
         Ok(())
     }
 
-    /// Whether a CRC was checked.
+    /// True if a CRC was checked.
     pub(super) fn has_crc(&self) -> bool {
         self.has_crc
     }
 
-    /// Whether the chunk consists of complete records of the kinds that chunks have. Goes back to
+    /// True if the chunk consists of complete records of the kinds allowed in chunks. Rewinds to
     /// the first one.
     pub(super) fn has_only_complete_records(&mut self) -> bool {
         let mut whole = !self.records.is_empty();
@@ -119,7 +119,7 @@ impl Chunk {
         whole
     }
 
-    /// Whether there are no more records.
+    /// True if there are no more records.
     pub(super) fn is_done(&self) -> bool {
         self.next >= self.records.len()
     }
@@ -127,7 +127,7 @@ impl Chunk {
     /// Advances to the next record and returns its opcode.
     ///
     /// # Errors
-    /// When the chunk ends inside the record, or the record is of a kind that chunks do not have.
+    /// If the chunk ends inside the record, or the record is of a kind not allowed in chunks.
     pub(super) fn advance(&mut self) -> Result<u8, &'static str> {
         let (opcode, body) = self
             .split()

@@ -1,4 +1,4 @@
-//! One file of a recording: MCAP or SQLite, as it is or compressed as a whole.
+//! One file of a recording: MCAP or SQLite, plain or compressed as a whole.
 
 use super::file::McapFile;
 use super::messages::{EventReader, Messages};
@@ -8,9 +8,9 @@ use std::path::Path;
 use svl_core::{Error, Result};
 use tempfile::NamedTempFile;
 
-/// What zstd frames begin with.
+/// First bytes of a zstd frame.
 const ZSTD: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
-/// Limit of the bytes of an unpacked file, and of a message.
+/// Limit on the size of an unpacked file, and of a message, bytes.
 const MAX_FILE: u64 = 64 << 30;
 const MAX_MESSAGE: u64 = 1 << 30;
 
@@ -21,10 +21,11 @@ pub(super) enum Container {
 }
 
 impl Container {
-    /// Opens a file by how it begins. One that is compressed as a whole is unpacked into a
+    /// Opens a file by its first bytes. One that is compressed as a whole is unpacked into a
     /// temporary file.
     ///
     /// # Errors
+    ///
     /// [`Error::Io`]; [`Error::Format`] for a folder, an empty file, and one that cannot be
     /// unpacked.
     pub(super) fn open(path: &Path, keep: bool) -> Result<Self> {
@@ -45,7 +46,7 @@ impl Container {
             let (len, file) = (inside.len(), unpacked.into_temp_path());
             Self::Sqlite(SqliteFile::new(path, len, Some(file)))
         } else {
-            // The handle keeps what is unpacked, though its name goes.
+            // The handle keeps the unpacked data alive, even after its name is removed.
             Self::Mcap(inside)
         })
     }
@@ -60,7 +61,7 @@ impl Container {
     /// Its messages from the start.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for what is neither MCAP nor a bag.
+    /// [`Error::Io`]; [`Error::Format`] for a file that is neither MCAP nor a bag.
     pub(super) fn messages(&self) -> Result<Box<dyn EventReader>> {
         Ok(match self {
             Self::Mcap(file) => Box::new(Messages::open(file)?),
@@ -77,7 +78,7 @@ fn start(file: &McapFile) -> Result<Vec<u8>> {
     Ok(start)
 }
 
-/// Unpacks a whole file. Of one that is cut off the beginning is kept, whose reader finds the rest
+/// Unpacks a whole file. The beginning of a truncated one is kept; its reader reports the rest as
 /// missing.
 fn unpack(file: &McapFile) -> Result<NamedTempFile> {
     let path = file.path();
@@ -115,12 +116,13 @@ fn unpack(file: &McapFile) -> Result<NamedTempFile> {
     Ok(unpacked)
 }
 
-/// The data of a message that rosbag2 compressed by itself; other data as they are.
+/// The data of a message that rosbag2 compressed on its own; other data unchanged.
 ///
 /// # Errors
-/// Why they cannot be unpacked.
+///
+/// The reason why they cannot be unpacked.
 pub(super) fn unpack_message(data: &[u8]) -> std::result::Result<Option<Vec<u8>>, String> {
-    // No encoding of messages begins so: CDR's first byte is 0.
+    // No message encoding begins like this: CDR's first byte is 0.
     if !data.starts_with(&ZSTD) {
         return Ok(None);
     }

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use svl_core::Result;
 use svl_core::stereo::{Gray, Plane, Pose, Rig, Side};
 
-/// The message types of a recording. Both dialects hold the same data.
+/// The message types of a recording. Both dialects contain the same data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Dialect {
     /// Foxglove messages, JSON, and ROS 2's float images: svl reads back everything.
@@ -25,7 +25,7 @@ pub enum Dialect {
     /// | `/truth/{visibility,surface}` | sensor_msgs/msg/Image mono8 |
     /// | `/stereo/sync`, `/algo/<name>/{cells,result}` | std_msgs/msg/String: their JSON |
     ///
-    /// svl reads it as any other bag: its images and calibrations, paired by their stamps.
+    /// svl reads it like any other bag: images and calibrations, paired by stamp.
     Ros2,
 }
 
@@ -79,9 +79,10 @@ impl Dialect {
         }
     }
 
-    /// The right camera in the frame of the left one; nothing in ROS 2, where P has the baseline.
+    /// The right camera in the frame of the left one; `None` in ROS 2, where P contains the
+    /// baseline.
     pub(super) fn baseline(self, rig: &Rig, stamp: RosStamp) -> Option<TopicMessage> {
-        // Rectified cameras differ by a translation along x alone.
+        // Rectified cameras differ only by a translation along x.
         let right = Pose::translation(rig.baseline_m(), 0.0, 0.0);
         let frames = [frame_id(Side::Left), frame_id(Side::Right)];
         let message = || {
@@ -101,13 +102,13 @@ impl Dialect {
                 TopicKind::Pose.topic().into(),
                 geometry::encode_transform(pose, frames, stamp),
             ),
-            // ROS tools look for transforms on /tf, whatever the frames are.
+            // ROS tools look for transforms on /tf, whatever the frames.
             Self::Ros2 => ("/tf".into(), ros::encode_transform(pose, frames, stamp)),
         }
     }
 
-    /// The image of a camera, or its colours: svl's own readers take the image, which is their
-    /// luma. In ROS its topic says whether the pair is rectified.
+    /// The image of a camera, or its colours: svl's own readers use the image, which is their luma.
+    /// In ROS the topic name tells if the pair is rectified.
     pub(super) fn image<P: Pixel>(
         self,
         image: &Plane<P>,
@@ -125,8 +126,8 @@ impl Dialect {
         let name = if rectified { "image_rect" } else { "image_raw" };
         let topic = format!("/stereo/{}/{name}{}", camera.name(), P::ROS_ENDING);
         Ok(match format {
-            // ROS viewers take mono8 for grey; Rerun shows it as depth, which is why svl's own
-            // dialect has RawImage.
+            // ROS viewers use mono8 for grey; Rerun shows it as depth, which is why svl's own
+            // dialect uses RawImage.
             ImageFormat::Raw => (topic.into(), ros::encode_8bit(image, stamp, frame_id)),
             ImageFormat::Png => {
                 let png = images::png(image)?;
@@ -138,7 +139,7 @@ impl Dialect {
         })
     }
 
-    /// Codes of the left image's pixels, on the topic of their kind.
+    /// Codes of the left image's pixels, on the topic for their kind.
     pub(super) fn codes(
         self,
         kind: TopicKind,
@@ -153,11 +154,11 @@ impl Dialect {
         Ok((kind.topic().into(), message))
     }
 
-    /// A message of JSON.
+    /// A JSON message.
     pub(super) fn json(self, message: Encoded) -> Encoded {
         match self {
             Self::Svl => message,
-            // serde_json writes nothing but UTF-8.
+            // serde_json writes only UTF-8.
             Self::Ros2 => ros::encode_string(&String::from_utf8_lossy(&message.data)),
         }
     }

@@ -1,4 +1,4 @@
-//! One MCAP file of a recording, opened once and read from several places.
+//! One MCAP file of a recording, opened once and read at several positions.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -6,24 +6,25 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use svl_core::{Error, Result};
 
-/// A file that is open. Clones share its handle.
+/// An open file. Clones share its handle.
 #[derive(Clone)]
 pub(super) struct McapFile {
     path: PathBuf,
     /// Bytes in the file when it was opened.
     len: u64,
-    /// Not kept where a recording has more files than a process may hold open.
+    /// Not kept if a recording has more files than a process may hold open.
     handle: Option<Arc<File>>,
 }
 
 impl McapFile {
-    /// Opens a file, and keeps it open where `keep` says so; otherwise each reader opens it again.
+    /// Opens a file, and keeps it open if `keep` is true; otherwise each reader reopens it.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for what is no regular file and for an empty one.
+    ///
+    /// [`Error::Io`]; [`Error::Format`] for anything but a regular file and for an empty one.
     pub(super) fn open(path: &Path, keep: bool) -> Result<Self> {
         let io = |e| Error::io(path, e);
-        // Before opening: to open a pipe would wait for its writer, and Linux opens folders.
+        // Before opening: opening a pipe would wait for its writer, and Linux opens folders.
         let metadata = std::fs::metadata(path).map_err(io)?;
         if metadata.is_dir() {
             return Err(Error::format(path, "is a folder, not a recording"));
@@ -41,9 +42,10 @@ impl McapFile {
         })
     }
 
-    /// A regular file that is open and called `path`.
+    /// A regular file that is already open and named `path`.
     ///
     /// # Errors
+    ///
     /// [`Error::Io`]; [`Error::Format`] for an empty file.
     pub(super) fn from_handle(path: &Path, handle: File) -> Result<Self> {
         let len = handle.metadata().map_err(|e| Error::io(path, e))?.len();
@@ -69,7 +71,7 @@ impl McapFile {
     /// A reader with a position of its own, at the start of the file.
     ///
     /// # Errors
-    /// [`Error::Io`] where the handle was not kept.
+    /// [`Error::Io`] if the handle was not kept.
     pub(super) fn reader(&self) -> Result<FileReader> {
         let file = match &self.handle {
             Some(handle) => Arc::clone(handle),
@@ -80,7 +82,7 @@ impl McapFile {
     }
 }
 
-/// Reads a file at a position of its own.
+/// Reads a file at its own position.
 pub(super) struct FileReader {
     file: Arc<File>,
     len: u64,

@@ -41,7 +41,7 @@ pub(super) fn decode_calibration(schema: &str, data: &[u8]) -> Result<Matrix3x4<
         .map_err(|_| "its P is not a projection matrix of 12 numbers".to_owned())
 }
 
-/// The rig that has exactly these projection matrices, so that rigs survive the round trip.
+/// The rig with exactly these projection matrices, so that rigs survive the round trip.
 pub(super) fn rig(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> Result<Rig, String> {
     let rig = Rig::from_projections(left, right, 0.0, 0.0).map_err(|e| e.to_string())?;
     let (focal, center) = (rig.focal_px(), rig.center_px());
@@ -51,8 +51,8 @@ pub(super) fn rig(left: &Matrix3x4<f64>, right: &Matrix3x4<f64>) -> Result<Rig, 
     Rig::new(focal, center, baseline_m, doffs_px).map_err(|e| e.to_string())
 }
 
-/// The decimal number with the fewest digits near `value` that `fits`: several doubles give the
-/// same product, and the one in the calibration file is the shortest.
+/// The decimal number with the fewest digits near `value` for which `fits` is true: several doubles
+/// give the same product, and the one in the calibration file is the shortest.
 fn plainest(value: f64, fits: impl Fn(f64) -> bool) -> f64 {
     (0..17)
         .filter_map(|digits| format!("{value:.digits$e}").parse().ok())
@@ -97,7 +97,7 @@ pub(super) fn decode_pose(schema: &str, data: &[u8]) -> Result<Pose, String> {
         return Err("it has no translation or no rotation".to_owned());
     };
     let rotation = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
-    // A damaged quaternion is refused; a unit one is kept with its last bits.
+    // A corrupt quaternion is rejected; a unit one is kept bit by bit.
     if (rotation.norm() - 1.0).abs() < 1e-6 && [t.x, t.y, t.z].iter().all(|v| v.is_finite()) {
         // Not normalized again, which would change its last bits.
         Ok(Pose::from_parts(

@@ -6,42 +6,42 @@ use mcap::records::Metadata;
 /// Name of the metadata record.
 pub(super) const RECORD: &str = "svl";
 
-/// The metadata record `svl`: which svl wrote the recording, and the source of its frames.
+/// The metadata record `svl`: the svl that wrote the recording, and the source of its frames.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Header {
     /// Version of svl that wrote it.
     pub version: String,
-    /// Git revision of that svl, where its build knew it.
+    /// Git revision of that svl, if its build knew it.
     pub git_revision: Option<String>,
-    /// Cargo's profile of that build, where it is known.
+    /// Cargo profile of that build, if known.
     pub profile: Option<String>,
-    /// Where the frames came from, e.g. `arena` or a folder.
+    /// Origin of the frames, e.g. `arena` or a folder.
     pub source: String,
     /// Name of the scenario.
     pub scenario: Option<String>,
     pub seed: Option<u64>,
-    /// What svl rectified the pairs by, if it did: the name of the attached calibration file, or in
-    /// words.
+    /// Basis of svl's rectification of the pairs, if any: the name of the attached calibration
+    /// file, or a description.
     pub calibration: Option<String>,
-    /// What svl left out or changed besides, in words: pairs, parts of images.
+    /// Other omissions or changes by svl, in words: pairs, parts of images.
     pub changes: Option<String>,
-    /// Hash of everything that determines the frames. Recordings with equal hashes hold frames of
-    /// the same simulated run, all or some.
+    /// Hash of everything that determines the frames. Recordings with equal hashes contain frames
+    /// of the same simulated run, all or some.
     pub hash: Option<String>,
-    /// Where the stamps come from, if not from the cameras.
+    /// Origin of the stamps, if not the cameras.
     pub stamps: Option<StampOrigin>,
-    /// How many bits the 16-bit images used that the pairs were made of.
+    /// Number of bits used in the 16-bit images from which the pairs were made.
     pub bits: Option<u8>,
 }
 
-/// Where the stamps of a source without stamps come from, with pairs per second. Of the skew
-/// nothing is known then.
+/// Origin of the stamps of a source without stamps, with pairs per second. The skew is then
+/// unknown.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StampOrigin {
-    /// The user's word.
+    /// Specified by the user.
     Given(f64),
-    /// Nowhere: a number that stands for a rate that nobody knows.
+    /// Unknown: a placeholder for an unknown rate.
     Nominal(f64),
 }
 
@@ -52,7 +52,7 @@ impl StampOrigin {
         (number as f64 / hz * 1e9).round() as u64
     }
 
-    /// What the user of rates and skews should know.
+    /// Note on rates and skews for the user.
     pub fn note(&self) -> Option<String> {
         match self {
             Self::Given(_) => None,
@@ -127,8 +127,8 @@ impl Header {
             profile: field("profile"),
             source: field("source").unwrap_or_default(),
             scenario: field("scenario"),
-            // A seed that is not a number is damage in a text field; the rest of the header still
-            // holds.
+            // A seed that is not a number is damage in a text field; the rest of the header is
+            // still valid.
             seed: field("seed").and_then(|seed| seed.parse().ok()),
             calibration: field("calibration"),
             changes: field("changes"),

@@ -1,5 +1,5 @@
 //! Images in messages: 8-bit grey and colour as foxglove.RawImage (mono8, rgb8) or
-//! foxglove.CompressedImage (png), floats out of sensor_msgs/msg/Image 32FC1.
+//! foxglove.CompressedImage (png), floats from sensor_msgs/msg/Image 32FC1.
 
 use super::{Encoded, RosStamp, TopicKind, decode_protobuf, ros};
 use crate::files;
@@ -24,7 +24,7 @@ pub enum ImageFormat {
     Png,
 }
 
-/// Pixels of a type that images are made of.
+/// Pixel type of an image.
 pub(super) trait Pixel: Copy {
     /// Its name in ROS and Foxglove.
     const ENCODING: &'static str;
@@ -32,7 +32,7 @@ pub(super) trait Pixel: Copy {
     const PNG: ExtendedColorType;
     /// The topic of a camera's image in svl's own dialect.
     const KIND: fn(Side) -> TopicKind;
-    /// The end of its topic in ROS.
+    /// The suffix of its topic in ROS.
     const ROS_ENDING: &'static str;
     fn flat(pixels: &[Self]) -> &[u8];
 }
@@ -122,7 +122,7 @@ pub(super) fn pixels<P: Pixel>(image: &Plane<P>) -> Cow<'_, [u8]> {
     }
 }
 
-/// The colour image in a message of `schema`, or why there is none.
+/// The colour image in a message of `schema`, or the reason why there is none.
 pub(super) fn decode_color(schema: &str, data: &[u8]) -> Result<Rgb, String> {
     let (width, height, rgb) = match schema {
         RAW => {
@@ -150,7 +150,7 @@ pub(super) fn decode_color(schema: &str, data: &[u8]) -> Result<Rgb, String> {
     Rgb::from_vec(width, height, rgb.as_chunks().0.to_vec()).map_err(|e| e.to_string())
 }
 
-/// The image in a message of `schema`, or why there is none.
+/// The image in a message of `schema`, or the reason why there is none.
 pub(super) fn decode_gray(schema: &str, data: &[u8]) -> Result<Gray, String> {
     match schema {
         RAW => {
@@ -180,7 +180,7 @@ pub(super) fn decode_gray(schema: &str, data: &[u8]) -> Result<Gray, String> {
     }
 }
 
-/// The plane in a message of `schema`, or why there is none.
+/// The plane in a message of `schema`, or the reason why there is none.
 pub(super) fn decode_floats(schema: &str, data: &[u8]) -> Result<Plane<f32>, String> {
     if schema != FLOATS {
         return Err(format!("it is a {schema}, svl reads {FLOATS}"));
@@ -194,7 +194,7 @@ pub(super) fn decode_floats(schema: &str, data: &[u8]) -> Result<Plane<f32>, Str
     }
     let row_bytes = image.width as usize * 4;
     let (step, height) = (image.step as usize, image.height as usize);
-    // Also refuses step 0, for which chunks_exact would panic.
+    // Also rejects step 0, for which chunks_exact would panic.
     if image.width == 0 || step < row_bytes || image.data.len() < step.saturating_mul(height) {
         let (width, got) = (image.width, image.data.len());
         return Err(format!(

@@ -1,7 +1,7 @@
 //! The index of one MCAP file: its writer, topics, message counts, metadata and attachments.
 //!
-//! It is read from the summary section. Only where that is missing, damaged or incomplete, the
-//! file is walked from record to record, past its chunks.
+//! It is read from the summary section. Only if that is missing, corrupt or incomplete, the file is
+//! walked from record to record, skipping its chunks.
 
 use super::file::McapFile;
 use super::messages::{Contents, Declared, EventReader, FileEvent, Messages, Section};
@@ -10,29 +10,29 @@ use mcap::records::{Header, Metadata, Record, op};
 use std::path::Path;
 use svl_core::{Error, Result};
 
-/// What a file holds beside its messages.
+/// The contents of a file besides its messages.
 #[derive(Default)]
 pub(super) struct Index {
-    /// MCAP's header: profile and library. Nothing where it cannot be read.
+    /// MCAP's header: profile and library. `None` if it cannot be read.
     pub(super) header: Option<Header>,
     /// Topics and message counts; empty without a summary.
     pub(super) declared: Declared,
     /// Metadata records in the order of the file.
     pub(super) metadata: Vec<Metadata>,
-    /// Names of the attachments and where their records begin, in the order of the file.
+    /// Names of the attachments and positions of their records, in file order.
     pub(super) attachments: Vec<(String, u64)>,
-    /// Where and why the walk ended before the end of the file.
+    /// Position and reason of the walk's end, if before the end of the file.
     damage: Option<String>,
 }
 
 impl Index {
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for what is not an MCAP file.
+    /// [`Error::Io`]; [`Error::Format`] for a file that is not MCAP.
     pub(super) fn read(file: &McapFile) -> Result<Self> {
         let Section::Intact(contents) = Messages::summary(file)? else {
             return Self::walk(file);
         };
-        // The counts of an intact summary hold even where its index entries do not.
+        // The counts of an intact summary are valid even if its index entries are not.
         let index = match Self::from_summary(file, &contents)? {
             Some(index) => index,
             None => Self::walk(file)?,
@@ -41,8 +41,8 @@ impl Index {
         Ok(Self { declared, ..index })
     }
 
-    /// The index by the summary section; nothing where that does not list everything, or places a
-    /// record where it is not.
+    /// The index from the summary section; `None` if that does not list everything, or points to a
+    /// wrong position.
     fn from_summary(file: &McapFile, contents: &Contents) -> Result<Option<Self>> {
         if !contents.is_complete() {
             return Ok(None);
@@ -61,7 +61,7 @@ impl Index {
             }
         }
         for (name, start) in &contents.attachments {
-            // The head alone: an attachment may be of any size, and few are asked for.
+            // Only the head: an attachment may be of any size, and few are requested.
             if records.opcode_at(*start)? != Some(op::ATTACHMENT) {
                 return Ok(None);
             }
@@ -93,7 +93,7 @@ impl Index {
     }
 
     /// # Errors
-    /// [`Error::Damaged`] where the walk did not reach the end of the file.
+    /// [`Error::Damaged`] if the walk did not reach the end of the file.
     pub(super) fn check_complete(&self, path: &Path) -> Result<()> {
         let damage = self.damage.as_ref();
         damage.map_or(Ok(()), |reason| Err(Error::damaged(path, reason.clone())))

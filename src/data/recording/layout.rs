@@ -1,8 +1,8 @@
-//! The layout of MCAP's records, as far as it determines their length (<https://mcap.dev/spec>).
+//! The layout of MCAP records, as far as it determines their length (<https://mcap.dev/spec>).
 
 use mcap::records::op;
 
-/// Limit of the length of a record and of a chunk: twice the largest image in 32-bit floats.
+/// Limit on the length of a record and of a chunk: twice the largest image in 32-bit floats.
 pub(super) const MAX_RECORD: u64 = 2 << 30;
 /// Opcode and length of a record.
 pub(super) const HEAD: u64 = 9;
@@ -10,16 +10,16 @@ pub(super) const HEAD: u64 = 9;
 /// A part of a record's body.
 enum Field {
     Bytes(u64),
-    /// A 4-byte length and as many bytes: a string, an array or a map.
+    /// A 4-byte length and that many bytes: a string, an array or a map.
     Sized,
-    /// An 8-byte length and as many bytes.
+    /// An 8-byte length and that many bytes.
     LongSized,
 }
 
 use Field::{Bytes, LongSized, Sized};
 
-/// The fields of a record of this kind; nothing where they do not determine its length: messages
-/// extend to the end of their record, and private records are unknown.
+/// The fields of a record of this kind; `None` if they do not determine its length: messages extend
+/// to the end of their record, and private records are unknown.
 fn fields(opcode: u8) -> Option<&'static [Field]> {
     Some(match opcode {
         op::HEADER | op::METADATA => &[Sized, Sized],
@@ -41,9 +41,9 @@ fn fields(opcode: u8) -> Option<&'static [Field]> {
     })
 }
 
-/// The length that the body of a record should have by the lengths in it. `body` may be a prefix
-/// that ends after the last of them. Nothing where the kind of record does not determine it, or
-/// `body` is too short.
+/// The length of a record's body according to the lengths in it. `body` may be a prefix that ends
+/// after the last of them. `None` if the kind of record does not determine it, or `body` is too
+/// short.
 pub(super) fn body_size(opcode: u8, body: &[u8]) -> Option<u64> {
     fields(opcode)?.iter().try_fold(0_u64, |size, field| {
         let at = usize::try_from(size);
@@ -56,12 +56,12 @@ pub(super) fn body_size(opcode: u8, body: &[u8]) -> Option<u64> {
     })
 }
 
-/// Whether the fields of this kind of record determine its length.
+/// True if the fields of this kind of record determine its length.
 pub(super) fn has_fields(opcode: u8) -> bool {
     fields(opcode).is_some()
 }
 
-/// Whether MCAP defines records of this kind.
+/// True if MCAP defines records of this kind.
 pub(super) fn is_record(opcode: u8) -> bool {
     (op::HEADER..=op::DATA_END).contains(&opcode)
 }

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, HashMap};
 use svl_core::counted;
 use svl_core::{Error, Result};
 
-/// A topic, and how to decode its messages.
+/// A topic with the encoding of its messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Channel {
     pub(super) topic: String,
@@ -26,7 +26,7 @@ pub(super) enum FileEvent<'a> {
     },
     Metadata(Metadata),
     Attachment {
-        /// Where its record begins.
+        /// Start of its record.
         start: u64,
         name: String,
         data: Cow<'a, [u8]>,
@@ -34,12 +34,12 @@ pub(super) enum FileEvent<'a> {
     Library(Header),
 }
 
-/// Reads the messages of a file, and what is beside them.
+/// Reads the messages of a file, and its other records.
 pub(super) trait EventReader: Send {
-    /// The next piece; nothing at the end of the file, and after an error.
+    /// The next event; `None` at the end of the file and after an error.
     ///
     /// # Errors
-    /// [`svl_core::Error::Damaged`] where the file ends early or is not what its CRCs say.
+    /// [`svl_core::Error::Damaged`] if the file ends early or contradicts its CRCs.
     fn next(&mut self) -> Result<Option<FileEvent<'_>>>;
 }
 
@@ -48,7 +48,7 @@ pub(super) trait EventReader: Send {
 pub(super) struct Declared {
     schemas: HashMap<u16, Schema>,
     channels: HashMap<u16, (Channel, records::Channel)>,
-    /// Record counts in the statistics of the summary.
+    /// Record counts from the statistics in the summary.
     promised: Option<RecordCounts>,
 }
 
@@ -62,16 +62,16 @@ struct RecordCounts {
     metadata: u64,
 }
 
-/// Reads a file from start to end, and files that were appended to it.
+/// Reads a file from start to end, and any files appended to it.
 pub(super) struct Messages {
     records: Records,
-    /// Declared in the current file, so far.
+    /// Declarations of the current file so far.
     declared: Declared,
     found: RecordCounts,
-    /// Declared in the files before the current one.
+    /// Declarations of the files before the current one.
     past: Vec<Declared>,
-    /// Declared in each file, where that is known before it is read: the summary repeats what a
-    /// damaged chunk declared.
+    /// Declarations of each file known before reading it: the summary repeats those of corrupt
+    /// chunks.
     beforehand: Vec<Declared>,
     missing: BTreeMap<String, u64>,
 }
@@ -80,23 +80,23 @@ pub(super) struct Messages {
 pub(super) enum Section {
     Missing,
     Intact(Box<Contents>),
-    /// Not where the footer says, or damaged.
+    /// Not at the position in the footer, or corrupt.
     Unknown,
 }
 
-/// What a summary section says.
+/// Contents of a summary section.
 pub(super) struct Contents {
     pub(super) declared: Declared,
-    /// Names of the attachments and where their records begin, in the order of the file.
+    /// Names of the attachments and positions of their records, in file order.
     pub(super) attachments: Vec<(String, u64)>,
-    /// Where the metadata records begin.
+    /// Positions of the metadata records.
     pub(super) metadata: Vec<u64>,
     /// The chunks in the order of the file.
     pub(super) chunks: Vec<ChunkIndex>,
 }
 
 impl Contents {
-    /// Whether it lists all attachments and metadata records.
+    /// True if it lists all attachments and metadata records.
     pub(super) fn is_complete(&self) -> bool {
         self.declared.promised.as_ref().is_some_and(|promised| {
             promised.attachments == self.attachments.len() as u64
@@ -124,7 +124,7 @@ impl Declared {
         of_topic.map(|(id, _)| *id).collect()
     }
 
-    /// Message count of `topic` in the summary; nothing without statistics.
+    /// Message count of `topic` in the summary; `None` without statistics.
     pub(super) fn count(&self, topic: &str) -> Option<u64> {
         let of_topic = |id: &u16| {
             self.channels
@@ -143,17 +143,19 @@ impl Declared {
 
 impl Messages {
     /// # Errors
-    /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for what is not an MCAP file.
+    /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for a file that is not MCAP.
     pub(super) fn open(file: &McapFile) -> Result<Self> {
         Ok(Self::new(Records::open(file)?, Vec::new()))
     }
 
-    /// As [`Messages::open`], for what is intact in a damaged file: see [`Records::salvage`].
+    /// Same as [`Messages::open`], for the intact parts of a corrupt file: see
+    /// [`Records::salvage`].
     pub(super) fn salvage(file: &McapFile) -> Result<Self> {
         let beforehand = match Self::summary(file)? {
             Section::Missing => Vec::new(),
             Section::Intact(contents) => vec![contents.declared],
-            // What damaged chunks declared may be repeated anywhere in the file: one pass finds it.
+            // Declarations of corrupt chunks may be repeated anywhere in the file: one pass finds
+            // them.
             Section::Unknown => {
                 let mut messages = Self::new(Records::salvage(file)?, Vec::new());
                 while messages.advance()?.is_some() {}
@@ -163,15 +165,15 @@ impl Messages {
         Ok(Self::new(Records::salvage(file)?, beforehand))
     }
 
-    /// As [`Messages::open`], from the chunk on that begins at `chunk`. The summary's `declared`
-    /// stands for what the chunks before declare.
+    /// Same as [`Messages::open`], starting at the chunk at `chunk`. The summary's `declared`
+    /// replaces the declarations of the chunks before.
     pub(super) fn from(file: &McapFile, chunk: u64, declared: Declared) -> Result<Self> {
         let mut records = Records::open(file)?;
         records.seek_chunk(chunk)?;
         Ok(Self::new(records, vec![declared]))
     }
 
-    /// As [`Messages::open`], for the records outside of chunks only.
+    /// Same as [`Messages::open`], only for the records outside of chunks.
     pub(super) fn beside(file: &McapFile) -> Result<Self> {
         let mut messages = Self::open(file)?;
         messages.records.skip_chunks();
@@ -194,7 +196,7 @@ impl Messages {
     /// # Errors
     /// [`Error::Io`].
     pub(super) fn summary(file: &McapFile) -> Result<Section> {
-        // The beginning is damaged; salvage looks for the rest.
+        // The start is corrupt; salvage looks for the rest.
         let Ok(records) = Records::open(file) else {
             return Ok(Section::Unknown);
         };
@@ -231,7 +233,7 @@ impl Messages {
         })))
     }
 
-    /// Damaged parts, and messages by topic that the summaries count and that were not found.
+    /// Damaged parts, and by topic the messages counted in the summaries but not found.
     pub(super) fn take_losses(&mut self) -> (Vec<DamagedPart>, BTreeMap<String, u64>) {
         (
             self.records.take_losses(),
@@ -239,12 +241,12 @@ impl Messages {
         )
     }
 
-    /// Whether all messages read so far are covered by a CRC.
+    /// True if all messages read so far are covered by a CRC.
     pub(super) fn is_checked(&self) -> bool {
         self.records.is_checked()
     }
 
-    /// Channels of the file, of the first one where others are appended, in the order of their
+    /// Channels of the file, or of the first one if others are appended, in the order of their
     /// topics. Before the end of the file, those found so far.
     pub(super) fn channels(&self) -> Vec<Channel> {
         self.past.first().unwrap_or(&self.declared).channels()
@@ -293,9 +295,10 @@ impl Messages {
         self.declared.channels.get(&id).or_else(before)
     }
 
-    /// Goes to the next record that can be read, and says what it is; see [`Messages::record`].
+    /// Advances to the next readable record, and returns its opcode; see [`Messages::record`].
     ///
     /// # Errors
+    ///
     /// As [`Messages::next`].
     pub(super) fn advance(&mut self) -> Result<Option<u8>> {
         loop {
@@ -320,19 +323,19 @@ impl Messages {
         }
     }
 
-    /// The record that [`Messages::advance`] went to.
+    /// The record that [`Messages::advance`] reached.
     pub(super) fn record(&self, opcode: u8) -> Result<Record<'_>> {
         self.records
             .parse(opcode)
             .map_err(|reason| self.records.damaged(&reason))
     }
 
-    /// How many files stand before the current one in the same.
+    /// Number of files before the current one in the same file.
     pub(super) fn part(&self) -> usize {
         self.past.len()
     }
 
-    /// Takes in what the current record declares, and makes sure that it can be read.
+    /// Stores the declarations of the current record, and checks that it can be read.
     fn check(&mut self, opcode: u8) -> std::result::Result<(), String> {
         match opcode {
             op::MESSAGE
@@ -392,7 +395,7 @@ impl Messages {
                 if !channels.contains_key(id)
                     && !before.is_some_and(|before| before.channels.contains_key(id))
                 {
-                    // Its topic was in a damaged part, so nothing can be made of the message.
+                    // Its topic was in a corrupt part, so the message is unusable.
                     return Err("a message is of a channel that is declared nowhere".to_owned());
                 }
                 *self.found.messages.entry(header.channel_id).or_default() += 1;
@@ -411,7 +414,7 @@ impl Messages {
         Ok(())
     }
 
-    /// Ends the current file: whether it held what its summary promises.
+    /// Ends the current file: checks that it has everything its summary promises.
     fn close(&mut self) -> Result<()> {
         let (mut declared, found) = (
             std::mem::take(&mut self.declared),
@@ -441,7 +444,7 @@ impl Messages {
         }
         let mut messages = 0_u64;
         for (id, n) in &promised.messages {
-            // More messages than counted are no loss.
+            // More messages than counted are not a loss.
             let missing = n.saturating_sub(found.messages.get(id).copied().unwrap_or(0));
             messages = messages.saturating_add(missing);
             if let Some((channel, _)) = channels.get(id).filter(|_| missing > 0) {

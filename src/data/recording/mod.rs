@@ -1,5 +1,5 @@
-//! Recordings: stereo pairs in MCAP files that Rerun, Foxglove and every MCAP library open without
-//! svl.
+//! Recordings: stereo pairs in MCAP files, readable by Rerun, Foxglove and every MCAP library
+//! without svl.
 //!
 //! | topic | message | written when |
 //! |---|---|---|
@@ -17,14 +17,14 @@
 //! | `/algo/<name>/cells` | JSON with schema (cells.schema.json) | a result of a replay |
 //! | `/algo/<name>/result` | JSON with schema (result.schema.json): hash | a result of a replay |
 //!
-//! log_time and publish_time are the exposure stamp; the right camera's messages carry the right
-//! stamp. Calibration and baseline are repeated with every pair (200 bytes after compression), so
-//! that a truncated recording still has them. Pixels without depth or disparity are NaN in float
+//! log_time and publish_time are the exposure stamp; those of the right camera use the right stamp.
+//! Calibration and baseline are repeated with every pair (200 bytes after compression), so that a
+//! truncated recording still contains them. Pixels without depth or disparity are NaN in float
 //! images (REP 118), and a point at infinity has depth +∞. The metadata record `svl` is the
-//! [`Header`], `grabber` has the counts of a synchronized grabber; scenario, calibration files and
-//! the manifest of the run that wrote the recording are attachments.
+//! [`Header`], `grabber` contains the counts of a synchronized grabber; scenario, calibration files
+//! and the manifest of the run that wrote the recording are attachments.
 //!
-//! [`Dialect::Ros2`] is the same in ROS 2 messages only.
+//! [`Dialect::Ros2`] contains the same in ROS 2 messages only.
 //!
 //! ROS 2 bags, in MCAP and SQLite, and Foxglove recordings of other programs are read too: image
 //! topics are found by their types, and images are paired by their stamps; see [`Selection`]. A bag
@@ -87,14 +87,14 @@ use std::borrow::Cow;
 use svl_core::stereo::{Frame, Side, StereoCalibration};
 use svl_core::{Error, Result};
 
-/// Name of the attachment that is the scenario file.
+/// Name of the attachment with the scenario file.
 pub const SCENARIO: &str = "scenario.toml";
 
-/// Prefix of the names of attached calibration files, by which the pairs were rectified or, if they
-/// are raw, can be.
+/// Prefix of the names of attached calibration files, with which the pairs were rectified or, if
+/// raw, can be.
 pub const CALIBRATION: &str = "calibration/";
 
-/// Name of the attachment that is the manifest of the run which wrote the recording.
+/// Name of the attachment with the manifest of the run that wrote the recording.
 pub const MANIFEST: &str = "manifest.json";
 
 /// Name of the metadata record with the counts of a synchronized grabber.
@@ -169,12 +169,13 @@ impl TopicKind {
     }
 }
 
-/// How messages become pairs: by svl's own topics, or by the stamps of other programs' images.
+/// Rule by which messages become pairs: by svl's own topics, or by the stamps of other programs'
+/// images.
 trait PairSource: Send {
     /// Adds one message and returns the pair that it completes.
     ///
     /// # Errors
-    /// Why the message cannot be read, or the two images are not a pair.
+    /// The reason why the message cannot be read, or why the two images are not a pair.
     fn take_in(
         &mut self,
         channel: &Channel,
@@ -185,7 +186,7 @@ trait PairSource: Send {
     /// The next pair that is ready without another message.
     ///
     /// # Errors
-    /// Why two images that belong together cannot be a pair.
+    /// The reason why two images that belong together cannot be a pair.
     fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
         None
     }
@@ -193,7 +194,7 @@ trait PairSource: Send {
     /// Ends the recording: there are no more messages.
     fn end(&mut self);
 
-    /// Pairs that could be read.
+    /// Number of readable pairs.
     fn pairs(&self) -> u64;
 
     /// Images without a partner, while both cameras had images.
@@ -204,7 +205,7 @@ trait PairSource: Send {
         0
     }
 
-    /// Images that came too far out of order to find a partner.
+    /// Images that arrived too far out of order to find a partner.
     fn late(&self) -> u64 {
         0
     }
@@ -212,15 +213,15 @@ trait PairSource: Send {
     /// Topics of the left and the right images.
     fn topics(&self) -> [&str; 2];
 
-    /// The way in which the stamps of the messages make pairs.
+    /// The rule by which the stamps of the messages form pairs.
     fn stamps(&self) -> foreign::PairStamps;
 
-    /// How many bits the 16-bit images use.
+    /// Number of bits that the 16-bit images use.
     fn depth(&self) -> BitDepth {
         BitDepth::FULL
     }
 
-    /// Why there was no pair.
+    /// The reason why there was no pair.
     fn why_none(&self) -> String;
 
     /// Warnings about the pairs, a line each.
@@ -228,15 +229,15 @@ trait PairSource: Send {
         Vec::new()
     }
 
-    /// The calibration of raw images; nothing for rectified ones.
+    /// The calibration of raw images; `None` for rectified ones.
     ///
     /// # Errors
-    /// What is missing in the calibrations.
+    /// The missing part of the calibrations.
     fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
         None
     }
 
-    /// Focal lengths of the left camera along x and y, where the rig does not say all.
+    /// Focal lengths of the left camera along x and y, if the rig does not determine them.
     fn focal_px(&self) -> Option<(f64, f64)> {
         None
     }
@@ -254,7 +255,7 @@ struct Encoded {
 impl Encoded {
     fn protobuf<T: foxglove::Encode>(schema: &'static str, message: &T) -> Self {
         let mut data = Vec::with_capacity(message.encoded_len().unwrap_or(0));
-        // Encoding fails only when the buffer is too small, and a vector grows.
+        // Encoding fails only if the buffer is too small, and a vector grows.
         let _ = message.encode(&mut data);
         let definition = T::get_schema().map(|s| s.data).unwrap_or_default();
         Self {
@@ -297,7 +298,7 @@ impl RosStamp {
     const MAX_NS: u64 = i32::MAX as u64 * Self::SECOND_NS;
 
     fn new(ns: u64) -> Result<Self> {
-        // Refused on writing: a bag that ROS cannot read would be found out too late.
+        // Rejected on writing: a bag that ROS cannot read would be noticed too late.
         if ns <= Self::MAX_NS {
             Ok(Self(ns))
         } else {

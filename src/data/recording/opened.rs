@@ -1,4 +1,4 @@
-//! A recording, opened once: all readers share one handle per file.
+//! An open recording: all readers share one handle per file.
 
 use super::CALIBRATION;
 use super::bag::{files, several_files};
@@ -12,17 +12,17 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use svl_core::{Error, Result};
 
-/// Limit of files of a bag that are all kept open. A process may hold 1024 on most systems.
+/// Limit on files of a bag that are all kept open. Most systems allow a process 1024.
 const MAX_OPEN: usize = 256;
 
-/// A recording that is open: one file, or those of a ROS 2 bag. Clones share the open files.
+/// An open recording: one file, or those of a ROS 2 bag. Clones share the open files.
 #[derive(Clone)]
 pub struct Recording {
     path: PathBuf,
     parts: Arc<[RecordingFile]>,
 }
 
-/// One file, with its index once it was needed.
+/// One file, with its index once needed.
 struct RecordingFile {
     file: Container,
     index: OnceLock<Index>,
@@ -30,11 +30,12 @@ struct RecordingFile {
 }
 
 impl Recording {
-    /// Opens the file, or the files of the bag, at `path`. Reads nothing yet, so that a damaged
-    /// file opens too.
+    /// Opens the file, or the files of the bag, at `path`. Reads nothing yet, so that a corrupt
+    /// file can be opened too.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for a folder that is not a bag, for what is no regular
+    ///
+    /// [`Error::Io`]; [`Error::Format`] for a folder that is not a bag, for anything but a regular
     /// file, and for an empty one.
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
@@ -67,7 +68,7 @@ impl Recording {
             if let Some(header) = index.metadata.iter().find_map(Header::from_record) {
                 return Ok(header);
             }
-            // Behind the damage there may be one; absent is known only of a complete index.
+            // There may be one after the damage; only a complete index proves its absence.
             index.check_complete(part.file.path())?;
         }
         let reason = format!("is not a recording of svl: it has no metadata record '{RECORD}'");
@@ -89,10 +90,11 @@ impl Recording {
         Ok(None)
     }
 
-    /// Names and contents of the attached calibration files, by which the pairs were rectified or
+    /// Names and contents of the attached calibration files, with which the pairs were rectified or
     /// can be.
     ///
     /// # Errors
+    ///
     /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
     pub fn calibration_files(&self) -> Result<Vec<(String, Vec<u8>)>> {
         let mut found = Vec::new();
@@ -111,7 +113,7 @@ impl Recording {
     /// The path of the only file.
     ///
     /// # Errors
-    /// [`Error::Format`] for a bag of several, which names them.
+    /// [`Error::Format`] for a bag of several files, which it lists.
     pub fn only_path(&self) -> Result<&Path> {
         self.only_part().map(|part| part.file.path())
     }
@@ -124,7 +126,7 @@ impl Recording {
     /// The only file.
     ///
     /// # Errors
-    /// [`Error::Format`] for a bag of several, which names them.
+    /// [`Error::Format`] for a bag of several files, which it lists.
     pub(super) fn only_file(&self) -> Result<&Container> {
         self.only_part().map(|part| &part.file)
     }
@@ -139,9 +141,9 @@ impl Recording {
         }
     }
 
-    /// The error for damage as `svl info` and `svl recover` report it. They resynchronize, and so
-    /// know where it begins also where a damaged length leads far behind it. Reads a damaged file
-    /// once more.
+    /// The error for damage as reported by `svl info` and `svl recover`. They resynchronize, and so
+    /// know where it begins, even if a corrupt length points far beyond it. Reads a corrupt file
+    /// again.
     pub(super) fn located(&self, error: Error) -> Error {
         let Error::Damaged { path, .. } = &error else {
             return error;
@@ -161,7 +163,7 @@ impl Recording {
         }
     }
 
-    /// MCAP's profile, as the header of the first file has it; nothing where that cannot be read.
+    /// MCAP's profile from the header of the first file; `None` if that cannot be read.
     pub(super) fn profile(&self) -> Result<Option<&str>> {
         let Some(first) = self.parts.first() else {
             return Ok(None);
@@ -173,8 +175,8 @@ impl Recording {
             .map(|header| header.profile.as_str()))
     }
 
-    /// The channels of all files: those that the summary names, or else those met in reading the
-    /// file up to its end or damage.
+    /// The channels of all files: those in the summary, or else those found in reading the file up
+    /// to its end or damage.
     pub(super) fn channels(&self) -> Result<Vec<&Channel>> {
         let mut channels = Vec::new();
         for part in self.parts.iter() {
@@ -183,7 +185,7 @@ impl Recording {
         Ok(channels)
     }
 
-    /// Messages of `topic`; nothing where a file has no intact summary that counts them.
+    /// Messages of `topic`; `None` if a file has no intact summary that counts them.
     pub(super) fn count(&self, topic: &str) -> Result<Option<u64>> {
         let mut sum = 0_u64;
         for part in self.parts.iter() {

@@ -1,4 +1,4 @@
-//! Where in a recording of svl's a pair is, by MCAP's index of chunks and messages.
+//! Positions of the pairs in a recording by svl, from MCAP's index of chunks and messages.
 
 use super::TopicKind;
 use super::file::McapFile;
@@ -7,22 +7,22 @@ use super::records::Records;
 use mcap::records::Record;
 use svl_core::Result;
 
-/// The pairs of a file in their order.
+/// The pairs of a file in order.
 pub(super) struct PairIndex {
     declared: Declared,
     pairs: Vec<PairPlace>,
 }
 
-/// Where a pair is.
+/// Position of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct PairPlace {
     pub(super) stamp_ns: u64,
-    /// Where the chunk begins from which on all of its messages are.
+    /// Start of the first chunk with its messages.
     chunk: u64,
 }
 
 impl PairIndex {
-    /// Nothing where the file has no intact index of all its pairs, or pairs share a stamp.
+    /// `None` if the file has no intact index of all its pairs, or if pairs share a stamp.
     ///
     /// # Errors
     /// [`svl_core::Error::Io`].
@@ -53,7 +53,7 @@ impl PairIndex {
             }
         }
         let is_whole = contents.declared.count(topic) == Some(pairs.len() as u64)
-            // A stamp of several pairs does not say which one is meant.
+            // A stamp shared by several pairs does not identify one.
             && pairs.is_sorted_by(|a, b| a.stamp_ns < b.stamp_ns);
         let declared = contents.declared;
         Ok(is_whole.then_some(Self { declared, pairs }))
@@ -63,9 +63,10 @@ impl PairIndex {
         self.pairs.get(usize::try_from(index).ok()?).copied()
     }
 
-    /// The messages of the file from before a pair on.
+    /// The messages of the file, starting before a pair.
     ///
     /// # Errors
+    ///
     /// As [`Messages::open`].
     pub(super) fn messages(&self, file: &McapFile, place: PairPlace) -> Result<Messages> {
         Messages::from(file, place.chunk, self.declared.clone())

@@ -11,30 +11,29 @@ use std::path::{Path, PathBuf};
 use svl_core::stereo::{Frame, StereoCalibration};
 use svl_core::{Error, Result};
 
-/// Reads the pairs of one recording, a file or the folder of a ROS 2 bag, in the order of the file,
-/// with few in memory at a time.
+/// Reads the pairs of one recording, a file or the folder of a ROS 2 bag, in file order, with few
+/// in memory at a time.
 ///
-/// Left and right are paired by `/stereo/sync` in svl's own recordings, by their stamps in others.
+/// Left and right are paired by `/stereo/sync` in svl's own recordings, by stamp in others.
 pub struct Reader {
     recording: Recording,
     messages: Box<dyn EventReader>,
-    /// Index of the file that is read next.
+    /// Index of the next file to read.
     next_file: usize,
     source: Box<dyn PairSource>,
     header: Option<Header>,
     pairs: Option<u64>,
-    /// Where the pairs are, once that was asked for.
+    /// Positions of the pairs, once requested.
     index: Option<Option<PairIndex>>,
-    /// The first pair, read when the file was opened, after the errors of unreadable pairs before
-    /// it.
+    /// The first pair, read on opening the file, after the errors of unreadable pairs before it.
     ahead: VecDeque<Result<Frame>>,
     /// Damage found, reported after the pairs before it.
     damage: Option<Error>,
-    /// Messages beside the images that cannot be read, by topic.
+    /// Unreadable messages other than images, by topic.
     broken: BTreeMap<String, u64>,
 }
 
-/// Limit of unreadable pairs before the first readable one.
+/// Limit on unreadable pairs before the first readable one.
 const UNREADABLE: usize = 1000;
 
 impl Reader {
@@ -42,16 +41,16 @@ impl Reader {
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for a file that is not a recording or has no readable pair;
-    /// [`Error::Damaged`] when it ends before its first pair is complete.
+    /// [`Error::Damaged`] if it ends before its first pair is complete.
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
         Self::new(Recording::open(path)?, &Selection::default())
     }
 
-    /// Reads the first pair of an open recording, of the selected topics where svl did not write
-    /// it.
+    /// Reads the first pair of an open recording, from the selected topics if svl did not write it.
     ///
     /// # Errors
-    /// As [`Reader::open`]; [`Error::Format`] also where the topics of the cameras are missing or
+    ///
+    /// As [`Reader::open`]; [`Error::Format`] also if the topics of the cameras are missing or
     /// ambiguous.
     pub fn new(recording: Recording, selection: &Selection) -> Result<Self> {
         let first = recording.files().next();
@@ -88,7 +87,7 @@ impl Reader {
     }
 
     /// # Errors
-    /// Why there is no first pair.
+    /// The reason why there is no first pair.
     fn read_first(&mut self) -> Result<()> {
         // Errors before the first pair are kept, so that they are reported in order, once.
         while self.ahead.len() < UNREADABLE {
@@ -108,7 +107,7 @@ impl Reader {
         Err(Error::format(self.recording.path(), self.source.why_none()))
     }
 
-    /// The recording that is read.
+    /// The open recording.
     pub fn recording(&self) -> &Recording {
         &self.recording
     }
@@ -117,12 +116,13 @@ impl Reader {
         self.recording.path()
     }
 
-    /// The metadata record `svl`; nothing when svl did not write the recording.
+    /// The metadata record `svl`; `None` if svl did not write the recording.
     pub fn header(&self) -> Option<&Header> {
         self.header.as_ref()
     }
 
-    /// Number of pairs by the file's summary; nothing without a summary, as in a truncated file.
+    /// Number of pairs according to the file's summary; `None` without a summary, as in a truncated
+    /// file.
     pub fn pairs(&self) -> Option<u64> {
         self.pairs
     }
@@ -137,14 +137,14 @@ impl Reader {
         self.source.outside()
     }
 
-    /// Images so far that came after the images of their time had been dropped for lack of memory:
-    /// the file is not in the order of its stamps.
+    /// Images so far that arrived after those of their time had been dropped for lack of memory:
+    /// the file is not ordered by stamp.
     pub fn late(&self) -> u64 {
         self.source.late()
     }
 
-    /// Messages beside the images so far that cannot be read, by topic: of truth, calibration,
-    /// colours, pose. Their pairs go on without them.
+    /// Unreadable messages other than images so far, by topic: truth, calibration, colours, pose.
+    /// Their pairs are used without them.
     pub fn broken(&self) -> &BTreeMap<String, u64> {
         &self.broken
     }
@@ -163,46 +163,47 @@ impl Reader {
         TruthTopic::open(&self.recording, left, pairs, selection)
     }
 
-    /// The topics that measure distances, by the first message of each: those that
-    /// [`Reader::truth`] could take.
+    /// The topics that measure distances, decided by the first message of each: those that
+    /// [`Reader::truth`] accepts.
     ///
     /// # Errors
+    ///
     /// [`Error::Io`], [`Error::Format`].
     pub fn truth_topics(&self) -> Result<Vec<String>> {
         truth_topics(&self.recording, self.source.topics())
     }
 
-    /// How many bits the 16-bit images use of a recording that svl did not write.
+    /// Number of bits that the 16-bit images of another program's recording use.
     pub fn bits(&self) -> Option<u8> {
         self.source.depth().bits()
     }
 
-    /// What the user should know of the images that is no warning.
+    /// Note on the images that is not a warning.
     pub fn note(&self) -> Option<String> {
         self.source.depth().note()
     }
 
-    /// The calibration that rectifies raw pairs of a recording that svl did not write, where it
-    /// holds one. Where that is incomplete, a remark says why.
+    /// The calibration that rectifies raw pairs of another program's recording, if it contains one.
+    /// If that is incomplete, a remark gives the reason.
     pub fn calibration(&self) -> Option<StereoCalibration> {
         self.source.calibration()?.ok()
     }
 
-    /// Focal lengths of the left camera along x and y, pixels, in a recording that svl did not
-    /// write: of raw images before rectification.
+    /// Focal lengths of the left camera along x and y, pixels, in another program's recording: for
+    /// raw images before rectification.
     pub fn focal_px(&self) -> Option<(f64, f64)> {
         self.source.focal_px()
     }
 
-    /// Makes [`Reader::next_pair`] give the pair at `index`, counted from 0. False, and nothing is
-    /// changed, where the recording has no index of its pairs: svl did not write it, or not to its
-    /// end, or its pairs share stamps.
+    /// Makes [`Reader::next_pair`] return the pair at `index`, counted from 0, next. Returns false,
+    /// with no effect, if the recording has no index of its pairs: svl did not write it, or not to
+    /// its end, or its pairs share stamps.
     ///
     /// # Errors
-    /// [`Error::Format`] where the pair is not where the index says: the file has to be opened
-    /// again.
+    ///
+    /// [`Error::Format`] if the pair is not at its indexed position: the file has to be reopened.
     pub fn seek(&mut self, index: u64) -> Result<bool> {
-        // Only of its own recordings the number of pairs is known.
+        // The number of pairs is known only for svl's own recordings.
         if self.pairs.is_none() {
             return Ok(false);
         }
@@ -228,7 +229,7 @@ impl Reader {
                     self.ahead.push_back(Ok(frame));
                     return Ok(true);
                 }
-                // Pairs before it, also such whose beginning was passed over.
+                // Earlier pairs, including those whose first messages were skipped.
                 Ok(Some(frame)) if frame.stamp_ns < place.stamp_ns => {}
                 Err(Error::Format { .. }) => {}
                 Ok(_) => {
@@ -240,12 +241,13 @@ impl Reader {
         }
     }
 
-    /// The next pair, or nothing at the end.
+    /// The next pair, or `None` at the end.
     ///
     /// # Errors
-    /// [`Error::Format`] for an unreadable pair, after which reading may go on. [`Error::Damaged`],
-    /// once, where the file is truncated or corrupt: all pairs before it are good, and there are no
-    /// more.
+    ///
+    /// [`Error::Format`] for an unreadable pair, after which reading can continue.
+    /// [`Error::Damaged`], once, if the file is truncated or corrupt: all pairs before it are
+    /// valid, and there are no more.
     pub fn next_pair(&mut self) -> Result<Option<Frame>> {
         let ahead = self.ahead.pop_front();
         ahead.map_or_else(|| self.read(), |next| next.map(Some))
@@ -293,7 +295,7 @@ impl Reader {
                     }
                 }
                 Ok(Some(_)) => {}
-                // The pairing goes on over the border: left and right may be in different files.
+                // Pairing continues across files: left and right may be in different ones.
                 Ok(None) => match self.recording.files().nth(self.next_file) {
                     Some(next) => {
                         self.messages = next.messages()?;
@@ -301,8 +303,8 @@ impl Reader {
                     }
                     None => ended = true,
                 },
-                // This file ends here, but a bag may have others.
-                // Only the first damage is reported: its cure is svl recover, whatever follows.
+                // This file ends here, but a bag may have others. Only the first damage is
+                // reported: its remedy is svl recover, whatever follows.
                 Err(error) => self.damage = self.damage.take().or(Some(error)),
             }
             if ended {
@@ -322,7 +324,7 @@ impl Reader {
     }
 }
 
-/// Whether svl wrote the recording in its own dialect, which is always one file.
+/// True if svl wrote the recording in its own dialect, which is always one file.
 fn is_own(recording: &Recording) -> Result<bool> {
     if recording.only_file().is_err() {
         return Ok(false);
@@ -332,9 +334,9 @@ fn is_own(recording: &Recording) -> Result<bool> {
         return Ok(true);
     }
     // Other programs copy svl's messages into files of another profile, and the header may be
-    // damaged. A ROS 2 bag of svl's has no such message.
+    // corrupt. A ROS 2 bag by svl has no such message.
     let channels = recording.channels()?;
-    // Where nothing at all can be read, the damage is reported, not the absence of topics.
+    // If nothing at all can be read, the damage is reported, not the absence of topics.
     Ok(channels
         .iter()
         .any(|channel| channel.schema == sync::SCHEMA)

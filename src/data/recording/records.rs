@@ -1,18 +1,18 @@
 //! The records of an MCAP file, read from start to end in bounded memory.
 //!
-//! Every length is checked against what the file can hold, a chunk is used only when it matches
-//! its CRC, and the CRCs of data and summary section are checked on the way. So any changed byte is
-//! noticed, at the latest at the end, in files that have CRCs; those of many ROS 2 recorders have
-//! none, see [`Records::is_checked`].
+//! Every length is checked against the file's size, a chunk is used only if it matches its CRC, and
+//! the CRCs of data and summary section are checked on the way. So any changed byte is detected, at
+//! the latest at the end, in files with CRCs; files of many ROS 2 recorders have none, see
+//! [`Records::is_checked`].
 //!
-//! This walker reads intact files too, not mcap's own readers (0.25), which are no quicker and less
-//! safe. The messages of the arena's recording (109 MB) take 0.17 s of CPU time here, 0.19 s with
-//! `LinearReader` and all its CRCs, 0.19 s with `MessageStream`, 0.17 s with `IndexedReader` (Intel
-//! Xeon model 207, one thread of two cores). Of these, `IndexedReader` checks no CRC;
-//! `MessageStream` gives out messages before the CRC of their chunk is known, and ends before the
-//! CRCs of data and summary section; `LinearReader` fills with zeros what a chunk claims to hold,
-//! 2.1 GB and 5 s for a file of 278 bytes. None says where in the file a record is, which salvage
-//! needs: beside any of them this walker would remain.
+//! This walker also reads intact files, instead of mcap's own readers (0.25), which are not faster
+//! and less safe. The messages of the arena's recording (109 MB) take 0.17 s of CPU time here, 0.19
+//! s with `LinearReader` and all its CRCs, 0.19 s with `MessageStream`, 0.17 s with `IndexedReader`
+//! (Intel Xeon model 207, one thread of two cores). Of these, `IndexedReader` checks no CRC;
+//! `MessageStream` returns messages before the CRC of their chunk is known, and ends before the
+//! CRCs of data and summary section; `LinearReader` zero-fills the size that a chunk claims, 2.1 GB
+//! and 5 s for a file of 278 bytes. None reports the position of a record in the file, which
+//! salvage needs: this walker would be needed in addition to any of them.
 
 use super::bag::not_mcap;
 use super::chunk::Chunk;
@@ -25,7 +25,7 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::PathBuf;
 use svl_core::{Error, Result};
 
-/// Stands for the magic of an appended file. No record has this opcode.
+/// Code for the magic of an appended file. No record has this opcode.
 pub(super) const ANOTHER: u8 = 0;
 /// Footer record and end magic.
 const TAIL: u64 = HEAD + 20 + 8;
@@ -37,29 +37,29 @@ pub(super) struct Records {
     path: PathBuf,
     file: BufReader<FileReader>,
     len: u64,
-    /// Bytes read so far.
+    /// Number of bytes read so far.
     at: u64,
-    /// Where the current record of the file itself begins.
+    /// Start of the current record of the file itself.
     start: u64,
-    /// Of the section being read.
+    /// CRC of the section being read.
     crc: crc32fast::Hasher,
     body: Vec<u8>,
     chunk: Chunk,
-    /// Whether the current record stands in `chunk`.
+    /// True if the current record is in `chunk`.
     in_chunk: bool,
     /// In a cell, because a shared reference may find damage, which ends the reading.
     ended: Cell<bool>,
     extent: Extent,
     has_header: bool,
     has_chunks: bool,
-    /// Whether the end magic was read: only an appended file may follow.
+    /// True if the end magic was read: only an appended file may follow.
     finished: bool,
-    /// Whether messages were read that no CRC covers: in this data section, and before.
+    /// True if messages without a CRC were read: in this data section, and before.
     unchecked: [bool; 2],
     salvage: Option<Salvage>,
 }
 
-/// Which records of a file are read.
+/// Part of a file's records to read.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Extent {
     All,
@@ -67,11 +67,11 @@ enum Extent {
     Beside,
     /// The summary section.
     Summary,
-    /// From a chunk on to the end.
+    /// From a chunk to the end.
     Rest,
 }
 
-/// What was found at a place of the file.
+/// Result of reading at a position of the file.
 enum Top {
     Record(u8),
     /// Handled already; the next one follows.
@@ -89,7 +89,7 @@ impl Records {
         }
     }
 
-    /// As [`Records::open`], but damaged parts are skipped and noted.
+    /// Same as [`Records::open`], but corrupt parts are skipped and recorded.
     pub(super) fn salvage(file: &McapFile) -> Result<Self> {
         let io = |e| Error::io(file.path(), e);
         let mut records = Self::unread(file)?;
@@ -128,34 +128,34 @@ impl Records {
         })
     }
 
-    /// Whether the magic is read here.
+    /// Reads the magic; returns true if it is there.
     fn begin(&mut self) -> Result<bool> {
         let mut magic = [0; 8];
         Ok(self.len - self.at >= 8 && self.read(&mut magic).map(|()| magic == *mcap::MAGIC)?)
     }
 
-    /// From here on reads only the records outside of chunks.
+    /// Restricts reading to the records outside of chunks from here on.
     pub(super) fn skip_chunks(&mut self) {
         self.extent = Extent::Beside;
     }
 
-    /// Whether the records in chunks are read too.
+    /// True if the records in chunks are read too.
     pub(super) fn reads_all(&self) -> bool {
         self.extent == Extent::All
     }
 
-    /// Whether there are no more records.
+    /// True if there are no more records.
     pub(super) fn has_ended(&self) -> bool {
         self.ended.get()
     }
 
-    /// Whether all messages read so far are covered by a CRC. Otherwise changed bytes may go
-    /// unnoticed.
+    /// True if all messages read so far are covered by a CRC. Otherwise changed bytes may be
+    /// undetected.
     pub(super) fn is_checked(&self) -> bool {
         self.unchecked == [false; 2]
     }
 
-    /// The damaged parts that were skipped, in the order of the file.
+    /// The damaged parts that were skipped, in file order.
     pub(super) fn take_losses(&mut self) -> Vec<DamagedPart> {
         self.salvage
             .take()
@@ -163,12 +163,12 @@ impl Records {
             .unwrap_or_default()
     }
 
-    /// Whether any part of the current file was skipped.
+    /// True if any part of the current file was skipped.
     pub(super) fn has_losses(&self) -> bool {
         self.salvage.as_ref().is_some_and(Salvage::has_losses)
     }
 
-    /// Moves to the summary section; false where the file has none.
+    /// Moves to the summary section; returns false if the file has none.
     pub(super) fn seek_summary(&mut self) -> Result<bool> {
         let mut tail = [0; TAIL as usize];
         let Some(footer) = self.len.checked_sub(TAIL) else {
@@ -193,7 +193,7 @@ impl Records {
         self.seek(start)
     }
 
-    /// The record of the file itself that begins at `start`; nothing where none can be read.
+    /// The record of the file itself that begins at `start`; `None` if none can be read.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -211,7 +211,7 @@ impl Records {
         }
     }
 
-    /// What kind of record begins at `start`; nothing where the file has no room for one.
+    /// Opcode of the record at `start`; `None` if the file has no room for one.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -231,7 +231,7 @@ impl Records {
             .map(|_| head[0]))
     }
 
-    /// Where the current record of the file itself begins.
+    /// Start of the current record of the file itself.
     pub(super) fn start(&self) -> u64 {
         self.start
     }
@@ -253,8 +253,8 @@ impl Records {
         Ok(())
     }
 
-    /// Advances to the next record and returns its opcode; nothing at the end of the file, and
-    /// after an error.
+    /// Advances to the next record and returns its opcode; `None` at the end of the file, and after
+    /// an error.
     pub(super) fn advance(&mut self) -> Result<Option<u8>> {
         let opcode = if self.ended.get() {
             Ok(None)
@@ -276,7 +276,7 @@ impl Records {
         }
     }
 
-    /// The current record, parsed, or why it cannot be read.
+    /// The current record, parsed, or the reason why it cannot be read.
     pub(super) fn parse(&self, opcode: u8) -> std::result::Result<Record<'_>, String> {
         let body = self.body();
         // mcap 0.25 panics on an attachment that ends before its CRC.
@@ -367,16 +367,16 @@ impl Records {
         if let Some(salvage) = &mut self.salvage {
             salvage.follows(self.start, opcode);
         }
-        // Seeking is what makes the walk cheap: heads only.
+        // Seeking makes the walk cheap: only heads are read.
         if opcode == op::CHUNK && self.extent == Extent::Beside {
-            // Checked above: no more than the file has.
+            // Checked above: not beyond the end of the file.
             self.file
                 .seek_relative(length as i64)
                 .map_err(|e| Error::io(&self.path, e))?;
             self.at += length;
             return Ok(Top::Record(opcode));
         }
-        // At most what is left of the file, so a damaged length cannot allocate more than that.
+        // At most the rest of the file, so a corrupt length cannot allocate more than that.
         self.body.resize(length as usize, 0);
         self.file
             .read_exact(&mut self.body)
@@ -408,7 +408,8 @@ impl Records {
             return Err(self.damaged("its summary is not where its footer says"));
         }
         match opcode {
-            // MCAP wants it first; elsewhere it is accepted, as its place does not matter here.
+            // MCAP requires it first; it is accepted anywhere, as its position does not matter
+            // here.
             op::HEADER => self.has_header = true,
             op::DATA_END => {
                 let checked = self.check_crc("data section", section, u32_at(&self.body, 0))?;
@@ -429,11 +430,11 @@ impl Records {
         Ok(Top::Record(opcode))
     }
 
-    /// Why the record just read cannot be intact. Only salvage has to know before the CRC of the
-    /// section is checked.
+    /// Reason why the record just read cannot be intact. Only salvage has to know before the CRC of
+    /// the section is checked.
     fn examine(&self, opcode: u8) -> std::result::Result<(), String> {
-        // No writer mixes messages inside and outside of chunks, and one flipped bit makes a
-        // message of another record.
+        // No writer mixes messages inside and outside of chunks, and one flipped bit can turn
+        // another record into a message.
         if opcode == op::MESSAGE && self.has_chunks {
             return Err("a message stands outside of the chunks".to_owned());
         }
@@ -459,7 +460,7 @@ impl Records {
         })
     }
 
-    /// Goes on in the appended file that begins here, see [`ANOTHER`].
+    /// Continues in the appended file that begins here, see [`ANOTHER`].
     pub(super) fn begin_another(&mut self) -> Result<()> {
         let what = if self.finished {
             "another MCAP file follows"
@@ -469,7 +470,7 @@ impl Records {
         let Some(salvage) = &mut self.salvage else {
             return Err(self.damaged(what));
         };
-        // Both files are read; what is noted is that there are two.
+        // Both files are read; the note is that there are two.
         salvage.note(self.start..self.start, what);
         salvage.begin_another(self.start + 8);
         self.seek(self.start + 8)?;
@@ -480,7 +481,7 @@ impl Records {
         Ok(())
     }
 
-    /// Skips the current record and notes why; an error without salvage.
+    /// Skips the current record and records the reason; an error without salvage.
     pub(super) fn lose(&mut self, reason: &str) -> Result<()> {
         match &mut self.salvage {
             Some(salvage) if self.in_chunk => salvage.note(self.start..self.at, reason),
@@ -489,7 +490,7 @@ impl Records {
         Ok(())
     }
 
-    /// Notes that something is missing; an error without salvage.
+    /// Records that something is missing; an error without salvage.
     pub(super) fn missing(&mut self, reason: &str) -> Result<()> {
         let Some(salvage) = &mut self.salvage else {
             return Err(self.damaged_at(self.at, reason));
@@ -503,8 +504,8 @@ impl Records {
         self.pass_over(self.len, reason).map(|()| Top::Passed)
     }
 
-    /// Skips the current record up to `end`, or resynchronizes before it at a record that proves to
-    /// be one; an error without salvage.
+    /// Skips the current record up to `end`, or resynchronizes before it at a proven record; an
+    /// error without salvage.
     fn pass_over(&mut self, end: u64, reason: &str) -> Result<()> {
         let Some(salvage) = &mut self.salvage else {
             return Err(self.damaged(reason));
@@ -516,7 +517,7 @@ impl Records {
         self.seek(found)
     }
 
-    /// Whether a section has a CRC that matches.
+    /// Checks the CRC of a section; returns true if it has one, which matches.
     fn check_crc(
         &mut self,
         section: &str,
@@ -542,7 +543,7 @@ impl Records {
 
     /// The error for damage in the current record, which ends the reading.
     pub(super) fn damaged(&self, reason: &str) -> Error {
-        // Where the record begins: the place that salvage notes for the same damage.
+        // The start of the record: the position that salvage records for the same damage.
         self.damaged_at(self.start, reason)
     }
 
@@ -569,7 +570,7 @@ fn no_mcap(file: &McapFile) -> Error {
     }
 }
 
-/// Whether records of this kind belong to the data section, including its end.
+/// True if records of this kind belong to the data section, including its end.
 fn is_data(opcode: u8) -> bool {
     matches!(
         opcode,

@@ -13,33 +13,33 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use svl_core::{Error, Result};
 
-/// What was recovered, and what was lost.
+/// Figures of a recovery: recovered and lost parts.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Recovery {
     /// Messages recovered, by topic.
     pub messages: BTreeMap<String, u64>,
-    /// Complete pairs of svl's own recordings.
+    /// Complete pairs in svl's own recordings.
     pub pairs: u64,
     pub attachments: u64,
     pub metadata: u64,
-    /// The damaged parts, in the order of the file.
+    /// The damaged parts, in file order.
     pub losses: Vec<DamagedPart>,
-    /// Messages that the file's own summary counts and that were not found, by topic. Empty where
-    /// it has no summary.
+    /// Messages counted in the file's own summary but not found, by topic. Empty if it has no
+    /// summary.
     pub missing: BTreeMap<String, u64>,
-    /// Whether CRCs cover all messages recovered. Otherwise they may hold changed bytes.
+    /// True if CRCs cover all recovered messages. Otherwise they may contain changed bytes.
     pub checksums: bool,
 }
 
 impl Recording {
-    /// Copies everything intact, whoever wrote it, into the new file `to`: chunk by chunk, schemas,
-    /// topics, messages, attachments and metadata. What does not match its CRC is passed over and
-    /// noted. Where the length of a record is damaged, the copy resynchronizes at the next record
-    /// that proves to be one; MCAP files appended to the file are copied too.
+    /// Copies everything intact, from any writer, into the new file `to`: chunk by chunk, schemas,
+    /// topics, messages, attachments and metadata. Anything that does not match its CRC is skipped
+    /// and recorded. If the length of a record is corrupt, the copy resynchronizes at the next
+    /// proven record; MCAP files appended to the file are copied too.
     ///
     /// # Errors
-    /// [`Error::Io`], also when `to` exists; [`Error::Format`] for what is not an MCAP file or
-    /// holds nothing to save, of which no file is left, and for a bag of several files.
+    /// [`Error::Io`], also if `to` exists; [`Error::Format`] for a file that is not MCAP or has
+    /// nothing to recover, in which case `to` is removed, and for a bag of several files.
     pub fn recover(&self, to: &Path) -> Result<Recovery> {
         let from = match self.only_file()? {
             Container::Mcap(file) => file,
@@ -57,7 +57,7 @@ impl Recording {
             Some(Record::Header(header)) => (header.profile, header.library),
             _ => Default::default(),
         };
-        // Tells a recovered file from an original, also for other programs.
+        // Distinguishes a recovered file from an original, also for other programs.
         let library = format!("{LIBRARY}, recovered from {library}");
         let mut copy = Copier {
             file: AppendFile::create(to.to_owned(), &profile, &library)?,
@@ -69,7 +69,7 @@ impl Recording {
             copy.file.finish()?;
         } else {
             drop(copy.file);
-            // An empty file is of no use, and would block the next attempt.
+            // An empty file is useless, and would block the next attempt.
             let _ = std::fs::remove_file(to);
         }
         if saved? {
@@ -89,7 +89,7 @@ struct Copier {
 }
 
 impl Copier {
-    /// Copies everything from the first record on; returns whether there was anything.
+    /// Copies everything from the first record on; returns true if there was anything.
     fn all(&mut self, messages: &mut Messages, first: Option<u8>) -> Result<bool> {
         let mut next = first;
         while let Some(opcode) = next {
@@ -122,7 +122,7 @@ impl Copier {
                 let Some((channel, schema)) = messages.declaration(header.channel_id) else {
                     return Ok(());
                 };
-                // Appended files number their channels anew; equal topics become one channel.
+                // Appended files renumber their channels; equal topics become one channel.
                 let channel_id = match self.channels.entry((messages.part(), header.channel_id)) {
                     Entry::Occupied(number) => *number.get(),
                     Entry::Vacant(number) => {

@@ -10,8 +10,8 @@ use svl_core::{Error, Result};
 const SCHEMA: &str = "svl.Result";
 const DEFINITION: &str = include_str!("result.schema.json");
 
-/// The message of `/algo/<name>/result`: the hash of a result, by which a replay proves that its
-/// own is equal.
+/// The message of `/algo/<name>/result`: the hash of a result, with which a replay verifies its
+/// own.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct AlgorithmResult {
     /// Number of the pair in its source, from 0.
@@ -22,10 +22,11 @@ pub struct AlgorithmResult {
     pub hash: String,
     /// [`svl_core::stereo::StereoPair::hash`] of its pair, hexadecimal.
     pub pair_hash: String,
-    /// Share of the pixels with a disparity.
+    /// Fraction of the pixels with a disparity.
     pub coverage: f64,
-    /// [`svl_core::stereo::DisparityMap::median_row_offset`]: how many rows the right image
-    /// is lower; nothing for algorithms that do not measure it, and in recordings of earlier svl.
+    /// [`svl_core::stereo::DisparityMap::median_row_offset`]: number of rows by which the right
+    /// image is lower; `None` for algorithms that do not measure it, and in recordings by earlier
+    /// versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub row_offset_px: Option<i8>,
 }
@@ -42,7 +43,7 @@ impl AlgorithmResult {
         }
     }
 
-    /// The result in a message; nothing for messages of other kinds.
+    /// The result in a message; `None` for messages of other kinds.
     pub(super) fn decode(schema: &str, data: &[u8]) -> Option<serde_json::Result<Self>> {
         // By schema, not by topic: names of algorithms are part of the topic.
         (schema == SCHEMA).then(|| serde_json::from_slice(data))
@@ -54,16 +55,17 @@ impl AlgorithmResult {
 }
 
 impl Recording {
-    /// The results in the recording, in its order; none in a recording that no replay wrote.
+    /// The results in the recording, in order; empty if no replay wrote it.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for what is no MCAP file, a bag of several files, or a
-    /// result that cannot be read; [`Error::Damaged`].
+    ///
+    /// [`Error::Io`]; [`Error::Format`] for a file that is not MCAP, a bag of several files, or an
+    /// unreadable result; [`Error::Damaged`].
     pub fn results(&self) -> Result<Vec<AlgorithmResult>> {
         self.json_messages(SCHEMA)
     }
 
-    /// The messages of a JSON schema.
+    /// The messages with a JSON schema.
     pub(super) fn json_messages<T: DeserializeOwned>(&self, schema: &str) -> Result<Vec<T>> {
         let file = self.only_file()?;
         let mut messages = file.messages()?;

@@ -1,4 +1,4 @@
-//! Salvage: skips and notes the damaged parts of a file.
+//! Salvage: skips and records the damaged parts of a file.
 
 use super::file::FileReader;
 use super::layout::{body_size, has_fields, is_record};
@@ -10,7 +10,7 @@ use std::ops::Range;
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct DamagedPart {
     pub at_byte: u64,
-    /// Length of the part; 0 where something was never written, or is only noticed here.
+    /// Length of the part; 0 if something was never written, or is only detected here.
     pub bytes: u64,
     pub reason: String,
 }
@@ -29,12 +29,12 @@ impl std::fmt::Display for DamagedPart {
 pub(super) struct Salvage {
     search: RecordSearch,
     losses: Vec<DamagedPart>,
-    /// Number of damaged parts in the files before the current one, where files are appended.
+    /// Number of damaged parts in the files before the current one, if files are appended.
     before: usize,
-    /// No record is overlooked before this place: the last one that proved to be one ends here, or
-    /// the last search did.
+    /// No record is missed before this position: the end of the last proven record, or of the last
+    /// search.
     sure: u64,
-    /// End of a record that proves to be one if another record follows.
+    /// End of a record that is proven if another record follows.
     hoped: u64,
 }
 
@@ -49,10 +49,10 @@ impl Salvage {
         })
     }
 
-    /// Where the records begin in a file of `len` bytes whose beginning is damaged; nothing in a
-    /// file that is not MCAP.
+    /// Start of the records in a file of `len` bytes whose beginning is corrupt; `None` in a file
+    /// that is not MCAP.
     pub(super) fn begin(&mut self, len: u64) -> io::Result<Option<u64>> {
-        // A file without any record that proves to be one is not MCAP.
+        // A file without any proven record is not MCAP.
         let Some(found) = self.search.next(0..len)? else {
             return Ok(None);
         };
@@ -67,29 +67,29 @@ impl Salvage {
         (self.before, self.sure) = (self.losses.len(), at);
     }
 
-    /// The record that ends here has proved to be one.
+    /// The record that ends here is proven.
     pub(super) fn trust(&mut self, end: u64) {
         self.sure = end;
     }
 
-    /// The record that ends here proves to be one if another record follows.
+    /// The record that ends here is proven if another record follows.
     pub(super) fn trust_if_followed(&mut self, end: u64) {
         self.hoped = end;
     }
 
-    /// A record of this kind begins here, with a length that the file has.
+    /// A record of this kind begins here, with a length that fits the file.
     pub(super) fn follows(&mut self, at: u64, opcode: u8) {
         if self.hoped == at && is_record(opcode) {
             self.trust(at);
         }
     }
 
-    /// Whether anything of the current file is lost.
+    /// True if anything of the current file is lost.
     pub(super) fn has_losses(&self) -> bool {
         self.losses.len() > self.before
     }
 
-    /// In the order of the file.
+    /// The damaged parts, in file order.
     pub(super) fn into_losses(mut self) -> Vec<DamagedPart> {
         self.losses.sort_by_key(|loss| loss.at_byte);
         self.losses
@@ -114,22 +114,21 @@ impl Salvage {
         }
     }
 
-    /// Skips the record of which `read` was read, and returns where records go on: at `end`, or
-    /// before it at a record that proves to be one.
+    /// Skips the record of which `read` was read, and returns where records resume: at `end`, or
+    /// before it at a proven record.
     pub(super) fn pass_over(
         &mut self,
         read: Range<u64>,
         end: u64,
         reason: &str,
     ) -> io::Result<u64> {
-        // Not at `sure` itself, where the record begins that is damaged.
+        // Not at `sure` itself, where the corrupt record begins.
         let from = self.sure + 1;
         let found = self.search.next(from..end)?.unwrap_or(end);
-        // Bytes read before and read again after the search count, or two damaged lengths could
-        // loop.
+        // Bytes read before and again after the search count, or two corrupt lengths could loop.
         self.search.spend(read.end.saturating_sub(found));
         self.sure = found;
-        // The length that led here may itself be damaged, and lead too far.
+        // The length that led here may itself be corrupt, and point too far.
         let start = if found < read.start {
             from - 1
         } else {
@@ -139,9 +138,9 @@ impl Salvage {
         Ok(found)
     }
 
-    /// Whether the bytes at `place`, which look like a private record, hold other records that
-    /// prove to be ones. Behind damage any byte from 0x80 on looks like a private record, and the
-    /// bytes after it like its length.
+    /// True if the bytes at `place`, which look like a private record, contain other proven
+    /// records. After damage any byte from 0x80 on looks like a private record, and the bytes after
+    /// it like its length.
     pub(super) fn covers_others(&mut self, opcode: u8, place: Range<u64>) -> io::Result<bool> {
         if opcode < PRIVATE || !self.has_losses() {
             return Ok(false);
@@ -150,7 +149,7 @@ impl Salvage {
         Ok(found.is_some())
     }
 
-    /// Trusts the record at `place` if it proves to be one.
+    /// Trusts the record at `place` if it can be proven.
     pub(super) fn try_trust(&mut self, place: Range<u64>) -> io::Result<()> {
         if self.search.proves_at(place.start)? {
             self.trust(place.end);
@@ -162,7 +161,7 @@ impl Salvage {
 /// Opcodes from here on are private to other programs.
 const PRIVATE: u8 = 0x80;
 
-/// Why a record cannot be intact.
+/// Reason why a record cannot be intact.
 pub(super) fn examine(opcode: u8, body: &[u8]) -> Result<(), String> {
     if !is_record(opcode) && opcode < PRIVATE {
         return Err(format!("a record is of the unknown kind {opcode:#04x}"));

@@ -1,15 +1,15 @@
 //! Resynchronization: searches a damaged file for the next record, as the damage may be in the
 //! lengths that lead from one record to the next.
 //!
-//! A record proves to be one when it is:
-//! - a chunk whose lengths agree, that decompresses into complete records, and matches its CRC or,
-//!   without a CRC, is followed by another record;
+//! A record counts as proven if it is:
+//! - a chunk with consistent lengths that decompresses into complete records, and matches its CRC
+//!   or, without a CRC, is followed by another record;
 //! - an attachment that matches its CRC;
-//! - metadata whose lengths agree, or the end of the data section, followed by another record;
+//! - metadata with consistent lengths, or the end of the data section, followed by another record;
 //! - the magic of an appended file.
 //!
-//! Every place is examined once, and a budget limits the bytes read for places that only look like
-//! records. So the time is linear in the length of the file, whatever it holds.
+//! Every position is examined once, and a budget limits the bytes read for positions that merely
+//! look like records. So the time is linear in the length of the file, whatever its content.
 
 use super::chunk::{Chunk, chunk_size};
 use super::file::FileReader;
@@ -20,9 +20,9 @@ use std::ops::Range;
 
 /// Bytes searched at a time.
 const WINDOW: usize = 1 << 18;
-/// Bytes of a record that show whether it looks like one.
+/// Bytes of a record that suffice for a first check.
 const LOOK: usize = 64;
-/// Limit of the length of an attachment up to its data, and of metadata, that are searched for.
+/// Limit on the length of an attachment up to its data, and of metadata, for the search.
 const MAX_BESIDE: u64 = 1 << 16;
 
 /// Searches one file.
@@ -37,7 +37,8 @@ pub(super) struct RecordSearch {
 
 impl RecordSearch {
     pub(super) fn new(file: FileReader, len: u64) -> io::Result<Self> {
-        // 16 times the file: a flood of fake chunk heads ends the search, not the time of the user.
+        // 16 times the file size: many fake chunk heads end the search early instead of taking the
+        // user's time.
         let budget = len.saturating_mul(16).saturating_add(16 << 20);
         Ok(Self {
             file,
@@ -48,7 +49,7 @@ impl RecordSearch {
         })
     }
 
-    /// The first place in `range` where a record begins that proves to be one.
+    /// The first position in `range` where a proven record begins.
     ///
     /// # Errors
     /// Those of reading the file.
@@ -74,14 +75,14 @@ impl RecordSearch {
         Ok(None)
     }
 
-    /// Whether the record at this place proves to be one.
+    /// True if the record at this position is proven.
     pub(super) fn proves_at(&mut self, at: u64) -> io::Result<bool> {
         self.read(at, (self.len - at).min(LOOK as u64))?;
         let head = self.body.clone();
         self.proves(at, &head)
     }
 
-    /// As [`RecordSearch::proves_at`], where `head` are the first bytes.
+    /// Same as [`RecordSearch::proves_at`], with the first bytes in `head`.
     fn proves(&mut self, at: u64, head: &[u8]) -> io::Result<bool> {
         if head.starts_with(mcap::MAGIC) {
             return self.is_header(at + 8);
@@ -94,7 +95,7 @@ impl RecordSearch {
             return Ok(false);
         };
         let body = at + HEAD;
-        // Before anything is read: most fakes have absurd lengths.
+        // Before any reading: most fakes have absurd lengths.
         if length > MAX_RECORD.min(self.len - body) || self.budget == 0 {
             return Ok(false);
         }
@@ -107,8 +108,8 @@ impl RecordSearch {
                 let opened =
                     self.chunk.open(&self.body).is_ok() && self.chunk.has_only_complete_records();
                 self.chunk.clear();
-                // A chunk with a damaged length may still fall into records, over those that
-                // follow.
+                // A chunk with a corrupt length may still decompress into records, across those
+                // that follow.
                 let fits = opened && (self.chunk.has_crc() || self.goes_on(body + length)?);
                 Ok(self.paid(fits, length + size))
             }
@@ -119,7 +120,7 @@ impl RecordSearch {
                     return Ok(self.paid(false, start));
                 }
                 self.read(body, length)?;
-                // Without a CRC anything could be an attachment.
+                // Without a CRC any bytes could be an attachment.
                 let has_crc = self.body.last_chunk() != Some(&[0; 4]);
                 let fits = has_crc && mcap::parse_record(op::ATTACHMENT, &self.body).is_ok();
                 Ok(self.paid(fits, length))
@@ -141,7 +142,7 @@ impl RecordSearch {
         }
     }
 
-    /// Whether the header record of a file is there.
+    /// True if the header record of a file is there.
     pub(super) fn is_header(&mut self, at: u64) -> io::Result<bool> {
         let Some(left) = self.len.checked_sub(at + HEAD) else {
             return Ok(false);
@@ -157,12 +158,12 @@ impl RecordSearch {
         Ok(self.paid(fits, length))
     }
 
-    /// Takes bytes from the budget.
+    /// Deducts bytes from the budget.
     pub(super) fn spend(&mut self, bytes: u64) {
         self.budget = self.budget.saturating_sub(bytes);
     }
 
-    /// Returns `is_right`, and takes `bytes` from the budget if it is false.
+    /// Returns `is_right`, and deducts `bytes` from the budget if it is false.
     fn paid(&mut self, is_right: bool, bytes: u64) -> bool {
         if !is_right {
             self.spend(bytes);
@@ -170,7 +171,7 @@ impl RecordSearch {
         is_right
     }
 
-    /// Whether the bytes at `at` look like a record.
+    /// True if the bytes at `at` look like a record.
     fn goes_on(&mut self, at: u64) -> io::Result<bool> {
         let Some(left) = self.len.checked_sub(at + HEAD) else {
             return Ok(false);

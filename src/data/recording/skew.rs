@@ -23,7 +23,7 @@ pub struct SkewBin {
 const MAX_BINS: i128 = 12;
 
 impl SkewSummary {
-    /// From the skews of all pairs, which get sorted; nothing without pairs.
+    /// From the skews of all pairs, which are sorted in place; `None` without pairs.
     pub(super) fn from_skews(skews_ns: &mut [i64]) -> Option<Self> {
         skews_ns.sort_unstable();
         let (&[min_ns, ..], &[.., max_ns]) = (&*skews_ns, &*skews_ns) else {
@@ -31,9 +31,9 @@ impl SkewSummary {
         };
         let median_ns = upper_rank(skews_ns, 0.5)?;
         let width = bin_width(i128::from(min_ns), i128::from(max_ns));
-        // Damaged stamps may be as far apart as numbers allow.
+        // Corrupt stamps may be as far apart as the number type allows.
         let edge = |ns: i128| ns.clamp(i64::MIN.into(), i64::MAX.into()) as i64;
-        // Euclidean, so that bins left of zero are as wide as the others.
+        // Euclidean, so that bins left of zero have the same width as the others.
         let number = |ns: i64| i128::from(ns).div_euclid(width);
         let bin = |bin: &[i64]| SkewBin {
             from_ns: edge(number(bin[0]) * width),
@@ -56,7 +56,7 @@ impl SkewSummary {
 /// The smallest of 1, 2, 5, 10, … ns that divides the range into at most twelve bins.
 fn bin_width(min_ns: i128, max_ns: i128) -> i128 {
     let mut decade = 1;
-    // Ends at the latest when one bin holds the whole range.
+    // Ends at the latest when one bin covers the whole range.
     loop {
         for width in [decade, 2 * decade, 5 * decade] {
             if max_ns.div_euclid(width) - min_ns.div_euclid(width) < MAX_BINS {

@@ -9,14 +9,14 @@ use std::sync::Arc;
 use svl_core::{Error, Result};
 use tempfile::TempPath;
 
-/// What such a file begins with.
+/// First bytes of such a file.
 pub(super) const MAGIC: &[u8] = b"SQLite format 3\0";
 
 /// One SQLite file of a bag.
 pub(super) struct SqliteFile {
     path: PathBuf,
     len: u64,
-    /// Where it was unpacked to.
+    /// Path of the unpacked file.
     unpacked: Option<Arc<TempPath>>,
 }
 
@@ -48,7 +48,7 @@ impl SqliteFile {
     }
 
     /// # Errors
-    /// [`Error::Format`] for a file that is not a bag, or damaged where its topics are.
+    /// [`Error::Format`] for a file that is not a bag, or whose topics are corrupt.
     pub(super) fn messages(&self) -> Result<SqliteMessages> {
         let file = self.unpacked.as_ref().map_or(&*self.path, |file| &***file);
         // Without a mutex: a connection has one owner.
@@ -57,7 +57,7 @@ impl SqliteFile {
             Error::format(&self.path, format!("is no bag of rosbag2 in SQLite: {e}"))
         };
         let connection = Connection::open_with_flags(file, flags).map_err(wrong)?;
-        // SQLite refuses a file that is cut off as a whole, but for those who would repair it.
+        // SQLite rejects a truncated file as a whole, except in this mode for repairs.
         let lenient = connection.execute_batch("PRAGMA writable_schema = ON");
         let channels = lenient
             .and_then(|()| channels(&connection))
@@ -87,18 +87,18 @@ fn channels(connection: &Connection) -> rusqlite::Result<HashMap<i64, Channel>> 
     channels.collect()
 }
 
-/// The messages of a file in the order in which they were recorded.
+/// The messages of a file in recorded order.
 pub(super) struct SqliteMessages {
     path: PathBuf,
     connection: Connection,
     channels: HashMap<i64, Channel>,
-    /// Of the last message.
+    /// Id of the last message.
     last: i64,
     data: Vec<u8>,
     ended: bool,
 }
 
-/// One message a time: the bag may be larger than memory. SQLite itself limits one to 10⁹ bytes.
+/// One message at a time: the bag may be larger than memory. SQLite itself limits one to 10⁹ bytes.
 const NEXT: &str = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ?1 ORDER BY id \
                     LIMIT 1";
 
@@ -132,7 +132,7 @@ impl EventReader for SqliteMessages {
                 }
             };
             self.last = id;
-            // A message of no topic can be nobody's image.
+            // A message without a topic cannot be an image.
             if let Some(channel) = self.channels.get(&topic) {
                 return Ok(Some(FileEvent::Message {
                     channel,
@@ -184,7 +184,7 @@ mod tests {
             }
         };
         assert_eq!(read(), (vec![(10, 1, 5000), (30, 3, 5000)], None));
-        // Overwritten where the last message lies.
+        // Overwrites the last message.
         let mut bytes = std::fs::read(&path).unwrap();
         let length = bytes.len();
         bytes.truncate(length - 4096);

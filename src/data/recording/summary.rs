@@ -21,34 +21,32 @@ use svl_core::stereo::Side;
 /// Two pairs more than this many median periods apart are separated by a gap.
 const GAP_PERIODS: f64 = 1.5;
 
-/// The contents of an MCAP file, found by reading all of it. Works for any MCAP file, intact or
-/// damaged.
+/// The contents of an MCAP file, read completely. Works for any MCAP file, intact or corrupt.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct RecordingSummary {
     pub path: PathBuf,
     pub bytes: u64,
-    /// Why the file is not intact, where it is not.
+    /// The reason why the file is not intact, if so.
     pub damage: Option<String>,
-    /// Whether CRCs cover all messages. Otherwise bytes changed inside messages go unnoticed.
+    /// True if CRCs cover all messages. Otherwise bytes changed inside messages are undetected.
     pub checksums: bool,
-    /// The damaged parts, in the order of the file.
+    /// The damaged parts, in file order.
     pub losses: Vec<DamagedPart>,
-    /// Messages that the file's own summary counts and that were not found, by topic.
+    /// Messages counted in the file's own summary but not found, by topic.
     pub missing: BTreeMap<String, u64>,
-    /// Missing numbers in the sequence of pairs: lost by damage, or dropped by the recorder.
+    /// Missing numbers in the sequence of pairs: lost to damage, or dropped by the recorder.
     pub missing_pairs: u64,
-    /// Image topics that `svl replay` would take for left and right, in a recording that svl did
-    /// not write.
+    /// Image topics that `svl replay` would use for left and right, in another program's recording.
     pub stereo: Option<[String; 2]>,
-    /// Whether its pairs are raw or rectified; those of other programs as `svl replay` takes them.
-    /// Both only where recordings were appended to each other; none without a pair.
+    /// Geometry of its pairs; those of other programs as in `svl replay`. Both only if recordings
+    /// were appended to each other; none without a pair.
     pub geometry: BTreeSet<PairGeometry>,
-    /// Vertical misalignment by the results in the recording, in the order of the algorithms.
+    /// Vertical misalignment from the results in the recording, in the order of the algorithms.
     pub misalignment: Vec<Misalignment>,
     /// The library that wrote the file, and its MCAP profile.
     pub library: String,
     pub profile: String,
-    /// Nothing when svl did not write it.
+    /// `None` if svl did not write it.
     pub header: Option<Header>,
     /// The counts of a synchronized grabber, in a finished recording of cameras.
     pub grabber: BTreeMap<String, String>,
@@ -56,24 +54,24 @@ pub struct RecordingSummary {
     pub manifest: Option<Manifest>,
     /// Names and sizes in bytes.
     pub attachments: Vec<(String, u64)>,
-    /// In the order of their names.
+    /// Sorted by name.
     pub topics: Vec<Topic>,
     /// First and last stamp of any message.
     pub start_ns: u64,
     pub end_ns: u64,
-    /// Complete pairs; of other programs' recordings those that `svl replay` makes by the stamps.
+    /// Complete pairs; in other programs' recordings those that `svl replay` forms by stamp.
     pub pairs: u64,
-    /// Median period of the left images; nothing where their topic or their rate is unknown.
+    /// Median period of the left images; `None` if their topic or their rate is unknown.
     pub period_ns: Option<u64>,
     /// Intervals of more than 1.5 median periods between left images.
     pub gaps: Vec<Gap>,
-    /// Right stamp minus left stamp, over all pairs; nothing where it is not known.
+    /// Right stamp minus left stamp, over all pairs; `None` if unknown.
     pub skew: Option<SkewSummary>,
-    /// Unpaired images, as the recorder counted them.
+    /// Unpaired images, as counted by the recorder.
     pub drops: u64,
-    /// Those of them before the first pair.
+    /// Those before the first pair.
     pub drops_before: u64,
-    /// Images without a partner in a recording that svl did not write.
+    /// Images without a partner in another program's recording.
     pub unpaired: Option<UnpairedImages>,
 }
 
@@ -88,18 +86,18 @@ pub struct Topic {
     pub bytes: u64,
     pub start_ns: u64,
     pub end_ns: u64,
-    /// Messages per second; nothing for fewer than two.
+    /// Messages per second; `None` for fewer than two.
     pub rate_hz: Option<f64>,
 }
 
-/// Vertical misalignment of the pairs, as an algorithm measured it: how many pixels the right image
-/// is lower.
+/// Vertical misalignment of the pairs, as measured by an algorithm: number of pixels by which the
+/// right image is lower.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Misalignment {
     pub algorithm: String,
-    /// Pairs of which it is known.
+    /// Number of pairs with a measurement.
     pub pairs: u64,
-    /// Median of the pairs; of an even number the upper of the two in the middle.
+    /// Median over the pairs; the upper of the two middle values for an even number.
     pub median_px: i8,
     pub min_px: i8,
     pub max_px: i8,
@@ -114,11 +112,13 @@ pub struct Gap {
 }
 
 impl Recording {
-    /// Reads all of the recording and summarizes it. Damage is no error but part of the summary.
+    /// Reads all of the recording and summarizes it. Damage is not an error but part of the
+    /// summary.
     ///
     /// # Errors
-    /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for what is not an MCAP file, and for a
-    /// bag of several.
+    ///
+    /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for a file that is not MCAP, and for a
+    /// bag of several files.
     pub fn summary(&self) -> Result<RecordingSummary> {
         let mut seen = SummaryScan::default();
         let file = match self.only_file()? {
@@ -155,7 +155,8 @@ impl Recording {
         if seen.profile != PROFILE && seen.sequences.is_empty() {
             let channels = messages.channels();
             seen.choose(&channels.iter().collect::<Vec<_>>());
-            // Calibrations hold for images of one size, so their geometry is known with a pair.
+            // Calibrations are for images of one size, so their geometry is known once there is a
+            // pair.
             seen.geometry = Reader::new(self.clone(), &Selection::default())
                 .and_then(|mut reader| reader.next_pair())
                 .ok()
@@ -169,7 +170,7 @@ impl Recording {
 }
 
 impl RecordingSummary {
-    /// Whether the file is complete and undamaged.
+    /// True if the file is complete and intact.
     pub fn is_intact(&self) -> bool {
         self.damage.is_none()
     }
@@ -180,7 +181,7 @@ impl RecordingSummary {
     }
 }
 
-/// What was found so far in reading a file.
+/// State of the scan of a file.
 #[derive(Default)]
 struct SummaryScan {
     library: String,
@@ -192,7 +193,7 @@ struct SummaryScan {
     topics: BTreeMap<String, Topic>,
     /// Log times of the images, by topic.
     stamps: BTreeMap<String, Vec<u64>>,
-    /// Images of other programs, by topic, in the order of the file, and their number.
+    /// Images of other programs, by topic, in file order, with their number.
     foreign: BTreeMap<String, Vec<StampedImage>>,
     places: u64,
     pairs: u64,
@@ -213,7 +214,7 @@ struct SummaryScan {
 impl SummaryScan {
     fn take_in(&mut self, event: FileEvent<'_>) {
         match event {
-            // Where files are appended, the header of the first one counts.
+            // If files are appended, the header of the first one is used.
             FileEvent::Library(header) if self.library.is_empty() => {
                 (self.library, self.profile) = (header.library, header.profile);
             }
@@ -271,7 +272,8 @@ impl SummaryScan {
             if self.profile != PROFILE {
                 let unpacked = unpack_message(data).ok().flatten();
                 let of_image = head(channel, unpacked.as_deref().unwrap_or(data));
-                // A message that cannot be read is reported by `svl replay`, and is no image here.
+                // An unreadable message is reported by `svl replay`, and is not counted as an image
+                // here.
                 if let Ok((of_image, _)) = of_image {
                     let images = self.foreign.entry(channel.topic.clone()).or_default();
                     images.push(StampedImage {
@@ -290,7 +292,7 @@ impl SummaryScan {
             self.skews.extend(sync.exposure.skew_ns);
             self.sequences.insert(sync.sequence);
             self.geometry.insert(sync.geometry);
-            // The counter of the recorder never falls; after damage the last one read holds.
+            // The recorder's counter never falls; after damage the last value read is used.
             self.drops = self.drops.max(sync.exposure.drops);
             self.drops_before.get_or_insert(sync.exposure.drops);
         }
@@ -302,7 +304,7 @@ impl SummaryScan {
         }
     }
 
-    /// Chooses the topics of the pairs in a recording of another program, and pairs their images.
+    /// Chooses the topics of the pairs in another program's recording, and pairs their images.
     fn choose(&mut self, channels: &[&Channel]) {
         self.stereo = choose(channels, &Selection::default()).ok();
         if let Some(topics) = &self.stereo {
@@ -329,7 +331,7 @@ impl SummaryScan {
             .collect();
         let mut periods: Vec<_> = steps.iter().map(|&(_, step)| step).collect();
         periods.sort_unstable();
-        // Nominal stamps say nothing of the rate.
+        // Nominal stamps do not reveal the rate.
         let is_nominal = self
             .header
             .as_ref()
@@ -339,7 +341,7 @@ impl SummaryScan {
             |step: u64| period_ns.is_some_and(|period| step as f64 > GAP_PERIODS * period as f64);
         let gaps = steps.into_iter().filter(|&(_, step)| is_gap(step));
         let skew = SkewSummary::from_skews(&mut self.skews);
-        // Numbers need not start at 0: a part of a recording keeps them.
+        // Numbers need not start at 0: a part of a recording keeps its own.
         let numbers = match (self.sequences.first(), self.sequences.last()) {
             (Some(first), Some(last)) => (last - first).saturating_add(1),
             _ => 0,
@@ -394,7 +396,7 @@ impl SummaryScan {
     }
 }
 
-/// Sums up the row offsets of an algorithm's results; nothing without one.
+/// Summarizes the row offsets of an algorithm's results; `None` without any.
 fn misalignment((algorithm, mut offsets): (String, Vec<i8>)) -> Option<Misalignment> {
     offsets.sort_unstable();
     Some(Misalignment {

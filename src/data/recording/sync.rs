@@ -7,12 +7,12 @@ use svl_core::stereo::{Exposure, Frame, Geometry, Truth, TruthKind};
 pub(super) const SCHEMA: &str = "svl.StereoSync";
 const DEFINITION: &str = include_str!("sync.schema.json");
 
-/// The message of `/stereo/sync`. The stamps in it say which two images are a pair.
+/// The message of `/stereo/sync`. Its stamps identify the two images of a pair.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(super) struct StereoSync {
     /// Number of the pair in its source, from 0.
     pub(super) sequence: u64,
-    /// Name of the pair in its source, where it has one.
+    /// Name of the pair in its source, if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) name: Option<String>,
     /// Middle of the left exposure.
@@ -21,15 +21,15 @@ pub(super) struct StereoSync {
     pub(super) right_stamp_ns: u64,
     #[serde(default)]
     pub(super) geometry: PairGeometry,
-    /// How the pair's truth was measured, where it has one.
+    /// Origin and density of the pair's truth, if it has one.
     #[serde(default, skip_serializing_if = "TruthKind::is_default")]
     pub(super) truth: TruthKind,
-    // Flat, as recordings have always had it.
+    // Flattened, as in all earlier recordings.
     #[serde(flatten)]
     pub(super) exposure: Exposure,
 }
 
-/// Whether a pair is raw or rectified.
+/// Geometry of a pair: raw or rectified.
 #[derive(
     Clone,
     Copy,
@@ -45,7 +45,7 @@ pub(super) struct StereoSync {
 #[serde(rename_all = "lowercase")]
 pub enum PairGeometry {
     Raw,
-    /// The default, for recordings of earlier svl, which have no geometry.
+    /// The default, for recordings of earlier versions, which contain no geometry.
     #[default]
     Rectified,
 }

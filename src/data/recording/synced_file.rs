@@ -1,4 +1,4 @@
-//! Syncs a file (fsync) about once a second, from a thread of its own.
+//! Syncs a file (fsync) about once a second, on a separate thread.
 
 use super::append_file::AppendFile;
 use std::io;
@@ -8,10 +8,10 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 use svl_core::Result;
 
-/// The part of a recording that a crash may cost.
+/// Length of a recording that a crash may lose.
 const SYNC_PERIOD: Duration = Duration::from_secs(1);
 
-/// A file that a background thread syncs. Dropping it ends the thread, then finishes the file.
+/// A file synced by a background thread. Dropping it ends the thread, then finishes the file.
 pub(super) struct SyncedFile {
     shared: Arc<Mutex<Shared>>,
     /// Dropping it ends the thread.
@@ -27,7 +27,7 @@ struct Shared {
 
 impl SyncedFile {
     /// # Errors
-    /// When no thread can be started.
+    /// If no thread can be started.
     pub(super) fn new(file: AppendFile) -> io::Result<Self> {
         let shared = Arc::new(Mutex::new(Shared {
             file,
@@ -39,7 +39,8 @@ impl SyncedFile {
             // The timeout is the period; a closed channel ends the loop at once.
             while let Err(RecvTimeoutError::Timeout) = ended.recv_timeout(SYNC_PERIOD) {
                 let mut shared = threads.lock().unwrap_or_else(PoisonError::into_inner);
-                // After an error the file is closed; the writer gets the error with its next call.
+                // After an error the file is closed; the writer receives the error on its next
+                // call.
                 if shared.synced.is_ok() {
                     shared.synced = shared.file.sync();
                 }

@@ -2,8 +2,8 @@
 
 use svl_core::stereo::{Plane, Rig};
 
-/// Depths in metres of the disparities: NaN where there is none, `+∞` at infinity. Nothing where
-/// some disparity is beyond infinity (`d + doffs < 0`), as no depth stands for that.
+/// Depths of the disparities in metres: NaN for invalid pixels, `+∞` at infinity. `None` if some
+/// disparity is beyond infinity (`d + doffs < 0`), as no depth represents that.
 ///
 /// The disparity of a 32-bit depth is exact to 2⁻²³ of `d + doffs`: 0.0001 px at 1000 px.
 pub(super) fn depths(disparity: &Plane<f32>, rig: &Rig) -> Option<Plane<f32>> {
@@ -12,16 +12,16 @@ pub(super) fn depths(disparity: &Plane<f32>, rig: &Rig) -> Option<Plane<f32>> {
         return None;
     }
     Some(disparity.map(|d| match d.is_finite() {
-        // d + doffs = 0 is a point at infinity; less was refused above.
+        // d + doffs = 0 is a point at infinity; less was rejected above.
         true => rig.depth_m(d.into()).unwrap_or(f64::INFINITY) as f32,
         false => f32::NAN,
     }))
 }
 
-/// Disparities in pixels of the depths, `+∞` where there is none.
+/// Disparities of the depths in pixels, `+∞` for invalid pixels.
 pub(super) fn disparities(depth: &Plane<f32>, rig: &Rig) -> Plane<f32> {
     depth.map(|z| {
-        // False for NaN, which stands for no truth.
+        // False for NaN, which means no truth.
         if z > 0.0 {
             rig.disparity_px(z.into()) as f32
         } else {
@@ -30,12 +30,12 @@ pub(super) fn disparities(depth: &Plane<f32>, rig: &Rig) -> Plane<f32> {
     })
 }
 
-/// Disparities for a file: NaN where there is none, as ROS has it.
+/// Disparities for a file: NaN for invalid pixels, as in ROS.
 pub(super) fn to_file(disparity: &Plane<f32>) -> Plane<f32> {
     disparity.map(|d| if d.is_finite() { d } else { f32::NAN })
 }
 
-/// Disparities from a file: `+∞` where there is none.
+/// Disparities from a file: `+∞` for invalid pixels.
 pub(super) fn from_file(disparity: &Plane<f32>) -> Plane<f32> {
     disparity.map(|d| if d.is_finite() { d } else { f32::INFINITY })
 }

@@ -31,7 +31,7 @@ impl Writer {
     /// Creates the file and writes its header.
     ///
     /// # Errors
-    /// [`Error::Io`] when the file exists already or cannot be created.
+    /// [`Error::Io`] if the file exists already or cannot be created.
     pub fn create(
         path: impl Into<PathBuf>,
         header: &Header,
@@ -91,11 +91,11 @@ impl Writer {
     /// Writes a pair with its geometry, pose, truth and exposure.
     ///
     /// # Errors
-    /// [`Error::Io`], after which the file keeps the chunks written before and takes no more;
+    /// [`Error::Io`], after which the file keeps the chunks written before and accepts no more;
     /// [`Error::Invalid`] for stamps outside 1970 ..= 2038.
     pub fn write(&mut self, frame: &Frame) -> Result<()> {
         let left = RosStamp::new(frame.stamp_ns)?;
-        // The stamp of an image whose skew nobody knows is that of its partner.
+        // If the skew of an image is unknown, its stamp is that of its partner.
         let skew_ns = frame.exposure.skew_ns.unwrap_or(0);
         // The right stamp is not in a frame; it is the left one plus the skew.
         let right_ns = left.ns().checked_add_signed(skew_ns).ok_or_else(|| {
@@ -114,8 +114,8 @@ impl Writer {
                 self.put(message, stamp, sequence)?;
             }
             dialect
-                // Calibration first: a truncated recording that has the images also has what they
-                // need.
+                // Calibration first: a truncated recording with the images then also has their
+                // calibration.
                 .baseline(rig, left)
                 .map_or(Ok(()), |said| self.put(said, left, sequence))?;
         }
@@ -142,7 +142,7 @@ impl Writer {
         if let Some(truth) = &frame.truth {
             self.write_truth(frame, truth, left)?;
         }
-        // Last of the pair: whoever has read it has everything of the pair.
+        // Last message of the pair: a reader that has it has everything of the pair.
         let sync = dialect.json(StereoSync::new(frame, right_ns).encode());
         self.put((TopicKind::Sync.topic(), sync), left, sequence)
     }
@@ -157,7 +157,7 @@ impl Writer {
                 TopicKind::Depth.topic(),
                 ros::encode_32fc1(&depth, stamp, frame_id(Side::Left)),
             ),
-            // Without a frame id: viewers take a float image in a frame for depths in metres.
+            // Without a frame id: viewers interpret a float image in a frame as depths in metres.
             None => (
                 TopicKind::Disparity.topic(),
                 ros::encode_32fc1(&truth::to_file(&truth.disparity), stamp, ""),
@@ -192,7 +192,7 @@ impl Writer {
         hashes: [u128; 2],
     ) -> Result<()> {
         let stamp = RosStamp::new(frame.stamp_ns)?;
-        // Labels may hold paths (exec), and a slash would make namespaces of them.
+        // Labels may contain paths (exec), and slashes would create namespaces.
         let topic = |what: &str| format!("/algo/{}/{what}", estimate.algorithm.replace('/', "_"));
         let disparity = truth::to_file(estimate.disparity.disparity());
         let sequence = frame.sequence as u32;
@@ -211,7 +211,7 @@ impl Writer {
     /// Closes the chunk and syncs the file (fsync).
     ///
     /// # Errors
-    /// [`Error::Io`], also when the file is gone from its folder.
+    /// [`Error::Io`], also if the file has disappeared from its folder.
     pub fn sync(&mut self) -> Result<()> {
         self.file.with(AppendFile::sync)
     }

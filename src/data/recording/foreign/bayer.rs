@@ -1,4 +1,4 @@
-//! Bayer images to colour: bilinear demosaicing.
+//! Bilinear demosaicing of Bayer images.
 
 use svl_core::stereo::{Gray, Rgb};
 
@@ -22,9 +22,9 @@ pub(super) fn tile(encoding: &str) -> Option<(Tile, u32)> {
     }
 }
 
-/// Demosaics bilinearly: a missing colour of a pixel is the rounded mean of its eight neighbours in
-/// the image with that colour. Where no neighbour has it, in an image of one row or column, it is
-/// the pixel's own value.
+/// Demosaics bilinearly: a missing colour of a pixel is the rounded mean of its neighbours with
+/// that colour, among the eight in the image. If no neighbour has it, in an image of one row or
+/// column, it is the pixel's own value.
 pub(super) fn color(samples: &Gray, tile: Tile) -> Rgb {
     let (width, height) = samples.size();
     let colour = |x: usize, y: usize| tile[(y & 1) << 1 | (x & 1)];
@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn missing_colours_are_means_of_neighbours() {
-        // One red pixel in the middle of black: half in the pixels beside it, a quarter at its
+        // One red pixel in the middle of black: half in the adjacent pixels, a quarter at the
         // corners.
         let tile = [0, 1, 1, 2];
         let mosaic = Gray::from_fn(5, 5, |x, y| if (x, y) == (2, 2) { 200 } else { 0 }).unwrap();

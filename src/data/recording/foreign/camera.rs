@@ -78,7 +78,7 @@ fn from_camera_info(info: ros::CameraInfo) -> Calibration {
         binning,
         roi,
     } = info;
-    // ROS leaves binning at 0 where nobody set it.
+    // ROS leaves binning at 0 if it was never set.
     let [columns, rows] = binning.map(|pixels| pixels.max(1));
     let side = |roi: u32, whole: u32| if roi == 0 { whole } else { roi };
     let size = (
@@ -108,7 +108,7 @@ fn from_camera_info(info: ros::CameraInfo) -> Calibration {
     }
 }
 
-/// Differences of a calibration from the one before it.
+/// Differences of a calibration from the previous one.
 #[derive(Debug, PartialEq)]
 pub(super) struct CalibrationChange {
     /// `P[0][0]`, before and after.
@@ -134,10 +134,10 @@ impl std::fmt::Display for CalibrationChange {
 }
 
 impl Calibration {
-    /// Differences of `next`; none where all numbers are the same.
+    /// Differences of `next`; `None` if all numbers are equal.
     pub(super) fn change(&self, next: &Self) -> Option<CalibrationChange> {
         let numbers = |of: &Self| [&of.k[..], &of.d, &of.r, &of.p].concat();
-        // NaN, as of an uncalibrated camera, equals itself here.
+        // NaN, from an uncalibrated camera, equals itself here.
         let bits = |of: &Self| {
             numbers(of)
                 .into_iter()
@@ -153,8 +153,7 @@ impl Calibration {
         })
     }
 
-    /// Focal lengths along x and y: of a raw camera by K, else by P. Nothing where they are not
-    /// known.
+    /// Focal lengths along x and y: from K for a raw camera, else from P. `None` if unknown.
     pub(super) fn focal_px(&self, is_raw: bool) -> Option<(f64, f64)> {
         let focal = if is_raw {
             (*self.k.first()?, *self.k.get(4)?)
@@ -167,7 +166,8 @@ impl Calibration {
     /// Checks that it is for images of that size; a size of 0x0 is unknown and passes.
     ///
     /// # Errors
-    /// The size it is for.
+    ///
+    /// The size that it is for.
     pub(super) fn check_size(&self, (width, height): (usize, usize)) -> Result<(), String> {
         let (w, h) = self.size;
         if [(0, 0), (width, height)].contains(&(w as usize, h as usize)) {
@@ -178,11 +178,11 @@ impl Calibration {
         ))
     }
 
-    /// Whether images of this camera have to be rectified: it has distortion or a rotation.
+    /// True if images of this camera have to be rectified: it has distortion or a rotation.
     pub(super) fn is_of_raw_camera(&self) -> bool {
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-        // All zeros are those of a camera that was never calibrated.
-        // The identity, up to the rounding of a product of rotations.
+        // All zeros mean a camera that was never calibrated; else the identity, up to the rounding
+        // of a product of rotations.
         let turned = self.r.iter().any(|v| *v != 0.0)
             && self
                 .r
@@ -193,7 +193,7 @@ impl Calibration {
     }
 
     pub(super) fn camera(&self) -> Result<Intrinsics, String> {
-        // Models with more coefficients equal plumb_bob where the rest are 0.
+        // Models with more coefficients equal plumb_bob if the rest are 0.
         let (lens, rest) = self.d.split_at(self.d.len().min(5));
         if !["", "plumb_bob", "rational_polynomial"].contains(&self.model.as_str())
             || rest.iter().any(|c| *c != 0.0)
@@ -217,7 +217,7 @@ impl Calibration {
 
     pub(super) fn projection(&self) -> Result<Matrix3x4<f64>, String> {
         match <[f64; 12]>::try_from(&self.p[..]) {
-            // Uncalibrated cameras publish P of zeros; NaN fails too.
+            // Uncalibrated cameras publish a P of zeros; NaN fails too.
             Ok(p) if p[0] > 0.0 => Ok(Matrix3x4::from_row_slice(&p)),
             _ => Err("a camera is not calibrated: its projection matrix is empty".to_owned()),
         }
@@ -233,7 +233,7 @@ impl Calibration {
 /// The rig of two rectified cameras.
 ///
 /// # Errors
-/// Why there is none.
+/// The reason why there is none.
 pub(super) fn rig(left: &Calibration, right: &Calibration) -> Result<Rig, String> {
     let (left, right) = (left.projection()?, right.projection()?);
     let rig = Rig::from_projections(&left, &right, FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
@@ -247,7 +247,7 @@ pub(super) fn rig(left: &Calibration, right: &Calibration) -> Result<Rig, String
 /// The calibration of raw images: intrinsics and distortion, R and P of both cameras.
 ///
 /// # Errors
-/// What is missing.
+/// The missing part.
 pub(super) fn calibration(
     left: &Calibration,
     right: &Calibration,
@@ -292,7 +292,7 @@ mod tests {
 
     #[test]
     fn the_baseline_is_between_the_cameras() {
-        // As of KITTI's colour cameras, both of which are beside the origin.
+        // As in KITTI's colour cameras, neither of which is at the origin.
         let found = rig(&camera(500.0, 120.0, 30.0), &camera(500.0, 120.0, -20.0)).unwrap();
         assert!((found.baseline_m() - 0.1).abs() < 1e-12);
         let says = |left: &Calibration, right: &Calibration, what: &str| {
@@ -356,8 +356,8 @@ mod tests {
             (whole.size, whole.k[0], whole.p[3]),
             ((640, 480), 600.0, -60.0)
         );
-        // As image_geometry's PinholeCameraModel: first the offset, then the binning; Tx with it,
-        // so the baseline stays.
+        // As in image_geometry's PinholeCameraModel: first the offset, then the binning; Tx is
+        // scaled too, so the baseline is unchanged.
         let binned = from_camera_info(info([2, 2], (0, 0, 0, 0)));
         assert_eq!(
             (binned.size, &binned.p[..4], &binned.p[4..8]),

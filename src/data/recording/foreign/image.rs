@@ -16,11 +16,11 @@ pub(super) const SCHEMAS: [&str; 4] = [
     "foxglove.CompressedImage",
 ];
 
-/// The stamp in a message, if any, and its image, or why that cannot be read.
+/// The stamp in a message, if any, and its image, or the reason why that cannot be read.
 pub(super) type Stamped = (Option<u64>, Result<MessageImage, String>);
 
 /// # Errors
-/// Why the message cannot be read.
+/// The reason why the message cannot be read.
 pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> {
     let raw = |(width, height, step), encoding: &str, data: &[u8]| {
         pixels::decode(&RawPixels {
@@ -74,7 +74,7 @@ fn decompress(data: &[u8], format: &str) -> Result<MessageImage, String> {
         format!("its image, compressed as '{format}', cannot be read as PNG or JPEG: {e}")
     })?;
     // One channel is the mosaic of the sensor; more channels were demosaiced before compression.
-    // `bayer_*; png compressed`: the PNG holds the mosaic, not its colours.
+    // `bayer_*; png compressed`: the PNG contains the mosaic, not its colours.
     let encoding = format.split(';').next().unwrap_or_default().trim();
     let mosaic = bayer::tile(encoding).filter(|_| image.color().channel_count() == 1);
     Ok(MessageImage {
@@ -90,7 +90,7 @@ pub(super) fn ros_stamp(
     Ok(stamp(Some((sec, nanosec))))
 }
 
-/// Nanoseconds; a stamp of 0 was never set.
+/// Nanoseconds; a stamp of 0 means that it was never set.
 pub(super) fn stamp(parts: Option<(u32, u32)>) -> Option<u64> {
     let (seconds, nanoseconds) = parts?;
     Some(u64::from(seconds) * 1_000_000_000 + u64::from(nanoseconds)).filter(|&ns| ns > 0)

@@ -9,7 +9,7 @@ pub(super) struct JsonTime {
     pub(super) nsec: u32,
 }
 
-/// What all messages with a frame begin with.
+/// Leading fields of all messages with a frame.
 #[derive(Deserialize)]
 pub(super) struct JsonHead {
     #[serde(default)]

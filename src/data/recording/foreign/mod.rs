@@ -28,25 +28,25 @@ use svl_core::counted;
 use svl_core::stereo::{Exposure, Frame, Geometry, Rig, Side, StereoCalibration};
 use svl_core::{Error, Result};
 
-/// Pairs the images of two topics by their stamps.
+/// Pairs the images of two topics by stamp.
 pub(super) struct Foreign {
     images: [String; 2],
     calibrations: [Option<String>; 2],
-    /// The last calibration of each camera so far; before there is one, the first in the recording.
+    /// The last calibration of each camera so far; before any, the first in the recording.
     cameras: [Option<Calibration>; 2],
     partners: StampPairing<std::result::Result<MessageImage, String>>,
     depth: BitDepth,
     max_skew_ns: u64,
     /// Images of each camera.
     counts: [u64; 2],
-    /// Pairs so far, and those of them that could be read.
+    /// Pairs so far, and the readable ones among them.
     sequence: u64,
     pairs: u64,
     /// Width and height of the last pair's images.
     size: (usize, usize),
-    /// The recording, as warnings name it.
+    /// The recording's name in warnings.
     name: String,
-    /// True once the user was warned: of a calibration that changes, of images without a stamp, of
+    /// True once the user was warned: of a changed calibration, of images without a stamp, of
     /// images that share one.
     warned_of_change: bool,
     warned_of_stamps: bool,
@@ -59,8 +59,7 @@ impl Foreign {
     /// Chooses the topics of a recording and looks for the first calibration of each camera.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] where no two topics are, or more than two may be, the
-    /// cameras.
+    /// [`Error::Io`]; [`Error::Format`] if no two topics can be the cameras, or more than two can.
     pub(super) fn open(recording: &Recording, selection: &Selection) -> Result<Self> {
         let channels = recording.channels()?;
         let images = choose(&channels, selection)
@@ -89,10 +88,10 @@ impl Foreign {
         for file in recording.files() {
             let mut messages = file.messages()?;
             // Pairs may come before the first CameraInfo; with it from the start, all of them get a
-            // rig. The bit depth too is decided before the first pair.
+            // rig. The bit depth is also decided before the first pair.
             while foreign.lacks_calibration() || !first.are_enough() {
                 match messages.next() {
-                    // An unreadable one is reported when it is read in its turn.
+                    // An unreadable one is reported when its turn comes.
                     Ok(Some(FileEvent::Message { channel, data, .. })) => {
                         let unpacked = unpack_message(&data).ok().flatten();
                         let data = unpacked.as_deref().unwrap_or(&data);
@@ -108,8 +107,8 @@ impl Foreign {
         Ok(foreign)
     }
 
-    /// Whether the images are raw by the calibration. On a rectified topic its distortion does not
-    /// count: ROS has one CameraInfo for the raw and the rectified image.
+    /// True if the images are raw according to the calibration. Distortion is ignored on a
+    /// rectified topic: ROS has one CameraInfo for the raw and the rectified image.
     fn are_raw(&self) -> bool {
         let is_raw = |(topic, camera): (&String, &Option<Calibration>)| {
             !topics::is_of_rectified(topic)
@@ -118,9 +117,9 @@ impl Foreign {
         self.images.iter().zip(&self.cameras).any(is_raw)
     }
 
-    /// Raw, unless topics or calibrations say that the images are rectified.
+    /// Raw, unless topics or calibrations mark the images as rectified.
     fn geometry(&self) -> Geometry {
-        // `image_rect` without CameraInfo: rows correspond, distances are unknown.
+        // `image_rect` without CameraInfo: rectified, but distances are unknown.
         let named_rectified = self
             .images
             .iter()
@@ -143,7 +142,7 @@ impl Foreign {
     /// The calibrations of both cameras, for images of the current size.
     fn both(&self) -> std::result::Result<[&Calibration; 2], String> {
         match &self.cameras {
-            // One topic for both cameras cannot have two projections.
+            // One topic cannot carry the projections of two cameras.
             [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => {
                 [left, right]
                     .into_iter()
@@ -161,7 +160,7 @@ impl Foreign {
             .any(|(topic, camera)| topic.is_some() && camera.is_none())
     }
 
-    /// Takes in the first calibration of a camera.
+    /// Stores the first calibration of a camera.
     fn calibrate_first(
         &mut self,
         channel: &Channel,
@@ -175,8 +174,8 @@ impl Foreign {
         Ok(())
     }
 
-    /// Takes in the next calibration of a camera, and warns of the first that differs from the one
-    /// before it.
+    /// Stores the next calibration of a camera, and warns of the first that differs from the
+    /// previous one.
     fn calibrate(
         &mut self,
         channel: &Channel,
@@ -203,7 +202,7 @@ impl Foreign {
     /// Warns once of images that have no stamp, and of images that share one.
     fn check_stamp(&mut self, side: Side, stamp: Option<u64>, log_time: u64) {
         let topic = &self.images[side as usize];
-        // A stamp of 0 reads as none; where the time of the log is 0 too, it is a stamp.
+        // A stamp of 0 counts as missing; if the log time is 0 too, it is a stamp.
         if stamp.is_none() && log_time > 0 && !std::mem::replace(&mut self.warned_of_stamps, true) {
             tracing::warn!(
                 "{}: {topic}: images without a stamp; the time of the log, which is later, stands \
@@ -276,7 +275,7 @@ impl PairSource for Foreign {
         self.sequence += 1;
         let exposure = Exposure {
             trigger_id: sequence,
-            // Stamps above 2⁶³ ns are damage; wrapping keeps their difference right all the same.
+            // Stamps above 2⁶³ ns are damage; wrapping still keeps their difference right.
             skew_ns: Some(right_ns.wrapping_sub(left_ns).cast_signed()),
             drops: self.unpaired(),
             ..Exposure::default()
@@ -395,14 +394,14 @@ impl PairSource for Foreign {
 /// An image of a recording, without its pixels.
 #[derive(Clone, Copy)]
 pub(super) struct StampedImage {
-    /// Number of the image among all of the recording.
+    /// Index of the image among all images of the recording.
     pub place: u64,
     pub stamp_ns: u64,
     pub bytes: usize,
 }
 
-/// Pairs images by their stamps alone, in the order of the file as [`Foreign`] does: the skew of
-/// each pair, right minus left, and the images without a partner.
+/// Pairs images by stamp alone, in file order like [`Foreign`]: the skew of each pair, right minus
+/// left, and the images without a partner.
 pub(super) fn pair_stamps(images: [&[StampedImage]; 2]) -> (Vec<i64>, UnpairedImages) {
     let sides = Side::BOTH.into_iter().zip(images);
     let sides = sides.flat_map(|(side, images)| images.iter().map(move |image| (side, *image)));
@@ -428,7 +427,7 @@ pub(super) fn pair_stamps(images: [&[StampedImage]; 2]) -> (Vec<i64>, UnpairedIm
 #[derive(Default)]
 struct FirstImages {
     largest: [Vec<u16>; 2],
-    /// Whether they are of 8 bits: then nothing is to be decided.
+    /// True if they have 8 bits: then there is nothing to decide.
     are_of_8_bits: bool,
 }
 
@@ -445,7 +444,7 @@ impl FirstImages {
         if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
             return;
         }
-        // One that cannot be read is reported in its turn.
+        // An unreadable one is reported when its turn comes.
         if let Ok((_, Ok(image))) = image::decode(channel, data) {
             match image.image.largest() {
                 Some(largest) => self.largest[side].push(largest),
@@ -454,7 +453,7 @@ impl FirstImages {
         }
     }
 
-    /// Of all together; nothing of 8 bits.
+    /// The largest of all; the inner value is `None` for 8 bits.
     fn largest(self) -> Option<Option<u16>> {
         if self.are_of_8_bits {
             Some(None)

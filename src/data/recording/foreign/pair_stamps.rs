@@ -7,11 +7,11 @@ use crate::recording::messages::Channel;
 use crate::recording::sync::StereoSync;
 use svl_core::stereo::Side;
 
-/// The way in which messages make pairs.
+/// Rule by which messages form pairs.
 pub(in crate::recording) enum PairStamps {
     /// By `/stereo/sync`, in svl's own recordings.
     Synced,
-    /// By the stamps of two topics, as [`super::Foreign`] pairs their images.
+    /// By the stamps of two topics, as in [`super::Foreign`].
     Nearest {
         topics: [String; 2],
         pairing: Box<StampPairing<()>>,
@@ -19,12 +19,12 @@ pub(in crate::recording) enum PairStamps {
     },
 }
 
-/// Reads the stamp, if it has one, and the frame of a message.
+/// Reads the stamp of a message, if it has one, and its frame.
 type ReadHead = fn(&Channel, &[u8]) -> Result<(Option<u64>, String), String>;
 
 impl PairStamps {
-    /// Adds stamps and sequences of the pairs that a message completes. `head` reads the stamp of
-    /// an image.
+    /// Adds stamp and sequence of the pairs that a message completes. `head` reads the stamp of an
+    /// image.
     pub(super) fn take_in(
         &mut self,
         channel: &Channel,
@@ -46,7 +46,7 @@ impl PairStamps {
                 let Some(side) = Side::BOTH.into_iter().find(of_topic) else {
                     return;
                 };
-                // A message that cannot be read is reported when it is read in its turn.
+                // An unreadable message is reported when its turn comes.
                 let stamp = unpack_message(data)
                     .and_then(|unpacked| head(channel, unpacked.as_deref().unwrap_or(data)));
                 if let Ok((stamp, _)) = stamp {
@@ -57,7 +57,7 @@ impl PairStamps {
         self.pop(pairs);
     }
 
-    /// Adds those of the pairs that the end of the recording completes.
+    /// Adds the pairs completed by the end of the recording.
     pub(super) fn end(&mut self, pairs: &mut Vec<(u64, u64)>) {
         if let Self::Nearest { pairing, .. } = self {
             pairing.end();

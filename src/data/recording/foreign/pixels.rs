@@ -1,18 +1,18 @@
-//! Decodes the pixel encodings of ROS and Foxglove.
+//! Decodes ROS and Foxglove pixel encodings.
 
 use super::bayer::{self, Tile};
 use crate::files::{BitDepth, DecodedImage, every_byte, strided_rows};
 use crate::recording::ros::RawPixels;
 use svl_core::stereo::Plane;
 
-/// An image as its message has it: a mosaic is not interpolated yet, as its bit depth comes first.
+/// An image as in its message: a mosaic is not interpolated yet, as its bit depth comes first.
 pub(super) struct MessageImage {
     pub image: DecodedImage,
     pub mosaic: Option<Tile>,
 }
 
 impl MessageImage {
-    /// The image that the mosaic is of.
+    /// The demosaiced image.
     pub(super) fn demosaiced(self, depth: &mut BitDepth) -> DecodedImage {
         match self.mosaic {
             Some(tile) => DecodedImage::Color(bayer::color(&depth.grey(self.image).0, tile)),
@@ -21,9 +21,9 @@ impl MessageImage {
     }
 }
 
-/// The bytes of one pixel.
+/// Layout of one pixel's bytes.
 enum PixelLayout {
-    /// Grey is byte `at` of every `bytes`: of YUV the Y.
+    /// Grey is byte `at` of every `bytes`: the Y of YUV.
     Grey { bytes: usize, at: usize },
     /// Grey of 16 bits.
     Grey16,
@@ -32,7 +32,7 @@ enum PixelLayout {
 }
 
 /// # Errors
-/// Why it cannot be read.
+/// The reason why it cannot be read.
 pub(super) fn decode(raw: &RawPixels<'_>) -> Result<MessageImage, String> {
     let (layout, mosaic) = match bayer::tile(raw.encoding) {
         Some((tile, 8)) => (PixelLayout::Grey { bytes: 1, at: 0 }, Some(tile)),
@@ -44,7 +44,7 @@ pub(super) fn decode(raw: &RawPixels<'_>) -> Result<MessageImage, String> {
         PixelLayout::Grey16 => 2,
     };
     let (width, height, step) = (raw.width as usize, raw.height as usize, raw.step as usize);
-    // Saturating: the sizes are unchecked numbers of a message.
+    // Saturating: the sizes are untrusted numbers from a message.
     let row_bytes = width.saturating_mul(bytes);
     let rows = strided_rows(raw.data, row_bytes, height, step).map_err(|_| {
         let (encoding, got) = (raw.encoding, raw.data.len());
@@ -78,8 +78,8 @@ pub(super) fn decode(raw: &RawPixels<'_>) -> Result<MessageImage, String> {
 
 fn layout(encoding: &str) -> Result<PixelLayout, String> {
     Ok(match encoding {
-        // 8UC1 and 8UC3 are OpenCV's names, which cv_bridge writes where the encoding is unknown:
-        // grey and BGR.
+        // 8UC1 and 8UC3 are OpenCV's names, which cv_bridge writes if the encoding is unknown: grey
+        // and BGR.
         "mono8" | "8UC1" => PixelLayout::Grey { bytes: 1, at: 0 },
         "mono16" => PixelLayout::Grey16,
         // ROS's yuv422 is UYVY: the luma is the second byte.
@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn every_encoding_gives_its_grey() {
-        // Grey 10 and 200 in all of them, in rows of one byte more than they need.
+        // Grey 10 and 200 in all encodings, in rows with one byte of padding.
         assert_eq!(read("mono8", (2, 1), 3, &[10, 200]), Ok(vec![10, 200]));
         assert_eq!(
             read("mono16", (2, 1), 4, &[99, 10, 99, 200]),

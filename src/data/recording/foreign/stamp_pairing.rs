@@ -1,29 +1,29 @@
-//! Pairs the images of two topics by their nearest stamps, in whatever order they come.
+//! Pairs the images of two topics by nearest stamps, in any order of arrival.
 
 use crate::pairing::{Nearest, WaitingStamps};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound;
 use svl_core::stereo::Side;
 
-/// Limit of the bytes of waiting images: half a minute and more of two cameras, in a file that has
+/// Limit on the bytes of waiting images: more than half a minute of two cameras, in a file that has
 /// all images of one camera before those of the other.
 const WAITING_BYTES: usize = 1 << 30;
-/// Memory that a waiting image takes besides its pixels, at least.
+/// Least memory of a waiting image besides its pixels.
 const ENTRY_BYTES: usize = 128;
-/// Number of later images of the other camera after which an image is unpaired: a file that is not
-/// in order does not have that many in order by chance.
+/// Number of later images of the other camera after which an image is unpaired: an unordered file
+/// does not have that many in order by chance.
 const LATER: usize = 8;
 /// Factor by which an image may be farther out of order than any before it.
 const FARTHER: usize = 8;
 
-/// Images without a partner, by where they are in the recording.
+/// Images without a partner, by their position in the recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct UnpairedImages {
-    /// Before the other camera's first image: one camera began earlier.
+    /// Before the other camera's first image: one camera started earlier.
     pub before: u64,
     /// Between the other camera's images.
     pub inside: u64,
-    /// After the other camera's last image: one camera ended later.
+    /// After the other camera's last image: one camera stopped later.
     pub after: u64,
 }
 
@@ -33,12 +33,12 @@ impl UnpairedImages {
     }
 }
 
-/// Images of two cameras that wait for their partners.
+/// Images of two cameras waiting for their partners.
 pub(in crate::recording) struct StampPairing<T> {
     max_skew_ns: u64,
     waiting: [BTreeMap<u64, (T, usize)>; 2],
-    /// Number of later images of each camera after which no earlier one can come: 0 where all came
-    /// in order.
+    /// Number of later images of each camera after which no earlier one can arrive: 0 if all
+    /// arrived in order.
     slack: [usize; 2],
     bytes: usize,
     ended: bool,
@@ -71,7 +71,7 @@ impl<T> StampPairing<T> {
         }
     }
 
-    /// Images without a partner so far, by place.
+    /// Images without a partner so far, by position.
     pub(super) fn unpaired_images(&self) -> UnpairedImages {
         let mut images = UnpairedImages {
             inside: self.unpaired,
@@ -96,7 +96,7 @@ impl<T> StampPairing<T> {
         self.outside.iter().map(|stamps| stamps.len() as u64).sum()
     }
 
-    /// Images that came after those of their time had been dropped for lack of memory.
+    /// Images that arrived after those of their time had been dropped for lack of memory.
     pub(super) fn late(&self) -> u64 {
         self.late
     }
@@ -120,7 +120,7 @@ impl<T> StampPairing<T> {
             .take(4 * LATER)
             .count();
         let slack = if overtaken < 4 * LATER {
-            // Jitter seen once may be larger the next time; waiting longer costs memory, not pairs.
+            // Jitter may be larger the next time; waiting longer costs memory, not pairs.
             FARTHER * overtaken
         } else {
             usize::MAX
@@ -140,7 +140,7 @@ impl<T> StampPairing<T> {
 
     /// The next pair that no later image can change, with both stamps, left and right.
     ///
-    /// Two images are a pair when each is the nearest to the other and they are at most the maximal
+    /// Two images are a pair if each is the nearest to the other and they are at most the maximal
     /// skew apart.
     pub(super) fn pop(&mut self) -> Option<[(u64, T); 2]> {
         loop {
@@ -164,8 +164,8 @@ impl<T> StampPairing<T> {
                 other_ns: partner,
             };
             match waiting.nearest(self.max_skew_ns, 0) {
-                // A nearer one may still come out of order, until enough later ones prove that it
-                // does not.
+                // A nearer one may still arrive out of order, until enough later ones rule that
+                // out.
                 Nearest::TooFar if !forced && other.len() < LATER => return None,
                 Nearest::TooFar => {
                     let skew = waiting.skew_ns();
@@ -218,13 +218,13 @@ impl<T> StampPairing<T> {
         }
         let is_inside = |(first, last)| (first..=last).contains(&stamp);
         let is_outside = !self.spans[1 - camera].is_some_and(is_inside);
-        // A second image with the same stamp is one too many, wherever it is.
+        // A second image with the same stamp is a surplus, wherever it is.
         if !(is_outside && self.outside[camera].insert(stamp)) {
             self.unpaired += 1;
         }
     }
 
-    /// Takes a stamp into a camera's span. Images of the other that were outside it may be inside
+    /// Extends a camera's span by a stamp. Images of the other that were outside it may be inside
     /// now: they are losses.
     fn widen_span(&mut self, camera: usize, stamp: u64) {
         let (first, last) = self.spans[camera].unwrap_or((stamp, stamp));
@@ -243,8 +243,8 @@ mod tests {
     use super::*;
     use Side::{Left, Right};
 
-    /// The stamps of the pairs made of images that come in this order, and how many are left over:
-    /// those without a partner, and those outside the overlap.
+    /// The stamps of the pairs from images in this order, and the numbers of the others: without a
+    /// partner, and outside the overlap.
     fn pairs(max_skew_ns: u64, images: &[(Side, u64)]) -> (Vec<(u64, u64)>, [u64; 2]) {
         let mut partners = StampPairing::new(max_skew_ns);
         let mut pairs = Vec::new();
@@ -265,7 +265,7 @@ mod tests {
     #[test]
     fn what_is_lost_at_the_edges_is_counted_apart() {
         let mut partners = StampPairing::new(5);
-        // The right camera begins two periods later, misses one, and ends a period earlier.
+        // The right camera starts two periods later, misses one, and stops a period earlier.
         (0..10).for_each(|i| partners.push(Left, 100 * i, (), 1));
         let rights = (2..9).filter(|i| *i != 5);
         rights.for_each(|i| partners.push(Right, 100 * i + 1, (), 1));
@@ -371,7 +371,7 @@ mod tests {
             )
         };
         assert_eq!(push(Left, 0..1500), (0, 100, [0, 50], 0));
-        // The first fifty are reported as what they are: late.
+        // The first fifty are reported as late.
         assert_eq!(push(Right, 0..1500), (100, 0, [100, 0], 50));
         assert_eq!(
             push(Left, 5000..6500),
@@ -399,8 +399,8 @@ mod tests {
 
     #[test]
     fn what_is_in_order_waits_for_few() {
-        // Every third right image is missing, and messages come up to three out of their turn, as
-        // in bags.
+        // Every third right image is missing, and messages are up to three positions out of order,
+        // as in bags.
         for jitter in [0, 25] {
             let lefts = (0..1000).map(|i| (Left, i * 10, i * 10 + i * 7 % (jitter + 1)));
             let rights = (0..1000)

@@ -1,4 +1,4 @@
-//! Chooses the topics of the two cameras in a recording of another program.
+//! Chooses the topics of the two cameras in another program's recording.
 
 use super::{camera, image};
 use crate::recording::messages::Channel;
@@ -12,7 +12,7 @@ pub struct Selection {
     pub right: Option<String>,
     /// Largest skew of a pair.
     pub max_skew_ns: u64,
-    /// How many of 16 bits the images use; by default decided by the first of them.
+    /// Number of bits of 16 that the images use; by default decided by the first images.
     pub bits: Option<u8>,
 }
 
@@ -21,7 +21,7 @@ impl Selection {
     /// free-running ones above.
     pub const MAX_SKEW_NS: u64 = 5_000_000;
 
-    /// Whether it names a topic: then svl's own recordings too are paired by stamps.
+    /// True if it names a topic: then svl's own recordings are paired by stamp, too.
     pub fn names_topics(&self) -> bool {
         self.left.is_some() || self.right.is_some()
     }
@@ -38,7 +38,7 @@ impl Default for Selection {
     }
 }
 
-/// Whether the messages of a channel are images.
+/// True if the messages of a channel are images.
 pub(in crate::recording) fn is_image(channel: &Channel) -> bool {
     image::SCHEMAS.contains(&channel.schema.as_str())
 }
@@ -46,7 +46,7 @@ pub(in crate::recording) fn is_image(channel: &Channel) -> bool {
 /// The topics of the left and the right images.
 ///
 /// # Errors
-/// Why they are missing or ambiguous, with the cure.
+/// The reason why they are missing or ambiguous, with the remedy.
 pub(in crate::recording) fn choose(
     channels: &[&Channel],
     selection: &Selection,
@@ -62,7 +62,7 @@ pub(in crate::recording) fn choose(
     topics.sort_unstable();
     // The files of a bag repeat the channels.
     topics.dedup();
-    // Who publishes image_rect_color beside image_rect means the same image.
+    // A publisher of both image_rect_color and image_rect means the same image.
     let all = topics.clone();
     let is_repeated = |topic: &str| {
         let raw = topic.strip_suffix("/compressed");
@@ -109,13 +109,13 @@ pub(in crate::recording) fn choose(
     let pairs = pairs.filter(|&[left, right]| {
         free(&selection.left, left) && free(&selection.right, right) && left != right
     });
-    // With both topics named, their names need no resemblance.
+    // If both topics are given, their names need not match.
     let both_named = selection.left.is_some() && selection.right.is_some();
     let pairs: Vec<_> = pairs
         .filter(|&[left, right]| both_named || are_sides(left, right))
         .collect();
     match (pairs[..].split_first(), &topics[..]) {
-        // Exactly one: two pairs, as of stereo cameras in front and behind, are ambiguous.
+        // Exactly one: two pairs, such as stereo cameras in front and behind, are ambiguous.
         (Some((pair, [])), _) => Ok(pair.map(str::to_owned)),
         (_, []) => Err(unread(channels).map_or(
             "has no stereo pairs: it has no images".to_owned(),
@@ -130,7 +130,7 @@ pub(in crate::recording) fn choose(
     }
 }
 
-/// Image topics of types that svl does not read, if there are any, with the cure.
+/// Image topics of types that svl cannot read, if there are any, with the remedy.
 fn unread(channels: &[&Channel]) -> Option<String> {
     let name = |channel: &Channel| {
         channel
@@ -163,11 +163,11 @@ fn unread(channels: &[&Channel]) -> Option<String> {
     })
 }
 
-/// Whether two topics differ only in left and right, in l and r, or in numbers from 0 or 1 that are
+/// True if two topics differ only in left and right, in l and r, or in numbers from 0 or 1 that are
 /// one apart.
 fn are_sides(left: &str, right: &str) -> bool {
     let (left, right) = (left.to_lowercase(), right.to_lowercase());
-    // Also where `left` is part of a longer word, as in Left_mono or /left/left_image.
+    // Also if `left` is part of a longer word, as in Left_mono or /left/left_image.
     if left.contains("left") && left.replace("left", "right") == right {
         return true;
     }
@@ -184,7 +184,7 @@ fn are_sides(left: &str, right: &str) -> bool {
         && (first == ("l", "r") || is_number_pair(first))
         && differing
             .iter()
-            // /cam0/image1 and /cam1/image2 differ twice, by different numbers: no pair.
+            // /cam0/image1 and /cam1/image2 differ twice, by different numbers: not a pair.
             .all(|(l, r)| (l.as_str(), r.as_str()) == first)
 }
 
@@ -203,9 +203,8 @@ fn words(topic: &str) -> Vec<String> {
     words
 }
 
-/// Whether the name of a topic says that its images are rectified: `rect` is a word of its last
-/// part, as in `image_rect`, `image_rect_raw` and `rectified/compressed`. Its namespace does not
-/// count.
+/// True if the name of a topic marks its images as rectified: `rect` is a word of its last part, as
+/// in `image_rect`, `image_rect_raw` and `rectified/compressed`. Its namespace is ignored.
 pub(super) fn is_of_rectified(topic: &str) -> bool {
     // image_transport appends /compressed to the name of the raw topic.
     let topic = topic.strip_suffix("/compressed").unwrap_or(topic);

@@ -1,4 +1,4 @@
-//! The messages of ROS 2 that svl reads and writes, in little-endian CDR.
+//! ROS 2 messages that svl reads and writes, in little-endian CDR.
 
 mod read;
 mod write;

@@ -2,7 +2,7 @@
 
 use re_cdr::{CdrReader, Error, LittleEndian, Result};
 
-/// Limit of distortion coefficients: `rational_polynomial` in ROS has up to 14.
+/// Limit on distortion coefficients: `rational_polynomial` in ROS has up to 14.
 const MAX_DISTORTION: usize = 14;
 
 /// An uncompressed image in a message: sensor_msgs/msg/Image, or foxglove.RawImage.
@@ -57,12 +57,12 @@ pub(in crate::recording) struct RosTime {
 /// Decodes the body of a message with `read`.
 ///
 /// # Errors
-/// Why it cannot be read.
+/// The reason why it cannot be read.
 pub(in crate::recording) fn read<'a, T>(
     data: &'a [u8],
     read: impl FnOnce(&mut CdrReader<'a, LittleEndian>) -> Result<T>,
 ) -> std::result::Result<T, String> {
-    // The header's last two bytes are options, which XCDR 1 leaves open.
+    // The header's last two bytes are options, which XCDR 1 leaves unspecified.
     let body = match data {
         // Encapsulation 0x0001: little-endian CDR, the native order of x86 and ARM.
         [0, 1, _, _, body @ ..] => body,
@@ -129,7 +129,7 @@ pub(in crate::recording) fn camera_info(
     })
 }
 
-/// std_msgs/msg/Header, with which most messages begin.
+/// std_msgs/msg/Header, the first field of most messages.
 pub(in crate::recording) struct RosHeader<'a> {
     pub(in crate::recording) stamp: RosTime,
     pub(in crate::recording) frame_id: &'a str,
@@ -168,7 +168,7 @@ pub(in crate::recording) struct RosScan {
     pub(in crate::recording) ranges: Vec<f64>,
 }
 
-/// Limit of fields of a point: lidars have ten.
+/// Limit on fields of a point: lidars have ten.
 const MAX_FIELDS: usize = 1000;
 
 pub(in crate::recording) fn point_cloud<'a>(
@@ -199,7 +199,7 @@ pub(in crate::recording) fn laser_scan(cdr: &mut CdrReader<'_, LittleEndian>) ->
     let angle_increment = cdr.read_f32()?;
     let (_time_increment, _scan_time) = (cdr.read_f32()?, cdr.read_f32()?);
     let (range_min, range_max) = (cdr.read_f32()?, cdr.read_f32()?);
-    // As many as there are bytes for, at most.
+    // At most as many as there are bytes for.
     let count = cdr.read_sequence_length()?;
     let count = limited(count, cdr.remaining() / size_of::<f32>(), "ranges")?;
     let ranges = (0..count).map(|_| cdr.read_f32().map(f64::from));
@@ -215,7 +215,7 @@ pub(in crate::recording) fn laser_scan(cdr: &mut CdrReader<'_, LittleEndian>) ->
 /// A transform: parent and child frame, translation in metres, rotation as x, y, z, w.
 pub(in crate::recording) type RosTransform = (String, String, [f64; 3], [f64; 4]);
 
-/// Limit of transforms in a message.
+/// Limit on transforms in a message.
 const MAX_TRANSFORMS: usize = 10_000;
 
 /// tf2_msgs/msg/TFMessage.
@@ -231,7 +231,7 @@ pub(in crate::recording) fn transforms(
     (0..count).map(transform).collect()
 }
 
-/// Checked before anything is allocated for so many.
+/// Checks a count before memory is allocated for it.
 fn limited(count: usize, limit: usize, what: &str) -> Result<usize> {
     if count > limit {
         return Err(Error::Custom(format!(

@@ -1,4 +1,4 @@
-//! Encodes ROS 2 messages as CDR, with the definitions by which a bag is read without ROS.
+//! Encodes ROS 2 messages as CDR, with the definitions that allow reading a bag without ROS.
 
 use super::CDR_LE;
 use crate::recording::{Encoded, RosStamp, frame_id, images};
@@ -23,7 +23,7 @@ pub(in crate::recording) fn encode_8bit<P: images::Pixel>(
     )
 }
 
-/// A sensor_msgs/msg/Image of 32-bit floats. Where `frame_id` is a known frame, Rerun shows it as a
+/// A sensor_msgs/msg/Image of 32-bit floats. If `frame_id` is a known frame, Rerun shows it as a
 /// depth image in metres.
 pub(in crate::recording) fn encode_32fc1(
     plane: &Plane<f32>,
@@ -63,7 +63,7 @@ fn encode_image(
     )
 }
 
-/// A sensor_msgs/msg/CompressedImage of pixels of that encoding, with the format string of
+/// A sensor_msgs/msg/CompressedImage of pixels in that encoding, with the format string of
 /// image_transport.
 pub(in crate::recording) fn encode_png(
     png: &[u8],
@@ -85,7 +85,7 @@ pub(in crate::recording) fn encode_png(
 }
 
 /// The sensor_msgs/msg/CameraInfo of a rectified camera. Both are in the frame of the left one, as
-/// ROS's stereo tools require: P places the right one.
+/// ROS's stereo tools require: P contains the offset of the right one.
 pub(in crate::recording) fn encode_camera_info(
     rig: &Rig,
     (width, height): (usize, usize),
@@ -122,7 +122,7 @@ pub(in crate::recording) fn encode_camera_info(
     )
 }
 
-/// A tf2_msgs/msg/TFMessage of one transform: the pose of `child` in the frame of `parent`.
+/// A tf2_msgs/msg/TFMessage with one transform: the pose of `child` in the frame of `parent`.
 pub(in crate::recording) fn encode_transform(
     pose: &Pose,
     [parent, child]: [&str; 2],

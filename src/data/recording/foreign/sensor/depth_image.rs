@@ -7,11 +7,11 @@ use crate::recording::{decode_protobuf, ros};
 use foxglove::messages::RawImage;
 use svl_core::stereo::Plane;
 
-/// Bytes before the PNG of compressedDepth: a code, and two numbers of the depths' quantization.
+/// Bytes before the PNG of compressedDepth: a code, and two quantization parameters.
 const COMPRESSED_HEADER: usize = 12;
 
-/// Depths in metres; NaN where there is none. 0 is none (REP 118), and what is too far (REP 117)
-/// is none either.
+/// Depths in metres; NaN for invalid pixels. 0 is invalid (REP 118), and so is anything too far
+/// (REP 117).
 pub(super) fn ros_image(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
     depths(&ros::read(data, ros::image)?.1)
 }
@@ -28,8 +28,8 @@ pub(super) fn foxglove_image(_: &Channel, data: &[u8]) -> Result<Plane<f32>, Str
     })
 }
 
-/// compressed_depth_image_transport: `16UC1; compressedDepth png`, and of `32FC1` inverse depths
-/// in steps.
+/// compressed_depth_image_transport: `16UC1; compressedDepth png`, and quantized inverse depths for
+/// `32FC1`.
 pub(super) fn compressed(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
     let message = ros::read(data, ros::compressed_image)?;
     let format = message.format;
@@ -110,7 +110,7 @@ fn depths(image: &RawPixels<'_>) -> Result<Plane<f32>, String> {
     Plane::from_vec(width, height, depths.collect()).map_err(|e| e.to_string())
 }
 
-/// The depth where it is one.
+/// The depth if it is valid.
 fn known(depth: f32) -> f32 {
     if depth > 0.0 && depth.is_finite() {
         depth

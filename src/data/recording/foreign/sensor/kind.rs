@@ -1,4 +1,4 @@
-//! The kinds of messages that measure distances, and how they are read.
+//! The kinds of messages that measure distances, with their readers.
 
 use super::{Channel, Plane, depth_image, points};
 use crate::recording::foreign::{image, json};
@@ -6,16 +6,16 @@ use crate::recording::{decode_protobuf, ros};
 use foxglove::messages;
 use nalgebra::Point3;
 
-/// What a message measured.
+/// Measurement in a message.
 pub(super) enum Measured {
-    /// Depths along the optical axis, metres; NaN where there is none.
+    /// Depths along the optical axis, metres; NaN for invalid pixels.
     Depth(Plane<f32>),
     /// Points in the sensor's frame, metres.
     Points(Vec<Point3<f64>>),
 }
 
 impl Measured {
-    /// Memory that it takes.
+    /// Memory use in bytes.
     pub(super) fn bytes(&self) -> usize {
         match self {
             Self::Depth(depth) => size_of::<f32>() * depth.width() * depth.height(),
@@ -40,7 +40,7 @@ enum Decode {
     Points(Read<Vec<Point3<f64>>>),
 }
 
-/// All of them. A new one is its function and a line here.
+/// All kinds. A new one is its function and a line here.
 const KINDS: &[MeasuredKind] = &[
     depth("sensor_msgs/msg/Image", "cdr", depth_image::ros_image),
     depth(
@@ -84,7 +84,7 @@ const fn cloud(
 /// The kind of a topic's messages.
 ///
 /// # Errors
-/// What the topic is, or which there are.
+/// The topic's type, or the topics there are.
 pub(super) fn of(
     channels: &[&Channel],
     topic: &str,
@@ -125,10 +125,11 @@ impl MeasuredKind {
         matches!(self.decode, Decode::Depth(_))
     }
 
-    /// The stamp of a message and what it measured.
+    /// The stamp of a message and its measurement.
     ///
     /// # Errors
-    /// Why it cannot be read.
+    ///
+    /// The reason why it cannot be read.
     pub(super) fn read(
         &self,
         channel: &Channel,

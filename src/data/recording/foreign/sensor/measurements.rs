@@ -1,7 +1,7 @@
-//! The measurements of a topic: which one is of which pair, and reading it wherever it lies.
+//! The measurements of a topic: their assignment to pairs, and random access to them.
 //!
 //! One pass over the recording collects the stamps of pairs and measurements, 16 bytes each. The
-//! measurements themselves are read on their own, in the order of the file where the pairs are.
+//! measurements themselves are read separately, in file order, next to the pairs.
 
 use super::transforms::plain;
 use super::{Channel, EventReader, FileEvent, Recording, kind};
@@ -12,11 +12,11 @@ use std::sync::Arc;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
 
-/// Limit of the bytes of measurements that wait for later pairs; beyond it they are read again.
+/// Limit on the bytes of measurements kept for later pairs; beyond it they are read again.
 const HELD_BYTES: usize = 256 << 20;
 
-/// Stamps with the sequence of their pair, or the number of their message on the topic. Sorted by
-/// stamp; those of one stamp stay in the order of the file.
+/// Stamps with the sequence of their pair, or the index of their message on the topic. Sorted by
+/// stamp; equal stamps stay in file order.
 #[derive(Default)]
 struct Stamps(Vec<(u64, u64)>);
 
@@ -28,7 +28,8 @@ impl Stamps {
         &rest[..rest.partition_point(|(stamp, _)| *stamp == stamp_ns)]
     }
 
-    /// The nearest one that `fits`, at most `limit_ns` away; the earlier of two as near.
+    /// The nearest one for which `fits` is true, at most `limit_ns` away; the earlier of two
+    /// equally near.
     fn nearest(
         &self,
         stamp_ns: u64,
@@ -60,24 +61,25 @@ pub(super) struct Measurements {
     kind: &'static MeasuredKind,
     pairs: Stamps,
     stamps: Stamps,
-    /// Number of the first message of each file.
+    /// Index of the first message of each file.
     starts: Vec<u64>,
     messages: Box<dyn EventReader>,
-    /// Index of the file that is read next, and number of the message that is.
+    /// Index of the next file to read, and of the next message.
     next_file: usize,
     next: u64,
-    /// Those that the current pair or later ones need, by number, with their stamps.
+    /// Measurements needed by the current pair or later ones, by index, with their stamps.
     held: BTreeMap<u64, (u64, Arc<Measured>)>,
     unreadable: BTreeSet<u64>,
-    /// The sensor's frame, whose transform is used; empty if none is needed.
+    /// The sensor's frame, whose transform is used; empty if not needed.
     frame: String,
 }
 
 impl Measurements {
-    /// Collects the stamps. `look` sees all messages on the way.
+    /// Collects the stamps. `look` is called with every message on the way.
     ///
     /// # Errors
-    /// [`svl_core::Error::Io`]. Inner: stamps that do not say which measurement is of which pair.
+    ///
+    /// [`svl_core::Error::Io`]. Inner: stamps that do not assign measurements to pairs.
     pub(super) fn find(
         recording: &Recording,
         (topic, limit_ns): (&str, u64),
@@ -147,7 +149,7 @@ impl Measurements {
             .map(|()| found))
     }
 
-    /// Refuses stamps of pairs and measurements that are of different times.
+    /// Rejects stamps of pairs and measurements from different times.
     fn check_clock(&self) -> std::result::Result<(), String> {
         let (Some(pairs), Some(measured)) = (self.pairs.range(), self.stamps.range()) else {
             return Ok(());
@@ -165,7 +167,8 @@ impl Measurements {
         ))
     }
 
-    /// Warns where pairs get their measurements by order, and refuses what no order tells.
+    /// Warns if measurements are assigned to pairs by order, and rejects stamps that no order
+    /// resolves.
     fn check_stamps(&self) -> std::result::Result<(), String> {
         let mut by_order = 0;
         for &(stamp, _) in &self.pairs.0 {
@@ -199,9 +202,10 @@ impl Measurements {
         Ok(())
     }
 
-    /// The measurement of a pair, or none within the limit.
+    /// The measurement of a pair, or `None` within the limit.
     ///
     /// # Errors
+    ///
     /// [`svl_core::Error::Io`].
     pub(super) fn of(&mut self, frame: &Frame) -> Result<Option<Arc<Measured>>> {
         let (stamp_ns, limit_ns) = (frame.stamp_ns, self.limit_ns);
@@ -216,7 +220,7 @@ impl Measurements {
                 None => Ok(None),
             };
         }
-        // One that cannot be read leaves the pair to the next nearest.
+        // If it cannot be read, the pair gets the next nearest.
         loop {
             let readable = |number: u64| !self.unreadable.contains(&number);
             let Some((_, number)) = self.stamps.nearest(stamp_ns, limit_ns, readable) else {
@@ -228,7 +232,7 @@ impl Measurements {
         }
     }
 
-    /// Reads on, or again from the start of its file, to a message. Others on the way that later
+    /// Reads on to a message, or again from the start of its file. Others on the way that later
     /// pairs may need are kept.
     fn fetch(&mut self, number: u64, stamp_ns: u64) -> Result<Option<Arc<Measured>>> {
         if let Some((_, held)) = self.held.get(&number) {
@@ -286,7 +290,7 @@ impl Measurements {
                 Ok(None) | Err(_) if self.next_file < self.starts.len() => {
                     self.go_to(self.next_file)?;
                 }
-                // The file is another one by now.
+                // The file has changed since.
                 Ok(None) | Err(_) => {
                     self.unreadable.insert(number);
                     break;

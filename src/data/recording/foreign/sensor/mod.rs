@@ -1,4 +1,4 @@
-//! Truth from another sensor of the recording: depth images, point clouds, laser scans.
+//! Ground truth from another sensor of the recording: depth images, point clouds, laser scans.
 
 mod depth_image;
 mod kind;
@@ -18,16 +18,16 @@ use svl_core::{Error, Result};
 pub use view::RawCamera;
 use view::{Setup, View};
 
-/// Which topic holds the truth, and how near in time a measurement must be.
+/// Topic of the truth, and the largest time difference of a measurement.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TruthSelection {
     pub topic: String,
-    /// Largest difference of the stamps of a pair and its measurement.
+    /// Largest difference between the stamps of a pair and its measurement.
     pub max_skew_ns: u64,
 }
 
 impl TruthSelection {
-    /// At 1 m/s a robot moves 2 cm in that time, a fifth of what a cell's distance may be off.
+    /// At 1 m/s a robot moves 2 cm in that time, a fifth of a cell's distance tolerance.
     pub const MAX_SKEW_NS: u64 = 20_000_000;
 }
 
@@ -37,15 +37,16 @@ pub struct TruthTopic {
     topic: String,
     measurements: Measurements,
     setup: Setup,
-    /// How measurements are seen by the left camera, known from the first pair on.
+    /// Projection of measurements into the left camera, known from the first pair on.
     view: Option<View>,
     without: u64,
 }
 
-/// The topics whose messages measure distances, but for those of the pairs, by the first message of
-/// each: of images only those of depths.
+/// The topics whose messages measure distances, except those of the pairs, decided by the first
+/// message of each: image topics only if they are depths.
 ///
 /// # Errors
+///
 /// [`Error::Io`], [`Error::Format`].
 pub(in crate::recording) fn truth_topics(
     recording: &Recording,
@@ -54,7 +55,7 @@ pub(in crate::recording) fn truth_topics(
     let channels = recording.channels()?;
     let is_candidate = |channel: &&&Channel| {
         !pairs.contains(&channel.topic.as_str())
-            // A map of disparities has the pixels of a depth image.
+            // A disparity map has the same pixel format as a depth image.
             && !channel.topic.contains("disparity")
             && kind::of(&channels, &channel.topic, pairs[0]).is_ok()
     };
@@ -84,12 +85,13 @@ pub(in crate::recording) fn truth_topics(
 }
 
 impl TruthTopic {
-    /// Finds the topic, the left camera, the transform between the two, and which measurement is of
-    /// which pair. `left`: the topic of the left images.
+    /// Finds the topic, the left camera, the transform between the two, and the measurement of each
+    /// pair. `left`: the topic of the left images.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] where the topic is missing or of another type, its first
-    /// message cannot be read, no transform leads to the left camera, the stamps are of another
+    ///
+    /// [`Error::Io`]; [`Error::Format`] if the topic is missing or of another type, its first
+    /// message cannot be read, no transform leads to the left camera, the stamps are from another
     /// clock, or several pairs or measurements share one.
     pub(in crate::recording) fn open(
         recording: &Recording,
@@ -132,17 +134,18 @@ impl TruthTopic {
         })
     }
 
-    /// Pairs so far for which there was no measurement.
+    /// Number of pairs so far without a measurement.
     pub fn without(&self) -> u64 {
         self.without
     }
 
-    /// Gives the frame the truth of the nearest measurement within the limit, or none. `raw`: the
-    /// left camera, where svl rectified the pair.
+    /// Attaches to the frame the truth from the nearest measurement within the limit, if there is
+    /// one. `raw`: the left camera, if svl rectified the pair.
     ///
     /// # Errors
-    /// [`Error::Format`] for a pair without rig, and for depth images that cannot be placed in the
-    /// left image; [`Error::Io`].
+    ///
+    /// [`Error::Format`] for a pair without a rig, and for depth images whose position relative to
+    /// the left image is unknown; [`Error::Io`].
     pub fn attach(&mut self, frame: &mut Frame, raw: Option<&RawCamera>) -> Result<()> {
         let Some(rig) = frame.rig().copied() else {
             let why = "pairs without a calibration have no distances to compare: --calib FILE";

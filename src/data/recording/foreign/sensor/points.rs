@@ -5,14 +5,14 @@ use crate::recording::{decode_protobuf, ros};
 use foxglove::messages::{LaserScan, PointCloud, Pose};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
 
-/// Codes of 32- and 64-bit floats, which ROS's PointField and Foxglove's PackedElementField share.
+/// Codes of 32- and 64-bit floats, shared by ROS's PointField and Foxglove's PackedElementField.
 const FLOAT32: i32 = 7;
 const FLOAT64: i32 = 8;
 
-/// Points in the sensor's frame, metres; those without a measurement are NaN or left out.
+/// Points in the sensor's frame, metres; those without a measurement are NaN or omitted.
 type Points = Vec<Point3<f64>>;
 
-/// Where x, y and z of a point are in its bytes.
+/// Offset and type of x, y and z in the bytes of a point.
 type Fields = [(usize, i32); 3];
 
 pub(super) fn ros_cloud(_: &Channel, data: &[u8]) -> Result<Points, String> {
@@ -27,7 +27,7 @@ pub(super) fn ros_cloud(_: &Channel, data: &[u8]) -> Result<Points, String> {
     let (width, height) = (cloud.width as usize, cloud.height as usize);
     let (step, row) = (cloud.point_step as usize, cloud.row_step as usize);
     check(&fields, step)?;
-    // Saturating: the sizes are unchecked numbers of a message.
+    // Saturating: the sizes are untrusted numbers from a message.
     let row_bytes = width.saturating_mul(step);
     // An organized cloud may pad its rows; the last one may lack the padding.
     let needed = row
@@ -63,8 +63,8 @@ pub(super) fn ros_scan(_: &Channel, data: &[u8]) -> Result<Points, String> {
     let scan = ros::read(data, ros::laser_scan)?;
     let within = |range: f64| range >= scan.range_min && range <= scan.range_max;
     let ranges = scan.ranges.iter().enumerate();
-    // Beyond the limits of the sensor there is no measurement (sensor_msgs/LaserScan); NaN is not
-    // within them.
+    // Beyond the limits of the sensor there is no measurement (sensor_msgs/LaserScan); NaN is
+    // outside them.
     let measured = ranges.filter(|(_, range)| within(**range));
     Ok(measured
         .map(|(i, &range)| polar(range, scan.angle_min + i as f64 * scan.angle_increment))
@@ -110,7 +110,7 @@ fn fields(field: impl Fn(&str) -> Option<(u32, i32)>) -> Result<Fields, String> 
     Ok(fields)
 }
 
-/// Whether the fields are within a point's bytes.
+/// Checks that the fields are within a point's bytes.
 fn check(fields: &Fields, step: usize) -> Result<(), String> {
     let end = |&(offset, kind): &(usize, i32)| offset.saturating_add(bytes(kind));
     match fields.iter().map(end).max() {
@@ -125,7 +125,7 @@ fn bytes(kind: i32) -> usize {
     if kind == FLOAT32 { 4 } else { 8 }
 }
 
-/// The points of whole steps; a rest of bytes is padding.
+/// The points of whole steps; any remaining bytes are padding.
 fn points(data: &[u8], step: usize, fields: Fields) -> impl Iterator<Item = Point3<f64>> {
     data.chunks_exact(step).map(move |point| {
         Point3::from(fields.map(|(offset, kind)| {
@@ -152,7 +152,7 @@ fn pose(pose: Option<Pose>) -> Result<Isometry3<f64>, String> {
         Some(q) if q.x != 0.0 || q.y != 0.0 || q.z != 0.0 || q.w != 0.0 => {
             UnitQuaternion::from_quaternion(Quaternion::new(q.w, q.x, q.y, q.z))
         }
-        // Never set.
+        // The quaternion was never set.
         _ => UnitQuaternion::identity(),
     };
     let pose = Isometry3::from_parts(Translation3::new(p.x, p.y, p.z), rotation);

@@ -1,4 +1,4 @@
-//! The transforms between the frames of a robot that do not move: `/tf_static`, and Foxglove's.
+//! Static transforms between the frames of a robot: `/tf_static`, and Foxglove's.
 
 use crate::recording::messages::Channel;
 use crate::recording::{decode_protobuf, ros};
@@ -6,15 +6,15 @@ use foxglove::messages::{FrameTransform, FrameTransforms};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
 
-/// Longest chain of transforms: a robot arm has ten, a damaged tree may have a circle.
+/// Longest chain of transforms: a robot arm has ten; a corrupt tree may contain a cycle.
 const MAX_CHAIN: usize = 100;
-/// Limit of frames: what a robot of many arms has, times ten.
+/// Limit on frames: ten times those of a robot with many arms.
 const MAX_FRAMES: usize = 10_000;
 
-/// The transforms of ROS.
+/// Transform messages of ROS.
 const ROS: &str = "tf2_msgs/msg/TFMessage";
 
-/// Transforms by the name of the child's frame: the parent's, and the child's pose in it.
+/// Transforms by the name of the child frame: the parent's name, and the child's pose in it.
 #[derive(Default)]
 pub(super) struct Transforms(BTreeMap<String, Placed>);
 
@@ -24,11 +24,11 @@ type Placed = (String, Isometry3<f64>);
 /// One transform: parent, child, translation, rotation as x, y, z, w.
 type Link = (String, String, [f64; 3], [f64; 4]);
 
-/// Transforms of one frame that are less apart are the same, up to the rounding of programs that
+/// Transforms of one frame that differ by less are equal, up to the rounding of the programs that
 /// publish them: metres, and radians.
 const SAME: f64 = 1e-4;
 
-/// A later transform of a frame that differs from the first, which counts.
+/// A later transform of a frame that differs from the first, which is used.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Conflict {
     child: String,
@@ -59,8 +59,9 @@ impl std::fmt::Display for Conflict {
 }
 
 impl Transforms {
-    /// True if the messages of a channel hold such transforms: those of ROS only in `/tf_static`,
-    /// as `/tf` moves; Foxglove has no such rule, so there the first of each frame counts.
+    /// True if the messages of a channel contain such transforms: those of ROS only in
+    /// `/tf_static`, as `/tf` moves; Foxglove has no such convention, so the first of each frame is
+    /// used.
     pub(super) fn reads(channel: &Channel) -> bool {
         match channel.schema.as_str() {
             ROS => channel.topic.ends_with("tf_static"),
@@ -71,15 +72,16 @@ impl Transforms {
         }
     }
 
-    /// True if the messages of a channel hold transforms that may move.
+    /// True if the messages of a channel contain transforms that may move.
     pub(super) fn are_moving(channel: &Channel) -> bool {
         channel.schema == ROS && !Self::reads(channel)
     }
 
-    /// Takes in a message of transforms; of those that contradict each other the first counts.
+    /// Adds the transforms of a message; if some contradict each other, the first is used.
     ///
     /// # Errors
-    /// Why it cannot be read.
+    ///
+    /// The reason why it cannot be read.
     pub(super) fn add(&mut self, channel: &Channel, data: &[u8]) -> Result<(), String> {
         for (child, link) in Self::read(channel, data)? {
             let is_new = self.0.len() < MAX_FRAMES && !self.0.contains_key(&child);
@@ -95,8 +97,8 @@ impl Transforms {
         Ok(())
     }
 
-    /// The first transform of a message that differs from the one that counts for its frame, among
-    /// those that lead `from` a frame `to` another.
+    /// The first transform of a message that differs from the one in use for its frame, among those
+    /// that lead `from` a frame `to` another.
     pub(super) fn conflict(
         &self,
         (channel, data): (&Channel, &[u8]),
@@ -105,7 +107,7 @@ impl Transforms {
         let chain = self.chain(to, from);
         let links = Self::read(channel, data).ok()?;
         links.into_iter().find_map(|(child, (other, later))| {
-            // A frame without a parent may be placed by those below it.
+            // A frame without a parent may be positioned by the frames below it.
             let (parent, pose, way) = match self.0.get(&child) {
                 Some((parent, pose)) => (parent.as_str(), *pose, vec![child.as_str()]),
                 None => {
@@ -125,7 +127,7 @@ impl Transforms {
         })
     }
 
-    /// The frames whose transforms lead `from` a frame `to` another: what is above both is not on
+    /// The frames whose transforms lead `from` a frame `to` another: frames above both are not on
     /// the way.
     fn chain<'a>(&'a self, to: &'a str, from: &'a str) -> Vec<&'a str> {
         let [to, from] = [to, from].map(|frame| {
@@ -188,7 +190,7 @@ impl Transforms {
         above
     }
 
-    /// What there is, for an error.
+    /// The known frames, for an error.
     pub(super) fn listed(&self) -> String {
         let links = self
             .0
@@ -203,7 +205,7 @@ impl Transforms {
     }
 }
 
-/// Names of tf 1 begin with a slash.
+/// Names in tf 1 begin with a slash.
 pub(super) fn plain(frame: &str) -> &str {
     frame.trim_start_matches('/')
 }
@@ -245,7 +247,7 @@ mod tests {
             ("base", "mast", [0.0, 2.0, 0.0], quarter),
             ("mast", "lidar", [1.0, 0.0, 0.0], 0.0),
         ]);
-        // Of the lidar's origin: a metre along the mast's x, which is base's y.
+        // Pose of the lidar's origin: a metre along the mast's x, which is base's y.
         let pose = transforms.between("camera", "/lidar").unwrap();
         let origin = pose * Point3::origin();
         assert!(
@@ -298,10 +300,10 @@ mod tests {
         let apart = conflict("base", "/lidar", 0.1).unwrap();
         assert!((apart.apart_m - 0.1).abs() < 1e-12, "{apart}");
         assert_eq!(conflict("mast", "lidar", 0.0).unwrap().parents[1], "mast");
-        // Above both, and elsewhere.
+        // Above both, and off the way.
         assert_eq!(conflict("world", "base", 5.0), None);
         assert_eq!(conflict("base", "arm", 5.0), None);
-        // A cycle: the first transforms count, and one that does not agree with them is noticed.
+        // A cycle: the first transforms are used, and one that contradicts them is detected.
         let first = |x: f64| {
             let mut first = Transforms::default();
             let links = [("lidar", "camera", 0.5), ("camera", "lidar", x)];

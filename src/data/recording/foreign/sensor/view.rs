@@ -1,4 +1,4 @@
-//! How the left camera sees what another sensor measured.
+//! Projection of another sensor's measurements into the left camera.
 
 use super::kind::{self, Measured, MeasuredKind};
 use super::transforms::{Conflict, Transforms, plain};
@@ -10,33 +10,33 @@ use svl_core::Result;
 use svl_core::depth::project;
 use svl_core::stereo::Intrinsics;
 
-/// A depth image's camera is the left one when their focal lengths and principal points differ by
+/// A depth image's camera is the left one if their focal lengths and principal points differ by
 /// less.
 const SAME_CAMERA_PX: f64 = 0.5;
 
-/// The left camera of pairs that svl rectified: as it was, and the rotation of its rectification,
-/// `X_rectified = rotation · X`.
+/// The left camera of pairs that svl rectified: the original camera, and the rotation of its
+/// rectification, `X_rectified = rotation · X`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RawCamera {
     pub intrinsics: Intrinsics,
     pub rotation: UnitQuaternion<f64>,
 }
 
-/// Where the sensor is, and the cameras of the recording.
+/// Pose of the sensor, and the cameras of the recording.
 pub(super) struct Setup {
     /// Pose of the sensor in the left camera's frame.
     left_from_sensor: Isometry3<f64>,
-    /// Whether it measures in the left camera's frame.
+    /// True if it measures in the left camera's frame.
     is_left: bool,
     left: Option<Calibration>,
-    /// Of a depth image.
+    /// Calibration of a depth image.
     own: Option<Calibration>,
     transforms: Transforms,
-    /// Names of the left camera's and the sensor's frame.
+    /// Names of the left camera's frame and of the sensor's.
     frames: [String; 2],
 }
 
-/// What is looked for before the first pair.
+/// Everything needed before the first pair.
 #[derive(Default)]
 struct Found {
     left_frame: Option<String>,
@@ -44,15 +44,16 @@ struct Found {
     frame: Option<std::result::Result<String, String>>,
     own: Option<Calibration>,
     transforms: Transforms,
-    /// Those that may move among them, which only an error names.
+    /// All transforms including those that may move, which only an error names.
     with_moving: Transforms,
 }
 
 impl Setup {
-    /// Reads until all is found; transforms are at the beginning of most recordings.
+    /// Reads until all is found; transforms are at the start of most recordings.
     ///
     /// # Errors
-    /// [`svl_core::Error::Io`]. Inner: what is missing.
+    ///
+    /// [`svl_core::Error::Io`]. Inner: the missing part.
     pub(super) fn find(
         recording: &Recording,
         channels: &[&Channel],
@@ -61,7 +62,7 @@ impl Setup {
         kind: &MeasuredKind,
     ) -> Result<std::result::Result<Self, String>> {
         let left_info = topics::calibration(channels, left);
-        // The calibration nearest in the tree of topics may be another camera's.
+        // The calibration nearest in the tree of topics may belong to another camera.
         let own_info = topics::calibration(channels, topic)
             .filter(|info| kind.is_depth() && Some(info) != left_info.as_ref());
         let mut found = Found::default();
@@ -135,10 +136,11 @@ impl Setup {
             .flatten()
     }
 
-    /// How the left camera of pairs of `size` sees measurements like `measured`.
+    /// The projection of measurements like `measured` into the left camera of pairs of `size`.
     ///
     /// # Errors
-    /// What is missing.
+    ///
+    /// The missing part.
     pub(super) fn view(
         &self,
         topic: &str,
@@ -147,8 +149,8 @@ impl Setup {
         size: (usize, usize),
         raw: Option<&RawCamera>,
     ) -> std::result::Result<View, String> {
-        // Pairs that were rectified before they were recorded have the rotation in their
-        // CameraInfo; an uncalibrated camera's is all zeros.
+        // Pairs rectified before they were recorded have the rotation in their CameraInfo; that of
+        // an uncalibrated camera is all zeros.
         let own_rotation = || {
             let rotation = self.left.as_ref()?.rotation().ok()?;
             Some(UnitQuaternion::from_rotation_matrix(&rotation))
@@ -196,7 +198,7 @@ impl Setup {
         let turn = left_from_sensor.rotation * back;
         let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         let ray = |(x, y): (usize, usize)| {
-            // Nothing where the lens model folds back: no ray, no point.
+            // `None` where the distortion model folds back: no ray, no point.
             let direction = camera.direction(Point2::new(x as f64, y as f64));
             direction.map_or_else(
                 || Vector3::repeat(f64::NAN),
@@ -241,8 +243,8 @@ impl Found {
     }
 }
 
-/// The camera of a depth image and the rotation from its pixels' frame into its own: by P and R
-/// where the images are rectified, else by K and the distortion.
+/// The camera of a depth image and the rotation from its pixels' frame into its own: by P and R if
+/// the images are rectified, else by K and the distortion.
 fn pinhole(
     calibration: &Calibration,
     topic: &str,
@@ -277,12 +279,12 @@ fn is_same(camera: &Intrinsics, rig: &Rig) -> bool {
     apart.iter().all(|px| px.abs() < SAME_CAMERA_PX)
 }
 
-/// How the left camera sees the measurements.
+/// Projection of the measurements into the left camera.
 pub(super) enum View {
-    /// Depth images of its own pixels.
+    /// Depth images with the left camera's own pixels.
     Aligned,
-    /// Depth images of another camera: per pixel the ray for a depth of 1, and where the camera is,
-    /// in the rectified left camera's frame.
+    /// Depth images of another camera: per pixel the ray for a depth of 1, and the position of the
+    /// camera, in the rectified left camera's frame.
     Camera {
         size: (usize, usize),
         rays: Vec<Vector3<f64>>,
