@@ -1,4 +1,4 @@
-//! The acquisition thread of a camera: follows orders, reports what the camera did.
+//! The acquisition thread of a camera: executes orders, and reports the camera's state.
 
 use super::camera::{Camera, Settings, Taken, camera_error};
 use super::mailbox::{Mailbox, Received};
@@ -6,11 +6,11 @@ use std::time::Duration;
 use svl_core::Error;
 use svl_core::stereo::Side;
 
-/// An order to a camera's thread. A later one replaces the one before.
+/// An order to a camera's thread. A later one replaces the earlier one.
 pub(super) enum Order {
     /// Arm, and capture one image.
     Take(Settings),
-    /// Capture another image without arming: the last one was of an earlier pulse.
+    /// Capture another image without arming: the last one belonged to an earlier pulse.
     TakeNext,
 }
 
@@ -28,10 +28,10 @@ pub(super) enum CameraEvent {
     Failed(Error),
 }
 
-/// How long one capture waits: between captures the thread looks for a new order.
+/// Duration of one capture attempt: between attempts the thread checks for a new order.
 const SLICE: Duration = Duration::from_millis(100);
 
-/// Follows orders until there are no more, or the camera fails.
+/// Executes orders until there are no more, or the camera fails.
 pub(super) fn acquire(
     side: Side,
     mut camera: Box<dyn Camera>,
@@ -49,7 +49,7 @@ pub(super) fn acquire(
             loop {
                 match orders.receive(0) {
                     Received::Nothing => {}
-                    // The coordinator's watchdog gave this order up.
+                    // The coordinator's watchdog has abandoned this order.
                     replaced => return Ok(replaced),
                 }
                 match camera.capture(SLICE)? {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use svl_core::stereo::{Gray, Side};
 use svl_core::{Error, Result};
 
-/// The error of one side's camera, with the side in front of the camera's name.
+/// The error of one side's camera, with the side before the camera's name.
 pub(super) fn camera_error(side: Side, error: Error) -> Error {
     match error {
         Error::Camera { camera, reason } => {
@@ -33,7 +33,7 @@ impl Settings {
         }
     }
 
-    /// Whether two exposures are alike: cameras round, and one per cent is not visible.
+    /// True if two exposures are practically equal: cameras round, and one per cent is not visible.
     pub(super) fn is_near(self, other: Self) -> bool {
         let (a, b) = (self.shutter_us, other.shutter_us);
         a.abs_diff(b) <= 1 + a.max(b) / 100 && self.gain_mdb.abs_diff(other.gain_mdb) <= 100
@@ -47,7 +47,7 @@ impl fmt::Display for Settings {
     }
 }
 
-/// The settings that a camera has.
+/// The range of settings of a camera.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Limits {
     pub shutter_us: RangeInclusive<u32>,
@@ -63,10 +63,11 @@ impl Limits {
         }
     }
 
-    /// The settings that both cameras have.
+    /// The settings common to both cameras.
     ///
     /// # Errors
-    /// [`Error::Camera`] when there are none.
+    ///
+    /// [`Error::Camera`] if there are none.
     pub fn common(&self, other: &Self) -> Result<Self> {
         let common = Self {
             shutter_us: intersection(&self.shutter_us, &other.shutter_us),
@@ -78,7 +79,7 @@ impl Limits {
         };
         if common.shutter_us.is_empty() {
             let words = |limits: &Self| match (limits.shutter_us.start(), limits.shutter_us.end()) {
-                // What V4L2 cameras without an exposure control report.
+                // Reported by V4L2 cameras without an exposure control.
                 (0, 0) => "has none to be set".to_owned(),
                 (shortest, longest) => format!("{shortest} to {longest} µs"),
             };
@@ -117,11 +118,11 @@ pub struct Capture {
     pub image: Gray,
     /// Middle of the exposure, nanoseconds.
     pub stamp_ns: u64,
-    /// The pulse that triggered it, where the camera reports it.
+    /// The pulse that triggered it, if the camera reports it.
     pub trigger_id: Option<u64>,
-    /// The settings that the camera was armed with ...
+    /// The settings that the camera was armed with,
     pub ordered: Settings,
-    /// ... and those it used: cameras have steps of their own.
+    /// and those it used: cameras have steps of their own.
     pub settings: Settings,
 }
 
@@ -131,11 +132,11 @@ pub enum Taken {
     Image(Capture),
     /// Part of the image was lost in transfer.
     Damaged,
-    /// An image from before the settings were in force. The ordered one comes after it.
+    /// An image from before the settings took effect. The ordered one comes after it.
     Unready,
 }
 
-/// A camera. Only its own acquisition thread calls it, so calls may block.
+/// A camera. Only its own acquisition thread uses it, so calls may block.
 pub trait Camera: Send {
     /// Name for messages.
     fn name(&self) -> String;
@@ -146,13 +147,14 @@ pub trait Camera: Send {
     /// armed or exposed before and not captured are discarded.
     ///
     /// # Errors
-    /// [`Error::Camera`] when it cannot.
+    /// [`Error::Camera`] if it fails.
     fn arm(&mut self, settings: Settings) -> Result<()>;
 
-    /// Waits for the exposure and its image; `None` when none came within `timeout`. After that,
+    /// Waits for the exposure and its image; `None` if none arrived within `timeout`. After that,
     /// and after [`Taken::Unready`], it may be called again without arming.
     ///
     /// # Errors
-    /// [`Error::Camera`] when the camera is gone.
+    ///
+    /// [`Error::Camera`] if the camera is gone.
     fn capture(&mut self, timeout: Duration) -> Result<Option<Taken>>;
 }

@@ -1,4 +1,4 @@
-//! The grabber's clock: real time, or a scripted one on which every run is the same.
+//! The grabber's clock: real time, or a scripted one that makes every run identical.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -7,8 +7,8 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 /// A clock on which threads wait for a time or for each other.
 ///
 /// A scripted clock stands still while one of its participants is busy, and jumps to the earliest
-/// time that one waits for once all wait. So tests of threads that sleep take no time and cannot
-/// fail on a slow machine.
+/// deadline once all wait. So tests of threads that sleep take no time and cannot fail on a slow
+/// machine.
 pub struct GrabClock {
     time: TimeSource,
     state: Mutex<ClockState>,
@@ -30,11 +30,11 @@ struct ClockState {
 struct Waiter {
     id: u64,
     until_ns: u64,
-    /// It has checked its condition since the last change.
+    /// True if it has checked its condition since the last change.
     settled: bool,
 }
 
-/// A thread that a scripted clock waits for, until this is dropped. Enter it before the thread
+/// A thread that a scripted clock waits for, until this is dropped. It is entered before the thread
 /// starts.
 pub struct Participant(Arc<GrabClock>);
 
@@ -45,7 +45,7 @@ impl GrabClock {
             .duration_since(UNIX_EPOCH)
             .unwrap_or_default();
         let epoch_ns = since_epoch.as_nanos() as u64;
-        // The system's clock is read once: when it is stepped during a recording, stamps must not
+        // The system's clock is read once: if it is stepped during a recording, stamps must not
         // jump.
         Self::with(TimeSource::Real {
             began: Instant::now(),
@@ -73,7 +73,7 @@ impl GrabClock {
         }
     }
 
-    /// Waits until `ready` returns something, and returns that; `None` at the deadline. `ready` is
+    /// Waits until `ready` returns a value, and returns that; `None` at the deadline. `ready` is
     /// called again after every [`GrabClock::notify`]. On a scripted clock only participants may
     /// wait.
     pub fn wait_until<T>(&self, until_ns: u64, mut ready: impl FnMut() -> Option<T>) -> Option<T> {
@@ -123,7 +123,7 @@ impl GrabClock {
         self.wait_until(until_ns, || None::<()>);
     }
 
-    /// Wakes all that wait. The caller must not hold a lock that their `ready` takes.
+    /// Wakes all waiting threads. The caller must not hold a lock that their `ready` takes.
     pub fn notify(&self) {
         self.lock()
             .waiting
@@ -138,9 +138,9 @@ impl GrabClock {
         Participant(self.clone())
     }
 
-    /// Jumps to the earliest time that a participant waits for, when all wait; whether it did.
+    /// Jumps to the earliest deadline of a participant, if all wait; returns true if it did.
     fn advance(&self, state: &mut ClockState, time: &AtomicU64) -> bool {
-        // Someone who was notified but has not run yet may have work before that time.
+        // A thread that was notified but has not run yet may have work before that time.
         let all_wait =
             state.waiting.len() >= state.participants && state.waiting.iter().all(|w| w.settled);
         let next_ns = state.waiting.iter().map(|w| w.until_ns).min();
@@ -162,7 +162,7 @@ impl Drop for Participant {
     fn drop(&mut self) {
         let mut state = self.0.lock();
         state.participants -= 1;
-        // The others may have waited only for this one.
+        // The others may have been waiting only for this one.
         if let TimeSource::Scripted(time) = &self.0.time {
             self.0.advance(&mut state, time);
         }

@@ -1,5 +1,5 @@
 //! The coordinator: triggers when both cameras are armed (thesis, figure 4.3), pairs their images,
-//! watches for timeouts.
+//! monitors timeouts.
 
 use super::acquire::{CameraEvent, CameraReport, Order};
 use super::camera::{Capture, Settings, Taken};
@@ -31,18 +31,18 @@ pub(super) struct Coordinator {
     pub(super) cameras: [CameraState; 2],
     /// Number of the latest order, and its settings.
     pub(super) planned: (u64, Settings),
-    /// Whether it warned that the cameras expose unlike with the same settings.
+    /// True once it has warned that the cameras expose differently with the same settings.
     pub(super) warned_unlike: bool,
 }
 
 impl Coordinator {
-    /// Runs until the reports are closed or something fails, and closes the queue with that.
+    /// Runs until the reports are closed or something fails, and closes the queue with the result.
     pub(super) fn run(mut self) {
         let mut ended = self.grab();
         self.triggering.end();
         self.reports.close();
         self.orders.iter().for_each(|orders| orders.close());
-        // Every image is in a pair or counted, those that came meanwhile too.
+        // Every image is in a pair or counted, including those that arrived meanwhile.
         for CameraReport { side, event } in self.reports.drain() {
             if let CameraEvent::Captured(taken) = event {
                 ended = ended.and(self.handle_image(side, taken));
@@ -63,7 +63,7 @@ impl Coordinator {
                     CameraEvent::Armed => self.enter(side, Phase::Armed),
                     CameraEvent::Captured(taken) => self.handle_image(side, taken)?,
                     CameraEvent::Failed(error) => {
-                        // Images of one pulse come one after the other: the partner of the last
+                        // Images of one pulse arrive one after the other: the partner of the last
                         // image may still be on its way.
                         self.finish_exposure(side.other())?;
                         return Err(error);
@@ -75,7 +75,7 @@ impl Coordinator {
 
     fn handle_image(&mut self, side: Side, taken: Taken) -> Result<()> {
         let (now_ns, camera) = (self.clock.now_ns(), &mut self.cameras[side as usize]);
-        // Else it is of an order that timed out and has been repeated.
+        // Otherwise it belongs to an order that timed out and was repeated.
         let is_ordered = camera.phase != Phase::Arming;
         let mut checked = Ok(());
         let next: fn(&mut Self, Side) = match taken {
@@ -112,14 +112,14 @@ impl Coordinator {
             next(self, side);
         }
         self.deliver_pairs(Pairing::pair)?;
-        // Only now, as a camera that fails must not cost a pair that is complete.
+        // Only now, as a camera failure must not cost a complete pair.
         checked?;
         self.pair_watchdog
             .on_image(side, now_ns, self.timeout_ns, self.pairing.unpaired())
     }
 
-    /// After the other camera failed: waits for the image that this one is taking, whose partner
-    /// may have come before.
+    /// After a failure of the other camera: waits for the image in progress, whose partner may
+    /// already have arrived.
     fn finish_exposure(&mut self, side: Side) -> Result<()> {
         let until_ns = self.clock.now_ns().saturating_add(self.timeout_ns);
         let mut taking = self.cameras[side as usize].phase != Phase::Arming
@@ -140,8 +140,8 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Orders the next image of a camera. Settings change only with the number, so that both
-    /// images of a pair have the same.
+    /// Orders the next image of a camera. Settings change only together with the number, so that
+    /// both images of a pair have the same.
     fn order(&mut self, side: Side) {
         let number = self.cameras[side as usize].order + 1;
         if number > self.planned.0 {
@@ -156,7 +156,7 @@ impl Coordinator {
         self.orders[side as usize].send(Order::Take(self.planned.1));
     }
 
-    /// Lets a camera capture again: the image of its order is still to come.
+    /// Lets a camera capture again: the image of its order is still outstanding.
     fn order_next(&mut self, side: Side) {
         self.orders[side as usize].send(Order::TakeNext);
     }
@@ -203,7 +203,7 @@ impl Coordinator {
         )
     }
 
-    /// Timeout of a camera in its state; none where it waits for the other camera, armed.
+    /// Timeout of a camera in its state; `None` if it is armed and waits for the other camera.
     fn timeout_of_ns(&self, side: Side) -> Option<u64> {
         let needed_ns = match self.cameras[side as usize].phase {
             Phase::Arming => 0,
@@ -225,9 +225,9 @@ impl Coordinator {
             }
             camera.on_timeout(timeout_of_ns)?;
             match camera.phase {
-                // It still has its order: a second one would only make it start again.
+                // It still has its order: a second one would only make it start over.
                 Phase::Arming => camera.enter(Phase::Arming, now_ns),
-                // Its pulse was lost: it joins the order that the other camera is at.
+                // Its pulse was lost: it joins the other camera's current order.
                 Phase::Armed | Phase::Exposing => self.send_order(side, self.planned.0),
             }
         }
@@ -247,7 +247,7 @@ impl Coordinator {
 
     fn deliver(&mut self, [left, right]: [Capture; 2]) -> Result<()> {
         self.balance
-            // By the settings ordered, as the balance knows no rounding of cameras.
+            // By the ordered settings, as the balance does not know a camera's rounding.
             .observe(&left.image, &right.image, left.ordered);
         if !left.settings.is_near(right.settings)
             && !std::mem::replace(&mut self.warned_unlike, true)
@@ -279,7 +279,7 @@ impl Coordinator {
             truth: None,
             color: None,
             exposure: Exposure {
-                // Without a trigger there is no pulse: the number of the pair stands for it.
+                // Without a trigger there is no pulse: the number of the pair is used instead.
                 trigger_id: left.trigger_id.unwrap_or(sequence),
                 skew_ns: Some(skew_ns),
                 shutter_us: left.settings.shutter_us,
@@ -287,8 +287,8 @@ impl Coordinator {
                 drops,
             },
         };
-        // May wait for the writer (backpressure): meanwhile nothing is triggered. The watchdog is
-        // reset after it, or the wait would count as time without a pair.
+        // This may wait for the writer (backpressure), and meanwhile nothing is triggered. The
+        // watchdog is reset afterwards, or the wait would count as time without a pair.
         let pushed = self.queue.push(frame);
         self.pair_watchdog.on_pair(self.pairing.unpaired());
         let mut tally = self.tally();

@@ -2,8 +2,8 @@
 
 /// Offset of a camera's clock, estimated from the arrival of its images.
 ///
-/// A camera counts from an epoch of its own, and its crystal is off by some parts per million. At
-/// an arrival, host time minus camera time is the offset plus the transfer latency, which is never
+/// A camera counts from an epoch of its own, and its crystal is off by some parts per million. On
+/// arrival, host time minus camera time is the offset plus the transfer latency, which is never
 /// negative: so the smallest difference is the best estimate. It may grow slowly, to follow a
 /// camera whose clock is slow. The remaining error is the smallest latency, about 0.1 ms, the same
 /// for two cameras of one kind.
@@ -16,7 +16,7 @@ pub struct DeviceClock {
 /// Fraction of the elapsed time by which the offset may grow: 1/5000 = 200 ppm, twice what two bad
 /// crystals drift.
 const DRIFT: i128 = 5_000;
-/// A larger jump is no latency: the camera was reset.
+/// A larger jump cannot be latency: the camera was reset.
 const RESET_NS: i128 = 1_000_000_000;
 
 impl DeviceClock {
@@ -50,7 +50,7 @@ mod tests {
     const MS: u64 = 1_000_000;
 
     /// The largest error after a settling time of one second, over a minute of 30 images a second
-    /// whose way takes 0.1 ms and up to `late_ms` more.
+    /// with a latency of 0.1 ms and up to `late_ms` more.
     fn worst_ns(epoch_ns: u64, drift_ppm: f64, late_ms: f64) -> u64 {
         let (mut clock, mut random) = (DeviceClock::default(), fastrand::Rng::with_seed(5));
         let errors = (0..1800).map(|i| {

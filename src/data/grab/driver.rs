@@ -1,5 +1,5 @@
-//! Camera drivers: what a row of [`super::DRIVERS`] says, and the options that follow the names of
-//! its cameras.
+//! Camera drivers: the fields of a row of [`super::DRIVERS`], and the options that follow the names
+//! of its cameras.
 
 use super::camera::Camera;
 use super::clock::GrabClock;
@@ -15,43 +15,43 @@ use svl_core::{Error, Result, did_you_mean, joined};
 /// A camera driver. Users write `NAME:CAMERAS,option=value,…`.
 pub struct Driver {
     pub name: &'static str,
-    /// How its two cameras are named, as `LEFT,RIGHT`; empty where there is nothing to name.
+    /// Placeholder of its two cameras, as `LEFT,RIGHT`; empty if there is nothing to name.
     pub cameras: &'static str,
-    /// One line: which cameras these are.
+    /// One line: its kind of cameras.
     pub help: &'static str,
     pub options: &'static [Parameter],
     /// Options of both cameras, or of one when `left.` or `right.` precedes the name.
     pub camera_options: &'static [Parameter],
-    /// Whether svl can trigger the cameras by command, and so knows the pulse of each image.
-    /// Without it they run free or are triggered by the controller, and are paired by their stamps.
+    /// True if svl can trigger the cameras by command, and so knows the pulse of each image.
+    /// Otherwise they are free-running or triggered by the controller, and are paired by stamp.
     pub can_be_triggered: bool,
-    /// Seed of the images where they depend on one.
+    /// Seed of the images if they depend on one.
     pub default_seed: Option<u64>,
-    /// Its functions, or how to get a svl that has them.
+    /// Its functions, or how to get an svl that has them.
     pub functions: std::result::Result<DriverFunctions, &'static str>,
 }
 
-/// What a driver does.
+/// Functions of a driver.
 pub struct DriverFunctions {
     /// Opens two cameras and starts them.
     ///
     /// # Errors
-    /// [`Error::Usage`] and [`Error::ParameterValue`] for what the user wrote, [`Error::Camera`]
-    /// for the state of cameras and triggers.
+    /// [`Error::Usage`] and [`Error::ParameterValue`] for errors in the user's text,
+    /// [`Error::Camera`] for the state of cameras and triggers.
     pub open: fn(&CameraRequest<'_>) -> Result<CameraPair>,
-    /// The cameras that are there now.
+    /// The cameras connected now.
     pub list: fn() -> Vec<ListedCamera>,
 }
 
 /// A request to a driver.
 pub struct CameraRequest<'a> {
     pub driver: &'static Driver,
-    /// Names and options: what follows the colon.
+    /// Names and options: the text after the colon.
     pub text: &'a str,
     pub trigger: &'a TriggerSource,
     pub rate_hz: f64,
     pub clock: &'a Arc<GrabClock>,
-    /// Where the driver's images depend on one, else 0.
+    /// Seed of the driver's images if they depend on one, else 0.
     pub seed: u64,
     pub host: Host<'a>,
 }
@@ -59,10 +59,10 @@ pub struct CameraRequest<'a> {
 /// The program that opens cameras.
 #[derive(Clone, Copy)]
 pub struct Host<'a> {
-    /// Whether to give up; polled while cameras and triggers are waited for.
+    /// True if the request was cancelled; polled while waiting for cameras and triggers.
     pub stopped: fn() -> bool,
-    /// Called after each step of a long preparation, on any thread, with the number of steps where
-    /// it is known.
+    /// Called after each step of a long preparation, on any thread, with the number of steps if it
+    /// is known.
     pub progress: &'a (dyn Fn(Option<u64>) + Sync),
 }
 
@@ -79,29 +79,30 @@ impl Default for Host<'_> {
 pub struct CameraPair {
     /// Left, right.
     pub cameras: [Box<dyn Camera>; 2],
-    /// What triggers both; nothing when they run free.
+    /// Trigger of both; `None` if they are free-running.
     pub trigger: Option<Box<dyn Trigger>>,
-    /// Images per second of each camera: the requested rate, or what free-running cameras make of
-    /// it.
+    /// Images per second of each camera: the requested rate, or the rate that free-running cameras
+    /// achieve.
     pub rate_hz: f64,
-    /// Their rig, where images are rectified and the driver knows it.
+    /// Their rig, if images are rectified and the driver knows it.
     pub rig: Option<Rig>,
 }
 
 /// A connected camera.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ListedCamera {
-    /// What to call it in a source's name.
+    /// Its name in a source.
     pub name: String,
     pub description: String,
-    /// A line for each kind of images that it can give.
+    /// A line for each kind of images that it offers.
     pub modes: Vec<String>,
 }
 
 impl CameraRequest<'_> {
-    /// The trigger controller, where it is the trigger source.
+    /// The trigger controller, if it is the trigger source.
     ///
     /// # Errors
+    ///
     /// Those of [`SerialTrigger::open`].
     pub fn controller(&self) -> Result<Option<SerialTrigger>> {
         let TriggerSource::Serial(device) = self.trigger else {
@@ -120,13 +121,13 @@ pub(super) fn period_ns(rate_hz: f64) -> u64 {
 /// An option and its value, which is in the range of the driver's table.
 pub(super) struct Setting {
     pub name: &'static str,
-    /// The cameras that it is for.
+    /// The cameras that it applies to.
     pub sides: &'static [Side],
     pub value: Value,
 }
 
 impl Driver {
-    /// How a source of this driver is written: `sim`, `v4l2:LEFT,RIGHT`.
+    /// Text form of a source of this driver: `sim`, `v4l2:LEFT,RIGHT`.
     pub fn source(&self) -> String {
         match self.cameras {
             "" => self.name.to_owned(),
@@ -147,7 +148,7 @@ impl Driver {
     }
 
     fn setting(&self, text: &str) -> Result<Setting> {
-        // A name without value is an error of the value, which says what is expected.
+        // A name without a value is an error of the value, whose message gives the expected one.
         let (name, value) = text.split_once('=').unwrap_or((text, ""));
         let (name, value) = (name.trim(), value.trim());
         let (sides, bare_name) = match name.split_once('.') {
@@ -155,7 +156,7 @@ impl Driver {
             Some(("right", bare_name)) => (&[Side::Right][..], bare_name),
             _ => (&Side::BOTH[..], name),
         };
-        // Only options of a camera may have a side before them.
+        // Only options of a camera may have a side prefix.
         let of_both = (bare_name == name).then_some(self.options);
         let mut options = of_both.into_iter().chain([self.camera_options]).flatten();
         let option = options
@@ -201,7 +202,7 @@ impl Driver {
     /// Width and height in pixels from `WxH`.
     ///
     /// # Errors
-    /// [`Error::ParameterValue`] when it is no such text, or a side is out of range.
+    /// [`Error::ParameterValue`] if the text is malformed, or a side is out of range.
     pub(super) fn size(&self, text: &str, sides: RangeInclusive<usize>) -> Result<(usize, usize)> {
         let side = |text: &str| text.parse().ok().filter(|side| sides.contains(side));
         text.split_once('x')

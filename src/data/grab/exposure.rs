@@ -1,32 +1,32 @@
 //! Exposure balance: one shutter time and one gain for both cameras, from both images.
 //!
-//! Two goals: a mean grey value near [`TARGET`], and few saturated pixels. Each asks for an amount
-//! of light, and the smaller one is taken, so that neither undoes what the other did. How much too
-//! bright a saturated image is cannot be seen, so the light goes down step by step. Where a sensor
-//! has coarse steps or is not linear, the light that was too much is an upper bound as long as the
-//! view stays the same: so the control converges instead of pumping.
+//! Two goals: a mean grey value near [`TARGET`], and few saturated pixels. Each demands an amount
+//! of light, and the smaller one is used, so that neither undoes the other. A saturated image does
+//! not show by how much it is too bright, so the light is reduced step by step. If a sensor has
+//! coarse steps or is not linear, the light that was too much is an upper bound as long as the view
+//! stays the same: so the control converges instead of oscillating.
 
 use super::camera::{Limits, Settings};
 use svl_core::stereo::Gray;
 
-/// Wanted mean grey value: below the middle, as saturated pixels are lost and dark ones are not.
+/// Target mean grey value: below the middle, as saturated pixels are lost and dark ones are not.
 const TARGET: f64 = 100.0;
-/// Share of pixels that may be brighter than [`BRIGHT`], and saturate.
+/// Fraction of pixels that may be brighter than [`BRIGHT`], and saturate.
 const MAX_BRIGHTER: f64 = 0.02;
-/// Wanted limit of all other pixels: with [`TOLERANCE`] it reaches up to [`SATURATED`].
+/// Target limit of all other pixels: with [`TOLERANCE`] it reaches up to [`SATURATED`].
 const BRIGHT: f64 = 225.0;
-/// From here on a pixel may be saturated.
+/// Grey value from which a pixel may be saturated.
 const SATURATED: f64 = 250.0;
-/// Factor of light for a saturated image. From just saturated it leads to within the tolerance.
+/// Factor of light for a saturated image. From just saturated it leads into the tolerance.
 const STEP_DOWN: f64 = 0.8;
-/// Deviations that are not corrected, so that noise causes no changes, and by how much the
-/// brightness of the same view may change.
+/// Deviations that are not corrected, so that noise causes no changes; also the largest change in
+/// brightness within the same view.
 const TOLERANCE: f64 = 0.1;
-/// How near the light may come to what was too much; a view that asks for more than `ANOTHER`
-/// times that light is another view.
+/// Largest fraction of the light that was too much; a view that demands more than `ANOTHER` times
+/// that light is a different view.
 const BELOW: f64 = 0.9;
 const ANOTHER: f64 = 2.0;
-/// Every fourth row and column is counted.
+/// Interval of the sampled rows and columns.
 const STEP: usize = 4;
 
 /// Computes the settings of the next pairs from the brightness of the last ones.
@@ -60,7 +60,7 @@ impl Balance {
         self.settings
     }
 
-    /// Takes note of a pair that was ordered with `settings`.
+    /// Processes a pair that was ordered with `settings`.
     pub fn observe(&mut self, left: &Gray, right: &Gray, settings: Settings) {
         // Pairs ordered before the last change still arrive after it, and would cause a second
         // change in the same direction: the control would overshoot.
@@ -75,7 +75,7 @@ impl Balance {
     }
 
     fn update(&mut self, view: Brightness) {
-        // The light or the scene changed: bounds learned from the view before no longer hold.
+        // The light or the scene changed: bounds learned from the earlier view no longer hold.
         if !self.first.get_or_insert(view).is_like(view) {
             (self.first, self.too_bright) = (Some(view), None);
         }
@@ -92,7 +92,7 @@ impl Balance {
             .too_bright
             .filter(|too_bright| wanted <= ANOTHER * too_bright);
         if let Some(too_bright) = self.too_bright.filter(|_| factor > 1.0) {
-            // Between two coarse steps of a sensor there may be no right light: stay below.
+            // There may be no suitable light between two coarse steps of a sensor: stay below.
             wanted = wanted.min(BELOW * too_bright).max(light);
         }
         let settings = self.apply(wanted);
@@ -101,13 +101,13 @@ impl Balance {
         }
     }
 
-    /// Settings for an amount of light. The shutter comes first, as gain amplifies noise too.
+    /// Settings for an amount of light. The shutter is used first, as gain also amplifies noise.
     fn apply(&self, light: f64) -> Settings {
         let Limits {
             shutter_us,
             gain_mdb,
         } = &self.limits;
-        // The shutter at the lowest gain; what is beyond its limit, gain has to give.
+        // The shutter at the lowest gain; gain supplies anything beyond its limit.
         let plain = light / linear(*gain_mdb.start());
         let shutter = (plain.round().min(f64::from(u32::MAX)) as u32)
             .clamp(*shutter_us.start(), *shutter_us.end());
@@ -120,12 +120,12 @@ impl Balance {
     }
 }
 
-/// The light of settings: microseconds at 0 dB.
+/// The amount of light for settings: microseconds at 0 dB.
 fn light(settings: Settings) -> f64 {
     f64::from(settings.shutter_us) * linear(settings.gain_mdb)
 }
 
-/// Whether a change is too small to be made.
+/// True if a change is too small to apply.
 fn is_small(factor: f64) -> bool {
     (factor - 1.0).abs() <= TOLERANCE
 }
@@ -138,7 +138,7 @@ fn linear(gain_mdb: i32) -> f64 {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Brightness {
     mean: f64,
-    /// The grey value that only [`MAX_BRIGHTER`] of the pixels exceed.
+    /// The grey value that only a fraction [`MAX_BRIGHTER`] of the pixels exceeds.
     bright: f64,
 }
 
@@ -166,19 +166,19 @@ impl Brightness {
             brighter > MAX_BRIGHTER * total
         });
         Self {
-            // At least 1: a black image asks for the greatest step, not for infinitely more light.
+            // At least 1: a black image demands the greatest step, not infinitely more light.
             mean: mean.max(1.0),
             bright: bright.map_or(0.0, |grey| grey as f64).max(1.0),
         }
     }
 
-    /// Whether the view and its light stayed the same.
+    /// True if the view and its light are unchanged.
     fn is_like(self, other: Self) -> bool {
         let alike = |a: f64, b: f64| (a - b).abs() <= (TOLERANCE * a.max(b)).max(1.0);
         alike(self.mean, other.mean) && alike(self.bright, other.bright)
     }
 
-    /// Wanted factor of the light, 1/4 to 4.
+    /// Correction factor of the light, 1/4 to 4.
     fn correction(self) -> f64 {
         let mean = TARGET / self.mean;
         let bright = if self.bright < SATURATED {

@@ -24,16 +24,16 @@ pub struct Setup {
     pub cameras: [Box<dyn Camera>; 2],
     pub policy: Policy,
     pub rule: Rule,
-    /// First settings of both cameras, clamped to the limits that they have in common.
+    /// First settings of both cameras, clamped to their common limits.
     pub settings: Settings,
     /// Longest shutter of the exposure balance, so that the rate can be held.
     pub max_shutter_us: u32,
     /// Pairs from one step of the exposure balance to the next.
     pub balance_every: u32,
-    /// Watchdog: how long a camera may take to arm or to deliver, beyond its shutter time, and
-    /// beyond the period where svl does not trigger it. The third timeout in a row is an error.
+    /// Watchdog: time that a camera may take to arm or to deliver, beyond its shutter time, and
+    /// beyond the period if svl does not trigger it. The third timeout in a row is an error.
     pub timeout: Duration,
-    /// Limit of the pairs that wait for the writer.
+    /// Limit on the pairs that wait for the writer.
     pub queue: usize,
     pub when_full: WhenFull,
     pub rig: Option<Rig>,
@@ -53,13 +53,12 @@ impl Grabber {
     /// Starts the threads.
     ///
     /// # Errors
-    /// [`Error::Camera`] when the cameras have no settings in common or a thread cannot be
-    /// started.
+    /// [`Error::Camera`] if the cameras have no settings in common or a thread cannot be started.
     pub fn start(setup: Setup) -> Result<Self> {
         let (clock, cameras) = (setup.clock, setup.cameras);
         let mut limits = cameras[0].limits().common(&cameras[1].limits())?;
         let (shortest, longest) = (*limits.shutter_us.start(), *limits.shutter_us.end());
-        // Never below the shortest shutter: such cameras just do not hold the rate.
+        // Never below the shortest shutter: such cameras simply do not hold the rate.
         limits.shutter_us = shortest..=longest.min(setup.max_shutter_us).max(shortest);
         let settings = limits.clamp(setup.settings);
         let reports = Mailbox::new(&clock);
@@ -84,7 +83,7 @@ impl Grabber {
             warned_unlike: false,
         };
         // All participants enter before the first thread starts, or a scripted clock would advance
-        // when that one waits.
+        // as soon as that one waits.
         let mut work: Vec<(String, Box<dyn FnOnce() + Send>)> = Vec::new();
         for ((side, camera), orders) in Side::BOTH.into_iter().zip(cameras).zip(orders) {
             let (reports, participant) = (reports.clone(), clock.enter());
@@ -118,18 +117,20 @@ impl Grabber {
         Ok(grabber)
     }
 
-    /// The next pair, waiting for it. The call means that the pair before was written: its latency
-    /// is taken here.
+    /// The next pair, after waiting for it. The call implies that the previous pair was written:
+    /// its latency is recorded here.
     ///
     /// # Errors
-    /// [`Error::Camera`] when a camera or the trigger failed, once, after all pairs from before.
+    ///
+    /// [`Error::Camera`] if a camera or the trigger failed, once, after all earlier pairs.
     pub fn next_pair(&mut self) -> Result<Option<Frame>> {
         self.next_pair_unless(|| false)
     }
 
-    /// [`Grabber::next_pair`], or `None` once `stopped`, which is polled while it waits.
+    /// [`Grabber::next_pair`], or `None` once `stopped` returns true, which is polled meanwhile.
     ///
     /// # Errors
+    ///
     /// As there.
     pub fn next_pair_unless(&mut self, stopped: impl Fn() -> bool) -> Result<Option<Frame>> {
         if let Some(stamp_ns) = self.last_stamp_ns.take() {
@@ -151,7 +152,7 @@ impl Grabber {
         self.reports.close();
         // Wakes a coordinator that waits for the writer.
         let unread = self.queue.abandon();
-        // A driver may hang in a call for ever: waiting for its thread would make Ctrl-C hang too.
+        // A driver may hang in a call forever: waiting for its thread would make Ctrl-C hang too.
         let began = Instant::now();
         while began.elapsed() < STOPPING && self.threads.iter().any(|thread| !thread.is_finished())
         {
@@ -164,7 +165,7 @@ impl Grabber {
     }
 }
 
-/// How long threads may take to end: several of the slices in which they look for orders.
+/// Time that threads have to end: several of the slices after which they check for orders.
 const STOPPING: Duration = Duration::from_millis(500);
 
 impl Drop for Grabber {

@@ -4,9 +4,9 @@ use super::clock::GrabClock;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// An unbounded channel. A scripted clock knows of those who wait at it, which a channel of the
+/// An unbounded channel. A scripted clock knows which threads wait on it, which a channel of the
 /// standard library could not offer. Its users bound it: a camera gets an order only after its
-/// report was read, and delivers few images for one.
+/// report was read, and delivers few images per order.
 pub(super) struct Mailbox<T> {
     clock: Arc<GrabClock>,
     state: Mutex<MailboxState<T>>,
@@ -21,9 +21,9 @@ struct MailboxState<T> {
 #[derive(Debug, PartialEq)]
 pub(super) enum Received<T> {
     Message(T),
-    /// Nothing came in time.
+    /// Nothing arrived in time.
     Nothing,
-    /// Nothing will come.
+    /// Nothing more will arrive.
     Closed,
 }
 
@@ -50,17 +50,18 @@ impl<T> Mailbox<T> {
         self.clock.notify();
     }
 
-    /// Ends the channel. Messages that wait are no longer received, only drained.
+    /// Ends the channel. Waiting messages are no longer received, only drained.
     pub(super) fn close(&self) {
         self.lock().closed = true;
         self.clock.notify();
     }
 
-    /// The next message, waiting for it until that time.
+    /// The next message, after waiting for it until that time.
     pub(super) fn receive(&self, until_ns: u64) -> Received<T> {
         let look = || {
             let mut state = self.lock();
-            // Closed wins over waiting messages: a camera that is to end must start no other image.
+            // Closed takes precedence over waiting messages: a camera that is to end must not start
+            // another image.
             if state.closed {
                 return Some(Received::Closed);
             }
@@ -71,7 +72,7 @@ impl<T> Mailbox<T> {
             .unwrap_or(Received::Nothing)
     }
 
-    /// The messages that a closed mailbox still holds.
+    /// The messages left in a closed mailbox.
     pub(super) fn drain(&self) -> VecDeque<T> {
         std::mem::take(&mut self.lock().messages)
     }

@@ -1,4 +1,4 @@
-//! The synchronized frames grabber (thesis, section 4.2).
+//! The synchronized frame grabber (thesis, section 4.2).
 //!
 //! ```text
 //! camera ──▶ acquisition ──armed, captured──┐                 ┌─▶ pairing ─▶ exposure balance
@@ -10,11 +10,11 @@
 //!
 //! Two cameras on a trigger of fixed rate get out of step as soon as one of them is not ready for a
 //! pulse (figure 4.2). So here the coordinator triggers, and only when both are armed (figure 4.3):
-//! a slow camera slows the rate, and both images of a pair are always of one pulse. The other
+//! a slow camera slows the rate, and both images of a pair always belong to one pulse. The other
 //! policies show the difference, or serve cameras that cannot be triggered.
 //!
-//! Stamps are of the middle of the exposure. Every image is in a pair or counted with its reason,
-//! and every pair is read or counted ([`Tally`]).
+//! Stamps mark the middle of the exposure. Every image is in a pair or counted with its reason, and
+//! every pair is read or counted ([`Tally`]).
 
 mod acquire;
 mod camera;
@@ -52,10 +52,10 @@ pub use trigger::{Policy, Pulse, RATES_HZ, Trigger, TriggerSource};
 
 use svl_core::{Error, Result};
 
-/// Every camera driver svl knows. A new one is its folder and one line here.
+/// Every camera driver of svl. A new one is its folder and one line here.
 pub const DRIVERS: &[Driver] = &[simulated::DRIVER, v4l2::DRIVER, genicam::DRIVER];
 
-/// The driver whose cameras `source` names, as `v4l2:/dev/video0,/dev/video2`.
+/// The driver of the cameras named in `source`, such as `v4l2:/dev/video0,/dev/video2`.
 pub fn driver(source: &str) -> Option<&'static Driver> {
     let name = source.split(':').next();
     DRIVERS.iter().find(|driver| Some(driver.name) == name)
@@ -70,7 +70,7 @@ const BALANCE_EVERY: u32 = 10;
 ///
 /// # Errors
 /// [`Error::Usage`] and [`Error::ParameterValue`] for a request that contradicts itself or its
-/// driver, [`Error::Camera`] for the state of cameras and triggers, or when [`Host::stopped`].
+/// driver, [`Error::Camera`] for the state of cameras and triggers, or after [`Host::stopped`].
 pub fn open(source: &str, request: &GrabRequest, host: Host<'_>) -> Result<Grabber> {
     let driver = driver(source).ok_or_else(|| {
         let sources: Vec<_> = DRIVERS.iter().map(Driver::source).collect();
@@ -109,7 +109,7 @@ pub fn open(source: &str, request: &GrabRequest, host: Host<'_>) -> Result<Grabb
         policy,
         rule: request.rule(driver, &trigger, period_ns),
         settings: FIRST,
-        // The other half of a period is for arming and transfer.
+        // The other half of a period is left for arming and transfer.
         max_shutter_us: (period_ns / 2_000).min(u32::MAX.into()) as u32,
         balance_every: BALANCE_EVERY,
         timeout: request.timeout(),

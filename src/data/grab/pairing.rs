@@ -5,40 +5,40 @@ use crate::pairing::{Nearest, WaitingStamps};
 use std::collections::VecDeque;
 use svl_core::stereo::Side;
 
-/// What makes two images a pair.
+/// Rule by which two images are a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
     /// The same pulse triggered both.
     Trigger,
     /// They are each other's nearest in time, with a skew of at most `max_skew_ns`. An image may
-    /// have to wait for the next of its camera, which may be nearer to its partner; not when the
-    /// skew is below a quarter of the period, as images of one camera are at least half a period
-    /// apart.
+    /// have to wait for the next of its camera, which may be nearer to its partner; it need not if
+    /// the skew is below a quarter of the period, as images of one camera are at least half a
+    /// period apart.
     Stamp { max_skew_ns: u64, period_ns: u64 },
-    /// The n-th of one and the n-th of the other, whatever they show (thesis, figure 4.2). At most
-    /// [`ARRIVAL_BYTES`] wait for their partner.
+    /// The n-th image of one and the n-th of the other, whatever they show (thesis, figure 4.2). At
+    /// most [`ARRIVAL_BYTES`] wait for their partner.
     Arrival,
 }
 
 /// Images by [`Unpaired`] reason, in the order of [`Unpaired::ALL`].
 pub type UnpairedCounts = [u64; Unpaired::ALL.len()];
 
-/// Why an image is in no pair.
+/// Reason why an image is unpaired.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unpaired {
     /// The other camera missed that pulse, or the pulse is unknown.
     Missed,
-    /// No image of the other camera was near enough in time.
+    /// No image of the other camera was close enough in time.
     Skew,
     /// The other image was exposed with other settings.
     Settings,
     /// Timed out: the other camera fell too far behind.
     Overdue,
-    /// The run ended before its partner came.
+    /// The run ended before its partner arrived.
     Unfinished,
     /// Part of it was lost in transfer.
     Damaged,
-    /// Taken before its settings were in force, or of a pulse that had timed out.
+    /// Taken before its settings took effect, or on a pulse that had timed out.
     Unready,
 }
 
@@ -66,7 +66,7 @@ impl Unpaired {
         }
     }
 
-    /// Words that follow a number of images.
+    /// Words to follow a number of images.
     pub fn words(self) -> &'static str {
         match self {
             Unpaired::Missed => "whose trigger the other camera missed",
@@ -79,7 +79,7 @@ impl Unpaired {
         }
     }
 
-    /// The cure when this is the most frequent reason.
+    /// The remedy if this is the most frequent reason.
     pub(super) fn cure(self) -> &'static str {
         match self {
             Unpaired::Missed | Unpaired::Overdue => {
@@ -95,23 +95,23 @@ impl Unpaired {
     }
 }
 
-/// Limit of the images of one camera that wait for the other's.
+/// Limit on the images of one camera that wait for the other's.
 pub const WAITING: usize = 16;
 /// That limit in bytes for pairing by arrival, where one more image waits after every pulse that
 /// one camera misses.
 pub const ARRIVAL_BYTES: usize = 1 << 29;
 
-/// Pairs images as they come; those of each camera come in the order of their exposure.
+/// Pairs images as they arrive; each camera's images arrive in the order of their exposure.
 pub struct Pairing {
     rule: Rule,
     waiting: [VecDeque<Capture>; 2],
     unpaired: UnpairedCounts,
 }
 
-/// What happens to the two images that have waited longest.
+/// Decision on the two images that have waited longest.
 enum PairDecision {
     Pair,
-    /// Unknown yet: the next image of this camera may be nearer.
+    /// Undecided: the next image of this camera may be nearer.
     Wait(Side),
     Unpaired(Side, Unpaired),
 }
@@ -128,27 +128,27 @@ impl Pairing {
     /// Adds an image; [`Pairing::pair`] returns the pairs that it completes.
     pub fn push(&mut self, side: Side, capture: Capture) {
         let (width, height) = capture.image.size();
-        // In the order of arrival images only wait because the other camera missed pulses, which is
-        // what this rule is to show: so it has room.
+        // In order of arrival, images wait only because the other camera missed pulses, which this
+        // rule is meant to show: so it gets more room.
         let most = match self.rule {
             Rule::Arrival => WAITING.max(ARRIVAL_BYTES / (width * height)),
             _ => WAITING,
         };
         let queue = &mut self.waiting[side as usize];
         queue.push_back(capture);
-        // A caller who takes pairs after each push leaves the images of one camera waiting and at
-        // most one of the other, so only this queue can be too long.
+        // If the caller takes pairs after each push, images of one camera wait and at most one of
+        // the other, so only this queue can become too long.
         if queue.len() > most {
             self.drop_first(side, Unpaired::Overdue);
         }
     }
 
-    /// The next complete pair, left first. To be called until there is none.
+    /// The next complete pair, left first. Call it until it returns `None`.
     pub fn pair(&mut self) -> Option<[Capture; 2]> {
         self.pair_heads(false)
     }
 
-    /// [`Pairing::pair`] when no more images come; images that still wait are unpaired.
+    /// [`Pairing::pair`] once no more images arrive; images still waiting are unpaired.
     pub fn finish(&mut self) -> Option<[Capture; 2]> {
         let pair = self.pair_heads(true);
         if pair.is_none() {
@@ -161,7 +161,7 @@ impl Pairing {
         pair
     }
 
-    /// Counts an image that is not to be in any pair.
+    /// Counts an image that is excluded from pairing.
     pub(super) fn discard(&mut self, reason: Unpaired) {
         self.unpaired[reason as usize] += 1;
     }
@@ -188,7 +188,7 @@ impl Pairing {
                     return None;
                 }
                 PairDecision::Unpaired(side, reason) => self.drop_first(side, reason),
-                // Both of one pulse but across a change of settings: matching needs equal
+                // Both from one pulse but across a change of settings: matching needs equal
                 // brightness.
                 _ if left.ordered != right.ordered => {
                     Side::BOTH
@@ -232,7 +232,8 @@ impl Pairing {
     }
 }
 
-/// By pulse: the image of the earlier pulse has no partner, nor has one whose pulse is unknown.
+/// By pulse: the image of the earlier pulse has no partner, and neither does one whose pulse is
+/// unknown.
 fn by_trigger(left: &Capture, right: &Capture) -> PairDecision {
     let side = match (left.trigger_id, right.trigger_id) {
         (None, _) => Side::Left,

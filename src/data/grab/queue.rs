@@ -5,7 +5,7 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use svl_core::Result;
 
-/// What happens to a pair when the queue is full.
+/// Action on a pair if the queue is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhenFull {
     /// Backpressure: wait for the writer, and trigger nothing meanwhile.
@@ -18,7 +18,7 @@ pub enum WhenFull {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pushed {
     Taken,
-    /// Taken, after waiting for the writer.
+    /// Accepted, after waiting for the writer.
     Late,
     /// The queue was full.
     Dropped,
@@ -26,7 +26,7 @@ pub enum Pushed {
     Abandoned,
 }
 
-/// Interval at which a waiting reader polls whether to stop.
+/// Interval at which a waiting reader polls `stopped`.
 const ASKING: Duration = Duration::from_millis(50);
 
 /// A bounded queue with one writer and one reader.
@@ -39,14 +39,14 @@ pub struct Queue<T> {
 
 struct QueueState<T> {
     items: VecDeque<T>,
-    /// How the writer ended.
+    /// Result with which the writer ended.
     ended: Option<Result<()>>,
     closed: bool,
     abandoned: bool,
 }
 
 impl<T> Queue<T> {
-    /// `length`: limit of items, at least one.
+    /// `length`: limit on items, at least one.
     pub fn new(length: usize, when_full: WhenFull) -> Self {
         let state = QueueState {
             items: VecDeque::new(),
@@ -55,7 +55,7 @@ impl<T> Queue<T> {
             abandoned: false,
         };
         Self {
-            // A queue of no length would never pass anything on.
+            // A queue of length 0 would never pass anything on.
             length: length.max(1),
             when_full,
             state: Mutex::new(state),
@@ -84,22 +84,23 @@ impl<T> Queue<T> {
         pushed
     }
 
-    /// The writer ends, with the error that ended it.
+    /// Ends the writer, with its error if any.
     pub fn close(&self, ended: Result<()>) {
         let mut state = self.lock();
         (state.ended, state.closed) = (Some(ended), true);
         self.changed.notify_all();
     }
 
-    /// The next item, waiting for it. `None` after the last one, and when `stopped`, which is
-    /// polled while it waits.
+    /// The next item, after waiting for it. `None` after the last one, and once `stopped` returns
+    /// true, which is polled meanwhile.
     ///
     /// # Errors
+    ///
     /// The error that ended the writer, once, after the last item.
     pub fn pop_unless(&self, stopped: impl Fn() -> bool) -> Result<Option<T>> {
         let mut state = self.lock();
         loop {
-            // Items from before an error come first: they are good.
+            // Items from before an error come first: they are valid.
             if let Some(item) = state.items.pop_front() {
                 self.changed.notify_all();
                 return Ok(Some(item));
@@ -119,15 +120,16 @@ impl<T> Queue<T> {
         }
     }
 
-    /// [`Queue::pop_unless`] that waits for ever.
+    /// [`Queue::pop_unless`] that waits forever.
     ///
     /// # Errors
+    ///
     /// As there.
     pub fn pop(&self) -> Result<Option<T>> {
         self.pop_unless(|| false)
     }
 
-    /// The reader ends. Returns how many items were left.
+    /// Ends the reader. Returns the number of items left.
     pub fn abandon(&self) -> usize {
         let mut state = self.lock();
         state.abandoned = true;

@@ -1,4 +1,4 @@
-//! What a user asks of the grabber, and what that means for the cameras of a driver.
+//! A user's request to the grabber, resolved for the cameras of a driver.
 
 use super::driver::Driver;
 use super::pairing::Rule;
@@ -7,20 +7,20 @@ use super::trigger::TriggerSource;
 use std::time::Duration;
 use svl_core::{Error, Result};
 
-/// How to grab. `None` stands for the default.
+/// Settings of the grabber. `None` means the default.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GrabRequest {
-    /// [`TriggerSource::Software`] where the driver can trigger, else free-running.
+    /// [`TriggerSource::Software`] if the driver can trigger, else free-running.
     pub trigger: Option<TriggerSource>,
-    /// Pairs per second: at most with a trigger, exactly without one. 30 unless the trigger source
-    /// has a rate of its own.
+    /// Pairs per second: an upper limit with a trigger, exact without one. 30 unless the trigger
+    /// source has its own rate.
     pub rate_hz: Option<f64>,
-    /// By pulse where svl triggers and the driver knows the pulses, else by stamp.
+    /// By pulse if svl triggers and the driver knows the pulses, else by stamp.
     pub pairing: Option<PairBy>,
-    /// Largest skew of a pair that is made by stamp: a quarter of the period, half of it when
-    /// cameras run free.
+    /// Largest skew of a pair formed by stamp: a quarter of the period, half of it if cameras are
+    /// free-running.
     pub max_skew_ns: Option<u64>,
-    /// Pairs that may wait for the writer: 64.
+    /// Limit on pairs that wait for the writer: 64.
     pub queue: Option<usize>,
     /// [`WhenFull::Drop`].
     pub when_full: Option<WhenFull>,
@@ -30,7 +30,7 @@ pub struct GrabRequest {
     pub seed: Option<u64>,
 }
 
-/// What makes two images a pair; [`Rule`] has the numbers that go with it.
+/// Rule by which two images are a pair; [`Rule`] adds its numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PairBy {
     Pulse,
@@ -58,8 +58,7 @@ impl GrabRequest {
     /// The trigger source for cameras of a driver.
     ///
     /// # Errors
-    /// [`Error::Usage`] when the request contradicts itself, or asks for what the driver cannot
-    /// do.
+    /// [`Error::Usage`] if the request contradicts itself, or exceeds the driver's abilities.
     pub(super) fn trigger_source(&self, driver: &Driver, source: &str) -> Result<TriggerSource> {
         let trigger = self.trigger.clone().unwrap_or(if driver.can_be_triggered {
             TriggerSource::Software
@@ -103,7 +102,7 @@ impl GrabRequest {
     /// The pairing rule for cameras that expose once in `period_ns`.
     pub(super) fn rule(&self, driver: &Driver, trigger: &TriggerSource, period_ns: u64) -> Rule {
         let default_ns = match trigger {
-            // The phase of free-running cameras is arbitrary: every phase has to make pairs.
+            // The phase of free-running cameras is arbitrary: every phase has to yield pairs.
             TriggerSource::FreeRunning => period_ns / 2,
             _ => period_ns / 4,
         };

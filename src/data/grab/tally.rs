@@ -1,4 +1,4 @@
-//! Counts of a run: pulses, images, pairs, drops with their reasons, skew and latency.
+//! Counts of a run: pulses, images, pairs, drops by reason, skew and latency.
 
 use super::pairing::{Unpaired, UnpairedCounts};
 use hdrhistogram::Histogram;
@@ -6,22 +6,22 @@ use std::collections::BTreeMap;
 use std::fmt;
 use svl_core::counted;
 
-/// Counts of a run. Every image and pair is in them: `frames` = 2 · `pairs` + `unpaired`, and
+/// Counts of a run. They cover every image and pair: `frames` = 2 · `pairs` + `unpaired`, and
 /// `pairs` = written + `dropped` + `unread`.
 #[derive(Clone, Debug)]
 pub struct Tally {
     /// Pulses sent to the cameras.
     pub pulses: u64,
-    /// Pulses that the trigger counted and svl did not request.
+    /// Pulses counted by the trigger but not requested by svl.
     pub stray_pulses: u64,
     /// Images of the left and of the right camera.
     pub frames: [u64; 2],
     pub pairs: u64,
     /// Unpaired images by reason, in the order of [`Unpaired::ALL`].
     pub unpaired: UnpairedCounts,
-    /// Pairs that a full queue dropped.
+    /// Pairs dropped because the queue was full.
     pub dropped: u64,
-    /// Times that the grabber waited for the writer (backpressure).
+    /// Number of times the grabber waited for the writer (backpressure).
     pub waited: u64,
     /// Pairs grabbed after the writer's last.
     pub unread: u64,
@@ -56,7 +56,7 @@ impl Default for Tally {
 }
 
 impl Tally {
-    /// Images that are in no recording: unpaired, or of a dropped pair.
+    /// Images that are in no recording: unpaired, or in a dropped pair.
     pub fn drops(&self) -> u64 {
         self.unpaired.iter().sum::<u64>() + 2 * self.dropped
     }

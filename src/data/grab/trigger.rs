@@ -1,4 +1,4 @@
-//! Triggers of both cameras: where pulses come from, and when they are sent.
+//! Triggers of both cameras: sources of pulses, and their timing.
 
 use std::ops::RangeInclusive;
 use std::str::FromStr;
@@ -10,7 +10,7 @@ pub struct Pulse {
     /// Number of the pulse.
     pub id: u64,
     /// The host's time just before the pulse was requested. The lines rise later by the latency of
-    /// the way to the cameras, with the trigger controller one byte over USB.
+    /// the path to the cameras; with the trigger controller, one byte over USB.
     pub stamp_ns: u64,
 }
 
@@ -19,11 +19,11 @@ pub trait Trigger: Send {
     /// Sends one pulse.
     ///
     /// # Errors
-    /// [`Error::Camera`] when none was sent, or when that is unknown.
+    /// [`Error::Camera`] if none was sent, or if that is unknown.
     fn pulse(&mut self) -> Result<Pulse>;
 }
 
-/// When the cameras expose.
+/// Rule for the times at which the cameras expose.
 pub enum Policy {
     /// When both are armed, with at least a period from pulse to pulse: a slow camera slows the
     /// rate and never shifts the phase (thesis, figure 4.3).
@@ -31,16 +31,16 @@ pub enum Policy {
         trigger: Box<dyn Trigger>,
         period_ns: u64,
     },
-    /// At a fixed rate, armed or not: a camera that is late misses its pulse (thesis, figure 4.2).
+    /// At a fixed rate, armed or not: a late camera misses its pulse (thesis, figure 4.2).
     FixedRate {
         trigger: Box<dyn Trigger>,
         period_ns: u64,
     },
-    /// Free-running: each by its own clock.
+    /// Free-running: each camera on its own clock.
     FreeRunning { period_ns: u64 },
 }
 
-/// Where pulses come from, as a user chooses it: `software`, `serial:DEVICE`, `fixed:HZ`, `free`.
+/// Source of pulses, as a user chooses it: `software`, `serial:DEVICE`, `fixed:HZ`, `free`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TriggerSource {
     /// The driver's own trigger, when both cameras are armed.
@@ -49,7 +49,7 @@ pub enum TriggerSource {
     Serial(String),
     /// The driver's own trigger, at this rate.
     FixedRate(f64),
-    /// None: cameras run free.
+    /// None: the cameras are free-running.
     FreeRunning,
 }
 

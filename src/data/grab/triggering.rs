@@ -1,4 +1,4 @@
-//! Sends pulses by the policy of the run, and finds the pulse that an image is of.
+//! Sends pulses by the policy of the run, and finds the pulse that belongs to an image.
 
 use super::acquire::{CameraEvent, CameraReport};
 use super::camera::{Capture, Settings};
@@ -12,29 +12,30 @@ use std::sync::{Arc, Mutex, PoisonError};
 use svl_core::stereo::Side;
 use svl_core::{Error, Result};
 
-/// A policy while it runs.
+/// The state of a policy.
 pub(super) enum Triggering {
     /// The coordinator triggers when both cameras are armed.
     WhenArmed {
         trigger: Box<dyn Trigger>,
         period_ns: u64,
         due_ns: u64,
-        /// The latest pulses, in their order.
+        /// The latest pulses, in order.
         pulses: VecDeque<Pulse>,
     },
-    /// The coordinator does not trigger: a thread does at a fixed rate, or the cameras run free.
+    /// The coordinator does not trigger: a thread does at a fixed rate, or the cameras are
+    /// free-running.
     Independent {
         period_ns: u64,
-        /// A fixed-rate trigger until its thread starts, which is when both cameras were armed.
+        /// A fixed-rate trigger until its thread starts, once both cameras are armed.
         pending: Option<Box<dyn Trigger>>,
         thread: Option<FixedRateThread>,
     },
 }
 
-/// Largest difference of a camera's time and a pulse's time that are the same moment: clocks are
-/// synchronized to better than this.
+/// Largest difference between a camera's time and a pulse's time at the same moment: clocks are
+/// synchronized better than this.
 const CLOCK_ERROR_NS: u64 = 1_000_000;
-/// Pulses whose images may still come: a camera that is later than this has timed out.
+/// Number of pulses whose images may still arrive: a camera later than this has timed out.
 const PULSES: usize = MAX_MISSES as usize + 1;
 
 impl From<Policy> for Triggering {
@@ -60,11 +61,11 @@ impl From<Policy> for Triggering {
 }
 
 impl Triggering {
-    /// Called when both cameras are armed: sends a pulse if it is due, and returns whether it did.
+    /// Called when both cameras are armed: sends a pulse if it is due, and returns true if it did.
     /// Starts a fixed-rate trigger.
     ///
     /// # Errors
-    /// The trigger's; [`Error::Camera`] when its thread cannot be started.
+    /// The trigger's; [`Error::Camera`] if its thread cannot be started.
     pub(super) fn pulse_if_due(
         &mut self,
         clock: &Arc<GrabClock>,
@@ -80,13 +81,13 @@ impl Triggering {
                 pulses,
             } if now_ns >= *due_ns => {
                 // The average rate is kept: a late pulse makes up for at most one period, or a
-                // camera that was away for a second would be followed by a burst.
+                // burst would follow when a camera was away for a second.
                 let was_due_ns = if pulses.is_empty() { now_ns } else { *due_ns };
                 *due_ns = was_due_ns
                     .max(now_ns.saturating_sub(*period_ns))
                     .saturating_add(*period_ns);
                 let pulse = trigger.pulse()?;
-                // A gap in the numbers: noise on the line made the controller send more pulses.
+                // A gap in the numbers: noise on the line made the controller send extra pulses.
                 let strays = pulses
                     .back()
                     .map_or(0, |last| pulse.id.saturating_sub(last.id + 1));
@@ -115,7 +116,7 @@ impl Triggering {
         }
     }
 
-    /// When two armed cameras get their next pulse from here.
+    /// Time of the next pulse for two armed cameras from this trigger.
     pub(super) fn due_ns(&self) -> Option<u64> {
         match self {
             Self::WhenArmed { due_ns, .. } => Some(*due_ns),
@@ -140,13 +141,14 @@ impl Triggering {
         *self = Policy::FreeRunning { period_ns: 0 }.into();
     }
 
-    /// The image with the id of its pulse, where the camera does not report it. Both cameras were
-    /// armed when a pulse was sent, so an image in time is of the last one; an image that began
-    /// before the last pulse is of one that had timed out. `None` when it is of no pulse.
+    /// The image with the id of its pulse, if the camera does not report it. Both cameras were
+    /// armed when a pulse was sent, so an image in time belongs to the last one; an image that
+    /// began before the last pulse belongs to one that had timed out. `None` if it belongs to no
+    /// pulse.
     pub(super) fn with_pulse(&self, mut capture: Capture) -> Option<Capture> {
         if let (Self::WhenArmed { pulses, .. }, None) = (self, capture.trigger_id) {
             let Settings { shutter_us, .. } = capture.settings;
-            // Stamps are of the middle of the exposure, pulses of its start.
+            // Stamps mark the middle of the exposure, pulses its start.
             let began_ns = capture.stamp_ns.saturating_sub(u64::from(shutter_us) * 500);
             let before = |pulse: &&Pulse| pulse.stamp_ns <= began_ns.saturating_add(CLOCK_ERROR_NS);
             capture.trigger_id = Some(pulses.iter().rfind(before)?.id);
@@ -154,7 +156,7 @@ impl Triggering {
         Some(capture)
     }
 
-    /// Whether an image is of a pulse before the last, so that another image is still to come.
+    /// True if an image belongs to a pulse before the last, so that another image is still to come.
     pub(super) fn is_late(&self, capture: &Capture) -> bool {
         match self {
             Self::WhenArmed { pulses, .. } => pulses

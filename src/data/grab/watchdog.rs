@@ -1,5 +1,5 @@
-//! Watchdogs: the state of each camera and since when, and how long there has been no pair. What
-//! is silent, damages its images or makes no pairs for too long ends the run with a cure.
+//! Watchdogs: the state of each camera and its duration, and the time without a pair. A camera that
+//! is silent, delivers damaged images or yields no pairs for too long ends the run with a remedy.
 
 use super::camera::camera_error;
 use super::pairing::{Unpaired, UnpairedCounts};
@@ -11,10 +11,10 @@ use svl_core::{Error, Result};
 pub(super) const MAX_MISSES: u32 = 3;
 /// Damaged images in a row after which it may have failed, however slow it is: two may be chance.
 const MAX_DAMAGED: u64 = 5;
-/// Images of each camera without a pair: at a low rate time alone says little.
+/// Images of each camera without a pair: at a low rate time alone is inconclusive.
 const MIN_IMAGES: u64 = 10;
-/// Where there have been pairs, they may come back: after the first warning the run goes on for
-/// this many times as long.
+/// If there have been pairs, they may come back: after the first warning the run continues for this
+/// many times as long.
 const HAD_PAIRS_FACTOR: u64 = 10;
 
 /// The state of a camera.
@@ -23,14 +23,14 @@ pub(super) struct CameraState {
     side: Side,
     pub(super) phase: Phase,
     pub(super) since_ns: u64,
-    /// Number of its latest order: both cameras get the same settings with the same number.
+    /// Number of its latest order: orders with the same number have the same settings.
     pub(super) order: u64,
     /// Images that it delivered.
     images: u64,
     /// Timeouts since the last of them, and their sum.
     misses: u32,
     silent_ns: u64,
-    /// Damaged images since the last intact one, and when the first of them came.
+    /// Damaged images since the last intact one, and the time of the first of them.
     damaged: u64,
     damaged_since_ns: u64,
 }
@@ -63,30 +63,31 @@ impl CameraState {
         (self.phase, self.since_ns) = (phase, now_ns);
     }
 
-    /// The ordered image came.
+    /// The ordered image arrived.
     pub(super) fn on_image(&mut self) {
         self.images += 1;
         (self.misses, self.silent_ns, self.damaged) = (0, 0, 0);
     }
 
-    /// An image from before the settings were in force came; the ordered one is still to come.
+    /// An image from before the settings took effect arrived; the ordered one is still to come.
     pub(super) fn on_unready(&mut self, now_ns: u64) {
         self.images += 1;
-        // The camera is alive, and the timeout for its ordered image starts again.
+        // The camera is alive, and the timeout for its ordered image restarts.
         (self.misses, self.silent_ns, self.since_ns) = (0, 0, now_ns);
     }
 
-    /// An image of no pulse came. It resets no watchdog: a camera that only sends these is as good
-    /// as silent.
+    /// An image of no pulse arrived. It resets no watchdog: a camera that only sends these is as
+    /// good as silent.
     pub(super) fn on_stray(&mut self) {
         self.images += 1;
     }
 
-    /// A damaged image came.
+    /// A damaged image arrived.
     ///
     /// # Errors
-    /// [`Error::Camera`] when all images have been damaged for too long, or recording would go on
-    /// for ever without a pair.
+    ///
+    /// [`Error::Camera`] if all images have been damaged for too long, or recording would run
+    /// forever without a pair.
     pub(super) fn on_damaged(&mut self, now_ns: u64, timeout_ns: u64) -> Result<()> {
         if self.damaged == 0 {
             self.damaged_since_ns = now_ns;
@@ -108,7 +109,8 @@ impl CameraState {
     /// It timed out after `timeout_ns`.
     ///
     /// # Errors
-    /// [`Error::Camera`] when it did so too often.
+    ///
+    /// [`Error::Camera`] if it did so too often.
     pub(super) fn on_timeout(&mut self, timeout_ns: u64) -> Result<()> {
         self.misses += 1;
         self.silent_ns = self.silent_ns.saturating_add(timeout_ns);
@@ -128,11 +130,11 @@ impl CameraState {
     }
 }
 
-/// Detects that two cameras deliver images and no pairs.
+/// Detects that two cameras deliver images but no pairs.
 #[derive(Default)]
 pub(super) struct PairWatchdog {
-    /// Since the last pair: when the first image came, images of each camera, and the unpaired
-    /// images of the whole run before it.
+    /// Since the last pair: time of the first image, images of each camera, and the unpaired images
+    /// of the whole run before it.
     since_ns: Option<u64>,
     images: [u64; 2],
     unpaired_before: UnpairedCounts,
@@ -149,11 +151,12 @@ impl PairWatchdog {
         };
     }
 
-    /// An image came; `unpaired` counts all unpaired images of the run.
+    /// An image arrived; `unpaired` counts all unpaired images of the run.
     ///
     /// # Errors
-    /// [`Error::Camera`] when there has been no pair for too long, with the most frequent reason
-    /// and its cure.
+    ///
+    /// [`Error::Camera`] if there has been no pair for too long, with the most frequent reason and
+    /// its remedy.
     pub(super) fn on_image(
         &mut self,
         side: Side,
@@ -185,7 +188,7 @@ impl PairWatchdog {
             reason.words(),
             reason.cure()
         );
-        // Cameras that never paired are set up wrongly. Ones that did may recover, as when a cable
+        // Cameras that never paired are set up wrongly. Those that did may recover, as when a cable
         // is plugged in again.
         if !self.had_pairs || lasted_ns >= limit_ns.saturating_mul(HAD_PAIRS_FACTOR) {
             return Err(Error::camera("the cameras", text));

@@ -14,7 +14,7 @@ use svl_core::stereo::Gray;
 
 /// Images that may be in transfer at once.
 const BUFFERS: usize = 8;
-/// Largest image: a payload size beyond it is not believed.
+/// Largest image: a larger payload size is rejected.
 const MAX_BYTES: u32 = 1 << 28;
 
 /// One GigE Vision or USB3 Vision camera, exposing since it was opened.
@@ -24,7 +24,7 @@ pub struct GenicamCamera {
     clock: Arc<GrabClock>,
     device_clock: DeviceClock,
     limits: Limits,
-    /// Settings ordered, settings in force, and since when.
+    /// Settings ordered, settings in effect, and the time since when.
     settings: Option<(Settings, Settings, u64)>,
     size: [i32; 2],
 }
@@ -71,10 +71,10 @@ impl GenicamCamera {
         self.size
     }
 
-    /// End of the exposure of a whole image.
+    /// End of the exposure of an intact image.
     fn exposed_ns(&mut self, buffer: &Buffer, settings: Settings) -> u64 {
         // aravis stamps the arrival by the system's clock, which may be stepped; svl's is
-        // monotonic. So only the age of the image is taken from it.
+        // monotonic. So only the age of the image is used.
         let now_ns = SystemTime::UNIX_EPOCH
             .elapsed()
             .map_or(0, |now| now.as_nanos() as u64);
@@ -102,7 +102,7 @@ impl GenicamCamera {
         }
         let exposed_ns = self.exposed_ns(buffer, settings);
         let began_ns = exposed_ns.saturating_sub(shutter_ns(settings));
-        // Exposed before the settings were in force.
+        // Exposed before the settings took effect.
         if began_ns < since_ns {
             return Some(Taken::Unready);
         }
@@ -129,7 +129,7 @@ fn shutter_ns(settings: Settings) -> u64 {
     u64::from(settings.shutter_us) * 1000
 }
 
-/// The grey image in a whole buffer.
+/// The grey image in an intact buffer.
 fn image(buffer: &Buffer) -> Option<Gray> {
     if buffer.image_pixel_format() != PixelFormat::MONO_8 {
         return None;
@@ -160,7 +160,7 @@ impl Camera for GenicamCamera {
     }
 
     fn arm(&mut self, settings: Settings) -> Result<()> {
-        // Otherwise a camera that is gone would look like one that is slow.
+        // Otherwise a disconnected camera would look like a slow one.
         self.device.answers()?;
         if self.settings.is_none_or(|(before, ..)| before != settings) {
             let applied = self.device.expose(settings, &self.limits)?;
@@ -186,7 +186,7 @@ impl Camera for GenicamCamera {
 impl Drop for GenicamCamera {
     fn drop(&mut self) {
         if self.device.answers().is_ok() {
-            // It is let go of anyway, and stops by itself when it hears nothing more.
+            // It is released anyway, and stops on its own without further contact.
             let _ = self.device.ask(|camera| camera.stop_acquisition());
         }
     }

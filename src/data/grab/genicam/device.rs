@@ -1,4 +1,4 @@
-//! The features of a GenICam camera, and the cameras on this network and bus.
+//! Features of a GenICam camera, and the cameras on this network and bus.
 
 use crate::grab::camera::{Limits, Settings};
 use crate::grab::driver::ListedCamera;
@@ -13,14 +13,14 @@ use svl_core::{Error, Result};
 /// Result of a call to aravis.
 type AravisResult<T> = std::result::Result<T, glib::Error>;
 
-/// What triggers a camera (SFNC `TriggerMode`, `TriggerSource`).
+/// Trigger of a camera (SFNC `TriggerMode`, `TriggerSource`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TriggerMode {
     /// [`super::trigger::SoftwareTrigger`].
     Software,
-    /// A rising edge on the first trigger line that the camera has.
+    /// A rising edge on the camera's first trigger line.
     Line,
-    /// Nothing: its own clock.
+    /// No trigger: its own clock.
     FreeRunning { rate_hz: f64 },
 }
 
@@ -119,7 +119,7 @@ impl GenicamDevice {
         }
         let prepared = || -> AravisResult<()> {
             camera.set_pixel_format_from_string(MONO8)?;
-            // Automatics of two cameras drift apart; svl's exposure balance sets both alike.
+            // Automatic controls of two cameras diverge; svl's exposure balance sets both equally.
             if camera.is_exposure_auto_available()? {
                 camera.set_exposure_time_auto(Auto::Off)?;
             }
@@ -147,12 +147,12 @@ impl GenicamDevice {
         driven.map_err(|e| self.failed(&e))
     }
 
-    /// Its limits; no gain where that is not in decibels.
+    /// Its limits; no gain if that is not in decibels.
     pub(super) fn limits(&self) -> Result<Limits> {
         let camera = self.lock();
         let (shortest_us, longest_us) =
             camera.exposure_time_bounds().map_err(|e| self.failed(&e))?;
-        // Bounds alone do not tell decibels from raw register values.
+        // Bounds alone do not distinguish decibels from raw register values.
         let gain = camera
             .device()
             .and_then(|device| device.feature(GAIN)?.dynamic_cast::<GcFloat>().ok());
@@ -169,7 +169,7 @@ impl GenicamDevice {
         ))
     }
 
-    /// Sets shutter and gain and returns what the camera made of them: the nearest that it has.
+    /// Sets shutter and gain and returns the nearest values that the camera applied.
     pub(super) fn expose(&self, settings: Settings, limits: &Limits) -> Result<Settings> {
         let camera = self.lock();
         let exposed = || -> AravisResult<Settings> {
@@ -205,7 +205,7 @@ impl GenicamDevice {
     }
 
     /// # Errors
-    /// [`Error::Camera`] when it is gone.
+    /// [`Error::Camera`] if it is gone.
     pub(super) fn answers(&self) -> Result<()> {
         if self.lost.load(Ordering::Acquire) {
             Err(self.error(SILENT))

@@ -1,12 +1,12 @@
 //! GigE Vision and USB3 Vision cameras, through [aravis](https://aravisproject.github.io/aravis/).
 //!
-//! Stamps come from the camera's clock, taken as the start of the exposure (SFNC, `Timestamp`), and
-//! are converted to the host's clock by the arrival of the first packet of each image
-//! ([`super::DeviceClock`]). A camera without stamps is stamped by that packet. The frame id counts
-//! images, not the pulses that a camera missed, so it is no trigger id: the coordinator knows the
-//! pulse.
+//! Stamps come from the camera's clock, interpreted as the start of the exposure (SFNC,
+//! `Timestamp`), and are converted to the host's clock by the arrival of the first packet of each
+//! image ([`super::DeviceClock`]). Without camera stamps, an image is stamped by that packet. The
+//! frame id counts images, not the pulses that a camera missed, so it is not a trigger id: the
+//! coordinator knows the pulse.
 //!
-//! A camera counts as ready for its next trigger when its last image has arrived complete.
+//! A camera counts as ready for its next trigger once its last image has arrived completely.
 
 #[cfg(feature = "genicam")]
 mod camera;

@@ -1,4 +1,4 @@
-//! Two GenICam cameras by name, and what triggers them.
+//! Opens two GenICam cameras by name, with their trigger.
 
 use super::camera::GenicamCamera;
 use super::device::TriggerMode;
@@ -50,8 +50,8 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     })
 }
 
-/// Left and right at the comma in the middle: an id begins with the vendor's name, which may hold
-/// commas of its own.
+/// Left and right at the comma in the middle: an id begins with the vendor's name, which may
+/// contain commas.
 fn two_names(names: &str) -> Option<(&str, &str)> {
     let commas: Vec<_> = names.match_indices(',').map(|(at, _)| at).collect();
     let middle = *commas

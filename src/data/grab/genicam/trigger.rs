@@ -38,7 +38,7 @@ impl Trigger for SoftwareTrigger {
         };
         self.next_id += 1;
         let [left, right] = &self.devices;
-        // One after the other they would be apart by the round trip of a command, 1 ms and more.
+        // One after the other, they would be apart by the round trip of a command, 1 ms or more.
         let (left, right) = thread::scope(|scope| {
             let right = scope.spawn(|| right.trigger());
             (

@@ -1,4 +1,4 @@
-//! Answers of the controller: lines of a letter, two numbers and a checksum.
+//! Answers of the controller: lines with a letter, two numbers and a checksum.
 
 /// A line from the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,7 +13,7 @@ impl ControllerAnswer {
     pub(super) fn parse(line: &[u8]) -> Option<Self> {
         let line = std::str::from_utf8(line).ok()?;
         let (said, crc) = line.rsplit_once(' ')?;
-        // The checksum first: a garbled line may still hold numbers.
+        // The checksum first: a garbled line may still contain numbers.
         if crc.len() != 2 || u8::from_str_radix(crc, 16).ok()? != crc8(said.as_bytes()) {
             return None;
         }

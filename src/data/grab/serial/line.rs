@@ -1,4 +1,4 @@
-//! The serial line to the controller: sends bytes, receives answers, counts what is garbled.
+//! The serial line to the controller: sends bytes, receives answers, counts garbled ones.
 
 use super::answer::ControllerAnswer;
 use super::trouble::{Trouble, Troubles};
@@ -17,9 +17,9 @@ pub(super) struct SerialLine {
     name: String,
     port: SerialPort,
     received: Vec<u8>,
-    /// Whether a controller has answered.
+    /// True once a controller has answered.
     pub(super) heard: bool,
-    /// Lines before the first answer: from a bootloader, or a device that is no controller.
+    /// Lines before the first answer: from a bootloader, or a device that is not a controller.
     pub(super) strange: u64,
     pub(super) troubles: Troubles,
 }
@@ -39,9 +39,9 @@ impl SerialLine {
     }
 
     /// The next valid answer; garbled lines are counted and skipped. After the deadline, only an
-    /// answer that has already come.
+    /// answer that has already arrived.
     pub(super) fn next(&mut self, deadline: Instant) -> Result<Option<ControllerAnswer>> {
-        // A last look after the deadline: an answer that has come is never a timeout.
+        // A last check after the deadline: an answer that has arrived is never a timeout.
         let mut over = false;
         loop {
             if let Some(answer) = self.received_answer() {

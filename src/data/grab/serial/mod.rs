@@ -26,15 +26,15 @@ const VERSION: u32 = 1;
 const BOOT: Duration = Duration::from_secs(3);
 /// Time to the first answer of a board that was not reset.
 const PRESENCE: Duration = Duration::from_secs(1);
-/// Time after which a request or its answer counts as lost.
+/// Time after which a request or its answer is considered lost.
 const ANSWER: Duration = Duration::from_millis(100);
-/// Limit of the requests for one pulse.
+/// Limit on the requests for one pulse.
 const ATTEMPTS: u32 = 3;
 /// Range of the pulse length.
 const SHORTEST: Duration = Duration::from_micros(100);
 const LONGEST: Duration = Duration::from_micros(20_000);
-/// A count that is lower than the one before has wrapped around its 32 bits if at most this many
-/// pulses lie between; else the controller was reset.
+/// A count lower than the previous one has wrapped around its 32 bits if at most this many pulses
+/// lie between; else the controller was reset.
 const WRAP: u32 = 1 << 16;
 
 /// An opened trigger controller.
@@ -42,13 +42,13 @@ pub struct SerialTrigger {
     line: SerialLine,
     clock: Arc<GrabClock>,
     length: Duration,
-    /// False after a reset, which undoes it.
+    /// False after a reset, which clears it.
     length_is_set: bool,
-    /// When the last pulse was reported.
+    /// Time at which the last pulse was reported.
     last: Option<Instant>,
     /// The controller's count of pulses since its reset, 32 bits.
     count: u32,
-    /// Pulses over all resets: ids of pulses are unique.
+    /// Pulses across all resets, so that pulse ids are unique.
     pulses: u64,
 }
 
@@ -57,8 +57,9 @@ impl SerialTrigger {
     /// svl waits for the first answer.
     ///
     /// # Errors
-    /// [`Error::Camera`] when there is no controller, one of another protocol version, and when
-    /// `stopped`.
+    ///
+    /// [`Error::Camera`] if there is no controller, if it has another protocol version, and once
+    /// `stopped` returns true.
     pub fn open(
         device: &Path,
         period_ns: u64,
@@ -94,7 +95,7 @@ impl SerialTrigger {
             pulses: 0,
         };
         // Opening the port resets an Uno through DTR, which then announces itself; a board whose
-        // reset line is cut has to be asked.
+        // reset line is cut has to be queried.
         if !trigger.answers_with(b"", b'R', BOOT, stopped)?
             && !trigger.answers_with(b"S", b'S', PRESENCE, stopped)?
         {
@@ -104,7 +105,7 @@ impl SerialTrigger {
         Ok(trigger)
     }
 
-    /// Whether it answers with `letter` in time.
+    /// True if it answers with `letter` in time.
     fn answers_with(
         &mut self,
         request: &[u8],
@@ -124,8 +125,8 @@ impl SerialTrigger {
         Ok(false)
     }
 
-    /// Repeats a request until it is answered: a controller that hangs is reset by its watchdog,
-    /// and its bootloader swallows requests.
+    /// Repeats a request until it is answered: a hanging controller is reset by its watchdog, and
+    /// its bootloader swallows requests.
     fn ask(
         &mut self,
         request: &[u8],
@@ -168,7 +169,7 @@ impl SerialTrigger {
         Ok(())
     }
 
-    /// Requests a pulse once, and returns when it is known whether the lines rose.
+    /// Requests a pulse once, and returns once it is certain if the lines rose.
     fn request(&mut self) -> Result<()> {
         let before = self.pulses;
         self.line.send(b"T")?;
@@ -184,13 +185,13 @@ impl SerialTrigger {
                 break;
             }
         }
-        // The controller answers the status last. So when it comes, the answer to the request has
-        // come or is lost, and the count says whether there was a pulse.
+        // The controller answers the status last. So once that arrives, the answer to the request
+        // has arrived or is lost, and the count tells if there was a pulse.
         if self.ask(b"S", b'S', BOOT)?.is_none() {
             return Err(self.silence_error());
         }
         if refused {
-            // Busy: noise on the line made a pulse of its own, which has to end first.
+            // Busy: noise on the line caused a pulse of its own, which has to end first.
             std::thread::sleep(self.length);
         } else if self.length_is_set {
             self.line.troubles.add(
@@ -213,7 +214,7 @@ impl SerialTrigger {
             second,
         } = answer;
         match letter {
-            // A late answer, or the announcement of a reset was lost: the status decides.
+            // A late answer, or a reset whose announcement was lost: the status decides.
             b'P' if self.is_behind(first) => {}
             b'P' | b'S' => self.set_count(first),
             b'R' if second != VERSION => {
@@ -231,7 +232,7 @@ impl SerialTrigger {
         Ok(())
     }
 
-    /// Takes over the controller's count.
+    /// Adopts the controller's count.
     fn set_count(&mut self, count: u32) {
         if self.is_behind(count) {
             self.was_reset();
@@ -257,7 +258,7 @@ impl SerialTrigger {
         (self.count, self.length_is_set) = (0, false);
     }
 
-    /// Waits for the end of the last pulse: a request before it would be refused.
+    /// Waits for the end of the last pulse: an earlier request would be refused.
     fn wait_for_pulse_end(&self) {
         std::thread::sleep(self.last.map_or(Duration::ZERO, |last| {
             self.length.saturating_sub(last.elapsed())
@@ -286,8 +287,8 @@ impl SerialTrigger {
 impl Trigger for SerialTrigger {
     fn pulse(&mut self) -> Result<Pulse> {
         self.wait_for_pulse_end();
-        // Answers to stray pulses and resets that wait here must not be taken for the answer to the
-        // next request.
+        // Answers to stray pulses and resets still in the buffer must not be mistaken for the
+        // answer to the next request.
         while let Some(answer) = self.line.next(Instant::now())? {
             self.apply(answer)?;
         }

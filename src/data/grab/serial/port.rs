@@ -1,4 +1,4 @@
-//! Opens a serial port for this program alone.
+//! Opens a serial port exclusively for this program.
 
 use serial2::SerialPort;
 use std::io;
@@ -10,7 +10,7 @@ const BAUD: u32 = 500_000;
 /// Opens a port and locks it.
 ///
 /// # Errors
-/// [`Error::Camera`] with the cure.
+/// [`Error::Camera`] with the remedy.
 pub(super) fn open(device: &Path) -> Result<SerialPort> {
     let open = || {
         let port = SerialPort::open(device, BAUD)?;
@@ -25,7 +25,7 @@ pub(super) fn open(device: &Path) -> Result<SerialPort> {
     })
 }
 
-/// The serial ports of this machine; none if the system does not list them.
+/// The serial ports of this machine; empty if the system does not list them.
 pub fn serial_ports() -> Vec<PathBuf> {
     SerialPort::available_ports().unwrap_or_default()
 }

@@ -4,8 +4,8 @@ use super::*;
 use answer::crc8;
 use std::thread;
 
-/// A controller that does with the n-th request for a pulse what `script` says, and gives pulses
-/// after that.
+/// A controller that handles the n-th request for a pulse according to `script`, and sends a pulse
+/// for every later one.
 struct Fake {
     port: SerialPort,
     pulses: u32,
@@ -13,7 +13,7 @@ struct Fake {
 }
 
 impl Fake {
-    /// It was reset when its port was opened, or, where it has given pulses, was not.
+    /// Opened after a reset or, if it has sent pulses, without one.
     fn open(script: &'static [&'static str], pulses: u32) -> Result<SerialTrigger> {
         opened_on(
             || false,
@@ -107,7 +107,8 @@ impl Fake {
                 }
                 self.pulse();
             }
-            // Noise on the line is taken for one more request: later, at once, and before a reset.
+            // Noise on the line is mistaken for another request: later, at once, and before a
+            // reset.
             "pulse, stray" => {
                 self.pulse();
                 self.pulse();
@@ -146,7 +147,7 @@ impl Fake {
     }
 }
 
-/// What comes of opening the port whose other end `peer` has.
+/// Result of opening the port whose other end is `peer`.
 fn opened_on(
     stopped: fn() -> bool,
     peer: impl FnOnce(SerialPort) + Send + 'static,
@@ -278,12 +279,12 @@ fn a_controller_that_fails_is_named_with_the_cure() {
     assert_eq!(failure(&["pulse", "pulse", "dead"]), dead);
 }
 
-/// Says nothing until the other end is closed.
+/// Stays silent until the other end is closed.
 fn listen(port: &SerialPort) {
     while port.read(&mut [0]).is_ok_and(|count| count > 0) {}
 }
 
-/// Why what is at the other end is refused.
+/// The reason why the device at the other end is rejected.
 fn refused(peer: fn(&SerialPort)) -> String {
     let opened = opened_on(
         || false,

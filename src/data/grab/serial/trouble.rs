@@ -1,4 +1,4 @@
-//! Faults on the serial line that cost no pulse, counted by kind.
+//! Faults on the serial line that lose no pulse, counted by kind.
 
 use svl_core::counted;
 
@@ -7,7 +7,7 @@ use svl_core::counted;
 pub(super) enum Trouble {
     /// A request did not reach the controller.
     Request,
-    /// A pulse was sent, and its answer did not arrive in time.
+    /// A pulse was sent, but its answer did not arrive in time.
     Answer,
     Garbled,
     Overrun,
@@ -25,7 +25,7 @@ const NAMES: [&str; 6] = [
     "unknown byte",
 ];
 
-/// Counts of the kinds. Warns of the first of a kind, and of all counts when dropped.
+/// Counts by kind. Warns of the first of each kind, and of all counts when dropped.
 pub(super) struct Troubles {
     name: String,
     pub(super) counts: [u64; NAMES.len()],
@@ -33,7 +33,7 @@ pub(super) struct Troubles {
 }
 
 impl Troubles {
-    /// No faults yet, on the line of this name.
+    /// No faults yet, on the line of that name.
     pub(super) fn new(name: &str) -> Self {
         Self {
             name: name.to_owned(),
@@ -58,7 +58,7 @@ impl Troubles {
 
 impl Drop for Troubles {
     fn drop(&mut self) {
-        // The first of each kind has been reported when it came.
+        // The first of each kind has been reported already.
         if self.counts.iter().sum::<u64>() > self.warned {
             let seen = NAMES.iter().zip(self.counts).filter(|(_, n)| *n > 0);
             let seen: Vec<_> = seen.map(|(name, n)| counted(n, name)).collect();

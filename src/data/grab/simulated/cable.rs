@@ -1,4 +1,4 @@
-//! Simulated trigger lines, and the triggers that raise them.
+//! Simulated trigger lines, and their triggers.
 
 use crate::grab::clock::GrabClock;
 use crate::grab::trigger::{Pulse, Trigger};
@@ -6,8 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use svl_core::Result;
 use svl_core::stereo::Side;
 
-/// Two trigger lines. A pulse reaches the cameras that are armed; the others miss it, as on a real
-/// cable.
+/// Two trigger lines. A pulse reaches the armed cameras; the others miss it, as on a real cable.
 pub struct TriggerCable {
     clock: Arc<GrabClock>,
     lines: Mutex<[CableLine; 2]>,
@@ -36,7 +35,7 @@ impl TriggerCable {
                 pulse: Some(pulse),
             };
         }
-        // The lock is released by now; waiting cameras take it in their condition.
+        // The lock is released by now; waiting cameras acquire it in their condition.
         self.clock.notify();
     }
 
@@ -48,7 +47,7 @@ impl TriggerCable {
         };
     }
 
-    /// The first pulse since it was armed, waiting for it.
+    /// The first pulse since it was armed, after waiting for it.
     pub(super) fn pulse(&self, side: Side, until_ns: u64) -> Option<Pulse> {
         self.clock
             .wait_until(until_ns, || self.lock()[side as usize].pulse.take())
@@ -59,7 +58,7 @@ impl TriggerCable {
     }
 }
 
-/// A real trigger whose pulses reach the simulated cameras too.
+/// A real trigger whose pulses also reach the simulated cameras.
 pub struct CabledTrigger {
     trigger: Box<dyn Trigger>,
     cable: Arc<TriggerCable>,

@@ -18,14 +18,14 @@ pub struct CameraBehavior {
     pub jitter_ms: f64,
     /// Time from the end of the exposure to the image.
     pub transfer_ms: f64,
-    /// Free-running: start of the first period, and by how much the period is too long.
+    /// Free-running: start of the first period, and the excess of the period.
     pub phase_ms: f64,
     pub drift_ppm: f64,
-    /// Number of the image that is damaged, from 0.
+    /// Index of the damaged image, from 0.
     pub damage_at: Option<u64>,
-    /// Number of the exposure at which it hangs ...
+    /// Index of the exposure at which it hangs,
     pub hang_at: Option<u64>,
-    /// ... or is unplugged.
+    /// or is unplugged.
     pub disconnect_at: Option<u64>,
 }
 
@@ -44,7 +44,7 @@ impl Default for CameraBehavior {
     }
 }
 
-/// What triggers a simulated camera.
+/// Trigger of a simulated camera.
 pub enum TriggerInput {
     Cable(Arc<TriggerCable>),
     /// Its own clock.
@@ -79,7 +79,7 @@ impl SimulatedCamera {
         light: f64,
         behavior: CameraBehavior,
     ) -> Self {
-        // Each camera has noise of its own: with equal noise matching would be too easy.
+        // Each camera has its own noise: with equal noise matching would be too easy.
         let seed = side as u64;
         Self {
             side,
@@ -155,7 +155,8 @@ impl Camera for SimulatedCamera {
             return Ok(None);
         };
         if self.behavior.hang_at.is_some_and(|at| self.exposures >= at) {
-            // A thread that hangs must not keep a scripted clock from advancing, so it waits on it.
+            // A hanging thread must not keep a scripted clock from advancing, so it waits on the
+            // clock.
             self.clock.sleep_until(u64::MAX);
         }
         self.exposures += 1;
@@ -169,7 +170,7 @@ impl Camera for SimulatedCamera {
         {
             return Ok(Some(Taken::Damaged));
         }
-        // The scene moves: the picture is that of the middle of the exposure, as the stamp.
+        // The scene moves: the picture, like the stamp, belongs to the middle of the exposure.
         let stamp_ns = begin_ns + shutter_ns / 2;
         let image = self
             .sensor

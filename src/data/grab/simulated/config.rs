@@ -11,13 +11,13 @@ use svl_core::{Error, Result};
 pub struct SimulatedConfig {
     /// Columns and rows.
     pub size: (usize, usize),
-    /// Whether they see a moving calibration board instead of the arena.
+    /// True if they see a moving calibration board instead of the arena.
     pub board: bool,
-    /// RenderedPictures rendered in advance.
+    /// Number of pictures rendered in advance.
     pub pictures: usize,
     /// Brightness of the world, 1 as in the arena.
     pub light: f64,
-    /// Of the left and of the right camera.
+    /// Behaviour of the left and of the right camera.
     pub behaviors: [CameraBehavior; 2],
 }
 
@@ -130,10 +130,7 @@ const fn real(default: f64, max: f64) -> Range {
 }
 
 impl SimulatedConfig {
-    /// Reads `option=value,…`; what is not given has its default.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] and [`Error::ParameterValue`].
+    /// Parses `option=value,…`; options not given keep their defaults.
     pub(super) fn parse(driver: &Driver, text: &str) -> Result<Self> {
         let mut config = Self::default();
         let texts = text.split(',').filter(|text| !text.is_empty());

@@ -1,4 +1,4 @@
-//! Two simulated cameras in the arena, with delays and faults that can be set for each.
+//! Two simulated cameras in the arena, each with its own delays and faults.
 
 mod cable;
 mod camera;
@@ -31,7 +31,7 @@ pub const DRIVER: Driver = Driver {
 
 fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     let config = SimulatedConfig::parse(request.driver, request.text)?;
-    // The board decides itself how many pictures it has.
+    // The number of the board's pictures is fixed.
     let count = (!config.board).then_some(config.pictures as u64);
     let (rate_hz, seed, host) = (request.rate_hz, request.seed, request.host);
     let go_on = || {

@@ -11,8 +11,8 @@ use svl_core::{Error, Result};
 /// Pairs without noise, with an exposure of 8 ms, at a fixed rate.
 ///
 /// Rendering one takes longer than a camera's period, so all are rendered in advance. An image
-/// shows the world at its exposure, so a pair with skew shows two moments. A longer shutter makes
-/// it brighter, not more blurred.
+/// shows the world at the time of its exposure, so a pair with skew shows two moments. A longer
+/// shutter makes it brighter, not more blurred.
 pub struct RenderedPictures {
     pairs: Vec<StereoPair>,
     period_ns: u64,
@@ -21,10 +21,11 @@ pub struct RenderedPictures {
 
 impl RenderedPictures {
     /// Renders the first `count` pictures of the arena's run, at `rate_hz` but at most 100 per
-    /// second. `None` once `go_on`, which is called after each, on any thread, returns false.
+    /// second. `None` once `go_on` returns false, which is called after each picture, on any
+    /// thread.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when the arena cannot be made so.
+    /// [`Error::Invalid`] if the arena's settings are invalid.
     pub fn render(
         (width_px, height_px): (usize, usize),
         rate_hz: f64,
@@ -39,7 +40,7 @@ impl RenderedPictures {
         config.rate_hz = rate_hz;
         config.frames = (duration_s * rate_hz).ceil() as u64;
         (config.rig.width_px, config.rig.height_px) = (width_px, height_px);
-        // Each camera adds its own noise when it exposes the picture.
+        // Each camera adds its own noise on exposure.
         config.sensor.noise = false;
         (config.sensor.shutter_us, config.sensor.gain_db) =
             (REFERENCE.shutter_us, f64::from(REFERENCE.gain_mdb) / 1e3);
@@ -51,11 +52,11 @@ impl RenderedPictures {
             .transpose()
     }
 
-    /// Renders all pictures of a moving calibration board, as [`RenderedPictures::render`] does,
-    /// with the distortion of lenses.
+    /// Renders all pictures of a moving calibration board, like [`RenderedPictures::render`], with
+    /// lens distortion.
     ///
     /// # Errors
-    /// [`Error::Usage`] for another size than the board's cameras have.
+    /// [`Error::Usage`] for a size other than that of the board's cameras.
     pub fn render_board(
         size: (usize, usize),
         seed: u64,
@@ -76,10 +77,11 @@ impl RenderedPictures {
             .transpose()
     }
 
-    /// RenderedPictures from images.
+    /// Pictures from images.
     ///
     /// # Errors
-    /// [`Error::Usage`] when there are none, or `rate_hz` is no rate.
+    ///
+    /// [`Error::Usage`] if there are none, or `rate_hz` is invalid.
     pub fn new(pairs: Vec<StereoPair>, rate_hz: f64, rig: Option<Rig>) -> Result<Self> {
         let period_ns = (1e9 / rate_hz).round() as u64;
         if pairs.is_empty() || period_ns == 0 || !rate_hz.is_finite() {
@@ -99,7 +101,7 @@ impl RenderedPictures {
         self.rig
     }
 
-    /// The picture of a camera at a time. They run forward, then backward, without a jump.
+    /// The picture of a camera at a time. They play forward, then backward, without a jump.
     pub(super) fn at(&self, side: Side, time_ns: u64) -> &Gray {
         // Forward and backward without showing the first and the last picture twice.
         let turns = (2 * (self.pairs.len() - 1)).max(1);
@@ -116,7 +118,7 @@ impl RenderedPictures {
     }
 }
 
-/// `count` pairs; `None` once `go_on`, which is called after each, returns false.
+/// `count` pairs; `None` once `go_on` returns false, which is called after each pair.
 fn rendered(
     count: u64,
     go_on: impl Fn() -> bool + Sync,

@@ -4,18 +4,18 @@ use crate::grab::camera::Settings;
 use svl_core::Result;
 use svl_core::stereo::Gray;
 
-/// Settings of the rendered pictures, before a sensor exposes them again.
+/// Settings of the rendered pictures, before a sensor re-exposes them.
 pub(super) const REFERENCE: Settings = Settings::new(8_000, 0);
 
-/// Photoelectrons of grey value 255 at 0 dB, and the standard deviation of the read noise: those of
-/// the arena's cameras.
+/// Photoelectrons at grey value 255 and 0 dB, and the standard deviation of the read noise: those
+/// of the arena's cameras.
 const FULL_SCALE_E: f32 = 9_000.0;
 const READ_NOISE_E: f32 = 25.0;
 
-/// Size of the noise table; each image row takes a random stretch of it.
+/// Size of the noise table; each image row uses a random section of it.
 const NOISE: usize = 1 << 17;
 
-/// The sensor of a camera in a world of some brightness.
+/// The sensor of a camera in a world of a given brightness.
 pub(super) struct Sensor {
     light: f64,
     random: fastrand::Rng,
@@ -54,12 +54,12 @@ impl Sensor {
         let (width, height) = picture.size();
         let mut pixels = Vec::with_capacity(width * height);
         for row in picture.rows() {
-            // A random stretch per row: drawing a deviate per pixel would be too slow for real
+            // A random section per row: drawing a deviate per pixel would be too slow for real
             // time.
             let noise = &self.noise[self.random.usize(..=NOISE - width)..][..width];
             pixels.extend(row.iter().zip(noise).map(|(&grey, noise)| {
                 let (mean, deviation) = exposed[usize::from(grey)];
-                // The cast saturates, as the sensor does.
+                // The cast saturates, like the sensor.
                 (mean + deviation * noise) as u8
             }));
         }

@@ -1,4 +1,4 @@
-//! Cameras of a Linux machine, by V4L2: webcams, and sensors on a board's camera port.
+//! Cameras on Linux through V4L2: webcams, and sensors on a board's camera port.
 //!
 //! ```text
 //! device ── modes, format, rate ──▶ stream ── filled buffer ──▶ pixels ─▶ Gray ─┐
@@ -6,10 +6,10 @@
 //! control: shutter, gain               └── driver's stamp ──▶ stamp ────────────┘
 //! ```
 //!
-//! V4L2 cannot trigger a camera. These cameras run free, and their images are paired by the
-//! driver's stamps; or a controller triggers both, and each delivers its next image after it was
-//! armed. `abi.rs` holds the kernel's structures: the crates that have them need libclang, or give
-//! no stamps.
+//! V4L2 cannot trigger a camera. These cameras are free-running, and their images are paired by the
+//! driver's stamps; or a controller triggers both, and each delivers its next image once armed.
+//! `abi.rs` contains the kernel's structures: the crates that have them need libclang, or return no
+//! stamps.
 
 #[cfg(target_os = "linux")]
 mod linux;

@@ -1,4 +1,4 @@
-//! Structures and ioctl requests of V4L2 (linux/videodev2.h), as far as a camera needs them.
+//! Structures and ioctl requests of V4L2 (linux/videodev2.h), as far as svl needs them.
 
 use rustix::fd::{AsFd, OwnedFd};
 use rustix::io::{Errno, Result};
@@ -89,12 +89,12 @@ pub(super) struct FormatDescription {
     pub reserved: [u32; 3],
 }
 
-/// v4l2_format. Its union holds pointers for other kinds of streams, so it is aligned like them.
+/// v4l2_format. Its union contains pointers for other kinds of streams, so it is aligned like them.
 #[repr(C)]
 #[derive(Clone, Copy, Default)]
 pub(super) struct AbiFormat {
     pub kind: u32,
-    // Takes no space; aligns the union as its pointers do.
+    // Takes no space; aligns the union as its pointers would.
     pub align: [usize; 0],
     pub width: u32,
     pub height: u32,
@@ -149,7 +149,7 @@ pub(super) struct StreamParameters {
     pub kind: u32,
     pub capability: u32,
     pub mode: u32,
-    /// Seconds a frame, as a fraction.
+    /// Seconds per frame, as a fraction.
     pub interval: [u32; 2],
     pub rest: [[u32; 23]; 2],
 }
@@ -207,7 +207,7 @@ impl<T> Request<T> {
         }
     }
 
-    /// Calls the driver, again after a signal.
+    /// Calls the driver, and again after a signal.
     pub(super) fn call(&self, device: &OwnedFd, structure: &mut T) -> Result<()> {
         loop {
             let call = Call {
@@ -253,7 +253,7 @@ mod tests {
     use super::*;
     use std::mem::{offset_of, size_of};
 
-    /// The layout of the C compiler; the numbers of the requests hold the sizes.
+    /// The layout of the C compiler; the numbers of the requests contain the sizes.
     #[test]
     #[cfg(target_pointer_width = "64")]
     fn structures_are_the_kernels() {

@@ -10,10 +10,10 @@ use rustix::io::Errno;
 use std::time::Duration;
 use svl_core::{Error, Result};
 
-/// Images of a free-running camera that may still have the settings from before: the one being
-/// exposed, and the one being read out.
+/// Images of a free-running camera that may still have the earlier settings: the one being exposed,
+/// and the one being read out.
 const SETTLING: u32 = 2;
-/// Limit of stale buffers that are discarded, more than any driver has.
+/// Limit on stale buffers that are discarded, more than any driver has.
 const WAITING: u32 = 64;
 
 /// A V4L2 camera that streams.
@@ -22,11 +22,11 @@ pub(super) struct V4l2Camera<D> {
     driver: D,
     layout: Layout,
     controls: Controls,
-    /// Whether a controller triggers it; else it runs free.
+    /// True if a controller triggers it; else it is free-running.
     triggered: bool,
-    /// Settings ordered, and in force.
+    /// Settings ordered, and in effect.
     settings: Option<[Settings; 2]>,
-    /// Images to come that do not have these settings yet.
+    /// Number of coming images that do not have these settings yet.
     unsettled: u32,
     times: Times,
     /// False and true after the first image without stamp or with damage: one warning each.
@@ -35,11 +35,11 @@ pub(super) struct V4l2Camera<D> {
 }
 
 impl<D: VideoStream> V4l2Camera<D> {
-    /// A camera whose images have `layout`. Turns automatic exposure off, where the camera has
-    /// another.
+    /// A camera whose images have `layout`. Turns automatic exposure off if the exposure can be
+    /// set.
     ///
     /// # Errors
-    /// [`Error::Camera`] when it cannot be set.
+    /// [`Error::Camera`] if it cannot be set.
     pub(super) fn new(
         name: String,
         mut driver: D,
@@ -101,8 +101,8 @@ impl<D: VideoStream> Camera for V4l2Camera<D> {
         self.controls.limits()
     }
 
-    /// Free-running: images that wait are kept while the settings stay, as their stamps say when
-    /// they were taken.
+    /// Free-running: waiting images are kept as long as the settings are unchanged, as their stamps
+    /// give their time.
     fn arm(&mut self, settings: Settings) -> Result<()> {
         if self.settings.is_none_or(|[ordered, _]| ordered != settings) {
             let applied = self
@@ -115,7 +115,7 @@ impl<D: VideoStream> Camera for V4l2Camera<D> {
                     )
                 })?;
             self.settings = Some([settings, applied]);
-            // A controller sends its pulse after both cameras were set, so nothing is underway.
+            // A controller sends its pulse after both cameras were set, so nothing is in progress.
             self.unsettled = if self.triggered { 0 } else { SETTLING };
         }
         if self.triggered {

@@ -12,7 +12,7 @@ use svl_core::{Error, Result};
 pub(super) struct V4l2Config {
     /// Left and right.
     pub devices: [PathBuf; 2],
-    /// Columns and rows; svl chooses where there is none.
+    /// Columns and rows; `None` lets svl choose.
     pub size: Option<(usize, usize)>,
     pub format: Option<PixelFormat>,
 }
@@ -25,7 +25,7 @@ impl V4l2Config {
         let mut device = || {
             parts
                 .next()
-                // An option in the place of a device: one camera is missing.
+                // An option in place of a device: one camera is missing.
                 .filter(|name| !name.is_empty() && !name.contains('='))
         };
         let (Some(left), Some(right)) = (device(), device()) else {

@@ -8,8 +8,8 @@ use super::stream::{ControlRange, VideoStream};
 use crate::grab::camera::{Limits, Settings};
 use rustix::io::Errno;
 
-/// The controls that svl sets; none where the exposure cannot be set: such a camera keeps its
-/// automatic.
+/// The controls that svl sets; `None` if the exposure cannot be set: such a camera keeps its
+/// automatic exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Controls {
     exposure: Option<ControlRange>,
@@ -18,13 +18,14 @@ pub(super) struct Controls {
 
 /// Unit of V4L2_CID_EXPOSURE_ABSOLUTE.
 const US_PER_UNIT: f64 = 100.0;
-/// Assumed span of a gain control whose values have no known meaning.
+/// Assumed span of a gain control whose unit is unknown.
 const NOMINAL_MDB: f64 = 24_000.0;
 
 impl Controls {
-    /// Turns the automatics off.
+    /// Turns automatic controls off.
     ///
     /// # Errors
+    ///
     /// The driver's.
     pub(super) fn take(driver: &mut impl VideoStream) -> Result<Self, Errno> {
         if driver.range(EXPOSURE_ABSOLUTE).is_none() {
@@ -53,7 +54,7 @@ impl Controls {
         })
     }
 
-    /// The limits; a shutter of 0 µs where the exposure cannot be set and is unknown.
+    /// The limits; a shutter of 0 µs if the exposure cannot be set and is unknown.
     pub(super) fn limits(&self) -> Limits {
         let Some(exposure) = self.exposure else {
             return Limits::new(0..=0, 0..=0);
@@ -63,7 +64,7 @@ impl Controls {
             .gain
             .map_or(0, |(_, range)| range.mdb(range.max).round() as i32);
         Limits {
-            // A minimum of 0 units is none: the balance divides by the shutter time.
+            // A minimum of 0 units is replaced: the balance divides by the shutter time.
             shutter_us: us(exposure.min)..=us(exposure.max),
             gain_mdb: 0..=greatest_mdb,
         }
@@ -103,13 +104,13 @@ impl ControlRange {
         (min + ((value.clamp(min, max) - min) / step).round() * step).min(max) as i32
     }
 
-    /// Whether the values are multiples of the least gain, as in sensors' registers (16 is 1×, 64
-    /// is 4×).
+    /// True if the values are multiples of the least gain, as in sensor registers (16 is 1×, 64 is
+    /// 4×).
     fn is_linear(&self) -> bool {
         self.min > 0
     }
 
-    /// Thousandths of a decibel above the least gain. V4L2 gives gain no unit: values that are no
+    /// Thousandths of a decibel above the least gain. V4L2 gives gain no unit: values that are not
     /// multiples are spread evenly over [`NOMINAL_MDB`].
     fn mdb(&self, value: i32) -> f64 {
         let (value, min, max) = (f64::from(value), f64::from(self.min), f64::from(self.max));
@@ -168,7 +169,7 @@ mod tests {
                 (range.min, range.max)
             );
         }
-        // One with a single value.
+        // A control with a single value.
         let still = ControlRange::new(0, 0, 0);
         assert_eq!(still.of_mdb(3_000.0), 0);
     }

@@ -19,15 +19,15 @@ pub(super) struct V4l2Device {
     pub file: OwnedFd,
 }
 
-/// Limit of the entries that a driver lists of one kind: some never end their list.
+/// Limit on the entries that a driver lists of one kind: some lists never end.
 const LISTED: u32 = 256;
 
 impl V4l2Device {
     /// # Errors
-    /// [`Error::Camera`] when it cannot be opened or captures no images.
+    /// [`Error::Camera`] if it cannot be opened or captures no images.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
-        // Opening a path that is no camera may block, as a pipe does.
+        // Opening a path that is not a camera may block, for example a pipe.
         let flags = OFlags::RDWR | OFlags::NONBLOCK | OFlags::CLOEXEC;
         let opened = rustix::fs::open(path, flags, Permissions::empty());
         let file = opened.map_err(|errno| Error::camera(&name, trouble(errno)))?;
@@ -36,7 +36,7 @@ impl V4l2Device {
         abi::QUERYCAP
             .call(&device.file, &mut capability)
             .map_err(|errno| device.error(errno))?;
-        // Without CAP_DEVICE_CAPS the first field is of this device; with it, of the whole driver,
+        // Without CAP_DEVICE_CAPS the first field describes this device; with it, the whole driver,
         // whose other devices may be metadata or radio.
         let has = match capability.capabilities & CAP_DEVICE_CAPS {
             0 => capability.capabilities,
@@ -58,7 +58,7 @@ impl V4l2Device {
         Error::camera(&self.name, trouble(errno))
     }
 
-    /// Whether both are one device under two names.
+    /// True if both are one device under two names.
     pub(super) fn is(&self, other: &Self) -> bool {
         let number = |device: &Self| {
             rustix::fs::fstat(&device.file)
@@ -68,7 +68,7 @@ impl V4l2Device {
         number(self) == number(other)
     }
 
-    /// Its modes in the formats that svl reads. Of a range of sizes: the greatest, 640 × 480, and
+    /// Its modes in the formats that svl reads. From a range of sizes: the greatest, 640 × 480, and
     /// `size`.
     pub(super) fn modes(&self, size: Option<(usize, usize)>) -> Vec<Mode> {
         let formats = (0..LISTED).map_while(|index| {
@@ -151,7 +151,7 @@ impl V4l2Device {
     /// Sets format and size.
     ///
     /// # Errors
-    /// [`Error::Camera`] when the driver sets others.
+    /// [`Error::Camera`] if the driver sets others.
     pub(super) fn set_format(
         &self,
         format: PixelFormat,
@@ -198,7 +198,7 @@ impl V4l2Device {
         })
     }
 
-    /// Asks for a rate, and returns the rate that the driver sets, if it reports one.
+    /// Requests a rate, and returns the rate that the driver sets, if it reports one.
     pub(super) fn set_rate(&self, wanted_hz: f64) -> Option<f64> {
         // Seconds per image as a fraction: rates like 29.97 need more than whole numbers.
         let interval = [1000, ((wanted_hz * 1000.0).round() as u32).max(1)];
@@ -220,7 +220,7 @@ fn rate_hz([numerator, denominator]: [u32; 2]) -> Option<f64> {
     (numerator > 0 && denominator > 0).then(|| f64::from(denominator) / f64::from(numerator))
 }
 
-/// Words for an error of a device, with the cure.
+/// Words for a device error, with the remedy.
 pub(super) fn trouble(errno: Errno) -> String {
     let words = match errno {
         Errno::NOENT | Errno::NXIO => "no such device; `svl record --list` lists the cameras",

@@ -26,12 +26,12 @@ use svl_core::{Error, Result};
 
 pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     let config = V4l2Config::parse(request.driver, request.text)?;
-    // Before the streams begin, as it may take seconds and their buffers would overflow.
+    // Before the streams start, as it may take seconds and their buffers would overflow.
     let controller = request.controller()?;
     let triggered = controller.is_some();
     let [left, right] = &config.devices;
     let devices = [V4l2Device::open(left)?, V4l2Device::open(right)?];
-    // By device number, as links under /dev/v4l/by-path name the same camera.
+    // By device number, as links under /dev/v4l/by-path refer to the same camera.
     if devices[0].is(&devices[1]) {
         let [left, right] = devices.map(|device| device.name);
         let reason = format!("{left} and {right} are one camera; name two");
@@ -45,12 +45,12 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     };
     let modes = [devices[0].modes(config.size), devices[1].modes(config.size)];
     let (format, size) = choose(wish, [&modes[0], &modes[1]])?;
-    // Taken once for both cameras: two readings of the clocks would add a constant skew.
+    // Read once for both cameras: two readings of the clocks would add a constant skew.
     let times = Times::begin(request.clock, monotonic_ns());
     let ready = |device: V4l2Device| -> Result<(Box<dyn Camera>, f64)> {
         let layout = device.set_format(format, size)?;
         let hz = device.set_rate(rate_hz).unwrap_or(rate_hz);
-        // Triggered cameras expose at the pulses, whatever rate they were set to.
+        // Triggered cameras expose at the pulses, regardless of the rate that was set.
         if !triggered && (hz / rate_hz - 1.0).abs() > 0.01 {
             tracing::warn!(
                 "{}: gives {hz:.1} images per second in {format} of {}x{}",
@@ -81,7 +81,7 @@ pub(super) fn list() -> Vec<ListedCamera> {
     list_in(Path::new("/sys/class/video4linux"))
 }
 
-/// Video devices with their drivers' names, as Linux lists them in a folder.
+/// Video devices with the names of their drivers, as listed by Linux in a folder.
 fn list_in(folder: &Path) -> Vec<ListedCamera> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let listed = |entry: std::fs::DirEntry| {
@@ -98,11 +98,11 @@ fn list_in(folder: &Path) -> Vec<ListedCamera> {
     cameras
 }
 
-/// A line for each format of a device, with the sizes and the rates that they hold.
+/// A line for each format of a device, with the sizes and their rates.
 fn modes(device: &Path) -> Vec<String> {
     let modes = match V4l2Device::open(device) {
         Ok(device) => device.modes(None),
-        // Without the cure, which is to list the cameras.
+        // Without the remedy, which is to list the cameras.
         Err(Error::Camera { reason, .. }) => {
             return reason.split(';').take(1).map(str::to_owned).collect();
         }

@@ -3,12 +3,12 @@
 use std::fmt;
 use svl_core::{Error, Result};
 
-/// Pixel formats that svl reads. The plainest comes first.
+/// Pixel formats that svl reads, simplest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum PixelFormat {
     /// 8-bit grey.
     Grey,
-    /// YUV 4:2:2, luma and chroma alternating; svl takes the luma.
+    /// YUV 4:2:2, luma and chroma alternating; svl uses the luma.
     Yuyv,
     /// A JPEG per image.
     Mjpeg,
@@ -52,11 +52,11 @@ pub(super) struct Mode {
     pub format: PixelFormat,
     /// Columns and rows.
     pub size: (usize, usize),
-    /// Highest rate, where the driver reports it.
+    /// Highest rate, if the driver reports it.
     pub max_rate_hz: Option<f64>,
 }
 
-/// Mode wanted of both cameras.
+/// Mode requested for both cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Wish {
     pub size: Option<(usize, usize)>,
@@ -64,15 +64,16 @@ pub(super) struct Wish {
     pub rate_hz: f64,
 }
 
-/// Where there is a choice, the size nearest to this one is taken.
+/// If there is a choice, the size nearest to this one is used.
 pub(super) const USUAL: (usize, usize) = (640, 480);
 
-/// Format and size for both cameras. Of the modes that both have and the user allows: those that
-/// hold the rate or come nearest to it, of these the size nearest to 640 × 480, and that in the
-/// plainest format.
+/// Format and size for both cameras. Among the modes that both have and the user allows: those that
+/// hold the rate or come nearest to it; among these the size nearest to 640 × 480; and that in the
+/// simplest format.
 ///
 /// # Errors
-/// [`Error::Camera`] when there is none.
+///
+/// [`Error::Camera`] if there is none.
 pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(PixelFormat, (usize, usize))> {
     let rate_hz = |mode: &Mode| mode.max_rate_hz.unwrap_or(wish.rate_hz);
     let common = modes[0].iter().filter_map(|left| {
@@ -147,7 +148,7 @@ mod tests {
             .unwrap(),
             (Mjpeg, (640, 480))
         );
-        // None is so fast: the fastest.
+        // None is that fast: the fastest.
         assert_eq!(
             choose(
                 Wish {
@@ -171,7 +172,7 @@ mod tests {
             .unwrap(),
             (Yuyv, (1280, 720))
         );
-        // The other camera holds less.
+        // The other camera is slower.
         let slow = [mode(Yuyv, (640, 480), 15.0), mode(Yuyv, (320, 240), 29.97)];
         assert_eq!(choose(ANY, [&webcam, &slow]).unwrap(), (Yuyv, (320, 240)));
         // Unknown rates count as sufficient.

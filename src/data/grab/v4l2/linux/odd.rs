@@ -1,4 +1,4 @@
-//! Tests of V4L2 cameras on drivers that obey, or do not.
+//! Tests of V4L2 cameras on drivers that comply, and on some that do not.
 
 use super::abi::{
     ANALOGUE_GAIN, AUTOGAIN, EXPOSURE_ABSOLUTE, EXPOSURE_AUTO, FLAG_STAMPED_AT_BEGIN,
@@ -24,9 +24,9 @@ struct Odd(Arc<Mutex<OddState>>);
 #[derive(Default)]
 struct OddState {
     controls: Vec<(u32, ControlRange)>,
-    /// What was set, in this order.
+    /// Controls set, in this order.
     set: Vec<(u32, i32)>,
-    /// What it makes of a gain.
+    /// Step to which it rounds a gain.
     gain_step: i32,
     buffers: VecDeque<Filled>,
 }
@@ -81,7 +81,7 @@ fn webcam() -> Vec<(u32, ControlRange)> {
     ]
 }
 
-/// Two pixels, the second being the number; the exposure starts at that many milliseconds.
+/// Two pixels, the second of which is the number; the exposure starts at that many milliseconds.
 fn image(number: u8) -> Filled {
     let ns = u64::from(number) * 1_000_000;
     let flags = FLAG_TIMESTAMP_MONOTONIC | FLAG_STAMPED_AT_BEGIN;
@@ -138,7 +138,7 @@ fn next(camera: &mut impl Camera) -> Option<Capture> {
     }
 }
 
-/// What images there are.
+/// The numbers of the images.
 fn numbers(camera: &mut impl Camera) -> Vec<u8> {
     std::iter::from_fn(|| next(camera))
         .map(|capture| capture.image.get(1, 0))
@@ -186,7 +186,7 @@ fn stamps_are_of_the_middle_of_the_exposure_in_the_grabbers_time() {
 fn settings_are_those_that_the_driver_used() {
     let (mut camera, driver) = camera(false, (1..9).map(image));
     driver.state().gain_step = 20;
-    // 41.3 hundreds of microseconds, and 34 sixteenths, of which the driver makes 20.
+    // 41.3 hundreds of microseconds, and 34 sixteenths, which the driver rounds to 20.
     let ordered = Settings::new(4_130, 6_547);
     camera.arm(ordered).unwrap();
     let capture = next(&mut camera).unwrap();

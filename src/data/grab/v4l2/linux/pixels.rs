@@ -15,7 +15,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// The luma of an image, or a few words on its damage.
+    /// The luma of an image, or a short description of its damage.
     pub(super) fn read(&self, data: &[u8]) -> Result<Gray, String> {
         match self.format {
             PixelFormat::Grey => self.unpack(data, 1),
@@ -45,7 +45,7 @@ mod tests {
 
     const SIZE: (usize, usize) = (64, 48);
 
-    /// As a webcam sends it, 4:2:2; its brightness is [`grey`], with colours over it.
+    /// From a webcam, 4:2:2; its brightness is [`grey`], with colours over it.
     const WEBCAM: &[u8] = include_bytes!("webcam.jpg");
 
     fn grey(x: usize, y: usize) -> u8 {
@@ -61,7 +61,7 @@ mod tests {
         }
     }
 
-    /// Without its segments of one kind.
+    /// The JPEG without its segments of one kind.
     fn without(marker: u8, jpeg: &[u8]) -> Vec<u8> {
         let (mut kept, mut rest) = (jpeg[..2].to_vec(), &jpeg[2..]);
         while rest[1] != 0xDA {
@@ -93,7 +93,7 @@ mod tests {
         let row = |y: usize| (0..SIZE.0).map(move |x| grey(x, y)).chain([255; 16]);
         let data: Vec<u8> = (0..SIZE.1).flat_map(row).collect();
         shows_the_picture(&layout(PixelFormat::Grey, 80).read(&data).unwrap(), 0);
-        // The last row's padding may be missing, and no more.
+        // Only the last row's padding may be missing.
         shows_the_picture(
             &layout(PixelFormat::Grey, 80)
                 .read(&data[..data.len() - 16])
@@ -144,7 +144,7 @@ mod tests {
                 "{length} of {} bytes",
                 WEBCAM.len()
             );
-            // The end of what was in the buffer before.
+            // The end of the buffer's previous content.
             let mut stale = WEBCAM[..length].to_vec();
             stale.resize(WEBCAM.len() + 3, 0);
             assert!(
@@ -178,8 +178,8 @@ mod tests {
                 missed += usize::from(layout.read(&holed).is_ok());
             }
         }
-        // Where what follows happens to be read like what is missing. Drivers mark most such
-        // images.
+        // Cases in which the following bytes happen to decode like the missing ones. Drivers mark
+        // most such images.
         assert!(missed * 50 < holes, "{missed} of {holes}");
     }
 

@@ -16,13 +16,13 @@ pub(super) struct Times {
 }
 
 /// A running sensor may have started an exposure before its stream, and drivers that convert a
-/// camera's own clock err by some milliseconds. A stamp that is further off is invalid.
+/// camera's own clock err by some milliseconds. A stamp further off is invalid.
 const TOLERANCE_NS: u64 = 1_000_000_000;
 
 impl Times {
-    /// Before the streams begin, at `monotonic_ns`.
+    /// Before the streams start, at `monotonic_ns`.
     pub(super) fn begin(clock: &GrabClock, monotonic_ns: u64) -> Self {
-        // Wraps where the grabber's clock is behind, and wraps back when it is added.
+        // Wraps if the grabber's clock is behind, and wraps back when it is added.
         let offset_ns = clock.now_ns().wrapping_sub(monotonic_ns);
         Self {
             offset_ns,
@@ -34,18 +34,18 @@ impl Times {
 /// The driver's stamp of a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct BufferStamp {
-    /// On the monotonic clock, if `flags` say so.
+    /// On the monotonic clock, if `flags` indicate that.
     pub ns: u64,
     pub flags: u32,
-    /// When the buffer was dequeued, on the monotonic clock.
+    /// Time at which the buffer was dequeued, on the monotonic clock.
     pub arrived_ns: u64,
 }
 
 impl BufferStamp {
     /// Middle of the exposure on the monotonic clock. A driver stamps the start of the exposure, or
-    /// the end of the transfer, whose duration no driver reports: that stamp is taken as the end
-    /// of the exposure. `None` when the driver gives no stamp, or one from before `earliest_ns` or
-    /// far in the future.
+    /// the end of the transfer, whose duration no driver reports: that stamp is used as the end of
+    /// the exposure. `None` if the driver gives no stamp, or one from before `earliest_ns` or far
+    /// in the future.
     pub(super) fn middle_ns(&self, exposure_us: u32, earliest_ns: u64) -> Option<u64> {
         let is_monotonic = self.flags & FLAG_TIMESTAMP_MASK == FLAG_TIMESTAMP_MONOTONIC;
         if !is_monotonic || !(earliest_ns..=self.arrived_ns + TOLERANCE_NS).contains(&self.ns) {

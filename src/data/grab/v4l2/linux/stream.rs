@@ -1,4 +1,4 @@
-//! The stream of a video device, in buffers that are mapped into this process.
+//! The stream of a video device, in buffers mapped into this process.
 
 use super::abi::{
     self, CONTROL_DISABLED, CONTROL_READ_ONLY, FLAG_ERROR, MEMORY_MMAP, VIDEO_CAPTURE,
@@ -28,19 +28,20 @@ impl ControlRange {
     }
 }
 
-/// A camera whose stream runs. Tests implement it with faults.
+/// A camera whose stream is running. Tests implement it with faults.
 pub(super) trait VideoStream: Send {
     /// The range of a control, if the camera has it.
     fn range(&self, control: u32) -> Option<ControlRange>;
 
-    /// Sets a control and returns its value: a driver takes the nearest that it has.
+    /// Sets a control and returns its value: a driver uses the nearest it has.
     ///
     /// # Errors
+    ///
     /// The driver's.
     fn set(&mut self, control: u32, value: i32) -> rustix::io::Result<i32>;
 
     /// Waits for the next filled buffer, and passes it to `read` before the driver fills it again.
-    /// `None` when none came.
+    /// `None` if none arrived.
     ///
     /// # Errors
     /// [`Fault`].
@@ -60,7 +61,7 @@ pub(super) enum Fault {
     Stream(Errno),
 }
 
-/// Enough that a late thread loses no image; a driver may ask for more.
+/// Enough that a late thread loses no image; a driver may demand more.
 const BUFFERS: u32 = 4;
 const MAX_BUFFERS: u32 = 32;
 
@@ -71,7 +72,7 @@ pub(super) struct MappedStream {
     device: OwnedFd,
 }
 
-/// Now, on the clock of the drivers' stamps.
+/// The current time on the clock of the drivers' stamps.
 pub(super) fn monotonic_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
@@ -79,7 +80,7 @@ pub(super) fn monotonic_ns() -> u64 {
 
 impl MappedStream {
     /// # Errors
-    /// [`Error::Camera`] when the driver refuses.
+    /// [`Error::Camera`] if the driver refuses.
     pub(super) fn start(device: V4l2Device) -> Result<Self> {
         let name = device.name.clone();
         let mut stream = Self {
@@ -100,7 +101,7 @@ impl MappedStream {
             ..Default::default()
         };
         abi::REQBUFS.call(&self.device, &mut request)?;
-        // Drivers may grant fewer buffers than asked for, even none.
+        // Drivers may grant fewer buffers than requested, even none.
         if request.count == 0 {
             return Err(Errno::NOMEM);
         }
@@ -118,7 +119,7 @@ impl MappedStream {
         abi::STREAMON.call(&self.device, &mut (VIDEO_CAPTURE as i32))
     }
 
-    /// Lets the driver fill a buffer.
+    /// Returns a buffer to the driver.
     fn give(&self, index: u32) -> rustix::io::Result<()> {
         abi::QBUF.call(&self.device, &mut buffer(index))
     }
@@ -166,8 +167,8 @@ impl VideoStream for MappedStream {
             Ok(_) => {}
             Err(errno) => return Err(Fault::Stream(errno)),
         }
-        // An unplugged camera signals an error and is readable for ever: without this the thread
-        // would spin.
+        // An unplugged camera signals an error and stays readable: without this the thread would
+        // spin.
         let has_ended = waiting[0]
             .revents()
             .intersects(PollFlags::ERR | PollFlags::HUP | PollFlags::NVAL);
@@ -175,7 +176,7 @@ impl VideoStream for MappedStream {
         match abi::DQBUF.call(&self.device, &mut filled) {
             Ok(()) => {}
             Err(Errno::AGAIN) if !has_ended => return Ok(None),
-            // By the V4L2 documentation EIO may be a lost frame that the stream survives.
+            // According to the V4L2 documentation EIO may be a lost frame that the stream survives.
             Err(Errno::IO) if !has_ended => return Err(Fault::Buffer("its driver lost it")),
             Err(Errno::AGAIN) => return Err(Fault::Stream(Errno::IO)),
             Err(errno) => return Err(Fault::Stream(errno)),
@@ -203,7 +204,7 @@ impl VideoStream for MappedStream {
 
 impl Drop for MappedStream {
     fn drop(&mut self) {
-        // Fails where the device is gone, which has ended the stream.
+        // Fails if the device is gone, which has ended the stream.
         let _ = abi::STREAMOFF.call(&self.device, &mut (VIDEO_CAPTURE as i32));
     }
 }
@@ -214,13 +215,12 @@ struct Mapping {
     length: usize,
 }
 
-// SAFETY: nothing but this struct knows of the mapping, which is of the process and not of a
-// thread.
+// SAFETY: only this struct knows the mapping, which belongs to the process and not to a thread.
 unsafe impl Send for Mapping {}
 
 impl Mapping {
     fn new(device: &OwnedFd, offset: u32, length: usize) -> rustix::io::Result<Self> {
-        // SAFETY: a new mapping at a place of the kernel's choice overlaps nothing.
+        // SAFETY: a new mapping at an address chosen by the kernel overlaps nothing.
         let start = unsafe {
             mmap(
                 std::ptr::null_mut(),
@@ -237,14 +237,14 @@ impl Mapping {
     /// The buffer's bytes. Only valid while the driver has it dequeued.
     fn bytes(&self) -> &[u8] {
         // SAFETY: `length` bytes are mapped there until this is dropped, and a driver writes only
-        // to buffers it was given.
+        // to buffers returned to it.
         unsafe { std::slice::from_raw_parts(self.start.cast(), self.length) }
     }
 }
 
 impl Drop for Mapping {
     fn drop(&mut self) {
-        // SAFETY: made by `new`, and no slice of it outlives it.
+        // SAFETY: created by `new`, and no slice of it outlives it.
         let _ = unsafe { munmap(self.start, self.length) };
     }
 }
