@@ -3,12 +3,12 @@
 use super::config::{ArenaConfig, WorldConfig};
 use svl_core::{Error, Result};
 
-/// Blocks and balls at most, so that a set of them and the four walls fits 64 bits.
+/// Most blocks and balls, so that a set of them and the four walls fits 64 bits.
 const MAX_OBJECTS: usize = 60;
 
 impl ArenaConfig {
     /// # Errors
-    /// [`Error::Invalid`] with the first key whose number is out of its range.
+    /// [`Error::Invalid`] with the first key whose number is out of range.
     pub(super) fn check(&self) -> Result<()> {
         let Self {
             frames,

@@ -2,11 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-/// An arena, the robot in it and what it carries. The default is the thesis's (chapter 7).
+/// An arena, its robot and the robot's cameras. The default is the thesis's (chapter 7).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArenaConfig {
-    /// Pairs in one run; they are spread evenly over the robot's path.
+    /// Pairs in one run, evenly spread over the robot's path.
     pub frames: u64,
     /// Pairs per second. Path length x rate / frames is the robot's speed, hence the motion blur.
     pub rate_hz: f64,
@@ -27,31 +27,31 @@ pub struct RigConfig {
     pub baseline_m: f64,
     /// Height of both cameras above the floor.
     pub above_floor_m: f64,
-    /// What rectification left over: the right image stands this much too low ...
+    /// Residual misalignment after rectification: the right image is this much too low
     pub right_row_offset_px: f64,
-    /// ... and is turned clockwise by this much about its centre. The truth knows neither.
+    /// and is rotated clockwise by this much about its centre. The truth ignores both.
     pub right_roll_deg: f64,
 }
 
-/// The cameras: two Firefly MV with 3.8 mm lenses, or nearly (thesis, section 6.2).
+/// The cameras: approximately two Firefly MV with 3.8 mm lenses (thesis, section 6.2).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SensorConfig {
     pub shutter_us: u32,
     pub gain_db: f64,
-    /// How much more gain the right camera has.
+    /// Excess gain of the right camera.
     pub right_gain_db: f64,
-    /// Photoelectrons per millisecond where a white surface faces the light.
+    /// Photoelectrons per millisecond from a white surface that faces the light.
     pub white_e_per_ms: f64,
-    /// Photoelectrons that make 255 at 0 dB.
+    /// Photoelectrons that give 255 at 0 dB.
     pub full_scale_e: f64,
     /// Standard deviation of the read noise.
     pub read_noise_e: f64,
-    /// False switches off shot and read noise.
+    /// False turns shot and read noise off.
     pub noise: bool,
-    /// Share of light missing in the image's corners.
+    /// Fraction of light missing in the image's corners.
     pub vignetting: f64,
-    /// Standard deviation of the lens's blur where it is in focus, at most 0.7.
+    /// Standard deviation of the lens's blur at focus, at most 0.7.
     pub lens_blur_px: f64,
     /// Diameter of the lens's pupil; 0 is a pinhole, sharp at every distance.
     pub aperture_mm: f64,
@@ -59,12 +59,12 @@ pub struct SensorConfig {
     pub focus_m: f64,
 }
 
-/// How the robot moves: the path is the same in each run up to `deviation_m`, the seed sets the
+/// Motion of the robot: the path is the same in each run up to `deviation_m`; the seed sets the
 /// phases of its gait.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RobotConfig {
-    /// Half the breadth of the robot: it keeps at least this distance from everything.
+    /// Half the width of the robot: it keeps at least this distance from everything.
     pub half_width_m: f64,
     /// The gait's frequency. Yaw and roll follow it, pitch twice that.
     pub sway_hz: f64,
@@ -74,7 +74,7 @@ pub struct RobotConfig {
     pub pitch_sway_deg: f64,
     /// Largest sideways deviation from the path.
     pub deviation_m: f64,
-    /// Points that the middle of the stereo head passes, in order.
+    /// Points that the centre of the stereo head passes, in order.
     pub path: Vec<Waypoint>,
 }
 
@@ -87,8 +87,8 @@ pub struct Waypoint {
     pub heading_deg: f64,
 }
 
-/// A rectangle of floor with walls around it, from the origin to (`width_m`, `length_m`), and what
-/// stands in it.
+/// A rectangular floor with walls around it, from the origin to (`width_m`, `length_m`), and the
+/// objects on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WorldConfig {
@@ -97,11 +97,11 @@ pub struct WorldConfig {
     /// Extent along y.
     pub length_m: f64,
     pub wall_height_m: f64,
-    /// Distance from the arena's walls to the laboratory's, which are seen above them.
+    /// Distance from the arena's walls to those of the laboratory, which are seen above them.
     pub room_margin_m: f64,
     /// Contrast of the forest pictures, 1 as printed.
     pub forest_contrast: f64,
-    /// Patterns of the floor; the seed chooses one of them and all its measures.
+    /// Patterns of the floor; the seed chooses one of them and all its dimensions.
     pub floor_patterns: Vec<FloorPattern>,
     /// Standard deviation of the albedo of linoleum's speckles; other patterns have their own.
     pub floor_contrast: f64,
@@ -109,13 +109,13 @@ pub struct WorldConfig {
     pub balls: Vec<Ball>,
 }
 
-/// What a floor is covered with.
+/// Covering of a floor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FloorPattern {
-    /// Grey, speckled, with scuffs: the thesis's, nearly without texture.
+    /// Grey, speckled, with scuffs: that of the thesis, nearly without texture.
     Linoleum,
-    /// Grains of several sizes, as of concrete or asphalt.
+    /// Grains of several sizes, like concrete or asphalt.
     Noise,
     /// Square tiles with joints.
     Tiles,
@@ -132,7 +132,7 @@ pub struct Block {
     pub name: String,
     /// Centre of its base.
     pub at_m: [f64; 2],
-    /// Length, breadth and height.
+    /// Length, width and height.
     pub size_m: [f64; 3],
     /// Height of its base above the floor.
     #[serde(default)]
@@ -149,6 +149,6 @@ pub struct Ball {
     pub name: String,
     pub at_m: [f64; 2],
     pub radius_m: f64,
-    /// Height of its centre; on the floor when it equals the radius.
+    /// Height of its centre; on the floor if it equals the radius.
     pub height_m: f64,
 }

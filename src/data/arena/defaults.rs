@@ -1,9 +1,9 @@
-//! The default arena, the thesis's (chapter 7): its numbers, its objects, and the path through six
-//! stations, counterclockwise from the lower right.
+//! The default arena, from the thesis (chapter 7): its numbers, its objects, and the path through
+//! six stations, counterclockwise from the lower right.
 //!
-//! The thesis gives the floor's area, the walls' height and what each station shows, but figure 7.1
-//! no measures: the positions are ours, chosen so that from each station its subject stands 0.3 m
-//! to 0.9 m away.
+//! The thesis gives the floor's area, the walls' height and the subject of each station, but figure
+//! 7.1 has no dimensions: the positions are ours, chosen so that the subject of each station is 0.3
+//! m to 0.9 m away.
 
 use super::config::{
     ArenaConfig, Ball, Block, FloorPattern, RigConfig, RobotConfig, SensorConfig, Waypoint,

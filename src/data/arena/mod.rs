@@ -1,5 +1,5 @@
-//! The simulated arena of the thesis's tests (chapter 7): a world with exact truth, a robot that
-//! crawls through it, and the stereo head that it carries.
+//! The simulated arena of the thesis's tests (chapter 7): a world with exact ground truth, a robot
+//! that moves through it, and the robot's stereo head.
 //!
 //! ```text
 //! config ─▶ objects, scene (geometry, pictures) ─┐
@@ -44,8 +44,8 @@ use svl_core::stereo::{Exposure, Frame, Geometry, Plane, Pose, Rig, StereoPair};
 use svl_core::{Error, Result};
 use view::{ImageSkew, PinholeView};
 
-/// Raised when the same configuration and seed come to give other pixels or another truth, so that
-/// cached recordings are made anew.
+/// Incremented when the same configuration and seed give other pixels or another truth, so that
+/// cached recordings are regenerated.
 pub const REVISION: u32 = 3;
 
 /// One run of the robot through the arena.
@@ -54,7 +54,7 @@ pub struct Arena {
     walk: Walk,
 }
 
-/// The world of a run and the cameras in it, wherever they are.
+/// The world of a run and its cameras, at any pose.
 pub struct ArenaWorld {
     config: ArenaConfig,
     rig: Rig,
@@ -70,7 +70,7 @@ impl Arena {
     /// on every machine.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the key of a number out of its range, or with the place where the
+    /// [`Error::Invalid`] with the key of a number out of range, or with the position at which the
     /// robot would touch something.
     pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
         let (walk, _) = Self::way(config, seed)?;
@@ -82,7 +82,7 @@ impl Arena {
         &self.world.config
     }
 
-    /// The rectified stereo head, as the truth sees it.
+    /// The rectified stereo head, as the truth assumes it.
     pub fn rig(&self) -> Rig {
         self.world.rig
     }
@@ -112,17 +112,18 @@ impl Arena {
         self.world.frame(index, self.pose(index), &twist)
     }
 
-    /// The true geometry of a run and the middle of the robot's way, as line strips for a 3D
-    /// viewer; no pictures are painted for it.
+    /// The true geometry of a run and the path of the robot's centre, as line strips for a 3D
+    /// viewer; no textures are painted for it.
     ///
     /// # Errors
+    ///
     /// As [`Arena::new`].
     pub fn wireframe(config: &ArenaConfig, seed: u64) -> Result<Vec<WireObject>> {
         let (walk, objects) = Self::way(config, seed)?;
         Ok(wireframe::wires(&objects, &walk, &config.world))
     }
 
-    /// The robot's way, and what it does not touch on it.
+    /// The robot's path, and the objects it keeps clear of.
     fn way(config: &ArenaConfig, seed: u64) -> Result<(Walk, Objects)> {
         config.check()?;
         let (walk, objects) = (Walk::new(config, seed)?, Objects::new(&config.world));
@@ -132,10 +133,11 @@ impl Arena {
 }
 
 impl ArenaWorld {
-    /// Builds the world and paints its pictures, as [`Arena::new`]. The path is not looked at.
+    /// Builds the world and paints its textures, like [`Arena::new`]. The path is not checked.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the key of a number out of its range.
+    ///
+    /// [`Error::Invalid`] with the key of a number out of range.
     pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
         let mut world = Self::unpainted(config, seed)?;
         world.paint();
@@ -165,7 +167,7 @@ impl ArenaWorld {
         })
     }
 
-    /// Paints the pictures.
+    /// Paints the textures.
     pub fn paint(&mut self) {
         self.scene.paint(&self.config.world, self.seed);
     }
@@ -174,7 +176,7 @@ impl ArenaWorld {
         &self.config
     }
 
-    /// The rectified stereo head, as the truth sees it.
+    /// The rectified stereo head, as the truth assumes it.
     pub fn rig(&self) -> Rig {
         self.rig
     }
@@ -184,9 +186,10 @@ impl ArenaWorld {
         index as f64 / self.config.rate_hz
     }
 
-    /// The true disparities of a left camera at `pose`; nothing of the images is rendered.
+    /// The true disparities of a left camera at `pose`; the images are not rendered.
     ///
     /// # Errors
+    ///
     /// None: the plane has the size of the images.
     pub fn disparity(&self, pose: &Pose) -> Result<Plane<f32>> {
         let size = (self.config.rig.width_px, self.config.rig.height_px);
@@ -233,7 +236,7 @@ impl ArenaWorld {
         let (left, right) = rayon::join(
             || {
                 let (shot, image) = expose(&left_view, twist, sensor.gain_db, 0)?;
-                // The truth is of the rectified rig, without the skew of the right image.
+                // The truth is that of the rectified rig, without the skew of the right image.
                 let exact_right = PinholeView::new(&right_pose, &self.rig, ImageSkew::NONE);
                 let truth =
                     render::truth(&self.scene, &shot, [&left_view, &exact_right], &self.rig)?;
@@ -269,8 +272,8 @@ impl ArenaWorld {
         })
     }
 
-    /// The room of a body of that height that stands on the floor at `at_m`: the distance of its
-    /// axis from the nearest thing, and what that is. Negative inside of a wall.
+    /// The clearance of a body of that height on the floor at `at_m`: the distance of its axis from
+    /// the nearest object, and that object. Negative inside a wall.
     pub fn clearance(&self, at_m: [f64; 2], height_m: f64) -> (f64, &str) {
         let objects = self.scene.objects.named();
         let distances = objects.map(|(name, solid)| (solid.distance_below(at_m, height_m), name));
@@ -279,7 +282,7 @@ impl ArenaWorld {
         nearest.unwrap_or((f64::INFINITY, ""))
     }
 
-    /// Outlines in the plane of what stands lower than `height_m`, walls included: closed strips of
+    /// Outlines in the plane of everything lower than `height_m`, walls included: closed strips of
     /// points, metres.
     pub fn plan(&self, height_m: f64) -> Vec<Vec<[f64; 2]>> {
         let solids = self.scene.objects.solids().iter();
@@ -292,7 +295,7 @@ impl ArenaWorld {
 /// The robot's head keeps half its width from every object and stays inside the arena.
 fn check_clearance(config: &ArenaConfig, walk: &Walk, objects: &Objects) -> Result<()> {
     let half_width_m = config.robot.half_width_m;
-    // Every centimetre: half-widths are several.
+    // Every centimetre: half-widths are several centimetres.
     let steps = (walk.length_m() / 0.01).ceil() as u64;
     for step in 0..=steps {
         let middle = walk.middle(walk.length_m() * step as f64 / steps as f64);

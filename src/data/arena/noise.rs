@@ -18,7 +18,7 @@ pub(super) fn gaussian(bits: u64) -> f32 {
     (sum - 131_070) as f32 * (1.732_050_8 / 65_536.0)
 }
 
-/// A stream of random numbers for building things in a fixed order.
+/// A stream of random numbers for construction in a fixed order.
 pub(super) struct Dice(u64);
 
 /// Purpose of a stream of random numbers; each has its own.

@@ -4,7 +4,7 @@ use super::config::{Block, WorldConfig};
 use super::solid::{FaceHit, Solid, Vec3};
 use super::view::Candidates;
 
-/// The four walls, then blocks, then balls, as they are in the configuration.
+/// The four walls, then blocks, then balls, in the order of the configuration.
 pub(super) struct Objects {
     names: Vec<String>,
     solids: Vec<Solid>,
@@ -42,8 +42,8 @@ impl Objects {
         self.names.iter().map(String::as_str).zip(&self.solids)
     }
 
-    /// All that a ray enters that leaves the camera in a direction, with their indices. `set`:
-    /// those that it can meet.
+    /// Everything that a ray from the camera enters, with indices. `set`: the candidates of the
+    /// ray.
     pub(super) fn enter(
         &self,
         candidates: &Candidates,
@@ -54,9 +54,9 @@ impl Objects {
         bits(set).filter_map(move |i| hit(i).map(|hit| (i, hit)))
     }
 
-    /// Whether one stands between the camera and the surface point `direction` away from it.
+    /// True if one of them lies between the camera and the surface point `direction` away from it.
     pub(super) fn hide(&self, candidates: &Candidates, set: u64, direction: &Vec3) -> bool {
-        // What the ray meets in the last thousandth is the surface itself.
+        // A hit in the last thousandth is the surface itself.
         self.enter(candidates, set, direction)
             .any(|(_, (t, _))| t < 0.999)
     }

@@ -20,7 +20,7 @@ pub(super) struct Walk {
     phases: [f64; 2],
 }
 
-/// How the stereo head sways about the place and heading of the robot.
+/// Sway of the stereo head about the position and heading of the robot.
 #[derive(Clone)]
 pub struct Gait {
     robot: RobotConfig,
@@ -57,8 +57,8 @@ impl Gait {
         }
     }
 
-    /// Pose of the left camera, `time_s` after the start, where the middle of the head is at
-    /// `middle`, metres, and the robot's heading is `atan2(y, x)`, radians.
+    /// Pose of the left camera, `time_s` after the start, for a head centred at `middle`, metres,
+    /// and a robot heading of `atan2(y, x)`, radians.
     pub fn pose(&self, middle: Vec2, heading: f64, time_s: f64) -> Pose {
         let swing = |degrees: f64, times: f64, phase: f64| {
             degrees.to_radians() * (TAU * self.robot.sway_hz * times * time_s + phase).sin()
@@ -73,7 +73,7 @@ impl Gait {
             * Rotation3::from_axis_angle(&Vector3::z_axis(), roll);
         let rotation = Rotation3::from_matrix_unchecked(level) * gait;
         let head = Vector3::new(middle.x, middle.y, self.above_floor_m);
-        // The path is that of the head's middle, a pose that of the left camera.
+        // The path is that of the head's centre, a pose that of the left camera.
         let left = head - rotation * Vector3::x() * (0.5 * self.baseline_m);
         Pose::from_parts(
             Translation3::from(left),
@@ -83,7 +83,7 @@ impl Gait {
 }
 
 impl Twist {
-    /// The velocity at `time_s` of what has the pose `pose(t)` at the time `t`.
+    /// The velocity at `time_s` of a body with the pose `pose(t)` at time `t`.
     pub fn new(pose: impl Fn(f64) -> Pose, time_s: f64) -> Self {
         let (before, after) = (pose(time_s - INSTANT_S), pose(time_s + INSTANT_S));
         let motion = before.inv_mul(&after);
@@ -113,7 +113,7 @@ impl Walk {
         self.spline.length_m()
     }
 
-    /// The middle of the head on the floor, `along_m` metres after the start.
+    /// The centre of the head on the floor, `along_m` metres after the start.
     pub(super) fn middle(&self, along_m: f64) -> Vec2 {
         let (point, direction) = self.spline.at(along_m);
         let wave = |i: usize| (TAU * along_m / DEVIATION_M[i] + self.phases[i]).sin();
@@ -144,9 +144,9 @@ fn left_of(direction: Vec2) -> Vec2 {
     Vec2::new(-direction.y, direction.x)
 }
 
-/// Cubic Hermite curves between waypoints, by arc length; straight on beyond both ends.
+/// Cubic Hermite curves between waypoints, by arc length; straight beyond both ends.
 struct Spline {
-    /// Points of the curve with the length up to them and the direction there.
+    /// Points of the curve with the length up to them and their direction.
     knots: Vec<Knot>,
 }
 
@@ -192,7 +192,7 @@ impl Spline {
                     + start * (3.0 * t2 - 4.0 * t + 1.0)
                     + end * (3.0 * t2 - 2.0 * t);
                 let direction = slope.try_normalize(1.0e-9).unwrap_or((to - from) / chord_m);
-                // Arc length by chords: at millimetres the error is far below one.
+                // Arc length by chords: at steps of millimetres the error is far below one.
                 let along_m = knots
                     .last()
                     .map_or(0.0, |last| last.along_m + (at - last.at).norm());

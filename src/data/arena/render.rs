@@ -5,16 +5,16 @@ use super::view::{Candidates, PinholeView};
 use rayon::prelude::*;
 use svl_core::stereo::{Plane, Rig, Truth, Visibility};
 
-/// What a pinhole camera sees at one instant, row-major.
+/// View of a pinhole camera at one instant, row-major.
 pub(super) struct SharpImage {
     pub(super) width: usize,
     /// Light per pixel, 1 from a white surface that faces the lamps.
     pub(super) radiance: Vec<f32>,
-    /// What the ray through each pixel's centre met; its `t` is the depth.
+    /// Hit of the ray through each pixel's centre; its `t` is the depth.
     pub(super) hits: Vec<Hit>,
 }
 
-/// How a lens widens what a pixel sees.
+/// Blur of a lens, as a wider footprint of the pixels.
 pub(super) struct Lens {
     pub(super) focal_px: f32,
     pub(super) aperture_m: f32,
@@ -22,7 +22,7 @@ pub(super) struct Lens {
 }
 
 impl Lens {
-    /// Angle seen by a pixel at a depth, radians: one pixel and the disc of confusion.
+    /// Angle covered by a pixel at a depth, radians: one pixel and the circle of confusion.
     fn angle(&self, depth_m: f32) -> f32 {
         // A disc is as wide as a square of 0.87 times its diameter with the same variance.
         let disc_px = 0.87 * self.focal_px * self.aperture_m * (1.0 / depth_m - 1.0 / self.focus_m);
@@ -30,7 +30,7 @@ impl Lens {
     }
 }
 
-/// Offsets of the samples in a pixel that an edge crosses: a rotated grid.
+/// Offsets of the samples in a pixel crossed by an edge: a rotated grid.
 const SAMPLES_PX: [(f32, f32); 4] = [
     (-0.125, -0.375),
     (0.375, -0.125),
@@ -39,8 +39,8 @@ const SAMPLES_PX: [(f32, f32); 4] = [
 ];
 
 impl SharpImage {
-    /// Takes it: one ray per pixel, four where surfaces meet. Defocus widens the footprint on the
-    /// surface that a pixel sees, so surfaces blur with distance but the outlines of near things do
+    /// Renders the image: one ray per pixel, four where surfaces meet. Defocus widens a pixel's
+    /// footprint on its surface, so surfaces blur with distance but the outlines of near things do
     /// not.
     pub(super) fn take(
         scene: &ArenaScene,
@@ -90,7 +90,7 @@ impl SharpImage {
                         above[x],
                         below[x],
                     ];
-                    // Only there one ray per pixel aliases: inside a surface the texture is
+                    // Only there does one ray per pixel alias: inside a surface the texture is
                     // filtered.
                     if around.iter().any(|hit| hit.surface != own) {
                         let set = candidates.at(x, y);
@@ -130,11 +130,11 @@ pub(super) fn disparity(
     Plane::from_vec(width, height, disparity)
 }
 
-/// True disparity and visibility of the left image: `left` its shot, `views` the two cameras as if
-/// rectified exactly.
+/// True disparity and visibility of the left image: `left` is its sharp image, `views` are the two
+/// cameras as if rectified exactly.
 ///
-/// A point is occluded when it falls beside the right image or a solid stands between it and the
-/// right camera.
+/// A point is occluded if it falls outside the right image or a solid lies between it and the right
+/// camera.
 pub(super) fn truth(
     scene: &ArenaScene,
     left: &SharpImage,
@@ -155,7 +155,7 @@ pub(super) fn truth(
         .enumerate()
         .for_each(|(y, ((disparity, visibility), hits))| {
             for (x, hit) in hits.iter().enumerate() {
-                // Of the exact rig: neither lens blur nor the skew of the right image moves the
+                // For the exact rig: neither lens blur nor the skew of the right image affects the
                 // truth.
                 disparity[x] = focal_baseline / hit.t;
                 let right_x = x as f32 - disparity[x];

@@ -1,4 +1,4 @@
-//! The world as rays see it: floor, walls, obstacles and the laboratory around them.
+//! The world for ray casting: floor, walls, obstacles and the laboratory around them.
 
 use super::config::WorldConfig;
 use super::objects::{Objects, WALLS};
@@ -7,39 +7,40 @@ use super::texture::{self, Footprint, Texture};
 use super::view::Candidates;
 use svl_core::stereo::Surface;
 
-/// Geometry and pictures of one run.
+/// Geometry and textures of one run.
 pub(super) struct ArenaScene {
     pub(super) objects: Objects,
-    /// Where each object's piece of the forest begins.
+    /// Start of each object's piece of the forest.
     pieces_m: Vec<f32>,
     /// Lower and upper corner of the laboratory in the plane.
     room: [[f32; 2]; 2],
-    /// Nothing while only the geometry is of interest.
+    /// `None` if only the geometry is needed.
     pictures: Option<ScenePictures>,
 }
 
-/// What surfaces look like.
+/// Textures of the surfaces.
 struct ScenePictures {
     forest: Texture,
     floor: Texture,
     lab: Texture,
 }
 
-/// What a ray met.
+/// Hit of a ray.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) struct Hit {
     /// The ray's parameter.
     pub(super) t: f32,
-    /// Which surface: equal for neighbouring pixels exactly where there is no edge between them.
+    /// Index of the surface: equal for neighbouring pixels exactly if there is no edge between
+    /// them.
     pub(super) surface: u16,
 }
 
 const FLOOR: u16 = u16::MAX;
-/// Less the axis and side of the room's wall.
+/// Minus the axis and side of the room's wall.
 const LAB: u16 = u16::MAX - 1;
 
 impl Hit {
-    /// What a pixel with this hit shows.
+    /// The surface that a pixel with this hit shows.
     pub(super) fn shows(&self) -> Surface {
         match self.surface {
             FLOOR => Surface::Floor,
@@ -51,7 +52,7 @@ impl Hit {
 }
 
 impl ArenaScene {
-    /// The geometry of `world`, whose objects are given.
+    /// The geometry of `world` with the given objects.
     pub(super) fn new(world: &WorldConfig, objects: Objects) -> Self {
         let solids = objects.solids();
         let mut end_m = 0.0;
@@ -60,7 +61,7 @@ impl ArenaScene {
             // Unrolled coordinates begin at minus half a side: at most a quarter of the girth below
             // 0.
             let begin_m = end_m + 0.25 * girth_m;
-            // Of the walls only the inner side is seen, half of their girth.
+            // Only the inner side of the walls is seen, half of their girth.
             end_m += if i < WALLS { 0.5 } else { 1.0 } * girth_m;
             begin_m
         };
@@ -80,7 +81,7 @@ impl ArenaScene {
         }
     }
 
-    /// Paints the pictures of `world`, which it was made of.
+    /// Paints the textures of `world`, from which it was built.
     pub(super) fn paint(&mut self, world: &WorldConfig, seed: u64) {
         let solids = self.objects.solids();
         let light = |x: f32, y: f32| {
@@ -98,13 +99,12 @@ impl ArenaScene {
         });
     }
 
-    /// Whether it was painted.
+    /// True once painted.
     pub(super) fn is_painted(&self) -> bool {
         self.pictures.is_some()
     }
 
-    /// The first thing on a ray that leaves the camera in a direction. `set`: the solids that it
-    /// can meet.
+    /// The first hit of a ray from the camera. `set`: the candidate solids of the ray.
     pub(super) fn cast(&self, candidates: &Candidates, set: u64, direction: &Vec3) -> Hit {
         let mut hit = self.lab_or_floor(&candidates.origin, direction);
         for (i, (t, face)) in self.objects.enter(candidates, set, direction) {
@@ -146,10 +146,10 @@ impl ArenaScene {
         )
     }
 
-    /// Light from a hit, 1 from a white surface that faces the lamps. `pixel`: angle that a pixel
-    /// sees, radians, with the lens's blur.
+    /// Light from a hit, 1 from a white surface that faces the lamps. `pixel`: angle covered by a
+    /// pixel, radians, with the lens's blur.
     pub(super) fn radiance(&self, origin: &Vec3, direction: &Vec3, hit: Hit, pixel: f32) -> f32 {
-        // Of a scene without pictures nothing is rendered.
+        // A scene without textures is never rendered.
         let Some(pictures) = &self.pictures else {
             return 0.0;
         };
@@ -206,7 +206,7 @@ fn lamps(normal: &Vec3) -> f32 {
     0.68 + 0.40 * normal.z + 0.14 * normal.x - 0.10 * normal.y
 }
 
-/// Share of light that reaches a wall at a height above the floor.
+/// Fraction of light that reaches a wall at a height above the floor.
 fn sky(z: f32) -> f32 {
     let shade = (1.0 - z / 0.06).max(0.0);
     1.0 - 0.3 * shade * shade
@@ -222,8 +222,8 @@ fn footprint(
     let facing = normal.dot(direction);
     let length = direction.norm();
     let stretch = (length / facing.abs().max(1.0e-3)).max(1.0);
-    // Along the surface, away from the camera; its length is that of the direction's share in the
-    // surface.
+    // Along the surface, away from the camera; its length is that of the direction's tangential
+    // part.
     let away = direction - normal * facing;
     let scale = 0.5 * minor_m * stretch / away.norm().max(1.0e-6);
     Footprint {

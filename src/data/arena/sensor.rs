@@ -1,5 +1,5 @@
-//! Sensor model, light to grey values: lens blur, motion blur, vignetting, shot and read noise,
-//! gain, 8 bits.
+//! Sensor model, from light to grey values: lens blur, motion blur, vignetting, shot and read
+//! noise, gain, 8 bits.
 
 use super::config::SensorConfig;
 use super::noise::{gaussian, mix};
@@ -12,9 +12,9 @@ use svl_core::stereo::Gray;
 /// Exposes one shot of `view`, which moves by `twist`. `key` separates the noise of one image from
 /// that of every other.
 ///
-/// Motion blur follows each pixel's own velocity on the sharp image: right within a surface, but
-/// where a near thing passes before a far one the uncovered background is borrowed from what the
-/// shot shows beside it. With the default speeds and shutter that is less than 2 px.
+/// Motion blur follows each pixel's own velocity on the sharp image. This is exact within a
+/// surface; where a near object passes in front of a far one, the uncovered background is copied
+/// from next to it. With the default speeds and shutter that is less than 2 px.
 pub(super) fn expose(
     config: &SensorConfig,
     gain_db: f64,
@@ -39,21 +39,21 @@ pub(super) fn expose(
                 let blur = motion.blur_px(view.slope(x as f32, y as f32), shot.hits[i].t);
                 let light = smear(&soft, (width, height), (x, y), blur);
                 let mean_e = light * white_e * (1.0 - vignetting * view.eccentricity(x, y));
-                // Shot noise has the variance of the mean; a Gaussian stands for the Poisson
+                // Shot noise has the variance of the mean; a Gaussian approximates the Poisson
                 // distribution.
                 let deviation = if config.noise {
                     (mean_e + read_variance).sqrt() * gaussian(mix(key ^ i as u64))
                 } else {
                     0.0
                 };
-                // The cast saturates: clipped at 0 and at 255 as a sensor is.
+                // The cast saturates at 0 and 255, like a sensor.
                 *grey = ((mean_e + deviation) * grey_per_e + 0.5) as u8;
             }
         });
     Gray::from_vec(width, height, grey)
 }
 
-/// Blur by (a, 1 - 2a, a) in both directions, which has the variance 2a.
+/// Blur by (a, 1 - 2a, a) in both directions, with a variance of 2a.
 fn soften(sharp: &[f32], width: usize, sigma_px: f32) -> Vec<f32> {
     let side = 0.5 * sigma_px * sigma_px;
     let center = 1.0 - 2.0 * side;
@@ -97,7 +97,7 @@ impl Motion {
         }
     }
 
-    /// How far the image of a resting point moves (Longuet-Higgins and Prazdny, 1980).
+    /// Displacement of a static point's image (Longuet-Higgins and Prazdny, 1980).
     fn blur_px(&self, (x, y): (f32, f32), depth_m: f32) -> (f32, f32) {
         let ([vx, vy, vz], [wx, wy, wz]) = (self.linear, self.angular);
         // Only the translational part depends on depth.
@@ -108,12 +108,12 @@ impl Motion {
     }
 }
 
-/// Blurs shorter than this do not show.
+/// Shorter blurs are not visible.
 const STILL_PX: f32 = 0.15;
-/// Samples along a blur at most.
+/// Most samples along a blur.
 const TAPS: usize = 12;
 
-/// Places of the samples along a blur of length 1, for each number of them.
+/// Positions of the samples along a blur of length 1, for each number of them.
 const ALONG: [[f32; TAPS]; TAPS + 1] = {
     let mut along = [[0.0; TAPS]; TAPS + 1];
     let mut taps = 1;
@@ -128,7 +128,7 @@ const ALONG: [[f32; TAPS]; TAPS + 1] = {
     along
 };
 
-/// Mean along a line of the length and direction `blur_px` through a pixel.
+/// Mean along a line with the length and direction of `blur_px` through a pixel.
 fn smear(
     image: &[f32],
     (width, height): (usize, usize),
@@ -153,7 +153,7 @@ fn smear(
     let reach = 0.5 * length + 1.0;
     let is_inside = x >= reach && y >= reach && x + reach < right && y + reach < bottom;
     let sum: f32 = if is_inside {
-        // Casts to 32 bits are quicker.
+        // Casts to 32 bits are faster.
         (places.map(|(u, v)| (u, v, v as i32 as usize * width + u as i32 as usize)))
             .fold(0.0, |sum, (u, v, i)| sum + between(u, v, i, 1, width))
     } else {

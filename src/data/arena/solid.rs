@@ -4,7 +4,7 @@ use super::config::{Ball, Block};
 
 pub(super) type Vec3 = nalgebra::Vector3<f32>;
 
-/// A convex thing that rays meet.
+/// A convex solid for ray casting.
 pub(super) enum Solid {
     Block(Slab),
     Ball { center: Vec3, radius: f32 },
@@ -60,7 +60,7 @@ impl Solid {
         }
     }
 
-    /// A point as the solid has it: from its centre, a block's along its sides.
+    /// A point in the solid's coordinates: relative to its centre, for a block along its sides.
     pub(super) fn seen(&self, point: &Vec3) -> Vec3 {
         match self {
             Self::Block(slab) => slab.to_local(&(point - slab.center)),
@@ -68,15 +68,15 @@ impl Solid {
         }
     }
 
-    /// Where the ray `origin + t * direction`, t > 0, enters the solid; nothing from inside it.
+    /// The entry of the ray `origin + t * direction`, t > 0, into the solid; `None` from inside it.
     /// `from`: the origin, [`Solid::seen`].
     pub(super) fn enter(&self, from: &Vec3, direction: &Vec3) -> Option<FaceHit> {
         match self {
             Self::Block(slab) => slab.enter(from, direction),
             Self::Ball { radius, .. } => {
                 let (a, b) = (direction.norm_squared(), from.dot(direction));
-                // The squared distance of the ray from the centre by way of its nearest point: no
-                // cancellation.
+                // The squared distance of the ray from the centre via its nearest point, which
+                // avoids cancellation.
                 let nearest = from - direction * (b / a);
                 let room = radius * radius - nearest.norm_squared();
                 if room <= 0.0 {
@@ -88,13 +88,13 @@ impl Solid {
         }
     }
 
-    /// The surface at `point`, which a ray met at `face`.
+    /// The surface at `point`, where a ray hit `face`.
     pub(super) fn surface(&self, point: &Vec3, face: u8) -> SurfacePoint {
         match self {
             Self::Block(slab) => slab.surface(point, face),
             Self::Ball { center, radius } => {
                 let normal = (point - center) / *radius;
-                // The picture is put on from six sides, through the centre.
+                // The texture is projected from six sides, through the centre.
                 let (axis, u_axis, v_axis) = match normal.iamax() {
                     0 => (0, Vec3::y(), Vec3::z()),
                     1 => (1, Vec3::x(), Vec3::z()),
@@ -124,7 +124,7 @@ impl Solid {
         }
     }
 
-    /// Corners of a box around it, which is itself for a block.
+    /// Corners of a bounding box; for a block, its own.
     pub(super) fn corners(&self) -> [Vec3; 8] {
         let corner =
             |i: usize| Vec3::from_fn(|axis, _| if i >> axis & 1 == 0 { -1.0 } else { 1.0 });
@@ -134,8 +134,8 @@ impl Solid {
         })
     }
 
-    /// Distance in the plane of the point `at_m` from the part of the solid that is lower than
-    /// `height_m`, negative inside; infinite where no part is.
+    /// Distance in the plane of the point `at_m` from the part of the solid lower than `height_m`,
+    /// negative inside; infinite if there is no such part.
     pub(super) fn distance_below(&self, [x, y]: [f64; 2], height_m: f64) -> f64 {
         match self {
             Self::Block(slab) if f64::from(slab.center.z - slab.half.z) >= height_m => {
@@ -160,7 +160,7 @@ impl Solid {
         }
     }
 
-    /// Largest radius of a ball's part that is lower than `height_m`.
+    /// Largest radius of a ball's part lower than `height_m`.
     fn radius_below(&self, height_m: f64) -> Option<f64> {
         let Self::Ball { center, radius } = self else {
             return None;
@@ -173,7 +173,7 @@ impl Solid {
         }
     }
 
-    /// Outline in the plane of the part that is lower than `height_m`, closed.
+    /// Closed outline in the plane of the part lower than `height_m`.
     pub(super) fn outline_below(&self, height_m: f64) -> Option<Vec<[f64; 2]>> {
         match self {
             Self::Block(slab) if f64::from(slab.center.z - slab.half.z) >= height_m => None,
@@ -206,8 +206,7 @@ impl Solid {
     }
 }
 
-/// A component of a direction, fit to divide by: a ray along an axis leans by nothing that could be
-/// measured.
+/// A component of a direction, safe to divide by: a ray along an axis is tilted imperceptibly.
 pub(super) fn nonzero(component: f32) -> f32 {
     if component.abs() < 1.0e-30 {
         1.0e-30

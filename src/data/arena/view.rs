@@ -1,4 +1,4 @@
-//! A pinhole camera at one instant: the rays of its pixels, and the solids that each can meet.
+//! A pinhole camera at one instant: the rays of its pixels, and the solids that each can hit.
 
 use super::solid::{Solid, Vec3};
 use nalgebra::Matrix3;
@@ -40,7 +40,7 @@ impl PinholeView {
         }
     }
 
-    /// Where the pixel (`x`, `y`) looks in camera axes, scaled to depth 1.
+    /// Direction of the pixel (`x`, `y`) in camera axes, scaled to depth 1.
     pub(super) fn slope(&self, x: f32, y: f32) -> (f32, f32) {
         let (dx, dy) = (
             x - self.center_px.0,
@@ -54,12 +54,12 @@ impl PinholeView {
         )
     }
 
-    /// The ray of a slope in the world; a point at `t` of it has the depth `t`.
+    /// The ray of a slope in the world; its point at `t` has the depth `t`.
     pub(super) fn ray(&self, (x, y): (f32, f32)) -> Vec3 {
         self.axes.column(0) * x + self.axes.column(1) * y + self.axes.column(2)
     }
 
-    /// The place of a pixel relative to the image's corner, squared, 0 in the centre.
+    /// The squared distance of a pixel from the centre, relative to the image's corner.
     pub(super) fn eccentricity(&self, x: usize, y: usize) -> f32 {
         let (cx, cy) = self.center_px;
         let (dx, dy) = (x as f32 - cx, y as f32 - cy);
@@ -67,10 +67,10 @@ impl PinholeView {
     }
 }
 
-/// For every tile of an image, the set of solids that its rays can meet, as bits.
+/// For every tile of an image, the set of solids that its rays can hit, as bits.
 pub(super) struct Candidates {
     pub(super) origin: Vec3,
-    /// The camera as each solid has it.
+    /// The camera in the coordinates of each solid.
     pub(super) from: Vec<Vec3>,
     columns: Vec<u64>,
     rows: Vec<u64>,
@@ -94,8 +94,8 @@ impl Candidates {
         // Half a pixel for the samples within one, the rest for the skew.
         let reach = view.center_px.0.max(view.center_px.1);
         let margin = 1.0 + view.skew.row_offset_px.abs() + view.skew.sin_roll.abs() * reach;
-        // A solid is outside when all its corners lie beyond one of the planes that bound the
-        // tile's rays.
+        // A solid is outside if all its corners lie beyond one of the planes that bound the tile's
+        // rays.
         let between = |axis: usize, center: f32, tile: usize| {
             let from = ((tile * TILE_PX) as f32 - center - margin) / view.focal_px;
             let to = (((tile + 1) * TILE_PX) as f32 - center + margin) / view.focal_px;
@@ -113,8 +113,8 @@ impl Candidates {
         Self {
             origin: view.origin,
             from: solids.iter().map(|s| s.seen(&view.origin)).collect(),
-            // A tile has the solids that both its column and its row have: perhaps a few more than
-            // its rays meet, but quickly found.
+            // A tile has the solids common to its column and its row: perhaps a few more than its
+            // rays hit, but found quickly.
             columns: (0..width.div_ceil(TILE_PX))
                 .map(|tile| between(0, view.center_px.0, tile))
                 .collect(),

@@ -5,14 +5,14 @@ use super::objects::Objects;
 use super::path::Walk;
 use super::solid::{Solid, Vec3};
 
-/// A named thing as line strips in the world, metres.
+/// A named object as line strips in the world, metres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WireObject {
     pub name: String,
     pub strips: Vec<Vec<[f32; 3]>>,
 }
 
-/// Floor, walls, blocks, balls and the robot's way (`path`).
+/// Floor, walls, blocks, balls and the robot's path (`path`).
 pub(super) fn wires(objects: &Objects, walk: &Walk, world: &WorldConfig) -> Vec<WireObject> {
     let (w, l) = (world.width_m as f32, world.length_m as f32);
     let border = [[0.0, 0.0], [w, 0.0], [w, l], [0.0, l], [0.0, 0.0]];
@@ -43,7 +43,7 @@ fn outline(solid: &Solid) -> Vec<Vec<[f32; 3]>> {
             let strip = |order: &[usize]| order.iter().map(|&i| corners[i]).collect();
             vec![
                 // Corners are numbered by the bits of x, y and z: one line around the bottom, up,
-                // and around the top; three edges are left.
+                // and around the top; three edges remain.
                 strip(&[0, 1, 3, 2, 0, 4, 5, 7, 6, 4]),
                 strip(&[1, 5]),
                 strip(&[3, 7]),

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 use svl_core::stereo::{Frame, Rig, Side};
 use svl_core::{Error, Result};
 
-/// Two opened cameras and how to grab from them.
+/// Two opened cameras with the settings of the grabber.
 pub struct Setup {
     pub clock: Arc<GrabClock>,
     /// Left, right.

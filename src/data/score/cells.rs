@@ -10,7 +10,7 @@ pub enum Verdict {
     Wrong,
     /// The algorithm leaves the cell unknown, which is not wrong: the thesis's red dot.
     Unknown,
-    /// The truth is unknown there, or of too few points to tell.
+    /// The truth is unknown there, or has too few points.
     NoTruth,
 }
 
@@ -34,23 +34,23 @@ impl Verdict {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellJudgement {
     pub verdict: Verdict,
-    /// Median true disparity, pixels; nothing without truth.
+    /// Median true disparity, pixels; `None` without truth.
     pub true_px: Option<f64>,
-    /// True distance, metres; nothing without truth, without a rig, or at infinity.
+    /// True distance, metres; `None` without truth, without a rig, or at infinity.
     pub true_m: Option<f64>,
     /// Truly nearer than the rule's `obstacle_m`, reported farther than its `clear_m`.
     pub missed_obstacle: bool,
     /// Reported nearer than `obstacle_m`, truly farther than `clear_m`.
     pub false_obstacle: bool,
-    /// The number of the truth's points where they cover less than half of the cell; absent where
-    /// the truth is dense or missing.
+    /// The number of the truth's points if they cover less than half of the cell; absent if the
+    /// truth is dense or missing.
     pub points: Option<usize>,
-    /// The report at those points, which the truth is compared with.
+    /// The report at those points, which is compared with the truth.
     pub at_points: Option<CellDepth>,
 }
 
 impl CellJudgement {
-    /// Of a frame without truth.
+    /// For a frame without truth.
     pub const NO_TRUTH: Self = Self {
         verdict: Verdict::NoTruth,
         true_px: None,
@@ -73,7 +73,7 @@ pub struct CellTally {
 }
 
 impl CellTally {
-    /// The number of cells that have a truth.
+    /// The number of cells with truth.
     pub fn scored(&self) -> usize {
         self.right + self.wrong + self.unknown
     }
@@ -90,7 +90,8 @@ impl CellTally {
     }
 }
 
-/// Scores every cell of `reported` by the true grid, which has the same shape, in raster order.
+/// Scores every cell of `reported` against the true grid, which has the same shape, in raster
+/// order.
 pub fn judge_cells(truth: &DepthGrid, reported: &DepthGrid, rule: CellRule) -> Vec<CellJudgement> {
     debug_assert_eq!(truth.shape(), reported.shape());
     let pairs = truth.iter().zip(reported.iter());
@@ -102,16 +103,16 @@ pub fn judge_cells(truth: &DepthGrid, reported: &DepthGrid, rule: CellRule) -> V
         .collect()
 }
 
-/// The report of a cell. One that is too close claims no more than to be nearer than the range of
-/// disparities: where the truth is, the report is the truth.
+/// The report of a cell. A cell that is too close only claims to be nearer than the range of
+/// disparities: if the truth is too, the truth counts as its report.
 fn claimed<'a>(reported: &'a Cell, truth: Option<&'a CellDepth>) -> Option<&'a CellDepth> {
     let report = reported.depth.as_ref()?;
     let nearer = truth.filter(|truth| reported.too_close && truth.median_px > report.median_px);
     Some(nearer.unwrap_or(report))
 }
 
-/// Whether a report is right by the rule; an unknown cell is not. Nothing where the rule finds no
-/// truth, as a distance at infinity.
+/// True if a report is right by the rule; an unknown cell is not. `None` if the rule finds no
+/// truth, such as a distance at infinity.
 pub fn is_right(truth: &CellDepth, reported: Option<&CellDepth>, rule: CellRule) -> Option<bool> {
     match judge_cell(Some(truth), reported, rule).verdict {
         Verdict::NoTruth => None,
@@ -119,7 +120,7 @@ pub fn is_right(truth: &CellDepth, reported: Option<&CellDepth>, rule: CellRule)
     }
 }
 
-/// One disparity for a whole cell.
+/// One disparity for an entire cell.
 pub(crate) fn depth_at(disparity_px: f32, rig: Option<&Rig>) -> CellDepth {
     CellDepth {
         median_px: disparity_px,
@@ -158,7 +159,8 @@ fn judge_cell(
         (false, ..) => Verdict::NoTruth,
         (true, None, _) => Verdict::Unknown,
         (true, Some(_), Some(true)) => Verdict::Right,
-        // A reported cell without a distance claims infinity: there is a truth, and that is not it.
+        // A reported cell without a distance claims infinity: there is a truth, and infinity is
+        // wrong.
         (true, Some(_), _) => Verdict::Wrong,
     };
     CellJudgement {

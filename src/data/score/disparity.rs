@@ -1,17 +1,17 @@
-//! Disparity errors of one map, and which pixels every score is of.
+//! Disparity errors of one map, and the pixels that are scored.
 
 use svl_core::stereo::{DisparityMap, Plane, Truth, Visibility};
 
-/// How far a disparity map is from the truth, over the pixels whose truth is known and that both
-/// cameras see (all known pixels where the occluded ones are unknown).
+/// Errors of a disparity map over the pixels whose truth is known and that both cameras see (all
+/// known pixels if occlusions are unknown).
 ///
-/// Shares are 0..=1. `bad` counts `|d - truth| > t`, strictly, among the *estimated* pixels;
-/// `invalid` is the share of truth pixels without an estimate: a missing estimate counts once.
+/// Fractions are 0..=1. `bad` counts `|d - truth| > t`, strictly, among the *estimated* pixels;
+/// `invalid` is the fraction of truth pixels without an estimate: a missing estimate counts once.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DisparityScore {
     /// Scored pixels.
     pub pixels: usize,
-    /// Of them, those with an estimate.
+    /// Those with an estimate.
     pub estimated: usize,
     bad1: usize,
     bad2: usize,
@@ -30,8 +30,8 @@ impl DisparityScore {
         score
     }
 
-    /// Counts a row without a branch per pixel, so that the compiler can use vectors: a replay of
-    /// recordings with truth spends a fifth of its time here otherwise.
+    /// Counts a row without a branch per pixel, so that the compiler can vectorize: otherwise a
+    /// replay of recordings with truth spends a fifth of its time here.
     fn add_row(&mut self, estimates: &[f32], truth: &[f32], visible: Option<&[Visibility]>) {
         let mut counts = [0u32; 4];
         let mut count = |estimate: f32, truth: f32, is_visible: bool| {
@@ -59,26 +59,24 @@ impl DisparityScore {
         self.bad2 += bad2;
     }
 
-    /// Share of the estimates that are off by more than one pixel; nothing where there is no
-    /// estimate.
+    /// Fraction of the estimates that are off by more than one pixel; `None` without estimates.
     pub fn bad1(&self) -> Option<f64> {
         share(self.bad1, self.estimated)
     }
 
-    /// Share of the estimates that are off by more than two pixels; nothing where there is no
-    /// estimate.
+    /// Fraction of the estimates that are off by more than two pixels; `None` without estimates.
     pub fn bad2(&self) -> Option<f64> {
         share(self.bad2, self.estimated)
     }
 
-    /// Share of the scored pixels without an estimate; absent where there is no truth.
+    /// Fraction of the scored pixels without an estimate; `None` without truth.
     pub fn invalid(&self) -> Option<f64> {
         share(self.pixels - self.estimated, self.pixels)
     }
 }
 
-/// The pixels whose truth is known, and that both cameras see where `mask` says which, as
-/// `(x, y, true disparity)`. The two are of one size.
+/// The pixels whose truth is known and, if `mask` is given, that both cameras see, as `(x, y, true
+/// disparity)`. The two have the same size.
 pub(super) fn scored_pixels<'a>(
     truth: &'a Plane<f32>,
     mask: Option<&'a Plane<Visibility>>,
@@ -105,7 +103,7 @@ mod tests {
     fn hand_computed() {
         let mut map = DisparityMap::new(6, 1).unwrap();
         let mut row = map.rows_mut().next().unwrap();
-        // truth 10 everywhere but at 5, where it is unknown; 4 is hidden from the right camera.
+        // truth 10 everywhere but at 5, where it is unknown; 4 is occluded in the right camera.
         row.accept(0, 11.0); // off by exactly 1: good
         row.accept(1, 11.5); // bad1
         row.accept(2, 13.0); // bad1, bad2

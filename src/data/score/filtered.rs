@@ -1,5 +1,5 @@
-//! What filters are for: obstacles that are floor, obstacles that a filter takes away, and what is
-//! nearer than the range of disparities.
+//! Benefit and cost of filters: obstacles that are floor, obstacles removed by a filter, and
+//! objects nearer than the range of disparities.
 
 use super::{CellJudgement, TrueCells, Verdict};
 use svl_core::stereo::{CellRule, Estimate, Frame, Surface};
@@ -7,29 +7,30 @@ use svl_core::stereo::{CellRule, Estimate, Frame, Surface};
 /// Counts over the cells of a frame with exact truth and a rig.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FilterTally {
-    /// Cells known as an obstacle in which nothing but floor is nearer than what is clear; absent
-    /// where the truth does not know surfaces.
+    /// Cells reported as an obstacle in which nothing but floor is nearer than clear space; `None`
+    /// if the truth has no surfaces.
     pub floor: Option<usize>,
-    /// Cells with an obstacle that are right with and without filters; absent without filters, and
-    /// as `floor`.
+    /// Cells with an obstacle that are right with and without filters; `None` without filters, and
+    /// like `floor`.
     pub kept: Option<usize>,
-    /// Those that are right without filters alone.
+    /// Those that are right only without filters.
     pub lost: Option<usize>,
-    /// Cells nearer than the range of disparities that are reported as such, or right; absent where
-    /// the range is not known.
+    /// Cells nearer than the range of disparities that are reported as such, or right; `None` if
+    /// the range is unknown.
     pub close: Option<usize>,
-    /// Those that are not.
+    /// Those that are neither.
     pub blind: Option<usize>,
-    /// Whether cells are too close and none of them has an obstacle; absent without filters.
+    /// True if cells are reported as too close but none of them has an obstacle; `None` without
+    /// filters.
     pub alarm: Option<bool>,
 }
 
-/// Least share of a cell's pixels that makes something an obstacle in it: as for missed near
-/// obstacles, a quarter.
+/// Least fraction of a cell's pixels that makes something an obstacle in it: a quarter, as for
+/// missed near obstacles.
 const LEAST: f64 = 0.25;
 
 impl FilterTally {
-    /// `cells` are the judgements of the estimate's grid.
+    /// `cells` are the scores of the estimate's grid.
     pub fn new(
         frame: &Frame,
         true_cells: &TrueCells,
@@ -45,7 +46,7 @@ impl FilterTally {
         let px = |distance_m| rig.disparity_px(distance_m) as f32;
         let (obstacle_px, clear_px) = (px(obstacle_m), px(clear_m));
         let (shape, size) = (true_cells.grid().shape(), truth.disparity.size());
-        // Share of a cell's pixels that a function of disparity and surface is true for.
+        // Fraction of a cell's pixels for which a function of disparity and surface is true.
         let share = |place: (usize, usize), is: &dyn Fn(f32, Surface) -> bool| {
             let of_truth = &true_cells.cells()[place.1 * shape.columns + place.0];
             if let Some(points) = &of_truth.sparse {
@@ -209,12 +210,12 @@ mod tests {
             (plain.close, plain.blind, plain.alarm),
             (Some(0), Some(1), Some(false))
         );
-        // At the end of the range: right as what it claims is to be nearer.
+        // At the end of the range: right, as it claims only to be nearer.
         let close = [25.0, 25.0, 25.0, 40.0];
         let filtered = tally(seen, close, [false, false, false, true]);
         assert_eq!((filtered.close, filtered.blind), (Some(1), Some(0)));
         assert_eq!(filtered.alarm, Some(false));
-        // Near floor is no reason; beside what is one it is no alarm.
+        // Near floor is not a reason; next to a real one it is not a false alarm.
         let alarm = |too_close| tally(seen, [40.0; 4], too_close).alarm;
         assert_eq!(alarm([true, false, false, false]), Some(true));
         assert_eq!(alarm([true, true, false, false]), Some(false));

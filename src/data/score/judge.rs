@@ -1,4 +1,4 @@
-//! Scores a frame once: hashes, true grid, cells, checkpoints and metrics, for every sink alike.
+//! Scores a frame once: hashes, true grid, cells, checkpoints and metrics, for all sinks.
 
 use super::{
     CellJudgement, CellSupport, CellTally, Checkpoint, CheckpointFrame, Correlations,
@@ -9,27 +9,26 @@ use std::sync::OnceLock;
 use svl_core::depth::GridSettings;
 use svl_core::stereo::{CellRule, DepthGrid, Estimate, Frame};
 
-/// What a scenario expects of the frames.
+/// Rules of a scenario by which frames are scored.
 #[derive(Clone, Debug, Default)]
 pub struct Judge {
-    /// Shape of the depth grid, and when a cell is known.
+    /// Shape of the depth grid, and the rule for a known cell.
     pub grid: GridSettings,
-    /// When a reported cell counts as right, where the frame has a calibration
-    /// ([`CellRule::for_rig`]).
+    /// Rule for a right cell, if the frame has a calibration ([`CellRule::for_rig`]).
     pub cells: CellRule,
     pub checkpoints: Vec<Checkpoint>,
     /// The run whose frames are scored.
     pub run: RunPart,
-    /// Whether frames without truth are scored by the images: it takes about as long as a quick
+    /// True if frames without truth are scored by the images: it takes about as long as a fast
     /// matcher.
     pub photometric: bool,
 }
 
-/// A frame with all that is known of its estimates. Every sink reads this one.
+/// A frame with all scores of its estimates. Every sink reads this one.
 #[derive(Clone, Debug)]
 pub struct Judged {
     pub frame: Frame,
-    /// In the order of the run's algorithms. An algorithm that failed on the frame is missing.
+    /// In the order of the run's algorithms, without those that failed on the frame.
     pub estimates: Vec<JudgedEstimate>,
     /// The algorithms that failed on the frame.
     pub failures: Vec<MatchFailure>,
@@ -40,12 +39,12 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// Hash of the pair's pixels, computed when it is first read: recording cameras needs none.
+    /// Hash of the pair's pixels, computed on first use: recording cameras does not need it.
     pub fn pair_hash(&self) -> u128 {
         *self.pair_hash.get_or_init(|| self.frame.pair.hash())
     }
 
-    /// Hash of all that the scores rest on: pixels, geometry and truth.
+    /// Hash of all inputs of the scores: pixels, geometry and truth.
     pub fn input_hash(&self) -> u128 {
         let pair = self.pair_hash();
         *self.input_hash.get_or_init(|| self.frame.input_hash(pair))
@@ -60,7 +59,7 @@ pub struct MatchFailure {
 }
 
 impl MatchFailure {
-    /// What the user is told of it.
+    /// Its message to the user.
     pub fn words(&self, sequence: u64) -> String {
         format!("{} on pair {sequence}: {}", self.algorithm, self.reason)
     }
@@ -82,7 +81,7 @@ pub struct JudgedEstimate {
 impl Judge {
     /// Scores the estimates of a frame.
     pub fn judge(&self, frame: Frame, estimates: Vec<Estimate>) -> Judged {
-        // A recording without algorithms needs no truth grid, which costs a median per cell.
+        // A recording without algorithms needs no grid of the truth, which costs a median per cell.
         let true_cells = if estimates.is_empty() {
             None
         } else {
@@ -110,14 +109,14 @@ impl Judge {
         TrueCells::new(frame, self.grid.shape(), self.rule(frame))
     }
 
-    /// True if the score of the frame's cells needs the maps besides their grids: its truth is
-    /// points, which reports are moved to.
+    /// True if scoring the frame's cells needs the maps besides their grids: its truth is points,
+    /// to which reports are moved.
     pub fn needs_maps(&self, frame: &Frame) -> bool {
         self.true_cells(frame)
             .is_some_and(|truth| truth.moves_reports())
     }
 
-    /// What supports each estimate; only frames without truth need it.
+    /// The support of each estimate; only frames without truth need it.
     fn supports(&self, frame: &Frame, estimates: &[Estimate]) -> Vec<CellSupport> {
         if frame.truth.is_some() || estimates.is_empty() {
             return vec![CellSupport::default(); estimates.len()];
@@ -127,7 +126,7 @@ impl Judge {
         let support = |(i, estimate): (usize, &Estimate)| {
             let others = estimates.iter().enumerate().filter(|(j, _)| *j != i);
             let others: Vec<_> = others.map(|(_, other)| &other.grid).collect();
-            // A median needs two.
+            // A median needs at least two.
             let agreed = (others.len() >= 2)
                 .then(|| agreed_cells(&estimate.grid, &others, self.rule(frame)));
             CellSupport {
@@ -179,10 +178,11 @@ impl Judge {
         }
     }
 
-    /// Refuses the frame of a checkpoint that a person labelled on another pair.
+    /// Rejects the frame of a checkpoint that a person labelled on another pair.
     ///
     /// # Errors
-    /// [`svl_core::Error::Invalid`] with the checkpoint and the cure.
+    ///
+    /// [`svl_core::Error::Invalid`] with the checkpoint and the remedy.
     pub fn check_pair(&self, judged: &Judged) -> svl_core::Result<()> {
         self.checkpoints.iter().try_for_each(|checkpoint| {
             checkpoint.check_pair(&judged.frame, &self.run, || judged.pair_hash())
@@ -204,7 +204,7 @@ impl Judge {
             .collect()
     }
 
-    /// Whether the frame shows a checkpoint.
+    /// True if the frame shows a checkpoint.
     pub fn shows_checkpoint(&self, frame: &Frame) -> bool {
         self.shown(frame).next().is_some()
     }
@@ -213,7 +213,7 @@ impl Judge {
         let has_truth = frame.truth.is_some();
         let checkpoints = self.checkpoints.iter().enumerate();
         checkpoints
-            // Without truth nothing that needs it passes: no frame shows it.
+            // Checkpoints that need truth are skipped without it: no frame shows them.
             .filter(move |(_, checkpoint)| has_truth || !checkpoint.needs_truth())
             .filter(move |(_, checkpoint)| checkpoint.covers(frame, &self.run))
     }
@@ -238,7 +238,7 @@ mod tests {
         )
     }
 
-    /// From column 20 on that disparity, or silence.
+    /// That disparity from column 20 on, or no disparity.
     fn estimate(disparity_px: Option<f32>) -> Estimate {
         let mut disparity = DisparityMap::new(100, 60).unwrap();
         for mut row in disparity.rows_mut() {
@@ -274,18 +274,18 @@ mod tests {
             ..Judge::default()
         };
         let run = [Some(6.0), Some(6.0), Some(11.0), None];
-        // The first of five columns is unknown. The median of 6, 11 is 6, of 6, 6 too. Silence has
-        // the worst score.
+        // The first of five columns is unknown. The median of 6, 11 is 6, of 6, 6 too. An empty map
+        // has the worst score.
         let [right, wrong, silent] = [0.8, 0.0, 0.0].map(|share| [Some(share); 2]);
         assert_eq!(scores(&judge, frame(), &run), [right, right, wrong, silent]);
-        // Two algorithms have no median of others, and the images are looked at where asked for.
+        // Two algorithms have no median of others, and the images are compared only on request.
         assert_eq!(scores(&judge, frame(), &run[1..3])[0], [Some(0.8), None]);
         let quick = Judge {
             photometric: false,
             ..judge.clone()
         };
         assert_eq!(scores(&quick, frame(), &run)[0], [None, Some(0.8)]);
-        // Without a rig there are no distances, and the default rule judges disparities.
+        // Without a rig there are no distances, and the default rule scores disparities.
         let distances = Judge {
             cells: CellRule::default(),
             ..judge.clone()

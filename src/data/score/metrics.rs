@@ -1,32 +1,32 @@
-//! The metrics of a run: one table that everything reads which shows or compares a number.
+//! The metrics of a run: one table for everything that shows or compares a number.
 //!
 //! Rows, CSV, Parquet, summaries, pages, Rerun's plots, `svl compare` and a scenario's `[[gate]]`
-//! take their columns, headings and words from [`METRICS`]. A new metric is computed where it
-//! belongs (pixels: `disparity.rs`, cells: `cells.rs`) and gets an entry here.
+//! take their columns, headings and words from [`METRICS`]. A new metric is computed in the file of
+//! its kind (pixels: `disparity.rs`, cells: `cells.rs`) and listed here.
 
 use super::{CellTally, DisparityScore, FilterTally, SurfaceTally};
 use serde::{Serialize, Serializer};
 use svl_core::stereo::{CellRule, Estimate, Frame};
 
-/// What a metric of a frame is computed of.
+/// Inputs of a frame's metrics.
 pub struct FrameFacts<'a> {
     pub frame: &'a Frame,
     pub estimate: &'a Estimate,
-    /// How cells are scored.
+    /// Rule by which cells are scored.
     pub rule: CellRule,
-    /// The disparities against the truth; absent without truth.
+    /// The disparities against the truth; `None` without truth.
     pub pixels: Option<DisparityScore>,
-    /// The cells against the truth; absent without truth.
+    /// The cells against the truth; `None` without truth.
     pub cells: Option<CellTally>,
-    /// The cells against the nearest quarters of the truth; absent without truth.
+    /// The cells against the nearest quarters of the truth; `None` without truth.
     pub surfaces: Option<SurfaceTally>,
-    /// What filters are for.
+    /// Counts for the filters.
     pub filtered: FilterTally,
-    /// What needs no truth, of frames that have none.
+    /// Scores without truth, for frames that have none.
     pub support: CellSupport,
 }
 
-/// Shares of all cells of the grid that are known and supported; absent where not computed.
+/// Fractions of all cells of the grid that are known and supported; `None` if not computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CellSupport {
     /// By the images.
@@ -36,14 +36,14 @@ pub struct CellSupport {
 }
 
 impl FrameFacts<'_> {
-    /// Absent where no cell is scored: nothing was measured, which is not 0.
+    /// `None` if no cell is scored: not measured, which is not 0.
     fn cells(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
         let scored = self.cells.as_ref().filter(|cells| cells.scored() > 0);
         scored.map(|cells| count(cells) as f64)
     }
 
-    /// As `cells`, where distances are known: elsewhere no obstacle can be missed, and a 0 would
-    /// claim too much.
+    /// Same as `cells`, if distances are known: otherwise no obstacle can be missed, and 0 would be
+    /// misleading.
     fn obstacles(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
         self.cells(count).filter(|_| self.has_distances())
     }
@@ -54,7 +54,7 @@ impl FrameFacts<'_> {
         surfaces.map(|cells| count(cells) as f64)
     }
 
-    /// As `surfaces`, where distances are known.
+    /// Same as `surfaces`, if distances are known.
     fn near_obstacles(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
         self.surfaces(count).filter(|_| self.has_distances())
     }
@@ -68,24 +68,24 @@ impl FrameFacts<'_> {
     }
 }
 
-/// The note below a table, made from the cell rule: term and text.
+/// The note below a table, depending on the cell rule: term and text.
 pub type MetricNote = fn(CellRule) -> (&'static str, String);
 
-/// A number that an algorithm is measured by.
+/// A metric of an algorithm.
 #[derive(Clone, Copy)]
 pub struct Metric {
     /// Its key in a scenario's gate and in the JSON of a comparison.
     pub name: &'static str,
     pub words: &'static str,
-    /// Heads its column and the neighbours of the same group.
+    /// Heading above its column and its neighbours in the same group.
     pub group: &'static str,
     pub head: &'static str,
     pub unit: MetricUnit,
     pub better: Better,
-    /// Whether it compares with true distances or disparities.
+    /// True if it compares with true distances or disparities.
     pub against_truth: bool,
     pub origin: MetricOrigin,
-    /// Where Rerun plots its value per frame, below the algorithm.
+    /// Path of its plot per frame in Rerun, below the algorithm.
     pub plot: Option<&'static str>,
     /// Term and meaning, on demand.
     pub note: Option<MetricNote>,
@@ -97,18 +97,18 @@ pub struct Metric {
 pub enum MetricLevel {
     /// The headline table of runs of these kinds.
     Headline(&'static [RunKind]),
-    /// The table of all metrics alone.
+    /// Only the table of all metrics.
     Detail,
 }
 
-/// Kind of a run by the ground truth that it has.
+/// Kind of a run by its ground truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RunKind {
     /// True distances in metres.
     Distances,
-    /// True disparities in pixels alone.
+    /// Only true disparities in pixels.
     Disparities,
-    /// Courses that the algorithms drove through.
+    /// Courses driven by the algorithms.
     Courses,
     NoTruth,
 }
@@ -132,17 +132,17 @@ impl RunKind {
 /// What a metric counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MetricUnit {
-    /// 0..=1, shown in percent.
+    /// 0..=1, shown in per cent.
     Share,
     Count,
     Px,
     /// Limited and compared as a ratio, as machines differ.
     Ms,
-    /// Number for 100 m driven.
+    /// Number per 100 m driven.
     Per100M,
 }
 
-/// Which way is better.
+/// Direction in which a metric improves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Better {
     More,
@@ -151,34 +151,34 @@ pub enum Better {
     Neither,
 }
 
-/// Where a metric's value comes from.
+/// Origin of a metric's value.
 #[derive(Clone, Copy)]
 pub enum MetricOrigin {
-    /// One frame through one algorithm.
+    /// One frame of one algorithm.
     Frame {
-        /// Its column in the rows, and of its total in the summary.
+        /// Its column in the rows, and that of its total in the summary.
         column: &'static str,
         of: fn(&FrameFacts<'_>) -> Option<f64>,
         total: MetricTotal,
     },
-    /// The time per pair; over frames the median by nearest rank.
+    /// The time per pair; over frames, the median by nearest rank.
     Time,
-    /// The frames that show a checkpoint; share of those in which it passes.
+    /// The frames that show a checkpoint; the fraction in which it passes.
     Checkpoints,
     /// The drives through courses.
     Drives(DriveNumber),
 }
 
-/// A number of an algorithm's drives.
+/// A metric of an algorithm's drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveNumber {
-    /// Share of the courses whose goal was reached without a collision and without help.
+    /// Fraction of the courses whose goal was reached without a collision and without help.
     Finished,
     Collisions,
     NearMisses,
 }
 
-/// How the values of frames add up; frames without a value are skipped.
+/// Aggregation over frames; frames without a value are skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MetricTotal {
     Mean,
@@ -730,7 +730,7 @@ impl Metric {
         METRICS.iter().find(|metric| metric.name == name)
     }
 
-    /// Its column in rows and summary, and how that adds up; absent where it is not of frames.
+    /// Its column in rows and summary, with the aggregation; `None` if it is not per frame.
     pub fn column(&self) -> Option<(&'static str, MetricTotal)> {
         match self.origin {
             MetricOrigin::Frame { column, total, .. } => Some((column, total)),
@@ -738,18 +738,18 @@ impl Metric {
         }
     }
 
-    /// Whether an algorithm has it of any frames, without checkpoints and drives.
+    /// True if any frame of an algorithm can have it, without checkpoints and drives.
     pub fn is_of_frames(&self) -> bool {
         matches!(self.origin, MetricOrigin::Frame { .. } | MetricOrigin::Time)
     }
 
-    /// Whether its column holds whole numbers.
+    /// True if its column contains whole numbers.
     pub fn counts(&self) -> bool {
         let share = |(_, total)| matches!(total, MetricTotal::ShareOf(_));
         self.unit == MetricUnit::Count || self.column().is_some_and(share)
     }
 
-    /// The value of a frame as Rerun plots it: shares in percent.
+    /// The value of a frame as plotted in Rerun: fractions in per cent.
     pub fn of_frame_shown(&self, value: f64) -> f64 {
         match self.unit {
             MetricUnit::Share if !self.counts() => 100.0 * value,
@@ -768,7 +768,7 @@ impl Metric {
         }
     }
 
-    /// As [`Metric::show`], of a time that is a multiple of another.
+    /// Same as [`Metric::show`], for a time as a multiple of another.
     pub fn show_relative(&self, value: f64) -> String {
         match self.unit {
             MetricUnit::Ms => format!("{value:.2}x"),
@@ -795,12 +795,12 @@ impl Serialize for Metric {
     }
 }
 
-/// The metrics' columns of a frame or of a run, those of [`METRICS`] that have one.
+/// Values of a frame or a run for the metrics of [`METRICS`] that have a column.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MetricValues([Option<f64>; METRICS.len()]);
 
 impl MetricValues {
-    /// One frame through one algorithm.
+    /// One frame of one algorithm.
     pub fn of_frame(facts: &FrameFacts<'_>) -> Self {
         Self::from_fn(|metric| match metric.origin {
             MetricOrigin::Frame { of, .. } => of(facts),
@@ -812,10 +812,11 @@ impl MetricValues {
         Self(std::array::from_fn(|i| value(&METRICS[i])))
     }
 
-    /// What its column holds.
+    /// The value of its column.
     ///
     /// # Panics
-    /// When no metric of [`METRICS`] has that name.
+    ///
+    /// If no metric of [`METRICS`] has that name.
     pub fn get(&self, name: &str) -> Option<f64> {
         let place = METRICS.iter().position(|metric| metric.name == name);
         self.0[place.expect("a metric of METRICS")]
@@ -826,7 +827,7 @@ impl MetricValues {
         self.0[place.expect("a metric of METRICS")] = value;
     }
 
-    /// The denominator of a metric that is a share of others.
+    /// The denominator of a metric that is a fraction of others.
     pub fn whole(&self, metric: &Metric) -> Option<f64> {
         match metric.column()?.1 {
             MetricTotal::ShareOf(parts) => parts.iter().map(|part| self.get(part)).sum(),
@@ -834,12 +835,12 @@ impl MetricValues {
         }
     }
 
-    /// The metric: its column, or the share that this is; absent where that is of nothing.
+    /// The metric: its column, or the fraction it stands for; `None` if the denominator is 0.
     pub fn value(&self, metric: &Metric) -> Option<f64> {
         let value = self.get(metric.name)?;
         match metric.column()?.1 {
             MetricTotal::ShareOf(_) => {
-                // A frame of only unknown truths has cells, but none to be right in.
+                // A frame with only unknown truths has cells, but none that could be right.
                 Some(value / self.whole(metric).filter(|whole| *whole > 0.0)?)
             }
             _ => Some(value),

@@ -1,5 +1,5 @@
-//! Judgements: disparities and cells against truth, checkpoints over runs, and the benchmarks'
-//! metric protocols.
+//! Scores: disparities and cells against truth, checkpoints over runs, and the benchmarks' metric
+//! protocols.
 
 mod cells;
 mod checkpoint;

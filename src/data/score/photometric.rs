@@ -1,6 +1,6 @@
-//! How well the right image, warped to the left one by a disparity, agrees with it.
+//! Photometric agreement of the left image with the right one, warped by a disparity.
 //!
-//! Zero-mean normalized cross-correlation (ZNCC) of windows, which gain and offset do not change:
+//! Zero-mean normalized cross-correlation (ZNCC) of windows, which is invariant to gain and offset:
 //! Hirschmüller and Scharstein, "Evaluation of Stereo Matching Costs on Images with Radiometric
 //! Differences", TPAMI 31, 2009. The best match against all others: Hu and Mordohai, "A
 //! Quantitative Evaluation of Confidence Measures for Stereo Vision", TPAMI 34, 2012, section 3.
@@ -11,21 +11,21 @@ use svl_core::stereo::{Gray, StereoPair};
 const RADIUS: usize = 4;
 const SIDE: usize = 2 * RADIUS + 1;
 const PIXELS: i64 = 81;
-/// Rivals have disparities from 0 to this part of the width.
+/// Rivals have disparities from 0 to this fraction of the width.
 const RIVALS: usize = 4;
 
-/// The ZNCCs of a pair's left pixels with all right pixels that may match them: of every fourth
+/// The ZNCCs of a pair's left pixels with all right pixels that may match them: for every fourth
 /// column and row, with every disparity from 0 to a quarter of the width.
 pub struct Correlations<'a> {
     pair: &'a StereoPair,
     columns: usize,
     rivals: usize,
-    /// Per pixel looked at, per rival.
+    /// Per sampled pixel, per rival.
     z: Vec<f32>,
 }
 
 impl<'a> Correlations<'a> {
-    /// Every so many-th column and row is looked at, from half of that on.
+    /// Interval of the sampled columns and rows, starting at half of it.
     pub const STEP: usize = 4;
 
     pub fn new(pair: &'a StereoPair) -> Self {
@@ -41,7 +41,7 @@ impl<'a> Correlations<'a> {
             }
             let [left, right] = [pair.left(), pair.right()].map(|image| Windows::new(image, y));
             for k in 0..rivals {
-                // Products of the rows, summed per column: the right image is moved by k.
+                // Products of the rows, summed per column: the right image is shifted by k.
                 products.fill(0u32);
                 for y in y - RADIUS..=y + RADIUS {
                     let pixels = pair.left().row(y)[k..].iter().zip(pair.right().row(y));
@@ -65,8 +65,8 @@ impl<'a> Correlations<'a> {
         }
     }
 
-    /// The best ZNCC of a pixel looked at, within 1 px of the rounded disparity; 0 where no window
-    /// is whole and textured, or none correlates.
+    /// The best ZNCC of a sampled pixel, within 1 px of the rounded disparity; 0 if no window is
+    /// complete and textured, or none correlates.
     pub fn best(&self, at: (usize, usize), disparity_px: f32) -> f32 {
         let rounded = disparity_px.round() as i64;
         let z = |k: i64| match usize::try_from(k) {
@@ -76,8 +76,8 @@ impl<'a> Correlations<'a> {
         (rounded - 1..=rounded + 1).map(z).fold(0.0, f32::max)
     }
 
-    /// Whether the match of a pixel looked at correlates, and no disparity farther than 1 px from
-    /// its own gives a better one.
+    /// True if the match of a sampled pixel correlates, and no disparity more than 1 px from its
+    /// own gives a better one.
     pub fn unrivalled(&self, at: (usize, usize), disparity_px: f32) -> bool {
         let (own, rounded) = (self.best(at, disparity_px), disparity_px.round() as i64);
         let rivals = self.all(at).iter().enumerate();
@@ -91,10 +91,10 @@ impl<'a> Correlations<'a> {
     }
 }
 
-/// Sums over the windows around the pixels of a row that have a whole one.
+/// Sums over the windows around the pixels of a row that have a complete one.
 struct Windows {
     sums: Vec<i64>,
-    /// One by the root of the variance, as [`central`] scales it; 0 of flat windows.
+    /// One over the root of the variance, as scaled by [`central`]; 0 for flat windows.
     norms: Vec<f64>,
 }
 
@@ -123,8 +123,8 @@ impl Windows {
         Self { sums, norms }
     }
 
-    /// Of the windows around `x` and the other's `other_x`, whose pixels' products add up to
-    /// `product`.
+    /// ZNCC of the windows around `x` and the other's `other_x`; `product` is the sum of their
+    /// products.
     fn zncc(&self, x: usize, other: &Self, other_x: usize, product: u32) -> f32 {
         let (i, j) = (x - RADIUS, other_x - RADIUS);
         let covariance = central(product, self.sums[i], other.sums[j]);
@@ -138,7 +138,7 @@ fn central(products: u32, a: i64, b: i64) -> f64 {
     (PIXELS * i64::from(products) - a * b) as f64
 }
 
-/// Of the windows around the left pixel and the right pixel `k` to the left of it; 0 where a
+/// ZNCC of the windows around the left pixel and the right pixel `k` to the left of it; 0 if a
 /// window leaves its image or is flat.
 fn zncc(pair: &StereoPair, (x, y): (usize, usize), k: i64) -> f32 {
     let (width, height) = pair.size();
@@ -171,7 +171,7 @@ mod tests {
     use super::*;
     use svl_core::stereo::Plane;
 
-    /// Noise; the right image shows it `shift` px to the left, half as bright.
+    /// Noise; the right image is shifted `shift` px to the left, at half the brightness.
     fn pair(shift: usize) -> StereoPair {
         let mut random = fastrand::Rng::with_seed(5);
         let noise = (0..96 * 24).map(|_| 2 * random.u8(0..120)).collect();
@@ -189,8 +189,8 @@ mod tests {
 
     #[test]
     fn by_hand() {
-        // Left columns 0 and 2 in turn, right ones 0, 0, 2, 2: of nine columns with 4 twos left and
-        // 4 or 5 right, 2 or so in common.
+        // Left columns alternate 0 and 2, right ones 0, 0, 2, 2: of nine columns, 4 twos left and 4
+        // or 5 right, about 2 in common.
         let left = Plane::from_fn(9, 9, |x, _| 2 * (x as u8 % 2)).unwrap();
         let right = Plane::from_fn(9, 9, |x, _| 2 * (x as u8 / 2 % 2)).unwrap();
         let pair = StereoPair::new(left, right).unwrap();

@@ -1,9 +1,10 @@
-//! Cells whose truth is points: a lidar's, KITTI's, a laser scan's.
+//! Cells with sparse truth: points of a lidar, KITTI or a laser scan.
 //!
-//! Points lie elsewhere in a cell than its pixels, so their median is not the cell's. Two things
-//! correct for that: every part of the cell that has points counts alike, however many it has; and
-//! a report is moved by the difference between the algorithm's own map at the points and in the
-//! whole cell. `tests/bench/arena/sparse.rs` compares the scores with those of a dense truth.
+//! Points are distributed differently in a cell than its pixels, so their median is not the cell's.
+//! Two things correct for that: every part of the cell that has points counts equally, however many
+//! it has; and a report is moved by the difference between the algorithm's own map at the points
+//! and in the whole cell. `tests/bench/arena/sparse.rs` compares the scores with those of a dense
+//! truth.
 
 use super::cells::{depth_at, is_right};
 use std::ops::Range;
@@ -12,19 +13,19 @@ use svl_core::stereo::{CellRule, Plane, Rig};
 /// Parts of a cell along a side.
 const PARTS: usize = 8;
 
-/// Least share of a cell's parts that must have points for them to stand for the cell, as half of
-/// the pixels do.
+/// Least fraction of a cell's parts that must have points for them to represent the cell, as half
+/// of the pixels do.
 const COVERED: f64 = 0.5;
 
-/// Least share of the rows and of the columns of parts that must have points: the median of four
+/// Least fraction of the rows and of the columns of parts that must have points: the median of four
 /// lines across a slanted surface is not the cell's.
 const SPREAD: f64 = 0.75;
 
-/// Least number of points of a cell, and of its points where a map has a disparity.
+/// Fewest points of a cell, and fewest of them at which a map has a disparity.
 const MIN_POINTS: usize = 10;
 
-/// Greatest distance of the points' centre from the cell's, as a share of its sides, where they
-/// show only a part of it.
+/// Greatest distance of the points' centre from the cell's, as a fraction of its sides, if they
+/// cover only a part of it.
 const OFF_CENTRE: f64 = 0.2;
 
 /// The points of a cell.
@@ -92,13 +93,13 @@ impl SparseCell {
         }
     }
 
-    /// The number of points.
+    /// Number of points.
     pub fn count(&self) -> usize {
         self.points.len()
     }
 
-    /// True if the points determine the report: those in half of the cell's parts do, others
-    /// where they lie about its middle and four fifths of them agree.
+    /// True if the points determine the score: those in half of the cell's parts do; others only if
+    /// they lie about its centre and four fifths of them agree.
     pub fn is_scored(&self, rule: CellRule, rig: Option<&Rig>) -> bool {
         let points_agree = || {
             let [far, near] = [10, 90].map(|percent| depth_at(self.truth.percentile(percent), rig));
@@ -108,13 +109,13 @@ impl SparseCell {
         self.count() >= MIN_POINTS && (self.covered || self.centred && points_agree())
     }
 
-    /// True if reports are moved to the points; those of a part of the cell move none.
+    /// True if reports are moved to the points; points in only a part of the cell move none.
     pub fn moves_reports(&self) -> bool {
         self.covered
     }
 
-    /// Excess of the map's median at the points over that in the whole cell; 0 if the points are of
-    /// a part of the cell, or the map has too few disparities at them.
+    /// Excess of the map's median at the points over that in the whole cell; 0 if the points cover
+    /// only a part of the cell, or the map has too few disparities at them.
     pub fn map_offset(&self, map: &Plane<f32>, columns: &Range<usize>, rows: &Range<usize>) -> f32 {
         let known = |&(x, y, weight): &(usize, usize, f64)| {
             let d = map.get(x, y);
@@ -144,7 +145,7 @@ impl Weighted {
         self.0.iter().map(|(_, weight)| weight).sum()
     }
 
-    /// By nearest rank; infinity of nothing.
+    /// By nearest rank; infinity if empty.
     pub fn percentile(&self, percent: usize) -> f32 {
         // Sums of weights are rounded.
         let wanted = percent as f64 / 100.0 * self.total() - 1e-9;
@@ -157,7 +158,7 @@ impl Weighted {
         last.map_or(f32::INFINITY, |(value, _)| *value)
     }
 
-    /// The share of the weight that a function is true of, 0..=1.
+    /// The fraction of the weight for which a function is true, 0..=1.
     pub fn share(&self, is: impl Fn(f32) -> bool) -> f64 {
         let of = self.0.iter().filter(|(value, _)| is(*value));
         of.map(|(_, weight)| weight).sum::<f64>() / self.total()
@@ -179,7 +180,7 @@ mod tests {
 
     #[test]
     fn parts_count_alike_however_many_points_they_have() {
-        // A floor of 16 rows; of the upper half all points, of the lower one every fourth.
+        // A floor of 16 rows; all points of the upper half, every fourth of the lower one.
         let floor = cell(|x, y| {
             if y < 8 || (x + y) % 4 == 0 {
                 y as f32
@@ -204,7 +205,7 @@ mod tests {
             }
         };
         assert!(scored(&line(8, 2.0)) && !scored(&line(8, 2.1)) && !scored(&line(13, 0.0)));
-        // The whole cell may be of two surfaces.
+        // The whole cell may show two surfaces.
         let two = |x: usize, y: usize| match (y % 8, x < 8) {
             (0, true) => 5.0,
             (4, false) => 50.0,
@@ -217,7 +218,7 @@ mod tests {
             (_, false) => 50.0,
         };
         assert!(scored(&whole));
-        // Four lines across a floor, and eight; in half of the parts are both.
+        // Four lines across a floor, and eight; both in half of the parts.
         let floor = |every: usize| {
             move |_: usize, y: usize| match y.is_multiple_of(every) {
                 true => y as f32,
@@ -235,7 +236,7 @@ mod tests {
 
     #[test]
     fn a_map_is_read_at_the_points() {
-        // The true points are of the even rows, where the map has its rows' numbers.
+        // The true points are in the even rows, where the map has the row numbers.
         let points = cell(|_, y| if y % 2 == 0 { y as f32 } else { NONE });
         let offset = |map: &dyn Fn(usize, usize) -> f32| {
             let map = Plane::from_fn(16, 16, map).unwrap();

@@ -1,13 +1,13 @@
 //! Scores that need no truth: cells that the images, or the other algorithms, support.
 //!
-//! docs/method.md has their definitions and what they are worth.
+//! docs/method.md has their definitions and their limits.
 
 use super::photometric::Correlations;
 use super::{CellJudgement, Verdict, judge_cells};
 use svl_core::stereo::{Cell, CellRule, DepthGrid, Estimate};
 
-/// The number of known cells of which half of the pixels with a disparity are supported, of every
-/// `step`-th column and row.
+/// Number of known cells in which half of the pixels with a disparity are supported, sampled in
+/// every `step`-th column and row.
 pub fn supported_cells(
     estimate: &Estimate,
     step: usize,
@@ -36,14 +36,14 @@ pub fn supported_cells(
     known.filter(|(place, _)| is_supported(*place)).count()
 }
 
-/// The number of known cells whose disparities no other disparity rivals.
+/// Number of known cells whose disparities have no rival.
 pub fn unrivalled_cells(estimate: &Estimate, correlations: &Correlations<'_>) -> usize {
     let supports = |at, d| correlations.unrivalled(at, d);
     supported_cells(estimate, Correlations::STEP, supports)
 }
 
-/// The number of cells that are right by the rule with the median of the `others` that know them,
-/// at least two, in the place of the truth.
+/// Number of cells that are right by the rule with the median of the `others` that know them, at
+/// least two, instead of the truth.
 pub fn agreed_cells(own: &DepthGrid, others: &[&DepthGrid], rule: CellRule) -> usize {
     let shape = own.shape();
     let median = |(column, row)| {
@@ -57,12 +57,12 @@ pub fn agreed_cells(own: &DepthGrid, others: &[&DepthGrid], rule: CellRule) -> u
             evidence: None,
             too_close: false,
             valid_share: 1.0,
-            // The smaller disparity, hence the farther, of two in the middle.
+            // The smaller disparity, hence the farther, of the two middle ones.
             depth: (depths.len() >= 2).then(|| depths[(depths.len() - 1) / 2]),
         }
     };
     let medians = DepthGrid::new(shape, shape.iter().map(median).collect());
-    // One cell was made per place.
+    // There is one cell per element of the shape.
     let medians = medians.expect("a grid has at least one cell");
     let judged = judge_cells(&medians, own, rule);
     let is_right = |cell: &&CellJudgement| cell.verdict == Verdict::Right;
@@ -102,7 +102,7 @@ mod tests {
 
     const NONE: f32 = f32::INFINITY;
 
-    /// Distances of two cells, nothing where unknown.
+    /// Distances of two cells, `None` if unknown.
     fn grid(distances_m: [Option<f64>; 2]) -> DepthGrid {
         let rig = Rig::new(100.0, (0.0, 0.0), 0.1, 0.0).unwrap();
         let px = |m: Option<f64>| m.map_or(NONE, |m| rig.disparity_px(m) as f32);
@@ -120,7 +120,7 @@ mod tests {
         assert_eq!(supported_cells(&e, 1, |_, d| d == 1.0), 1);
         assert_eq!(supported_cells(&e, 1, |_, d| d == 2.0), 2);
         assert_eq!(supported_cells(&e, 1, |_, _| true), 2);
-        // Of every second column and row only (1, 1), (3, 1), (5, 1), (7, 1).
+        // From every second column and row only (1, 1), (3, 1), (5, 1), (7, 1).
         assert_eq!(supported_cells(&e, 2, |_, d| d == 2.0), 1);
     }
 

@@ -1,19 +1,19 @@
-//! Cells of two surfaces: where the nearest quarter of a cell is nearer than its median.
+//! Cells with two surfaces: those whose nearest quarter is nearer than the median.
 //!
-//! The median rule calls an algorithm wrong that names the nearer of two surfaces, and overlooks an
-//! obstacle that fills a quarter of a cell. These counts stand beside it.
+//! The median rule counts a report of the nearer of two surfaces as wrong, and overlooks an
+//! obstacle that fills a quarter of a cell. These counts supplement it.
 
 use super::TrueCells;
 use std::ops::Range;
 use svl_core::stereo::{CellDepth, CellRule, DepthGrid, Frame, Plane, Rig};
 
-/// Least share of a cell's true pixels that a report names.
+/// Least fraction of a cell's true pixels that a report must agree with.
 const NAMED: f64 = 0.25;
 
-/// Greatest share of a cell that is not clear where a reported obstacle is none.
+/// Greatest fraction of a cell that is not clear if a reported obstacle is false.
 const CLEAR: f64 = 0.05;
 
-/// Counts over the cells of a frame that have a truth.
+/// Counts over the cells of a frame with truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SurfaceTally {
     /// Right by the median, or nearer than that and agreeing with a quarter of the cell.
@@ -23,14 +23,14 @@ pub struct SurfaceTally {
     pub missed: usize,
     /// Cells reported as an obstacle that are nearly all clear.
     pub falsely: usize,
-    /// Judged by the nearest quarter in place of the median.
+    /// Scored by the nearest quarter instead of the median.
     pub near_right: usize,
     pub near_wrong: usize,
 }
 
 impl SurfaceTally {
-    /// Judges the cells of `reported` by the frame's truth; it is what [`TrueCells::reported`]
-    /// returns.
+    /// Scores the cells of `reported` against the frame's truth; it is the result of
+    /// [`TrueCells::reported`].
     pub fn new(
         frame: &Frame,
         true_cells: &TrueCells,
@@ -54,7 +54,7 @@ impl SurfaceTally {
             }
             let median_px = f64::from(median.median_px);
             let agrees = |true_px: f64, surface| {
-                // What is too close is anywhere nearer than its report.
+                // Too close means anywhere nearer than the report.
                 cell.too_close && true_px >= f64::from(report.median_px)
                     || agrees(report, true_px, rule, frame.rig(), surface)
             };
@@ -92,8 +92,8 @@ fn judged_by_distance(rule: CellRule) -> bool {
     matches!(rule, CellRule::Distance { .. })
 }
 
-/// Whether a report is within the rule's tolerance of a true disparity; of a surface judged in
-/// pixels, 5 % of it at least.
+/// True if a report is within the rule's tolerance of a true disparity; if scored in pixels, within
+/// at least 5 % of the disparity.
 fn agrees(
     report: &CellDepth,
     true_px: f64,
@@ -131,8 +131,8 @@ mod tests {
     use svl_core::depth::{GridSettings, grid};
     use svl_core::stereo::{Geometry, Gray, GridShape, StereoPair, Truth};
 
-    /// A cell of ten pixels: `near` of them at 0.4 m, the others at 2 m, and what a report of
-    /// `distance_m` is counted as.
+    /// Counts for a cell of ten pixels, `near` of them at 0.4 m and the others at 2 m, and a report
+    /// of `distance_m`.
     fn tally(near: usize, distance_m: f64) -> SurfaceTally {
         // One metre is 10 px.
         let rig = Rig::new(100.0, (5.0, 0.5), 0.1, 0.0).unwrap();
@@ -161,7 +161,7 @@ mod tests {
     fn the_nearer_surface_may_be_named_from_a_quarter_on() {
         assert_eq!((tally(3, 0.4).right, tally(3, 0.4).wrong), (1, 0));
         assert_eq!((tally(2, 0.4).right, tally(2, 0.4).wrong), (0, 1));
-        // The farther one is the median's.
+        // The farther one is the median.
         assert_eq!((tally(3, 2.0).right, tally(7, 2.0).right), (1, 0));
     }
 

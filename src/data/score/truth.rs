@@ -1,7 +1,7 @@
-//! The truth of a frame by cells: what every score of cells is compared with.
+//! The truth of a frame by cells: the reference for every score of cells.
 //!
-//! The pixels with truth are the cell where they are at least half of its pixels. Where they are
-//! less, the cell is scored by the points that it has ([`SparseCell`]), or not at all.
+//! The pixels with truth represent the cell if they are at least half of its pixels. If they are
+//! fewer, the cell is scored by its points ([`SparseCell`]), or not at all.
 
 use super::cells::{CellJudgement, depth_at, judge_cells};
 use super::sparse::SparseCell;
@@ -12,10 +12,10 @@ use svl_core::stereo::{
     Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, Plane, Rig, Truth, TruthOrigin,
 };
 
-/// Least share of a cell's pixels whose truth must be known for the cell to have a dense truth.
+/// Least fraction of a cell's pixels with known truth for the cell to have a dense truth.
 const MIN_KNOWN: f64 = 0.5;
 
-/// Rank of the true disparity that is the nearest quarter's.
+/// Percentile of the true disparities that represents the nearest quarter.
 const NEAR_PERCENT: usize = 75;
 
 /// The truth of a frame's cells.
@@ -32,7 +32,7 @@ pub struct TrueCells {
 pub(super) struct TrueCell {
     /// The points of a truth that covers less than half of the pixels.
     pub sparse: Option<SparseCell>,
-    /// Absent where the cell is not scored.
+    /// `None` if the cell is not scored.
     pub quarter: Option<TrueQuarter>,
 }
 
@@ -40,13 +40,13 @@ pub(super) struct TrueCell {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TrueQuarter {
     pub near: CellDepth,
-    /// Share of the cell's true pixels that is nearer than what is clear.
+    /// Fraction of the cell's true pixels nearer than clear space.
     pub not_clear: f64,
 }
 
 impl TrueCells {
-    /// The cells of a frame with truth, scored by `rule`. Of a reference's disparities as many must
-    /// be sure as make an algorithm's cell known ([`depth::MIN_VALID`]).
+    /// The cells of a frame with truth, scored by `rule`. With a reference as truth, the fraction
+    /// of sure disparities must be that of an algorithm's known cell ([`depth::MIN_VALID`]).
     pub fn new(frame: &Frame, shape: GridShape, rule: CellRule) -> Option<Self> {
         let (truth, rig) = (frame.truth.as_ref()?, frame.rig());
         let is_reference = matches!(truth.kind.origin, TruthOrigin::Reference(_));
@@ -88,12 +88,12 @@ impl TrueCells {
         })
     }
 
-    /// Per cell the median true disparity and its distance, where the cell is scored.
+    /// Per cell the median true disparity and its distance, if the cell is scored.
     pub fn grid(&self) -> &DepthGrid {
         &self.grid
     }
 
-    /// The nearest quarters, where the cells are scored.
+    /// The nearest quarters, if the cells are scored.
     pub fn near(&self) -> impl Iterator<Item = Option<CellDepth>> {
         let quarters = self.cells.iter().map(|cell| cell.quarter);
         quarters.map(|quarter| quarter.map(|quarter| quarter.near))
@@ -104,7 +104,7 @@ impl TrueCells {
         &self.cells
     }
 
-    /// A cell's report at the place of its truth: for a sparse truth the report moved by the
+    /// A cell's report at the position of its truth: for a sparse truth the report moved by the
     /// difference between the algorithm's map at the points and in the whole cell.
     pub fn at_truth(&self, cell: usize, report: CellDepth, map: &Plane<f32>) -> CellDepth {
         let TrueCell { sparse, quarter } = &self.cells[cell];
@@ -130,7 +130,8 @@ impl TrueCells {
             .any(|cell| cell.quarter.is_some() && points(cell))
     }
 
-    /// [`TrueCells::at_truth`] of a grid. A cell that is too close claims a side, and stays.
+    /// [`TrueCells::at_truth`] for a grid. A cell that is too close claims only a side, and is
+    /// unchanged.
     pub fn reported<'a>(&self, reported: &'a DepthGrid, map: &Plane<f32>) -> Cow<'a, DepthGrid> {
         debug_assert_eq!(self.grid.shape(), reported.shape());
         let mut moved = Cow::Borrowed(reported);
@@ -143,7 +144,7 @@ impl TrueCells {
         moved
     }
 
-    /// Scores every cell, in raster order; `reported` is what [`TrueCells::reported`] returns.
+    /// Scores every cell, in raster order; `reported` is the result of [`TrueCells::reported`].
     pub fn judge(&self, reported: &DepthGrid) -> Vec<CellJudgement> {
         let mut judgements = judge_cells(&self.grid, reported, self.rule);
         let cells = self.cells.iter().zip(reported.iter());
@@ -247,8 +248,8 @@ mod tests {
         assert_eq!(reference(|x| x % 4 == 0 && x % 8 != 0), [None; 2]);
     }
 
-    /// A floor of 40 rows, of which every fourth is known: the score of a map, and how its cell is
-    /// counted.
+    /// A floor of 40 rows, every fourth of which is known: the score of a map, and the counts of
+    /// its cell.
     fn floor(map: impl Fn(usize) -> f32) -> (CellJudgement, SurfaceTally) {
         let known = |_: usize, y: usize| {
             if y.is_multiple_of(4) {
@@ -279,7 +280,7 @@ mod tests {
         let (off, tally) = floor(|y| y as f32 + 2.5);
         assert_eq!((off.verdict, tally.wrong), (Verdict::Wrong, 1));
         assert_eq!(off.at_points.map(|depth| depth.median_px), Some(18.5));
-        // Nothing at the points: the report itself.
+        // No disparities at the points: the report itself.
         let between = |y: usize| {
             if y.is_multiple_of(4) {
                 f32::INFINITY

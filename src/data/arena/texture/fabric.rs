@@ -2,8 +2,8 @@
 
 use crate::arena::noise::Dice;
 
-/// A picture of random clouds with about equal contrast in every octave, as natural images have
-/// (Field, JOSA A 1987): variance 1 or so, mean 0, row-major.
+/// A picture of random clouds with about equal contrast in every octave, like natural images
+/// (Field, JOSA A 1987): variance about 1, mean 0, row-major.
 pub(super) fn clouds(width: usize, height: usize, octaves: u32, dice: &mut Dice) -> Vec<f32> {
     let coarse = |side: usize, octave: u32| (side >> octave).max(1) + 2;
     let (mut w, mut h) = (coarse(width, octaves), coarse(height, octaves));

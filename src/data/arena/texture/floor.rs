@@ -1,4 +1,4 @@
-//! The arena's floor: what it is covered with, and the light that reaches it.
+//! The arena's floor: its covering, and the light that reaches it.
 
 use super::pattern::Pattern;
 use super::{Texture, fabric};
@@ -12,10 +12,10 @@ const WIDTH: usize = 1024;
 const HEIGHT: usize = 2048;
 const TEXEL_M: f32 = 0.002;
 
-/// The patterned floors have twice as many texels: what they show is finer.
+/// The patterned floors have twice the texel density: their detail is finer.
 const FINER: usize = 2;
 
-/// The floor of the run with that seed; `light` is the share of light that reaches a point.
+/// The floor of the run with that seed; `light` returns the fraction of light that reaches a point.
 pub(crate) fn floor(
     seed: u64,
     world: &WorldConfig,
@@ -46,8 +46,8 @@ fn patterned(height: usize, pattern: &Pattern, light: impl Fn(f32, f32) -> f32) 
     Texture::new(width, &albedo, texel_m)
 }
 
-/// The thesis's: grey, speckled, with scuffs, much weaker than the walls. `contrast` is the
-/// standard deviation of the speckles' albedo.
+/// Linoleum as in the thesis: grey, speckled, with scuffs, much weaker than the walls. `contrast`
+/// is the standard deviation of the speckles' albedo.
 fn linoleum(
     height: usize,
     contrast: f32,
@@ -67,7 +67,7 @@ fn linoleum(
         for _ in 0..dice.between(10.0, 90.0) as usize {
             (x, y) = (x + along.0, y + along.1);
             let (column, row) = (x.max(0.0) as usize, y.max(0.0) as usize);
-            // A scuff that leaves the picture is not continued on the other side.
+            // A scuff that leaves the picture does not continue on the other side.
             if column < WIDTH && row < height {
                 speckles[row * WIDTH + column] += tone;
             }
@@ -83,7 +83,7 @@ fn linoleum(
     Texture::new(WIDTH, &albedo, TEXEL_M)
 }
 
-/// Light on the floor, known at every eighth texel.
+/// Light on the floor, computed at every eighth texel.
 struct Shade {
     columns: usize,
     light: Vec<f32>,

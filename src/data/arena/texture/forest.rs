@@ -5,21 +5,21 @@ use crate::arena::noise::{Dice, NoiseStream};
 use rayon::prelude::*;
 
 /// Texels along the whole row of sheets; with [`TEXEL_M`] 18.8 m, enough that in the default arena
-/// no surface shows another's piece.
+/// no two surfaces share a piece.
 const WIDTH: usize = 16_384;
 /// Texels from the floor upwards.
 const HEIGHT: usize = 256;
 const TEXEL_M: f32 = 0.00115;
 
-/// A row of forest pictures, each with its own light, trees and leaves. `contrast` 1 is that of a
-/// good print.
+/// A row of forest pictures, each with its own light, trees and leaves. a `contrast` of 1 is that
+/// of a good print.
 pub(crate) fn forest(seed: u64, contrast: f32) -> Texture {
     let mut dice = Dice::new(seed, NoiseStream::Sheets);
     let mut widths = Vec::new();
     let mut rest = WIDTH;
     while rest > 0 {
         let width = (dice.between(280.0, 460.0) as usize).min(rest);
-        // No sliver of a sheet is left over at the end.
+        // Avoids a sliver of a sheet at the end.
         let width = if rest - width < 280 { rest } else { width };
         widths.push(width);
         rest -= width;
@@ -91,7 +91,7 @@ fn leaves(
         );
         let clump = clumps[y as usize * canvas.width + x as usize];
         let up = y / canvas.height as f32;
-        // Undergrowth and canopy are dense, the space between the trunks is not.
+        // Undergrowth and canopy are dense; the space between the trunks is not.
         let density = 0.40 + 0.6 * clump + if up < 0.25 { 0.5 } else { 0.0 };
         if !dice.chance(density) {
             continue;

@@ -20,7 +20,7 @@ pub(super) struct Texture {
 }
 
 /// A picture in blocks of 8 x 8 texels, each a cache line: a footprint touches few of them. The
-/// last levels are smaller than a block and leave the rest of theirs empty.
+/// last levels are smaller than a block and leave the rest of it empty.
 struct Level {
     width: usize,
     height: usize,
@@ -31,7 +31,7 @@ struct Level {
 const BLOCK_BITS: usize = 3;
 const BLOCK: usize = 1 << BLOCK_BITS;
 
-/// Where on a surface a pixel falls, in metres of the texture's own axes.
+/// Area of a surface covered by a pixel, in metres of the texture's own axes.
 pub(super) struct Footprint {
     pub(super) u_m: f32,
     pub(super) v_m: f32,
@@ -43,7 +43,7 @@ pub(super) struct Footprint {
     pub(super) stretch: f32,
 }
 
-/// Samples along the longer side of a footprint at most; what is longer than that is blurred.
+/// Most samples along the longer side of a footprint; longer ones are blurred.
 const TAPS: i32 = 4;
 
 impl Texture {
@@ -65,7 +65,8 @@ impl Texture {
         let per_tap = at.minor_m * (at.stretch / taps as f32).max(1.0);
         let level = octave(per_tap / self.texel_m).clamp(0.0, (self.levels.len() - 1) as f32);
         let (mut sum, step, per_m) = (0.0, 2.0 / taps as f32, 1.0 / self.texel_m);
-        // Whole periods of both sides keep the casts below positive, so that they round down.
+        // Whole periods of both sides are added to keep the casts below positive, so that they
+        // round down.
         let lift = (4 * self.levels[0].width.max(self.levels[0].height)) as f32;
         for tap in 0..taps {
             let along = (tap as f32 + 0.5) * step - 1.0;
@@ -81,7 +82,7 @@ impl Texture {
         let scale = 1.0 / (1u32 << fine) as f32;
         let a = self.levels[fine].bilinear(u * scale, v * scale);
         match self.levels.get(fine + 1) {
-            // A smaller share of the second level is not worth its four look-ups.
+            // A smaller fraction of the second level is not worth its four look-ups.
             Some(coarse) if blend > 0.02 => {
                 a + blend * (coarse.bilinear(u * scale * 0.5, v * scale * 0.5) - a)
             }
@@ -114,20 +115,20 @@ impl Level {
         }
     }
 
-    /// Index of a texel: what its column adds ...
+    /// Index of a texel: contribution of its column,
     fn column(&self, x: usize) -> usize {
         let x = x & (self.width - 1);
         (x >> BLOCK_BITS) << (2 * BLOCK_BITS) | x & (BLOCK - 1)
     }
 
-    /// ... and what its row adds.
+    /// and of its row.
     fn row(&self, y: usize) -> usize {
         let y = y & (self.height - 1);
         let blocks = (y >> BLOCK_BITS) * self.width.div_ceil(BLOCK);
         blocks << (2 * BLOCK_BITS) | (y & (BLOCK - 1)) << BLOCK_BITS
     }
 
-    /// The texture at half the size; nothing below one texel.
+    /// The texture at half the size; `None` below one texel.
     fn half(&self) -> Option<Self> {
         if self.width < 2 || self.height < 2 {
             return None;
@@ -140,7 +141,7 @@ impl Level {
         }))
     }
 
-    /// Texel centres stand at halves; `u` and `v` are positive.
+    /// Texel centres are at halves; `u` and `v` are positive.
     fn bilinear(&self, u: f32, v: f32) -> f32 {
         let (u, v) = (u - 0.5, v - 0.5);
         let (iu, iv) = (u as i32, v as i32);

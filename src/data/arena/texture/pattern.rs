@@ -1,22 +1,22 @@
-//! Patterned floors as functions of the place: tiles, carpet, planks, grains.
+//! Patterned floors as functions of position: tiles, carpet, planks, grains.
 
 use crate::arena::config::FloorPattern;
 use crate::arena::noise::{Dice, mix};
 
-/// A pattern with all its measures.
+/// A pattern with all its dimensions.
 pub(super) struct Pattern {
     kind: FloorPattern,
-    /// Cosine and sine of the direction in which it lies.
+    /// Cosine and sine of its orientation.
     turn: (f32, f32),
-    /// Period: side of a tile, breadth of a board, distance of loops, size of a grain, metres.
+    /// Period: side of a tile, width of a board, distance of loops, size of a grain, metres.
     period_m: f32,
-    /// A second measure: breadth of the joints, metres.
+    /// A second dimension: width of the joints, metres.
     joint_m: f32,
     tone: f32,
     joint_tone: f32,
-    /// Deviation of the tone from tile to tile, board to board or loop to loop.
+    /// Variation of the tone from tile to tile, board to board or loop to loop.
     spread: f32,
-    /// Deviation of the tone of grains.
+    /// Variation of the tone of grains.
     grain: f32,
     /// Size of the smallest grains, metres.
     grain_m: f32,
@@ -53,7 +53,7 @@ impl Pattern {
     /// Albedo of a point of the floor, before clipping.
     pub(super) fn albedo(&self, x_m: f32, y_m: f32) -> f32 {
         let (cos, sin) = self.turn;
-        // Whole metres away, so that all coordinates are positive.
+        // Shifted by whole metres, so that all coordinates are positive.
         let u = 20.0 + cos * x_m + sin * y_m;
         let v = 20.0 + cos * y_m - sin * x_m;
         match self.kind {
@@ -72,7 +72,7 @@ impl Pattern {
             }
             FloorPattern::Planks => {
                 let (board, across) = part(u, self.period_m);
-                // Boards begin anywhere.
+                // Boards begin at arbitrary positions.
                 let length = 8.0 * self.period_m;
                 let shift = (1.0 + self.random(board, 0, 1)) * length;
                 let (piece, along) = part(v + shift, length);
@@ -88,7 +88,7 @@ impl Pattern {
             }
             FloorPattern::Carpet => {
                 let (row, along) = part(v, self.period_m);
-                // Every other row is half a loop further.
+                // Every other row is shifted by half a loop.
                 let (loop_, across) =
                     part(u + 0.5 * (row % 2) as f32 * self.period_m, self.period_m);
                 let swell = |t: f32| 4.0 * t / self.period_m * (1.0 - t / self.period_m);
@@ -99,8 +99,8 @@ impl Pattern {
         }
     }
 
-    /// Grains with equal contrast in every octave from the size `least_m` on: mean 0, deviation 1
-    /// or so.
+    /// Grains with equal contrast in every octave from the size `least_m` on: mean 0, deviation
+    /// about 1.
     fn grains(&self, u: f32, v: f32, least_m: f32) -> f32 {
         let octave = |octave: u32| {
             let size_m = least_m * (1u32 << octave) as f32;
@@ -112,18 +112,18 @@ impl Pattern {
             let high = at(0, 1) + s * (at(1, 1) - at(0, 1));
             low + t * (high - low)
         };
-        // Interpolated uniform noise of -1..1 has about a quarter of that's variance.
+        // Interpolated uniform noise of -1..1 has about a quarter of its variance.
         (0..OCTAVES).map(octave).sum::<f32>() * (1.3 / (OCTAVES as f32).sqrt()) * 1.5
     }
 
-    /// Uniform in -1..1, a function of the place.
+    /// Uniform in -1..1, a function of position.
     fn random(&self, column: u32, row: u32, layer: u32) -> f32 {
         let place = u64::from(column) << 40 ^ u64::from(row) << 16 ^ u64::from(layer);
         (mix(self.key ^ place) >> 40) as f32 / (1u64 << 23) as f32 - 1.0
     }
 }
 
-/// The number of the period that a coordinate is in, and how far.
+/// The index of the period that contains a coordinate, and the fraction within it.
 fn part(at_m: f32, period_m: f32) -> (u32, f32) {
     let number = (at_m / period_m).floor();
     (number as u32, at_m - number * period_m)

@@ -12,7 +12,7 @@ use svl_core::stereo::Side;
 
 /// Commands both cameras to expose.
 ///
-/// Two commands are not one edge: two threads send them at the same time, and the stamps show the
+/// Two commands do not make one edge: two threads send them at the same time, and the stamps show the
 /// skew.
 pub struct SoftwareTrigger {
     devices: [Arc<GenicamDevice>; 2],

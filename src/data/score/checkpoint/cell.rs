@@ -1,18 +1,18 @@
-//! What a cell must show, as a person measured it or judged it by eye.
+//! Expectation of a cell, as measured or estimated by eye by a person.
 
 use crate::score::Verdict;
 use svl_core::stereo::{CellDepth, CellRule};
 
-/// A cell of a checkpoint and what it must show, `[[checkpoint.cell]]` of a scenario.
+/// A cell of a checkpoint and its expectation, `[[checkpoint.cell]]` of a scenario.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "CellTable", into = "CellTable")]
 pub struct ExpectedCell {
-    /// `[column, row]`, row 0 on top.
+    /// `[column, row]`, row 0 at the top.
     pub at: [usize; 2],
     pub expectation: CellExpectation,
 }
 
-/// What a cell must show.
+/// Expectation of a cell.
 ///
 /// | | right | wrong | missing |
 /// |---|---|---|---|
@@ -21,11 +21,11 @@ pub struct ExpectedCell {
 /// | `farther_m` | reported farther | reported there or nearer | unknown |
 /// | `free` | unknown, or beyond the rule's `clear_m` | reported at `clear_m` or nearer | – |
 ///
-/// A cell that is reported at infinity is farther than everything.
+/// A cell reported at infinity is farther than everything.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CellExpectation {
-    /// Something at that distance, metres. Where one tolerance is given, it alone counts; of two
-    /// the larger; without any those of the cell rule.
+    /// Something at that distance, metres. A single tolerance is used alone; of two the larger is
+    /// used; without any, those of the cell rule.
     Distance {
         distance_m: f64,
         tolerance_m: Option<f64>,
@@ -133,7 +133,7 @@ impl ExpectedCell {
         }
     }
 
-    /// The distance that was measured.
+    /// The measured distance.
     pub fn distance_m(&self) -> Option<f64> {
         match self.expectation {
             CellExpectation::Distance { distance_m, .. } => Some(distance_m),
@@ -141,7 +141,7 @@ impl ExpectedCell {
         }
     }
 
-    /// Right, wrong, or unknown where something must be seen: missing.
+    /// Right, wrong, or unknown if something must be seen: missing.
     pub fn judge(&self, reported: Option<CellDepth>, rule: CellRule) -> Verdict {
         let Some(depth) = reported else {
             return match self.expectation {
@@ -180,7 +180,7 @@ impl ExpectedCell {
         (percent / 100.0 * distance_m).max(metres)
     }
 
-    /// What is expected, in words.
+    /// The expectation in words.
     pub fn words(&self, rule: CellRule) -> String {
         match self.expectation {
             CellExpectation::Distance { distance_m, .. } => {

@@ -1,5 +1,5 @@
 //! Checkpoints: situations in which the robot has to see one thing, as in the thesis's arena
-//! (chapter 7), or as a person measured it in a recording.
+//! (chapter 7), or as measured by a person in a recording.
 
 mod cell;
 mod place;
@@ -16,9 +16,9 @@ use svl_core::counted;
 use svl_core::stereo::{CellRule, DepthGrid, Frame, GridShape};
 use svl_core::{Error, Result};
 
-/// Frames of a run, and what has to be seen in them.
+/// Frames of a run, and what must be seen in them.
 ///
-/// Cells are `[column, row]`, row 0 on top.
+/// Cells are `[column, row]`, row 0 at the top.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "CheckpointTable", into = "CheckpointTable")]
 pub struct Checkpoint {
@@ -27,7 +27,7 @@ pub struct Checkpoint {
     pub description: String,
     /// The frames that show it.
     pub place: CheckpointPlace,
-    /// The run that they belong to, of a scenario of recordings: the end of its file's path.
+    /// The run they belong to, in a scenario of recordings: the end of its file's path.
     pub file: Option<String>,
     /// The frames at which a person labelled it, with their pairs.
     pub pairs: Vec<LabelledPair>,
@@ -37,11 +37,11 @@ pub struct Checkpoint {
     pub must: Vec<[usize; 2]>,
     /// Each list: cells from the nearest to the farthest, by reported distance, strictly.
     pub order: Vec<Vec<[usize; 2]>>,
-    /// What was measured or judged by eye; needs no truth.
+    /// Measurements or estimates by eye; they need no truth.
     pub expected: Vec<ExpectedCell>,
 }
 
-/// The pair that a person saw.
+/// The pair seen by the person who labelled it.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LabelledPair {
@@ -51,7 +51,7 @@ pub struct LabelledPair {
 }
 
 impl LabelledPair {
-    /// That of a frame.
+    /// The pair of a frame.
     pub fn new(frame: &Frame) -> Self {
         Self {
             frame: frame.sequence,
@@ -64,7 +64,7 @@ fn hash_words(hash: u128) -> String {
     format!("{hash:032x}")
 }
 
-/// The labelled pairs as they stand in a file.
+/// The labelled pairs in a file.
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(
     untagged,
@@ -75,7 +75,7 @@ enum WrittenPairs {
     Several(Vec<LabelledPair>),
 }
 
-/// A checkpoint as it stands in a file.
+/// A checkpoint in a file.
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CheckpointTable {
@@ -171,7 +171,8 @@ impl From<Checkpoint> for CheckpointTable {
 
 impl Checkpoint {
     /// # Errors
-    /// [`Error::Invalid`] naming the checkpoint and what contradicts itself.
+    ///
+    /// [`Error::Invalid`] with the name of the checkpoint and its contradiction.
     pub fn validate(&self, shape: GridShape) -> Result<()> {
         self.place.validate().or_else(|what| self.wrong(what))?;
         let all = self.cells.iter().chain(&self.must);
@@ -210,20 +211,21 @@ impl Checkpoint {
         )))
     }
 
-    /// Whether what it says of cells can be compared with nothing but true distances.
+    /// True if its conditions on cells can only be checked against true distances.
     pub fn needs_truth(&self) -> bool {
         !(self.cells.is_empty() && self.must.is_empty())
     }
 
-    /// Whether it needs reported distances, which only a calibrated pair has.
+    /// True if it needs reported distances, which only a calibrated pair has.
     pub fn needs_rig(&self) -> bool {
         !(self.order.is_empty() && self.expected.is_empty())
     }
 
-    /// Refuses a run by its first frame where nothing could ever pass.
+    /// Rejects a run by its first frame if nothing could ever pass.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with what is missing, and the cure.
+    ///
+    /// [`Error::Invalid`] with the missing input and the remedy.
     pub fn check_frame(&self, frame: &Frame, run: &RunPart) -> Result<()> {
         if !run.is_in(self.file.as_deref()) {
             return Ok(());
@@ -253,10 +255,11 @@ impl Checkpoint {
         Ok(())
     }
 
-    /// Refuses a frame that was another pair when it was labelled. `hash`: of its pair.
+    /// Rejects a frame that was another pair when it was labelled. `hash`: that of its pair.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the cure.
+    ///
+    /// [`Error::Invalid`] with the remedy.
     pub(super) fn check_pair(
         &self,
         frame: &Frame,
@@ -267,7 +270,7 @@ impl Checkpoint {
         let Some(pair) = pairs.find(|pair| pair.frame == frame.sequence) else {
             return Ok(());
         };
-        // A perturbation changes pairs, not what is seen in them.
+        // A perturbation changes pairs, but not their scene.
         if run.stress.is_some() || !run.is_in(self.file.as_deref()) {
             return Ok(());
         }
@@ -283,7 +286,7 @@ impl Checkpoint {
         ))
     }
 
-    /// Whether a frame of that run shows this checkpoint.
+    /// True if a frame of that run shows this checkpoint.
     pub fn covers(&self, frame: &Frame, run: &RunPart) -> bool {
         run.is_in(self.file.as_deref()) && self.place.covers(frame, run)
     }
@@ -313,8 +316,8 @@ impl Checkpoint {
         self.expected.iter().filter_map(finding).collect()
     }
 
-    /// Judges one of its frames from the reported grid and the cells' judgements, which are in
-    /// raster order; without judgements no cell of `must` is right.
+    /// Scores one of its frames from the reported grid and the cells' scores, in raster order;
+    /// without scores no cell of `must` is right.
     pub fn judge(
         &self,
         grid: &DepthGrid,
@@ -342,7 +345,7 @@ impl Checkpoint {
         let distance = |cell: &[usize; 2]| depth(*cell).and_then(|d| d.distance_m);
         let order_holds = self.order.iter().all(|cells| {
             let distances: Vec<_> = cells.iter().map(distance).collect();
-            // An unknown cell has no place in an order.
+            // An unknown cell has no position in an order.
             distances.iter().all(Option::is_some)
                 && distances.is_sorted_by(|nearer, farther| nearer < farther)
         });
@@ -369,44 +372,43 @@ impl Checkpoint {
     }
 }
 
-/// An expected cell that is not as it must be.
+/// An expected cell that fails.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CellFinding {
     pub at: [usize; 2],
-    /// Whether it is wrong, not only missing.
+    /// True if it is wrong, not only missing.
     pub is_wrong: bool,
-    /// What is reported and what was expected.
+    /// The report and the expectation.
     pub words: String,
 }
 
-/// A checkpoint's verdict in one frame.
+/// Result of a checkpoint in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CheckpointFrame {
     pub passed: bool,
-    /// Cells that must be right and are not, or where something must be seen and nothing is known.
+    /// Cells that must be right and are not, or that must show something and are unknown.
     pub missing: usize,
     /// Cells that are wrong.
     pub wrong: usize,
-    /// Whether the reported distances are in the order they must be in.
+    /// True if the reported distances are in the required order.
     pub order_holds: bool,
-    /// The largest relative error of distance among the cells whose distance is known; infinite
-    /// when one is not reported.
+    /// The largest relative error of distance among the cells whose distance is known; infinite if
+    /// one is not reported.
     pub error: f64,
 }
 
 impl CheckpointFrame {
-    /// Orders frames from the best to the worst: by what fails, and where that is equal by the
-    /// error of distance.
+    /// Orders frames from the best to the worst: by their failures, and if equal by the error of
+    /// distance.
     fn badness(&self, other: &Self) -> Ordering {
-        // In the order of severity: a wrong cell may make the robot hit something, a missing one
-        // makes it stop.
+        // By severity: a wrong cell may make the robot hit something, a missing one makes it stop.
         let failures = |f: &Self| (!f.passed, f.wrong, f.missing, !f.order_holds);
         failures(self)
             .cmp(&failures(other))
             .then(self.error.total_cmp(&other.error))
     }
 
-    /// What is amiss, in words; nothing when it passed.
+    /// The failures in words; `None` if it passed.
     pub fn reasons(&self) -> Option<String> {
         let cells = |n: usize| counted(n, "cell");
         let amiss = [

@@ -1,40 +1,40 @@
-//! Which frames show a checkpoint: by the robot's pose, by their numbers or by their time.
+//! Frames that show a checkpoint: by the robot's pose, by their numbers or by their time.
 
 use std::path::Path;
 use svl_core::stereo::{Frame, Pose};
 
-/// Which frames show a checkpoint.
+/// Rule for the frames that show a checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CheckpointPlace {
-    /// Those taken from about this pose.
+    /// Frames taken from about this pose.
     Pose {
-        /// Where the left camera is, metres on the floor.
+        /// Position of the left camera, metres on the floor.
         at_m: [f64; 2],
-        /// How near to it a frame must be taken.
+        /// Largest distance of a frame from it.
         radius_m: f64,
         /// Direction of view in the world, `atan2(y, x)`.
         heading_deg: f64,
         heading_tolerance_deg: f64,
     },
-    /// Those with these sequence numbers, both ends among them.
+    /// Frames with these sequence numbers, both ends included.
     Frames([u64; 2]),
-    /// Those in these seconds since the run's first pair, both ends among them.
+    /// Frames in these seconds since the run's first pair, both ends included.
     Seconds([f64; 2]),
 }
 
-/// The run that a frame belongs to.
+/// The run of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunPart {
-    /// The end of its file's path; empty where runs have no files.
+    /// The end of its file's path; empty if runs have no files.
     pub name: String,
     /// Stamp of the first pair of its source.
     pub start_ns: u64,
-    /// What made its pairs worse, if anything did, as [`crate::stress::Stress`] writes it.
+    /// Perturbation of its pairs, if any, in the text form of [`crate::stress::Stress`].
     pub stress: Option<String>,
 }
 
 impl RunPart {
-    /// Whether it is the run of that file; without a file it is.
+    /// True if it is the run of that file, or if there is no file.
     pub(super) fn is_in(&self, file: Option<&str>) -> bool {
         let ends = |file: &str| {
             let (run, file) = (Path::new(&self.name), Path::new(file));
@@ -44,7 +44,7 @@ impl RunPart {
     }
 }
 
-/// A place as it stands in a file.
+/// A place in a file.
 #[derive(Default)]
 pub(super) struct PlaceTable {
     pub at_m: Option<[f64; 2]>,
@@ -139,7 +139,7 @@ impl CheckpointPlace {
         }
     }
 
-    /// Whether a frame of that run shows it.
+    /// True if a frame of that run shows it.
     pub(super) fn covers(&self, frame: &Frame, run: &RunPart) -> bool {
         match *self {
             Self::Pose { .. } => frame.pose.as_ref().is_some_and(|pose| self.is_near(pose)),

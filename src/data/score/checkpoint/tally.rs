@@ -1,15 +1,15 @@
-//! A checkpoint over many frames: how many pass, and which are the best and the worst.
+//! A checkpoint over many frames: number passed, best and worst frame.
 
 use super::CheckpointFrame;
 
-/// A checkpoint over the frames of one run or of several.
+/// A checkpoint over the frames of one or more runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CheckpointTally<F> {
     pub frames: usize,
     pub passed: usize,
-    /// The best frame: the first of the best.
+    /// The best frame: the first among equals.
     pub best: Option<(F, CheckpointFrame)>,
-    /// The worst frame: the first of the worst.
+    /// The worst frame: the first among equals.
     pub worst: Option<(F, CheckpointFrame)>,
 }
 
@@ -25,12 +25,12 @@ impl<F> Default for CheckpointTally<F> {
 }
 
 impl<F> CheckpointTally<F> {
-    /// Whether a frame with that score would become the best, the worst.
+    /// True for a frame with that score that would become the best, the worst.
     pub fn would_lead(&self, frame: &CheckpointFrame) -> (bool, bool) {
         let best = self
             .best
             .as_ref()
-            // Strictly better: of equal frames the first stays, so the result does not depend on
+            // Strictly better: among equal frames the first stays, so the result does not depend on
             // how a run is split.
             .is_none_or(|(_, b)| frame.badness(b).is_lt());
         let worst = self
@@ -40,7 +40,7 @@ impl<F> CheckpointTally<F> {
         (best, worst)
     }
 
-    /// Counts a frame; `keep` makes what is kept of it when it leads.
+    /// Counts a frame; `keep` returns what is stored of it if it leads.
     pub fn add(&mut self, frame: CheckpointFrame, keep: impl Fn() -> F) {
         let (best, worst) = self.would_lead(&frame);
         if best {
@@ -53,7 +53,7 @@ impl<F> CheckpointTally<F> {
         self.passed += usize::from(frame.passed);
     }
 
-    /// Share of the frames that passed; nothing without frames.
+    /// Fraction of the frames that passed; `None` without frames.
     pub fn share(&self) -> Option<f64> {
         (self.frames > 0).then(|| self.passed as f64 / self.frames as f64)
     }

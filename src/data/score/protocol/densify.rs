@@ -1,11 +1,11 @@
-//! Fills the gaps of a sparse map, as KITTI's development kits do before they score it.
+//! Fills the gaps of a sparse map, like KITTI's development kits before scoring.
 
 use svl_core::stereo::Plane;
 
-/// The map with its holes (`+∞`) filled: along each row a gap between two disparities takes the
-/// smaller of the two, and both ends the nearest one; then the tops and bottoms of columns take the
-/// nearest one. So an empty row between others stays empty, as it does in the kits
-/// (`interpolateBackground` of `io_disparity.h`).
+/// The map with its holes (`+∞`) filled: along each row a gap between two disparities gets the
+/// smaller of the two, and both ends the nearest one; then the tops and bottoms of columns get the
+/// nearest one. So an empty row between others stays empty, as in the kits (`interpolateBackground`
+/// of `io_disparity.h`).
 pub fn densify(map: &Plane<f32>) -> Plane<f32> {
     let mut dense = map.clone();
     let (width, height) = dense.size();
@@ -30,7 +30,7 @@ fn fill_row(row: &mut [f32]) {
     for x in 0..row.len() {
         let right = row[x];
         if right.is_finite() {
-            // The smaller disparity is the background, which is what a gap mostly hides.
+            // The smaller disparity is the background, which fills most gaps.
             row[from..x].fill(left.map_or(right, |left| left.min(right)));
             left = Some(right);
             from = x + 1;

@@ -8,7 +8,7 @@ use svl_core::stereo::{Plane, Visibility};
 const NO_TRUTH: [u8; 3] = [0; 3];
 const NO_ESTIMATE: [u8; 3] = [128; 3];
 
-/// Each pixel for itself.
+/// Each pixel on its own.
 pub(super) fn plain(image: &ProtocolImage) -> Plane<[u8; 3]> {
     let mut rgb = image.truth.map(|_| NO_TRUTH);
     each(image, |x, y, truth, dimmed| {
@@ -26,14 +26,14 @@ pub(super) fn plain(image: &ProtocolImage) -> Plane<[u8; 3]> {
     rgb
 }
 
-/// As the kit draws: the densified map, each pixel but those of the image's border over its eight
-/// neighbours, the later over the earlier.
+/// As drawn by the kit: the densified map, each pixel except on the image's border covers its eight
+/// neighbours, later ones over earlier ones.
 pub(super) fn kitti(image: &ProtocolImage) -> Plane<[u8; 3]> {
     let dense = KittiMaps::new(image).dense;
     let mut rgb = image.truth.map(|_| NO_TRUTH);
     let (width, height) = rgb.size();
     each(image, |x, y, truth, dimmed| {
-        // The kit leaves the border of one pixel unpainted.
+        // The kit leaves a border of one pixel unpainted.
         if (1..width.saturating_sub(1)).contains(&x) && (1..height.saturating_sub(1)).contains(&y) {
             let colour = dimmed(colour(truth, stored(dense.get(x, y))));
             (y - 1..=y + 1).for_each(|y| rgb.row_mut(y)[x - 1..=x + 1].fill(colour));
@@ -42,8 +42,8 @@ pub(super) fn kitti(image: &ProtocolImage) -> Plane<[u8; 3]> {
     rgb
 }
 
-/// Calls `paint` for the pixels with a truth in raster order, with what halves the colours of those
-/// the mask leaves out.
+/// Calls `paint` for the pixels with truth in raster order, with a function that halves the colours
+/// of those outside the mask.
 fn each(image: &ProtocolImage, mut paint: impl FnMut(usize, usize, f32, fn([u8; 3]) -> [u8; 3])) {
     for (y, row) in image.truth.rows().enumerate() {
         for (x, &truth) in row
@@ -78,12 +78,12 @@ mod tests {
 
     #[test]
     fn bins_begin_where_the_last_ends() {
-        // At a truth of 60 the two thresholds are one: 3 px.
+        // At a truth of 60 the two thresholds coincide: 3 px.
         let colours = [0.0, 0.1875, 0.375, 0.75, 1.5, 3.0, 6.0, 12.0, 24.0, 48.0]
             .map(|error| colour(60.0, 60.0 + error));
         assert_eq!(colours, BINS.map(|(_, colour)| colour));
         assert_eq!(colour(60.0, 62.999), BINS[4].1);
-        // Far off in pixels, but not in parts of the truth: the smaller counts.
+        // Far off in pixels, but not relative to the truth: the smaller counts.
         assert_eq!(colour(600.0, 606.0), BINS[2].1);
         assert_eq!((colour(0.0, 0.0), colour(0.0, 3.0)), (BINS[0].1, BINS[5].1));
     }

@@ -1,4 +1,4 @@
-//! The absolute errors of one image, from which all numbers but KITTI 2015's are made.
+//! The absolute errors of one image, from which all numbers except KITTI 2015's are computed.
 
 use super::numbers::{NumberUnit, Numbers};
 use svl_core::{Error, Result};
@@ -13,7 +13,8 @@ impl Errors {
     /// From `(truth, estimate)` of each scored pixel, `+∞` for no estimate.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when there is none.
+    ///
+    /// [`Error::Invalid`] if there is none.
     pub(super) fn collect(judged: impl Iterator<Item = (f32, f32)>) -> Result<Self> {
         let mut pixels = 0;
         let estimated = judged
@@ -29,17 +30,17 @@ impl Errors {
         Ok(Self { sorted, pixels })
     }
 
-    /// Judged pixels.
+    /// Scored pixels.
     pub(super) fn pixels(&self) -> usize {
         self.pixels
     }
 
-    /// Of them, those with an estimate.
+    /// Those with an estimate.
     pub(super) fn estimated(&self) -> usize {
         self.sorted.len()
     }
 
-    /// Of them, those without.
+    /// Those without.
     pub(super) fn invalid(&self) -> usize {
         self.pixels - self.sorted.len()
     }
@@ -65,7 +66,7 @@ impl Errors {
         (!self.sorted.is_empty()).then(|| sum / self.sorted.len() as f64)
     }
 
-    /// The table that Middlebury and ETH3D share: `bad` in percent by threshold, and A_q, the error
+    /// The table shared by Middlebury and ETH3D: `bad` in per cent by threshold, and A_q, the error
     /// of rank `rank(q · 100)` from 0.
     pub(super) fn table(
         &self,

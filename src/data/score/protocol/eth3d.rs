@@ -1,10 +1,10 @@
 //! ETH3D's two-view benchmark (T. Schöps et al., *A multi-view stereo benchmark with
-//! high-resolution images and multi-camera videos*, CVPR 2017), as its program
-//! `two-view-evaluation` scores.
+//! high-resolution images and multi-camera videos*, CVPR 2017), as scored by its program
+//! `two-view-evaluation`.
 //!
-//! Its quirks: a disparity beyond the image's width either way is none; all numbers but coverage
-//! are of the estimated pixels; without any, all of them are bad and the errors infinite (`None`
-//! here).
+//! Its quirks: a disparity beyond the image's width in either direction is invalid; all numbers
+//! except coverage are over the estimated pixels; without any, all of them are bad and the errors
+//! infinite (`None` here).
 
 use super::errors::Errors;
 use super::numbers::{Numbers, percent};
@@ -15,7 +15,7 @@ pub(super) fn numbers(image: &ProtocolImage) -> Result<Numbers> {
     let errors = Errors::collect(
         scored_pixels(image.truth, image.mask).map(|(x, y, truth)| (truth, estimate(image, x, y))),
     )?;
-    // Without estimates the program calls all pixels bad.
+    // Without estimates the program counts all pixels as bad.
     let bad = |t| percent(errors.over(t), errors.estimated()).or(Some(100.0));
     // The program multiplies in single precision, which differs from some hundred thousand pixels
     // on.

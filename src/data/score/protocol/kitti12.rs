@@ -1,5 +1,5 @@
-//! KITTI 2012: outliers beyond 1 … 5 px and the mean error, of each image; over several the mean of
-//! the images.
+//! KITTI 2012: outliers beyond 1 … 5 px and the mean error, per image; over several images their
+//! mean.
 
 use super::errors::Errors;
 use super::kitti::{KittiMaps, stored};
@@ -8,7 +8,7 @@ use super::{ProtocolImage, scored_pixels};
 use svl_core::Result;
 use svl_core::stereo::Plane;
 
-/// Outliers of the map as it is, densified, and of the estimated pixels alone, by threshold.
+/// Outliers of the map as given, densified, and among only the estimated pixels, by threshold.
 const OUTLIERS: [(f32, [&str; 3]); 5] = [
     (1.0, ["out1", "out1_dense", "out1_est"]),
     (2.0, ["out2", "out2_dense", "out2_est"]),

@@ -1,6 +1,6 @@
-//! KITTI 2015: D1, the outliers by more than 3 px and more than 5 % of the truth, of background,
-//! foreground and all; over several images the pixels of all are counted, not their shares
-//! averaged.
+//! KITTI 2015: D1, the outliers by more than 3 px and more than 5 % of the truth, for background,
+//! foreground and all; over several images, the pixels of all are pooled rather than averaging
+//! fractions.
 
 use super::kitti::{KittiMaps, stored};
 use super::numbers::{NumberUnit, Numbers, percent};
@@ -12,15 +12,15 @@ use svl_core::{Error, Result};
 const REGIONS: usize = 3;
 const ALL: usize = 2;
 
-/// Outliers and scored pixels by region. Sums of images add up.
+/// Outliers and scored pixels by region. Counts of images add up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutlierCounts {
     as_is: [Share; REGIONS],
     dense: [Share; REGIONS],
     estimated: [Share; REGIONS],
-    /// Pixels that have a disparity after densifying.
+    /// Pixels with a disparity after densifying.
     filled: usize,
-    /// Whether there is a map of the objects, without which there is no background either.
+    /// True if there is an object map, without which there is no background either.
     regions_known: bool,
 }
 
@@ -30,9 +30,9 @@ struct Share {
     pixels: usize,
 }
 
-/// Whether `|e| > 3 px` and `|e| > 5 %` of the truth, both strictly. The C++ kit divides in single
-/// precision and so counts an error of exactly a twentieth; the Matlab kit does not, and nor does
-/// this.
+/// True if `|e| > 3 px` and `|e| > 5 %` of the truth, both strictly. The C++ kit divides in single
+/// precision and so counts an error of exactly a twentieth; the Matlab kit does not, and neither
+/// does this.
 fn is_outlier(truth: f32, d: f32) -> bool {
     let error = (d - truth).abs();
     error > 3.0 && f64::from(error) / f64::from(truth.abs()) > 0.05

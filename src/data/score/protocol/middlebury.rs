@@ -1,13 +1,13 @@
-//! The two protocols of Middlebury.
+//! The two Middlebury protocols.
 //!
-//! Version 3 (D. Scharstein et al., *High-resolution stereo datasets with subpixel-accurate
-//! ground truth*, GCPR 2014), as `evaldisp` of MiddEval3-SDK scores.
+//! Version 3 (D. Scharstein et al., *High-resolution stereo datasets with subpixel-accurate ground
+//! truth*, GCPR 2014), as scored by `evaldisp` of the MiddEval3-SDK.
 //!
 //! Its quirks: an estimate of half or a quarter of the truth's size is repeated, nearest, times the
 //! factor; estimates are clipped to 0 ..= the largest disparity, invalid ones are neither filled
-//! nor bad, and `bad` is a share of all scored pixels while `avgerr` and `rms` are means over the
-//! estimated ones. For A50 … A99, which the web page shows and `evaldisp` does not make, ETH3D's
-//! rule serves.
+//! nor bad, and `bad` is a fraction of all scored pixels while `avgerr` and `rms` are means over
+//! the estimated ones. For A50 … A99, which the web page shows but `evaldisp` does not compute,
+//! ETH3D's rule is used.
 //!
 //! Version 2 (D. Scharstein and R. Szeliski, *A taxonomy and evaluation of dense two-frame stereo
 //! correspondence algorithms*, IJCV 47, 2002), the table of tsukuba, venus, teddy and cones: bad1.0
@@ -38,7 +38,7 @@ pub(super) fn v2(image: &ProtocolImage) -> Result<Numbers> {
     ))
 }
 
-/// By how much the truth is larger than the estimate: 1, 2 or 4.
+/// Ratio of the truth's size to the estimate's: 1, 2 or 4.
 pub(super) fn scale(image: &ProtocolImage) -> Result<usize> {
     let ((w, h), (width, height)) = (image.estimate.size(), image.truth.size());
     let fits = |scale: &usize| (w * scale, h * scale) == (width, height);
@@ -52,7 +52,7 @@ pub(super) fn scale(image: &ProtocolImage) -> Result<usize> {
 
 /// The estimate for the truth's pixel, clipped; `+∞` for none.
 pub(super) fn estimate(image: &ProtocolImage, scale: usize, x: usize, y: usize) -> f32 {
-    // A disparity in pixels grows with the image.
+    // A disparity in pixels scales with the image.
     let d = scale as f32 * image.estimate.get(x / scale, y / scale);
     match image.max_disparity {
         _ if !d.is_finite() => f32::INFINITY,

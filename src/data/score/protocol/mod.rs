@@ -1,8 +1,8 @@
 //! The metric protocols of the stereo benchmarks, each with its kit's own quirks, so that the
 //! numbers equal the kit's.
 //!
-//! Disparities are pixels, `+∞` where there is none. All shares are percentages; a number that
-//! would be divided by nothing is `None`, never 0.
+//! Disparities are in pixels, `+∞` if invalid. All fractions are percentages; a number whose
+//! denominator is 0 is `None`, never 0.
 
 mod densify;
 mod error_map;
@@ -37,7 +37,7 @@ pub enum Protocol {
     Kitti15,
 }
 
-/// One image to score. Mask and foreground are of the truth's size; so is the estimate, but for
+/// One image to score. Mask and foreground have the truth's size; so does the estimate, except for
 /// [`Protocol::Middeval3`].
 #[derive(Clone, Copy, Debug)]
 pub struct ProtocolImage<'a> {
@@ -45,7 +45,7 @@ pub struct ProtocolImage<'a> {
     pub truth: &'a Plane<f32>,
     /// Restricts the score to visible pixels.
     pub mask: Option<&'a Plane<Visibility>>,
-    /// Where moving objects are, for KITTI 2015.
+    /// Moving objects, for KITTI 2015.
     pub foreground: Option<&'a Plane<bool>>,
     /// Largest disparity of the estimate, to which Middlebury v3 clips.
     pub max_disparity: Option<f32>,
@@ -82,7 +82,7 @@ impl Protocol {
     /// Scores one image.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for sizes that do not go together, and where no pixel has a truth.
+    /// [`Error::Invalid`] for sizes that do not match, and if no pixel has a truth.
     pub fn score(self, image: &ProtocolImage) -> Result<Score> {
         image.check(self)?;
         match self {
@@ -95,19 +95,19 @@ impl Protocol {
     }
 
     /// The errors in KITTI's colours as interleaved RGB of the truth's size, from dark blue over
-    /// white at the threshold (3 px or 5 %) to dark red; dimmed where the mask leaves a pixel out,
-    /// black where there is no truth, grey where there is no estimate.
+    /// white at the threshold (3 px or 5 %) to dark red; dimmed outside the mask, black without
+    /// truth, grey without an estimate.
     ///
-    /// KITTI's protocols draw as their kit does: the densified map, each pixel over its eight
+    /// KITTI's protocols draw like their kit: the densified map, each pixel over its eight
     /// neighbours.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for sizes that do not go together.
+    /// [`Error::Invalid`] for sizes that do not match.
     pub fn error_map(self, image: &ProtocolImage) -> Result<Vec<u8>> {
         image.check(self)?;
         let (width, height) = image.truth.size();
         let plain = |estimate: &dyn Fn(usize, usize) -> f32| {
-            // At the truth's size, as the protocol reads the estimate.
+            // At the truth's size, as the protocol samples the estimate.
             let estimate = Plane::from_fn(width, height, estimate)?;
             Ok::<_, Error>(error_map::plain(&ProtocolImage {
                 estimate: &estimate,
@@ -153,14 +153,14 @@ impl Score {
         }
     }
 
-    /// One protocol's numbers over several images: KITTI 2015 counts the pixels of all, the others
+    /// One protocol's numbers over several images: KITTI 2015 pools the pixels of all, the others
     /// average.
     pub fn over(scores: &[Self]) -> Numbers {
         let pooled = scores.iter().filter_map(|score| match score {
             Self::Pooled(counts) => Some(counts),
             Self::Image(_) => None,
         });
-        // All scores are of one protocol, so either all are pooled or none.
+        // All scores are from one protocol, so either all are pooled or none.
         match pooled.copied().reduce(|a, b| a + b) {
             Some(counts) => counts.numbers(),
             None => Numbers::mean(&scores.iter().map(Self::numbers).collect::<Vec<_>>()),

@@ -3,11 +3,11 @@
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-/// Named numbers. As JSON an object of them, `null` for what there is not.
+/// Named numbers. In JSON an object of them, `null` for missing ones.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Numbers(Vec<Number>);
 
-/// One number of a protocol; no value where it would be divided by nothing.
+/// One number of a protocol; `None` if its denominator is 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Number {
     pub name: &'static str,
@@ -15,14 +15,14 @@ pub struct Number {
     pub unit: NumberUnit,
 }
 
-/// What a number counts.
+/// Unit of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NumberUnit {
-    /// Of the scored pixels, or as the protocol defines it.
+    /// Per cent of the scored pixels, or as the protocol defines it.
     Percent,
     /// Disparity.
     Px,
-    /// Of pixels; the sum over several images.
+    /// Number of pixels; the sum over several images.
     Count,
 }
 
@@ -40,13 +40,13 @@ impl Numbers {
         self.0.iter()
     }
 
-    /// The value of that name; nothing also where it has none.
+    /// The value of that name; `None` also if it has no value.
     pub fn get(&self, name: &str) -> Option<f64> {
         self.iter().find(|number| number.name == name)?.value
     }
 
-    /// The mean of one protocol's numbers over images, counts summed; no value where an image has
-    /// none.
+    /// The mean of one protocol's numbers over images, counts summed; `None` if an image has no
+    /// value.
     pub(super) fn mean(images: &[Self]) -> Self {
         let first = images.first().map_or(&[][..], |numbers| &numbers.0);
         let over = |(i, number): (usize, &Number)| {
@@ -76,7 +76,7 @@ impl Serialize for Numbers {
         let mut map = serializer.serialize_map(Some(self.0.len()))?;
         for Number { name, value, unit } in self.iter() {
             match (unit, value) {
-                // 12 and not 12.0, as pixels are counted.
+                // 12 rather than 12.0, as pixels are counted.
                 (NumberUnit::Count, Some(count)) => map.serialize_entry(name, &(*count as u64))?,
                 _ => map.serialize_entry(name, value)?,
             }
