@@ -2,15 +2,15 @@
 
 use svl_core::stereo::{Gray, Plane};
 
-/// Largest difference of the left and the right disparity of a point, and of those of two
+/// Largest difference between the left and the right disparity of a point, and between those of two
 /// references, pixels.
 const CONSISTENT_PX: f32 = 1.0;
-/// A pixel is textured where the squared horizontal gradient, averaged over 3x3 pixels, is at least
+/// A pixel is textured if the squared horizontal gradient, averaged over 3x3 pixels, is at least
 /// this: the default of Scharstein and Szeliski (A taxonomy and evaluation of dense two-frame
 /// stereo correspondence algorithms, IJCV 2002, section 5.1).
 const TEXTURED: u32 = 4;
 
-/// The left disparities that the right ones confirm.
+/// The left disparities confirmed by the right ones.
 pub fn consistent(left: &Plane<f32>, right: &Plane<f32>) -> Plane<f32> {
     let mut sure = left.clone();
     for y in 0..left.height() {

@@ -1,14 +1,14 @@
 //! Bootstrap confidence intervals of a run's numbers.
 //!
 //! Efron, "Bootstrap Methods: Another Look at the Jackknife", 1979, percentile intervals. Pairs of
-//! one drive resemble their neighbours, so they are drawn in blocks: Politis and Romano, "A
+//! one drive are similar to their neighbours, so they are drawn in blocks: Politis and Romano, "A
 //! Circular Block-Resampling Procedure for Stationary Data", 1992, with blocks of twice the cube
-//! root of the drive's length, in which the arena's pairs forget each other.
+//! root of the drive's length, long enough to decorrelate the arena's pairs.
 
 use std::ops::Range;
 use svl_core::statistics::{lower_median, upper_rank};
 
-/// Resamples drawn. Equal data give equal intervals: the generator begins with a fixed number.
+/// Number of resamples. Equal data give equal intervals: the generator has a fixed seed.
 const DRAWS: usize = 1000;
 const SEED: u64 = 2007;
 
@@ -22,9 +22,9 @@ pub struct IntervalMethod {
     pub resamples: usize,
     pub seed: u64,
     pub level: &'static str,
-    /// Of a stretch of n pairs of one drive; 1 of scenes, which are independent.
+    /// Block length for a run of n pairs of one drive; 1 for scenes, which are independent.
     pub block_length: &'static str,
-    /// Below that number of blocks there is no interval.
+    /// Below this number of blocks there is no interval.
     pub fewest_blocks: usize,
 }
 
@@ -43,20 +43,20 @@ pub type Interval = (f64, f64);
 
 /// Resamples of the items `0..n`.
 pub struct Resamples {
-    /// Each the items of these ranges, one after the other.
+    /// Each with the items of these ranges, one after the other.
     draws: Vec<Vec<Range<usize>>>,
     /// Number of blocks in each.
     blocks: usize,
 }
 
-/// Length of the blocks that are drawn from a stretch of `length`.
+/// Length of the blocks drawn from a drive of `length`.
 fn block(length: usize) -> usize {
     (2.0 * (length as f64).cbrt()).ceil() as usize
 }
 
 impl Resamples {
-    /// `stretches`: lengths of the drives that stand one after another; `independent` when items do
-    /// not resemble their neighbours, as scenes do not.
+    /// `stretches`: lengths of the consecutive drives; `independent` if items are not similar to
+    /// their neighbours, as with scenes.
     pub fn draw(stretches: &[usize], independent: bool) -> Self {
         let mut random = fastrand::Rng::with_seed(SEED);
         let mut draw = || {
@@ -70,7 +70,7 @@ impl Resamples {
                     let taken = block.min(left);
                     let end = (first + taken).min(length);
                     ranges.push(begin + first..begin + end);
-                    // Circular: a block that begins near the end goes on at the beginning, so all
+                    // Circular: a block that begins near the end continues at the start, so all
                     // items are drawn equally often.
                     ranges.push(begin..begin + taken - (end - first));
                     left -= taken;
@@ -92,13 +92,13 @@ impl Resamples {
         }
     }
 
-    /// The number of blocks that each resample is drawn in: about as many pairs are independent.
+    /// Number of blocks in each resample: about as many pairs are independent.
     pub fn blocks(&self) -> usize {
         self.blocks
     }
 
-    /// The interval of a statistic of the items; none for too few blocks, or if some resample does
-    /// not have it.
+    /// The interval of a statistic of the items; `None` for too few blocks, or if it is undefined
+    /// for some resample.
     pub fn interval(&self, statistic: &dyn Fn(&[usize]) -> Option<f64>) -> Option<Interval> {
         self.interval_of(&|ranges| statistic(&items(ranges).collect::<Vec<_>>()))
     }
@@ -127,7 +127,7 @@ fn sums<const N: usize>(rows: &[[f64; N]], ranges: &[Range<usize>]) -> [f64; N] 
     sums
 }
 
-/// The values of a metric for the items, of which resamples are drawn.
+/// The values of a metric for the items to be resampled.
 pub enum Sample {
     /// Numerator and denominator; the value is the ratio of their sums.
     Ratio(Vec<[f64; 2]>),
@@ -155,7 +155,7 @@ impl Sample {
         self.value(std::slice::from_ref(&(0..self.items())))
     }
 
-    /// The metric over these items, each as often as it is listed.
+    /// The metric over these items, with their multiplicities.
     fn value(&self, ranges: &[Range<usize>]) -> Option<f64> {
         match self {
             Self::Ratio(parts) => ratio(sums(parts, ranges)),
@@ -169,14 +169,14 @@ impl Sample {
         resamples.interval_of(&|ranges| self.value(ranges))
     }
 
-    /// The interval of `difference(base, other)`, both of the same resample.
+    /// The interval of `difference(base, other)`, both from the same resample.
     pub fn interval_between(
         base: &Self,
         other: &Self,
         difference: fn(f64, f64) -> f64,
         resamples: &Resamples,
     ) -> Option<Interval> {
-        // Sums wait for their last addition: both at once take the time of one.
+        // Sums wait for their last addition: both together take the time of one.
         match (base, other) {
             (Self::Ratio(a), Self::Ratio(b)) => {
                 let both = a.iter().zip(b).map(|(&[a, b], &[c, d])| [a, b, c, d]);
@@ -199,15 +199,15 @@ impl Sample {
     }
 }
 
-/// The interval of the difference of two shares, each of `passed` of `frames`, drawn independently.
+/// The interval of the difference of two fractions, each `passed` of `frames`, drawn independently.
 ///
-/// Only sums are known, so as many frames are drawn as there are blocks of neighbours, from a share
-/// that half a frame on either side keeps from certainty.
+/// Only sums are known, so as many frames are drawn as there are blocks of neighbours, with a
+/// probability kept from 0 and 1 by half a frame on either side.
 pub fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
     let mut random = fastrand::Rng::with_seed(SEED);
     let mut share = |(passed, frames): (u64, u64)| {
         let blocks = (frames as usize).div_ceil(block(frames as usize)) as f64;
-        // Half a block added on either side: a share of 0 or 1 of few frames is not certain.
+        // Half a block added on either side: a fraction of 0 or 1 over few frames is not certain.
         let expected = (blocks * passed as f64 / frames as f64 + 0.5) / (blocks + 1.0);
         (0..blocks as usize)
             .filter(|_| random.f64() < expected)
@@ -260,7 +260,7 @@ mod tests {
             (0.43..0.47).contains(&low) && (0.53..0.57).contains(&high),
             "{low} {high}"
         );
-        // The same values where neighbours are equal say less.
+        // The same values with equal neighbours carry less information.
         let alike: Vec<f64> = (0..400).map(|i| f64::from(i / 40 % 2)).collect();
         let (low, high) = Resamples::draw(&[400], false)
             .interval(&mean(&alike))
@@ -283,7 +283,7 @@ mod tests {
     fn shares_of_few_frames_are_uncertain() {
         let (low, high) = shares((10, 20), (12, 20)).unwrap();
         assert!(low < -0.3 && high > 0.3, "{low} {high}");
-        // Few frames that all agree may still be chance.
+        // A few frames that all agree may still be chance.
         let (low, high) = shares((5, 5), (0, 5)).unwrap();
         assert!(low == -1.0 && high > -0.5, "{low} {high}");
         assert_eq!(shares((0, 0), (1, 2)), None);

@@ -1,7 +1,7 @@
 //! Version, git revision and profile of the running svl, as stored in manifests and recordings.
 //!
-//! The root package takes them once, where the program is built, and hands them down, so that a
-//! commit rebuilds that package alone.
+//! The root package reads them when the program is built, and passes them down, so that a commit
+//! rebuilds only that package.
 
 use std::sync::OnceLock;
 
@@ -9,21 +9,22 @@ use std::sync::OnceLock;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BuildInfo {
     pub version: &'static str,
-    /// Absent for a build outside a git checkout.
+    /// `None` for a build outside a git checkout.
     pub git_revision: Option<&'static str>,
-    /// Cargo's profile, as `release` or `work`; absent where the program does not say.
+    /// Cargo profile, such as `release` or `work`; `None` if the program does not report it.
     pub profile: Option<&'static str>,
 }
 
 static BUILD: OnceLock<BuildInfo> = OnceLock::new();
 
 impl BuildInfo {
-    /// Sets the build of this process, before anything is recorded or scored. The first call wins.
+    /// Sets the build of this process, before anything is recorded or scored. The first call takes
+    /// effect.
     pub fn hand_down(self) {
         BUILD.get_or_init(|| self);
     }
 
-    /// The build of this process: the version alone for a program that did not hand down its own.
+    /// The build of this process: only the version for a program that did not set its own.
     pub fn current() -> Self {
         BUILD.get().copied().unwrap_or(Self {
             version: env!("CARGO_PKG_VERSION"),
@@ -33,7 +34,7 @@ impl BuildInfo {
     }
 }
 
-/// The profile in words, if times of such a build are not those of svl.
+/// The profile in words, if the times of such a build are not representative of svl.
 pub fn slow_profile(profile: Option<&str>) -> Option<String> {
     let slow = profile.filter(|name| ["debug", "work"].contains(name))?;
     Some(format!(

@@ -1,8 +1,8 @@
 //! Frames as data: images and recordings on disk, cameras, the simulated arena, perturbations,
 //! scores, scenarios, and the manifest of a run.
 //!
-//! Everything here that touches each pixel or byte of a run is compiled for speed. `svl` re-exports
-//! its modules; the bench opens sources and runs matchers over them.
+//! Code that touches each pixel or byte of a run is here, compiled for speed. `svl` re-exports its
+//! modules; the bench opens sources and runs matchers over them.
 
 pub mod agreement;
 pub mod arena;

@@ -1,4 +1,4 @@
-//! Losses of a run: what it misses, how much of that is allowed, and how it ended.
+//! Losses of a run: missing pairs, the limit on them, and the state of the run at its end.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -6,7 +6,7 @@ use std::fmt::{Display, Formatter};
 use svl_core::counted;
 use svl_core::stereo::Losses;
 
-/// Losses with which a run is complete, written `3` or `1%`.
+/// Losses with which a run counts as complete, written `3` or `1%`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "WrittenLimit", into = "WrittenLimit")]
 pub enum LossLimit {
@@ -15,7 +15,7 @@ pub enum LossLimit {
     Percent(f64),
 }
 
-/// As a scenario has it.
+/// Its form in a scenario.
 #[derive(Serialize, Deserialize)]
 #[serde(
     untagged,
@@ -30,7 +30,7 @@ impl LossLimit {
     fn is_exceeded(self, lost: u64, pairs: u64) -> bool {
         match self {
             Self::Pairs(most) => lost > most,
-            // One of 1000 is 0.1 %, whatever is rounded on the way.
+            // One of 1000 is 0.1 %, despite rounding.
             Self::Percent(most) => 100.0 * lost as f64 > most * pairs as f64 * (1.0 + 1e-12),
         }
     }
@@ -82,10 +82,10 @@ impl Display for LossLimit {
     }
 }
 
-/// Number of pairs of a run, and of those that it misses: shards add up to the whole.
+/// Number of pairs of a run, and of those missing from it: shards add up to the whole.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Missing {
-    /// Pairs that were taken, of every run and level of stress.
+    /// Pairs read, of every run and perturbation level.
     pub pairs: u64,
     #[serde(flatten)]
     pub losses: Losses,
@@ -97,12 +97,12 @@ pub struct Missing {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FailedPairs {
     pub pairs: u64,
-    /// On these it failed.
+    /// Number of them on which it failed.
     pub failed: u64,
 }
 
 impl Missing {
-    /// Adds what another run misses.
+    /// Adds the missing pairs of another run.
     pub fn add(&mut self, other: Self) {
         self.pairs += other.pairs;
         self.losses.add(other.losses);
@@ -117,7 +117,7 @@ impl Missing {
         own.failed += of.failed;
     }
 
-    /// True if the pairs that are lost, or those that an algorithm failed on, are more than these.
+    /// True if the lost pairs, or those on which an algorithm failed, exceed the limit.
     fn exceeds(&self, limit: LossLimit) -> bool {
         let lost = self.losses.lost();
         let read = self.pairs + self.losses.skipped + lost;
@@ -125,7 +125,7 @@ impl Missing {
         limit.is_exceeded(lost, read) || algorithms.any(|of| limit.is_exceeded(of.failed, of.pairs))
     }
 
-    /// For people; nothing where nothing is missing.
+    /// In words; `None` if nothing is missing.
     pub fn words(&self) -> Option<String> {
         let Losses {
             unpaired,
@@ -166,10 +166,10 @@ impl Missing {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RunState {
-    /// At the end of its sources, with all that it was to have but for losses that are allowed.
+    /// At the end of its sources, with everything except allowed losses.
     #[default]
     Complete,
-    /// At the end of its sources, with more losses than are allowed.
+    /// At the end of its sources, with more losses than allowed.
     Lossy,
     /// Early: the user interrupted it.
     Interrupted,
@@ -177,17 +177,17 @@ pub enum RunState {
     Failed,
 }
 
-/// The end of a run, and the pairs that it misses.
+/// The end of a run, and its missing pairs.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunEnding {
     pub state: RunState,
-    /// Why it is not complete, for people.
+    /// The reason why it is not complete, in words.
     pub incomplete: Option<String>,
     pub missing: Missing,
 }
 
 impl RunEnding {
-    /// That of a run that came to the end of its sources.
+    /// For a run that reached the end of its sources.
     pub fn new(missing: Missing, allowed: Option<LossLimit>) -> Self {
         let is_lossy = missing.exceeds(allowed.unwrap_or(LossLimit::Pairs(0)));
         let more = allowed.map(|limit| format!(", more than {limit}").replace('%', " %"));
@@ -203,7 +203,7 @@ impl RunEnding {
         }
     }
 
-    /// That of a run that ended early.
+    /// For a run that ended early.
     pub fn early(state: RunState, why: String, missing: Missing) -> Self {
         Self {
             state,
@@ -212,12 +212,12 @@ impl RunEnding {
         }
     }
 
-    /// True if it came to the end of its sources.
+    /// True if it reached the end of its sources.
     pub fn is_whole(&self) -> bool {
         matches!(self.state, RunState::Complete | RunState::Lossy)
     }
 
-    /// Everything that is not scored and yet does not make the run incomplete, for people.
+    /// Everything that is not scored but does not make the run incomplete, in words.
     pub fn note(&self) -> Option<String> {
         let allowed = self.missing.words();
         let allowed = allowed.filter(|_| self.state == RunState::Complete);
@@ -280,7 +280,7 @@ mod tests {
             states.map(|limit| state(&one, limit) == RunState::Complete),
             [false, false, false, true, true]
         );
-        // Every tenth of them was asked for.
+        // Every tenth of them was requested.
         let one = missing(20, unpaired(1, 179), &[]);
         assert_eq!(state(&one, Some("0.5%")), RunState::Complete);
         assert_eq!(

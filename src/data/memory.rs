@@ -1,41 +1,42 @@
-//! Memory that work allocates: the system's allocator, counted.
+//! Memory that code allocates: the system's allocator, with counters.
 //!
-//! A program that wants its runs to measure memory makes [`CountingAllocator`] its global one.
+//! A program that wants to measure the memory of its runs installs [`CountingAllocator`] as its
+//! global allocator.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-/// Memory that some work allocated, bytes.
+/// Memory allocated by some work, bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MemoryUse {
-    /// At most, beyond what was allocated before.
+    /// Peak, beyond the memory allocated before.
     pub peak: usize,
-    /// More than before once the work was done; negative if it freed more.
+    /// Increase after the work was done; negative if it freed more.
     pub kept: isize,
 }
 
-/// Bytes allocated now, and at most since this was last set.
+/// Bytes allocated now, and their peak since it was last reset.
 static NOW: AtomicUsize = AtomicUsize::new(0);
 static PEAK: AtomicUsize = AtomicUsize::new(0);
 
-/// Does `work`, during which no other thread should allocate, and returns what it allocated; none
-/// in a program whose allocator is another.
+/// Runs `work`, during which no other thread should allocate, and returns its memory use; `None` in
+/// a program with another allocator.
 pub fn used_by(work: impl FnOnce()) -> Option<MemoryUse> {
     let before = NOW.load(Relaxed);
     PEAK.store(before, Relaxed);
     work();
-    // A program that counts has allocated something before it measures anything.
+    // A program with the counter has always allocated something before it measures.
     (before > 0).then(|| MemoryUse {
         peak: PEAK.load(Relaxed).saturating_sub(before),
         kept: NOW.load(Relaxed).wrapping_sub(before) as isize,
     })
 }
 
-/// The system's allocator, which counts what is allocated: `#[global_allocator]` of a program.
+/// The system's allocator with counters: the `#[global_allocator]` of a program.
 pub struct CountingAllocator;
 
 fn count(added: usize, freed: usize) {
-    // Wraps around if more is freed than added, which is what subtraction needs.
+    // Wraps around if more is freed than added, as the subtraction needs.
     let change = added.wrapping_sub(freed);
     let now = NOW.fetch_add(change, Relaxed).wrapping_add(change);
     if added > freed {
@@ -43,8 +44,8 @@ fn count(added: usize, freed: usize) {
     }
 }
 
-// SAFETY: all is the system's allocator's, whose contract the callers keep; counting allocates
-// nothing.
+// SAFETY: everything is forwarded to the system's allocator, whose contract the callers keep;
+// counting allocates nothing.
 unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size(), 0);

@@ -1,15 +1,15 @@
-//! Nearest-stamp pairing: which of the waiting images of two cameras are one pair.
+//! Nearest-stamp pairing: decides which waiting images of two cameras form a pair.
 
-/// What is known of the earliest image that waits.
+/// Decision on the earliest waiting image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Nearest {
     /// It and the earliest image of the other camera are a pair.
     Pair,
-    /// Its nearest image of the other camera is farther than the largest skew.
+    /// Its nearest image of the other camera exceeds the largest skew.
     TooFar,
     /// Its nearest image is nearer to the next image of its own camera.
     Overtaken,
-    /// The next image of its own camera, which is not there yet, may be nearer.
+    /// The next image of its own camera, which has not arrived, may be nearer.
     Unknown,
 }
 
@@ -17,23 +17,23 @@ pub(crate) enum Nearest {
 pub(crate) struct WaitingStamps {
     /// The earliest image of both cameras.
     pub earliest_ns: u64,
-    /// The next image of the same camera, where it is there.
+    /// The next image of the same camera, if it has arrived.
     pub next_ns: Option<u64>,
     /// The earliest image of the other camera.
     pub other_ns: u64,
 }
 
 impl WaitingStamps {
-    /// Right stamp minus left stamp, without its sign.
+    /// Right stamp minus left stamp, absolute value.
     pub(crate) fn skew_ns(&self) -> u64 {
         self.other_ns.abs_diff(self.earliest_ns)
     }
 
-    /// Two images are a pair when each is the nearest to the other and they are at most
-    /// `max_skew_ns` apart. Up to `certain_ns` apart no later image can be nearer.
+    /// Two images are a pair if each is the nearest to the other and they are at most `max_skew_ns`
+    /// apart. Up to `certain_ns` apart, no later image can be nearer.
     pub(crate) fn nearest(&self, max_skew_ns: u64, certain_ns: u64) -> Nearest {
-        // Of the other camera's images the earliest is the nearest to `earliest_ns`: all of them
-        // are later. Only an image of its own camera can still be nearer to that one.
+        // The earliest of the other camera's images is the nearest to `earliest_ns`: all others are
+        // later. Only an image of its own camera can still be nearer to that one.
         let skew_ns = self.skew_ns();
         if skew_ns > max_skew_ns {
             return Nearest::TooFar;

@@ -1,9 +1,9 @@
 //! Frames cropped and shrunk; the rig and the true disparities follow.
 //!
-//! Left and right are cropped alike, so disparities stay and the principal point moves. Images are
-//! shrunk by area averages: a new pixel is the mean of what it covers, in fractions of pixels. A
-//! true disparity is that of the pixel in the middle, times the scale: a mean of two surfaces would
-//! be a distance at which there is nothing.
+//! Left and right are cropped equally, so disparities are unchanged and the principal point moves.
+//! Images are shrunk by area averages: a new pixel is the mean of the area it covers, in fractions
+//! of pixels. A true disparity is that of the pixel in the centre, times the scale: a mean of two
+//! surfaces would be a distance at which there is nothing.
 
 use crate::scenario::CropScale;
 use svl_core::stereo::{
@@ -28,7 +28,7 @@ impl Resizer {
     /// The frame with the rig, the truth and the images of the window.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a crop that is not inside the image, with `source`, the frame's.
+    /// [`Error::Invalid`] for a crop that is not inside the image, with the frame's `source`.
     pub fn resized(&self, frame: Frame, source: &str) -> Result<Frame> {
         let (width, height) = frame.pair.size();
         let window = self.crop.unwrap_or([0, 0, width, height]);
@@ -84,7 +84,7 @@ impl Resizer {
         let visibility = truth.visibility.as_ref();
         let visibility = visibility.map(|seen| cropped(seen, window)).transpose()?;
         let mut visibility = visibility.map(|seen| places.map(|(x, y)| seen.get(x, y)));
-        // What the right image shows outside of the crop is seen by the left one alone.
+        // Parts of the right image outside of the crop are visible only in the left one.
         if let (Some(visibility), true) = (&mut visibility, self.crop.is_some()) {
             let width = disparity.width() as f32;
             for y in 0..disparity.height() {
@@ -113,13 +113,14 @@ fn cropped<T: Copy>(plane: &Plane<T>, [x, y, width, height]: [usize; 4]) -> Resu
     Plane::from_vec(width, height, rows.collect::<Vec<_>>().concat())
 }
 
-/// Side of a shrunk image: whole pixels that lie inside the old one.
+/// Side of a shrunk image: the whole pixels that fit inside the old one.
 fn side(side: usize, scale: f64) -> usize {
     ((side as f64 * scale + 1e-9).floor() as usize).max(1)
 }
 
-/// The pixel whose truth a new one has: that in its middle. Of a sensor's points, between which
-/// there are none, the one nearest to the middle of those that the new pixel covers.
+/// The pixel that provides the truth of a new one: its central pixel. For a sensor's points,
+/// between which there are none, the one nearest to the centre of the area that the new pixel
+/// covers.
 fn sampling(
     truth: &Plane<f32>,
     density: TruthDensity,
@@ -157,7 +158,7 @@ fn shrunk_color(image: &Rgb, scale: f64) -> Result<Rgb> {
     })
 }
 
-/// The means of what the new pixels cover, rounded to the nearest.
+/// The means of the areas that the new pixels cover, rounded to nearest.
 fn shrunk(image: &Gray, scale: f64) -> Result<Gray> {
     if scale == 1.0 {
         return Ok(image.clone());
@@ -172,7 +173,7 @@ fn shrunk(image: &Gray, scale: f64) -> Result<Gray> {
     let narrow: Vec<Vec<f64>> = image.rows().map(means).collect();
     let mut pixels = Vec::with_capacity(columns.len() * rows.len());
     for Shares { first, weights } in &rows {
-        // A whole row at a time, which is compiled to vector instructions.
+        // A whole row at a time, which the compiler vectorizes.
         let mut means = vec![0.0; columns.len()];
         for (weight, row) in weights.iter().zip(&narrow[*first..]) {
             let values = means.iter_mut().zip(row);
@@ -183,7 +184,7 @@ fn shrunk(image: &Gray, scale: f64) -> Result<Gray> {
     Gray::from_vec(columns.len(), rows.len(), pixels)
 }
 
-/// The pixels that a new one covers, from the first on, and how much of each.
+/// The pixels covered by a new one, from the first on, with the fraction of each.
 struct Shares {
     first: usize,
     weights: Vec<f64>,
@@ -215,7 +216,7 @@ mod tests {
 
     #[test]
     fn sides_are_whole_pixels_inside_the_old_image() {
-        // A scale of a third is not exact in binary, and three thirds are still one.
+        // A scale of a third is not exact in binary, but three thirds are still one.
         assert_eq!(side(9, 1.0 / 3.0), 3);
         assert_eq!(side(1, 0.1), 1);
     }
@@ -235,7 +236,7 @@ mod tests {
             let known = values.pixels().filter(|d| d.is_finite());
             known.collect::<Vec<_>>()
         };
-        // The pixels (1, 1) and (5, 3) are the middles.
+        // The pixels (1, 1) and (5, 3) are the centres.
         assert_eq!(known(TruthDensity::Sparse), [2.0, 6.0]);
         assert_eq!(known(TruthDensity::Dense), [6.0]);
     }

@@ -1,4 +1,4 @@
-//! The robot of a drive: how it moves, what it touches, and the rule that steers it.
+//! The robot of a drive: its motion, its collisions, and the rule that steers it.
 
 mod motion;
 mod steering;

@@ -1,11 +1,11 @@
-//! The robot's motion, and what happens on the way.
+//! The robot's motion, and events on the way.
 
 use crate::arena::ArenaWorld;
 use crate::scenario::DriveConfig;
 
 pub type GroundPoint = nalgebra::Vector2<f64>;
 
-/// What the robot is told to do.
+/// Command to the robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DriveCommand {
     pub speed_m_per_s: f64,
@@ -13,31 +13,31 @@ pub struct DriveCommand {
     pub turn_rad_per_s: f64,
 }
 
-/// Where the robot is.
+/// Pose of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobotState {
     pub time_s: f64,
-    /// Middle of the stereo head, which is that of the body.
+    /// Centre of the stereo head, and of the body.
     pub at: GroundPoint,
     /// `atan2(y, x)` of the direction of travel.
     pub heading: f64,
 }
 
 impl RobotState {
-    /// A place `ahead` and to the left of the robot, in the world.
+    /// The world position of a point `ahead` and to the left of the robot.
     pub fn to_world(self, ahead_m: f64, left_m: f64) -> GroundPoint {
         let (sin, cos) = self.heading.sin_cos();
         self.at + GroundPoint::new(ahead_m * cos - left_m * sin, ahead_m * sin + left_m * cos)
     }
 
-    /// How far ahead and to the left a place of the world is.
+    /// Distance of a world position ahead and to the left.
     pub fn to_robot(self, at: GroundPoint) -> (f64, f64) {
         let (sin, cos) = self.heading.sin_cos();
         let d = at - self.at;
         (cos * d.x + sin * d.y, cos * d.y - sin * d.x)
     }
 
-    /// The same place after a turn on the spot.
+    /// The same position after a rotation on the spot.
     pub fn turned(self, by: f64) -> Self {
         Self {
             heading: self.heading + by,
@@ -45,9 +45,9 @@ impl RobotState {
         }
     }
 
-    /// At the end of an arc of that length that turns by `turn` in all.
+    /// The state at the end of an arc of that length with a total rotation of `turn`.
     pub fn moved(self, length_m: f64, turn: f64) -> Self {
-        // The chord of an arc: as long as the arc times the sine of half the turn over it.
+        // The chord of an arc: the arc's length times the sine of half the rotation over that half.
         let half = 0.5 * turn;
         let shrink = if half.abs() < 1.0e-9 {
             1.0
@@ -62,7 +62,7 @@ impl RobotState {
         }
     }
 
-    /// After some time, negative for before, under a command.
+    /// The state after some time, negative for before, under a command.
     pub fn after(self, command: DriveCommand, seconds: f64) -> Self {
         let moved = self.moved(
             command.speed_m_per_s * seconds,
@@ -75,25 +75,25 @@ impl RobotState {
     }
 }
 
-/// What the robot did between two frames, or at one.
+/// Event between two frames, or at one.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DriveEvent {
     /// It touched something.
     Collision { with: String, at_m: [f64; 2] },
     /// Its clearance fell below the limit.
     NearMiss { to: String, at_m: [f64; 2] },
-    /// It came no farther, and was set back on the route.
+    /// It made no progress, and was put back on the route.
     Stuck { at_m: [f64; 2] },
 }
 
 impl DriveEvent {
-    /// Whether a course is thrown away where the driver with perfect sight meets this.
+    /// True if a course is rejected when the driver with perfect vision meets this.
     pub fn ends_proof(&self) -> bool {
         !matches!(self, Self::NearMiss { .. })
     }
 }
 
-/// The robot at a frame, and what happened since the last one.
+/// The robot at a frame, and events since the last one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackPoint {
     pub sequence: u64,
@@ -103,16 +103,16 @@ pub struct TrackPoint {
     pub speed_m_per_s: f64,
     /// Least distance of the body from everything since the last frame.
     pub clearance_m: f64,
-    /// Whether it was set there by hand, after a collision or where it was stuck.
+    /// True if it was put there by hand, after a collision or when stuck.
     pub is_placed: bool,
     pub event: Option<DriveEvent>,
 }
 
-/// What became of a drive.
+/// Record of a drive.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DriveLog {
     pub track: Vec<TrackPoint>,
-    /// Whether the goal was reached in time, helped or not.
+    /// True if the goal was reached in time, with or without help.
     pub arrived: bool,
     /// Pairs per second.
     pub rate_hz: f64,
@@ -123,7 +123,7 @@ impl DriveLog {
         self.track.iter().filter_map(|point| point.event.as_ref())
     }
 
-    /// Number of collisions, near misses, and times that it was stuck.
+    /// Number of collisions, near misses, and times it was stuck.
     pub fn counts(&self) -> [u64; 3] {
         let mut counts = [0; 3];
         for event in self.events() {
@@ -136,13 +136,13 @@ impl DriveLog {
         counts
     }
 
-    /// Whether the goal was reached without a collision and without help.
+    /// True if the goal was reached without a collision and without help.
     pub fn finished(&self) -> bool {
         let [collisions, _, stuck] = self.counts();
         self.arrived && collisions == 0 && stuck == 0
     }
 
-    /// Distance driven, without what it was carried.
+    /// Distance driven, excluding the distance it was carried.
     pub fn driven_m(&self) -> f64 {
         self.track
             .iter()
@@ -150,7 +150,7 @@ impl DriveLog {
             .sum()
     }
 
-    /// Distance driven until the first collision, where there was one.
+    /// Distance driven until the first collision, if there was one.
     pub fn first_collision_m(&self) -> Option<f64> {
         let mut driven_m = 0.0;
         for point in &self.track {
@@ -162,23 +162,23 @@ impl DriveLog {
         None
     }
 
-    /// Time of the drive.
+    /// Duration of the drive.
     pub fn duration_s(&self) -> f64 {
         self.track.len().saturating_sub(1) as f64 / self.rate_hz
     }
 
-    /// Time in which it did not move, as when it turned on the spot.
+    /// Time without forward motion, for example while turning on the spot.
     pub fn stood_s(&self) -> f64 {
         let moved = self.track.iter().skip(1);
         moved.filter(|p| p.speed_m_per_s < 0.01).count() as f64 / self.rate_hz
     }
 }
 
-/// Longest way between two looks at the clearance.
+/// Longest step between two clearance checks.
 const STEP_M: f64 = 0.001;
 
 /// Moves the robot under a command through the world. It stops where it touches something. Returns
-/// the state at the end, the way driven, and the least clearance with what was nearest.
+/// the state at the end, the distance driven, and the least clearance with the nearest object.
 pub fn advance<'w>(
     world: &'w ArenaWorld,
     config: &DriveConfig,
@@ -271,7 +271,7 @@ mod tests {
             ((1.0e4 * distance_m).round() / 1.0e4, name.to_owned())
         };
         assert_eq!(near([1.3, 1.0], 0.12), (0.1, "block".into()));
-        // To a corner.
+        // Distance to a corner.
         assert_eq!(near([1.37, 1.14], 0.12), (0.05, "block".into()));
         assert_eq!(near([1.5, 1.04], 0.12), (-0.06, "block".into()));
         assert_eq!(near([1.0, 1.75], 0.12), (0.15, "ball".into()));

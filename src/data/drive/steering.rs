@@ -1,10 +1,10 @@
 //! The steering rule: from the depth grid to a speed and a turn.
 //!
-//! Arcs of several curvatures are looked at, in the manner of the dynamic window approach (Fox,
+//! Arcs of several curvatures are evaluated, in the manner of the dynamic window approach (Fox,
 //! Burgard and Thrun, "The Dynamic Window Approach to Collision Avoidance", IEEE Robotics and
 //! Automation Magazine 1997): how far is each free of obstacles, and how well does it lead to the
-//! goal? Of the world the rule knows what the cells say, now and some seconds ago, and from its
-//! odometry where it was then; the goal is a direction.
+//! goal? The rule knows only the cells, now and a few seconds ago, and its position at that time
+//! from odometry; the goal is a direction.
 //!
 //! 1. A cell nearer than the lookahead is an obstacle as wide as its column. It is remembered,
 //!    until it is too old, or a cell sees through it.
@@ -22,13 +22,13 @@ use super::motion::{DriveCommand, GroundPoint, RobotState};
 use crate::scenario::{CellPart, CellStandsFor, DriveConfig};
 use svl_core::stereo::{Cell, DepthGrid, Rig};
 
-/// The rule with what it remembers.
+/// The rule with its memory.
 pub struct Steering {
     config: DriveConfig,
     seen: Vec<Obstacle>,
     curvature_per_m: f64,
     avoidance: Avoidance,
-    /// Where it stopped first, and how often since within a metre.
+    /// Position of the first stop, and the number of stops since within a metre.
     stops: Option<(GroundPoint, i32)>,
 }
 
@@ -39,13 +39,13 @@ struct Obstacle {
     time_s: f64,
 }
 
-/// What the robot does about a blocked way.
+/// Avoidance of a blocked path.
 #[derive(Clone, Copy, PartialEq)]
 enum Avoidance {
     None,
     /// Turns on the spot, 1 to the left or -1 to the right.
     Turning(f64),
-    /// Keeps the heading that it found, until it has come so far, having turned to that side.
+    /// Keeps the new heading until it has come this far, having turned to that side.
     Detour {
         heading: f64,
         from: GroundPoint,
@@ -56,13 +56,13 @@ enum Avoidance {
 /// Curvatures to each side, and the largest, 1/m.
 const ARCS: i32 = 8;
 const MAX_CURVATURE: f64 = 4.0;
-/// Distance between the places looked at along an arc.
+/// Distance between the points checked along an arc.
 const STEP_M: f64 = 0.02;
-/// An arc is looked at until it has turned by this, radians.
+/// An arc is checked until it has turned by this, radians.
 const MAX_TURN: f64 = 1.8;
-/// What is this much nearer than a cell says is seen through.
+/// A cell sees through anything that is nearer than its distance by this much.
 const THROUGH_M: f64 = 0.15;
-/// Stops within this of the first are of the same dead end.
+/// Stops within this distance of the first belong to the same dead end.
 const NEAR_M: f64 = 1.0;
 const MAX_DOUBLINGS: i32 = 2;
 /// Points across a column.
@@ -79,9 +79,9 @@ impl Steering {
         }
     }
 
-    /// The command after a frame that was taken by `robot`. `rig` is that of the images, `width_px`
-    /// wide; `then` is where the robot will be when the command begins to hold, and `goal` the
-    /// direction to go, radians.
+    /// The command after a frame taken by `robot`. `rig` is that of the images, `width_px` wide;
+    /// `then` is the robot's state when the command takes effect, and `goal` the direction to go,
+    /// radians.
     pub fn decide(
         &mut self,
         grid: &DepthGrid,
@@ -104,7 +104,7 @@ impl Steering {
         self.steer(&obstacles, then, goal)
     }
 
-    /// Takes what a cell says: obstacles into memory, or only into `obstacles`.
+    /// Processes a cell's report: obstacles go into memory, or only into `obstacles`.
     fn see(
         &mut self,
         column: &CellColumn,
@@ -182,7 +182,7 @@ impl Steering {
             let free_m = free(curvature);
             let end = robot.heading + curvature * free_m.min(0.5 * rule.lookahead_m);
             let score = free_m / rule.lookahead_m + rule.goal_weight * (end - aim).cos()
-                // Of equal ones the one that changes least.
+                // Among equal ones the one that changes least.
                 - 0.01 * (curvature - self.curvature_per_m).abs();
             (score, curvature, free_m)
         });
@@ -204,7 +204,7 @@ impl Steering {
             };
         };
         self.curvature_per_m = curvature;
-        // Full speed where half of the lookahead is free, a fifth of it before an obstacle.
+        // Full speed if half of the lookahead is free, a fifth of it in front of an obstacle.
         let share = (free_m - rule.stop_m) / (0.5 * rule.lookahead_m);
         let speed = speed * share.clamp(0.2, 1.0);
         let speed = if curvature == 0.0 {
@@ -219,8 +219,8 @@ impl Steering {
     }
 }
 
-/// How far an arc can be followed until the body with its margin would touch an obstacle, at
-/// most the lookahead.
+/// Distance along an arc until the body with its margin would touch an obstacle, at most the
+/// lookahead.
 fn free_m(
     config: &DriveConfig,
     obstacles: &[GroundPoint],
@@ -229,7 +229,7 @@ fn free_m(
 ) -> f64 {
     let rule = &config.steering;
     let keep_m = config.radius_m + rule.margin_m;
-    // What is nearer already must not come nearer still.
+    // Anything nearer already must not come nearer still.
     let limits = obstacles.iter().map(|at| {
         let now_m = (at - robot.at).norm();
         (*at, keep_m.min(now_m - 1.0e-3))
@@ -270,7 +270,7 @@ fn freer_side(
     }
 }
 
-/// The slopes that a column of cells spans, to the right of the optical axis.
+/// The slopes spanned by a column of cells, to the right of the optical axis.
 struct CellColumn {
     left: f64,
     right: f64,
@@ -289,7 +289,7 @@ impl CellColumn {
     }
 }
 
-/// The distance that the rule reads of a cell; infinite for what has no disparity.
+/// The distance that the rule uses for a cell; infinite without a disparity.
 fn read(cell: &Cell, part: CellPart, rig: &Rig) -> Option<f64> {
     let depth = cell.depth?;
     let px = match part {
@@ -369,7 +369,7 @@ mod tests {
         let command = decide(&mut steering, [0.2; 5], 0.0);
         assert_eq!(command.speed_m_per_s, 0.0);
         assert!(command.turn_rad_per_s.abs() > 1.0);
-        // Less is free than it takes to go on.
+        // Less is free than needed to continue.
         let again = decide(&mut steering, [0.4; 5], 0.1);
         assert_eq!(again, command);
         let on = decide(&mut steering, [3.0; 5], 0.2);
@@ -384,7 +384,7 @@ mod tests {
         };
         let mut steering = Steering::new(&config);
         assert!(blocked(&mut steering, [0.2; 5], 0.0));
-        // Unknown cells say nothing.
+        // Unknown cells are ignored.
         assert!(blocked(&mut steering, [0.0; 5], 1.0));
         assert!(!blocked(
             &mut steering,

@@ -1,4 +1,4 @@
-//! Downloads one file over HTTP and resumes an earlier download.
+//! Downloads one file over HTTP, resuming an earlier download.
 
 use super::{CHUNK, STOPPED, Watch, unfinished};
 use std::fs::{File, OpenOptions};
@@ -9,19 +9,20 @@ use svl_core::{Error, Result};
 use ureq::http::{Response, StatusCode, header};
 use ureq::{Agent, Body};
 
-/// Limit of a file's size in bytes: four times the largest archive of a data set.
+/// Limit on a file's size in bytes: four times the largest archive of a data set.
 const MAX_BYTES: u64 = 8 << 30;
 
-/// Limit of connections in a row that break before any byte came.
+/// Limit on consecutive connections that break before any byte arrived.
 const MAX_IDLE_BREAKS: u32 = 3;
 
-/// Downloads `url` to `path`, which must not exist. Until it is complete the file is called
-/// `path.part`; one that exists is resumed (RFC 9110, section 14), also after a connection broke.
-/// Whether the published file changed in between, the archive's CRCs and the receipts show.
+/// Downloads `url` to `path`, which must not exist. Until it is complete the file is named
+/// `path.part`; an existing one is resumed (RFC 9110, section 14), also after a broken connection.
+/// A change of the published file in between is detected by the archive's CRCs and the receipts.
 ///
 /// # Errors
-/// [`Error::Download`] with the cure: no network, no such file, an answer that is not the file, or
-/// `watch` said stop; what came is kept. [`Error::Io`].
+///
+/// [`Error::Download`] with the remedy: no network, no such file, an answer that is not the file,
+/// or `watch` returned false; the part received is kept. [`Error::Io`].
 pub fn download(url: &str, path: &Path, watch: Watch<'_>) -> Result<()> {
     let part = unfinished(path);
     let agent = agent();
@@ -55,13 +56,13 @@ pub fn download(url: &str, path: &Path, watch: Watch<'_>) -> Result<()> {
 enum Attempt {
     Whole,
     Broken(String),
-    /// The partial file is longer than the published one: it is of another file.
+    /// The partial file is longer than the published one: it belongs to another file.
     Stale,
 }
 
 fn agent() -> Agent {
     let config = Agent::config_builder()
-        // The status decides what to do: 416 means the partial file is complete or stale.
+        // The status decides the next step: 416 means the partial file is complete or stale.
         .http_status_as_error(false)
         .user_agent(format!("svl/{}", crate::BuildInfo::current().version))
         .timeout_connect(Some(Duration::from_secs(20)))
@@ -72,7 +73,7 @@ fn agent() -> Agent {
 
 fn attempt(agent: &Agent, url: &str, part: &Path, watch: Watch<'_>) -> Result<Attempt> {
     let mut done = length(part);
-    // With compression, ranges would count other bytes than those of the file.
+    // With compression, ranges would count bytes other than those of the file.
     let mut request = agent.get(url).header(header::ACCEPT_ENCODING, "identity");
     if done > 0 {
         request = request.header(header::RANGE, format!("bytes={done}-"));
@@ -110,7 +111,7 @@ fn attempt(agent: &Agent, url: &str, part: &Path, watch: Watch<'_>) -> Result<At
         .append(true)
         .open(part)
         .map_err(|e| Error::io(part, e))?;
-    // Truncated to what is counted, so that a server without ranges starts at 0.
+    // Truncated to the counted bytes, so that a server without ranges starts at 0.
     file.set_len(done).map_err(|e| Error::io(part, e))?;
     let came = receive(
         url,

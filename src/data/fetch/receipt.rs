@@ -1,5 +1,5 @@
-//! Receipts of fetched files, with their checksums: publishers of data sets give none, so the first
-//! fetch sets them.
+//! Receipts of fetched files, with their checksums: publishers of data sets provide none, so the
+//! first fetch sets them.
 
 use super::{CHUNK, STOPPED, Watch, unfinished};
 use crate::files::read_text;
@@ -11,10 +11,10 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 
-/// Largest file of receipts that is read, bytes.
+/// Largest file of receipts accepted, bytes.
 const MAX_BYTES: u64 = 1 << 24;
 
-/// One file that was fetched.
+/// One fetched file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Receipt {
     /// URL or path of the source.
@@ -22,7 +22,7 @@ pub struct Receipt {
     pub bytes: u64,
     /// In hexadecimal.
     pub sha256: String,
-    /// Files and folders made of it, relative to the folder of the receipts.
+    /// Files and folders made from it, relative to the folder of the receipts.
     pub made: Vec<String>,
 }
 
@@ -34,14 +34,15 @@ pub struct Receipts {
 }
 
 impl Receipts {
-    /// Reads the receipts of `folder`; none where nothing was fetched.
+    /// Reads the receipts of `folder`; empty if nothing was fetched.
     ///
     /// # Errors
+    ///
     /// [`Error::Io`]; [`Error::Format`] for receipts svl did not write.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("fetched.json");
         let by_name = if path.exists() {
-            // Read with a limit, as it lies among downloaded files.
+            // Read with a limit, as it is next to downloaded files.
             serde_json::from_str(&read_text(&path, MAX_BYTES)?).map_err(|e| {
                 Error::format(
                     &path,
@@ -54,7 +55,7 @@ impl Receipts {
         Ok(Self { path, by_name })
     }
 
-    /// Whether the file `name` was fetched and everything made of it still exists.
+    /// True if the file `name` was fetched and everything made from it still exists.
     pub fn fulfilled(&self, name: &str) -> bool {
         let folder = self.path.parent().unwrap_or(Path::new("."));
         self.by_name
@@ -65,7 +66,7 @@ impl Receipts {
     /// Checks that a file has the checksum of the one fetched before under that name.
     ///
     /// # Errors
-    /// [`Error::Format`] with both checksums when it is not.
+    /// [`Error::Format`] with both checksums if it does not.
     pub fn agrees(&self, name: &str, path: &Path, sha256: &str) -> Result<()> {
         match self
             .by_name
@@ -106,7 +107,7 @@ impl Receipts {
 /// SHA-256 of a file, in hexadecimal, and its length.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] when `watch` says stop.
+/// [`Error::Io`]; [`Error::Format`] if `watch` returns false.
 pub fn sha256(path: &Path, watch: Watch<'_>) -> Result<(String, u64)> {
     let io = |e| Error::io(path, e);
     let mut file = File::open(path).map_err(io)?;

@@ -8,15 +8,15 @@ use std::io::{BufReader, Read, Write};
 use std::path::{Component, Path, PathBuf};
 use svl_core::{Error, Result};
 
-/// Limit of entries in an archive.
+/// Limit on entries in an archive.
 const MAX_ENTRIES: usize = 1 << 20;
 
-/// Limit of the compression ratio, beyond the first [`MAX_FREE`] bytes: images hardly shrink,
-/// disparity maps by ten at most, a zip bomb by a thousand.
+/// Limit on the compression ratio, beyond the first [`MAX_FREE`] bytes: images hardly shrink,
+/// disparity maps by a factor of ten at most, a zip bomb by a thousand.
 const MAX_RATIO: u64 = 100;
 const MAX_FREE: u64 = 1 << 24;
 
-/// Limit of an entry's name in bytes.
+/// Limit on an entry's name in bytes.
 const MAX_NAME: usize = 1024;
 
 /// Outcome of unpacking.
@@ -30,17 +30,17 @@ pub struct Unpacked {
     pub top: BTreeSet<String>,
 }
 
-/// Whether `name` is that of an archive that [`unpack`] reads.
+/// True if `name` is that of an archive that [`unpack`] reads.
 pub fn is_archive(name: &str) -> bool {
     [".zip", ".7z"].iter().any(|ending| name.ends_with(ending))
 }
 
-/// Unpacks an archive into `folder`, which is created. Every file gets its name only when it is
+/// Unpacks an archive into `folder`, which is created. Every file gets its name only once it is
 /// complete and its CRC matches; existing files are kept.
 ///
 /// # Errors
-/// [`Error::Format`] for a file that is not an archive or is damaged, for entries outside the
-/// folder or of absurd size, or when `watch` returns false; [`Error::Io`].
+/// [`Error::Format`] for a file that is not an archive or is corrupt, for entries outside the
+/// folder or of absurd size, or if `watch` returns false; [`Error::Io`].
 pub fn unpack(archive: &Path, folder: &Path, watch: Watch<'_>) -> Result<Unpacked> {
     let file = File::open(archive).map_err(|e| Error::io(archive, e))?;
     let length = file.metadata().map_err(|e| Error::io(archive, e))?.len();
@@ -69,7 +69,7 @@ fn zip(file: BufReader<File>, most: u64, mut target: Unpacker<'_>) -> Result<Unp
     let path = target.archive;
     let broken = |e: zip::result::ZipError| damaged(path, &e);
     let mut archive = zip::ZipArchive::new(file).map_err(broken)?;
-    // A wrong size of an entry is found when it is written.
+    // A wrong size of an entry is detected when it is written.
     let mut sizes = Vec::new();
     for index in 0..archive.len() {
         sizes.push(archive.by_index_raw(index).map_err(broken)?.size());
@@ -144,7 +144,7 @@ struct Unpacker<'a> {
 }
 
 impl Unpacker<'_> {
-    /// Refuses an archive whose entries are too many or hold more than `most` bytes.
+    /// Rejects an archive whose entries are too many or contain more than `most` bytes.
     fn expect(&mut self, sizes: Vec<u64>, most: u64) -> Result<()> {
         self.total = sizes
             .iter()
@@ -236,8 +236,7 @@ impl Unpacker<'_> {
     }
 }
 
-/// The relative path of an entry's name; nothing where it would leave the folder or is not
-/// portable.
+/// The relative path of an entry's name; `None` if it would leave the folder or is not portable.
 fn inside(name: &str) -> Option<PathBuf> {
     // Backslash and colon are separators elsewhere, and would escape the check of components.
     let strange = |c: char| c.is_control() || c == '\\' || c == ':';

@@ -2,12 +2,12 @@
 
 use std::collections::HashMap;
 
-/// The place of each column by its name.
+/// The index of each column by name.
 #[derive(Clone, Debug)]
 pub struct ColumnPlaces(HashMap<String, usize>);
 
 impl ColumnPlaces {
-    /// Of two columns of one name the first counts.
+    /// If two columns have one name, the first is used.
     pub fn new(heads: &csv::StringRecord) -> Self {
         let mut places = HashMap::new();
         for (place, head) in heads.iter().enumerate() {

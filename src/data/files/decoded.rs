@@ -1,10 +1,10 @@
-//! Decoded images of any depth, and the 8-bit pairs that are made of them.
+//! Decoded images of any depth, and the 8-bit pairs made from them.
 
 use image::DynamicImage;
 use svl_core::stereo::{Gray, Plane, Rgb, StereoPair};
 use svl_core::{Error, Result};
 
-/// An image as its file, message or video has it.
+/// An image as stored in its file, message or video.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DecodedImage {
     Gray(Gray),
@@ -33,9 +33,10 @@ impl DecodedImage {
         }
     }
 
-    /// From interleaved 8-bit RGB. Where all three are equal everywhere it is grey.
+    /// From interleaved 8-bit RGB. If all three channels are equal everywhere, it is grey.
     ///
     /// # Errors
+    ///
     /// [`Error::Dimensions`] or [`Error::Size`].
     pub fn from_rgb(width: usize, height: usize, rgb: &[u8]) -> Result<Self> {
         let pixels = rgb.as_chunks::<3>().0;
@@ -68,12 +69,12 @@ impl DecodedImage {
         width * height * bytes
     }
 
-    /// The largest value of a pair of 16 bits; nothing for one of 8.
+    /// The largest value of a 16-bit pair; `None` for an 8-bit one.
     pub fn largest_of(pair: &[Self; 2]) -> Option<u16> {
         pair.iter().filter_map(Self::largest).max()
     }
 
-    /// The largest value of 16 bits; nothing for an image of 8.
+    /// The largest value of a 16-bit image; `None` for an 8-bit one.
     pub(crate) fn largest(&self) -> Option<u16> {
         match self {
             Self::Gray16(image) => image.pixels().max(),
@@ -109,19 +110,19 @@ impl DecodedImage {
     }
 }
 
-/// Pairs that the bit depth of a source is decided by.
+/// Number of pairs that decide the bit depth of a source.
 pub const DECIDING_PAIRS: usize = 16;
 
-/// How many bits the 16-bit images of a source use; the upper 8 of these become grey.
+/// Number of bits that the 16-bit images of a source use; the upper 8 of these become grey.
 ///
-/// Sensors of 10, 12 and 14 bits leave the upper ones of 16 at 0. Decided once for a source, by its
-/// first pairs, so that a scene's brightness does not change in between, nor with the range that is
-/// read.
+/// Sensors of 10, 12 and 14 bits leave the upper ones of 16 at 0. It is decided once for a source,
+/// by its first pairs, so that the brightness of a scene changes neither during it nor with the
+/// range that is read.
 #[derive(Clone, Debug)]
 pub struct BitDepth {
-    /// Nothing where the first pair is of 8 bits.
+    /// `None` if the first pair has 8 bits.
     bits: Option<u8>,
-    /// The largest value that they were decided by.
+    /// The largest value that decided.
     largest: Option<u16>,
     warned: bool,
 }
@@ -135,10 +136,11 @@ impl BitDepth {
     };
 
     /// Decides by the largest value of each of the first [`DECIDING_PAIRS`] pairs of a source,
-    /// unless `asked` says how many. Of a source of 8-bit images one pair is taken.
+    /// unless `asked` gives the number. For a source of 8-bit images one pair is read.
     ///
     /// # Errors
-    /// [`Error::Usage`] where `asked` is of no use.
+    ///
+    /// [`Error::Usage`] if `asked` does not apply.
     pub fn decide(
         asked: Option<u8>,
         largest: impl IntoIterator<Item = Option<u16>>,
@@ -160,12 +162,12 @@ impl BitDepth {
         })
     }
 
-    /// The bits that are used, of 16-bit images.
+    /// The bits used by 16-bit images.
     pub fn bits(&self) -> Option<u8> {
         self.bits
     }
 
-    /// A line for the user, where fewer than 16 bits are used.
+    /// A line for the user, if fewer than 16 bits are used.
     pub fn note(&self) -> Option<String> {
         let (bits, largest) = (self.bits.filter(|bits| *bits < 16)?, self.largest?);
         Some(format!(
@@ -174,9 +176,10 @@ impl BitDepth {
         ))
     }
 
-    /// The pair of two images, with their colours where both have them.
+    /// The pair of two images, with their colours if both have them.
     ///
     /// # Errors
+    ///
     /// [`Error::PairSize`].
     pub fn pair(
         &mut self,
@@ -187,7 +190,7 @@ impl BitDepth {
         Ok((StereoPair::new(left, right)?, color))
     }
 
-    /// As 8-bit grey, with the colours that it came from.
+    /// As 8-bit grey, with the original colours.
     pub(crate) fn grey(&mut self, image: DecodedImage) -> (Gray, Option<Rgb>) {
         let bits = u32::from(self.bits.unwrap_or(16));
         if let Some(largest) = image.largest().filter(|v| u32::from(*v) >> bits > 0)
@@ -198,13 +201,13 @@ impl BitDepth {
                  white; --bits 16 takes all"
             );
         }
-        // Saturates, as a sensor does.
+        // Saturates, like a sensor.
         let upper = |v: u16| (v >> (bits - 8)).min(255) as u8;
         let color = match image {
             DecodedImage::Gray(grey) => return (grey, None),
             DecodedImage::Gray16(deep) => return (deep.map(upper), None),
             DecodedImage::Color(color) => color,
-            // As the image library rounds.
+            // Rounded like in the image library.
             DecodedImage::Color16(deep) if bits == 16 => {
                 deep.map(|rgb| rgb.map(|v| ((u32::from(v) + 128) / 257) as u8))
             }
@@ -214,7 +217,7 @@ impl BitDepth {
     }
 }
 
-/// Bits of the sensor whose largest value this may be.
+/// Bit depth of a sensor with that largest value.
 fn used(largest: u16) -> u8 {
     let all = [10, 12, 14].into_iter();
     all.into_iter()
@@ -251,7 +254,7 @@ mod tests {
             let (pair, _) = depth.pair(deep(largest)).unwrap();
             assert_eq!(pair.right().get(0, 0), grey, "{largest}");
         }
-        // What comes later changes nothing, and saturates.
+        // Later images change nothing, and saturate.
         let late = (0..17).map(|i| Some(if i == 16 { 60_000 } else { 4000 }));
         let mut depth = BitDepth::decide(None, late).unwrap();
         assert_eq!(depth.bits(), Some(12));
@@ -262,7 +265,7 @@ mod tests {
     fn the_user_overrides_and_8_bits_need_no_decision() {
         let depth = BitDepth::decide(Some(16), [DecodedImage::largest_of(&deep(100))]).unwrap();
         assert_eq!((depth.bits(), depth.note()), (Some(16), None));
-        // Endless: only the first pair is looked at.
+        // Endless: only the first pair is read.
         let eight = || DecodedImage::largest_of(&[gray(3), gray(4)]);
         let endless = std::iter::repeat_with(eight);
         assert_eq!(BitDepth::decide(None, endless).unwrap().bits(), None);

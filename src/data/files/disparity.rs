@@ -7,9 +7,9 @@ use std::path::Path;
 use svl_core::stereo::{DisparityMap, Plane};
 use svl_core::{Error, Result};
 
-/// Reads a grey image, 8 or 16 bits, whose value is `scale` times the disparity and 0 means unknown
-/// where `zero_unknown`; unknown becomes `+∞`. Palette images are read by their grey, not by their
-/// index.
+/// Reads a grey image, 8 or 16 bits, whose value is `scale` times the disparity; 0 means unknown if
+/// `zero_unknown` is true; unknown becomes `+∞`. Palette images are read by their grey, not by
+/// their index.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Format`].
@@ -32,25 +32,27 @@ pub fn read_scaled_disparity(path: &Path, scale: f32, zero_unknown: bool) -> Res
     Plane::from_vec(width, height, values.collect())
 }
 
-/// KITTI's 16-bit images hold 256 times the disparity.
+/// KITTI's 16-bit images contain 256 times the disparity.
 const KITTI_SCALE: f32 = 256.0;
 
-/// Reads true disparities, `+∞` where unknown, by the file's ending: `.pfm`, `.npz`, or a grey
-/// image whose values are `scale` times the disparity and 0 is unknown. Images of 16 bits have
-/// KITTI's 256 where `scale` is not given.
+/// Reads true disparities, `+∞` if unknown, by the file extension: `.pfm`, `.npz`, or a grey image
+/// whose values are `scale` times the disparity and 0 is unknown. For 16-bit images the default
+/// scale is KITTI's 256.
 ///
 /// # Errors
+///
 /// [`Error::Io`], [`Error::Format`]; the latter also for an 8-bit image without a scale, and for a
 /// colour image.
 pub fn read_truth(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
     Ok(known(&values(path, scale.unwrap_or(KITTI_SCALE), scale)?))
 }
 
-/// As [`read_truth`], for estimates to be scored: a pixel without disparity is `+∞`, and other
-/// non-finite values are errors. Images of 16 bits always have KITTI's scale.
+/// Same as [`read_truth`], for estimates to be scored: a pixel without disparity is `+∞`, and other
+/// non-finite values are errors. 16-bit images always have KITTI's scale.
 ///
 /// # Errors
-/// [`Error::Format`] besides, for NaN and `-∞`.
+///
+/// Also [`Error::Format`] for NaN and `-∞`.
 pub fn read_estimate(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
     let values = values(path, KITTI_SCALE, scale)?;
     let wrong = values
@@ -108,7 +110,7 @@ fn values(path: &Path, scale_16: f32, scale_8: Option<f32>) -> Result<Plane<f32>
     Plane::from_vec(width, height, values)
 }
 
-/// Whether a file has this extension, in lower or upper case.
+/// True if a file has this extension, in lower or upper case.
 pub fn has_ending(path: &Path, ending: &str) -> bool {
     path.extension()
         .is_some_and(|e| e.eq_ignore_ascii_case(ending))
@@ -119,12 +121,12 @@ const COLOUR: &str = "is a colour picture; disparities are read from grey images
 const NO_SCALE: &str = "has 8 bits, which hold a multiple of the disparity: name it with --scale \
      (Middlebury 2001: 8, tsukuba: 16, 2003: 4, 2006: 3)";
 
-/// Writes the disparities by the file's ending: `.pfm` with `+∞` for none, or `.png`, 16-bit in
-/// KITTI's form: 256·d, 0 = none, a true 0 written as 1.
+/// Writes the disparities by the file extension: `.pfm` with `+∞` for invalid pixels, or `.png`,
+/// 16-bit in KITTI's form: 256·d, 0 = invalid, a true 0 written as 1.
 ///
 /// # Errors
-/// [`Error::Invalid`] for another ending, or for disparities a KITTI PNG cannot hold (negative, 256
-/// and more).
+/// [`Error::Invalid`] for another extension, or for disparities that a KITTI PNG cannot represent
+/// (negative, or 256 and more).
 pub fn write_disparity(path: &Path, map: &DisparityMap) -> Result<()> {
     match path.extension().and_then(|e| e.to_str()) {
         Some("pfm") => write_pfm(path, map.disparity()),
@@ -141,7 +143,7 @@ pub fn write_disparity(path: &Path, map: &DisparityMap) -> Result<()> {
                         "a 16-bit PNG holds disparities in 0..256 only; write .pfm instead",
                     )
                 })?;
-            // The encoder of `image` takes native byte order and writes big-endian.
+            // The encoder of `image` expects native byte order and writes big-endian.
             let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_ne_bytes()).collect();
             let png = encode(width, height, &bytes, ExtendedColorType::L16)?;
             std::fs::write(path, png).map_err(|e| Error::io(path, e))

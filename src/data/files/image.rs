@@ -10,7 +10,7 @@ use std::path::Path;
 use svl_core::stereo::{Gray, MAX_SIDE, Plane, Rgb, StereoPair, Visibility};
 use svl_core::{Error, Result};
 
-/// Image formats by the endings of their files, the usual one first.
+/// Image formats by file extension, the usual one first.
 pub const IMAGE_ENDINGS: &[&str] = &[
     "png", "ppm", "pgm", "jpg", "jpeg", "tif", "tiff", "bmp", "webp",
 ];
@@ -27,16 +27,17 @@ pub(super) fn decode(path: &Path) -> Result<DynamicImage> {
 /// # Errors
 /// [`Error::Io`], [`Error::Format`].
 pub fn read_image(path: &Path) -> Result<DecodedImage> {
-    // A file that is no image has told so already: what fails here is its size.
+    // Not being an image is reported already: a failure here concerns its size.
     let wrong = |e| Error::format(path, format!("not a readable image: {e}"));
     DecodedImage::new(decode(path)?).map_err(wrong)
 }
 
-/// Reads two image files as a pair, with their colours where both have them, and with a note for
-/// the user. Of 16-bit images the upper 8 of the `bits` that they use remain
-/// [default: decided by their largest value, with a line for the user where these are not all].
+/// Reads two image files as a pair, with their colours if both have them, and with a note for the
+/// user. For 16-bit images the upper 8 of the `bits` used are kept [default: decided by their
+/// largest value, with a line for the user unless these are all].
 ///
 /// # Errors
+///
 /// [`Error::Io`], [`Error::Format`]; [`Error::PairSize`]; [`Error::Usage`] for `bits` of 8-bit
 /// images.
 pub fn read_pair(
@@ -67,16 +68,17 @@ pub(crate) fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, St
     reader.decode().map_err(|e| e.to_string())
 }
 
-/// Reads an image as 8-bit grey: grey as it is (16 bits keep their upper 8), colour by
+/// Reads an image as 8-bit grey: grey unchanged (the upper 8 of 16 bits), colour by
 /// [`Gray::from_color`].
 ///
 /// # Errors
+///
 /// [`Error::Io`], [`Error::Format`], [`Error::Dimensions`].
 pub fn read_gray(path: &Path) -> Result<Gray> {
     gray(decode(path)?)
 }
 
-/// As [`read_gray`], for a file in memory.
+/// Same as [`read_gray`], for a file in memory.
 pub(crate) fn gray_of(bytes: &[u8]) -> std::result::Result<Gray, String> {
     gray(decode_bytes(bytes)?).map_err(|e| e.to_string())
 }
@@ -86,7 +88,7 @@ fn gray(image: DynamicImage) -> Result<Gray> {
     Ok(BitDepth::FULL.clone().grey(image).0)
 }
 
-/// Reads a mask with Middlebury's codes: 255 seen by both cameras, 128 occluded, else unknown.
+/// Reads a mask with Middlebury's codes: 255 visible in both cameras, 128 occluded, else unknown.
 ///
 /// # Errors
 /// As [`read_gray`].
@@ -94,9 +96,10 @@ pub fn read_mask(path: &Path) -> Result<Plane<Visibility>> {
     Ok(read_gray(path)?.map(Visibility::from_code))
 }
 
-/// Reads KITTI's object map: whether a pixel belongs to an object, 0 being the background.
+/// Reads KITTI's object map: true for pixels of an object; 0 is the background.
 ///
 /// # Errors
+///
 /// As [`read_gray`].
 pub fn read_object_map(path: &Path) -> Result<Plane<bool>> {
     let image = decode(path)?.into_luma16();
@@ -112,9 +115,10 @@ pub fn read_object_map(path: &Path) -> Result<Plane<bool>> {
     )
 }
 
-/// A PNG of interleaved `rgb` (3 bytes a pixel) or grey (1 byte), `width` x `height`.
+/// A PNG from interleaved `rgb` (3 bytes per pixel) or grey (1 byte), `width` x `height`.
 ///
 /// # Errors
+///
 /// [`Error::Size`] for another number of bytes.
 pub fn encode_png(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>> {
     let color = if pixels.len() == width * height {
@@ -150,7 +154,7 @@ pub(super) fn encode(
 /// Writes [`encode_png`] to `path`.
 ///
 /// # Errors
-/// [`Error::Io`] besides.
+/// Those of [`encode_png`]; [`Error::Io`].
 pub fn write_png(path: &Path, width: usize, height: usize, pixels: &[u8]) -> Result<()> {
     std::fs::write(path, encode_png(width, height, pixels)?).map_err(|e| Error::io(path, e))
 }
@@ -194,6 +198,7 @@ mod tests {
         }
     }
 
-    /// What comes after all pixels of a PNG: the checksum of their chunk, and the chunk IEND.
+    /// Length of the end of a PNG after all pixels: the checksum of their chunk, and the chunk
+    /// IEND.
     const END_CHUNK: usize = 16;
 }

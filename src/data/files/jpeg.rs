@@ -14,11 +14,11 @@ const RESTART_0: u8 = 0xD0;
 const RESTART_7: u8 = 0xD7;
 
 /// A segment that marks a frame of Motion JPEG. Many cameras omit the Huffman tables, and with this
-/// segment the decoder takes the standard ones (ITU-T T.81, K.3).
+/// segment the decoder uses the standard ones (ITU-T T.81, K.3).
 const MOTION_JPEG: &[u8] = b"\xFF\xE0\0\x07AVI1\0";
 
-/// 128 one bits, each byte with the stuffed zero that makes it no marker: twice as many as the
-/// decoder reads ahead.
+/// 128 one bits, each byte with the stuffed zero that keeps it from being a marker: twice as many
+/// as the decoder reads ahead.
 const ONES: [u8; 32] = *b"\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\
     \xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0";
 
@@ -27,7 +27,7 @@ const MAX_BLOCKS: usize = (MAX_SIDE / 8).pow(2);
 
 type Decoder = JpegDecoder<ZCursor<Vec<u8>>>;
 
-/// The image, grey as it is, of colours as RGB.
+/// The image; grey is kept, colours become RGB.
 pub(super) fn decode(jpeg: &[u8]) -> Result<DynamicImage, String> {
     let (mut decoder, (width, height)) = open(jpeg)?;
     let grey = decoder.input_colorspace() == Some(ColorSpace::Luma);
@@ -49,7 +49,7 @@ pub(super) fn decode(jpeg: &[u8]) -> Result<DynamicImage, String> {
     image.ok_or_else(|| format!("a JPEG of {width}x{height} pixels with fewer than these"))
 }
 
-/// The luma of a camera's image, or an error in a few words, also for another size.
+/// The luma of a camera's image, or a short error, also for a different size.
 #[cfg(target_os = "linux")]
 pub(crate) fn brightness(
     jpeg: &[u8],
@@ -73,8 +73,8 @@ fn open(jpeg: &[u8]) -> Result<(Decoder, (usize, usize)), String> {
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(guarded(jpeg)?), options);
     decoder.decode_headers().map_err(|e| broken(&e))?;
     let (width, height) = decoder.dimensions().unwrap_or_default();
-    // A block of 8x8 pixels takes at least a bit: memory is allocated for what the file can hold,
-    // not for what it claims.
+    // A block of 8x8 pixels takes at least a bit: memory is allocated for what the file can
+    // contain, not for what it claims.
     if width * height > 64 * 8 * jpeg.len() {
         return Err(format!(
             "a JPEG of {width}x{height} pixels in {} bytes",
@@ -96,12 +96,13 @@ fn broken(error: &DecodeErrors) -> String {
     )
 }
 
-/// The image up to its end marker, with ones before each marker that ends coded data for good.
+/// The image up to its end marker, with ones inserted before each marker that ends coded data
+/// finally.
 ///
-/// Where a marker comes too early, the decoder invents the rest, strict or not. No Huffman code
-/// consists of ones (ITU-T T.81, annex C), so a decoder that reads on fails at them. Between the
-/// scans of an image none are inserted: there the decoder expects the marker right after the last
-/// code.
+/// If a marker comes too early, the decoder invents the rest, strict or not. No Huffman code
+/// consists of ones (ITU-T T.81, annex C), so a decoder that continues to read fails at them.
+/// Between the scans of an image none are inserted: there the decoder expects the marker right
+/// after the last code.
 fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
     let cut = || {
         format!(
@@ -133,7 +134,7 @@ fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
                 ]
                 .concat());
             }
-            // A segment with its length; markers inside, as of a thumbnail, do not count.
+            // A segment with its length; markers inside, such as those of a thumbnail, are ignored.
             _ => {
                 let length = jpeg.get(marker + 2..marker + 4).ok_or_else(cut)?;
                 at = marker + 2 + usize::from(u16::from_be_bytes([length[0], length[1]]));
@@ -181,7 +182,7 @@ mod tests {
     fn whole() -> Vec<Vec<u8>> {
         let (grey, rgb) = (ExtendedColorType::L8, ExtendedColorType::Rgb8);
         let mut images = vec![RESTARTS.to_vec(), PROGRESSIVE.to_vec()];
-        // The last rows of flat and of narrow images take less than the decoder reads ahead.
+        // The last rows of flat and of narrow images take fewer bits than the decoder reads ahead.
         for (width, height) in [(1, 1), (8, 8), (5, 70), (64, 48)] {
             images.extend([grey, rgb].map(|colours| encoded(width, height, colours, noise())));
             images.extend([grey, rgb].map(|colours| encoded(width, height, colours, |_| 90)));
@@ -194,12 +195,12 @@ mod tests {
         for jpeg in whole() {
             let expected = load_from_memory(&jpeg).unwrap();
             assert_eq!(decode(&jpeg).unwrap(), expected);
-            // Cameras and other programs leave something after the end, a second image maybe.
+            // Cameras and other programs append data after the end, perhaps a second image.
             assert_eq!(
                 decode(&[&jpeg[..], &[0; 9], &jpeg].concat()).unwrap(),
                 expected
             );
-            // A small picture among the headers has an end of its own.
+            // A thumbnail in the headers has its own end marker.
             let small = [
                 &jpeg[..2],
                 &[0xFF, 0xE1, 0, 8, 0xFF, 0xD8, 1, 2, 0xFF, 0xD9],
@@ -239,7 +240,7 @@ mod tests {
                 );
             }
         }
-        // The data of one restart are missing.
+        // The data of one restart interval are missing.
         let at: Vec<_> = RESTARTS
             .windows(2)
             .enumerate()

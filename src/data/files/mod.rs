@@ -32,11 +32,11 @@ pub use svl_core::bounded::read_text;
 use std::path::{Component, Path, PathBuf, absolute};
 use svl_core::stereo::Plane;
 
-/// Limit of the size of an image or map file, in bytes.
+/// Limit on the size of an image or map file, in bytes.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// The path `of`, as it is written in `folder`; absolute where they have nothing in common. A link
-/// keeps its name.
+/// The path `of`, relative to `folder`; absolute if they have nothing in common. A link keeps its
+/// name.
 pub fn relative_path(of: &Path, folder: &Path) -> PathBuf {
     let here = Path::new(".");
     let folder = if folder.as_os_str().is_empty() {
@@ -70,7 +70,7 @@ pub fn relative_path(of: &Path, folder: &Path) -> PathBuf {
     up.chain(of.components().skip(shared)).collect()
 }
 
-/// A path without links, by which `..` would lead elsewhere; its end need not exist.
+/// A path without links, with which `..` would lead elsewhere; its end need not exist.
 fn real_path(path: &Path) -> std::io::Result<PathBuf> {
     if let Ok(real) = path.canonicalize() {
         return Ok(real);
@@ -82,11 +82,12 @@ fn real_path(path: &Path) -> std::io::Result<PathBuf> {
     }
 }
 
-/// The rows of an image in memory: `height` rows of `row_bytes` bytes, each `stride` bytes after
-/// the one before it. The padding of the last row may be missing.
+/// The rows of an image in memory: `height` rows of `row_bytes` bytes, `stride` bytes apart. The
+/// padding of the last row may be missing.
 ///
 /// # Errors
-/// How many bytes it takes, where `data` has fewer, or rows overlap or are empty.
+///
+/// The number of bytes needed, if `data` has fewer, or if rows overlap or are empty.
 pub(crate) fn strided_rows(
     data: &[u8],
     row_bytes: usize,
@@ -113,7 +114,7 @@ pub(crate) fn every_byte<'a>(
         .collect()
 }
 
-/// The values with `+∞`, "unknown", for all that is not finite.
+/// The values with `+∞`, "unknown", for everything that is not finite.
 fn known(values: &Plane<f32>) -> Plane<f32> {
     values.map(|v| if v.is_finite() { v } else { f32::INFINITY })
 }

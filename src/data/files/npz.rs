@@ -6,15 +6,15 @@ use std::path::Path;
 use svl_core::stereo::{MAX_SIDE, Plane};
 use svl_core::{Error, Result};
 
-/// Limit of the header's length in bytes; NumPy's own have 118.
+/// Limit on the header's length in bytes; NumPy's own have 118.
 const MAX_HEADER: usize = 4096;
 
 /// Reads the only array of an npz archive, rows x columns of float32 or float64 in either byte and
-/// memory order, as scikit-image's `motorcycle_disp.npz` is. Non-finite values become `+∞`,
+/// memory order, like scikit-image's `motorcycle_disp.npz`. Non-finite values become `+∞`,
 /// "unknown".
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Format`] saying what is missing.
+/// [`Error::Io`], or [`Error::Format`] with the missing part.
 pub fn read_npz(path: &Path) -> Result<Plane<f32>> {
     Ok(known(&values(path)?))
 }
@@ -27,7 +27,7 @@ pub(super) fn values(path: &Path) -> Result<Plane<f32>> {
 
 fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
-    // With several arrays it is unknown which one is the map.
+    // With several arrays it is unknown which of them is the map.
     if archive.len() != 1 {
         return Err(format!("it holds {} arrays, expected one", archive.len()));
     }
@@ -46,7 +46,7 @@ fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
             "{width}x{height} needs {expected} bytes, more than the {MAX_BYTES} it may have"
         ));
     }
-    // One byte more, as the CRC of the archive is checked at the end of the array.
+    // One more byte, as the CRC of the archive is checked at the end of the array.
     let mut data = Vec::new();
     file.take(expected as u64 + 1)
         .read_to_end(&mut data)

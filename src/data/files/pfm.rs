@@ -6,11 +6,11 @@ use std::path::Path;
 use svl_core::stereo::{MAX_SIDE, Plane};
 use svl_core::{Error, Result};
 
-/// Reads a one-channel PFM of either byte order. The magnitude of the scale line is no multiplier
-/// (Middlebury's convention); non-finite values become `+∞`, "unknown".
+/// Reads a one-channel PFM of either byte order. The magnitude of the scale line is not a
+/// multiplier (Middlebury's convention); non-finite values become `+∞`, "unknown".
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Format`] saying what is missing.
+/// [`Error::Io`], or [`Error::Format`] with the missing part.
 pub fn read_pfm(path: &Path) -> Result<Plane<f32>> {
     Ok(known(&values(path)?))
 }
@@ -82,7 +82,7 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
     Ok(plane)
 }
 
-/// Writes a little-endian PFM; `+∞` is "none".
+/// Writes a little-endian PFM; `+∞` means invalid.
 ///
 /// # Errors
 /// [`Error::Io`].

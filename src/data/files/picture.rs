@@ -11,7 +11,7 @@ const QUALITY: u8 = 78;
 /// A PNG of at most 256 colours: `codes` are indices into `palette`, which is RGB.
 ///
 /// # Errors
-/// [`Error::Invalid`] for a palette that is empty or too large, or a code beyond it.
+/// [`Error::Invalid`] for an empty or too large palette, or a code beyond it.
 pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<u8>> {
     let (width, height) = codes.size();
     if palette.is_empty()
@@ -47,7 +47,7 @@ pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<
     });
     encoder.set_palette(palette.as_flattened());
     encoder.set_compression(png::Compression::High);
-    // Codes are indices, not amounts: their differences mean nothing to a filter.
+    // Codes are indices, not amounts: a filter gains nothing from their differences.
     encoder.set_filter(png::Filter::NoFilter);
     encoder
         .write_header()
@@ -56,14 +56,15 @@ pub fn encode_palette_png(codes: &Plane<u8>, palette: &[[u8; 3]]) -> Result<Vec<
     Ok(file)
 }
 
-/// A PNG of classes, compressed quickly: `codes` are indices into `colors`, the last of which is
+/// A PNG of classes, compressed quickly: `codes` are indices into `colors`, whose last channel is
 /// opacity.
 ///
 /// # Errors
-/// [`Error::Invalid`] with what the encoder says.
+/// [`Error::Invalid`] with the encoder's message.
 pub fn encode_classes_png(codes: &Plane<u8>, colors: &[[u8; 4]]) -> Result<Vec<u8>> {
     let (width, height) = codes.size();
-    // Two classes are a bit each; each row of bits begins at a byte, its first pixel highest.
+    // Two classes take a bit each; each row of bits begins at a byte, with its first pixel in the
+    // highest bit.
     let byte = |eight: &[u8]| {
         let bits = eight.iter().enumerate();
         bits.fold(0, |byte, (i, &bit)| byte | bit << (7 - i))
@@ -86,7 +87,7 @@ pub fn encode_classes_png(codes: &Plane<u8>, colors: &[[u8; 4]]) -> Result<Vec<u
     }
     encoder.set_palette(palette);
     encoder.set_trns(opacities);
-    // `Compression::Fast` has one table of codes for all images, which classes do not suit.
+    // `Compression::Fast` has one code table for all images, which does not suit classes.
     encoder.set_deflate_compression(png::DeflateCompression::Level(1));
     encoder.set_filter(png::Filter::NoFilter);
     encoder
@@ -96,18 +97,20 @@ pub fn encode_classes_png(codes: &Plane<u8>, colors: &[[u8; 4]]) -> Result<Vec<u
     Ok(file)
 }
 
-/// A JPEG of `image`, scaled down to at most `width` columns; of any width where that is 0.
+/// A JPEG of `image`, scaled down to at most `width` columns; 0 means no limit.
 ///
 /// # Errors
-/// [`Error::Invalid`] with what the encoder says.
+///
+/// [`Error::Invalid`] with the encoder's message.
 pub fn encode_jpeg(image: &Gray, width: usize) -> Result<Vec<u8>> {
     jpeg::<Luma<u8>>(image.size(), image.pixels().collect(), width, QUALITY)
 }
 
-/// The image compressed as JPEG of that quality, 1..=100, and back.
+/// The image compressed as JPEG of that quality, 1..=100, and decoded again.
 ///
 /// # Errors
-/// [`Error::Invalid`] with what the encoder or the decoder says.
+///
+/// [`Error::Invalid`] with the message of the encoder or the decoder.
 pub fn through_jpeg(image: &Gray, quality: u8) -> Result<Gray> {
     let file = jpeg::<Luma<u8>>(image.size(), image.pixels().collect(), 0, quality)?;
     let decoded = super::jpeg::decode(&file).map_err(Error::Invalid)?;
@@ -115,9 +118,10 @@ pub fn through_jpeg(image: &Gray, quality: u8) -> Result<Gray> {
     Gray::from_vec(width, height, decoded.into_luma8().into_raw())
 }
 
-/// As [`encode_jpeg`], in colour.
+/// Same as [`encode_jpeg`], in colour.
 ///
 /// # Errors
+///
 /// As [`encode_jpeg`].
 pub fn encode_color_jpeg(image: &Rgb, width: usize) -> Result<Vec<u8>> {
     jpeg::<image::Rgb<u8>>(

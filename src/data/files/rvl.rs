@@ -1,18 +1,18 @@
-//! RVL, a lossless code of 16-bit depth images: Wilson, "Fast Lossless Depth Image Compression",
-//! 2017, with the header of ROS 2's `compressed_depth_image_transport`, as Rerun reads it. Maps
-//! take as much as in a PNG of medium compression, in a fifth of the time.
+//! RVL, a lossless code for 16-bit depth images: Wilson, "Fast Lossless Depth Image Compression",
+//! 2017, with the header of ROS 2's `compressed_depth_image_transport`, as read by Rerun. Maps are
+//! as small as in a PNG of medium compression, in a fifth of the time.
 
 use svl_core::stereo::Plane;
 
-/// How a code c becomes a depth where it is not one itself: `a / (c − b)`, ROS's form for inverse
-/// depths. Then 0 is none.
+/// Conversion of a code c to a depth if the code is not the depth: `a / (c − b)`, ROS's form for
+/// inverse depths. Then 0 is invalid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InverseDepth {
     pub a: f32,
     pub b: f32,
 }
 
-/// The codes as an RVL file. 0 is none.
+/// The codes as an RVL file. 0 is invalid.
 pub fn encode_rvl(codes: &Plane<u16>, inverse: Option<InverseDepth>) -> Vec<u8> {
     let InverseDepth { a, b } = inverse.unwrap_or(InverseDepth { a: 0.0, b: 0.0 });
     let mut file = Vec::with_capacity(codes.width() * codes.height() / 2);
@@ -33,7 +33,7 @@ pub fn encode_rvl(codes: &Plane<u16>, inverse: Option<InverseDepth>) -> Vec<u8> 
     };
     let (mut left, mut last) = (&pixels[..], 0);
     while !left.is_empty() {
-        // A run of zeros, a run of others, each after its length.
+        // A run of zeros, a run of non-zeros, each preceded by its length.
         let length = |is_zero: bool, of: &[u16]| {
             let end = of.iter().position(|&code| (code == 0) != is_zero);
             end.unwrap_or(of.len())
@@ -53,8 +53,8 @@ pub fn encode_rvl(codes: &Plane<u16>, inverse: Option<InverseDepth>) -> Vec<u8> 
     nibbles.finish()
 }
 
-/// Numbers in pieces of three bits, each with a bit that says whether another follows; eight pieces
-/// are a word, the first in its highest bits.
+/// Numbers in groups of three bits, each with a bit that tells if another follows; eight groups
+/// make a word, the first in its highest bits.
 struct Nibbles {
     file: Vec<u8>,
     word: u32,
@@ -92,7 +92,7 @@ mod tests {
     use super::*;
     use re_rvl::{RosRvlMetadata, decode_rvl_with_quantization};
 
-    /// By Rerun's decoder.
+    /// Decoded by Rerun's decoder.
     fn decoded(file: &[u8]) -> ((u32, u32), Vec<f32>) {
         let head = RosRvlMetadata::parse(file).unwrap();
         let depths = decode_rvl_with_quantization(file, &head).unwrap();

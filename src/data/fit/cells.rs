@@ -1,10 +1,10 @@
 //! Fits a [`VerdictTable`] to samples: a logistic regression on steps, chosen forward.
 //!
-//! A step is worth a score to all cells whose feature exceeds its value. The step that explains
-//! most of what is left is added, and the scores of all are fitted again by Newton's method
-//! (iteratively reweighted least squares, with a small ridge), up to [`MOST_STEPS`]. How many steps
-//! to take is decided by cross-validation: whole groups are held out, never single cells, as the
-//! cells of a run resemble each other.
+//! A step adds a score to all cells whose feature exceeds its value. The step that explains most of
+//! the remaining loss is added, and all scores are refitted by Newton's method (iteratively
+//! reweighted least squares, with a small ridge), up to [`MOST_STEPS`]. The number of steps is
+//! chosen by cross-validation: whole groups are held out, never single cells, as the cells of a run
+//! are similar to each other.
 
 use super::CellSample;
 use nalgebra::{DMatrix, DVector};
@@ -13,30 +13,30 @@ use std::borrow::Cow;
 use svl_core::depth::decision::{Feature, VerdictTable};
 use svl_core::stereo::CellEvidence;
 
-/// A fitted table, and what the samples say of it.
+/// A fitted table, with its figures on the samples.
 #[derive(Clone, Debug)]
 pub struct CellFit {
     pub table: VerdictTable,
-    /// Per sample, in their order, the log odds in thousandths that a table gives it which was
-    /// fitted without the sample's fold; the least number where there is nothing to report.
+    /// Per sample, in order, the log odds in thousandths from a table fitted without the sample's
+    /// fold; the least number if there is nothing to report.
     pub held_out: Vec<i64>,
-    /// Mean logistic loss of held-out samples by the number of steps, from none on.
+    /// Mean logistic loss of held-out samples by the number of steps, from 0 on.
     pub losses: Vec<f64>,
 }
 
-/// Most steps of a table.
+/// Largest number of steps in a table.
 pub const MOST_STEPS: usize = 32;
 
-/// Parts that the groups are dealt into for the cross-validation.
+/// Folds into which the groups are divided for the cross-validation.
 pub const FOLDS: usize = 5;
 
-/// Values of a feature between which steps are tried.
+/// Number of values of a feature between which steps are tried.
 const CANDIDATES: usize = 48;
 
 /// Weight of the ridge (L2) penalty on each score.
 const RIDGE: f64 = 1.0;
 
-/// A candidate: its feature, and its place among the feature's values.
+/// A candidate: its feature, and its index among the feature's values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Step {
     feature: usize,
@@ -48,11 +48,11 @@ struct Step {
 struct Model {
     base: f64,
     steps: Vec<(Step, f64)>,
-    /// Steps that would lead the wrong way ([`direction`]).
+    /// Steps that would have the wrong sign ([`direction`]).
     refused: Vec<Step>,
 }
 
-/// The samples with their features as places among candidate values.
+/// The samples with their features as indices of candidate values.
 struct Data {
     values: [Vec<i64>; CellEvidence::FEATURES],
     places: Vec<[u8; CellEvidence::FEATURES]>,
@@ -61,12 +61,12 @@ struct Data {
 }
 
 /// Fits a table for reports of the `rank`th percentile to samples with those weights. Samples with
-/// nothing to report are left out.
+/// nothing to report are ignored.
 ///
-/// The result depends on nothing but the samples and their order.
+/// The result depends only on the samples and their order.
 ///
-/// `progress` is called after each of the [`FOLDS`] and of the final fit; `false` ends it with
-/// nothing.
+/// `progress` is called after each of the [`FOLDS`] and the final fit; if it returns false, the
+/// result is `None`.
 pub fn fit_cells(
     samples: &[CellSample],
     weights: &[f64],
@@ -108,7 +108,7 @@ pub fn fit_cells(
     };
     let losses: Vec<_> = (0..=MOST_STEPS).map(loss).collect();
     let best = losses.iter().copied().fold(f64::INFINITY, f64::min);
-    // The fewest steps that are as good as the best by a thousandth.
+    // The fewest steps whose loss is within a thousandth of the best.
     let steps = losses.iter().position(|loss| *loss <= 1.001 * best);
     let steps = steps.unwrap_or_default();
     let mut held_out = vec![i64::MIN; samples.len()];
@@ -167,7 +167,7 @@ impl Data {
         signed.max(0.0) + (-signed.abs()).exp().ln_1p()
     }
 
-    /// Models of the samples `of` with no step, one, and so on up to `most`.
+    /// Models of the samples `of` with 0 steps, 1, and so on up to `most`.
     fn path(&self, of: &[usize], most: usize) -> Vec<Model> {
         let mut model = Model::default();
         self.refit(of, &mut model);
@@ -178,7 +178,7 @@ impl Data {
             };
             model.steps.push((step, 0.0));
             self.refit(of, &mut model);
-            // Others may turn when one comes.
+            // Others may change sign when one is added.
             while let Some(wrong) = model
                 .steps
                 .iter()
@@ -194,9 +194,9 @@ impl Data {
         path
     }
 
-    /// The step that, by a Newton step of its own, lowers the loss most.
+    /// The step that lowers the loss most with a single Newton step.
     fn next_step(&self, of: &[usize], model: &Model) -> Option<Step> {
-        // Slopes and curvatures of the loss by the features' places.
+        // Slopes and curvatures of the loss by feature index.
         let mut sums: [Vec<[f64; 2]>; CellEvidence::FEATURES] =
             std::array::from_fn(|f| vec![[0.0; 2]; self.values[f].len() + 1]);
         for &i in of {
@@ -219,7 +219,7 @@ impl Data {
                 if taken || model.refused.contains(&step) || slope * direction(feature) < 0.0 {
                     continue;
                 }
-                // Splits off no handful of samples.
+                // Skips steps that split off only a handful of samples.
                 if curvature.min(all - curvature) < 2.0 * RIDGE {
                     continue;
                 }
@@ -314,9 +314,9 @@ impl Data {
     }
 }
 
-/// Which way a feature may lead: more room, support and seen pixels never make a report less
-/// probable, nor do a greater shift and cost make it more so. So a fit says little that is true of
-/// its samples alone.
+/// Sign allowed for a feature: more margin, support and seen pixels never make a report less
+/// probable, nor do a greater shift and cost make it more so. So a fit contains less that holds
+/// only for its samples.
 fn direction(feature: usize) -> f64 {
     match Feature::ALL[feature] {
         Feature::Margin | Feature::Support | Feature::Seen => 1.0,
@@ -325,7 +325,7 @@ fn direction(feature: usize) -> f64 {
     }
 }
 
-/// Values that part the given ones into as equal parts as they allow.
+/// Values that divide the given ones into parts as equal as possible.
 fn candidates(values: impl Iterator<Item = i64>) -> Vec<i64> {
     let mut values: Vec<_> = values.collect();
     values.sort_unstable();
@@ -343,7 +343,7 @@ fn candidates(values: impl Iterator<Item = i64>) -> Vec<i64> {
 mod tests {
     use super::*;
 
-    /// Cells whose margin and cost decide, with that many groups.
+    /// Cells decided by margin and cost, with that many groups.
     fn samples(count: usize, groups: usize) -> Vec<CellSample> {
         let mut random = fastrand::Rng::with_seed(7);
         let sample = |i: usize| {
@@ -381,7 +381,7 @@ mod tests {
         assert!((2700..3300).contains(&difference), "{:?}", fit.table);
         let difference = score_at(Feature::Cost, 900) - score_at(Feature::Cost, 500);
         assert!((-2300..-1700).contains(&difference), "{:?}", fit.table);
-        // What decides nothing has next to no steps.
+        // A feature without influence has almost no steps.
         assert!(score_at(Feature::Shift, 999).abs() < 200, "{:?}", fit.table);
         assert!(fit.losses[2] < 0.9 * fit.losses[0]);
     }

@@ -1,5 +1,5 @@
-//! Fits what training learns: the table that decides the cells of v5, and of algorithms whose cells
-//! are decided the same way ([`svl_core::depth::decision`]), and the networks of the filters
+//! Fitting: the table that decides the cells of v5, and of algorithms whose cells are decided in
+//! the same way ([`svl_core::depth::decision`]), and the networks of the filters
 //! ([`svl_core::filter`]).
 
 mod cells;

@@ -1,31 +1,31 @@
-//! Cells of frames with a truth, as the verdict table sees them.
+//! Cells of frames with a truth, as samples for the verdict table.
 
 use crate::score::{Judge, Judged, depth_at, is_right};
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{Cell, CellDepth, CellEvidence};
 use svl_core::{Error, Result};
 
-/// A cell that could be reported, or not.
+/// A cell, reportable or not.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellSample {
-    /// The scene, the recording or the seed that it is of: samples of one are never parted.
+    /// Its scene, recording or seed: samples of one are never split.
     pub group: usize,
-    /// Absent where nothing was seen.
+    /// `None` if nothing was seen.
     pub evidence: Option<CellEvidence>,
-    /// Whether the report would be right, by the scenario's rule.
+    /// True if the report would be right, by the scenario's rule.
     pub right: bool,
-    /// Whether the algorithm reported it.
+    /// True if the algorithm reported it.
     pub known: bool,
 }
 
 impl CellSample {
-    /// Whether there is something to report.
+    /// True if there is something to report.
     pub fn is_reportable(&self) -> bool {
         self.evidence.is_some_and(|evidence| evidence.report > 0)
     }
 }
 
-/// What of a cell is asked for.
+/// Part of a cell to report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CellTarget {
     #[default]
@@ -35,10 +35,11 @@ pub enum CellTarget {
 }
 
 impl CellTarget {
-    /// What the cells of an algorithm are to report.
+    /// Target of an algorithm's cells.
     ///
     /// # Errors
-    /// [`Error::Usage`] for another percentile than a target's; what is wrong with a table's file.
+    ///
+    /// [`Error::Usage`] for a percentile that is not a target's; the faults of a table's file.
     pub fn of(algorithm: &Algorithm) -> Result<Self> {
         let choice = algorithm.safe_choice()?;
         match choice.map_or(50, |choice| choice.decision.rank) {
@@ -63,7 +64,7 @@ impl CellTarget {
     }
 }
 
-/// The cells of a frame that have a truth, as the first algorithm of the run sees them.
+/// The cells of a frame with truth, as samples of the run's first algorithm.
 pub fn cell_samples(
     judge: &Judge,
     judged: &Judged,
@@ -91,7 +92,7 @@ pub fn cell_samples(
         Some(CellSample {
             group,
             evidence: cell.evidence,
-            // Nothing where the rule finds no truth, as at infinity.
+            // `None` if the rule finds no truth, such as at infinity.
             right: is_right(&wanted?, reported.as_ref(), rule)?,
             known: cell.depth.is_some(),
         })

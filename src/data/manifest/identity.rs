@@ -1,17 +1,18 @@
-//! Identity of runs: the one place that decides which may be reused, merged, compared and joined.
+//! Identity of runs: the single place that decides which may be reused, merged, compared and
+//! joined.
 //!
-//! Two runs are held against each other field by field of their manifests, descriptions included.
-//! The input of a row is in its own hash ([`svl_core::stereo::Frame::input_hash`]).
+//! Two runs are compared field by field of their manifests, descriptions included. The input of a
+//! row has its own hash ([`svl_core::stereo::Frame::input_hash`]).
 
 use super::{Manifest, hash};
 use serde_json::Value;
 use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result};
 
-/// Why two runs are held against each other.
+/// Purpose for which two runs are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// A run goes on with the rows of an earlier one.
+    /// A run resumes with the rows of an earlier one.
     Resume,
     /// Shards become one report.
     Merge,
@@ -24,14 +25,15 @@ pub enum Purpose {
 use Purpose::{Compare, History, Merge, Resume};
 
 const ALL: &[Purpose] = &[Resume, Merge, Compare, History];
-/// Other pairs, or pairs that are scored otherwise; pairs are compared one by one.
+/// Other pairs, or pairs scored differently; pairs are compared one by one.
 const OF_PAIRS: &[Purpose] = &[Resume, Merge, History];
 const OF_ONE_RUN: &[Purpose] = &[Resume, Merge];
 /// No purpose: another field decides, or nothing depends on it.
 const NONE: &[Purpose] = &[];
 
-/// The fields of a manifest, and for which purposes they have to be equal; the first that is a
-/// field or the table that it is in counts. A field that is not here keeps everything apart.
+/// The fields of a manifest, and the purposes for which they have to be equal; the first entry that
+/// matches a field or its table applies. A field that is not listed separates runs for every
+/// purpose.
 const FIELDS: &[(&str, &[Purpose])] = &[
     ("schema", ALL),
     ("run_id", NONE),
@@ -40,11 +42,11 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("warnings", NONE),
     ("parts", NONE),
     ("pairs_hash", NONE),
-    // Of each row, by its input hash.
+    // Recorded per row, in its input hash.
     ("truth", NONE),
     ("svl", OF_ONE_RUN),
     ("git_revision", OF_ONE_RUN),
-    // Results are those of any build; times are not.
+    // Results are the same for any build; times are not.
     ("profile", OF_ONE_RUN),
     ("scenario", OF_PAIRS),
     ("bits", OF_PAIRS),
@@ -55,11 +57,11 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("runs", OF_ONE_RUN),
     ("description.name", NONE),
     ("description.description", NONE),
-    // By their parameters, in `algorithms`, where filters are by their weights.
+    // By their parameters, in `algorithms`, which contain the weights of filters.
     ("description.algorithms", NONE),
     ("description.columns", NONE),
     ("description.filter", NONE),
-    // Limits are held against numbers when they are there.
+    // Limits are checked against the numbers afterwards.
     ("description.gate", NONE),
     ("description.grid", ALL),
     ("description.cells", ALL),
@@ -68,7 +70,7 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("description.drive", OF_PAIRS),
     ("description.stress", OF_PAIRS),
     ("description.source.kind", OF_PAIRS),
-    // Recordings and calibrations are in `runs`, wherever they lie on this machine.
+    // Recordings and calibrations are in `runs`, regardless of their path on this machine.
     ("description.source.files", NONE),
     ("description.source.calib", NONE),
     ("description.source.data", NONE),
@@ -89,15 +91,16 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("description.source.from_s", OF_PAIRS),
     ("description.source.to_s", OF_PAIRS),
     ("description.source.reference", OF_PAIRS),
-    // As limits.
+    // Like limits.
     ("description.source.allow_loss", NONE),
 ];
 
 impl Manifest {
-    /// Differences that keep two runs apart for a purpose: each field that differs, with both
-    /// values, in words as `source.max_skew_ms: 5 and 20`. None: they may be taken together.
+    /// Differences that separate two runs for a purpose: each field that differs, with both values,
+    /// in words such as `source.max_skew_ms: 5 and 20`. If empty, they may be combined.
     ///
     /// # Errors
+    ///
     /// [`Error::Invalid`] for a manifest that cannot be serialized.
     pub fn differences(&self, other: &Self, purpose: Purpose) -> Result<Vec<String>> {
         let (ours, theirs) = (self.identity()?, other.identity()?);
@@ -134,7 +137,7 @@ impl Manifest {
         Ok(hash(&fields.join("\n")))
     }
 
-    /// The manifest without what only this machine or the end of the run says of it.
+    /// The manifest without entries that only describe this machine or the end of the run.
     fn identity(&self) -> Result<Value> {
         let mut manifest = self.clone();
         for algorithm in &mut manifest.algorithms {
@@ -142,23 +145,24 @@ impl Manifest {
             algorithm.memory_bytes = None;
             (algorithm.failed_pairs, algorithm.failure) = (0, None);
             algorithm.program = None;
-            // The label names the parameters as the user wrote them; their hash is of all of them.
+            // The label contains the parameters as the user wrote them; their hash covers all of
+            // them.
             algorithm.parameters.clear();
         }
         for run in &mut manifest.runs {
             run.pairs_hash = None;
             run.path.clear();
         }
-        // Absent is what is not slow.
+        // `None` if the profile is not slow.
         manifest.profile = crate::slow_profile(manifest.profile.as_deref());
         serde_json::to_value(manifest).map_err(|e| Error::Invalid(format!("manifest: {e}")))
     }
 }
 
-/// Takes a field's path and its two values.
+/// Receives a field's path and its two values.
 type OnField<'a> = &'a mut dyn FnMut(&str, Option<&Value>, Option<&Value>);
 
-/// Calls `field` with each pair of values: tables are walked down to the fields of [`FIELDS`].
+/// Calls `field` with each pair of values: tables are traversed down to the fields of [`FIELDS`].
 fn each_field(ours: Option<&Value>, theirs: Option<&Value>, path: &str, field: OnField<'_>) {
     let tables = [ours, theirs].map(|value| value.and_then(Value::as_object));
     if tables == [None, None] || !path.is_empty() && FIELDS.iter().any(|(name, _)| *name == path) {
@@ -186,7 +190,7 @@ fn has_to_be_equal(path: &str, purpose: Purpose) -> bool {
     of.is_none_or(|(_, purposes)| purposes.contains(&purpose))
 }
 
-/// Adds where two values of a field differ.
+/// Adds a line for each difference between two values of a field.
 fn describe(name: &str, ours: Option<&Value>, theirs: Option<&Value>, lines: &mut Vec<String>) {
     if let (Some(Value::Object(own)), Some(Value::Object(other))) = (ours, theirs) {
         let keys = own
@@ -216,17 +220,17 @@ fn describe(name: &str, ours: Option<&Value>, theirs: Option<&Value>, lines: &mu
         return;
     }
     let (ours, theirs) = (words(ours), words(theirs));
-    // The part that differs is in both, however long they are.
+    // The part that differs is shown in both, however long they are.
     let common = ours.chars().zip(theirs.chars());
     let common = common.take_while(|(own, other)| own == other).count();
     let [ours, theirs] = [ours, theirs].map(|text| shown(&text, common));
     lines.push(format!("{name}: {ours} and {theirs}"));
 }
 
-/// The longest value that is shown whole, in characters.
+/// The longest value shown in full, in characters.
 const WHOLE: usize = 60;
 
-/// A text, of a long one the part around the place `differs`.
+/// A text; if long, the part around the position `differs`.
 fn shown(text: &str, differs: usize) -> String {
     let length = text.chars().count();
     if length <= WHOLE {
@@ -245,7 +249,7 @@ fn name(value: &Value) -> Option<String> {
     named.into_iter().flatten().next().map(str::to_owned)
 }
 
-/// A value in a sentence: of tables their names.
+/// A value in a sentence: for tables, their names.
 fn words(value: Option<&Value>) -> String {
     let names = |value: &Value| {
         value
@@ -275,7 +279,7 @@ mod tests {
     use crate::scenario::Scenario;
     use std::path::Path;
 
-    /// A manifest whose description sets each key that there is.
+    /// A manifest whose description sets every key.
     fn whole(kind: &str) -> Manifest {
         let source = match kind {
             "arena" => "seeds = \"1\"",
@@ -413,7 +417,7 @@ mod tests {
             ["v3: net 1 and net 2"]
         );
         assert!(manifest.differences(&other, Compare).unwrap().is_empty());
-        // A part in which it never ran says nothing of it.
+        // A part in which it never ran has no information on it.
         other.algorithms[0].program = None;
         assert!(manifest.differences(&other, Merge).unwrap().is_empty());
     }

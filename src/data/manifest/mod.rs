@@ -19,61 +19,61 @@ use svl_core::{Error, Result, joined};
 
 /// The version of the files of a report: `schema` in `manifest.json` and `summary.json`.
 ///
-/// Under one number columns and keys keep their names, units and meanings; new ones may be added,
-/// in tables behind the others. What is renamed, removed or measured otherwise raises it.
+/// Within one version, columns and keys keep their names, units and meanings; new ones may be
+/// added, in tables after the others. Renaming, removing or redefining one increments it.
 pub const SCHEMA: u32 = 1;
 
 /// The identity of a run, in every report (`manifest.json`) and in every result recording (metadata
 /// `svl.run`).
 ///
-/// Equal pairs, algorithms and parameters have equal result hashes, whatever else stands here.
+/// Equal pairs, algorithms and parameters have equal result hashes, whatever the other fields.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of the files of a report, [`SCHEMA`].
     #[serde(default)]
     pub schema: u32,
-    /// No other run has it.
+    /// Unique to the run.
     pub run_id: String,
     /// RFC 3339, UTC.
     pub began: String,
     /// Version of svl.
     pub svl: String,
-    /// Git revision of svl, where its build knew it.
+    /// Git revision of svl, if its build knew it.
     pub git_revision: Option<String>,
-    /// Cargo's profile of the build, where it is known.
+    /// Cargo profile of the build, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<String>,
     pub scenario: String,
     /// Description of the run: the scenario that repeats it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub description: Option<serde_json::Value>,
-    /// How many bits the 16-bit images used that the pairs were made of.
+    /// Number of bits used in the 16-bit images from which the pairs were made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bits: Option<u8>,
-    /// Digest of all pairs' pixels in their order, once the run is over.
+    /// Digest of the pixels of all pairs in order, set at the end of the run.
     pub pairs_hash: Option<String>,
-    /// Where the truths come from, as [`svl_core::stereo::TruthOrigin`] writes it, once the run is
-    /// over.
+    /// Origins of the truths, in the text form of [`svl_core::stereo::TruthOrigin`], set at the end
+    /// of the run.
     #[serde(default)]
     pub truth: Vec<String>,
     pub algorithms: Vec<AlgorithmRecord>,
-    /// The recordings of the run; none where a scenario makes its frames itself.
+    /// The recordings of the run; empty if a scenario generates its own frames.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub runs: Vec<RunRecord>,
     pub machine: Machine,
-    /// What its times are of, in words.
+    /// Description of its times.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub times: Option<String>,
-    /// Which share of the run this is, as `3/16`.
+    /// Shard of the run, such as `3/16`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<String>,
-    /// The parts that a merged report was made of.
+    /// The parts of a merged report.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<PartRecord>,
-    /// The warnings of the run, in their order.
+    /// The warnings of the run, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
-    /// When the run went on after it was killed or interrupted, as `began`.
+    /// Times at which the run resumed after it was killed or interrupted, formatted like `began`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub resumed: Vec<String>,
 }
@@ -84,7 +84,7 @@ pub struct PartRecord {
     pub shard: String,
     pub run_id: String,
     pub began: String,
-    /// Its folder, from that of the merged report.
+    /// Its folder, relative to that of the merged report.
     pub folder: String,
     pub machine: Machine,
 }
@@ -92,19 +92,19 @@ pub struct PartRecord {
 /// A recording, bag or folder of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunRecord {
-    /// As the rows call it.
+    /// Its name in the rows.
     pub name: String,
-    /// Where it was.
+    /// Its original path.
     pub path: String,
     /// Size of a file.
     pub bytes: Option<u64>,
-    /// What rectified its pairs, which of them were taken, and what was done to their images.
+    /// Rectification of its pairs, selection of pairs, and changes to their images.
     pub changes: Option<String>,
-    /// Hash of the calibration files that rectified its pairs, where there are some.
+    /// Hash of the calibration files that rectified its pairs, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<String>,
-    /// Digest of the pixels of the pairs taken, once the run is over: equal for equal images, read
-    /// from wherever.
+    /// Digest of the pixels of the pairs read, set at the end of the run: equal for equal images
+    /// from any path.
     pub pairs_hash: Option<String>,
 }
 
@@ -118,26 +118,26 @@ pub struct AlgorithmRecord {
     /// All its parameters, `key=value,...`.
     pub parameters: String,
     pub parameters_hash: String,
-    /// How many disparities it tries for a pixel, where its parameters determine it.
+    /// Number of disparities searched per pixel, if its parameters determine it.
     pub disparities: Option<u32>,
-    /// Digest of all its results in their order, once the run is over.
+    /// Digest of all its results in order, set at the end of the run.
     pub results_hash: Option<String>,
-    /// The memory that it took for its largest pair, where it was measured.
+    /// Memory for its largest pair, if measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub memory_bytes: Option<usize>,
-    /// The number of pairs that it failed on.
+    /// Number of pairs on which it failed.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub failed_pairs: u64,
-    /// The reason why it failed on the last of them.
+    /// Reason for the last of its failures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
-    /// Of a program of its own, what it is and how it did.
+    /// Identity and performance of the external program, if it runs one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub program: Option<ProgramRecord>,
 }
 
 impl AlgorithmRecord {
-    /// What its user should know of its program, once the run is over.
+    /// Warnings about its program for the user, available at the end of the run.
     pub fn warnings(&self) -> impl Iterator<Item = String> {
         let of_program = self.program.iter().flat_map(ProgramRecord::warnings);
         of_program.map(|warning| format!("{}: {warning}", self.label))
@@ -151,11 +151,11 @@ pub struct Machine {
     /// Instruction set that the kernels run on.
     pub isa: String,
     pub threads: usize,
-    /// Frequency governor of the first core, where the system reports it.
+    /// Frequency governor of the first core, if the system reports it.
     pub governor: Option<String>,
 }
 
-/// For serde.
+/// Used by serde.
 fn is_zero(n: &u64) -> bool {
     *n == 0
 }
@@ -169,7 +169,7 @@ impl Manifest {
     /// A run of `algorithms` on `scenario` that begins now, on this machine.
     ///
     /// # Errors
-    /// When `SVL_ISA` names an instruction set that this CPU does not have.
+    /// If `SVL_ISA` names an instruction set that this CPU lacks.
     pub fn new(scenario: &str, algorithms: &[Algorithm]) -> Result<Self> {
         let now = jiff::Timestamp::now();
         let build = BuildInfo::current();
@@ -203,15 +203,16 @@ impl Manifest {
         })
     }
 
-    /// Reads that of a report.
+    /// Reads the manifest of a report.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for what is no manifest.
+    ///
+    /// [`Error::Io`]; [`Error::Format`] for anything but a manifest.
     pub fn read(report: &Path) -> Result<Self> {
         read_json(&report.join("manifest.json"))
     }
 
-    /// The machines that it ran on, its parts' where it has some, each once.
+    /// The machines it ran on, or those of its parts if it has any, each once.
     pub fn machines(&self) -> Vec<&Machine> {
         let parts = self.parts.iter().map(|part| &part.machine);
         let own = self.parts.is_empty().then_some(&self.machine);
@@ -224,7 +225,7 @@ impl Manifest {
         machines
     }
 
-    /// The options of the source, as a scenario writes them; files are in the runs.
+    /// The options of the source, as in a scenario; files are in the runs.
     fn source_words(&self) -> Option<String> {
         let source = self.description.as_ref()?.get("source")?.as_object()?;
         let options = source.iter().filter(|(key, _)| *key != "files");
@@ -238,7 +239,7 @@ impl Manifest {
     /// The losses that its description allows.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where it is not a limit.
+    /// [`Error::Invalid`] if it is not a limit.
     pub fn allow_loss(&self) -> Result<Option<LossLimit>> {
         let description = self.description.as_ref();
         let written = description.and_then(|of| of.pointer("/source/allow_loss"));
@@ -246,7 +247,8 @@ impl Manifest {
         limit.map_err(|e| Error::Invalid(format!("manifest: allow_loss: {e}")))
     }
 
-    /// Says by which rule cells are judged: it is a parameter of the algorithms that answer them.
+    /// Records the rule that scores cells: it is a parameter of the algorithms that compute cells
+    /// themselves.
     pub fn set_rule(&mut self, rule: CellRule) {
         for record in &mut self.algorithms {
             let answers = matcher::find(&record.name).is_ok_and(|spec| spec.cells.is_some());
@@ -257,7 +259,7 @@ impl Manifest {
         }
     }
 
-    /// Names and values for people. Names are unique, and no value is empty.
+    /// Names and values for display. Names are unique, and no value is empty.
     pub fn entries(&self) -> Vec<(String, String)> {
         let Machine {
             processor,
@@ -318,7 +320,7 @@ impl PartRecord {
 }
 
 impl RunRecord {
-    /// The recording at that path, which the rows call `name`.
+    /// The recording at that path, named `name` in the rows.
     pub fn new(name: &str, path: &Path, changes: Option<String>) -> Self {
         let file = path.metadata().ok().filter(|metadata| metadata.is_file());
         Self {
@@ -345,7 +347,7 @@ impl RunRecord {
 
 impl AlgorithmRecord {
     fn new(algorithm: &Algorithm) -> Self {
-        // Complete and in the order of the table, so that defaults written out hash alike.
+        // Complete and in the order of the table, so that explicit defaults give the same hash.
         let filters = algorithm.filters().iter();
         let filters = filters.map(|filter| format!("+{}={:032x}", filter.kind, filter.hash()));
         let parameters = algorithm.parameters().to_string() + &filters.collect::<String>();
@@ -386,8 +388,8 @@ impl AlgorithmRecord {
     }
 }
 
-/// Hashes of the files that the command of a program names: with another program or model behind
-/// the same command it is another algorithm.
+/// Hashes of the files named in the command of a program: another program or model behind the same
+/// command makes another algorithm.
 fn files_of_command(algorithm: &Algorithm) -> String {
     let mut parameters = algorithm.parameters().iter();
     let Some((_, Value::Text(command))) = parameters.find(|(name, _)| *name == "command") else {
@@ -403,7 +405,7 @@ fn files_of_command(algorithm: &Algorithm) -> String {
     hashes.collect()
 }
 
-/// Largest file of a program that is hashed.
+/// Largest program file that is hashed.
 const MAX_PROGRAM_BYTES: u64 = 2 << 30;
 
 impl Machine {
@@ -427,7 +429,7 @@ impl Machine {
 /// Reads a JSON file of a report.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] with the cure for one that is not as svl wrote it.
+/// [`Error::Io`]; [`Error::Format`] with the remedy for one that svl did not write like this.
 pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
     serde_json::from_slice(&bytes).map_err(|e| {
@@ -446,7 +448,7 @@ pub fn hash(text: &str) -> String {
     hash_bytes(text.as_bytes())
 }
 
-/// Hash of bytes, as that of a text.
+/// Hash of bytes, the same as that of a text.
 pub fn hash_bytes(bytes: &[u8]) -> String {
     format!("{:032x}", xxhash_rust::xxh3::xxh3_128(bytes))
 }

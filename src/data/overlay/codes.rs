@@ -1,5 +1,5 @@
-//! Maps as planes of codes, as a viewer's images hold them: 16-bit numbers of which 0 is none, and
-//! 8-bit classes.
+//! Maps as planes of codes for a viewer's images: 16-bit numbers with 0 for none, and 8-bit
+//! classes.
 
 use svl_core::Result;
 use svl_core::stereo::{DisparityMap, Plane, Reason, Rig};
@@ -14,7 +14,7 @@ pub fn disparity_codes(map: &Plane<f32>) -> Plane<u16> {
     map.map(|d| code(d, CODES_PER_PX))
 }
 
-/// Disparities in 1/16 px, of the pixels with a depth.
+/// Disparities in 1/16 px for pixels with a depth.
 pub fn depth_codes(map: &Plane<f32>, rig: &Rig) -> Plane<u16> {
     map.map(|d| {
         if has_depth(d, rig) {
@@ -25,7 +25,7 @@ pub fn depth_codes(map: &Plane<f32>, rig: &Rig) -> Plane<u16> {
     })
 }
 
-/// 1 where a pixel has no depth.
+/// 1 for pixels without a depth.
 pub fn no_depth_classes(map: &Plane<f32>, rig: &Rig) -> Plane<u8> {
     map.map(|d| u8::from(!has_depth(d, rig)))
 }
@@ -59,20 +59,20 @@ pub fn reason_classes(map: &Plane<Reason>) -> Plane<u8> {
     map.map(|reason| reason as u8)
 }
 
-/// The lowest disparity of a map, pixels; none if no pixel has one.
+/// The lowest disparity of a map, pixels; `None` if no pixel has one.
 pub fn lowest_disparity(map: &Plane<f32>) -> Option<f32> {
     map.pixels().filter(|d| d.is_finite()).reduce(f32::min)
 }
 
-/// Whether a disparity is one, and nearer than infinity.
+/// True if the disparity is valid and nearer than infinity.
 fn has_depth(disparity: f32, rig: &Rig) -> bool {
     disparity.is_finite() && rig.depth_m(disparity.into()).is_some()
 }
 
-/// A value as a code, the largest for all beyond; 0 where there is none.
+/// A value as a code, clamped to the largest; 0 if there is none.
 fn code(value: f32, per_unit: f32) -> u16 {
     if value.is_finite() {
-        // 0 itself is a value, which none must not be.
+        // 0 is also a valid value, whose code must not be that for none.
         (value * per_unit).round().clamp(1.0, u16::MAX.into()) as u16
     } else {
         0

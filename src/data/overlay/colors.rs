@@ -16,8 +16,8 @@ const COLORS: [[u8; 3]; COLOR_COUNT] = [
     [0x3d, 0x9b, 0xd4],
 ];
 
-/// Colour of the algorithm at that place in its run, in the order of the manifest; they repeat
-/// after [`COLOR_COUNT`].
+/// Colour of the algorithm at that position of its run, in the order of the manifest; colours
+/// repeat after [`COLOR_COUNT`].
 pub fn algorithm_color(place: usize) -> [u8; 3] {
     COLORS[place % COLORS.len()]
 }

@@ -19,30 +19,30 @@ pub const BINS: [(f32, [u8; 3]); 10] = [
     (f32::INFINITY, [165, 0, 38]),
 ];
 
-/// No estimate where there is truth: grey, which no error has.
+/// No estimate at a pixel with truth: grey, which no error has.
 pub const SILENT: [u8; 3] = [0xa0, 0xa0, 0xa0];
-/// Occluded from the right camera or not known to be visible: not scored.
+/// Occluded in the right camera or not known to be visible: not scored.
 pub const HIDDEN: [u8; 3] = [0x50, 0x50, 0x50];
 /// No truth: not scored.
 pub const UNKNOWN: [u8; 3] = [0, 0, 0];
 
-/// The size of an error as KITTI 2015 counts it: 1 at 3 px or at 5 % of the true disparity,
+/// The size of an error as defined by KITTI 2015: 1 at 3 px or at 5 % of the true disparity,
 /// whichever is more.
 pub fn error_size(disparity_px: f32, true_px: f32) -> f32 {
     let error = (disparity_px - true_px).abs();
-    // `min` drops the NaN of no error at a truth of 0.
+    // `min` discards the NaN of no error at a truth of 0.
     (error / 3.0).min(20.0 * error / true_px.abs())
 }
 
-/// The number of the bin of [`BINS`] that an error of that size falls into.
+/// The index of the bin of [`BINS`] that contains an error of that size.
 pub fn bin(error_size: f32) -> usize {
     BINS.iter()
         .position(|(end, _)| error_size < *end)
         .unwrap_or(BINS.len() - 1)
 }
 
-/// The errors of `map`, which has the size of `truth`: blue to red where both cameras see and the
-/// truth is known, grey where the algorithm has no disparity there; the darker greys are not
+/// The errors of `map`, which has the size of `truth`: blue to red if both cameras see the pixel
+/// and its truth is known, grey if the algorithm has no disparity there; the darker greys are not
 /// scored.
 pub fn errors(map: &DisparityMap, truth: &Truth) -> Picture {
     let neutrals = [SILENT, HIDDEN, UNKNOWN];
@@ -52,7 +52,7 @@ pub fn errors(map: &DisparityMap, truth: &Truth) -> Picture {
     for (y, truths) in truth.disparity.rows().enumerate() {
         let visible = truth.visibility.as_ref().map(|v| v.row(y));
         for (x, (&estimate, &true_px)) in estimates.row(y).iter().zip(truths).enumerate() {
-            // The order decides: without truth nothing is scored, hidden or not.
+            // The order matters: without truth nothing is scored, occluded or not.
             let code = match visible.map(|v| v[x]) {
                 _ if !true_px.is_finite() => unknown,
                 Some(Visibility::Occluded | Visibility::Unknown) => hidden,

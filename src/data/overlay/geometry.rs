@@ -3,13 +3,13 @@
 use serde::Serialize;
 use svl_core::stereo::{CellDepth, DepthGrid, Frame, Rig};
 
-/// Distance at which an obstacle fills its cell where the camera moves, metres.
+/// Distance at which an obstacle fills its cell if the camera moves, metres.
 pub const NEAR_M: f64 = 0.2;
 /// Disparity that fills a cell of an unknown camera: the end of svl's default search range.
 const NEAR_PX: f64 = 80.0;
 
-/// The scale of the squares: nearness of a disparity, so that a size means the same in every frame
-/// of a camera.
+/// The scale of the squares: nearness of a disparity, so that a size has the same meaning in every
+/// frame of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearness {
     near_px: f64,
@@ -17,9 +17,9 @@ pub struct Nearness {
 }
 
 impl Nearness {
-    /// The scale for `frame`'s camera. A moving rig (the arena, a robot) fills a cell at
-    /// [`NEAR_M`], or as near as it measures within a quarter of its width. A still scene with
-    /// truth fills it at its own nearest point.
+    /// The scale for `frame`'s camera. On a moving rig (the arena, a robot) an obstacle at
+    /// [`NEAR_M`] fills its cell, or at the nearest distance within disparities of a quarter of the
+    /// width. In a static scene with truth, its own nearest point does.
     pub fn of_frame(frame: &Frame) -> Self {
         // A moving camera keeps one scale, or sizes would not compare between frames.
         let still = frame.truth.as_ref().filter(|_| frame.pose.is_none());
@@ -40,7 +40,7 @@ impl Nearness {
         Self::new(near_px, frame.rig().map_or(0.0, Rig::doffs_px))
     }
 
-    /// The scale in which the disparity `near_px` fills a cell; `doffs_px` as in
+    /// The scale on which the disparity `near_px` fills a cell; `doffs_px` as in
     /// [`svl_core::stereo::Rig`].
     pub fn new(near_px: f64, doffs_px: f64) -> Self {
         Self { near_px, doffs_px }
@@ -51,7 +51,8 @@ impl Nearness {
         self.near_px
     }
 
-    /// 0 at infinity, 1 for whatever fills its cell: the nearest distance over the disparity's own.
+    /// 0 at infinity, 1 for anything that fills its cell: the nearest distance over that of the
+    /// disparity.
     pub fn of(&self, disparity_px: f32) -> f64 {
         ((f64::from(disparity_px) + self.doffs_px) / (self.near_px + self.doffs_px)).clamp(0.0, 1.0)
     }
@@ -85,7 +86,7 @@ impl Rect {
     }
 }
 
-/// A known cell's squares, which have the proportions of the cell.
+/// A known cell's squares, with the proportions of the cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Squares {
     /// Filled red.
@@ -96,14 +97,14 @@ pub struct Squares {
     pub p80: Rect,
 }
 
-/// What is drawn in one cell.
+/// Drawing of one cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Mark {
     pub column: usize,
     pub row: usize,
     /// The cell itself.
     pub cell: Rect,
-    /// A red dot in the middle where there are none.
+    /// `None` draws a red dot in the centre.
     pub squares: Option<Squares>,
 }
 
@@ -114,7 +115,7 @@ pub fn squares(cell: Rect, depth: &CellDepth, nearness: Nearness) -> Squares {
     Squares { median, p20, p80 }
 }
 
-/// What is drawn on an image of `size` (width, height), in raster order of the cells.
+/// Drawings on an image of `size` (width, height), in raster order of the cells.
 pub fn marks(grid: &DepthGrid, size: (usize, usize), nearness: Nearness) -> Vec<Mark> {
     let mark = |((column, row), cell): ((usize, usize), &svl_core::stereo::Cell)| {
         let (x, y) = grid.shape().pixels((column, row), size);

@@ -24,7 +24,7 @@ impl Picture {
             self.codes.get(x * w / width, y * h / height)
         }) {
             Ok(codes) => Self { codes, ..self },
-            // Smaller sides than those of a plane are a plane's.
+            // Sides smaller than those of a plane are valid.
             Err(_) => self,
         }
     }

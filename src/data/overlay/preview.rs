@@ -4,9 +4,10 @@ use super::picture::Picture;
 use svl_core::stereo::{DisparityMap, Plane};
 
 /// The map as interleaved RGB in the colours of viridis, from dark blue at 0 to yellow at `max_px`
-/// and beyond; black where there is none.
+/// and beyond; black if invalid.
 ///
-/// Viridis grows evenly in lightness, so it also reads in grey and to colour-blind eyes.
+/// The lightness of viridis increases evenly, so it can also be read in grey and by the
+/// colour-blind.
 pub fn preview(map: &DisparityMap, max_px: f32) -> Vec<u8> {
     let color = |d: f32| {
         if d.is_finite() {
@@ -18,11 +19,11 @@ pub fn preview(map: &DisparityMap, max_px: f32) -> Vec<u8> {
     map.disparity().pixels().flat_map(color).collect()
 }
 
-/// Colours of [`disparities`] besides that of no disparity: the page's bytes are spent where the
-/// eye still sees a step.
+/// Number of colours of [`disparities`] besides that of no disparity: the page's bytes are spent
+/// only on visible steps.
 const STEPS: u8 = 63;
 
-/// Disparities in pixels as [`preview`] has them, in 63 steps.
+/// Disparities in pixels coloured like [`preview`], in 63 steps.
 pub fn disparities(plane: &Plane<f32>, max_px: f32) -> Picture {
     let step = |d: f32| {
         if d.is_finite() {
@@ -39,8 +40,8 @@ pub fn disparities(plane: &Plane<f32>, max_px: f32) -> Picture {
     }
 }
 
-/// Viridis at `t` of 0..=1, straight between nine of its colours (S. van der Walt and N. Smith,
-/// matplotlib 1.5; the nine as the R package viridisLite gives them).
+/// Viridis at `t` of 0..=1, linear between nine of its colours (S. van der Walt and N. Smith,
+/// matplotlib 1.5; the nine as in the R package viridisLite).
 pub fn viridis(t: f32) -> [u8; 3] {
     const COLOURS: [[u8; 3]; 9] = [
         [0x44, 0x01, 0x54],
@@ -55,7 +56,7 @@ pub fn viridis(t: f32) -> [u8; 3] {
     ];
     let steps = COLOURS.len() - 1;
     let at = t.clamp(0.0, 1.0) * steps as f32;
-    // At the yellow end there is no colour above: the last step serves.
+    // There is no colour above the yellow end: the last interval is used.
     let below = (at as usize).min(steps - 1);
     let between = |i: usize| {
         let (a, b) = (

@@ -11,7 +11,7 @@ use svl_core::{Error, Result};
 pub struct DriveConfig {
     /// The robot's body is an upright cylinder of this radius about the middle of the stereo head,
     pub radius_m: f64,
-    /// this high: it passes below what hangs higher.
+    /// and of this height: it passes below anything that hangs higher.
     pub height_m: f64,
     pub max_speed_m_per_s: f64,
     pub max_turn_deg_per_s: f64,
@@ -19,7 +19,7 @@ pub struct DriveConfig {
     pub gap_m: f64,
     /// A clearance below this is a near miss.
     pub near_miss_m: f64,
-    /// A robot that comes no farther than 0.1 m in this time is set back on the route.
+    /// A robot that advances less than 0.1 m in this time is put back on the route.
     pub stuck_s: f64,
     pub steering: SteeringRule,
 }
@@ -28,33 +28,33 @@ pub struct DriveConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SteeringRule {
-    /// Rows of the depth grid that it reads, from 0 at the top.
+    /// Rows of the depth grid that it uses, from 0 at the top.
     pub rows: Vec<usize>,
-    /// Which part of a cell it reads.
+    /// Part of a cell that it uses.
     pub part: CellPart,
-    /// What an unknown cell stands for.
+    /// Interpretation of an unknown cell.
     pub unknown: CellStandsFor,
-    /// What a cell stands for that a filter says is too close.
+    /// Interpretation of a cell that a filter reports as too close.
     pub too_close: CellStandsFor,
-    /// Distance of the obstacle that such cells stand for.
+    /// Assumed distance of an obstacle in such cells.
     pub assumed_m: f64,
-    /// How far ahead paths are looked at.
+    /// Length of the paths that are checked.
     pub lookahead_m: f64,
-    /// Distance kept from obstacles besides the radius.
+    /// Distance kept from obstacles in addition to the radius.
     pub margin_m: f64,
-    /// The robot stops where its path is free for less than this,
+    /// The robot stops if its path is free for less than this,
     pub stop_m: f64,
     /// and turns until it is free for this.
     pub resume_m: f64,
-    /// How far it keeps the direction found so before it steers for the goal again.
+    /// Distance for which it keeps the new direction before it steers for the goal again.
     pub detour_m: f64,
-    /// Obstacles that were seen are remembered for this long.
+    /// Time for which obstacles are remembered.
     pub memory_s: f64,
-    /// Weight of the direction to the goal beside the free distance.
+    /// Weight of the direction to the goal relative to the free distance.
     pub goal_weight: f64,
 }
 
-/// The part of a cell that the rule reads.
+/// The part of a cell that the rule uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CellPart {
@@ -64,7 +64,7 @@ pub enum CellPart {
     Near,
 }
 
-/// What a cell without a distance stands for.
+/// Interpretation of a cell without a distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CellStandsFor {
@@ -109,7 +109,7 @@ impl Default for SteeringRule {
 }
 
 impl SteeringRule {
-    /// What a cell in that state stands for; nothing for a known one.
+    /// Interpretation of a cell in that state; `None` for a known one.
     pub fn stands_for(&self, state: CellState) -> Option<CellStandsFor> {
         match state {
             CellState::Known => None,
@@ -126,7 +126,7 @@ impl DriveConfig {
     pub const LENGTH_M: f64 = 6.0;
 
     /// # Errors
-    /// [`Error::Invalid`] with the first key whose number is out of its range, or that contradicts
+    /// [`Error::Invalid`] with the first key whose number is out of range, or that contradicts
     /// another.
     pub fn validate(&self, grid: GridShape, frames: u64, rate_hz: f64) -> Result<()> {
         let SteeringRule {

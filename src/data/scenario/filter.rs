@@ -1,4 +1,4 @@
-//! `[[filter]]`: a filter behind the scenario's algorithms, from a file or trained first.
+//! `[[filter]]`: a filter after the scenario's algorithms, from a file or trained first.
 
 use super::{Scenario, ScenarioSource, SeedList, SourceOptions};
 use serde::{Deserialize, Serialize, Serializer};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use svl_core::filter::FilterKind;
 use svl_core::{Error, Result};
 
-/// A filter of a scenario. Its algorithms are run without filters and behind all of them.
+/// A filter of a scenario. Its algorithms are run without filters and with all of them.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScenarioFilter {
@@ -14,14 +14,14 @@ pub struct ScenarioFilter {
     pub detects: FilterKind,
     /// A trained filter, relative to the scenario's folder.
     pub file: Option<PathBuf>,
-    /// Scenarios of the arena to train it on first, likewise.
+    /// Scenarios of the arena to train it on first, also relative to it.
     #[serde(
         default,
         deserialize_with = "one_or_more",
         skip_serializing_if = "Vec::is_empty"
     )]
     pub scenario: Vec<PathBuf>,
-    /// Seeds in place of those scenarios'.
+    /// Seeds instead of those of the scenarios.
     pub seeds: Option<SeedList>,
 }
 
@@ -34,7 +34,7 @@ fn kind<'de, D: serde::Deserializer<'de>>(text: D) -> std::result::Result<Filter
     name.parse().map_err(serde::de::Error::custom)
 }
 
-/// A path, or a list of some.
+/// A path, or a list of paths.
 fn one_or_more<'de, D: serde::Deserializer<'de>>(
     value: D,
 ) -> std::result::Result<Vec<PathBuf>, D::Error> {
@@ -51,7 +51,7 @@ fn one_or_more<'de, D: serde::Deserializer<'de>>(
 }
 
 impl ScenarioFilter {
-    /// Checks it on its own, and takes its paths from the scenario's folder.
+    /// Checks it alone, and resolves its paths relative to the scenario's folder.
     pub(super) fn check(mut self, folder: &Path) -> Result<Self> {
         let wrong = |what: &str| Err(Error::Invalid(format!("filter {}: {what}", self.detects)));
         match (&self.file, &self.scenario[..], &self.seeds) {
@@ -70,8 +70,8 @@ impl ScenarioFilter {
     /// The training scenarios, with the seeds to train on.
     ///
     /// # Errors
-    /// Those of [`Scenario::read`]; [`Error::Format`] for one that is not of the arena, or has a
-    /// seed that `scored` is scored on.
+    /// Those of [`Scenario::read`]; [`Error::Format`] for one that does not use the arena, or
+    /// shares a seed with `scored`.
     pub fn training(&self, scored: &Scenario) -> Result<Vec<Scenario>> {
         let training = self.scenario.iter().map(|path| {
             let mut training = Scenario::read(path)?;

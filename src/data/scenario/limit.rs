@@ -11,24 +11,24 @@ use svl_core::{Error, Result, joined};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limit {
-    /// Label of an algorithm of the run, or its name alone for any parameters.
+    /// Label of an algorithm of the run, or only its name for any parameters.
     pub algorithm: String,
     #[serde(deserialize_with = "metric")]
     pub metric: &'static Metric,
-    /// Number of a checkpoint; `passed` without it is over all.
+    /// Number of a checkpoint; `passed` without it covers all.
     pub checkpoint: Option<u32>,
     /// The algorithm whose median time is the unit.
     pub relative_to: Option<String>,
-    /// At least; shares are 0..=1.
+    /// Lower limit; fractions are 0..=1.
     pub min: Option<f64>,
-    /// At most.
+    /// Upper limit.
     pub max: Option<f64>,
     /// Line of the scenario file.
     #[serde(skip)]
     pub line: usize,
 }
 
-/// Reads the name of a metric.
+/// Parses the name of a metric.
 fn metric<'de, D: Deserializer<'de>>(
     deserializer: D,
 ) -> std::result::Result<&'static Metric, D::Error> {
@@ -40,7 +40,7 @@ fn metric<'de, D: Deserializer<'de>>(
 }
 
 impl Limit {
-    /// The limit with other names of its algorithms.
+    /// The limit with its algorithms renamed.
     pub(super) fn renamed(self, name: &dyn Fn(&str) -> String) -> Self {
         Self {
             algorithm: name(&self.algorithm),

@@ -1,4 +1,4 @@
-//! Scenarios: a TOML file with the source, the algorithms, the cell rule, checkpoints and gate.
+//! Scenarios: a TOML file with source, algorithms, cell rule, checkpoints and gate.
 
 mod drive;
 mod filter;
@@ -32,13 +32,13 @@ use std::path::Path;
 use stress::StressTable;
 use svl_core::stereo::{CellRule, GridShape};
 
-/// Largest scenario file that is read, bytes.
+/// Largest scenario file accepted, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
 /// Largest number of columns and of rows of a grid.
 pub const MAX_GRID: usize = 64;
 
-/// The description of a run: a validated scenario. A file and the command line both make one, and
+/// The description of a run: a validated scenario. It is made from a file or the command line, and
 /// [`Scenario::to_toml`] writes it.
 #[derive(Clone, Debug)]
 pub struct Scenario {
@@ -53,17 +53,17 @@ pub struct Scenario {
     pub checkpoints: Vec<Checkpoint>,
     /// Metrics that tables show.
     pub columns: ColumnChoice,
-    /// What the algorithms are run behind, too; at most one of a kind.
+    /// Filters with which the algorithms are also run; at most one of a kind.
     pub filters: Vec<ScenarioFilter>,
-    /// How the pairs are made worse, besides being scored as they are; each kind once.
+    /// Perturbations of the pairs, scored in addition to the original ones; each kind once.
     pub stress: Vec<StressLevels>,
-    /// Limits of the gate; their algorithms are known with those of the command line.
+    /// Limits of the gate; their algorithms are resolved together with those of the command line.
     pub gate: Vec<Limit>,
     /// The text of the file.
     pub text: String,
 }
 
-/// Where a scenario's frames come from.
+/// Source of a scenario's frames.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ScenarioSource {
     /// The simulated arena, one run per seed.
@@ -71,14 +71,14 @@ pub enum ScenarioSource {
         config: Box<ArenaConfig>,
         seeds: Vec<u64>,
     },
-    /// Courses of the arena's kind that the algorithms drive through, one per seed.
+    /// Courses like the arena, driven by the algorithms, one per seed.
     Drive {
         config: Box<ArenaConfig>,
         drive: Box<DriveConfig>,
         seeds: Vec<u64>,
     },
-    /// Scenes below the folder of data sets, as `Scene::find_all` of `svl-bench` takes them:
-    /// folders, numbered scenes of a folder, or with `*` as their last part all scenes of a folder.
+    /// Scenes below the folder of data sets, as accepted by `Scene::find_all` of `svl-bench`:
+    /// folders, numbered scenes of a folder, or all scenes of a folder with `*` as the last part.
     Dataset { scenes: Vec<String> },
     /// Recordings, bags and folders of pairs, one run per file.
     Recording(RecordingRuns),
@@ -124,15 +124,16 @@ impl Scenario {
     /// Reads and checks a scenario file.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] with line and column, or with what contradicts itself.
+    /// [`Error::Io`]; [`Error::Format`] with line and column, or with the contradiction.
     pub fn read(path: &Path) -> Result<Self> {
         let text = read_text(path, MAX_BYTES)?;
         Self::parse(&text, path)
     }
 
-    /// The arena of the thesis's chapter 7, compiled in: what runs where no scenario is named.
+    /// The arena of the thesis's chapter 7, compiled in: the default scenario.
     ///
     /// # Errors
+    ///
     /// None unless svl was built with a broken `scenarios/arena.toml`.
     pub fn arena() -> Result<Self> {
         Self::parse(
@@ -142,10 +143,11 @@ impl Scenario {
     }
 
     /// Recordings without a scenario: the thesis's grid, the default rule for cells, no checkpoints
-    /// and no gate. It is called after its first file.
+    /// and no gate. It is named after its first file.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where there is no file.
+    ///
+    /// [`Error::Invalid`] if there is no file.
     pub fn of_recordings(files: &[String], algorithms: Vec<Algorithm>) -> Result<Self> {
         let options = SourceOptions {
             files: files.to_vec(),
@@ -186,15 +188,16 @@ impl Scenario {
         })
     }
 
-    /// The scenario with other source options: those that `given` sets, as far as scenarios of its
-    /// kind take them.
+    /// The scenario with other source options: those set in `given`, as far as they apply to
+    /// scenarios of its kind.
     ///
     /// # Errors
+    ///
     /// [`Error::Usage`] and [`Error::Invalid`] for options that contradict each other or the
     /// scenario's.
     pub fn with(&self, given: &SourceOptions) -> Result<Self> {
         let options = self.options.with(&given.of_kind(self.options.kind)?)?;
-        // With the names that the command line has.
+        // With the names used on the command line.
         options.check()?;
         options.validate()?;
         let mut source = self.source.clone();
@@ -212,11 +215,11 @@ impl Scenario {
         })
     }
 
-    /// The files of a scenario of recordings, a run each; nothing for other scenarios.
+    /// The files of a scenario of recordings, a run each; empty for other scenarios.
     ///
     /// # Errors
-    /// Those of [`RecordingRuns::runs`]; [`Error::Invalid`] for a checkpoint whose `file` is none
-    /// of them, or by whose frames or seconds several could be meant.
+    /// Those of [`RecordingRuns::runs`]; [`Error::Invalid`] for a checkpoint whose `file` is not
+    /// among them, or whose frames or seconds are ambiguous.
     pub fn recordings(&self) -> Result<Vec<RecordingRun>> {
         let ScenarioSource::Recording(runs) = &self.source else {
             return Ok(Vec::new());
@@ -278,7 +281,7 @@ impl Scenario {
         }
     }
 
-    /// What the scenario expects of the frames.
+    /// Rules by which the frames are scored.
     pub fn judge(&self) -> Judge {
         Judge {
             grid: self.grid,
@@ -403,7 +406,7 @@ fn check_limit(
     }
 }
 
-/// Refuses a checkpoint at frames that the source does not have.
+/// Rejects a checkpoint at frames that the source cannot have.
 fn check_place(checkpoint: &Checkpoint, source: &ScenarioSource) -> Result<()> {
     let wrong = |what: &str| {
         let Checkpoint { number, name, .. } = checkpoint;
@@ -422,7 +425,7 @@ fn check_place(checkpoint: &Checkpoint, source: &ScenarioSource) -> Result<()> {
     }
 }
 
-/// The source of validated options, with the tables that belong to their kind.
+/// The source of validated options, with the tables for its kind.
 fn source(
     options: &SourceOptions,
     arena: Option<ArenaConfig>,
@@ -481,7 +484,7 @@ const REQUIRED: [(&str, &[&str]); 6] = [
     ("gate", &["algorithm", "metric"]),
 ];
 
-/// The keys of [`REQUIRED`] that a scenario does not have.
+/// Keys of [`REQUIRED`] that a scenario lacks.
 fn missing_keys(text: &str) -> Vec<String> {
     let Ok(file) = text.parse::<toml::Table>() else {
         return Vec::new();
@@ -508,7 +511,7 @@ fn missing_keys(text: &str) -> Vec<String> {
 
 fn toml_error(error: &toml::de::Error, text: &str, path: &Path) -> Error {
     let mut message = plain(&error.message().lines().collect::<Vec<_>>().join(" "));
-    // serde ends at the first.
+    // serde stops at the first.
     if message.starts_with("missing field") {
         let missing = missing_keys(text);
         if missing.len() > 1 {
@@ -526,7 +529,7 @@ fn toml_error(error: &toml::de::Error, text: &str, path: &Path) -> Error {
     Error::format(path, format!("{}{message}", place.unwrap_or_default()))
 }
 
-/// serde's message with the words of TOML in place of Rust's types.
+/// serde's message in terms of TOML instead of Rust types.
 fn plain(message: &str) -> String {
     let Some((found, expected)) = message.split_once(", expected ") else {
         return message.to_owned();
@@ -595,7 +598,7 @@ mod tests {
 
     #[test]
     fn omitted_keys_have_the_thesis_defaults() {
-        // A name and a source are enough.
+        // A name and a source suffice.
         let scenario = parse("name = \"m\"\n[source]\nkind = \"arena\"\n").unwrap();
         assert_eq!(scenario.algorithms[0].label(), "v5");
         assert_eq!(scenario.cells, CellRule::default());

@@ -1,12 +1,12 @@
-//! Which pairs of a source are taken, and which part of their images.
+//! Selected pairs of a source, and the selected part of their images.
 
 use serde::{Deserialize, Serialize};
 use svl_core::{Error, Result};
 
-/// Which pairs of a source are taken. Seconds count from its first pair.
+/// Selected pairs of a source. Seconds count from its first pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PairRange {
-    /// Every n-th pair, the first of the range among them [default: 1].
+    /// Every n-th pair, including the first of the range [default: 1].
     pub every: Option<u64>,
     /// From these seconds on.
     pub from_s: Option<f64>,
@@ -16,7 +16,7 @@ pub struct PairRange {
 
 impl PairRange {
     /// # Errors
-    /// [`Error::Invalid`] for what takes no pair.
+    /// [`Error::Invalid`] for a range without any pair.
     pub fn validate(&self) -> Result<()> {
         let from_s = self.from_s.unwrap_or(0.0);
         let is_time = |s: f64| s.is_finite() && (0.0..=1e9).contains(&s);
@@ -33,7 +33,7 @@ impl PairRange {
         }
     }
 
-    /// What is left out, in words; nothing where all pairs are taken.
+    /// The omitted pairs, in words; `None` if all are used.
     pub fn words(&self) -> Option<String> {
         let every = self.every.filter(|every| *every > 1);
         let parts = [
@@ -46,7 +46,7 @@ impl PairRange {
     }
 }
 
-/// Which part of rectified images is taken, and how much it is shrunk: the same of left and right.
+/// Crop and scale of rectified images, equal for left and right.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CropScale {
     /// `[x, y, width, height]`, pixels.
@@ -75,7 +75,7 @@ impl CropScale {
         }
     }
 
-    /// What is done, in words; nothing where the images stay as they are.
+    /// The changes in words; `None` if the images are unchanged.
     pub fn words(&self) -> Option<String> {
         let crop = self
             .crop

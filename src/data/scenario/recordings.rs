@@ -12,10 +12,10 @@ pub struct RecordingRuns {
     pub folder: PathBuf,
 }
 
-/// One file of them.
+/// One of the files.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordingRun {
-    /// As much of the end of its path as no other run has.
+    /// Shortest end of its path that is unique among the runs.
     pub name: String,
     pub path: PathBuf,
 }
@@ -24,7 +24,7 @@ impl RecordingRuns {
     /// The files, those of a pattern in natural order (2 before 10), each once.
     ///
     /// # Errors
-    /// [`Error::Invalid`] naming a pattern that is malformed or matches nothing; [`Error::Io`].
+    /// [`Error::Invalid`] with a pattern that is malformed or matches nothing; [`Error::Io`].
     pub fn runs(&self) -> Result<Vec<RecordingRun>> {
         let mut paths: Vec<PathBuf> = Vec::new();
         for file in &self.files {
@@ -43,7 +43,7 @@ impl RecordingRuns {
 
     fn matches(&self, file: &str) -> Result<Vec<PathBuf>> {
         let path = self.folder.join(file);
-        // A name that exists is no pattern, whatever brackets it has.
+        // A name that exists is not a pattern, even with brackets in it.
         if !file.contains(['*', '?', '[']) || path.exists() {
             return Ok(vec![path]);
         }
@@ -69,7 +69,7 @@ impl RecordingRuns {
     }
 }
 
-/// The shortest end of `path` that no other of `paths` has.
+/// The shortest end of `path` that is unique among `paths`.
 fn unique_end(path: &Path, paths: &[PathBuf]) -> String {
     let parts: Vec<_> = path.components().collect();
     let ends = (1..=parts.len()).map(|n| parts[parts.len() - n..].iter().collect::<PathBuf>());

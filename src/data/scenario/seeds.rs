@@ -2,15 +2,15 @@
 
 use std::collections::BTreeSet;
 
-/// Different seeds, at least one: `4..10`, `4,7,9`, in a scenario also `[4, 7, 9]`.
+/// Distinct seeds, at least one: `4..10`, `4,7,9`, in a scenario also `[4, 7, 9]`.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "WrittenSeeds", into = "String")]
 pub struct SeedList(Vec<u64>);
 
-/// Most seeds of one list.
+/// Most seeds in one list.
 const MAX_SEEDS: usize = 1000;
 
-/// As a scenario has them.
+/// Its forms in a scenario.
 #[derive(serde::Deserialize)]
 #[serde(untagged, expecting = "expected seeds as [4, 7, 9] or \"4..10\"")]
 enum WrittenSeeds {
@@ -20,7 +20,7 @@ enum WrittenSeeds {
 
 impl SeedList {
     /// # Errors
-    /// What is wrong with them.
+    /// The fault in them.
     pub fn new(seeds: Vec<u64>) -> Result<Self, String> {
         let distinct = seeds.iter().collect::<BTreeSet<_>>().len() == seeds.len();
         if distinct && (1..=MAX_SEEDS).contains(&seeds.len()) {

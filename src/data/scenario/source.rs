@@ -1,4 +1,4 @@
-//! `[source]`: where frames come from and how they are read. One declaration is the keys of a
+//! `[source]`: the source of frames and its options. One declaration serves as the keys of a
 //! scenario and the options of the command line.
 
 use super::{CropScale, PairRange, SeedList};
@@ -17,9 +17,9 @@ const BITS: RangeInclusive<u8> = 8..=16;
 const SKEW_MS: RangeInclusive<f64> = 0.0..=60_000.0;
 const SECONDS: RangeInclusive<f64> = 0.0..=1e9;
 
-/// The source of a run, and how it is read.
+/// The source of a run, with its options.
 ///
-/// A key of `[source]` and an option of the command line each; an option replaces the key.
+/// Each is a key of `[source]` and an option of the command line; the option overrides the key.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, clap::Args)]
 #[serde(deny_unknown_fields)]
 pub struct SourceOptions {
@@ -66,7 +66,7 @@ pub struct SourceOptions {
         long, value_name = "HZ", allow_negative_numbers = true, value_parser = within(FPS)
     )]
     pub fps: Option<f64>,
-    /// How many of their 16 bits the images use [default: 10, 12, 14 or 16, by the largest value of
+    /// Number of bits of 16 that the images use [default: 10, 12, 14 or 16, by the largest value of
     /// the first 16 pairs]
     #[arg(
         long, value_name = "N", allow_negative_numbers = true, value_parser = within(BITS)
@@ -95,8 +95,8 @@ pub struct SourceOptions {
         long, value_name = "FILE|estimate|none", value_parser = NonEmptyStringValueParser::new()
     )]
     pub calib: Option<String>,
-    /// How much of the raw images is kept, as OpenCV's alpha: 0 only valid pixels, 1 all [default:
-    /// as the file has it, else 0]
+    /// Part of the raw images to keep, as OpenCV's alpha: 0 only valid pixels, 1 all [default: as
+    /// in the file, else 0]
     #[arg(
         long, value_name = "0..1", allow_negative_numbers = true,
         value_parser = within(0.0..=1.0)
@@ -149,7 +149,7 @@ pub enum ScenarioKind {
     Recording,
 }
 
-/// The keys of pairs, whatever their source.
+/// The keys for pairs from any source.
 macro_rules! of_pairs {
     ($($key:literal),*) => { &[$($key,)* "every", "from_s", "to_s", "reference", "allow_loss"] };
 }
@@ -208,26 +208,28 @@ impl SourceOptions {
         Ok(table)
     }
 
-    /// The options of a table of [`SourceOptions::given`].
+    /// The options in a table of [`SourceOptions::given`].
     fn set(kind: ScenarioKind, mut table: toml::Table) -> Result<Self> {
         table.insert("kind".to_owned(), kind.name().into());
         let wrong = |e: toml::de::Error| Error::Usage(format!("options of the source: {e}"));
         Self::deserialize(toml::Value::Table(table)).map_err(wrong)
     }
 
-    /// These options with those that `given` sets in their place.
+    /// These options, overridden by those set in `given`.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a path that is not in UTF-8.
+    ///
+    /// [`Error::Usage`] for a path that is not UTF-8.
     pub fn with(&self, given: &Self) -> Result<Self> {
         let mut table = self.given()?;
         table.extend(given.given()?);
         Self::set(self.kind, table)
     }
 
-    /// Those of the options that scenarios of that kind take.
+    /// The options that apply to scenarios of that kind.
     ///
     /// # Errors
+    ///
     /// As [`SourceOptions::with`].
     pub fn of_kind(&self, kind: ScenarioKind) -> Result<Self> {
         let mut table = self.given()?;
@@ -235,10 +237,11 @@ impl SourceOptions {
         Self::set(kind, table)
     }
 
-    /// Refuses options that none of these kinds takes.
+    /// Rejects options that apply to none of these kinds.
     ///
     /// # Errors
-    /// [`Error::Usage`] with the first, and what it is for.
+    ///
+    /// [`Error::Usage`] with the first, and its purpose.
     pub fn refuse_others(&self, kinds: &[ScenarioKind]) -> Result<()> {
         let given = self.given()?;
         let takes = |kind: &ScenarioKind, key: &str| kind.keys().contains(&key);
@@ -253,9 +256,10 @@ impl SourceOptions {
         Err(Error::Usage(format!("{} is for {takers}", flag(key))))
     }
 
-    /// Refuses options that a command does not take.
+    /// Rejects options that a command does not accept.
     ///
     /// # Errors
+    ///
     /// [`Error::Usage`] with the first, and `why`.
     pub fn refuse(&self, keys: &[&str], why: &str) -> Result<()> {
         let given = self.given()?;
@@ -279,7 +283,7 @@ impl SourceOptions {
         seeds.unwrap_or(&[1]).to_vec()
     }
 
-    /// Which pairs are taken.
+    /// The selected pairs.
     pub fn range(&self) -> PairRange {
         PairRange {
             every: self.every,
@@ -288,7 +292,7 @@ impl SourceOptions {
         }
     }
 
-    /// Which part of the images is taken.
+    /// The selected part of the images.
     pub fn window(&self) -> CropScale {
         CropScale {
             crop: self.crop,
@@ -296,17 +300,18 @@ impl SourceOptions {
         }
     }
 
-    /// The algorithms that take the place of the truth.
+    /// The algorithms that replace the truth.
     ///
     /// # Errors
-    /// What is wrong with one.
+    ///
+    /// The fault in one of them.
     pub fn references(&self) -> Result<Vec<Algorithm>> {
         self.reference.iter().map(|text| text.parse()).collect()
     }
 
     /// # Errors
-    /// [`Error::Invalid`] for a key that scenarios of its kind do not take, and for what takes
-    /// nothing.
+    /// [`Error::Invalid`] for a key that does not apply to scenarios of its kind, and for an empty
+    /// selection.
     pub(super) fn validate(&self) -> Result<()> {
         let kind = self.kind;
         let given = self.given()?;
@@ -341,15 +346,16 @@ impl SourceOptions {
         self.check_named(&key).map_err(Error::Invalid)
     }
 
-    /// Checks the options of a source that is opened.
+    /// Checks the options of a single source.
     ///
     /// # Errors
-    /// [`Error::Usage`] for options that contradict each other, and for what takes nothing.
+    ///
+    /// [`Error::Usage`] for options that contradict each other, and for an empty selection.
     pub fn check(&self) -> Result<()> {
         self.check_named(&flag).map_err(Error::Usage)
     }
 
-    /// What is wrong, with the names that the options have.
+    /// The fault, with the names of the options.
     fn check_named(&self, name: &dyn Fn(&str) -> String) -> std::result::Result<(), String> {
         let needs = |of: &str, other: &str| Err(format!("{} is for {}", name(of), name(other)));
         if self.truth_skew_ms.is_some() && self.truth.is_none() {
@@ -388,8 +394,9 @@ impl SourceOptions {
         checked.map_err(|error| error.to_string())
     }
 
-    /// Takes paths from a folder: those of calibrations, data sets and algorithms, which then are
-    /// as usable from the working folder. Files stay, as patterns are expanded below the folder.
+    /// Resolves paths relative to a folder: those of calibrations, data sets and algorithms, which
+    /// then work from the working folder. Files are unchanged, as patterns are expanded below the
+    /// folder.
     pub(super) fn rooted(mut self, folder: &Path) -> Self {
         self.calib = self
             .calib
@@ -402,8 +409,8 @@ impl SourceOptions {
     }
 }
 
-/// The text of an algorithm of a file in `folder`, as the working folder takes it: its files are
-/// relative to `folder`, as are the words of a command that are files there.
+/// The text of an algorithm from a file in `folder`, converted for the working folder: its files
+/// are relative to `folder`, as are the words of a command that are files there.
 pub(super) fn algorithm_of(text: &str, folder: &Path) -> String {
     let file = |path: &str| folder.join(path).display().to_string();
     let word = |word: &str| {
@@ -416,7 +423,7 @@ pub(super) fn algorithm_of(text: &str, folder: &Path) -> String {
     with_paths(text, &file, &word)
 }
 
-/// A calibration as `--calib` names it, with its paths replaced: two files have a comma between.
+/// A `--calib` value with its paths replaced: two files are separated by a comma.
 pub(super) fn of_calib(calib: &str, replaced: impl Fn(&Path) -> PathBuf) -> String {
     match calib {
         "own" | "estimate" | "none" => calib.to_owned(),
@@ -428,7 +435,7 @@ pub(super) fn of_calib(calib: &str, replaced: impl Fn(&Path) -> PathBuf) -> Stri
     }
 }
 
-/// The option of a key.
+/// The option for a key.
 pub fn flag(key: &str) -> String {
     match key {
         "from_s" => "--from".to_owned(),
@@ -457,7 +464,7 @@ fn crop(text: &str) -> std::result::Result<[usize; 4], String> {
     sides.ok_or_else(|| "expected four numbers of pixels, X,Y,WIDTH,HEIGHT".to_owned())
 }
 
-/// An algorithm whose parameters go together. A program is not started to find that out.
+/// An algorithm with consistent parameters. A program is not started for this check.
 fn reference(text: &str) -> Result<String> {
     let algorithm: Algorithm = text.parse()?;
     if algorithm.spec().name != "exec" {

@@ -1,15 +1,16 @@
-//! A scenario's `[[stress]]`: how its pairs are made worse, and at which levels.
+//! A scenario's `[[stress]]`: the perturbations of its pairs, with their levels.
 
 use crate::stress::{Stress, StressKind};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 use svl_core::{Error, Result};
 
-/// A perturbation with its levels, in a scenario or as `row_offset` and `row_offset=0.5/1/2`.
+/// A perturbation with its levels, in a scenario or written as `row_offset` and
+/// `row_offset=0.5/1/2`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StressLevels(Vec<Stress>);
 
-/// As a scenario has it.
+/// Its form in a scenario.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StressTable {
@@ -19,7 +20,7 @@ pub(super) struct StressTable {
 
 impl StressLevels {
     /// # Errors
-    /// [`Error::Usage`] for a kind that there is not, and for levels without meaning.
+    /// [`Error::Usage`] for an unknown kind, and for levels out of range.
     pub fn new(kind: &str, levels: Option<&[f64]>) -> Result<Self> {
         let kind = StressKind::find(kind)?;
         let levels = levels.unwrap_or(kind.levels);
@@ -41,7 +42,7 @@ impl StressLevels {
     }
 
     pub fn kind(&self) -> &'static StressKind {
-        // There is at least one.
+        // There is at least one level.
         self.0[0].kind()
     }
 }

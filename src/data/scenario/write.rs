@@ -1,4 +1,4 @@
-//! A scenario written as a file, and as a manifest holds it.
+//! A scenario written as a file, and for a manifest.
 
 use super::source::of_calib;
 use super::{File, Scenario, ScenarioFilter, ScenarioSource, SourceOptions};
@@ -9,22 +9,24 @@ use svl_core::{Error, Result};
 
 impl Scenario {
     /// The scenario as the text of a file in `folder`, with the files that its patterns match.
-    /// Reading it gives an equal scenario; the filters and limits are written as they are.
+    /// Reading it gives an equal scenario; filters and limits are copied unchanged.
     ///
     /// # Errors
-    /// Those of [`Scenario::recordings`]; [`Error::Invalid`] for a path that is not in UTF-8.
+    ///
+    /// Those of [`Scenario::recordings`]; [`Error::Invalid`] for a path that is not UTF-8.
     pub fn to_toml(&self, folder: &Path) -> Result<String> {
         let file = self.file(&|path| relative_path(path, folder))?;
         toml::to_string(&file).map_err(|e| self.unwritten(&e))
     }
 
-    /// The scenario as a manifest holds it: that of [`Scenario::to_toml`] in the working folder.
+    /// The scenario for a manifest: that of [`Scenario::to_toml`] in the working folder.
     ///
     /// # Errors
+    ///
     /// As [`Scenario::to_toml`].
     pub fn to_json(&self) -> Result<serde_json::Value> {
         let file = self.file(&|path| path.to_owned())?;
-        // By way of TOML, in which absent keys are absent.
+        // Through TOML, in which absent keys are absent.
         let table = toml::Table::try_from(&file).map_err(|e| self.unwritten(&e))?;
         serde_json::to_value(table).map_err(|e| self.unwritten(&e))
     }
@@ -33,7 +35,7 @@ impl Scenario {
         Error::Invalid(format!("scenario '{}' cannot be written: {why}", self.name))
     }
 
-    /// The file with other paths.
+    /// The file with its paths replaced.
     fn file(&self, replaced: &dyn Fn(&Path) -> PathBuf) -> Result<File> {
         let runs = self.recordings()?;
         let files = runs
@@ -99,7 +101,7 @@ impl Scenario {
     }
 }
 
-/// An algorithm as a scenario names it, with its label.
+/// An algorithm in a scenario, with its label.
 fn written(algorithm: &Algorithm) -> String {
     let label = algorithm.label();
     let is_itself = label.parse::<Algorithm>().is_ok_and(|parsed| {
@@ -219,7 +221,7 @@ mod tests {
     }
 
     prop_compose! {
-        /// Options of the command line, of those that go together.
+        /// Command-line options that are compatible with each other.
         fn given()(
             topics in prop::option::of(("[a-z/]{1,9}", "[a-z/]{1,9}")),
             flags in any::<(bool, Option<u8>)>(),
@@ -268,7 +270,7 @@ mod tests {
             let text = scenario.to_toml(Path::new("")).unwrap();
             let again = Scenario::parse(&text, Path::new("s.toml")).unwrap();
             prop_assert_eq!(scenario.to_json().unwrap(), again.to_json().unwrap());
-            // What is given again changes nothing.
+            // Setting an option again changes nothing.
             let twice = again.with(&given).unwrap();
             prop_assert_eq!(again.options, twice.options);
         }

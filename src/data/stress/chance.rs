@@ -1,12 +1,12 @@
-//! Chance, and grey values.
+//! Random numbers, and rounding to grey values.
 
-/// Random numbers of a pair, and of its run, for what does not change in it.
+/// Random numbers of a pair, and of its run for anything that is constant in it.
 pub(super) struct Chance {
     pair: fastrand::Rng,
     run: fastrand::Rng,
 }
 
-/// A grey value of a real one: rounded, and clipped as a sensor does.
+/// A grey value from a real number: rounded, and clipped like in a sensor.
 pub(super) fn grey(value: f32) -> u8 {
     // The cast saturates.
     (value + 0.5) as u8
@@ -28,7 +28,8 @@ impl Chance {
         (sum - 131_070) as f32 * (1.732_050_8 / 65_536.0)
     }
 
-    /// A place of the run in an image, in shares of its width and height, away from the border.
+    /// A position in an image, fixed for the run, in fractions of its width and height, away from
+    /// the border.
     pub(super) fn place(&mut self) -> (f32, f32) {
         (0.25 + 0.5 * self.run.f32(), 0.25 + 0.5 * self.run.f32())
     }

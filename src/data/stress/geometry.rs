@@ -1,4 +1,4 @@
-//! A right camera that is not where the calibration says.
+//! A right camera whose pose differs from the calibration.
 
 use super::chance::{Chance, grey};
 use svl_core::stereo::Gray;
@@ -17,7 +17,7 @@ pub(super) fn roll([_, right]: &mut [Gray; 2], degrees: f64, _: &mut Chance) {
     });
 }
 
-/// The image with the grey value at `from(x, y)` in each pixel, bilinear, the border repeated.
+/// The image resampled: each pixel has the grey value at `from(x, y)`, bilinear, border replicated.
 fn resampled(image: &Gray, from: impl Fn(f32, f32) -> (f32, f32)) -> Gray {
     let (width, height) = image.size();
     let (right, bottom) = ((width - 1) as f32, (height - 1) as f32);

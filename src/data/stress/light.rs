@@ -1,6 +1,6 @@
 //! Light and sensor: gain, exposure, noise, darkness, glare.
 //!
-//! Electrons are those of the arena's sensor: 9000 make 255, the read noise is 25.
+//! Electrons are those of the arena's sensor: 9000 give 255, the read noise is 25.
 
 use super::chance::{Chance, grey};
 use svl_core::stereo::Gray;
@@ -36,7 +36,7 @@ fn darken(image: &mut Gray, stops: f64, chance: &mut Chance) {
     let share = 2f64.powf(-stops) as f32;
     each_pixel(image, |v| {
         let dark = v * share;
-        // The image has the noise of its own light already, of which the share remains.
+        // The image already contains the noise of its own light, of which that fraction remains.
         dark + ((1.0 - share) * dark * GREY_PER_E).sqrt() * chance.gaussian()
     });
 }

@@ -1,7 +1,7 @@
-//! Stress: pairs made worse in one known way, at several levels.
+//! Stress: pairs perturbed in one known way, at several levels.
 //!
 //! Each perturbation has a formula and a unit, and is a pure function of pair, level and seed. None
-//! moves the left image's geometry, so that a truth of the left image stays exact.
+//! changes the left image's geometry, so that a truth of the left image stays exact.
 
 mod chance;
 mod geometry;
@@ -17,20 +17,20 @@ use svl_core::{Error, Result, joined};
 /// An entry of [`STRESSES`].
 pub struct StressKind {
     pub name: &'static str,
-    /// What it does, in words.
+    /// Its effect, in words.
     pub summary: &'static str,
-    /// Of its levels.
+    /// Unit of its levels.
     pub unit: &'static str,
-    /// Grey values v, of the left (l) and the right (r) image, at a level L.
+    /// Grey values v, in the left (l) and the right (r) image, at a level L.
     pub formula: &'static str,
-    /// Levels where none are given, from mild to severe.
+    /// Default levels, from mild to severe.
     pub levels: &'static [f64],
     /// Least and largest level.
     pub range: (f64, f64),
     effect: StressEffect,
 }
 
-/// What a perturbation needs.
+/// Inputs and function of a perturbation.
 enum StressEffect {
     /// The pair alone.
     Pair(fn(&mut [Gray; 2], f64, &mut Chance)),
@@ -215,7 +215,7 @@ impl FromStr for Stress {
 
 impl StressKind {
     /// # Errors
-    /// [`Error::Usage`] with what there is.
+    /// [`Error::Usage`] with the list of kinds.
     pub fn find(name: &str) -> Result<&'static Self> {
         let found = STRESSES.iter().find(|kind| kind.name == name);
         found.ok_or_else(|| {
@@ -228,7 +228,7 @@ impl StressKind {
 
 impl Stress {
     /// # Errors
-    /// [`Error::Usage`] for a level that has no meaning.
+    /// [`Error::Usage`] for a level out of range.
     pub fn new(kind: &'static StressKind, level: f64) -> Result<Self> {
         let (from, to) = kind.range;
         let is_whole = level.fract() == 0.0 || !matches!(kind.effect, StressEffect::EarlierRight);
@@ -253,7 +253,7 @@ impl Stress {
         self.level
     }
 
-    /// How many frames earlier the right image is taken.
+    /// Number of frames by which the right image is earlier.
     pub fn earlier_frames(&self) -> usize {
         match self.kind.effect {
             StressEffect::EarlierRight => self.level as usize,
@@ -261,9 +261,10 @@ impl Stress {
         }
     }
 
-    /// The pair at that place of a run with that seed, perturbed.
+    /// The pair at that position of a run with that seed, perturbed.
     ///
     /// # Errors
+    ///
     /// None: the images keep their size.
     pub fn apply(&self, pair: StereoPair, seed: u64, sequence: u64) -> Result<StereoPair> {
         let StressEffect::Pair(perturb) = self.kind.effect else {
@@ -301,10 +302,10 @@ mod tests {
             assert_ne!(at(largest), pair(), "{}", kind.name);
             let mut levels = kind.levels.windows(2);
             assert!(levels.all(|pair| pair[0] < pair[1]), "{}", kind.name);
-            // The right camera alone, unless it says that it is both.
+            // Only the right camera, unless the summary says both.
             let both = kind.summary.contains("both");
             assert_eq!(at(largest).left() != pair().left(), both, "{}", kind.name);
-            // A mild level is nearer to the original than a severe one.
+            // A mild level is closer to the original than a severe one.
             let distance = |level: f64| {
                 let other = at(level);
                 let pixels = other

@@ -15,7 +15,7 @@ pub(super) fn defocus_both(images: &mut [Gray; 2], deviation: f64, _: &mut Chanc
 }
 
 pub(super) fn motion_blur(images: &mut [Gray; 2], length: f64, _: &mut Chance) {
-    // A box of that length: whole pixels, and a share of one at both ends.
+    // A box of that length: whole pixels, and a fraction of one at both ends.
     let half = 0.5 * length as f32;
     let reach = (half - 0.5).max(0.0).ceil() as usize;
     let weight = |i: usize| (half + 0.5 - i as f32).clamp(0.0, 1.0);
@@ -49,14 +49,14 @@ pub(super) fn drop_of_water([_, right]: &mut [Gray; 2], percent: f64, chance: &m
 pub(super) fn jpeg(images: &mut [Gray; 2], compression: f64, _: &mut Chance) {
     let quality = (100.0 - compression).clamp(1.0, 100.0) as u8;
     for image in images {
-        // An image that was encoded just now can be decoded.
+        // An image that was just encoded can be decoded.
         if let Ok(decoded) = files::through_jpeg(image, quality) {
             *image = decoded;
         }
     }
 }
 
-/// How much of a pixel a round spot covers, whose diameter is a share of the width.
+/// Coverage of a pixel by a round spot whose diameter is a fraction of the width.
 fn spot(image: &Gray, percent: f64, chance: &mut Chance) -> impl Fn(usize, usize) -> f32 + use<> {
     let (width, height) = image.size();
     let (px, py) = chance.place();
@@ -89,12 +89,12 @@ fn gaussian(image: &Gray, deviation: f32) -> Gray {
 
 fn transposed(image: &Gray) -> Gray {
     let (width, height) = image.size();
-    // As many pixels as before.
+    // The number of pixels is unchanged.
     Gray::from_fn(height, width, |x, y| image.get(y, x)).expect("the size of an image")
 }
 
 /// Each row convolved with the symmetric weights, `weights[i]` for the pixels `i` away; the border
-/// is repeated.
+/// is replicated.
 fn along_rows(image: &Gray, weights: &[f32]) -> Gray {
     let sum = weights[0] + 2.0 * weights[1..].iter().sum::<f32>();
     let mut blurred = image.clone();

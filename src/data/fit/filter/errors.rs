@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// A share of errors with its 95 % interval (Wilson, JASA 1927), as if samples were independent.
+/// A fraction of errors with its 95 % interval (Wilson, JASA 1927), as if samples were independent.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ErrorRate {
     pub errors: usize,
@@ -45,14 +45,14 @@ impl std::fmt::Display for ErrorRate {
 /// Errors at a threshold.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct WindowErrors {
-    /// Windows that do not show it and are taken for it.
+    /// Windows that do not show the object but are accepted.
     pub false_acceptance: ErrorRate,
-    /// Windows that show it and are not taken for it.
+    /// Windows that show the object but are rejected.
     pub false_rejection: ErrorRate,
 }
 
 impl WindowErrors {
-    /// Of scores with their categories: accepted is what exceeds the threshold.
+    /// From scores with their categories: scores above the threshold are accepted.
     pub fn new(scores: &[(f32, bool)], threshold: f32) -> Self {
         let of = |is: bool| scores.iter().filter(move |(_, category)| *category == is);
         let accepted = of(false).filter(|(score, _)| *score > threshold).count();
@@ -64,20 +64,20 @@ impl WindowErrors {
     }
 }
 
-/// False acceptance and true acceptance over the threshold.
+/// False acceptance and true acceptance at all thresholds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RocCurve {
     /// From (0, 0) to (1, 1).
     pub points: Vec<(f64, f64)>,
-    /// Area below the curve: how often a window that shows it has the higher score.
+    /// Area under the curve: probability that a window with the object has the higher score.
     pub area: f64,
-    /// Where the errors cost least.
+    /// Threshold of least cost.
     #[serde(skip)]
     pub threshold: f32,
 }
 
 impl RocCurve {
-    /// Of scores with their categories; a false acceptance costs so many false rejections.
+    /// From scores with their categories; a false acceptance costs that many false rejections.
     pub fn new(scores: &[(f32, bool)], acceptance_cost: f64) -> Self {
         let mut sorted = scores.to_vec();
         sorted.sort_by(|a, b| b.0.total_cmp(&a.0));

@@ -1,9 +1,9 @@
 //! Trains a [`Network`]: back-propagation in mini-batches, early stopping on a validation set.
 //!
-//! Features are standardized to mean 0 and deviation 1 over the training set, which becomes part
-//! of the weights. The loss is the cross-entropy of the output's probability; the steps are Adam's
-//! (Kingma and Ba, ICLR 2015). Each hidden neuron is trained by one thread, and batches are in
-//! turn, so that the result is the same on any number of threads.
+//! Features are standardized to mean 0 and deviation 1 over the training set, which is folded into
+//! the weights. The loss is the cross-entropy of the output's probability; the steps are Adam's
+//! (Kingma and Ba, ICLR 2015). Each hidden neuron is trained by one thread, and batches are
+//! sequential, so that the result is the same on any number of threads.
 
 use super::{SamplePart, WindowSamples};
 use rayon::prelude::*;
@@ -11,16 +11,16 @@ use svl_core::Result;
 use svl_core::filter::{Network, logistic, tanh};
 use svl_core::kernel::{self, AdamStep, Isa};
 
-/// How a network is trained.
+/// Settings of a training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitSettings {
     pub hidden: usize,
-    /// Of the initial weights and the order of the samples.
+    /// Seed of the initial weights and the order of the samples.
     pub seed: u64,
     pub most_epochs: usize,
 }
 
-/// Samples whose gradients are added before a step.
+/// Samples whose gradients are summed before a step.
 const BATCH: usize = 64;
 const RATE: f32 = 5e-4;
 /// Epochs without a better validation loss after which the training ends.
@@ -28,7 +28,7 @@ const PATIENCE: usize = 6;
 /// Neurons that a thread trains at a time.
 const NEURONS: usize = 4;
 
-/// Errors after an epoch: mean squares of probability less category, 0..=1.
+/// Errors after an epoch: mean squares of probability minus category, 0..=1.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct EpochError {
     pub training: f64,
@@ -38,7 +38,7 @@ pub struct EpochError {
 /// A trained network.
 #[derive(Clone, Debug)]
 pub struct FittedNetwork {
-    /// That of the epoch with the least validation loss, for standardized features.
+    /// The network of the epoch with the least validation loss, for standardized features.
     standardized: Network,
     pub epochs: Vec<EpochError>,
     /// Number of the best epoch, from 1.
@@ -70,7 +70,7 @@ impl Standard {
         let n = training.len().max(1) as f64;
         let deviation = |(mean, square): (&f64, &f64)| {
             let variance = square / n - (mean / n) * (mean / n);
-            // A feature that is the same everywhere says nothing.
+            // A constant feature carries no information.
             let least = 1e-12 * (1.0 + (mean / n) * (mean / n));
             if variance > least {
                 (1.0 / variance.sqrt()) as f32
@@ -89,7 +89,7 @@ impl Standard {
     }
 }
 
-/// Hidden neurons with their steps' memory.
+/// Hidden neurons with the state of their steps.
 struct Neurons {
     weights: Vec<f32>,
     means: Vec<f32>,
@@ -100,7 +100,7 @@ struct Neurons {
     out: Vec<f32>,
     /// Means and squares of the steps of biases and of the output's weights.
     small: [Vec<f32>; 4],
-    /// Activations of the batch's samples, a row of neurons each.
+    /// Activations for the batch's samples, a row of neurons each.
     activations: Vec<f32>,
 }
 
@@ -111,12 +111,13 @@ struct Trained {
     steps: i32,
 }
 
-/// Trains on samples that were standardized ([`Standard::apply`]).
+/// Trains on standardized samples ([`Standard::apply`]).
 ///
-/// `progress` is called after every epoch with its number and errors; `false` ends the training
-/// with the best network so far.
+/// `progress` is called after every epoch with its number and errors; if it returns false, the
+/// training ends with the best network so far.
 ///
 /// # Errors
+///
 /// None: trained weights are finite.
 pub fn fit_network(
     samples: &WindowSamples,
@@ -304,7 +305,7 @@ impl Trained {
 }
 
 impl FittedNetwork {
-    /// The log odds of a part's samples, which are standardized.
+    /// The log odds of a part's standardized samples.
     pub fn scores(&self, samples: &WindowSamples, part: SamplePart, isa: Isa) -> Vec<f32> {
         let of: Vec<_> = samples.of(part).collect();
         let mut batch = vec![0.0; BATCH * samples.features.stride()];
@@ -316,7 +317,7 @@ impl FittedNetwork {
         scores
     }
 
-    /// Adds to all scores.
+    /// Adds an offset to all scores.
     pub fn shift(&mut self, by: f32) -> Result<()> {
         let network = &self.standardized;
         let weights: Vec<_> = network.rows().flatten().copied().collect();
@@ -326,7 +327,7 @@ impl FittedNetwork {
         Ok(())
     }
 
-    /// The network for features as they are.
+    /// The network for features that are not standardized.
     pub fn network(&self, standard: &Standard) -> Result<Network> {
         let network = &self.standardized;
         let (mut weights, mut biases) = (Vec::new(), Vec::new());
@@ -348,7 +349,7 @@ mod tests {
     use crate::fit::filter::WindowSample;
     use svl_core::filter::{Features, FilterKind, Scaling};
 
-    /// Samples of which the sum of two features decides, of the training and the validation set.
+    /// Samples decided by the sum of two features, of the training and the validation set.
     fn samples(count: usize) -> WindowSamples {
         let features = Features {
             window: 4,
@@ -360,7 +361,7 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(7);
         for i in 0..count {
             let mut row: Vec<_> = (0..9).map(|_| 100.0 + 10.0 * random.f32()).collect();
-            // One that says nothing.
+            // A feature without information.
             row[4] = 5.0;
             let is = row[2] + row[6] > 210.0;
             row.resize(features.stride(), 0.0);
@@ -403,7 +404,7 @@ mod tests {
         );
         let network = fitted.network(&standard).unwrap();
         assert_eq!(fit(3).network(&standard).unwrap(), network);
-        // For features as they are it gives the same scores.
+        // On raw features it gives the same scores.
         let stride = plain.features.stride();
         let mut scores = vec![0.0; 1200];
         network.scores(Isa::BASELINE, &plain.inputs, &mut Vec::new(), &mut scores);

@@ -1,4 +1,4 @@
-//! Labels of frames and windows: a small table beside the recording that a person can read.
+//! Labels of frames and windows: a small, human-readable table next to the recording.
 //!
 //! ```text
 //! sequence,window,label,pair_hash
@@ -6,9 +6,9 @@
 //! 1,3x2,other,99aa06d3014798d86001c324468d497f
 //! ```
 //!
-//! The hash is that of the frame's pair, as in the tables of a report: labels are of these pixels.
-//! A window of the floor is named as its cell of the 5 x 3 grid, COLUMNxROW from 0; of *too close*
-//! it is 0x0 or 1x0. Without a window the label is of all windows of the frame.
+//! The hash is that of the frame's pair, as in the tables of a report: labels belong to these
+//! pixels. A window of the floor is named like its cell of the 5 x 3 grid, COLUMNxROW from 0; for
+//! *too close* it is 0x0 or 1x0. Without a window the label applies to all windows of the frame.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,17 +16,17 @@ use svl_core::filter::FilterKind;
 use svl_core::stereo::GridShape;
 use svl_core::{Error, Result};
 
-/// What a person said of the windows of a recording's frames.
+/// A person's labels for the windows of a recording's frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameLabels {
     pub kind: FilterKind,
-    /// By frame and window; that of no window is of all.
+    /// By frame and window; without a window, for all of them.
     labels: BTreeMap<(u64, Option<usize>), bool>,
-    /// Hashes of the pairs of the frames, where they are known.
+    /// Hashes of the pairs of the frames, if known.
     pairs: BTreeMap<u64, u128>,
 }
 
-/// Largest table that is read, bytes.
+/// Largest table accepted, bytes.
 const MAX_BYTES: u64 = 64 << 20;
 
 /// Columns of the table.
@@ -41,9 +41,9 @@ impl FrameLabels {
         }
     }
 
-    /// The table's place: beside the recording or the folder, named after it and the filter.
+    /// The table's path: next to the recording or the folder, named after it and the filter.
     pub fn path(source: &Path, kind: FilterKind) -> PathBuf {
-        // A dot in a folder's name begins no ending.
+        // A dot in a folder's name does not start a file extension.
         let name = if source.is_dir() {
             source.file_name()
         } else {
@@ -53,12 +53,12 @@ impl FrameLabels {
         source.with_file_name(format!("{name}.{kind}.csv"))
     }
 
-    /// How many windows a frame has.
+    /// Number of windows per frame.
     pub fn windows(kind: FilterKind) -> usize {
         shape(kind).cells()
     }
 
-    /// How many of them stand side by side.
+    /// Number of windows side by side.
     pub fn columns(kind: FilterKind) -> usize {
         shape(kind).columns
     }
@@ -72,11 +72,11 @@ impl FrameLabels {
     /// Reads a table.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] with the line that is wrong.
+    /// [`Error::Io`]; [`Error::Format`] with the faulty line.
     pub fn read(path: &Path, kind: FilterKind) -> Result<Self> {
         let text = crate::files::read_text(path, MAX_BYTES)?;
         let mut labels = Self::new(kind);
-        // Lines of the labels, and of the hashes.
+        // Line numbers of the labels, and of the hashes.
         let (mut lines, mut pair_lines) = (BTreeMap::new(), BTreeMap::new());
         let mut rows = csv::ReaderBuilder::new();
         let mut rows = rows.trim(csv::Trim::All).from_reader(text.as_bytes());
@@ -84,7 +84,7 @@ impl FrameLabels {
         let head = rows
             .headers()
             .map_err(|e| Error::format(path, e.to_string()))?;
-        // Tables of earlier svl have no hashes.
+        // Tables of earlier versions have no hashes.
         if head.iter().ne(HEAD) && head.iter().ne(HEAD[..3].iter().copied()) {
             let expected = HEAD.join(",");
             return Err(Error::format(
@@ -200,7 +200,7 @@ impl FrameLabels {
         };
     }
 
-    /// The label of the whole frame, or of one of its windows, that a label would contradict.
+    /// The label of the whole frame, or of one of its windows, that would contradict a label.
     pub fn contrary(
         &self,
         sequence: u64,
@@ -220,21 +220,22 @@ impl FrameLabels {
         }
     }
 
-    /// Says of which pair the labels of a frame are.
+    /// Records the pair that the labels of a frame belong to.
     pub fn tie(&mut self, sequence: u64, pair_hash: u128) {
         self.pairs.insert(sequence, pair_hash);
     }
 
-    /// A labelled frame of which the table does not say which pair it is.
+    /// A labelled frame whose pair the table does not identify.
     pub fn untied(&self) -> Option<u64> {
         self.sequences().find(|of| !self.pairs.contains_key(of))
     }
 
-    /// Refuses the pair of another recording, or of the same one read otherwise. `source`: the
-    /// recording beside the table.
+    /// Rejects a pair of another recording, or of the same one read differently. `source`: the
+    /// recording next to the table.
     ///
     /// # Errors
-    /// [`Error::Format`] with the frame and the cure.
+    ///
+    /// [`Error::Format`] with the frame and the remedy.
     pub fn check(
         &self,
         source: &Path,
@@ -257,12 +258,12 @@ impl FrameLabels {
         Err(Error::format(Self::path(source, self.kind), reason))
     }
 
-    /// The label that was given to a window, or to a frame.
+    /// The label assigned to a window, or to a frame.
     pub fn get(&self, sequence: u64, window: Option<usize>) -> Option<bool> {
         self.labels.get(&(sequence, window)).copied()
     }
 
-    /// What a window is: its own label, else its frame's.
+    /// Category of a window: its own label, else its frame's.
     pub fn of(&self, sequence: u64, window: usize) -> Option<bool> {
         self.get(sequence, Some(window))
             .or_else(|| self.get(sequence, None))
@@ -273,7 +274,7 @@ impl FrameLabels {
         self.labels.keys().map(|(sequence, _)| *sequence)
     }
 
-    /// How many are of what the filter detects, and how many are not.
+    /// Number of labels with the filter's object, and without.
     pub fn counts(&self) -> [usize; 2] {
         let of = |is| self.labels.values().filter(|&&label| label == is).count();
         [of(true), of(false)]
@@ -320,7 +321,7 @@ mod tests {
                 0xabc
             )
         );
-        // A table of earlier svl.
+        // A table of an earlier version.
         let old = read("sequence,window,label\n3,0x0,floor\n").unwrap();
         assert_eq!((old.untied(), old.counts()), (Some(3), [1, 0]));
         assert_eq!(read(&text).unwrap(), labels);

@@ -11,20 +11,20 @@ pub use fit::{EpochError, FitSettings, FittedNetwork, Standard, fit_network};
 pub use labels::FrameLabels;
 pub use samples::{WindowLabels, WindowSample, WindowSamples, true_label};
 
-/// What the samples of a recording are for.
+/// Use of a recording's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SamplePart {
     Training,
-    /// Decides when to stop, and the threshold.
+    /// For early stopping, and for the threshold.
     Validation,
-    /// Gives the figures.
+    /// For the figures.
     Test,
 }
 
 impl SamplePart {
     pub const ALL: [Self; 3] = [Self::Training, Self::Validation, Self::Test];
 
-    /// Parts of so many recordings, at least three: each fifth is for the test, each fifth for the
+    /// Parts for that many recordings, at least three: a fifth for the test, a fifth for the
     /// validation.
     pub fn deal(recordings: usize) -> Vec<Self> {
         let part = |i: usize| match i % 5 {

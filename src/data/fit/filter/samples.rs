@@ -9,15 +9,15 @@ use svl_core::stereo::{Frame, GridShape, Surface, Truth, Visibility};
 /// A labelled window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WindowSample {
-    /// The recording or run that it is of: samples of one are never parted.
+    /// Its recording or run: samples of one are never split.
     pub group: usize,
     /// The frame's sequence number.
     pub sequence: u64,
     /// Number of the window in its frame.
     pub window: usize,
-    /// Whether it shows what the filter detects.
+    /// True if it shows the filter's object.
     pub is: bool,
-    /// Its grey values, of samples of the test set.
+    /// Its grey values, for samples of the test set.
     pub pixels: Vec<u8>,
 }
 
@@ -33,16 +33,17 @@ pub struct WindowSamples {
     pub parts: Vec<SamplePart>,
 }
 
-/// Where the labels of windows come from.
+/// Origin of the labels of windows.
 #[derive(Clone, Debug)]
 pub enum WindowLabels<'a> {
     /// A person's.
     Given(&'a FrameLabels),
-    /// The frame's truth; of *too close* with the range of disparities, pixels.
+    /// The frame's truth; for *too close* with the range of disparities, pixels.
     Truth { range_px: f64 },
 }
 
-/// A window is floor when more than this share of its pixels is, and not when less than the rest.
+/// A window is floor if more than this fraction of its pixels is, and not floor if less than the
+/// rest is.
 const MOST: f64 = 0.9;
 
 impl WindowSamples {
@@ -56,19 +57,19 @@ impl WindowSamples {
         }
     }
 
-    /// Of the same filter and parts, without samples.
+    /// With the same filter and parts, without samples.
     #[must_use]
     pub fn empty(&self) -> Self {
         Self::new(self.kind, self.features, self.parts.clone())
     }
 
-    /// Adds the samples of others of the same filter and parts.
+    /// Adds the samples of another set with the same filter and parts.
     pub fn append(&mut self, mut others: Self) {
         self.inputs.append(&mut others.inputs);
         self.samples.append(&mut others.samples);
     }
 
-    /// The samples with these numbers.
+    /// The samples with these indices.
     #[must_use]
     pub fn select(&self, numbers: impl IntoIterator<Item = usize>) -> Self {
         let (mut fewer, stride) = (self.empty(), self.features.stride());
@@ -81,8 +82,7 @@ impl WindowSamples {
         fewer
     }
 
-    /// All samples, but of each category of the parts that are named at most so many, spread
-    /// evenly.
+    /// All samples, but at most a limit per category in the listed parts, spread evenly.
     #[must_use]
     pub fn limited(&self, limits: &[(SamplePart, usize)]) -> Self {
         let mut numbers = Vec::new();
@@ -98,10 +98,11 @@ impl WindowSamples {
         self.select(numbers)
     }
 
-    /// Adds the windows of a frame of a group that have a label.
+    /// Adds the labelled windows of a frame of a group.
     ///
     /// # Errors
-    /// [`svl_core::Error::Invalid`] for images that are smaller than a window.
+    ///
+    /// [`svl_core::Error::Invalid`] for images smaller than a window.
     pub fn add(
         &mut self,
         spectrum: &mut Spectrum,
@@ -149,7 +150,7 @@ impl WindowSamples {
         (0..self.samples.len()).filter(is_of)
     }
 
-    /// Copies the rows of samples into `batch`; the part of it that they fill.
+    /// Copies the rows of samples into `batch`, and returns the part of it that they fill.
     pub(super) fn gather<'a>(&self, of: &[usize], batch: &'a mut [f32]) -> &'a [f32] {
         let stride = self.features.stride();
         for (to, &i) in batch.chunks_exact_mut(stride).zip(of) {
@@ -159,8 +160,8 @@ impl WindowSamples {
     }
 }
 
-/// What a window shows, by the truth of a simulation, which alone knows every pixel; nothing for
-/// another truth, or where the window shows both.
+/// Content of a window, by the truth of a simulation, which alone covers every pixel; `None` for
+/// another truth, or if the window shows both.
 pub fn true_label(
     kind: FilterKind,
     truth: &Truth,
@@ -215,7 +216,7 @@ impl WindowSamples {
         hasher.digest128()
     }
 
-    /// How many windows of a part show what the filter detects, and how many do not.
+    /// Number of windows of a part with the filter's object, and without.
     pub fn counts(&self) -> BTreeMap<&'static str, [usize; 2]> {
         let parts = [
             ("training", SamplePart::Training),
@@ -244,7 +245,7 @@ impl WindowSamples {
         let wrong = samples.filter(|(_, (score, label))| *label == is && (*score > 0.0) != is);
         let mut wrong: Vec<_> = wrong.map(|(sample, (score, _))| (sample, *score)).collect();
         wrong.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        // One of each frame: windows of neighbours resemble each other.
+        // One per frame: neighbouring windows are similar.
         let mut shown = Vec::<(&WindowSample, f32)>::new();
         for (sample, score) in wrong {
             let near = |other: &&WindowSample| {
@@ -263,7 +264,8 @@ mod tests {
     use super::*;
     use svl_core::stereo::Plane;
 
-    /// A truth of 100x10 whose first columns are floor, too near, or seen by the left camera alone.
+    /// A truth of 100x10 whose first columns are floor, too near, or visible only in the left
+    /// camera.
     fn truth(floor: usize, near: usize, hidden: usize) -> Truth {
         let plane = |first: f32, columns: usize, rest: f32| {
             Plane::from_fn(100, 10, |x, _| if x < columns { first } else { rest }).unwrap()
@@ -289,7 +291,7 @@ mod tests {
             let truth = truth(columns, 0, 0);
             true_label(FilterKind::Floor, &truth, [0, 0], 10, 80.0)
         };
-        // Of ten columns.
+        // Out of ten columns.
         assert_eq!(
             [0, 1, 5, 9, 10].map(floor),
             [Some(false), None, None, None, Some(true)]
@@ -307,7 +309,7 @@ mod tests {
             true_label(FilterKind::Floor, &unknown, [0, 0], 10, 80.0),
             None
         );
-        // Pixels without a truth are not far.
+        // Pixels without a truth do not count as far.
         let label = true_label(FilterKind::TooClose, &unknown, [0, 0], 10, 80.0);
         assert_eq!(label, None);
     }
