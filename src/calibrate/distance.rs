@@ -6,10 +6,10 @@ use svl_core::statistics::midpoint_median;
 use svl_core::stereo::{Cell, DepthGrid, GridShape};
 use svl_core::{Error, Result};
 
-/// Least cells that must show the target.
+/// Fewest cells that must show the target.
 pub const LEAST_CELLS: usize = 3;
 
-/// Cells show one target when they differ by no more than this, or by [`SHARE`] of the disparity.
+/// Cells show one target if they differ by at most this, or by [`SHARE`] of the disparity.
 const APART_PX: f64 = 1.0;
 const SHARE: f64 = 0.03;
 
@@ -26,15 +26,16 @@ pub struct TargetMeasurement {
 
 impl TargetMeasurement {
     /// Measures the target in the grids of frames that all show it at one distance. The disparity
-    /// of a cell is the median of its medians in the frames, and known when at least half of them
+    /// of a cell is the median of its medians in the frames, and known if at least half of them
     /// have one.
     ///
-    /// The target's cells are those named, or else those connected to the cell in the middle of the
-    /// image that agree with it.
+    /// The target's cells are the given ones, or else those connected to the cell in the centre of
+    /// the image that agree with it.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when fewer than three cells show it, or a named one has no disparity or
-    /// is outside the grid.
+    ///
+    /// [`Error::Invalid`] if fewer than three cells show it, or a given one has no disparity or is
+    /// outside the grid.
     pub fn measure(grids: &[DepthGrid], named: &[(usize, usize)]) -> Result<Self> {
         let shape = grids
             .first()
@@ -95,7 +96,7 @@ pub fn cell_list(cells: &[(usize, usize)]) -> String {
         .join(" ")
 }
 
-/// The cells 4-connected to the middle one that have its disparity.
+/// The cells 4-connected to the central one that have its disparity.
 fn agreeing(
     shape: GridShape,
     known: impl Fn((usize, usize)) -> Option<f64>,

@@ -13,8 +13,8 @@ pub struct Board {
 }
 
 impl Board {
-    /// `columns`, `rows`: inner corners along each side. `square_m`: side of a square in metres,
-    /// where it was measured; lengths are in squares otherwise.
+    /// `columns`, `rows`: inner corners along each side. `square_m`: side of a square in metres, if
+    /// measured; otherwise lengths are in squares.
     ///
     /// # Errors
     /// [`Error::Invalid`] for fewer than 3 or more than 50 corners along a side, or a side that is

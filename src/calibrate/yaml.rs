@@ -1,10 +1,10 @@
-//! A subset of YAML for calibrations and bags: aliases and deep nesting are refused, tags are
+//! A subset of YAML for calibrations and bags: aliases and deep nesting are rejected, tags are
 //! ignored.
 
 use saphyr_parser::{Event, Parser};
 use std::collections::BTreeMap;
 
-/// Limit of nesting; bags have up to nine levels, calibrations four.
+/// Limit on nesting; bags have up to nine levels, calibrations four.
 pub(crate) const MAX_DEPTH: usize = 16;
 
 /// A scalar as text, a sequence, or a mapping.
@@ -16,7 +16,7 @@ pub enum YamlNode {
 }
 
 /// # Errors
-/// What is wrong, with the line.
+/// The fault, with its line.
 pub fn parse(text: &str) -> Result<YamlNode, String> {
     // OpenCV's first line, `%YAML:1.0`, is not a YAML directive; it becomes a comment.
     let comment = text.strip_prefix('%').map(|rest| format!("#{rest}"));
@@ -37,7 +37,7 @@ struct Tree {
     open: Vec<OpenNode>,
 }
 
-/// A sequence or mapping that is not closed yet, with the key that waits for its value.
+/// A sequence or mapping that is still open, with the key that waits for its value.
 enum OpenNode {
     List(Vec<YamlNode>),
     Table(BTreeMap<String, YamlNode>, Option<String>),
@@ -82,7 +82,7 @@ impl Tree {
                 (None, YamlNode::Value(name)) => *key = Some(name),
                 (None, _) => return Err("a key that is a list or a table".into()),
                 (Some(name), node) => {
-                    // YAML forbids duplicate keys; most parsers silently take the last.
+                    // YAML forbids duplicate keys; most parsers silently use the last.
                     if table.insert(name.clone(), node).is_some() {
                         return Err(format!("'{name}' stands twice"));
                     }

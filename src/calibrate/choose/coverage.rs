@@ -15,11 +15,11 @@ pub(super) const AREAS: [&str; 9] = [
     "bottom",
     "lower right",
 ];
-/// Least corners that cover an area.
+/// Fewest corners that cover an area.
 const COVERED: u32 = 6;
 /// Least tilt of a tilted view, radians.
 const TILTED: f64 = 0.2;
-/// Least tilted views in each direction: they determine the focal length.
+/// Fewest tilted views in each direction: they determine the focal length.
 const TILTED_VIEWS: u32 = 2;
 
 /// Counts of corners by image area, and of views by tilt.
@@ -79,7 +79,7 @@ impl MissingCoverage {
 }
 
 impl Display for MissingCoverage {
-    /// `in the left image upper left, top; a board tilted up`; empty when nothing is missing.
+    /// `in the left image upper left, top; a board tilted up`; empty if nothing is missing.
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         let parts = [
             ("in the left image", &self.left, ", "),

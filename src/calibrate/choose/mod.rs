@@ -1,5 +1,5 @@
 //! Selection of views for calibration: pairs that show the complete board in both images, sharp and
-//! still, in a pose unlike those already accepted.
+//! still, in a new pose.
 
 mod coverage;
 mod pose;
@@ -26,7 +26,7 @@ pub struct Chooser {
     before: Option<(u64, Vec<Point2<f64>>)>,
 }
 
-/// Why a pair is not used.
+/// Reason why a pair is not used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Refusal {
     /// The side is that of the image, here and below.
@@ -43,24 +43,24 @@ pub enum Refusal {
     NothingNew,
 }
 
-/// Views that are enough when no coverage is missing.
+/// Number of views that suffices if no coverage is missing.
 pub const ENOUGH: usize = 20;
-/// Views that are enough whatever coverage is missing.
+/// Number of views that suffices whatever coverage is missing.
 pub const MOST: usize = 60;
 
-/// Largest blur that still gives good corners: pixels, or share of the image's width.
+/// Largest blur that still gives good corners: pixels, or fraction of the image's width.
 const BLUR: (f64, f64) = (2.0, 0.003);
 /// Least difference of dark and bright squares, grey levels.
 const FAINT: f64 = 25.0;
-/// A board that moves less than this from pair to pair is held still: pixels, or share of the
+/// A board that moves less than this from pair to pair is held still: pixels, or fraction of the
 /// image's width.
 const STILL: (f64, f64) = (1.0, 0.0025);
-/// Pairs whose boards are farther apart than this, in widths of the image, are not consecutive ...
+/// Pairs whose boards are farther apart than this, in widths of the image, are not consecutive,
 const JUMP: f64 = 0.08;
-/// ... nor are those farther apart in time.
+/// nor are those farther apart in time.
 const FOLLOWING_NS: u64 = 300_000_000;
 
-/// Least difference of unrelated images, as a share of that of pairs of a stream: they were
+/// Least difference of unrelated images, as a fraction of that for pairs of a stream: they were
 /// selected already, and each lowers the standard deviations a little.
 const ANOTHER: f64 = 0.3;
 
@@ -77,8 +77,8 @@ impl Chooser {
         }
     }
 
-    /// The view of the next pair, if it helps. `stamp_ns`: when it was taken, for pairs of a
-    /// stream; unrelated images have none and are not checked for motion.
+    /// The view of the next pair, if it is useful. `stamp_ns`: its time, for pairs of a stream;
+    /// unrelated images have none and are not checked for motion.
     ///
     /// # Errors
     /// The [`Refusal`].
@@ -87,7 +87,7 @@ impl Chooser {
         stamp_ns: Option<u64>,
         seen: &[Detection; 2],
     ) -> Result<StereoView, Refusal> {
-        // Remembered even if this pair is refused: motion is between consecutive pairs.
+        // Stored even if this pair is refused: motion is measured between consecutive pairs.
         let before = self.before.take();
         if let (Some(stamp), Detection::Whole(left)) = (stamp_ns, &seen[0]) {
             self.before = Some((stamp, left.corners.clone()));
@@ -101,7 +101,7 @@ impl Chooser {
         {
             return Err(Refusal::Moving);
         }
-        // The left image alone: the right one shows the same board from almost the same direction.
+        // Only the left image: the right one shows the same board from almost the same direction.
         let pose = RoughPose::new(&self.board, self.size, &left.corners)
             .ok_or(Refusal::Hidden(Side::Left))?;
         let new = if stamp_ns.is_some() { 1.0 } else { ANOTHER };
@@ -139,7 +139,7 @@ impl Chooser {
         self.coverage.missing()
     }
 
-    /// Whether there are enough views.
+    /// True if there are enough views.
     pub fn is_done(&self) -> bool {
         self.views.len() >= MOST || (self.views.len() >= ENOUGH && self.missing().is_empty())
     }
@@ -159,7 +159,7 @@ impl Chooser {
         }
     }
 
-    /// Whether the board moves, rather than being held still or in an unrelated image.
+    /// True if the board moves; false if it is held still or in an unrelated image.
     fn moves(&self, before: &[Point2<f64>], now: &[Point2<f64>]) -> bool {
         let steps = before
             .iter()
@@ -265,7 +265,7 @@ mod tests {
             chooser.judge(Some(100_000_000), &seen(&shifted(20.0))),
             Err(Refusal::Moving)
         );
-        // Held again; long after; another picture; no stamp.
+        // Held again; much later; another picture; no stamp.
         assert!(
             chooser
                 .judge(Some(200_000_000), &seen(&shifted(20.5)))

@@ -9,7 +9,7 @@ const FOCAL: f64 = 0.85;
 /// Approximate position, orientation and distance of a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RoughPose {
-    /// Its middle relative to the middle of the image, in widths of the image.
+    /// Its centre relative to the centre of the image, in widths of the image.
     middle: Vector2<f64>,
     /// The board's normal, pointing away from the camera.
     normal: Unit<Vector3<f64>>,
@@ -17,16 +17,16 @@ pub(super) struct RoughPose {
     distance: f64,
 }
 
-/// Differences that are worth another view; the largest of the three counts. Position, in widths of
-/// the image, ...
+/// Differences that justify another view; the largest of the three counts. Position, in widths of
+/// the image,
 const APART: f64 = 0.08;
-/// ... orientation, radians, ...
+/// orientation, radians,
 const TURNED: f64 = 0.17;
-/// ... and natural logarithm of the ratio of the distances.
+/// and natural logarithm of the ratio of the distances.
 const NEARER: f64 = 0.18;
 
 impl RoughPose {
-    /// From a board's corners, in the order of [`Board::corners`]; `None` when they are degenerate.
+    /// From a board's corners, in the order of [`Board::corners`]; `None` if they are degenerate.
     pub(super) fn new(
         board: &Board,
         (width, height): (usize, usize),
@@ -57,16 +57,16 @@ impl RoughPose {
         })
     }
 
-    /// How different two poses are; 1 is worth another view.
+    /// Difference of two poses; 1 justifies another view.
     pub(super) fn difference(&self, other: &Self) -> f64 {
         let apart = (self.middle - other.middle).norm() / APART;
         let rotated = self.normal.angle(&other.normal) / TURNED;
-        // The logarithm treats nearer and farther alike.
+        // The logarithm treats nearer and farther equally.
         let nearer = (self.distance / other.distance).ln().abs() / NEARER;
         apart.max(rotated).max(nearer)
     }
 
-    /// Tilt against facing the camera, about the vertical and the horizontal axis, radians.
+    /// Tilt relative to facing the camera, about the vertical and the horizontal axis, radians.
     pub(super) fn tilt(&self) -> Vector2<f64> {
         Vector2::new(self.normal.x.asin(), self.normal.y.asin())
     }

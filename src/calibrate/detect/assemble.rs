@@ -1,4 +1,4 @@
-//! Assembles corner candidates into the board, or into the part of it that is seen.
+//! Assembles corner candidates into the board, or into its visible part.
 
 use super::candidate::CornerCandidate;
 use super::grid::{Grid, GridIndex, NEIGHBOURS};
@@ -11,16 +11,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use svl_core::statistics::upper_median;
 use svl_core::stereo::Gray;
 
-/// Grids with fewer corners than this share of the board's are not part of it.
+/// Grids with fewer corners than this percentage of the board's are not part of it.
 const PART_PERCENT: usize = 40;
 /// At most this many grids are tried, the largest first.
 const GRIDS: usize = 4;
-/// Least contrast of a corner, as a share of the median.
+/// Least contrast of a corner, as a fraction of the median.
 const MIN_CONTRAST: f64 = 0.5;
-/// Most residual of a corner's fit: as a share of its contrast, and as a multiple of the median
-/// residual.
+/// Largest residual of a corner's fit: as a fraction of its contrast, and as a multiple of the
+/// median residual.
 const MAX_RESIDUAL: (f64, f64) = (0.35, 2.0);
-/// Largest distance of a corner from where its neighbours predict it, in grid steps.
+/// Largest distance of a corner from the prediction by its neighbours, in grid steps.
 const MAX_OFFSET: f64 = 0.25;
 
 /// See [`super::Detector::find`].
@@ -41,7 +41,7 @@ pub(super) fn assemble(
         while read.is_empty() && fitted.fill(image, board) {
             read = labellings(&fitted.grid, board);
         }
-        // Several labellings of one board differ only in which corner is the first.
+        // Several labellings of one board differ only in the choice of the first corner.
         let likeness = |corners: &Vec<Point2<f64>>| diagonal(corners).dot(&towards);
         if let Some(corners) = read
             .into_iter()
@@ -62,7 +62,7 @@ pub(super) fn assemble(
 struct FittedGrid {
     grid: Grid,
     corners: BTreeMap<GridIndex, Fitted>,
-    /// Missing corners that were looked for and are not in the image.
+    /// Missing corners that were searched for but are not in the image.
     absent: BTreeSet<GridIndex>,
 }
 
@@ -76,7 +76,7 @@ impl FittedGrid {
             corners,
             absent: BTreeSet::new(),
         };
-        // Judged against the medians of all corners, including the bad ones.
+        // Compared with the medians of all corners, including the bad ones.
         let good = fit.corners.iter().filter(|(_, corner)| fit.is_good(corner));
         fit.corners = good.map(|(&cell, &corner)| (cell, corner)).collect();
         fit.grid.corners = fit
@@ -87,8 +87,8 @@ impl FittedGrid {
         fit
     }
 
-    /// Looks for missing corners where their neighbours predict them, one round. Returns whether
-    /// any was found.
+    /// Searches for missing corners at the positions predicted by their neighbours, one round.
+    /// Returns true if any was found.
     fn fill(&mut self, image: &Gray, board: &Board) -> bool {
         if self.corners.is_empty() {
             return false;
@@ -158,7 +158,7 @@ fn clearance(grid: &Grid, cell: GridIndex, corner: &CornerCandidate) -> Option<f
     steps.map(across).reduce(f64::min)
 }
 
-/// What a grid shows that holds no complete board.
+/// Detection for a grid that does not contain a complete board.
 fn partial(image: &Gray, grid: &Grid, board: &Board) -> Detection {
     if 100 * grid.corners.len() < PART_PERCENT * board.columns() * board.rows() {
         return Detection::Nothing;
@@ -200,7 +200,7 @@ fn partial(image: &Gray, grid: &Grid, board: &Board) -> Detection {
     }
 }
 
-/// The edge of the image beyond which a point lies, or so near to which that no corner is found.
+/// The edge of the image beyond which a point lies, or which is too close for a corner to be found.
 fn outside(image: &Gray, at: Point2<f64>) -> Option<Edge> {
     const MARGIN_PX: f64 = 6.0;
     let (right, bottom) = (

@@ -4,19 +4,19 @@ use chess_corners::{CornerDescriptor, Detector, DetectorConfig, ImageRefiner, Up
 use nalgebra::{Point2, Vector2};
 use svl_core::stereo::Gray;
 
-/// A point where two dark and two bright fields meet.
+/// A point at which two dark and two bright fields meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct CornerCandidate {
     pub at: Point2<f64>,
     /// Unit vectors along the two edges, signs arbitrary. The sector from the first to the second,
-    /// in the direction from x to y, is dark: so neighbours on a board have them exchanged.
+    /// in the direction from x to y, is dark: so neighbours on a board have the two exchanged.
     pub axes: [Vector2<f64>; 2],
 }
 
-/// Several times as many as the largest board has.
+/// Several times the number of the largest board's corners.
 const MAX_CANDIDATES: usize = 8_000;
 
-/// Finds candidates by the ring of Bennett and Lasenby (ChESS: Quick and robust detection of
+/// Finds candidates with the ring of Bennett and Lasenby (ChESS: Quick and robust detection of
 /// chess-board features, CVIU 2014).
 pub(super) struct Finder {
     plain: Detector,

@@ -1,7 +1,7 @@
 //! Grids of corner candidates, grown from neighbour to neighbour as in Geiger, Moosmann, Car and
 //! Schuster (Automatic camera and range sensor calibration using a single shot, ICRA 2012).
 //!
-//! Departure: growth follows the directions of the edges at each corner, which point at its
+//! Departure: growth follows the directions of the edges at each corner, which point to its
 //! neighbours.
 
 use super::candidate::CornerCandidate;
@@ -78,7 +78,7 @@ impl Grid {
             let sum = points.iter().map(|p| p.coords).sum::<Vector2<f64>>();
             (!points.is_empty()).then(|| Point2::from(sum / points.len() as f64))
         };
-        // Interpolation is safer than extrapolation, so it goes first.
+        // Interpolation is safer than extrapolation, so it is tried first.
         let inner = mean([(1, 0), (0, 1)].into_iter().filter_map(between).collect());
         inner.or_else(|| mean(NEIGHBOURS.into_iter().filter_map(beyond).collect()))
     }
@@ -101,7 +101,7 @@ struct Member {
     steps: [Vector2<f64>; 2],
 }
 
-/// Grows the grid around one candidate; `None` when it has no 2x2 corners.
+/// Grows the grid around one candidate; `None` if it has no 2x2 corners.
 fn grow(
     candidates: &[CornerCandidate],
     free: &[bool],
@@ -138,7 +138,7 @@ fn grow(
             queue.push_back(next);
         }
     }
-    // A row of corners alone is more often texture than a board.
+    // A single row of corners is more often texture than a board.
     let square = |&(i, j): &GridIndex| {
         [(1, 0), (0, 1), (1, 1)]
             .iter()
@@ -187,7 +187,7 @@ fn nearest(
         })
 }
 
-/// Whether two corners may be neighbours: their edges are parallel, with dark and bright exchanged.
+/// True if two corners may be neighbours: their edges are parallel, with dark and bright exchanged.
 fn exchanged(a: &CornerCandidate, b: &CornerCandidate) -> bool {
     (0..2).all(|i| a.axes[i].dot(&b.axes[1 - i]).abs() > PARALLEL)
 }

@@ -1,4 +1,4 @@
-//! Board labelling: which corners of a grid are the board's, and which of them is the first.
+//! Board labelling: assigns the corners of a grid to the board, and chooses the first.
 
 use super::candidate::CornerCandidate;
 use super::grid::{Grid, GridIndex};
@@ -27,7 +27,7 @@ impl Labelling {
 const CHANCE_PERCENT: usize = 8;
 
 /// The corners in the order of [`Board::corners`], for every possible labelling of the board; empty
-/// unless the grid holds exactly one complete board.
+/// unless the grid contains exactly one complete board.
 ///
 /// No labelling is mirrored. A board that is not symmetric under a rotation of 180°, because its
 /// corner squares differ in colour, starts at a dark one.
@@ -54,7 +54,7 @@ pub(super) fn labellings(grid: &Grid, board: &Board) -> Vec<Vec<Point2<f64>>> {
         .copied()
         .filter(|labelling| begins_dark(grid, labelling))
         .collect();
-    // On a symmetric board all labellings start alike, so colour decides nothing.
+    // On a symmetric board all labellings start with the same colour, so it decides nothing.
     let chosen = if dark.is_empty() { fitting } else { dark };
     let read = |labelling: &Labelling| {
         let places = (0..columns * rows).map(|n| labelling.cell(n % columns, n / columns));
@@ -99,13 +99,13 @@ fn edges(
     ))
 }
 
-/// Whether rows and columns have the orientation of image axes; otherwise the labelling is
+/// True if rows and columns have the orientation of image axes; otherwise the labelling is
 /// mirrored.
 fn turns_right(grid: &Grid, labelling: &Labelling) -> bool {
     edges(grid, labelling).is_some_and(|(_, along, down)| along.perp(&down) > 0.0)
 }
 
-/// Whether the square outside the first corner is dark.
+/// True if the square outside the first corner is dark.
 fn begins_dark(grid: &Grid, labelling: &Labelling) -> bool {
     edges(grid, labelling).is_some_and(|(first, along, down)| {
         // The sector from axis 0 to axis 1 is dark; outward lies in a dark sector when it is on

@@ -6,7 +6,8 @@
 //! ```
 //!
 //! Compared with the crate `calib-targets` 0.16 (its sweep of settings, saddle point refinement) in
-//! November 2026, on OpenCV's 13 stereo pairs of a 9x6 board, and per look on 40 simulated boards:
+//! November 2026, on OpenCV's 13 stereo pairs of a 9x6 board, and on 40 simulated boards per image
+//! quality:
 //!
 //! | | this | calib-targets |
 //! |---|---|---|
@@ -22,8 +23,8 @@
 //! | 70 % less light at one edge | 40, 0.020 px | 38, 0.033 px |
 //! | time per image of 640x480, machine under load | 20 ms | 17 ms |
 //!
-//! So this one stays. In noise of 20 its grids lose to those of `calib-targets`, whose boards are
-//! then found more often: 39 of 40 where its grids are refined as here.
+//! So svl keeps its own. At a noise of 20 the grids of `calib-targets` are better, and its boards
+//! are found more often: 39 of 40 if its grids are refined as here.
 
 mod assemble;
 mod candidate;
@@ -45,11 +46,11 @@ pub struct Sighting {
     pub corners: Vec<Point2<f64>>,
     /// Median standard deviation of the blur across the edges of the corners, pixels.
     pub blur_px: f64,
-    /// Median difference of dark and bright squares at the corners, grey levels.
+    /// Median difference between dark and bright squares at the corners, grey levels.
     pub contrast: f64,
 }
 
-/// What an image shows of a board.
+/// Detection of a board in an image.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Detection {
     Whole(Sighting),
@@ -100,7 +101,7 @@ pub struct Detector {
     finder: Finder,
 }
 
-/// Images of at most this many pixels are searched enlarged too when no complete board is found.
+/// Images of at most this many pixels are also searched enlarged if no complete board is found.
 const SMALL: usize = 1_000_000;
 
 impl Detector {
@@ -113,12 +114,12 @@ impl Detector {
         })
     }
 
-    /// What the image shows of the board.
+    /// Detects the board in the image.
     ///
     /// On a board that is not symmetric under a rotation of 180° (one side even, the other odd) the
     /// square outside the first corner is dark. On other boards the vector from the first corner to
-    /// the last is as near to `towards` as possible: `(1, 1)` starts at the upper left; the
-    /// diagonal found in the other camera's image labels both images alike.
+    /// the last is as close to `towards` as possible: `(1, 1)` starts at the upper left; the
+    /// diagonal found in the other camera's image labels both images consistently.
     pub fn find(&mut self, image: &Gray, towards: Vector2<f64>) -> Detection {
         let candidates = self.finder.find(image);
         let plain = assemble::assemble(image, &candidates, &self.board, towards);
@@ -154,7 +155,8 @@ impl PairDetector {
         Ok(Self([Detector::new(board)?, Detector::new(board)?]))
     }
 
-    /// What the left and the right image show. Whole boards are labelled alike in both.
+    /// Detections in the left and the right image. Complete boards are labelled consistently in
+    /// both.
     pub fn find(&mut self, pair: &StereoPair) -> [Detection; 2] {
         let [left, right] = &mut self.0;
         let seen = left.find(pair.left(), UPPER_LEFT);

@@ -13,7 +13,7 @@ use svl_core::stereo::Gray;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Fitted {
     pub corner: CornerCandidate,
-    /// Half the difference of dark and bright, grey levels.
+    /// Half the difference between dark and bright, grey levels.
     pub contrast: f64,
     /// RMS residual of the fit, grey levels.
     pub residual: f64,
@@ -25,7 +25,7 @@ pub(super) struct Fitted {
 const UNKNOWNS: usize = 10;
 type Unknowns = SVector<f64, UNKNOWNS>;
 
-/// As many pixels as a square has, and so few that distortion bends no edge within them.
+/// At least the size of a square, and small enough that distortion bends no edge within it.
 const RADIUS_PX: std::ops::RangeInclusive<f64> = 2.5..=9.0;
 const STEPS: usize = 20;
 const CLOSE_PX: f64 = 1e-4;
@@ -34,11 +34,11 @@ const GAUSS: f64 = 0.80;
 const WIDTH_PX: std::ops::RangeInclusive<f64> = 0.3..=8.0;
 
 /// Fits the corner near `start`, in a circle clear of the next edges, which are `clearance_px`
-/// away. `None` when the circle leaves the image, or there is no corner.
+/// away. `None` if the circle leaves the image, or there is no corner.
 pub(super) fn refine(image: &Gray, start: &CornerCandidate, clearance_px: f64) -> Option<Fitted> {
     let radius = (0.85 * clearance_px - 1.0).clamp(*RADIUS_PX.start(), *RADIUS_PX.end());
     let fitted = fit(image, start, radius)?;
-    // The circle is centred on a pixel near the start; centre it again on a corner that moved far.
+    // The circle is centred on a pixel near the start; it is recentred on a corner that moved far.
     let moved_far = (fitted.corner.at - start.at).amax() > 0.6;
     if moved_far {
         fit(image, &fitted.corner, radius)

@@ -8,7 +8,7 @@ fn camera() -> Intrinsics {
     Intrinsics::new((640, 480), (530.0, 532.0), (325.0, 236.0), distortion).unwrap()
 }
 
-/// Those of [`camera`], which take longer than an image.
+/// The rays of [`camera`], whose computation takes longer than an image.
 fn rays() -> &'static Rays {
     static RAYS: std::sync::LazyLock<Rays> = std::sync::LazyLock::new(|| Rays::new(&camera()));
     &RAYS
@@ -24,7 +24,7 @@ fn half_camera() -> Intrinsics {
     .unwrap()
 }
 
-/// The middle of the board at `(x, y, z)` squares, rotated by `angles`.
+/// The pose of a board centred at `(x, y, z)` squares, rotated by `angles`.
 fn pose(board: &Board, at: [f64; 3], angles: [f64; 3]) -> Isometry3<f64> {
     let middle = Vector3::new((board.columns() - 1) as f64, (board.rows() - 1) as f64, 0.0) / 2.0;
     let turn = UnitQuaternion::from_euler_angles(angles[0], angles[1], angles[2]);
@@ -70,7 +70,7 @@ fn error_px(look: impl Fn(u64) -> Look) -> (f64, usize) {
     ((sum / f64::from(count)).sqrt(), missed)
 }
 
-/// The bar is a tenth of a pixel at every noise; what is reached stands beside.
+/// The limit is a tenth of a pixel at every noise level; the accuracy achieved is noted next to it.
 #[test]
 fn corners_are_exact_to_a_tenth_of_a_pixel_in_noise() {
     for (noise, bound_px) in [(0.0, 0.02), (2.0, 0.03), (5.0, 0.06), (10.0, 0.1)] {
@@ -151,8 +151,7 @@ fn a_board_of_another_size_is_reported() {
     );
 }
 
-/// Of boards that may be read in more ways than one, too, the first corner is the same in both
-/// images.
+/// Also on boards that can be read in several ways, the first corner is the same in both images.
 #[test]
 fn the_first_corner_is_the_same_in_both_images() {
     for sides in [(9, 6), (6, 9), (7, 5), (8, 6), (6, 6), (7, 7), (3, 4)] {
@@ -161,8 +160,7 @@ fn the_first_corner_is_the_same_in_both_images() {
         let camera = half_camera();
         let rays = Rays::new(&camera);
         for turn in 0..8 {
-            // Such that the two images' diagonals lie on both sides of where the choice would
-            // change.
+            // Chosen so that the two images' diagonals lie on both sides of the switching angle.
             let angle = (f64::from(turn) + 0.1) * std::f64::consts::TAU / 8.0;
             let image = |off: f64| {
                 let pose = pose(&board, [off, 0.0, 22.0], [0.2, -0.1, angle + 0.03 * off]);

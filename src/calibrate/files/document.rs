@@ -1,4 +1,4 @@
-//! A calibration file as a tree of names and values, whatever its syntax.
+//! A calibration file as a tree of names and values, independent of its syntax.
 
 use super::markup;
 use crate::yaml::{self, YamlNode as Node};
@@ -9,19 +9,19 @@ use svl_core::bounded::read_text;
 use svl_core::stereo::{self, MAX_SIDE};
 use svl_core::{Error, Result};
 
-/// Largest calibration file that is read, bytes.
+/// Largest calibration file accepted, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
 /// Syntax of a format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Syntax {
-    /// XML when it starts with `<`, else YAML.
+    /// XML if it starts with `<`, else YAML.
     Markup,
     /// `NAME: values` or `NAME=values` in each line, with this separator.
     Lines(char),
 }
 
-/// A calibration file, read.
+/// A parsed calibration file.
 ///
 /// Keys are paths such as `left.pinhole.fx` or `Camera.0.ImageSize`; `K1|M1` means the first that
 /// exists. All errors name the file and the key.
@@ -69,7 +69,7 @@ impl Document {
         Error::format(&self.path, reason.to_string())
     }
 
-    /// Adds the entries of the other file that this one does not have.
+    /// Adds the entries of the other file that this one lacks.
     pub(super) fn completed_by(mut self, other: Self) -> Self {
         if let (Node::Table(own), Node::Table(more)) = (&mut self.root, other.root) {
             for (key, node) in more {
@@ -105,7 +105,7 @@ impl Document {
     }
 
     /// # Errors
-    /// When the key is missing or not a single value.
+    /// If the key is missing or not a single value.
     pub(super) fn text(&self, key: &str) -> Result<&str> {
         match self.node(key)? {
             Node::Value(text) => Ok(text.trim()),
@@ -116,7 +116,7 @@ impl Document {
     /// All numbers of a list, a matrix or a line.
     ///
     /// # Errors
-    /// When the key is missing or a value is not a finite number.
+    /// If the key is missing or a value is not a finite number.
     pub(super) fn numbers(&self, key: &str) -> Result<Vec<f64>> {
         let number = |word: &str| {
             let value = word.parse().ok().filter(|v: &f64| v.is_finite());
@@ -175,10 +175,11 @@ impl Document {
         Ok(numbers)
     }
 
-    /// Width and height under a key each.
+    /// Width and height under separate keys.
     ///
     /// # Errors
-    /// Those of [`Document::number`], and for a size that no image has.
+    ///
+    /// Those of [`Document::number`], and for an invalid image size.
     pub(super) fn size(&self, width: &str, height: &str) -> Result<(usize, usize)> {
         let side = |key: &str| self.side(key, self.number(key)?);
         Ok((side(width)?, side(height)?))
@@ -220,14 +221,14 @@ impl Document {
     }
 
     /// # Errors
-    /// Those of [`Document::array`], and when the matrix is not a rotation.
+    /// Those of [`Document::array`], and if the matrix is not a rotation.
     pub(super) fn rotation(&self, key: &str) -> Result<Rotation3<f64>> {
         stereo::rotation(&self.matrix(key)?).map_err(|e| self.error(format!("'{key}': {e}")))
     }
 }
 
-/// `NAME=values` or `NAME: values`, line by line. Lines without the separator are skipped, and of
-/// two with one name the second.
+/// `NAME=values` or `NAME: values`, line by line. Lines without the separator are skipped; if a
+/// name occurs twice, the second is used.
 fn parse_lines(text: &str, separator: char) -> Node {
     let mut table = BTreeMap::new();
     for (name, value) in text.lines().filter_map(|line| line.split_once(separator)) {

@@ -31,7 +31,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let cameras = StereoParameters {
         left: camera(&left)?,
         right: camera(&right)?,
-        // Both poses are of the body: X_right = T_BS(right)⁻¹ T_BS(left) X_left.
+        // Both poses are relative to the body: X_right = T_BS(right)⁻¹ T_BS(left) X_left.
         right_from_left: Some(body_from_camera(&right)?.inverse() * body_from_camera(&left)?),
         rectification: None,
     };

@@ -1,11 +1,11 @@
-//! What a calibration format is, and the results of reading and writing one.
+//! Calibration formats, and the results of reading and writing one.
 
 use super::document::{Document, Syntax};
 use super::unit::FileUnit;
 use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result};
 
-/// The file format in which a program keeps calibrations.
+/// File format in which a program stores calibrations.
 #[derive(Debug)]
 pub struct CalibrationFormat {
     pub name: &'static str,
@@ -17,7 +17,7 @@ pub struct CalibrationFormat {
     pub endings: &'static [&'static str],
     /// Names of the two files in a folder, for formats with one file per camera.
     pub pairs: &'static [[&'static str; 2]],
-    /// Whether one file may hold a complete calibration.
+    /// True if one file may contain a complete calibration.
     pub(super) single: bool,
     pub(super) syntax: Syntax,
     /// Words that identify its files.
@@ -26,7 +26,7 @@ pub struct CalibrationFormat {
     pub(super) write: Option<fn(&StereoCalibration) -> Writing>,
 }
 
-/// What the user knows about a file that the file may not contain.
+/// The user's knowledge about a file that the file may lack.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hints {
     pub format: Option<&'static CalibrationFormat>,
@@ -40,18 +40,18 @@ pub struct Hints {
 pub struct LoadedCalibration {
     pub format: &'static CalibrationFormat,
     pub calibration: StereoCalibration,
-    /// What was ignored or interpreted differently than the file states, a line each.
+    /// Entries that were ignored or interpreted differently than the file states, a line each.
     pub remarks: Vec<String>,
 }
 
-/// Texts to write, and what of the calibration the format cannot hold.
+/// Texts to write, and the parts of the calibration that the format cannot represent.
 pub(super) struct Written {
     pub(super) texts: Vec<String>,
     pub(super) left_out: Vec<&'static str>,
 }
 
 impl Written {
-    /// One text that holds the complete calibration.
+    /// One text with the complete calibration.
     pub(super) fn complete(text: String) -> Self {
         Self {
             texts: vec![text],
@@ -60,24 +60,24 @@ impl Written {
     }
 }
 
-/// The texts, or why the format cannot hold the calibration.
+/// The texts, or the reason why the format cannot represent the calibration.
 pub(super) type Writing = std::result::Result<Written, String>;
 
 impl CalibrationFormat {
-    /// Whether svl can write it; it reads all formats.
+    /// True if svl can write it; it reads all formats.
     pub fn is_written(&self) -> bool {
         self.write.is_some()
     }
 }
 
-/// The document of a format of one file.
+/// The document of a format with one file.
 pub(super) fn one(documents: Vec<Document>) -> Result<Document> {
     <[Document; 1]>::try_from(documents)
         .map(|[one]| one)
         .map_err(|_| Error::Invalid("expected one file".into()))
 }
 
-/// The documents of a format of two files.
+/// The documents of a format with two files.
 pub(super) fn both(documents: Vec<Document>) -> Result<[Document; 2]> {
     documents
         .try_into()

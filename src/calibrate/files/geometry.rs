@@ -1,4 +1,4 @@
-//! Cameras from the matrices of a file, and checks that the matrices agree.
+//! Cameras from the matrices of a file, with consistency checks.
 
 use super::document::Document;
 use super::format::{CalibrationFormat, LoadedCalibration};
@@ -9,11 +9,11 @@ use svl_core::stereo::{
     Intrinsics, LengthUnit, Rectification, Rig, Side, StereoCalibration, motion,
 };
 
-/// Rectified cameras count as one pinhole when they differ by no more than this share of the focal
+/// Rectified cameras count as one pinhole if they differ by at most this fraction of the focal
 /// length.
 const SAME: f64 = 1e-6;
 
-/// Largest difference of a rectification from the extrinsics in the same file: share of the
+/// Largest difference between a rectification and the extrinsics in the same file: fraction of the
 /// baseline, radians.
 const AGREES: f64 = 0.02;
 
@@ -21,19 +21,18 @@ const AGREES: f64 = 0.02;
 pub(super) struct StereoParameters {
     pub left: Intrinsics,
     pub right: Intrinsics,
-    /// Extrinsics; where the file has none, they follow from the rectification.
+    /// Extrinsics; if the file has none, they follow from the rectification.
     pub right_from_left: Option<Isometry3<f64>>,
     pub rectification: Option<Rectification>,
 }
 
 impl StereoParameters {
-    /// The calibration read from `document`, in a file with lengths in `unit`.
-    ///
     /// The calibration read from `document`, whose lengths are in `unit`.
     ///
     /// # Errors
+    ///
     /// [`svl_core::Error::Format`] for parameters no stereo camera has, and for a rectification
-    /// that does not agree with the extrinsics.
+    /// that contradicts the extrinsics.
     pub(super) fn loaded(
         self,
         format: &'static CalibrationFormat,
@@ -70,7 +69,7 @@ impl StereoParameters {
             return Ok(calibration);
         };
         let baseline = stated.translation.vector.norm();
-        // R and T state the extrinsics twice when there is a rectification too; they must agree.
+        // With a rectification, R and T state the extrinsics a second time; both must agree.
         let off = (implied.translation.vector - stated.translation.vector).norm() / baseline;
         if off > AGREES || implied.rotation.angle_to(&stated.rotation) > AGREES {
             return Err(document.error(format!(
@@ -97,7 +96,7 @@ impl StereoParameters {
 /// The camera of a matrix K under `key` and its distortion.
 ///
 /// # Errors
-/// [`svl_core::Error::Format`] naming `key`, for a skew and for a matrix that is not a camera's.
+/// [`svl_core::Error::Format`] with `key`, for a skew and for a matrix that is not a camera's.
 pub(super) fn camera(
     document: &Document,
     key: &str,
@@ -127,10 +126,11 @@ pub(super) fn pinhole(
     Intrinsics::new(size, focal, center, distortion).map_err(|e| e.to_string())
 }
 
-/// Distortion k1, k2, p1, p2, k3, from fewer coefficients, or more of which the rest are 0.
+/// Distortion k1, k2, p1, p2, k3, from fewer coefficients, or from more if the rest are 0.
 ///
 /// # Errors
-/// [`svl_core::Error::Format`] for coefficients that the model of [`Intrinsics`] does not have.
+///
+/// [`svl_core::Error::Format`] for coefficients that are not in the model of [`Intrinsics`].
 pub(super) fn read_distortion(document: &Document, key: &str) -> Result<[f64; 5]> {
     let numbers = document.numbers(key)?;
     let (first, rest) = numbers.split_at(numbers.len().min(5));
@@ -149,14 +149,14 @@ pub(super) fn read_distortion(document: &Document, key: &str) -> Result<[f64; 5]
 /// Extrinsics from R and T.
 ///
 /// # Errors
-/// [`svl_core::Error::Format`] naming the key.
+/// [`svl_core::Error::Format`] with the key.
 pub(super) fn extrinsics(document: &Document, r: &str, t: &str) -> Result<Isometry3<f64>> {
     let translation = Vector3::from(document.array::<3>(t)?);
     motion(&document.matrix(r)?, translation).map_err(|e| document.error(format!("'{r}': {e}")))
 }
 
-/// The rig of two projection matrices, in their unit. Both are relative to one frame, which need
-/// not be the left camera's: the baseline is `(P1(0,3) − P2(0,3)) / f`.
+/// The rig of two projection matrices, in their unit. Both are relative to one frame, not
+/// necessarily the left camera's: the baseline is `(P1(0,3) − P2(0,3)) / f`.
 pub(super) fn rig(
     left: &Matrix3x4<f64>,
     right: &Matrix3x4<f64>,
@@ -198,7 +198,7 @@ pub(super) fn rectified(
     })
 }
 
-/// The rectification, for formats that hold only rectified cameras, in metres.
+/// The rectification, for formats that contain only rectified cameras, in metres.
 pub(super) fn only_rectified(
     calibration: &StereoCalibration,
 ) -> std::result::Result<&Rectification, String> {
@@ -210,7 +210,7 @@ pub(super) fn only_rectified(
     })
 }
 
-/// Refuses lengths in squares, for formats in metres.
+/// Rejects lengths in squares, for formats in metres.
 pub(super) fn in_metres(calibration: &StereoCalibration) -> std::result::Result<(), String> {
     match calibration.unit() {
         LengthUnit::Metres => Ok(()),
@@ -222,7 +222,7 @@ pub(super) fn in_metres(calibration: &StereoCalibration) -> std::result::Result<
     }
 }
 
-/// What is lost where only the rectified cameras are written.
+/// Parts that are lost if only the rectified cameras are written.
 pub(super) fn beyond_rectified(calibration: &StereoCalibration) -> Vec<&'static str> {
     let distorted = [calibration.left(), calibration.right()]
         .iter()

@@ -43,13 +43,14 @@ pub(super) const RAW_FORMAT: CalibrationFormat = CalibrationFormat {
     write: Some(write_raw),
 };
 
-/// Reads the rig of the cameras whose 3 x 4 projection matrices are named `left` and `right`.
+/// Reads the rig of two cameras; `left` and `right` are the names of their 3 x 4 projection
+/// matrices.
 ///
 /// Both matrices are relative to camera 0, whose fourth column is 0: the baseline is
 /// `(P_left(0,3) − P_right(0,3)) / f` metres (KITTI development kit, readme).
 ///
 /// # Errors
-/// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] naming the missing or malformed matrix.
+/// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] with the missing or malformed matrix.
 pub fn read_projections(path: &Path, left: &str, right: &str) -> Result<Rig> {
     projections(
         &Document::parse(path, &text(path)?, FORMAT.syntax, FORMAT.title)?,
@@ -193,7 +194,7 @@ mod tests {
                 .contains("'P0' has 2 numbers, expected 12")
         );
         assert!(rig("P0: x", "P0", "P1").unwrap_err().contains("'x'"));
-        // Left and right taken for each other: a negative baseline.
+        // Left and right swapped: a negative baseline.
         assert!(rig(text, "P3", "P2").is_err());
     }
 }

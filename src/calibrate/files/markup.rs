@@ -1,5 +1,5 @@
-//! XML as a tree of names and values. Attributes and elements are alike; elements with the same
-//! name become a list.
+//! XML as a tree of names and values. Attributes and elements are treated the same; elements with
+//! the same name become a list.
 //!
 //! Names are not validated: the example in annex E has attributes called `x(0,0)`, which XML does
 //! not allow.

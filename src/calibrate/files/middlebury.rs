@@ -23,10 +23,11 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     write: Some(write),
 };
 
-/// Reads the rig alone, for images of a size, which older files do not have.
+/// Reads only the rig, for images of a size, which older files do not contain.
 ///
 /// # Errors
-/// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] naming the missing or malformed entry, and
+///
+/// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] with the missing or malformed entry, and
 /// for a file of images of another size.
 pub fn read_calib(path: &Path, (width, height): (usize, usize)) -> Result<Rig> {
     let document = Document::parse(path, &text(path)?, FORMAT.syntax, FORMAT.title)?;
@@ -56,7 +57,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
         None => document.size("width", "height")?,
     };
     let cameras = rectified(&document, size, rig(&document)?)?;
-    // The rig is in metres already.
+    // The rig is already in metres.
     cameras.loaded(&FORMAT, &document, FileUnit::METRE, Vec::new())
 }
 

@@ -2,8 +2,8 @@
 //!
 //! [`FORMATS`] is the table of formats; a new one is one file here and one line there.
 //!
-//! Principal points are taken with pixel centres at integers, as in OpenCV. Lengths become metres,
-//! or stay in squares of the board; a file without a unit is refused until the user names one
+//! Principal points assume pixel centres at integers, as in OpenCV. Lengths become metres, or stay
+//! in squares of the board; a file without a unit is rejected unless the user names one
 //! ([`Hints::unit`]).
 
 mod boofcv;
@@ -43,18 +43,20 @@ pub const FORMATS: &[CalibrationFormat] = &[
     kitti::RAW_FORMAT,
 ];
 
-/// Reads a calibration: a file, two files with a comma between, or a folder that holds two.
+/// Reads a calibration: a file, two files separated by a comma, or a folder with two.
 ///
 /// # Errors
+///
 /// Those of [`read_with`].
 pub fn read(path: &Path) -> Result<StereoCalibration> {
     read_with(path, &Hints::default()).map(|found| found.calibration)
 }
 
-/// As [`read`], with hints for what the file does not contain.
+/// Same as [`read`], with hints for what the file lacks.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] naming the file, the key and what to do.
+///
+/// [`Error::Io`]; [`Error::Format`] with the file, the key and the remedy.
 pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
     let paths = inputs(path)?;
     let texts = paths
@@ -102,8 +104,8 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
     (format.read)(documents, hints)
 }
 
-/// Writes a calibration in the format of the file name extension. Returns what that format cannot
-/// hold, a line each.
+/// Writes a calibration in the format of the file name extension. Returns the parts that the format
+/// cannot represent, a line each.
 ///
 /// # Errors
 /// Those of [`write_as`].
@@ -114,7 +116,8 @@ pub fn write(path: &Path, calibration: &StereoCalibration) -> Result<Vec<&'stati
 /// The default format for writing a file of that name.
 ///
 /// # Errors
-/// [`Error::Format`] for an extension of no format, and for one of several without a default.
+/// [`Error::Format`] for an unknown extension, and for one shared by several formats without a
+/// default.
 pub fn written_as(path: &Path) -> Result<&'static CalibrationFormat> {
     if two_of(path).is_some() || path.is_dir() {
         return Ok(&ros::FORMAT);
@@ -132,7 +135,7 @@ pub fn written_as(path: &Path) -> Result<&'static CalibrationFormat> {
             path,
             "must end in .xml, .yaml, .yml or .txt, or be two files, `left.yaml,right.yaml`",
         )),
-        // Middlebury and both KITTI formats share .txt; none is more usual than the others.
+        // Middlebury and both KITTI formats share .txt; none is more common than the others.
         ([_, _, ..], "txt") => {
             let names = joined(fits.iter().map(|f| f.name));
             Err(Error::format(
@@ -144,10 +147,11 @@ pub fn written_as(path: &Path) -> Result<&'static CalibrationFormat> {
     }
 }
 
-/// As [`write()`], in the given format.
+/// Same as [`write()`], in the given format.
 ///
 /// # Errors
-/// [`Error::Format`] when the format cannot hold the calibration; [`Error::Io`].
+///
+/// [`Error::Format`] if the format cannot represent the calibration; [`Error::Io`].
 pub fn write_as(
     path: &Path,
     format: &CalibrationFormat,
@@ -168,7 +172,7 @@ pub fn write_as(
 /// The format of that name.
 ///
 /// # Errors
-/// [`Error::Invalid`] that suggests the nearest name and lists all.
+/// [`Error::Invalid`] with the nearest name and the list of all.
 pub fn format(name: &str) -> Result<&'static CalibrationFormat> {
     FORMATS.iter().find(|f| f.name == name).ok_or_else(|| {
         let hint = did_you_mean(name, FORMATS.iter().map(|f| f.name));
@@ -177,7 +181,7 @@ pub fn format(name: &str) -> Result<&'static CalibrationFormat> {
     })
 }
 
-/// Both of `left.yaml,right.yaml`, unless a file is called so.
+/// Both files of `left.yaml,right.yaml`, unless a file has that name.
 fn two_of(path: &Path) -> Option<[PathBuf; 2]> {
     let (first, second) = path.to_str()?.split_once(',')?;
     // A file may have a comma in its name.
@@ -211,10 +215,11 @@ pub fn inputs(path: &Path) -> Result<Vec<PathBuf>> {
     })
 }
 
-/// The files that writing `path` in that format makes.
+/// The files written for `path` in that format.
 ///
 /// # Errors
-/// [`Error::Format`] when the format takes two files and one is named, or the reverse.
+///
+/// [`Error::Format`] if the format needs two files and one is named, or the reverse.
 pub fn outputs(path: &Path, format: &CalibrationFormat) -> Result<Vec<PathBuf>> {
     match (two_of(path), format.single) {
         (Some(both), false) => Ok(both.into()),

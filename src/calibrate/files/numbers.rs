@@ -3,7 +3,7 @@
 use nalgebra::{Matrix, RawStorage};
 
 /// The shortest text that parses to the same number, with a point and a signed exponent: a YAML 1.1
-/// reader takes `1e-7` for text, and `0` for an integer that a Java reader does not cast to a
+/// reader interprets `1e-7` as text, and `0` as an integer that a Java reader does not cast to a
 /// float.
 pub(super) fn number(value: f64) -> String {
     let text = format!("{value:?}");
@@ -22,7 +22,7 @@ pub(super) fn listed(values: &[f64]) -> String {
     svl_core::joined(values.iter().map(|&v| number(v)))
 }
 
-/// Numbers separated by blanks.
+/// Numbers separated by spaces.
 pub(super) fn spaced(values: &[f64]) -> String {
     values
         .iter()

@@ -1,8 +1,8 @@
 //! OpenCV's FileStorage, YAML or XML.
 //!
 //! The names are those of its `stereo_calib` sample (M1 D1 M2 D2, R T, R1 R2 P1 P2) and of its
-//! documentation (K1 K2). The sample writes neither size nor unit, and two files, `intrinsics.yml`
-//! and `extrinsics.yml`, which are read together.
+//! documentation (K1 K2). The sample writes neither size nor unit, and writes two files,
+//! `intrinsics.yml` and `extrinsics.yml`, which are read together.
 
 use super::document::{Document, Syntax};
 use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written};
@@ -49,7 +49,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
             ));
         }
     };
-    // OpenCV assumes one size; svl writes a second one where they differ.
+    // OpenCV assumes one size; svl writes a second one if they differ.
     let right_size = if document.has("image_size2") {
         document.size_of("image_size2")?
     } else {

@@ -1,5 +1,5 @@
-//! ROS `camera_info` files, one per camera, as `camera_info_manager` and `camera_calibration` keep
-//! them.
+//! ROS `camera_info` files, one per camera, as written by `camera_info_manager` and
+//! `camera_calibration`.
 
 use super::document::{Document, Syntax};
 use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, both};

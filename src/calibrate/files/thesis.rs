@@ -2,21 +2,20 @@
 //!
 //! `ImageSize`: x is the width. `Rotation` and `Transaction` (sic) are the pose of the board in the
 //! camera, `X_camera = R X_board + T`. `Coeffs` are the homographies that warp each image to its
-//! rectified one, `Quad` is where they put the corners (0, 0), (w, 0), (w, h), (0, h).
+//! rectified one, `Quad` contains the images of the corners (0, 0), (w, 0), (w, h), (0, h).
 //!
-//! Departures. The annex's `x(0,0)` and `coeff(0,0,0)` are not names that XML allows, and XML
-//! libraries refuse them: both forms are read, and `x_0_0` and `coeff_0_0_0` written. k3 is
-//! `dist4`, the unit of length an attribute `unit` of the root, the rectified size attributes of
-//! `Stereo`; a reader of annex E ignores them. In files svl writes, the board's frame is the left
-//! camera's.
+//! Departures. The annex's `x(0,0)` and `coeff(0,0,0)` are not valid XML names, and XML libraries
+//! reject them: both forms are read, and `x_0_0` and `coeff_0_0_0` written. k3 is `dist4`, the unit
+//! of length an attribute `unit` of the root, the rectified size attributes of `Stereo`; a reader
+//! of annex E ignores them. In files svl writes, the board's frame is the left camera's.
 //!
 //! **The annex's example contradicts itself.** By its poses the cameras are rotated by 90° about
 //! their axes: the corners of the two boards were numbered in different directions. Rotated back,
-//! the poses agree with the homographies to 4°; but the distance of the two origins, and with it
-//! the baseline, is not in the file. Hence, where poses and homographies differ by more than 10°,
-//! the homographies count: they give the rotation and the direction of the baseline, and its length
-//! is 1, in squares of unknown size. The homographies of the example are warps of four corners and
-//! not pure rotations of a camera, so its rectification is dropped.
+//! the poses agree with the homographies to 4°; but the distance between the two origins, and with
+//! it the baseline, is not in the file. Hence, if poses and homographies differ by more than 10°,
+//! the homographies are used: they give the rotation and the direction of the baseline, and its
+//! length is 1, in squares of unknown size. The homographies of the example are warps of four
+//! corners rather than pure rotations of a camera, so its rectification is dropped.
 
 use super::document::{Document, Syntax};
 use super::format::{CalibrationFormat, Hints, LoadedCalibration, Writing, Written, one};
@@ -43,16 +42,16 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     write: Some(write),
 };
 
-/// Largest difference of poses and homographies, radians.
+/// Largest difference between poses and homographies, radians.
 const CONTRADICTS: f64 = 0.17;
 
-/// Homographies are those of one pinhole when they agree to this share of its focal length.
+/// Homographies belong to one pinhole if they agree to this fraction of its focal length.
 const SAME: f64 = 1e-6;
 
 fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let document = &one(documents)?;
     let (left, right) = (camera(document, 0)?, camera(document, 1)?);
-    // Both poses are of one board: X_right = P_right P_left⁻¹ X_left.
+    // Both poses belong to one board: X_right = P_right P_left⁻¹ X_left.
     let by_poses = pose(document, 1)? * pose(document, 0)?.inverse();
     let mut remarks = Vec::new();
     let Some(warps) = warps(document, [&left, &right])? else {

@@ -34,7 +34,7 @@ impl FileUnit {
     /// The unit that a file states under `key`, else the one the user named.
     ///
     /// # Errors
-    /// [`Error::Format`] when neither does, or both name different ones.
+    /// [`Error::Format`] if neither does, or they differ.
     pub(super) fn stated(document: &Document, key: &str, named: Option<Self>) -> Result<Self> {
         let stated = document
             .has(key)
@@ -56,7 +56,7 @@ impl FileUnit {
     /// This unit, which the format prescribes.
     ///
     /// # Errors
-    /// [`Error::Format`] when the user named another.
+    /// [`Error::Format`] if the user named another.
     pub(super) fn fixed(self, document: &Document, named: Option<Self>) -> Result<Self> {
         match named {
             Some(named) if named != self => Err(document.error(format!(

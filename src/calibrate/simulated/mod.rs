@@ -19,7 +19,7 @@ pub const RATE_HZ: f64 = 10.0;
 const POSES: usize = 24;
 const HELD: u64 = 3;
 const MOVING: u64 = 5;
-/// Exposure time as a share of the time between two pairs, and the number of moments rendered in
+/// Exposure time as a fraction of the time between two pairs, and the number of moments rendered in
 /// it: motion blur.
 const SHUTTER: f64 = 0.1;
 const MOMENTS: usize = 3;
@@ -43,10 +43,11 @@ pub struct MovingBoard {
 }
 
 impl MovingBoard {
-    /// A board of 9x6 corners 0.03 m apart before two cameras of 640x480 pixels 0.12 m apart. The
-    /// seed sets the poses and the noise.
+    /// A board of 9x6 corners 0.03 m apart in front of two cameras of 640x480 pixels 0.12 m apart.
+    /// The seed sets the poses and the noise.
     ///
     /// # Errors
+    ///
     /// None; those of the constructors.
     pub fn new(seed: u64) -> Result<Self> {
         let board = Board::new((9, 6), Some(SIDE_M))?;
@@ -79,7 +80,7 @@ impl MovingBoard {
         POSES as u64 * HELD + (POSES as u64 - 1) * MOVING
     }
 
-    /// Pair `index`, [`RATE_HZ`] a second.
+    /// Pair `index`, at [`RATE_HZ`] per second.
     ///
     /// # Errors
     /// None; those of the images' constructors.
@@ -101,7 +102,7 @@ impl MovingBoard {
         StereoPair::new(image(0)?, image(1)?)
     }
 
-    /// True corners in pair `index`; `None` where the board is not complete in both images.
+    /// True corners in pair `index`; `None` unless the board is complete in both images.
     pub fn view(&self, index: u64) -> Option<StereoView> {
         view(&self.board, &self.truth, &self.pose(index as f64), 0.0)
     }

@@ -65,7 +65,7 @@ pub struct Look {
     pub blur_px: f64,
     /// Standard deviation of the noise, grey levels.
     pub noise: f64,
-    /// Vignetting: share of light missing at the right edge of the image.
+    /// Vignetting: fraction of light missing at the right edge of the image.
     pub shade: f64,
 }
 
@@ -73,7 +73,7 @@ pub struct Look {
 /// exposure.
 ///
 /// # Errors
-/// [`svl_core::Error::Dimensions`] for a size that no image may have.
+/// [`svl_core::Error::Dimensions`] for an invalid image size.
 pub fn render(
     rays: &Rays,
     board: &Board,
@@ -135,7 +135,7 @@ fn to_squares(board: &Board, pose: &Isometry3<f64>) -> Matrix3<f32> {
 
 /// Grey level of a sample in `direction`; `across` and `down`: differences to its neighbours.
 ///
-/// Edges are antialiased over the width of a sample; hard ones would be accurate to a sample only.
+/// Edges are antialiased over the width of a sample; hard ones would be accurate only to a sample.
 fn albedo(
     board: &Board,
     to_squares: &Matrix3<f32>,
@@ -197,7 +197,7 @@ fn blurred(image: Vec<f32>, width: usize, sigma: f64) -> Vec<f32> {
     both
 }
 
-/// The weighted means of the taps' rows, a row at a time, which is compiled to vector instructions.
+/// The weighted means of the taps' rows, a row at a time, which the compiler vectorizes.
 fn weigh<'a>(means: &mut [f32], weights: &[f32], row: impl Fn(usize) -> &'a [f32]) {
     for (tap, weight) in weights.iter().enumerate() {
         let values = means.iter_mut().zip(row(tap));

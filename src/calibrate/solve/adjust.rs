@@ -8,14 +8,14 @@ use super::bundle::{BundleProblem, LossFunction, MOTION, NormalEquations, PoseBl
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, Vector6};
 
 const STEPS: usize = 100;
-/// The adjustment has converged when a step lowers the cost by less than this share. A robust
-/// minimum is only where the next adjustment starts, so it needs less.
+/// The adjustment has converged if a step lowers the cost by less than this fraction. A robust
+/// minimum is only the start of the next adjustment, so it needs less.
 const GAIN: f64 = 1e-12;
 const ROBUST_GAIN: f64 = 1e-5;
 const DAMPING: f64 = 1e-3;
 const MOST_DAMPING: f64 = 1e12;
 
-/// Moves cameras and poses to the nearest minimum. `None` when the cost is undefined at the start.
+/// Moves cameras and poses to the nearest minimum. `None` if the cost is undefined at the start.
 pub(super) fn adjust(bundle: &mut BundleProblem, loss: LossFunction) -> Option<()> {
     let mut cost = bundle.cost(loss)?;
     let mut damping = DAMPING;
@@ -51,7 +51,7 @@ pub(super) fn adjust(bundle: &mut BundleProblem, loss: LossFunction) -> Option<(
     Some(())
 }
 
-/// The equations of the cameras alone (Schur complement), and the inverses of the poses' blocks.
+/// The equations of only the cameras (Schur complement), and the inverses of the poses' blocks.
 struct Reduced {
     cameras: DMatrix<f64>,
     right: DVector<f64>,
@@ -72,7 +72,7 @@ impl NormalEquations {
     }
 
     /// Covariance of the cameras' parameters for residuals of variance 1, marginalized over the
-    /// poses. `None` when the views do not determine them.
+    /// poses. `None` if the views do not determine them.
     pub fn covariance(&self) -> Option<DMatrix<f64>> {
         let inverse = Cholesky::new(self.reduced(0.0)?.cameras)?.inverse();
         inverse.iter().all(|v| v.is_finite()).then_some(inverse)

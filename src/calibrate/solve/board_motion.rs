@@ -1,12 +1,12 @@
-//! Why a view that agrees in each image alone does not agree in both: how the board moved between
-//! the exposures, or how the corners were numbered.
+//! Diagnosis of a view that agrees in each image but not in both: the board moved between the
+//! exposures, or the corners were numbered differently.
 
 use nalgebra::{Isometry3, Point3, Vector2, Vector3};
 
 /// Beyond this rotation, in degrees, the corners were numbered from another end rather than moved.
 const ANOTHER_END_DEG: f64 = 120.0;
-/// Numbering that slipped looks like a shift of whole squares in the board's plane, up to this
-/// share of a square. Across the plane a single image is less certain.
+/// A slipped numbering looks like a shift by whole squares in the board's plane, up to this
+/// fraction of a square. Across the plane a single image is less certain.
 const SLIP: f64 = 0.3;
 
 /// Describes the `motion` of the board from the left image to the right one, in the board's frame.

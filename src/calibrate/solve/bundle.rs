@@ -31,7 +31,7 @@ impl ImageCorners {
 /// One view in the images of all cameras.
 #[derive(Clone, Debug)]
 pub(super) struct PosedView {
-    /// Its from_first among the views that were given.
+    /// Its index among the given views.
     pub id: usize,
     pub images: Vec<ImageCorners>,
     /// `X_first_camera = pose · X_board`.
@@ -45,8 +45,7 @@ pub(super) struct PosedCamera {
     pub from_first: Isometry3<f64>,
 }
 
-/// One camera or several that see the same board. The first one is the origin, so its pose is
-/// fixed.
+/// One or more cameras that see the same board. The first one is the origin, so its pose is fixed.
 #[derive(Clone, Debug)]
 pub(super) struct BundleProblem {
     pub board: Vec<Point3<f64>>,
@@ -54,7 +53,7 @@ pub(super) struct BundleProblem {
     pub views: Vec<PosedView>,
 }
 
-/// What a squared residual costs.
+/// Cost of a squared residual.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum LossFunction {
     Squares,
@@ -94,7 +93,7 @@ pub(super) struct PoseBlock {
 }
 
 impl BundleProblem {
-    /// Number of parameters of all cameras: 9 of the first, then 9 and 6 of each other.
+    /// Number of parameters of all cameras: 9 for the first, then 9 and 6 for each other.
     pub fn parameters(&self) -> usize {
         INTRINSICS + (self.cameras.len() - 1) * (INTRINSICS + MOTION)
     }
@@ -104,7 +103,7 @@ impl BundleProblem {
         camera * INTRINSICS + camera.saturating_sub(1) * MOTION
     }
 
-    /// Observed minus predicted pixel of every corner, used or not; `None` where the prediction is
+    /// Observed minus predicted pixel of every corner, used or not; `None` if the prediction is
     /// behind the camera.
     pub fn residuals(
         &self,
@@ -118,7 +117,7 @@ impl BundleProblem {
             .map(move |(point, pixel)| Some(pixel - seen_by.intrinsics.project(&(pose * point))?))
     }
 
-    /// [`Self::residuals`] of the used corners alone.
+    /// [`Self::residuals`] of only the used corners.
     pub fn used_residuals(
         &self,
         view: &PosedView,
@@ -129,7 +128,7 @@ impl BundleProblem {
         residuals.filter_map(|(residual, used)| used.then_some(residual))
     }
 
-    /// Sum over the used corners; `None` when the prediction of one of them is behind a camera.
+    /// Sum over the used corners; `None` if the prediction of one of them is behind a camera.
     pub fn cost(&self, loss: LossFunction) -> Option<f64> {
         let mut sum = 0.0;
         for view in &self.views {
@@ -153,8 +152,8 @@ impl BundleProblem {
             };
             for camera in 0..self.cameras.len() {
                 let (a, b) = self.image(view, camera, loss);
-                // The pose is relative to the first camera. A small motion there is, in the frame
-                // of this camera, its adjoint: the chain rule from this camera's frame to the pose.
+                // The pose is relative to the first camera. A small motion there is its adjoint in
+                // the frame of this camera: the chain rule from this camera's frame to the pose.
                 let by_pose = adjoint(&self.cameras[camera].from_first);
                 // The first camera is the origin: only its intrinsics are unknown.
                 let own = INTRINSICS + if camera == 0 { 0 } else { MOTION };
@@ -180,7 +179,7 @@ impl BundleProblem {
         }
     }
 
-    /// Normal equations of one image, by its intrinsics and by the board's motion before this
+    /// Normal equations of one image, by its intrinsics and by the board's motion in front of this
     /// camera.
     fn image(
         &self,
@@ -205,8 +204,8 @@ impl BundleProblem {
         (a, b)
     }
 
-    /// The problem after a step of the cameras' parameters and of each pose; `None` for intrinsics
-    /// that are no camera's.
+    /// The problem after a step of the cameras' parameters and of each pose; `None` for invalid
+    /// intrinsics.
     pub fn moved(&self, cameras: &DVector<f64>, poses: &[Vector6<f64>]) -> Option<Self> {
         let mut next = self.clone();
         for (i, camera) in next.cameras.iter_mut().enumerate() {
@@ -275,7 +274,7 @@ fn adjoint(change: &Isometry3<f64>) -> Matrix6<f64> {
     adjoint
 }
 
-/// Whether all corners of a board are in front of a camera.
+/// True if all corners of a board are in front of a camera.
 pub(super) fn in_front(board: &[Point3<f64>], pose: &Isometry3<f64>) -> bool {
     board.iter().all(|point| (pose * point).z > 0.0)
 }
@@ -285,7 +284,7 @@ pub(super) mod tests {
     use super::*;
 
     /// Two cameras, one of them rotated, and their views of a board in three poses, with errors of
-    /// some pixels.
+    /// a few pixels.
     pub fn pair() -> BundleProblem {
         let intrinsics = |f: f64, k1: f64| {
             Intrinsics::new(

@@ -9,11 +9,11 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point2, Rotation3, Vector2,
 use svl_core::stereo::{Intrinsics, StereoCalibration};
 use svl_core::{Error, Result};
 
-/// A focal length whose standard deviation exceeds this share of it is undetermined.
+/// A focal length whose standard deviation exceeds this fraction of it is undetermined.
 const UNCERTAIN: f64 = 0.03;
 /// Correlations beyond this are reported.
 const STRONG: f64 = 0.9;
-/// Columns and rows of the fields in which coverage is counted.
+/// Columns and rows of the fields for which coverage is counted.
 const FIELDS: (usize, usize) = (8, 6);
 
 pub(super) fn solution(
@@ -198,7 +198,7 @@ fn motion(from_first: &Isometry3<f64>, covariance: &Matrix6<f64>) -> [[Estimated
     ]
 }
 
-/// How a rotation vector changes with a small rotation after it: the inverse left Jacobian of
+/// Derivative of a rotation vector by a small rotation after it: the inverse left Jacobian of
 /// SO(3).
 fn inverse_left_jacobian(rotation: &Vector3<f64>) -> Matrix3<f64> {
     let (angle, cross) = (rotation.norm(), rotation.cross_matrix());
@@ -309,7 +309,7 @@ fn fit(bundle: &BundleProblem, rows: &RectifiedRows, view: &PosedView) -> Fit {
     fit
 }
 
-/// RectifiedRows of the ideally rectified images.
+/// Rows of the corners in ideally rectified images.
 struct RectifiedRows<'a> {
     intrinsics: [&'a Intrinsics; 2],
     rotations: [Rotation3<f64>; 2],

@@ -1,10 +1,10 @@
 //! Stereo calibration from corners: intrinsics, distortion and extrinsics of two cameras.
 //!
-//! First each camera alone: homographies and closed-form intrinsics (Zhang, A flexible new
+//! First, each camera alone: homographies and closed-form intrinsics (Zhang, A flexible new
 //! technique for camera calibration, PAMI 2000), then an adjustment of intrinsics with distortion
 //! (Brown, Close-range camera calibration, 1971) and all poses. Then both cameras: one adjustment
 //! of all intrinsics, R, T and the poses, in which the board has one pose for both images. Each
-//! stage refuses views and corners that do not agree with the rest and adjusts again without them.
+//! stage rejects views and corners that do not agree with the rest and adjusts again without them.
 
 mod adjust;
 mod board_motion;
@@ -28,7 +28,7 @@ use svl_core::{Error, Result};
 /// Fewest views that determine all parameters (Zhang, section 3.1).
 pub const LEAST_VIEWS: usize = 3;
 
-/// The views, and why some of them are refused.
+/// The views, with the reasons for those refused.
 struct ViewSelection<'a> {
     views: &'a [StereoView],
     refused: Vec<Option<String>>,
@@ -37,9 +37,9 @@ struct ViewSelection<'a> {
 /// Calibrates two cameras of images of `size` (width, height) from `views` of a board.
 ///
 /// # Errors
-/// [`Error::Invalid`] when a view has another number of corners than the board, when fewer than
-/// three views agree, or when they do not determine the parameters, as with boards that are all
-/// parallel. The message says what to add.
+/// [`Error::Invalid`] if a view has another number of corners than the board, if fewer than three
+/// views agree, or if they do not determine the parameters, as with boards that are all parallel.
+/// The message tells what to add.
 pub fn solve(board: &Board, size: (usize, usize), views: &[StereoView]) -> Result<Solution> {
     let corners: Vec<Point3<f64>> = board.corners().collect();
     let mut selection = ViewSelection {
@@ -138,7 +138,7 @@ fn calibrate_camera(
             }
         }
     }
-    // Distortion moves a board by a few pixels; corners in disorder are off by a good part of the
+    // Distortion moves a board by a few pixels; corners in disorder are off by a large part of the
     // board.
     let typical = upper_median(homographies.iter().map(|(.., off)| *off)).unwrap_or_default();
     let limit = 4.0 * typical + 0.03 * (size.0 as f64).hypot(size.1 as f64);
@@ -239,7 +239,8 @@ fn calibrate_pair(
     Ok(bundle)
 }
 
-/// The median motion, component by component: robust while less than half of them are outliers.
+/// The median motion, component by component: robust as long as less than half of them are
+/// outliers.
 fn median_motion(motions: &[Isometry3<f64>]) -> Isometry3<f64> {
     let median = |value: fn(&Isometry3<f64>) -> Vector3<f64>| {
         Vector3::from_fn(|i, _| {

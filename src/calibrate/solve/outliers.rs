@@ -1,23 +1,23 @@
 //! Outlier rejection: views and corners that do not agree with the rest.
 //!
-//! The scatter of a view is estimated from the median of its residuals, which up to half of its
-//! corners cannot spoil; the typical scatter from the median over all views.
+//! The scatter of a view is estimated from the median of its residuals, which tolerates outliers in
+//! up to half of its corners; the typical scatter from the median over all views.
 
 use super::adjust::adjust;
 use super::bundle::{BundleProblem, LossFunction, PosedView};
 use nalgebra::Vector2;
 use svl_core::statistics::upper_median;
 
-/// A view is refused whose corners scatter this many times as much as typical ...
+/// A view is refused if its corners scatter by this many times the typical scatter,
 const VIEW: f64 = 1.5;
-/// ... or are all off by this share of the typical scatter, as when the board moved between the
-/// exposures: pose and intrinsics then absorb most of it, but not all ...
+/// or are all shifted by this fraction of the typical scatter, as if the board moved between the
+/// exposures (pose and intrinsics then absorb most of it, but not all),
 const SHIFT: f64 = 0.5;
-/// ... beyond this many standard deviations of what chance does to a view of few corners.
+/// beyond this many standard deviations of what chance does to a view with few corners.
 const CHANCE: f64 = 4.0;
-/// A corner this many standard deviations off is refused: of normal noise one in 270 000 is.
+/// A corner off by this many standard deviations is refused: with normal noise, one in 270 000 is.
 const CORNER: f64 = 5.0;
-/// If more than this share of a view's corners are outliers, the whole view is refused.
+/// If more than this fraction of a view's corners are outliers, the whole view is refused.
 const CORNERS: f64 = 0.25;
 /// Least typical scatter, pixels: no detector does better, and without noise everything would be
 /// an outlier.
@@ -27,21 +27,21 @@ const FINEST_PX: f64 = 0.01;
 const RAYLEIGH_MEDIAN: f64 = 1.177_41;
 const ROUNDS: usize = 10;
 
-/// A view that was taken out of the bundle, and why.
+/// A view removed from the bundle, with the reason.
 pub(super) struct RejectedView {
     pub view: PosedView,
     pub reason: String,
 }
 
-/// Adjusts the problem, whose cameras are called `names`, and removes the corners and views that do
-/// not agree. Returns the removed views; `None` when no corner is left or the cost is undefined.
+/// Adjusts the problem, whose cameras are named `names`, and removes the corners and views that do
+/// not agree. Returns the removed views; `None` if no corner is left or the cost is undefined.
 pub(super) fn adjust_robustly(
     bundle: &mut BundleProblem,
     names: &[&str],
 ) -> Option<Vec<RejectedView>> {
     let mut typical = typical_px(bundle)?;
-    // The scatter sets the scale of the robust loss, and the loss the scatter: repeat until it
-    // settles.
+    // The scatter sets the scale of the robust loss, and the loss the scatter: repeated until both
+    // converge.
     for _ in 0..ROUNDS {
         adjust(bundle, LossFunction::Robust(2.0 * typical))?;
         let before = std::mem::replace(&mut typical, typical_px(bundle)?);
@@ -60,7 +60,7 @@ pub(super) fn adjust_robustly(
     readmit(bundle, refusals)
 }
 
-/// Takes back views that agree after all, because other bad views had pulled the solution away from
+/// Readmits views that agree after all, because other bad views had pulled the solution away from
 /// them: with such a view the sum of squares rises by no more than its own noise. Returns those
 /// that stay refused.
 fn readmit(bundle: &mut BundleProblem, refusals: Vec<RejectedView>) -> Option<Vec<RejectedView>> {
@@ -88,7 +88,7 @@ fn readmit(bundle: &mut BundleProblem, refusals: Vec<RejectedView>) -> Option<Ve
     Some(remaining)
 }
 
-/// Removes outlying views and corners, and returns how many.
+/// Removes outlying views and corners, and returns their number.
 fn refuse(
     bundle: &mut BundleProblem,
     names: &[&str],
@@ -112,7 +112,7 @@ fn refuse(
     for (view, wrong) in std::mem::take(&mut bundle.views).into_iter().zip(wrong) {
         match wrong {
             // A bad view pulls the solution away from good ones, so only views about as bad as the
-            // worst go in one round; the others get another chance without them.
+            // worst are removed in one round; the others get another chance without them.
             Some((excess, reason)) if excess >= worst / 2.0 => {
                 refusals.push(RejectedView { view, reason });
                 views += 1;
@@ -123,7 +123,7 @@ fn refuse(
     Some(views + refuse_corners(bundle, typical))
 }
 
-/// How many times its limit an image of a view exceeds, and the reason in words; `None` within the
+/// Factor by which an image of a view exceeds its limit, and the reason in words; `None` within the
 /// limits.
 fn wrong_image(
     bundle: &BundleProblem,
@@ -135,7 +135,7 @@ fn wrong_image(
     let used = &view.images[camera].used;
     let residuals: Vec<_> = bundle.used_residuals(view, camera).collect();
     let scatter = scatter_px(residuals.iter().copied().map(length))?;
-    // The median shift: unlike the mean, single outliers do not move it.
+    // The median shift: unlike the mean, single outliers do not affect it.
     let shift = [0, 1]
         .map(|axis| upper_median(residuals.iter().flatten().map(|r| r[axis])).unwrap_or_default());
     let shift = Vector2::from(shift);
@@ -164,7 +164,7 @@ fn wrong_image(
     (excess > 1.0).then_some((excess, words))
 }
 
-/// Removes single corners and returns how many.
+/// Removes single corners and returns their number.
 fn refuse_corners(bundle: &mut BundleProblem, typical: f64) -> usize {
     let mut posed = std::mem::take(&mut bundle.views);
     let mut refused = 0;
@@ -186,7 +186,7 @@ fn refuse_corners(bundle: &mut BundleProblem, typical: f64) -> usize {
     refused
 }
 
-/// Reprojection error, pixels; infinite where the corner is predicted behind the camera.
+/// Reprojection error, pixels; infinite if the corner is predicted behind the camera.
 fn length(residual: Option<Vector2<f64>>) -> f64 {
     residual.map_or(f64::INFINITY, |r| r.norm())
 }

@@ -11,7 +11,8 @@ pub struct Estimated {
     pub deviation: f64,
 }
 
-/// Two calibrated cameras, the standard deviation of every number, and what each view contributed.
+/// Two calibrated cameras, the standard deviation of every number, and the contribution of each
+/// view.
 ///
 /// Standard deviations are those of the estimate if the corners' errors are independent and normal:
 /// the covariance at the solution, `σ² (JᵀJ)⁻¹`, `σ²` from the residuals (Triggs et al., section
@@ -32,10 +33,10 @@ pub struct Solution {
     pub rotation_deg: [Estimated; 3],
     /// T, in [`Solution::unit`].
     pub translation: [Estimated; 3],
-    /// Distance of the cameras' centres, in [`Solution::unit`].
+    /// Distance between the camera centres, in [`Solution::unit`].
     pub baseline: Estimated,
     /// RMS reprojection error of the used corners of both images, pixels: the root of the mean
-    /// squared distance, as OpenCV's.
+    /// squared distance, as in OpenCV.
     pub rms_px: f64,
     /// Standard deviation of a corner in x or in y, estimated from the residuals, pixels.
     pub corner_deviation_px: f64,
@@ -43,7 +44,7 @@ pub struct Solution {
     /// Pairs of parameters that the views hardly distinguish: those with a correlation beyond ±0.9,
     /// the strongest first.
     pub correlations: Vec<Correlation>,
-    /// Every view that was given, in order.
+    /// Every given view, in order.
     pub views: Vec<ViewFit>,
 }
 
@@ -59,9 +60,9 @@ pub struct CameraEstimate {
     pub p1: Estimated,
     pub p2: Estimated,
     pub k3: Estimated,
-    /// As [`Solution::rms_px`], over this camera's corners.
+    /// Same as [`Solution::rms_px`], over this camera's corners.
     pub rms_px: f64,
-    /// Share of the image's 8x6 fields that hold a used corner, 0..=1.
+    /// Fraction of the image's 8x6 fields that contain a used corner, 0..=1.
     pub coverage: f64,
 }
 
@@ -83,25 +84,25 @@ pub struct Correlation {
     pub correlation: f64,
 }
 
-/// One view that was given.
+/// One of the given views.
 #[derive(Clone, Debug, Serialize)]
 pub struct ViewFit {
-    /// Why it was not used.
+    /// Reason why it was not used.
     pub refused: Option<String>,
-    /// `None` where it was refused.
+    /// `None` if it was refused.
     pub fit: Option<Fit>,
 }
 
-/// A view that was used.
+/// A used view.
 #[derive(Clone, Debug, Serialize)]
 pub struct Fit {
     pub rms_left_px: f64,
     pub rms_right_px: f64,
     /// Mean |Δy| of its rectified corners, [`EpipolarError`].
     pub epipolar_px: f64,
-    /// From the left camera to the board's middle, in [`Solution::unit`].
+    /// From the left camera to the board's centre, in [`Solution::unit`].
     pub distance: f64,
-    /// Between the board's normal and the left optical axis, degrees.
+    /// Angle between the board's normal and the left optical axis, degrees.
     pub tilt_deg: f64,
     pub left: Vec<Corner>,
     pub right: Vec<Corner>,
@@ -114,7 +115,7 @@ pub struct Corner {
     pub seen: (f64, f64),
     /// Observed minus predicted, pixels.
     pub residual: (f64, f64),
-    /// Whether it was used; the others are outliers.
+    /// True if it was used; the others are outliers.
     pub used: bool,
 }
 
@@ -141,7 +142,7 @@ impl Solution {
         self.views.iter().filter(|view| view.fit.is_some()).count()
     }
 
-    /// The refused views: index among those given, and the reason.
+    /// The refused views: index among the given ones, and the reason.
     pub fn refused(&self) -> impl Iterator<Item = (usize, &str)> {
         self.views
             .iter()
@@ -175,8 +176,8 @@ pub(super) fn unit(unit: LengthUnit) -> &'static str {
 }
 
 impl Display for Estimated {
-    /// As `533.42 ± 0.34`: two significant digits of the standard deviation, and as many decimals
-    /// of the value.
+    /// Formatted as `533.42 ± 0.34`: two significant digits of the standard deviation, and as many
+    /// decimals of the value.
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         let Self { value, deviation } = self;
         // The cast saturates at 0.

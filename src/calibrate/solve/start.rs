@@ -1,5 +1,5 @@
-//! Where the adjustment of one camera begins: homographies, intrinsics in closed form, poses
-//! (Zhang, A flexible new technique for camera calibration, PAMI 2000).
+//! Start of the adjustment of one camera: homographies, intrinsics in closed form, poses (Zhang, A
+//! flexible new technique for camera calibration, PAMI 2000).
 
 use nalgebra::{
     DMatrix, DVector, Isometry3, Matrix2, Matrix3, Point2, Point3, Rotation3, SMatrix, SVector,
@@ -7,16 +7,16 @@ use nalgebra::{
 };
 use svl_core::stereo::Intrinsics;
 
-/// Bound on the iterations of decompositions, which converge in a few or not at all.
+/// Limit on the iterations of decompositions, which converge in a few or not at all.
 const ITERATIONS: usize = 200;
 
-/// Determinant below which a balanced homography of norm 1 makes a line of the board; that of a
-/// board face on is 0.19.
+/// Determinant below which a balanced homography of norm 1 maps the board to a line; that of a
+/// board seen frontally is 0.19.
 const FLAT: f64 = 1e-3;
 
 /// The homography from the board's plane to an image by the normalized direct linear transformation
-/// (Hartley, In defense of the eight-point algorithm, 1997), and the rms distance that it leaves,
-/// pixels. `None` for points on one line, or no points.
+/// (Hartley, In defense of the eight-point algorithm, 1997), and its residual rms distance, pixels.
+/// `None` for points on one line, or no points.
 pub(super) fn homography(
     board: &[Point3<f64>],
     pixels: &[Point2<f64>],
@@ -58,7 +58,7 @@ pub(super) fn homography(
         .filter(|(h, rms)| rms.is_finite() && h.iter().all(|v| v.is_finite()))
 }
 
-/// The similarity that puts the points' centre at the origin and their mean distance from it to 1.
+/// The similarity that moves the centroid to the origin and scales the mean distance from it to 1.
 fn balance(points: impl Iterator<Item = Point2<f64>> + Clone) -> Option<Matrix3<f64>> {
     let count = points.clone().count() as f64;
     let centre = points
@@ -137,7 +137,7 @@ fn closed_form(homographies: &[Matrix3<f64>]) -> Option<(f64, f64, f64, f64)> {
     Some(((lambda / b[0]).sqrt(), (lambda / b[1]).sqrt(), cx, cy))
 }
 
-/// The same with the principal point in the middle of the image, as two lines for 1/fx² and 1/fy².
+/// The same with the principal point in the centre of the image, as two lines for 1/fx² and 1/fy².
 fn centred(homographies: &[Matrix3<f64>]) -> Option<(f64, f64, f64, f64)> {
     let (mut sum, mut right) = (Matrix2::zeros(), Vector2::zeros());
     for h in homographies {
@@ -150,7 +150,7 @@ fn centred(homographies: &[Matrix3<f64>]) -> Option<(f64, f64, f64, f64)> {
             right -= row * one;
         }
     }
-    // The square root of a negative solution is NaN, which the caller takes for implausible.
+    // The square root of a negative solution is NaN, which the caller treats as implausible.
     let inverse = sum.try_inverse()? * right;
     Some((inverse.x.recip().sqrt(), inverse.y.recip().sqrt(), 0.0, 0.0))
 }
@@ -162,7 +162,7 @@ pub(super) fn pose(camera: &Intrinsics, homography: &Matrix3<f64>) -> Option<Iso
     // The sign of a homography is arbitrary; the board is in front of the camera.
     let h = h * scale.copysign(h[(2, 2)]);
     let (x, y) = (h.column(0).normalize(), h.column(1).normalize());
-    // The two columns are not orthogonal in noise: take the nearest orthogonal pair.
+    // With noise the two columns are not orthogonal: the nearest orthogonal pair is used.
     let (sum, difference) = ((x + y).normalize(), (x - y).normalize());
     let (x, y) = (
         (sum + difference).normalize(),
@@ -187,7 +187,7 @@ pub(super) fn seen_pose(
         .iter()
         .map(|pixel| camera.direction(*pixel).map(Point2::from))
         .collect::<Option<Vec<_>>>()?;
-    // The directions are undistorted already, so a pinhole with K = I remains.
+    // The directions are already undistorted, so a pinhole with K = I remains.
     let pinhole = camera
         .with_parameters([1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         .ok()?;
