@@ -1,4 +1,4 @@
-//! v3 up to its validity test, and the two tests that the thesis compares.
+//! v3 up to its validity test, and the two tests compared in the thesis.
 
 use svl_core::Result;
 use svl_core::kernel::{Isa, isa};
@@ -8,7 +8,7 @@ use svl_core::matcher::stage::{
 };
 use svl_core::stereo::{DisparityMap, ExtraPlanes, Gray, Plane, Reason, StereoPair};
 
-/// A pair smoothed as v3 does it, with the matches of its textured pixels.
+/// A pair smoothed as in v3, with the matches of its textured pixels.
 pub(super) struct Correlated {
     isa: Isa,
     range: DisparityRange,
@@ -27,7 +27,7 @@ impl Correlated {
         let (width, height) = pair.size();
         let isa = isa()?;
         let range = DisparityRange::new(Self::DISPARITIES.0, Self::DISPARITIES.1)?;
-        // The defaults of v3, which the test below holds it to.
+        // The defaults of v3, verified by the test below.
         let smoothing = VerticalSmoothing::new(1.0);
         let (mut left, mut right) = (
             Gray::filled(width, height, 0)?,
@@ -67,12 +67,13 @@ impl Correlated {
         Ok(this)
     }
 
-    /// The matches that pass the self check: what v3 gives.
+    /// The matches that pass the self check: the result of v3.
     pub(super) fn self_checked(&self) -> DisparityMap {
         self.checked(SelfCheck::new(self.left.width(), self.range))
     }
 
-    /// The matches that the right image shares, to `tolerance_px`: v1's and v2's symmetric check.
+    /// The matches with which the right image agrees to `tolerance_px`: the symmetric check of v1
+    /// and v2.
     pub(super) fn symmetric(&self, tolerance_px: i32) -> DisparityMap {
         let width = self.left.width();
         self.checked(SymmetricCheck::new(tolerance_px, width, self.range))
@@ -94,8 +95,8 @@ impl Correlated {
         map
     }
 
-    /// As [`Self::symmetric`], and the right pixel must be textured too: untextured ones are not
-    /// matched back.
+    /// Same as [`Self::symmetric`], but the right pixel must be textured too: untextured ones are
+    /// not matched back.
     pub(super) fn symmetric_on_texture(&self, tolerance_px: i32) -> DisparityMap {
         let mut map = self.symmetric(tolerance_px);
         for (y, mut row) in map.rows_mut().enumerate() {

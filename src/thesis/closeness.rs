@@ -26,7 +26,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 
 const CLOSE_M: f64 = 0.25;
 const FAR_M: f64 = 1.0;
-/// How deep the subject is.
+/// Depth of the subject.
 const DEPTH_M: f64 = 0.3;
 
 fn run(context: &mut Context<'_>) -> Result<Finding> {
@@ -36,9 +36,10 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         config.world.blocks = vec![stage::block(ahead_m, 0.03, [0.16, 0.10, 0.13], 35.0)];
         config.world.balls = vec![stage::ball(ahead_m + 0.02, -0.07, 0.05)];
         let frame = context.still(&config)?;
-        // Unchecked matches: the checks would drop those with a high SSDPI, which are the subject.
+        // Unchecked matches: the checks would drop those with a high SSDPI, which are of interest
+        // here.
         let matches = Correlated::of(&frame.pair)?.matches;
-        // The rig is the arena's: it is always there.
+        // The rig of the arena always exists.
         let farthest_px = frame
             .rig()
             .map_or(0.0, |rig| rig.disparity_px(ahead_m + DEPTH_M))
@@ -49,8 +50,8 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
                 .as_ref()
                 .is_some_and(|truth| truth.disparity.get(v.at.0, v.at.1) > farthest_px)
         };
-        // The wall behind is farther than the subject's depth, so the true disparity tells them
-        // apart.
+        // The wall behind is farther away than the subject's depth, so the true disparity separates
+        // them.
         let values: Vec<f64> = valid(&matches)
             .filter(on_subject)
             .map(|v| v.ln_ssdpi)
@@ -130,7 +131,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     Ok(finding)
 }
 
-/// Shares in percent of values in bins a quarter wide.
+/// Fractions, in per cent, of values in bins of a quarter.
 fn histogram(values: &[f64]) -> Vec<(f64, f64)> {
     let mut bins = vec![0.0; (4.0 * SSDPI_TOP) as usize];
     let last = bins.len() - 1;
@@ -143,7 +144,7 @@ fn histogram(values: &[f64]) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Of the matches with a truth, the nearer and the farther half; nothing without truth.
+/// The nearer and the farther half of the matches with truth; `None` without truth.
 fn halves(frame: &Frame) -> Result<Option<[MeanMedian; 2]>> {
     let Some(truth) = &frame.truth else {
         return Ok(None);

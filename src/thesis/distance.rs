@@ -24,7 +24,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// Share of the distance by which a curve may be off.
+/// Largest relative error of a curve's distance.
 const TOLERANCE: f64 = 0.10;
 
 /// The nearest target's disparity is 81, one beyond the thesis's search.
@@ -176,7 +176,7 @@ const SHAPE: GridShape = GridShape {
     rows: 3,
 };
 
-/// The f·B, in cm·px, that fits disparities best at those distances.
+/// The f·B, in cm·px, that best fits disparities at those distances.
 fn pinhole_cm_px(pairs: &[(f64, f64)]) -> f64 {
     let (above, below) = pairs.iter().fold((0.0, 0.0), |(a, b), (cm, px)| {
         (a + px / cm, b + 1.0 / (cm * cm))
@@ -188,12 +188,12 @@ fn focal_px(config: &ArenaConfig) -> f64 {
     0.5 * config.rig.width_px as f64 / (0.5 * config.rig.field_of_view_deg.to_radians()).tan()
 }
 
-/// The median of the medians of the cells that show the target; nothing of less than three.
+/// The median of the medians of the cells that show the target; `None` for less than three.
 fn target_px(judged: &Judged, true_px: f64) -> Option<f64> {
     let truth = judged.true_cells.as_ref()?.grid();
     let grid = &judged.estimates.first()?.estimate.grid;
     let near = |px: f32| (f64::from(px) - true_px).abs() < 0.5;
-    // Both percentiles are at the target's disparity: the cell shows nothing else.
+    // Both percentiles match the target's disparity: the cell shows nothing else.
     let shows = |cell: &Cell| cell.depth.is_some_and(|d| near(d.p20_px) && near(d.p80_px));
     let cells = grid
         .iter()
@@ -206,7 +206,7 @@ fn target_px(judged: &Judged, true_px: f64) -> Option<f64> {
 }
 
 /// The largest relative error of the curve over pairs of true distance and disparity, and the
-/// disparity it is at.
+/// disparity at which it occurs.
 fn worst(pairs: impl Iterator<Item = (f64, f64)>, curve: &DistanceCurve) -> (f64, f64) {
     let error = |(cm, px): (f64, f64)| Some(((curve.distance_cm(px)? - cm).abs() / cm, px));
     pairs.filter_map(error).fold(
@@ -215,7 +215,7 @@ fn worst(pairs: impl Iterator<Item = (f64, f64)>, curve: &DistanceCurve) -> (f64
     )
 }
 
-/// By how much distances grow at most while disparities do.
+/// Largest increase of distance with increasing disparity.
 fn largest_rise_cm(distances_cm: impl Iterator<Item = f64>) -> f64 {
     let (mut least, mut rise) = (f64::INFINITY, 0.0f64);
     for cm in distances_cm {

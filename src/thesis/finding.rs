@@ -5,21 +5,21 @@ use svl_bench::report::plot::{Axis, Chart, Series, SeriesStyle};
 use svl_core::Result;
 use svl_data::overlay::Mark;
 
-/// The outcome of an experiment.
+/// Result of an experiment.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Finding {
-    /// The outcome in one sentence, with its numbers.
+    /// The result in one sentence, with its numbers.
     pub why: String,
-    /// What the claim depends on.
+    /// Conditions of the claim.
     pub conditions: Vec<Condition>,
-    /// Numbers beside those of the thesis.
+    /// Numbers next to those of the thesis.
     pub quantities: Vec<Quantity>,
     pub tables: Vec<FindingTable>,
     #[serde(skip)]
     pub exhibits: Vec<Exhibit>,
 }
 
-/// A condition of the claim, and whether it is met.
+/// A condition of the claim, met or not.
 #[derive(Clone, Debug, Serialize)]
 pub struct Condition {
     /// The rule with its thresholds, and the measured numbers.
@@ -27,21 +27,21 @@ pub struct Condition {
     pub met: bool,
 }
 
-/// A measured number beside the thesis's.
+/// A measured number next to that of the thesis.
 #[derive(Clone, Debug, Serialize)]
 pub struct Quantity {
     pub name: String,
     pub unit: &'static str,
-    /// As the thesis gives it; absent where it does not.
+    /// As in the thesis; `None` if it gives none.
     pub thesis: Option<String>,
-    /// Absent where there was nothing to measure.
+    /// `None` if there was nothing to measure.
     pub ours: Option<f64>,
 }
 
 /// A table of numbers.
 #[derive(Clone, Debug, Serialize)]
 pub struct FindingTable {
-    /// Heads of the columns; the first names the rows.
+    /// Headings of the columns; the first is that of the row names.
     pub heads: Vec<String>,
     pub rows: Vec<(String, Vec<TableValue>)>,
 }
@@ -55,7 +55,7 @@ pub enum TableValue {
     Nothing,
 }
 
-/// Whether the thesis's claim holds here.
+/// Result for the thesis's claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ClaimVerdict {
@@ -88,7 +88,7 @@ pub enum Exhibit {
 pub struct DrawnCell {
     #[serde(flatten)]
     pub mark: Mark,
-    /// Whether the cell is crossed out.
+    /// True if the cell is crossed out.
     pub wrong: bool,
 }
 
@@ -111,7 +111,7 @@ impl Finding {
         });
     }
 
-    /// `thesis` is empty where the thesis says nothing.
+    /// `thesis` is empty if the thesis gives no number.
     pub(super) fn quantity(
         &mut self,
         name: impl Into<String>,
@@ -120,7 +120,7 @@ impl Finding {
         ours: impl Into<Option<f64>>,
     ) {
         let thesis = (!thesis.is_empty()).then(|| thesis.to_owned());
-        // NaN stands for a share of nothing; JSON has no NaN.
+        // NaN means a fraction with denominator 0; JSON has no NaN.
         let ours = ours.into().filter(|v| v.is_finite());
         self.quantities.push(Quantity {
             name: name.into(),
@@ -160,7 +160,7 @@ pub(super) fn series(
     Series { name, form, points }
 }
 
-/// A linear axis from where to where.
+/// A linear axis over a range.
 pub(super) fn axis(label: &str, range: (f64, f64)) -> Axis {
     let range = Some(range);
     Axis {
@@ -202,7 +202,7 @@ impl ClaimVerdict {
         Self::Undetermined,
     ];
 
-    /// In words, of several claims.
+    /// In words, for several claims.
     pub fn plural(self) -> &'static str {
         match self {
             Self::Holds => "hold",

@@ -1,4 +1,4 @@
-//! Figure 5.11: how many windows share a hash value of v4's table, and how many a look-up compares.
+//! Figure 5.11: windows per hash value in v4's table, and windows compared per look-up.
 
 use super::finding::{axis, series};
 use super::measure::{gray_picture, percent};
@@ -75,7 +75,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         let scene = occupancy(&frame.pair)?;
         let name = frame.name.clone().unwrap_or_default();
         rows.push((name.clone(), scene.values()));
-        // One real curve is enough to compare shapes; the table has all scenes.
+        // One real curve suffices to compare shapes; the table has all scenes.
         if i == 0 {
             curves.push(series(name, SeriesStyle::Line, scene.points()));
         }
@@ -95,7 +95,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
          textured; here {:.0} % are) and a look-up meets {met:.0} (1800), but close by are {:.2} \
          % of them and not 20 %: v4 compares {compared:.1} windows, {times:.2} times those of a \
          scan and not 4.",
-        // The thesis's mean of 6 gives its number of textured windows, as both tables have equally
+        // The thesis's mean of 6 yields its number of textured windows, as both tables have equally
         // many hash values.
         6.0 / mean * wall.textured_percent,
         wall.textured_percent,
@@ -111,13 +111,13 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
 }
 
 struct Occupancy {
-    /// Of all windows of the left image.
+    /// Per cent of all windows of the left image.
     textured_percent: f64,
     /// Windows per sum.
     buckets: Vec<usize>,
-    /// Windows of the right image's look-ups, in the mean: within the tolerance of sums ...
+    /// Windows per look-up of the right image, on average: within the tolerance of sums,
     met: f64,
-    /// ... and of those, near enough to be compared.
+    /// and near enough to be compared.
     compared: f64,
 }
 
@@ -178,14 +178,14 @@ fn sums(image: &Gray, marked: &Plane<bool>) -> Result<Plane<u16>> {
     Ok(sums)
 }
 
-/// Counts what each window of the right image meets and compares among those of the left one.
+/// Counts the windows of the left image that each window of the right one finds and compares.
 fn count(left: &Plane<u16>, right: &Plane<u16>) -> Occupancy {
     let mut buckets = vec![0; SUMS];
     left.pixels()
         .filter(|&sum| sum != NO_SUM)
         .for_each(|sum| buckets[usize::from(sum)] += 1);
-    // below[s]: windows with a sum below s. The windows of a range of sums are then one difference,
-    // instead of a sum over 301 buckets per look-up.
+    // below[s]: windows with a sum below s. The number of windows in a range of sums is then one
+    // difference, instead of a sum over 301 buckets per look-up.
     let mut below = vec![0usize; SUMS + 1];
     for (sum, n) in buckets.iter().enumerate() {
         below[sum + 1] = below[sum] + n;
@@ -203,7 +203,7 @@ fn count(left: &Plane<u16>, right: &Plane<u16>) -> Occupancy {
             let to = (usize::from(sum) + SUM_TOLERANCE + 1).min(SUMS);
             lookups += 1;
             met += below[to] - below[from];
-            // The left window of a match lies to the right of the right one, by its disparity.
+            // The left window of a match is to the right of the right one, by its disparity.
             let columns = x..left.width().min(x + DISPARITIES);
             let near = |row: usize| {
                 left.row(row)[columns.clone()]
@@ -240,15 +240,15 @@ mod tests {
         let plane = |sums: [[u16; 3]; 4]| Plane::from_vec(3, 4, sums.concat()).unwrap();
         const N: u16 = NO_SUM;
         let left = plane([[100, 250, N], [N, N, 251], [N, N, N], [100, N, N]]);
-        // One window: of the four on the left, three are within 150 of 100, two of them at most 2
-        // rows away.
+        // One window: among the four on the left, three are within 150 of 100, two of them at most
+        // 2 rows away.
         let right = plane([[100, N, N], [N, N, N], [N, N, N], [N, N, N]]);
         let counted = count(&left, &right);
         assert_eq!(
             (counted.met, counted.compared, counted.buckets[100]),
             (3.0, 2.0, 2)
         );
-        // Further right than its match: a negative disparity is not compared.
+        // To the right of its match: a negative disparity is not compared.
         let right = plane([[N, N, 100], [N, N, N], [N, N, N], [N, N, N]]);
         assert_eq!(
             (count(&left, &right).met, count(&left, &right).compared),

@@ -1,13 +1,13 @@
-//! The thesis's experiments, repeated: each with its figure, its numbers beside the thesis's, and
-//! whether its claim holds.
+//! The thesis's experiments, repeated: each with its figure, its numbers next to the thesis's, and
+//! a verdict on its claim.
 //!
 //! ```text
 //! EXPERIMENTS ──run(Context)──▶ Finding: conditions, quantities, exhibits
 //!                                  └──▶ FindingsPage: HTML, Markdown, JSON
 //! ```
 //!
-//! An experiment measures scenes built from the arena's parts, with exact truth, and real scenes
-//! where a folder of data sets is named. Its verdict follows from its [`Condition`]s.
+//! An experiment measures scenes built from the arena's parts, with exact truth, and real scenes if
+//! a folder of data sets is given. Its verdict follows from its [`Condition`]s.
 
 mod checks;
 mod closeness;
@@ -45,20 +45,20 @@ use svl_data::manifest::Manifest;
 use svl_data::scenario::Scenario;
 use svl_data::score::{Judge, Judged};
 
-/// One of the thesis's figures or tables, and what svl does in its place.
+/// One of the thesis's figures or tables, and svl's experiment for it.
 pub struct Experiment {
     /// Its name on the command line, then other figures of the same experiment.
     pub figures: &'static [&'static str],
-    /// Where it is in the thesis, as a heading.
+    /// Its place in the thesis, as a heading.
     pub place: &'static str,
     pub title: &'static str,
-    /// What the thesis claims, with its section.
+    /// The thesis's claim, with its section.
     pub claim: &'static str,
-    /// What is done here, and where it departs from the thesis.
+    /// The method here, and its departures from the thesis.
     pub method: &'static str,
-    /// Whether it needs a run of the arena, [`Context::recording`].
+    /// True if it needs a run of the arena, [`Context::recording`].
     pub records: bool,
-    /// Whether it runs where no figure is named, as those of the thesis do.
+    /// True if it runs when no figure is named, like those of the thesis.
     pub by_default: bool,
     pub run: fn(&mut Context<'_>) -> Result<Finding>,
 }
@@ -83,9 +83,10 @@ pub const EXPERIMENTS: &[Experiment] = &[
     without_truth::EXPERIMENT,
 ];
 
-/// The experiment of that figure.
+/// The experiment for that figure.
 ///
 /// # Errors
+///
 /// [`Error::Invalid`] with the nearest figure.
 pub fn find(figure: &str) -> Result<&'static Experiment> {
     EXPERIMENTS
@@ -111,9 +112,9 @@ impl Experiment {
 
 /// The input of experiments.
 pub struct Context<'a> {
-    /// Real scenes; none where no folder of data sets was named.
+    /// Real scenes; empty if no folder of data sets was given.
     pub scenes: &'a [Scene],
-    /// The folder of data sets, if one was named.
+    /// The folder of data sets, if given.
     pub data: Option<&'a Path>,
     /// The processor, in words.
     pub machine: &'a str,
@@ -141,7 +142,7 @@ const SCENES: &[&str] = &[
 /// The real scenes that exist below `data`.
 ///
 /// # Errors
-/// [`Error::Invalid`] when there is none.
+/// [`Error::Invalid`] if there is none.
 pub fn scenes(data: &Path) -> Result<Vec<Scene>> {
     let scenes: Vec<_> = SCENES
         .iter()
@@ -158,8 +159,8 @@ pub fn scenes(data: &Path) -> Result<Vec<Scene>> {
 }
 
 impl<'a> Context<'a> {
-    /// `data` and `scenes`: the folder of data sets and what [`scenes`] finds there. The monitor is
-    /// called after every pair and may end the work.
+    /// `data` and `scenes`: the folder of data sets and the result of [`scenes`] for it. The
+    /// monitor is called after every pair and may end the work.
     pub fn new(
         machine: &'a str,
         (data, scenes): (Option<&'a Path>, &'a [Scene]),
@@ -179,7 +180,7 @@ impl<'a> Context<'a> {
     /// Counts a pair.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when the monitor ends the work.
+    /// [`Error::Invalid`] if the monitor ends the work.
     fn step(&mut self) -> Result<()> {
         self.done += 1;
         if self.monitor.go_on(self.done) {
@@ -192,7 +193,8 @@ impl<'a> Context<'a> {
     /// Runs a source through the algorithms, `NAME[:key=value,...]`, into a sink and finishes it.
     ///
     /// # Errors
-    /// Those of the run; [`Error::Invalid`] when an algorithm fails or the monitor ends the work.
+    ///
+    /// Those of the run; [`Error::Invalid`] if an algorithm fails or the monitor ends the work.
     fn run(
         &mut self,
         source: &mut dyn Source,
@@ -212,7 +214,7 @@ impl<'a> Context<'a> {
             monitor: self.monitor,
         };
         let mut matchers = Matchers::new(&algorithms)?;
-        // Called also with one core: the run is then in turn.
+        // Called also with one core: the run is then sequential.
         let (outcome, ran) = run::run(
             source,
             &mut matchers,
@@ -256,7 +258,7 @@ impl<'a> Context<'a> {
     }
 }
 
-/// Frames that an experiment made.
+/// Frames made by an experiment.
 struct Frames(std::vec::IntoIter<Frame>);
 
 impl Source for Frames {
@@ -273,8 +275,7 @@ impl Source for Frames {
     }
 }
 
-/// Keeps everything that it takes.
-/// Counts pairs over several runs.
+/// Keeps every frame it receives. Counts pairs over several runs.
 struct Counting<'a> {
     done: &'a mut u64,
     monitor: &'a mut dyn Monitor,

@@ -25,7 +25,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 const STOPS: [f64; 4] = [0.5, 1.0, 2.0, 3.0];
 /// Index of two stops, a quarter of the light, with level 0 before it.
 const QUARTER: usize = 3;
-/// A threshold of the standard deviation for a quarter of the light.
+/// Standard-deviation threshold for a quarter of the light.
 const READJUSTED: &str = "v2:texture_threshold=1";
 const EXPOSURE: [f64; 4] = [0.1, 0.25, 0.5, 1.0];
 /// Index of half the exposure.

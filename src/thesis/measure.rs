@@ -1,4 +1,4 @@
-//! Numbers and pictures of a disparity map that several experiments use.
+//! Numbers and pictures of a disparity map for several experiments.
 
 use super::{DrawnCell, Exhibit};
 use svl_core::Result;
@@ -16,7 +16,7 @@ pub(super) struct MeanMedian {
 }
 
 impl MeanMedian {
-    /// Of values that are finite; nothing of none. The median is by nearest rank.
+    /// Over finite values; `None` without any. The median is by nearest rank.
     pub(super) fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let values: Vec<f64> = values.into_iter().collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
@@ -24,7 +24,7 @@ impl MeanMedian {
         Some(Self { mean, median })
     }
 
-    /// Of values that are finite; NaN of none.
+    /// Over finite values; NaN without any.
     pub(super) fn or_nan(values: impl IntoIterator<Item = f64>) -> Self {
         let [mean, median] = [f64::NAN; 2];
         Self::of(values).unwrap_or(Self { mean, median })
@@ -39,7 +39,7 @@ pub(super) const SSDPI_TOP: f64 = 12.0;
 pub(super) struct Valid {
     pub(super) at: (usize, usize),
     pub(super) disparity_px: f32,
-    /// `ln(SSDPI + 1)`; NaN where the map has no SSDPIs.
+    /// `ln(SSDPI + 1)`; NaN if the map has no SSDPIs.
     pub(super) ln_ssdpi: f64,
 }
 
@@ -59,12 +59,12 @@ pub(super) fn valid(map: &DisparityMap) -> impl Iterator<Item = Valid> {
     })
 }
 
-/// Mean and median ln SSDPI of all valid pixels of some maps.
+/// Mean and median ln SSDPI over all valid pixels of some maps.
 pub(super) fn ssdpi<'a>(maps: impl IntoIterator<Item = &'a DisparityMap>) -> MeanMedian {
     MeanMedian::or_nan(maps.into_iter().flat_map(valid).map(|v| v.ln_ssdpi))
 }
 
-/// Whether a disparity is within 2 px of the truth; nothing where there is no truth.
+/// True if a disparity is within 2 px of the truth; `None` without truth.
 pub(super) fn right(truth: &Truth, valid: &Valid) -> Option<bool> {
     let true_px = truth.disparity.get(valid.at.0, valid.at.1);
     true_px
@@ -72,13 +72,13 @@ pub(super) fn right(truth: &Truth, valid: &Valid) -> Option<bool> {
         .then(|| (valid.disparity_px - true_px).abs() <= 2.0)
 }
 
-/// A share as a percentage; nothing of nothing.
+/// A fraction as a percentage; `None` if the denominator is 0.
 pub(super) fn percent(part: usize, whole: usize) -> Option<f64> {
     (whole > 0).then(|| 100.0 * part as f64 / whole as f64)
 }
 
-/// The ln SSDPIs of the valid pixels as colours, from dark blue at 0 to yellow at 12; black where
-/// there is none.
+/// The ln SSDPIs of the valid pixels as colours, from dark blue at 0 to yellow at 12; black
+/// elsewhere.
 pub(super) fn ssdpi_picture(caption: impl Into<String>, map: &DisparityMap) -> Result<Exhibit> {
     let (width, height) = map.size();
     let mut rgb = vec![0; 3 * width * height];

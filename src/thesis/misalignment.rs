@@ -1,4 +1,4 @@
-//! Figure 6.2: cameras that are not aligned.
+//! Figure 6.2: misaligned cameras.
 
 use super::stressed::{StressCurves, views};
 use super::{Context, Experiment, Finding};

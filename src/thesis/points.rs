@@ -1,4 +1,4 @@
-//! Figure 7.3: the arena's six points through v3 and through the Small Vision System.
+//! Figure 7.3: the arena's six points with v3 and with the Small Vision System.
 
 use super::measure::{grid_picture, percent};
 use super::{Context, Exhibit, Experiment, Finding, TableValue};
@@ -32,9 +32,9 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 };
 
 const ALGORITHMS: [&str; 2] = ["v3", "bm"];
-/// What they are called here.
+/// Their names here.
 const NAMES: [&str; 2] = ["v3", "SVS (bm)"];
-/// Difference of the shares of right cells, in percentage points, that is near.
+/// Difference between the fractions of right cells, in percentage points, that counts as near.
 const NEAR: f64 = 5.0;
 
 fn run(context: &mut Context<'_>) -> Result<Finding> {
@@ -44,7 +44,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let points = Points::new(&scenario);
     let outbox = points.outbox.clone();
     context.run(&mut *source, &ALGORITHMS, &scenario.judge(), points)?;
-    // The sink leaves its points when it is finished.
+    // The sink returns its points when it is finished.
     outbox
         .take()
         .map_or_else(|| Ok(Finding::default()), Points::finding)
@@ -63,7 +63,7 @@ struct Point {
     tally: CheckpointTally<Exhibit>,
     /// Frames in which one of the point's own cells is wrong.
     wrong: usize,
-    /// Of all its frames.
+    /// Cells of all its frames.
     cells: Cells,
 }
 
@@ -73,7 +73,7 @@ struct Cells {
     all: usize,
     right: usize,
     wrong: usize,
-    /// Those of the first column that are known.
+    /// Known cells of the first column.
     first_column: usize,
 }
 
@@ -94,8 +94,8 @@ impl Cells {
 }
 
 impl Point {
-    /// Best and worst frame, the share that passes and that with a wrong cell, and the share of
-    /// right cells.
+    /// Best and worst frame, the fraction that passes and that with a wrong cell, and the fraction
+    /// of right cells.
     fn values(&self) -> [TableValue; 5] {
         let leading = |lead: &Option<(Exhibit, CheckpointFrame)>| match lead {
             Some((_, frame)) => {
@@ -137,7 +137,7 @@ impl Points {
             ..
         } = self;
         let mut finding = Finding::default();
-        // A point that no frame shows has no share.
+        // A point shown in no frame has no fraction.
         let share = |p: &Point| percent(p.tally.passed, p.tally.frames).unwrap_or(f64::NAN);
         conclude(&scenario.checkpoints, &points, cells, &mut finding);
         let rows = finding.table([
@@ -207,7 +207,7 @@ impl Points {
     }
 }
 
-/// Adds the conditions and the sentence that sums them up.
+/// Adds the conditions and the sentence that summarizes them.
 fn conclude(
     checkpoints: &[Checkpoint],
     points: &[[Point; 2]],
@@ -312,7 +312,7 @@ impl Sink for Points {
                 );
                 let caption = format!("Point {}: {} RANK: {outcome}", checkpoint.number, NAMES[a]);
                 let (best, worst) = point.tally.would_lead(verdict);
-                // Only leading frames are kept, and encoding a picture takes longer than scoring.
+                // Only leading frames are kept, as encoding a picture takes longer than scoring.
                 let exhibit = if best || worst {
                     Some(grid_picture(caption, &judged.frame, scored)?)
                 } else {
@@ -338,7 +338,7 @@ impl Sink for Points {
 mod tests {
     use super::*;
 
-    /// Points of ten frames: how many pass, and how many have a wrong cell.
+    /// Points with ten frames each: number that passes, and number with a wrong cell.
     fn points(v3: [(usize, usize); 6], svs: [(usize, usize); 6]) -> Vec<[Point; 2]> {
         let point = |(passed, wrong)| Point {
             tally: CheckpointTally {

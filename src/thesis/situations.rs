@@ -1,4 +1,4 @@
-//! Table 5.1 and annex A: the situations in which the thesis gave up dynamic programming.
+//! Table 5.1 and annex A: the situations in which the thesis abandoned dynamic programming.
 
 use super::measure::grid_picture;
 use super::{Context, Exhibit, Experiment, Finding, TableValue, stage};
@@ -34,7 +34,7 @@ const ALGORITHMS: [&str; 2] = ["dp", "v3"];
 /// A view of table 5.1 or annex A.
 struct Situation {
     name: &'static str,
-    /// What the thesis says of dp.
+    /// The thesis's observation on dp.
     thesis: &'static str,
     view: fn() -> ArenaConfig,
 }
@@ -56,7 +56,7 @@ const SITUATIONS: [Situation; 8] = [
     Situation::new("too far", "", too_far),
 ];
 
-/// A wall to the left and one to the right, high enough to leave the view above, and one behind.
+/// Walls to the left and right, high enough to leave the view at the top, and one behind.
 fn normal() -> ArenaConfig {
     let mut config = stage::empty();
     config.world.blocks = vec![
@@ -83,7 +83,7 @@ fn small_escape() -> ArenaConfig {
     config
 }
 
-/// An even wall in little light.
+/// A uniform wall in dim light.
 fn low_light() -> ArenaConfig {
     let mut config = normal();
     config.sensor.white_e_per_ms = 450.0;
@@ -105,7 +105,7 @@ fn infinite_distance() -> ArenaConfig {
     config
 }
 
-/// The normal view with the robot's head on its side by up to 20°.
+/// The normal view with the robot's head rolled by up to 20°.
 fn tilt() -> ArenaConfig {
     let mut config = normal();
     config.frames = 20;
@@ -191,7 +191,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     Ok(finding)
 }
 
-/// Adds the conditions and the sentence that sums them up.
+/// Adds the conditions and the sentence that summarizes them.
 fn conclude(outcomes: &[[SituationAnswer; 2]], finding: &mut Finding) {
     let wrong = |situation: usize, algorithm: usize| outcomes[situation][algorithm].tally().wrong;
     let cells = SHAPE.cells();
@@ -254,7 +254,7 @@ fn conclude(outcomes: &[[SituationAnswer; 2]], finding: &mut Finding) {
     );
 }
 
-/// The frame of the run in which the head is most on its side.
+/// The frame of the run with the largest roll of the head.
 fn most_tilted(context: &mut Context<'_>, config: &ArenaConfig) -> Result<Frame> {
     // Still views have one frame, rendered without motion blur.
     if config.frames == 1 {
@@ -270,7 +270,7 @@ fn most_tilted(context: &mut Context<'_>, config: &ArenaConfig) -> Result<Frame>
     arena.frame(frame)
 }
 
-/// An algorithm's answer to a situation.
+/// Answer of an algorithm to a situation.
 struct SituationAnswer {
     judgements: Vec<CellJudgement>,
     exhibit: Option<Exhibit>,
@@ -306,7 +306,7 @@ mod tests {
     use svl_core::stereo::CellRule;
     use svl_data::score::TrueCells;
 
-    /// An answer whose first `wrong` cells are wrong and whose others are right.
+    /// An answer with its first `wrong` cells wrong and the others right.
     fn answers(wrong: usize) -> SituationAnswer {
         let cell = |i| CellJudgement {
             verdict: if i < wrong {

@@ -1,4 +1,4 @@
-//! Figure 5.3: what vertical smoothing does to the matches of a misaligned pair.
+//! Figure 5.3: effect of vertical smoothing on the matches of a misaligned pair.
 
 use super::finding::series;
 use super::measure::{MeanMedian, percent, right, ssdpi, ssdpi_picture, valid};
@@ -26,7 +26,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 };
 
 const OFFSETS_PX: [f64; 4] = [0.0, 0.5, 1.0, 2.0];
-/// Index in [`OFFSETS_PX`] of what the conditions are about.
+/// Index in [`OFFSETS_PX`] of the offset in the conditions.
 const ONE_PX: usize = 2;
 /// Frames of the arena's run: the opening, the close border, the corner, the bridge.
 const VIEWS: [u64; 4] = [20, 62, 117, 262];
@@ -124,7 +124,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     Ok(finding)
 }
 
-/// Real scenes with a row of misalignment.
+/// Real scenes misaligned by one row.
 fn real(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     let frames = context
         .real()
@@ -178,7 +178,7 @@ fn both(context: &mut Context<'_>, frames: &[Frame]) -> Result<[Vec<DisparityMap
 fn lowered(frame: Frame) -> Result<Frame> {
     let right = frame.pair.right();
     let lower = Gray::from_fn(right.width(), right.height(), |x, y| {
-        // The top row is repeated. Its true disparities stay those of the left image.
+        // The top row is repeated. The true disparities remain those of the left image.
         right.get(x, y.saturating_sub(1))
     })?;
     Ok(Frame {
@@ -192,9 +192,9 @@ fn lowered(frame: Frame) -> Result<Frame> {
 struct MatchOutcome {
     ssdpi: MeanMedian,
     valid_percent: f64,
-    /// Of all pixels.
+    /// Per cent of all pixels.
     right_percent: f64,
-    /// Of the matches whose truth is known.
+    /// Per cent of the matches with known truth.
     wrong_percent: f64,
 }
 

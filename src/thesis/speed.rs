@@ -1,4 +1,4 @@
-//! Frames a second of v3 and the SVS (chapter 7).
+//! Frames per second of v3 and the SVS (chapter 7).
 
 use super::{Context, Experiment, Finding};
 use std::time::{Duration, Instant};
@@ -28,11 +28,11 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// Name here, algorithm, and the thesis's frames a second.
+/// Name here, algorithm, and the thesis's frames per second.
 const ALGORITHMS: [(&str, &str, &str); 2] = [("v3", "v3", "6–8"), ("SVS (bm)", "bm", "8–9")];
 /// Time for each algorithm on each instruction set.
 const BUDGET: Duration = Duration::from_millis(600);
-/// By how much the faster may be faster to be so slightly.
+/// Largest ratio that still counts as slightly faster.
 const SLIGHTLY: f64 = 2.0;
 /// Ninth decile of the times over their median: more than this and the machine is busy.
 const STEADY: f64 = 1.25;
@@ -137,14 +137,14 @@ fn frames_per_second(isa: Isa, pair: &StereoPair) -> Result<Rates> {
     };
     let mut matchers = Vec::new();
     for (_, algorithm, _) in ALGORITHMS {
-        // Not svl's run: a run uses the instruction set of the process, and scoring would disturb
-        // the times.
+        // Not with svl's own run, which uses the instruction set of the process; scoring would also
+        // disturb the times.
         let mut matcher = algorithm.parse::<Algorithm>()?.build_on(isa)?;
-        // Memory is allocated, caches and branches know the pair.
+        // Warm-up: memory is allocated, caches and branch predictors know the pair.
         (0..3).try_for_each(|_| time(&mut *matcher).map(drop))?;
         matchers.push((matcher, Vec::new()));
     }
-    // In turns, so that a change of the processor's clock hits both algorithms.
+    // Alternating, so that a change of the processor's clock affects both algorithms.
     while matchers
         .iter()
         .any(|(_, times): &(_, Vec<Duration>)| times.iter().sum::<Duration>() < BUDGET)

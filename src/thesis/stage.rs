@@ -1,19 +1,19 @@
-//! Still views built from the arena's parts: a camera in the middle of a large floor, and what
-//! stands before it.
+//! Still views built from the arena's parts: a camera in the middle of a large floor, and the
+//! objects in front of it.
 
 use super::Context;
 use svl_core::Result;
 use svl_core::stereo::Frame;
 use svl_data::arena::{Arena, ArenaConfig, Ball, Block, RobotConfig, Waypoint, WorldConfig};
 
-/// Where the middle of the stereo head stands; it looks along y.
+/// Position of the stereo head's centre; it faces along y.
 const HEAD_M: [f64; 2] = [2.0, 1.0];
 
-/// Seed of pictures and noise.
+/// Seed of textures and noise.
 pub(super) const SEED: u64 = 1;
 
-/// An empty arena of 4 m x 8 m around a robot that stands still: forest walls of the usual height 2
-/// m beside and 7 m ahead of it, the laboratory beyond them.
+/// An empty arena of 4 m x 8 m around a stationary robot: forest walls of the usual height 2 m to
+/// the side and 7 m ahead, the laboratory beyond them.
 pub(super) fn empty() -> ArenaConfig {
     let [x, y] = HEAD_M;
     let ahead = |m: f64| Waypoint {
@@ -45,8 +45,8 @@ pub(super) fn empty() -> ArenaConfig {
     }
 }
 
-/// A block whose nearest face or edge stands `ahead_m` before the head, its middle `right_m` to the
-/// right of it.
+/// A block whose nearest face or edge is `ahead_m` in front of the head, its centre `right_m` to
+/// the right.
 pub(super) fn block(ahead_m: f64, right_m: f64, size_m: [f64; 3], turned_deg: f64) -> Block {
     let (sin, cos) = turned_deg.to_radians().sin_cos();
     let half_m = 0.5 * (size_m[0] * sin.abs() + size_m[1] * cos.abs());
@@ -59,7 +59,7 @@ pub(super) fn block(ahead_m: f64, right_m: f64, size_m: [f64; 3], turned_deg: f6
     }
 }
 
-/// A ball whose nearest point stands `ahead_m` before the head, on the floor.
+/// A ball whose nearest point is `ahead_m` in front of the head, on the floor.
 pub(super) fn ball(ahead_m: f64, right_m: f64, radius_m: f64) -> Ball {
     let at_m = [HEAD_M[0] + right_m, HEAD_M[1] + ahead_m + radius_m];
     Ball {

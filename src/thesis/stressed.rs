@@ -1,4 +1,4 @@
-//! What is left of an algorithm's cells when the pairs are made worse ([`svl_data::stress`]).
+//! Remaining right cells of an algorithm on perturbed pairs ([`svl_data::stress`]).
 
 use super::finding::series;
 use super::{Context, Finding, TableValue};
@@ -18,17 +18,17 @@ pub(super) fn views() -> Result<Vec<Frame>> {
     views.map(|view| arena.frame(view)).collect()
 }
 
-/// The cells of algorithms at the levels of a stress.
+/// The cells of algorithms at the levels of a perturbation.
 pub(super) struct StressCurves<'a> {
     kind: &'a str,
-    /// The first is 0, the pairs as they are.
+    /// The first is 0, the original pairs.
     levels: Vec<f64>,
-    /// Per algorithm, with its name in words, a tally per level.
+    /// Per algorithm, with its name, a tally per level.
     algorithms: Vec<(&'a str, Vec<CellTally>)>,
 }
 
 impl<'a> StressCurves<'a> {
-    /// `algorithms`: with their names in words.
+    /// `algorithms`: with their names.
     pub(super) fn measure(
         context: &mut Context<'_>,
         frames: &[Frame],
@@ -77,8 +77,8 @@ impl<'a> StressCurves<'a> {
         })
     }
 
-    /// Share of the right cells of the pairs as they are that an algorithm still has, percent; NaN
-    /// where it had none.
+    /// Fraction, in per cent, of an algorithm's right cells on the original pairs that it still
+    /// has; NaN if it had none.
     pub(super) fn kept(&self, algorithm: usize, level: usize) -> f64 {
         let tallies = &self.algorithms[algorithm].1;
         100.0 * tallies[level].right as f64 / tallies[0].right as f64

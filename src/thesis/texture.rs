@@ -162,14 +162,14 @@ fn smoothed(image: &Gray) -> Result<Gray> {
     Ok(smooth)
 }
 
-/// What the two filters make of an image, shares in percent.
+/// Results of the two filters on an image, in per cent.
 struct Filtered {
     kept: Plane<bool>,
     dropped_percent: f64,
     /// Medians of the standard deviations of windows, grey levels.
     kept_contrast: f64,
     dropped_contrast: f64,
-    /// Pixels whose answer changes when the image is half as bright.
+    /// Pixels whose result changes if the image is half as bright.
     dog_changes: f64,
     deviation_changes: f64,
 }
@@ -191,7 +191,7 @@ impl Filtered {
             }
             Ok::<_, svl_core::Error>(mask)
         };
-        // Integer halving, as a camera with half the exposure would quantize.
+        // Integer halving, like the quantization of a camera with half the exposure.
         let dark = image.map(|v| v / 2);
         let kept = mask(image, false)?;
         let contrast = |which: bool| {
@@ -251,7 +251,7 @@ fn responses(row: &[u8]) -> [Vec<f64>; 2] {
                 * f64::from(row[(x + t).clamp(0, last) as usize])
         };
         (0..=last)
-            // 24 taps, one more to the left, as the thesis's loop has them.
+            // 24 taps, one more to the left, as in the thesis's loop.
             .map(|x| (-12..=11).map(|t| tap(x, t)).sum::<f64>().abs())
             .collect()
     })

@@ -1,4 +1,5 @@
-//! Figures 5.8 and 5.9: the self check against the symmetric check before a close object.
+//! Figures 5.8 and 5.9: the self check compared with the symmetric check in front of a close
+//! object.
 
 use super::checks::Correlated;
 use super::finding::{axis, series};
@@ -30,17 +31,17 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 
 /// Distance of the close object.
 const CLOSE_M: f64 = 0.2;
-/// Distances from which it is approached, the farthest first.
+/// Distances of the approach, the farthest first.
 const APPROACH_M: [f64; 7] = [1.0, 0.7, 0.5, 0.4, 0.3, 0.25, 0.2];
-/// Other readings of the symmetric check: equal disparities; right pixels matched back only where
-/// they are textured; both, which is the thesis to the letter.
+/// Other interpretations of the symmetric check: equal disparities; right pixels matched back only
+/// if they are textured; both, which is the thesis to the letter.
 const VARIANTS: [&str; 3] = [
     "symmetric check, 0 px",
     "symmetric check, texture on both sides",
     "symmetric check to the letter",
 ];
 const LETTER: usize = 2;
-/// Difference of ln SSDPIs that is comparable.
+/// Difference of ln SSDPIs that counts as comparable.
 const COMPARABLE: f64 = 0.5;
 
 fn run(context: &mut Context<'_>) -> Result<Finding> {
@@ -66,7 +67,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let mut rows = close.comparison.rows("close object");
     let approach = approach(context, &mut finding)?;
 
-    // The real scenes are pooled: each match counts once, whatever the size of its scene.
+    // The real scenes are pooled: each match counts once, regardless of the size of its scene.
     let mut real = CheckComparison::default();
     let mut shares = Vec::new();
     for frame in context.real() {
@@ -105,7 +106,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     Ok(finding)
 }
 
-/// A block turned by 35°, a ball beside it and a wall behind.
+/// A block rotated by 35°, a ball next to it and a wall behind.
 fn close_object(ahead_m: f64) -> ArenaConfig {
     let mut config = stage::empty();
     config.world.blocks = vec![
@@ -116,7 +117,7 @@ fn close_object(ahead_m: f64) -> ArenaConfig {
     config
 }
 
-/// What the checks drop while the object comes nearer.
+/// Matches dropped by the checks as the object approaches.
 fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
     let mut dropped = Vec::new();
     for ahead_m in APPROACH_M {
@@ -152,7 +153,7 @@ fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
     })
 }
 
-/// Each view by what the two checks drop of it.
+/// Each view by the matches that the two checks drop.
 fn both_checks(real: Vec<[f64; 3]>, close: [f64; 3]) -> Chart {
     let points = |name: &str, points: Vec<(f64, f64)>| series(name, SeriesStyle::Points, points);
     let real = |check: usize| {
@@ -198,8 +199,8 @@ impl Checked {
                 matches: map.valid(),
                 known: judged.len(),
                 good: judged.iter().filter(|right| **right).count(),
-                // Kept one by one, as a median of pooled scenes cannot be made of the scenes'
-                // medians.
+                // Stored one by one, as the median of pooled scenes does not follow from the
+                // scenes' medians.
                 ln_ssdpi: valid(map).map(|v| v.ln_ssdpi).collect(),
             }
         };
@@ -227,21 +228,21 @@ impl Checked {
 #[derive(Clone, Debug, Default)]
 struct CheckComparison {
     matches: usize,
-    /// Of them, those that are right.
+    /// Those that are right.
     good: usize,
     own: KeptMatches,
     symmetric: KeptMatches,
-    /// By the symmetric check, read otherwise: see [`VARIANTS`].
+    /// By other interpretations of the symmetric check: see [`VARIANTS`].
     variants: [KeptMatches; 3],
 }
 
-/// What a check keeps.
+/// Matches kept by a check.
 #[derive(Clone, Debug, Default)]
 struct KeptMatches {
     matches: usize,
-    /// Of them, those whose truth is known ...
+    /// Those whose truth is known,
     known: usize,
-    /// ... and those that are right.
+    /// and those that are right.
     good: usize,
     ln_ssdpi: Vec<f64>,
 }
@@ -275,14 +276,14 @@ impl CheckComparison {
         self.symmetric.add(other.symmetric);
     }
 
-    /// Shares of the matches that are dropped by the self check, by the symmetric check as v1 has
-    /// it and to the letter, percent.
+    /// Fractions of the matches dropped by the self check, and by the symmetric check as in v1 and
+    /// to the letter, per cent.
     fn dropped(&self) -> [f64; 3] {
         [&self.own, &self.symmetric, &self.variants[LETTER]]
             .map(|kept| percent(self.matches - kept.matches, self.matches).unwrap_or(f64::NAN))
     }
 
-    /// Medians of ln SSDPI of what the two keep.
+    /// Medians of ln SSDPI of the matches that the two keep.
     fn medians(&self) -> [f64; 2] {
         [&self.own, &self.symmetric].map(|kept| kept.spread().map_or(f64::NAN, |s| s.median))
     }
@@ -300,7 +301,7 @@ impl CheckComparison {
     }
 
     /// A line per check: matches dropped, mean and median of the rest, right ones dropped, wrong
-    /// ones left.
+    /// ones kept.
     fn rows(&self, place: &str) -> Vec<(String, [TableValue; 5])> {
         let line = |(name, kept): (&str, &KeptMatches)| {
             let spread = kept.spread();

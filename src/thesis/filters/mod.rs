@@ -1,4 +1,4 @@
-//! Chapter 8: the networks that filter, on windows of the arena with exact labels.
+//! Chapter 8: the filter networks, on windows of the arena with exact labels.
 
 pub(super) mod hidden;
 pub(super) mod motion;
@@ -17,7 +17,7 @@ use svl_data::arena::{Arena, ArenaConfig};
 use svl_data::fit::filter::{EpochError, FitSettings, SamplePart, WindowLabels, WindowSamples};
 use svl_data::scenario::{Scenario, ScenarioSource};
 
-/// The arena that a filter of the scenarios is trained in.
+/// The arena in which a filter of the scenarios is trained.
 fn arena(kind: FilterKind) -> Result<ArenaConfig> {
     let (text, name) = match kind {
         FilterKind::Floor => (include_str!("floor-training.toml"), "floor-training.toml"),
@@ -29,10 +29,10 @@ fn arena(kind: FilterKind) -> Result<ArenaConfig> {
     }
 }
 
-/// The runs of a part: seeds that no other part has.
+/// The runs of a part: seeds unique to it.
 type Runs = (SamplePart, Range<u64>);
 
-/// The windows of runs, each run a recording, of which every so many frames are taken.
+/// The windows of runs, each run a recording, from every n-th frame.
 fn samples(
     context: &mut Context<'_>,
     kind: FilterKind,
@@ -66,7 +66,7 @@ fn samples(
     Ok(samples)
 }
 
-/// Trains networks of those sizes, with those seeds.
+/// Trains networks with those sizes and seeds.
 fn train(
     context: &mut Context<'_>,
     samples: &mut WindowSamples,

@@ -1,4 +1,4 @@
-//! Section 8.2.2: the floor filter on a robot that moves.
+//! Section 8.2.2: the floor filter on a moving robot.
 
 use super::super::finding::{axis, series};
 use super::super::{Context, Experiment, Finding, TableValue};
@@ -24,10 +24,10 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// Floors that are trained on.
+/// Number of floors for training.
 const FLOORS: usize = 16;
 
-/// As sharp as the lens: a flash in place of the shutter.
+/// As sharp as the lens: a flash instead of the shutter.
 fn still(config: &ArenaConfig) -> ArenaConfig {
     let mut still = config.clone();
     still.sensor.shutter_us /= 100;

@@ -69,7 +69,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
              of the amplitude, in others {normal:.1} %."
         ),
     );
-    // How often a too close window has less than a normal one: the area of a ROC.
+    // Probability that a too close window has less than a normal one: the area under a ROC curve.
     let pairs = shares[0].len() * shares[1].len();
     let lower = shares[1]
         .iter()
@@ -92,7 +92,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     Ok(finding)
 }
 
-/// The frequencies of a value of the first half of a spectrum, of the side of the window.
+/// The frequencies of a value in the first half of a spectrum; `side` is that of the window.
 fn frequencies(i: usize) -> [usize; 2] {
     let fold = |f: usize| f.min(SIDE - f);
     [fold(i % SIDE), fold(i / SIDE)]
@@ -109,7 +109,7 @@ fn high_share(amplitudes: &[f32]) -> f64 {
     high / all
 }
 
-/// The whole spectrum by its symmetry, its mean in the middle.
+/// The whole spectrum by its symmetry, with its mean in the centre.
 fn picture(amplitudes: &[f32]) -> Result<Gray> {
     let log: Vec<_> = amplitudes.iter().map(|a| a.ln_1p()).collect();
     let most = log[1..].iter().copied().fold(1.0f32, f32::max);

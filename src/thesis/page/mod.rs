@@ -9,14 +9,14 @@ use svl_bench::report::page::{ImageView, MarkView, PageImages, PictureView, fill
 use svl_bench::report::table::{NONE, Table};
 use svl_core::{Error, Result, joined};
 
-/// Everything that the report shows.
+/// Contents of the report.
 pub struct FindingsPage<'a> {
     pub entries: &'a [ExperimentFinding],
     /// Names of the real scenes.
     pub scenes: Vec<String>,
     /// Machine and program: names and values.
     pub identity: Vec<(String, String)>,
-    /// Why the work stopped early, if it did.
+    /// Reason why the work stopped early, if it did.
     pub incomplete: Option<String>,
 }
 
@@ -83,7 +83,7 @@ impl FindingsPage<'_> {
     /// The report as JSON values.
     ///
     /// # Errors
-    /// None in fact: it is numbers and text.
+    /// None in practice: it contains only numbers and text.
     pub fn json(&self) -> Result<serde_json::Value> {
         let report = ReportView {
             incomplete: &self.incomplete,
@@ -114,7 +114,7 @@ impl FindingsPage<'_> {
             for table in tables(finding) {
                 let _ = write!(text, "\n{}", table.markdown());
             }
-            // The method comes last: who reads the result first may stop here.
+            // The method comes last: readers interested in the result may stop before it.
             let _ = writeln!(text, "\n{}", experiment.method);
         }
         text
@@ -123,7 +123,7 @@ impl FindingsPage<'_> {
     /// The report as one HTML file. All texts are escaped.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with what the template engine says.
+    /// [`Error::Invalid`] with the template engine's message.
     pub fn html(&self) -> Result<String> {
         let mut images = PageImages::default();
         let sections = self.entries.iter().map(|entry| entry.section(&mut images));
@@ -180,7 +180,7 @@ impl ExperimentFinding {
     }
 }
 
-/// The quantities beside the thesis's, then the other tables.
+/// The quantities next to the thesis's, then the other tables.
 fn tables(finding: &Finding) -> Vec<Table> {
     let mut beside = Table::new("", "").with_columns(["thesis", "here"]);
     for quantity in &finding.quantities {
@@ -216,7 +216,7 @@ fn worded(of: &FindingTable) -> Table {
     table
 }
 
-/// Three digits or so.
+/// About three digits.
 fn number(value: f64) -> String {
     match value.abs() {
         // Counts are whole and shown without decimals.

@@ -1,5 +1,5 @@
-//! What the scores are worth: rank correlations with the truth, and how often they pick the best,
-//! with bootstrap intervals.
+//! Measures of the scores' worth: rank correlations with the truth, and the rate at which they pick
+//! the best, with bootstrap intervals.
 
 use super::observe::Observation;
 use super::{CELLS, PIXELS};
@@ -11,7 +11,7 @@ use svl_data::bootstrap::{Interval, Resamples};
 pub(super) struct Observed {
     /// Per pair, per algorithm.
     pub(super) pairs: Vec<Vec<Observation>>,
-    /// The pairs that are drawn together, by their indices.
+    /// The pairs that are drawn together, by index.
     drawn: Vec<Vec<usize>>,
     resamples: Resamples,
 }
@@ -37,21 +37,21 @@ impl Measured {
     }
 }
 
-/// Couples of which observations are counted.
+/// Kind of observations whose couples are counted.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Between {
-    /// Algorithms on one pair.
+    /// Algorithms on the same pair.
     Algorithms,
-    /// Pairs of one algorithm.
+    /// Pairs of the same algorithm.
     Pairs,
 }
 
-/// What a score is compared with, the greater the better.
+/// Reference for a score; greater is better.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Target {
-    /// The share of wrong cells, negated, at equal coverage.
+    /// The negated fraction of wrong cells, at equal coverage.
     NotWrong,
-    /// The share of right cells.
+    /// The fraction of right cells.
     Right,
 }
 
@@ -81,7 +81,7 @@ impl Observed {
         }
     }
 
-    /// Scenes, each of one or several pairs.
+    /// Scenes, each with one or more pairs.
     pub(super) fn scenes(scenes: Vec<Vec<Vec<Observation>>>) -> Self {
         let mut next = 0;
         let mut indices = |scene: &Vec<_>| {
@@ -96,11 +96,11 @@ impl Observed {
         }
     }
 
-    /// Tau-b of a score with the target.
+    /// Tau-b between a score and the target.
     pub(super) fn tau(&self, score: usize, between: Between, target: Target) -> Measured {
         let tau = |sum: Concordance| sum.tau_b();
         match between {
-            // Couples are of one pair each, so the counts of pairs are made once.
+            // Couples are within one pair, so the counts of pairs are computed once.
             Between::Algorithms => {
                 let counts: Vec<Concordance> = self
                     .pairs
@@ -116,7 +116,7 @@ impl Observed {
         }
     }
 
-    /// Couples of algorithms, or of pairs, that tell of a tau.
+    /// Number of couples of algorithms, or of pairs, behind a tau.
     pub(super) fn couples(&self, score: usize, between: Between, target: Target) -> i64 {
         match between {
             Between::Algorithms => {
@@ -131,13 +131,14 @@ impl Observed {
         }
     }
 
-    /// How often the best by the score is truly the best, of the pairs where it has values.
+    /// Rate at which the best by the score is truly the best, over the pairs where it has values.
     pub(super) fn picks(&self, score: usize) -> Measured {
         let hits = self.hits(score);
         self.measured(|pairs| mean(pairs.iter().filter_map(|&i| hits[i])))
     }
 
-    /// The same, minus how often the larger of the two coverages picks it, on the same pairs.
+    /// The same, minus the rate at which the larger of the two coverages picks it, on the same
+    /// pairs.
     pub(super) fn picks_beyond_coverage(&self, score: usize) -> Measured {
         let own = self.hits(score);
         let difference = |coverage: usize| {
@@ -152,7 +153,7 @@ impl Observed {
         if a.value < b.value { a } else { b }
     }
 
-    /// How often an algorithm drawn by lot is the best.
+    /// Rate at which a randomly drawn algorithm is the best.
     pub(super) fn chance(&self) -> Option<f64> {
         let pairs = self.pairs.iter().filter(|pair| !pair.is_empty());
         let share = |pair: &Vec<Observation>| {
@@ -173,7 +174,7 @@ impl Observed {
         self.pairs.iter().map(hit).collect()
     }
 
-    /// A statistic of pairs by their indices, drawn again and again.
+    /// A statistic of pairs by index, resampled repeatedly.
     fn measured(&self, statistic: impl Fn(&[usize]) -> Option<f64>) -> Measured {
         let all: Vec<_> = (0..self.pairs.len()).collect();
         Measured {
@@ -186,7 +187,7 @@ impl Observed {
     }
 }
 
-/// Of observations of one pair.
+/// Concordance of observations on one pair.
 fn concordance<'a>(
     observations: impl Iterator<Item = &'a Observation>,
     score: usize,
@@ -195,7 +196,7 @@ fn concordance<'a>(
     concordance_by(observations, score, target, |_| 0)
 }
 
-/// Couples with the same key and in one stratum of the target.
+/// Concordance over couples with the same key and in one stratum of the target.
 fn concordance_by<'a>(
     observations: impl Iterator<Item = &'a Observation>,
     score: usize,
@@ -232,7 +233,7 @@ mod tests {
     use crate::without_truth::SCORES;
     use svl_data::score::CellTally;
 
-    /// Right, wrong and unknown cells of fifteen, and a score; cell coverage follows.
+    /// Right, wrong and unknown cells out of fifteen, and a score; cell coverage follows.
     fn observation(algorithm: usize, cells: [usize; 3], score: f64) -> Observation {
         let [right, wrong, unknown] = cells;
         let mut scores = [None; SCORES.len()];
@@ -258,8 +259,8 @@ mod tests {
 
     #[test]
     fn coverage_is_equal_within_strata_alone() {
-        // Two algorithms know all, the one with the better score has fewer wrong cells; the third
-        // knows a third, has no wrong cell and the worst score.
+        // Two algorithms know all cells, and the one with the better score has fewer wrong ones;
+        // the third knows a third of them, has no wrong cell and the worst score.
         let set = twice_eight(&[
             observation(0, [12, 3, 0], 0.8),
             observation(1, [9, 6, 0], 0.6),
@@ -270,9 +271,9 @@ mod tests {
         assert_eq!(set.couples(0, Between::Algorithms, Target::NotWrong), 16);
         assert_eq!(tau(Target::Right), Some(1.0));
         assert_eq!(set.couples(0, Between::Algorithms, Target::Right), 48);
-        // All pairs are alike.
+        // All pairs are equal.
         assert_eq!(set.tau(0, Between::Pairs, Target::Right).value, None);
-        // Coverage says nothing at equal coverage.
+        // Coverage is uninformative at equal coverage.
         let coverage = set.tau(CELLS, Between::Algorithms, Target::NotWrong);
         assert_eq!(coverage, Measured::default());
     }
@@ -305,7 +306,7 @@ mod tests {
             (Some(1.0), Some(0.0))
         );
         assert_eq!(set.chance(), Some(0.5));
-        // All pixels are covered by both: by lot.
+        // Both cover all pixels: chance.
         assert_eq!(set.picks(PIXELS).value, Some(0.5));
         assert_eq!(set.picks_beyond_coverage(0).value, Some(0.5));
         assert_eq!(of([0.5, 0.5]).picks(0).value, Some(0.5));

@@ -1,7 +1,8 @@
-//! Whether scores that need no truth tell right cells from wrong ones: a study of svl's own.
+//! Scores without truth, tested for their ability to separate right cells from wrong ones: svl's
+//! own study.
 //!
-//! docs/method.md holds the definitions, the measures and the criteria, which were fixed before the
-//! first score was computed.
+//! docs/method.md contains the definitions, the measures and the criteria, which were fixed before
+//! the first score was computed.
 //!
 //! ```text
 //! frames ─▶ Observer: support, score ─▶ Observed: rank correlation, picks, bootstrap ─▶ Finding
@@ -55,11 +56,11 @@ const SCORES: [&str; 7] = [
 const CELLS: usize = 5;
 const PIXELS: usize = 6;
 
-/// What the lower end of a tau's interval has to exceed.
+/// Least lower end of a tau's interval.
 const LEAST_TAU: f64 = 0.2;
 
-/// The real scenes with truth, below the folder of data sets. Those of one line show one scene
-/// under other light or exposure.
+/// The real scenes with truth, below the folder of data sets. Those on one line show one scene
+/// under different light or exposure.
 const REAL: &[&[&str]] = &[
     &["tsukuba"],
     &["venus"],
@@ -81,7 +82,7 @@ const REAL: &[&[&str]] = &[
     &["kitti2012-000000_10"],
 ];
 
-/// Cells of about the size of the arena's, on images of twice its width.
+/// Cells of about the same size as the arena's, on images of twice its width.
 const REAL_GRID: GridShape = GridShape {
     columns: 10,
     rows: 6,
@@ -189,7 +190,7 @@ fn observed(
     outbox.take().into_iter().collect()
 }
 
-/// What a score is worth on a set of pairs.
+/// Worth of a score on a set of pairs.
 #[derive(Clone, Copy)]
 struct Values {
     /// Between algorithms on one pair, with wrong cells at equal coverage and with right cells.
@@ -220,7 +221,7 @@ impl Values {
     }
 }
 
-/// The condition of a score, and whether it is met. Without real scenes there is none.
+/// The condition of a score, met or not. `None` without real scenes.
 fn judged(
     score: usize,
     values: &[Values],
@@ -306,7 +307,7 @@ fn share(measured: Measured) -> TableValue {
     })
 }
 
-/// The means of each algorithm over a run.
+/// The means over a run for each algorithm.
 fn table_of_averages(runs: &[(String, Vec<Vec<Observation>>)], finding: &mut Finding) {
     let table = finding.table([
         "mean, %",
@@ -346,7 +347,7 @@ fn table_of_averages(runs: &[(String, Vec<Vec<Observation>>)], finding: &mut Fin
     }
 }
 
-/// Each score by its tau in the arena and on the real scenes.
+/// Each score by its tau, in the arena and on the real scenes.
 fn figure(arena: &[Values], real: &[Values]) -> Chart {
     let point = |(i, name): (usize, &&str)| {
         let tau = |values: &[Values]| values[i].algorithms[0].value.unwrap_or(f64::NAN);

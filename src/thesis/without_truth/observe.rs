@@ -7,7 +7,7 @@ use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, match_rig
 use svl_core::stereo::{DepthGrid, RectifiedPair};
 use svl_data::score::{CellTally, Correlations, Judge, Judged, agreed_cells, unrivalled_cells};
 
-/// An algorithm on a pair.
+/// Observation of an algorithm on a pair.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Observation {
     /// Index in [`ALGORITHMS`].
@@ -15,18 +15,18 @@ pub(super) struct Observation {
     /// Known cells, in fifteenths of the grid, rounded.
     pub(super) fifteenths: usize,
     pub(super) truth: CellTally,
-    /// The shares of [`SCORES`]: supported cells of all cells, then of known cells, of pixels with
-    /// a disparity.
+    /// The fractions of [`SCORES`]: supported cells of all cells, then of known cells, of pixels
+    /// with a disparity.
     pub(super) scores: [Option<f64>; SCORES.len()],
 }
 
 impl Observation {
-    /// Right cells of all that have a truth.
+    /// Right cells as a fraction of all cells with truth.
     pub(super) fn right(&self) -> f64 {
         self.truth.right as f64 / self.truth.scored() as f64
     }
 
-    /// Wrong cells of those that are known; nothing of none.
+    /// Wrong cells as a fraction of the known ones; `None` if there are none.
     pub(super) fn wrong(&self) -> Option<f64> {
         let CellTally { right, wrong, .. } = self.truth;
         (right + wrong > 0).then(|| wrong as f64 / (right + wrong) as f64)
@@ -38,16 +38,16 @@ impl Observation {
     }
 }
 
-/// Scores one frame after the other.
+/// Scores frames one after the other.
 pub(super) struct Observer {
     judge: Judge,
-    /// For the second pass of each algorithm.
+    /// Matchers for the second pass of each algorithm.
     matchers: Vec<Box<dyn Matcher>>,
     output: MatchOutput,
     before: Option<Before>,
 }
 
-/// The frame before.
+/// The previous frame.
 struct Before {
     sequence: u64,
     stamp_ns: u64,
@@ -65,15 +65,14 @@ impl Observer {
         })
     }
 
-    /// The observations of a frame that all algorithms have matched; none where no cell has a
-    /// truth.
+    /// The observations of a frame that all algorithms have matched; empty if no cell has a truth.
     pub(super) fn observe(&mut self, judged: &Judged) -> Result<Vec<Observation>> {
         let frame = &judged.frame;
         let correlations = Correlations::new(&frame.pair);
         let context = MatchContext::of(frame, self.judge.grid, self.judge.cells);
         let grids: Vec<_> = judged.estimates.iter().map(|e| &e.estimate.grid).collect();
         let before = self.before.take();
-        // After a gap nothing is known of the frame before.
+        // After a gap the previous frame is unknown.
         let before = before.filter(|before| before.sequence + 1 == frame.sequence);
         let mut observations = Vec::new();
         for (algorithm, scored) in judged.estimates.iter().enumerate() {

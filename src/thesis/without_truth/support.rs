@@ -1,4 +1,4 @@
-//! The scores that only the study has: how many known cells of an estimate each supports.
+//! Scores used only in the study: number of known cells of an estimate that each supports.
 
 use svl_core::stereo::{CellDepth, CellRule, DepthGrid, Estimate, Plane};
 use svl_data::score::{Correlations, supported_cells};
@@ -6,7 +6,7 @@ use svl_data::score::{Correlations, supported_cells};
 /// Least ZNCC of a match: the texture's variance is then 2.3 times the noise's.
 const MATCH: f32 = 0.7;
 
-/// Largest speed of a robot or of what moves before it, metres per second.
+/// Largest speed of a robot or of anything moving in front of it, metres per second.
 const SPEED_M_S: f64 = 1.5;
 
 pub(super) fn warped(estimate: &Estimate, correlations: &Correlations<'_>) -> usize {
@@ -14,7 +14,7 @@ pub(super) fn warped(estimate: &Estimate, correlations: &Correlations<'_>) -> us
     supported_cells(estimate, Correlations::STEP, supports)
 }
 
-/// `right`: the disparities of the right image by the same algorithm, `+∞` where there is none.
+/// `right`: the disparities of the right image from the same algorithm, `+∞` for invalid pixels.
 pub(super) fn left_right(estimate: &Estimate, right: &Plane<f32>) -> usize {
     supported_cells(estimate, 1, |(x, y), d| {
         let partner = (x as f32 - d).round();
@@ -25,7 +25,7 @@ pub(super) fn left_right(estimate: &Estimate, right: &Plane<f32>) -> usize {
 }
 
 /// Cells known now and `seconds` ago whose distance changed no more than the rule's tolerance and
-/// motion explain; nothing without distances.
+/// motion explain; `None` without distances.
 pub(super) fn steady(
     now: &DepthGrid,
     before: &DepthGrid,
@@ -81,7 +81,7 @@ mod tests {
 
     const NONE: f32 = f32::INFINITY;
 
-    /// Distances of two cells, nothing where unknown.
+    /// Distances of two cells, `None` if unknown.
     fn grid(distances_m: [Option<f64>; 2]) -> DepthGrid {
         let rig = Rig::new(100.0, (0.0, 0.0), 0.1, 0.0).unwrap();
         let px = |m: Option<f64>| m.map_or(NONE, |m| rig.disparity_px(m) as f32);
