@@ -1,7 +1,7 @@
 //! A viewer layout (blueprint) as a tree, written to a stream or a file.
 //!
 //! The SDK's own blueprint types cannot yet set a view's properties (axes, legends, the eye in 3D)
-//! nor write a layout file, so this writes the blueprint's entities itself, as the Python SDK does.
+//! or write a layout file, so this writes the blueprint's entities directly, like the Python SDK.
 
 use rerun::external::re_log_types::BlueprintActivationCommand;
 use rerun::external::re_sdk_types::blueprint::archetypes::{
@@ -44,17 +44,17 @@ pub(crate) struct LayoutView {
 }
 
 impl LayoutNode {
-    /// Children from left to right, with their shares of the width; equal ones when empty.
+    /// Children from left to right, with their fractions of the width; equal ones if empty.
     pub(crate) fn row(name: &str, children: Vec<LayoutNode>, shares: &[f32]) -> Self {
         Self::container(ContainerKind::Horizontal, name, children, shares)
     }
 
-    /// Children from top to bottom, with their shares of the height.
+    /// Children from top to bottom, with their fractions of the height.
     pub(crate) fn column(name: &str, children: Vec<LayoutNode>, shares: &[f32]) -> Self {
         Self::container(ContainerKind::Vertical, name, children, shares)
     }
 
-    /// Children one behind the other, the first in front; an only child stands alone.
+    /// Children as tabs, the first in front; an only child is shown alone.
     pub(crate) fn tabs(name: &str, mut children: Vec<LayoutNode>) -> Self {
         match children.len() {
             1 => children.remove(0),
@@ -119,7 +119,7 @@ impl LayoutNode {
 
 impl LayoutView {
     /// A view of Rerun's class `class` (`2D`, `3D`, `TimeSeries`, `TextDocument`, `TextLog`)
-    /// showing the entities that `contents` lists, relative to `origin`.
+    /// showing the entities listed in `contents`, relative to `origin`.
     pub(crate) fn new<S: Into<String>>(
         class: &'static str,
         name: &str,
@@ -194,17 +194,17 @@ impl From<LayoutView> for LayoutNode {
     }
 }
 
-/// Where the time cursor stands when the viewer opens.
+/// Position of the time cursor when the viewer opens.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum TimeCursor {
     /// At the first frame, paused.
     First,
-    /// At the last frame, and with those that come.
+    /// At the last frame, following new ones.
     Last,
 }
 
-/// Writes the layout `root`, its panels folded, its time cursor on `timeline`, into a blueprint's
-/// stream.
+/// Writes the layout `root`, with its panels collapsed and its time cursor on `timeline`, into a
+/// blueprint's stream.
 fn log(
     root: &LayoutNode,
     timeline: &str,
@@ -231,7 +231,7 @@ fn log(
         .with_state(PanelState::Collapsed)
         .with_timeline(timeline);
     if cursor == TimeCursor::First {
-        // Paused alone would stand at the last frame that was read by then.
+        // Paused alone would stop at the last frame read by then.
         time = time
             .with_play_state(PlayState::Paused)
             .with_loop_mode(LoopMode::All);
@@ -245,8 +245,8 @@ fn builder(app: ApplicationId) -> RecordingStreamBuilder {
         .blueprint()
 }
 
-/// Sends the layout along with the recording `stream` of `app`. It becomes the active one: the
-/// layout left over from a run with other algorithms would show empty views.
+/// Sends the layout along with the recording `stream` of `app`. It becomes the active one: a layout
+/// left over from a run with other algorithms would show empty views.
 pub(crate) fn send(
     root: &LayoutNode,
     app: ApplicationId,
@@ -273,7 +273,7 @@ pub(crate) fn save(
 ) -> RecordingStreamResult<()> {
     let blueprint = crate::file::open(builder(app), path)?;
     log(root, timeline, TimeCursor::Last, &blueprint)?;
-    // The viewer activates what it has read so far. A failure shows again below.
+    // The viewer activates what it has read so far. A failure appears again below.
     let _ = blueprint.flush_blocking();
     if let Some(info) = blueprint.store_info() {
         blueprint.record_msg(BlueprintActivationCommand::make_active(info.store_id).into());

@@ -58,7 +58,7 @@ impl BoardView for RerunBoard {
         {
             let path = |part: &str| format!("board/{side}{part}");
             self.view.log(&path(""), &gray(image))?;
-            // Rerun's pixels begin at integers; svl's pixel centres lie at integers.
+            // Rerun's pixels begin at integers; svl's pixel centres are at integers.
             let points: Vec<[f32; 2]> = corners
                 .iter()
                 .map(|p| [p.x as f32 + 0.5, p.y as f32 + 0.5])

@@ -1,4 +1,4 @@
-//! How much of a run Rerun gets: maps of every frame, or of some.
+//! Amount of a run that is sent to Rerun: maps of every frame, or of some.
 
 use svl_data::score::Judged;
 
@@ -6,33 +6,33 @@ use svl_data::score::Judged;
 const EVERY: u64 = 30;
 /// and every Nth while frames show a checkpoint: one or two of a robot's visit.
 const EVERY_AT_CHECKPOINT: u64 = 10;
-/// Limit of the scenes of a run that are all listed; a folder with more is a recording.
+/// Limit on the scenes of a run that are all listed; a folder with more is a recording.
 const SCENES: u64 = 64;
 
-/// Chooses some frames as they come: a run's first one, every 30th, every 10th of those that show a
-/// checkpoint, and its first scenes.
+/// Chooses some frames as they arrive: a run's first one, every 30th, every 10th of those that show
+/// a checkpoint, and its first scenes.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct ListedFrames {
-    /// Frames since the last that is listed, in this run.
+    /// Number of frames since the last listed one, in this run.
     since: Option<u64>,
     /// Scenes of this run so far.
     scenes: u64,
 }
 
 impl ListedFrames {
-    /// A run begins, whose first frame is listed.
+    /// Starts a run, whose first frame is listed.
     pub(crate) fn begin_run(&mut self) {
         *self = Self::default();
     }
 
-    /// Whether the next frame is listed.
+    /// True if the next frame is listed.
     pub(crate) fn next(&mut self, judged: &Judged) -> bool {
         let mut estimates = judged.estimates.iter();
         let shows_checkpoint = estimates.any(|scored| !scored.checkpoints.is_empty());
         self.choose(judged.frame.name.is_some(), shows_checkpoint)
     }
 
-    /// Whether the next frame is listed, by what is known of it before it is judged.
+    /// True if the next frame is listed, by what is known before it is scored.
     pub(crate) fn choose(&mut self, is_scene: bool, shows_checkpoint: bool) -> bool {
         let every = if shows_checkpoint {
             EVERY_AT_CHECKPOINT
@@ -41,7 +41,7 @@ impl ListedFrames {
         };
         let since = self.since.map(|since| since + 1);
         self.scenes += u64::from(is_scene);
-        // Scenes are few, and no neighbour shows what one of them does.
+        // Scenes are few, and their neighbours are different.
         let is_scene = is_scene && self.scenes <= SCENES;
         let listed = is_scene || since.is_none_or(|since| since >= every);
         self.since = if listed { Some(0) } else { since };

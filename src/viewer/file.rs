@@ -1,4 +1,4 @@
-//! Rerun's file. The SDK's own sink waits for ever for the end of a file that cannot grow.
+//! Rerun's file. The SDK's own sink waits forever for the end of a file that cannot grow.
 
 use rerun::external::re_log_encoding::{EncodeError, Encoder, EncodingOptions};
 use rerun::log::LogMsg;
@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-/// Writes messages to a file, up to the first that cannot be written.
+/// Writes messages to a file, up to the first failure.
 struct FileWriter(Mutex<Result<Encoder<File>, EncodeError>>);
 
 /// Opens a stream into the file `path`.

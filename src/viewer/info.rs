@@ -1,4 +1,4 @@
-//! The facts of a run that Rerun shows from the beginning, and the entity paths of its algorithms.
+//! Static facts of a run in Rerun, and the entity paths of its algorithms.
 
 use svl_bench::sink::RunInfo;
 use svl_core::stereo::ExtraPlanes;
@@ -7,7 +7,7 @@ use svl_core::stereo::ExtraPlanes;
 pub(crate) struct AlgorithmPath {
     pub label: String,
     pub part: String,
-    /// What its maps have besides disparities and reasons, known from the first frame on.
+    /// Planes of its maps besides disparities and reasons, known from the first frame on.
     pub extra: ExtraPlanes,
 }
 
@@ -18,8 +18,8 @@ impl AlgorithmPath {
     }
 }
 
-/// The labels as parts of entity paths: letters, digits, `_` and `.` stay, the rest becomes `-`.
-/// Labels that would become equal are numbered.
+/// The labels as parts of entity paths: letters, digits, `_` and `.` are kept, the rest becomes
+/// `-`. Labels that would become equal are numbered.
 pub(crate) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<AlgorithmPath> {
     // Rerun parses `/ : = ,` and spaces in entity paths.
     let safe = |c: char| {
@@ -33,7 +33,7 @@ pub(crate) fn algorithms(labels: impl Iterator<Item = String>) -> Vec<AlgorithmP
     for label in labels {
         let stem: String = label.chars().map(safe).collect();
         let names = std::iter::once(stem.clone()).chain((2..).map(|n| format!("{stem}-{n}")));
-        // The numbers never end, so one of them is free.
+        // The numbers never end, so one of them is unused.
         let part = names
             .into_iter()
             .find(|name| made.iter().all(|a| a.part != *name))
@@ -56,7 +56,7 @@ pub(crate) fn parameters(run: &RunInfo) -> String {
     format!("# {}\n{}", run.scenario, rows.collect::<String>())
 }
 
-/// Placeholder for the verdicts, as Markdown.
+/// Placeholder for the results, as Markdown.
 pub(crate) fn awaiting(run: &RunInfo) -> String {
     format!(
         "# {}\n\nNo checkpoint has been scored yet: verdicts come at the end of `svl score`.\n",

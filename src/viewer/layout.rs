@@ -17,16 +17,16 @@ use svl_bench::sink::RerunTarget;
 use svl_core::Result;
 use svl_data::score::{Metric, MetricUnit};
 
-/// What the first frame holds. A view without data would only be a hole in the layout.
+/// Contents of the first frame. A view without data would only be a hole in the layout.
 pub(crate) struct Facts {
-    /// What its truth is called, where it has one.
+    /// Name of its truth, if it has one.
     pub truth: Option<String>,
     pub rig: bool,
     /// Size of the images, unless they come from several scenes.
     pub size: Option<(usize, usize)>,
     /// Position and target of the 3D view, world frame, metres.
     pub eye: [[f32; 3]; 2],
-    /// The metrics that are plotted.
+    /// The plotted metrics.
     pub plots: Vec<&'static Metric>,
 }
 
@@ -106,8 +106,8 @@ fn maps(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
     }
 }
 
-/// The layout while a person tunes: a column per algorithm, and one for the truth or the images;
-/// overlays above, disparities below them, and why others have none at the bottom.
+/// The layout during tuning: a column per algorithm, and one for the truth or the images; overlays
+/// at the top, disparities below them, and the reasons of invalid pixels at the bottom.
 pub(crate) fn tuning(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
     let each = |view: &dyn Fn(&AlgorithmPath) -> LayoutNode| -> Vec<LayoutNode> {
         algorithms.iter().map(view).collect()
@@ -169,7 +169,7 @@ fn bottom(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
         }
         .into()
     };
-    // The shares first, as they are always there.
+    // The fractions first, as they are always there.
     let (counts, others): (Vec<_>, Vec<_>) = facts.plots.iter().partition(|m| m.counts());
     let mut nodes = vec![latency];
     nodes.extend(others.iter().chain(&counts).map(metric));
@@ -182,8 +182,8 @@ fn bottom(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
     LayoutNode::row("numbers", nodes, &[])
 }
 
-/// A recording with these topics, which the viewer names as the recording does: both images, the
-/// true depth, and the cameras in the frame `world`. Nothing where no image has a place svl knows.
+/// A recording with these topics, named in the viewer as in the recording: both images, the true
+/// depth, and the cameras in the frame `world`. `None` if no image is on a topic svl knows.
 fn recording(topics: &[String]) -> Option<LayoutNode> {
     let view = |(name, topic): (&str, &str)| {
         let known = topics.iter().any(|t| t == topic);
@@ -223,11 +223,11 @@ fn recording(topics: &[String]) -> Option<LayoutNode> {
 }
 
 /// Writes a viewer layout for the recording `file` (MCAP) with these topics to `layout`, by custom
-/// `*.rbl`, and says whether it did: a recording without svl's topics keeps the viewer's
+/// `*.rbl`, and returns true if it did: a recording without svl's topics keeps the viewer's
 /// automatic layout.
 ///
 /// # Errors
-/// The layout cannot be written.
+/// If the layout cannot be written.
 pub(crate) fn save_recording_layout(file: &Path, topics: &[String], layout: &Path) -> Result<bool> {
     let Some(root) = recording(topics) else {
         return Ok(false);
@@ -251,7 +251,7 @@ fn picture(name: &str, over: &str) -> LayoutNode {
     .into()
 }
 
-/// The reasons on the left image, and below it their legend, if all frames are of one size.
+/// The reasons on the left image, with their legend below, if all frames have one size.
 fn reasons(name: &str, path: &str, facts: &Facts) -> LayoutNode {
     let contents = [Some(IMAGE), Some(path), facts.size.map(|_| LEGEND)];
     let contents = contents
@@ -313,8 +313,8 @@ fn world(algorithm: &AlgorithmPath, facts: &Facts, one: bool) -> LayoutNode {
     .into()
 }
 
-/// Lines over time. One legend is enough for all plots of the algorithms, whose colours are the
-/// same everywhere.
+/// Lines over time. One legend suffices for all plots of the algorithms, whose colours are the same
+/// everywhere.
 fn plot(name: &str, entities: impl IntoIterator<Item = String>, legend: bool) -> LayoutView {
     LayoutView::new(
         "TimeSeries",

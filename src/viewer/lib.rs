@@ -1,4 +1,4 @@
-//! Rerun as the viewer of svl: maps, depth grid and metrics of every algorithm beside each other.
+//! Rerun as the viewer of svl: maps, depth grid and metrics of every algorithm side by side.
 //!
 //! ```text
 //! world                        z up
@@ -19,9 +19,9 @@
 //! run/parameters  run/verdicts  run/frames
 //! legend/why
 //! ```
-//! Timelines: `pair`, the frame's number, and `time`, its stamp; while a person tunes an algorithm
-//! also `change`, which counts what was shown. Maps are those of all frames, or
-//! of some ([`RerunDetail`]); between them they are cleared. `run/frames` lists those frames.
+//! Timelines: `pair`, the frame's number, and `time`, its stamp; during tuning also `change`, which
+//! counts the updates. Maps are logged for all frames, or for some ([`RerunDetail`]); between them
+//! they are cleared. `run/frames` lists those frames.
 
 mod blueprint;
 mod board;
@@ -59,32 +59,32 @@ use svl_data::arena::WireObject;
 use svl_data::score::{Checkpoint, Judged, METRICS, Metric};
 use target::Destination;
 
-/// Rerun's word for the program: recordings of one application share their layout.
+/// Rerun's application id: recordings of one application share their layout.
 const APPLICATION: &str = "svl";
 /// The timelines, the one the viewer opens with first.
 const TIMELINES: [&str; 2] = ["pair", "time"];
-/// The timeline of what a person turned, which is in front while tuning.
+/// The timeline of a person's changes, which is in front during tuning.
 const CHANGES: &str = "change";
-/// How long a viewer may take to receive a frame while a person waits for it.
+/// Time that a viewer may take to receive a frame while a person waits for it.
 const SENT: Duration = Duration::from_secs(3);
 const CAMERA: &str = "world/rig/left";
 const IMAGE: &str = "world/rig/left/image";
 const LEGEND: &str = "legend/why";
 /// The maps that every algorithm has, and its cloud.
 const MAPS: [&str; 4] = ["disparity", "why", "depth", "points"];
-/// Stamps from here on (2001, in nanoseconds) are taken for Unix time, smaller ones for the time
-/// since the start of the recording.
+/// Stamps from here on (2001, in nanoseconds) are interpreted as Unix time, smaller ones as the
+/// time since the start of the recording.
 const EPOCH_NS: u64 = 1_000_000_000_000_000_000;
 
-/// A file is written in few large pieces: each costs its columns' names, a viewer opens a tenth of
-/// them five times as fast, and a run that is killed loses at most one.
+/// A file is written in few large batches: each repeats its columns' names, a viewer opens a tenth
+/// of them five times as fast, and a run that is killed loses at most one.
 const FILE_BATCHES: ChunkBatcherConfig = ChunkBatcherConfig {
     flush_tick: Duration::from_secs(10),
     flush_num_bytes: 8 << 20,
     ..ChunkBatcherConfig::DEFAULT
 };
 
-/// Rerun, as svl was built with it.
+/// Rerun, as built into svl.
 pub struct Rerun;
 
 impl Viewer for Rerun {
@@ -132,29 +132,29 @@ struct RerunSink {
     target: Destination,
     algorithms: Vec<AlgorithmPath>,
     wireframe: Vec<WireObject>,
-    /// Whether the layout was sent, and if so whether with views of the truth.
+    /// `None` before the layout was sent; then true if it has views of the truth.
     begun: Option<bool>,
     camera: Option<(Scale, Option<Rig>, (usize, usize))>,
     last_pose: Option<Pose>,
-    /// Where the run under way begins on the timelines.
+    /// Start of the current run on the timelines.
     start: Moment,
-    /// The last frame's place on them.
+    /// The last frame's position on them.
     last: Option<Moment>,
     detail: RerunDetail,
     frames: ListedFrames,
-    /// The same, of frames that come later.
+    /// The same for later frames.
     upcoming: ListedFrames,
-    /// Whether the frame being logged is listed, and whether it has maps.
+    /// True if the frame being logged is listed, and if it has maps.
     is_listed: bool,
     has_maps: bool,
     /// Number and name of the run's checkpoints.
     checkpoints: Vec<String>,
     verdicts: Option<Box<dyn FnOnce() -> Option<String> + Send>>,
-    /// While a person tunes: how often something was shown.
+    /// During tuning, number of updates shown.
     changes: Option<i64>,
 }
 
-/// A place on the timelines.
+/// A position on the timelines.
 #[derive(Clone, Copy, Default)]
 struct Moment {
     pair: u64,
@@ -162,12 +162,13 @@ struct Moment {
 }
 
 impl RerunSink {
-    /// Opens `target` and writes what holds for all of the run. The layout follows with the first
+    /// Opens `target` and writes the static entities of the run. The layout follows with the first
     /// frame.
     ///
     /// # Errors
-    /// The file exists (it is never overwritten: remove it first) or cannot be made; no viewer to
-    /// spawn, or none at the URL. Always one line.
+    ///
+    /// If the file exists (it is never overwritten: remove it first) or cannot be created; if there
+    /// is no viewer to spawn, or none at the URL. Always one line.
     fn new(target: RerunTarget, detail: RerunDetail, run: &RunInfo) -> Result<Self> {
         let mut builder = RecordingStreamBuilder::new(APPLICATION)
             .recording_id(run.recording_id.as_str())
@@ -253,7 +254,7 @@ impl RerunSink {
         Ok(())
     }
 
-    /// The layout, as soon as a frame and its estimates show what there is to see.
+    /// Sends the layout, as soon as a frame and its estimates determine the views.
     fn begin(&mut self, judged: &Judged, scale: &Scale) -> Result<()> {
         let frame = &judged.frame;
         for algorithm in &mut self.algorithms {
@@ -264,7 +265,7 @@ impl RerunSink {
         for algorithm in self.algorithms.iter().filter(|a| a.extra.ssdpi) {
             self.log_static(&algorithm.path("ssdpi"), &world::on_image())?;
         }
-        // A share of nothing is no value: its plot would stay empty.
+        // A fraction with denominator 0 has no value: its plot would stay empty.
         let has = |metric: &&Metric| {
             let mut estimates = judged.estimates.iter();
             estimates.any(|scored| scored.metrics.value(metric).is_some())
@@ -292,12 +293,12 @@ impl RerunSink {
             .map_err(|error| self.target.failed(error))
     }
 
-    /// Waits until all that was logged is written or sent.
+    /// Waits until everything logged is written or sent.
     fn flush(&self) -> Result<()> {
         self.target.flush(&self.stream)
     }
 
-    /// The colour scale of the frame's camera, kept for as long as rig and image size stay.
+    /// The colour scale of the frame's camera, kept as long as rig and image size are unchanged.
     fn scale(&mut self, frame: &Frame) -> Result<Scale> {
         let size = frame.pair.size();
         match self.camera {
@@ -312,7 +313,7 @@ impl RerunSink {
     }
 }
 
-/// The colour of the algorithm at that place in the run.
+/// The colour of the algorithm at that position in the run.
 fn color(place: usize) -> Rgba32 {
     let [r, g, b] = svl_data::overlay::algorithm_color(place);
     Rgba32::from_rgb(r, g, b)
@@ -327,7 +328,7 @@ fn line(name: &str, color: Rgba32) -> SeriesLines {
 }
 
 impl Sink for RerunSink {
-    /// The timelines place a further run after the one before, with a second between.
+    /// Places the next run after the previous one on the timelines, with a second between.
     fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
         let words = |c: &Checkpoint| format!("checkpoint {}, {}", c.number, c.name);
         self.checkpoints = start.judge.checkpoints.iter().map(words).collect();
@@ -354,11 +355,11 @@ impl Sink for RerunSink {
         }
     }
 
-    /// Shows a frame. An algorithm without an estimate for it shows nothing there.
+    /// Logs a frame. An algorithm without an estimate for it shows nothing there.
     fn take(&mut self, judged: &Judged) -> Result<()> {
         let frame = &judged.frame;
         let scale = self.scale(frame)?;
-        // Also when the first frame with a truth comes, which only some pairs may have.
+        // Also at the first frame with a truth, which only some pairs may have.
         let has_truth = frame.truth.is_some();
         if self.begun.is_none_or(|had_truth| has_truth && !had_truth) {
             self.begin(judged, &scale)?;
@@ -370,7 +371,7 @@ impl Sink for RerunSink {
         };
         let before = self.last.replace(now);
         let is_first = before.is_none();
-        // What is there already stays, while only an algorithm changes.
+        // The existing content is kept while only an algorithm changes.
         let is_again = self.changes.is_some() && before.is_some_and(|last| last.pair == now.pair);
         let nanos = i64::try_from(now.time_ns).unwrap_or(i64::MAX);
         self.stream
@@ -412,7 +413,7 @@ impl Sink for RerunSink {
             return sent.map_err(|error| self.target.broken(&error.to_string()));
         }
         if is_first {
-            // The viewer's time cursor stands where the first piece of a file begins.
+            // The viewer's time cursor starts at the first batch of a file.
             self.flush()
         } else {
             Ok(())
@@ -423,8 +424,8 @@ impl Sink for RerunSink {
         self.flush()
     }
 
-    /// Waits until all is written or sent. A file gets its index, for quick opening, when the sink
-    /// is dropped.
+    /// Waits until everything is written or sent. A file gets its index, for quick opening, when
+    /// the sink is dropped.
     fn finish(mut self: Box<Self>) -> Result<()> {
         if let Some(markdown) = self.verdicts.take().and_then(|markdown| markdown()) {
             self.log_static("run/verdicts", &TextDocument::from_markdown(markdown))?;

@@ -1,9 +1,10 @@
 //! The thesis's picture of a depth grid (figures 5.8d and 7.3, table 5.1): squares on the left
 //! image.
 //!
-//! In every cell a red square, centred, as large as the cell's median is near
+//! Every known cell has a centred red square whose size is the nearness of the cell's median
 //! ([`overlay::Nearness`]). A yellow square shows the 20th percentile and a violet one the 80th in
-//! the same way: the closer the three, the smaller the spread of the depth. A red dot: unknown.
+//! the same way: the closer the three, the smaller the spread of the depth. A red dot means
+//! unknown.
 
 use crate::scale::Scale;
 use rerun::{Boxes2D, LineStrips2D, Points2D, Radius, Rgba32};
@@ -15,7 +16,7 @@ const YELLOW: Rgba32 = Rgba32::from_rgb(255, 221, 50);
 const VIOLET: Rgba32 = Rgba32::from_rgb(186, 85, 255);
 pub(crate) const WHITE: Rgba32 = Rgba32::from_unmultiplied_rgba(255, 255, 255, 110);
 
-/// The shapes over the left image for one depth grid.
+/// The shapes on the left image for one depth grid.
 pub(crate) struct Overlay {
     /// The red squares.
     pub medians: Boxes2D,
@@ -23,18 +24,18 @@ pub(crate) struct Overlay {
     pub unknown: Points2D,
     /// The borders of the cells.
     pub lines: LineStrips2D,
-    /// The yellow and violet squares, to be drawn over the red ones: an entity of their own.
+    /// The yellow and violet squares, drawn over the red ones: a separate entity.
     pub percentiles: Boxes2D,
-    /// The distances of the known cells, without a rig their disparities, as text.
+    /// The distances of the known cells, or their disparities without a rig, as text.
     pub distances: Points2D,
 }
 
-/// Most overlays side by side whose labels do not cover each other.
+/// Most overlays side by side whose labels do not overlap.
 const MAX_LABELLED: usize = 4;
 
 impl Overlay {
-    /// Of `grid` on an image of `size` pixels, the distances written out unless there are too many
-    /// `views` for that.
+    /// Overlay of `grid` on an image of `size` pixels, with distances as text unless there are too
+    /// many `views` for that.
     pub(crate) fn new(grid: &DepthGrid, size: (usize, usize), scale: &Scale, views: usize) -> Self {
         let mut medians = Vec::new();
         let mut percentiles = Vec::new();
@@ -51,7 +52,7 @@ impl Overlay {
         let mut distances = Vec::new();
         for (place, cell) in grid.iter() {
             let Some(depth) = cell.depth else { continue };
-            // What is too close is nearer than its depth.
+            // An object that is too close is nearer than its depth.
             let mut label = match (depth.distance_m, cell.too_close) {
                 (Some(distance_m), false) => format!("{distance_m:.2} m"),
                 (Some(distance_m), true) => format!("< {distance_m:.2} m"),

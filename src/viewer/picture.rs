@@ -1,8 +1,8 @@
 //! Disparity, depth, SSDPI and reason maps as Rerun images with fixed ranges and colours.
 //!
 //! Images are JPEG files. Disparities, depths and ln(SSDPI + 1) are RVL files of 16-bit codes, in
-//! which 0 is none; reasons PNG files with a palette. In all a quarter of what half floats and
-//! bytes take.
+//! which 0 means invalid; reasons are PNG files with a palette. Together they take a quarter of the
+//! size of half floats and bytes.
 
 use crate::scale::Scale;
 use rerun::components::{Colormap, MediaType};
@@ -21,10 +21,10 @@ const SSDPI_RANGE: [f64; 2] = [0.0, 12.0];
 /// Pixels without a depth.
 const UNKNOWN: [u8; 4] = [12, 12, 14, 255];
 
-/// Rerun ignores the transparency of an image of full opacity.
+/// Rerun ignores the transparency of an image with full opacity.
 const OPAQUE: f32 = 0.999;
 
-/// Limit of the points of a cloud: enough to see the shape.
+/// Limit on the points of a cloud: enough to see the shape.
 const MAX_POINTS: f64 = 20_000.0;
 
 /// Names and colours of the reasons, for their legend.
@@ -47,7 +47,7 @@ fn color(reason: Reason) -> Rgba32 {
     }
 }
 
-/// The left image, in colour where the source has it.
+/// The left image, in colour if the source has it.
 pub(crate) fn left(frame: &Frame) -> Result<EncodedImage> {
     let jpeg = match &frame.color {
         Some([left, _]) => files::encode_color_jpeg(left, 0),
@@ -64,7 +64,7 @@ pub(crate) fn gray(image: &Gray) -> Image {
     Image::from_l8(pixels, resolution(image))
 }
 
-/// Disparities in pixels, blue (far) over green to red (near); none is nearly black.
+/// Disparities in pixels, blue (far) through green to red (near); invalid pixels are nearly black.
 pub(crate) fn disparity(map: &Plane<f32>, scale: &Scale) -> EncodedDepthImage {
     let codes = disparity_codes(map);
     // Ranges are in codes.
@@ -72,7 +72,7 @@ pub(crate) fn disparity(map: &Plane<f32>, scale: &Scale) -> EncodedDepthImage {
     coded(&codes, None, range, Colormap::Turbo).with_meter(CODES_PER_PX)
 }
 
-/// Depths in metres, red (near) over yellow to blue (far).
+/// Depths in metres, red (near) through yellow to blue (far).
 pub(crate) fn depth(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> EncodedDepthImage {
     let codes = depth_codes(map, rig);
     let inverse = InverseDepth {
@@ -88,19 +88,20 @@ pub(crate) fn depth(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> EncodedDepthI
     .with_meter(1.0)
 }
 
-/// What blackens the pixels without a depth: Rerun paints them in the colour of 0, which is that of
-/// the nearest obstacle.
+/// Mask that blackens the pixels without a depth: Rerun paints them in the colour of 0, which is
+/// that of the nearest obstacle.
 ///
 /// # Errors
-/// As [`files::encode_classes_png`], as are the next ones.
+///
+/// As [`files::encode_classes_png`], like the next ones.
 pub(crate) fn no_depth(map: &Plane<f32>, rig: &Rig) -> Result<EncodedImage> {
     let codes = no_depth_classes(map, rig);
     let png = files::encode_classes_png(&codes, &[[0; 4], UNKNOWN])?;
     Ok(over(png).with_opacity(OPAQUE))
 }
 
-/// The depths as a cloud, which Rerun makes of a depth image in 3D: every n-th column and row, none
-/// beyond the scale's far end, where a pixel of disparity is metres of depth.
+/// The depths as a cloud, which Rerun computes from a depth image in 3D: every n-th column and row,
+/// none beyond the scale's far end, where a pixel of disparity is metres of depth.
 pub(crate) fn points(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> Result<EncodedDepthImage> {
     let (width, height) = map.size();
     let step = ((width * height) as f64 / MAX_POINTS).sqrt().ceil() as usize;
@@ -109,7 +110,7 @@ pub(crate) fn points(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> Result<Encod
     Ok(depth(&sparse, rig, scale).with_point_fill_ratio(step as f32))
 }
 
-/// ln(SSDPI + 1); black where nothing was compared.
+/// ln(SSDPI + 1); black if nothing was compared.
 pub(crate) fn ssdpi(map: &Plane<u32>) -> EncodedDepthImage {
     let codes = ssdpi_codes(map);
     let range = SSDPI_RANGE.map(|end| end * f64::from(CODES_PER_LN));
@@ -123,14 +124,14 @@ pub(crate) fn why(map: &Plane<Reason>) -> Result<EncodedImage> {
     Ok(over(png).with_opacity(0.8))
 }
 
-/// An image over others, which Rerun draws at -10 and below.
+/// An overlay image; Rerun draws images at -10 and below.
 fn over(png: Vec<u8>) -> EncodedImage {
     EncodedImage::new(png)
         .with_media_type(MediaType::PNG)
         .with_draw_order(0.0)
 }
 
-/// Height of the legend, as a share of the image's.
+/// Height of the legend, as a fraction of the image's.
 pub(crate) const LEGEND_SHARE: f64 = 0.32;
 
 /// The colours of [`why`] with their names, in two lines below an image of `size` pixels.

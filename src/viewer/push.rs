@@ -30,7 +30,7 @@ impl RerunSink {
         Ok(())
     }
 
-    /// Lists a frame by its name, or by what it shows, so that a click leads to it.
+    /// Lists a frame by its name, or by its contents, so that a click leads to it.
     pub(crate) fn push_name(&self, judged: &Judged) -> Result<()> {
         let mut estimates = judged.estimates.iter();
         let shown = estimates.find_map(|scored| scored.checkpoints.first());
@@ -43,7 +43,7 @@ impl RerunSink {
         self.log("run/frames", &TextLog::new(words))
     }
 
-    /// Logs the truth: its depth grid and, where the frame has maps, its depths.
+    /// Logs the truth: its depth grid and, if the frame has maps, its depths.
     pub(crate) fn push_truth(&self, judged: &Judged, scale: &Scale) -> Result<()> {
         let (Some(truth), Some(cells)) = (&judged.frame.truth, &judged.true_cells) else {
             return self.log("truth", &Clear::recursive());
@@ -56,7 +56,7 @@ impl RerunSink {
         }
     }
 
-    /// Clears all maps and clouds, which must not stay beside later images.
+    /// Clears all maps and clouds, which must not remain next to later images.
     pub(crate) fn clear_maps(&self) -> Result<()> {
         for algorithm in &self.algorithms {
             let ssdpi = algorithm.extra.ssdpi.then_some("ssdpi");
@@ -121,7 +121,7 @@ impl RerunSink {
             Some(_) => self.log(&algorithm.path("ssdpi"), &Clear::flat())?,
             None => {}
         }
-        // While tuning no view shows depths and clouds.
+        // During tuning no view shows depths and clouds.
         if self.changes.is_some() {
             return Ok(());
         }
@@ -177,7 +177,7 @@ impl RerunSink {
             .map_err(|error| self.target.failed(error))
     }
 
-    /// Without the clearing, the viewer would go on showing the last that there was.
+    /// Without clearing, the viewer would keep showing the last value.
     fn log_or_clear(&self, path: &str, what: Option<impl AsComponents>) -> Result<()> {
         match what {
             Some(what) => self.log(path, &what),

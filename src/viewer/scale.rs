@@ -3,11 +3,11 @@
 use svl_core::stereo::Frame;
 use svl_data::overlay::{NEAR_M, Nearness, lowest_disparity};
 
-/// Colours end at this many times the near distance: 3 m in the arena.
+/// Colours end at this multiple of the near distance: 3 m in the arena.
 const FAR: f64 = 15.0;
 
-/// Scale of all pictures of one camera, so that a colour and a size mean the same in every frame of
-/// a run.
+/// Scale of all pictures of one camera, so that a colour and a size have the same meaning in every
+/// frame of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Scale {
     /// Disparity that fills a cell of the overlay and has the last colour.
@@ -17,8 +17,7 @@ pub(crate) struct Scale {
 }
 
 impl Scale {
-    /// Far is 15 times as far as near, or the farthest point of a still scene with truth where that
-    /// is nearer.
+    /// Far is 15 times near, or the farthest point of a static scene with truth if that is nearer.
     pub(crate) fn of(frame: &Frame) -> Self {
         let nearness = Nearness::of_frame(frame);
         let near_m = frame

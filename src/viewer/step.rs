@@ -1,5 +1,5 @@
-//! A frame in Rerun while a person steps through a source: its left image, what is noted of the
-//! cells, and a text.
+//! A frame in Rerun while a person steps through a source: its left image, notes on the cells, and
+//! a text.
 //!
 //! ```text
 //! step/left   step/left/grid   step/left/cells
@@ -49,7 +49,7 @@ impl StepView for RerunSteps {
         let half = |range: std::ops::Range<usize>| {
             (range.start as f32, (range.end - range.start) as f32 / 2.0)
         };
-        // A little inside, so that neighbours do not hide each other.
+        // Slightly inset, so that neighbours do not cover each other.
         let boxes = notes.iter().map(|note| {
             let (x, y) = shape.pixels(note.at, size);
             let ((left, width), (top, height)) = (half(x), half(y));

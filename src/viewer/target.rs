@@ -16,7 +16,7 @@ fn version() -> String {
     rerun::build_info().version.to_string()
 }
 
-/// How to get the viewer.
+/// Instructions for getting the viewer.
 fn hint() -> String {
     let version = version();
     format!("the Rerun viewer comes with `pip install rerun-sdk=={version}` (the program `rerun`)")
@@ -26,9 +26,10 @@ fn missing() -> Error {
     Error::Invalid(format!("no program `rerun` on the PATH; {}", hint()))
 }
 
-/// Checks that a viewer listens, or that the one on the PATH can be started.
+/// Checks that a viewer is listening, or that the one on the PATH can be started.
 ///
 /// # Errors
+///
 /// As [`find_program`].
 pub(crate) fn find_viewer() -> Result<()> {
     let listening = SocketAddr::from(([127, 0, 0, 1], DEFAULT_PORT));
@@ -38,10 +39,11 @@ pub(crate) fn find_viewer() -> Result<()> {
     }
 }
 
-/// Checks that the viewer on the PATH can show what the library writes.
+/// Checks that the viewer on the PATH can show the library's output.
 ///
 /// # Errors
-/// There is none, or it has another version.
+///
+/// If there is none, or it has another version.
 pub(crate) fn find_program() -> Result<()> {
     let output = Command::new("rerun").arg("--version").output();
     let output = output.map_err(|error| {
@@ -54,9 +56,10 @@ pub(crate) fn find_program() -> Result<()> {
     check_version("the program `rerun` on the PATH", &output.stdout)
 }
 
-/// Checks the version in `said`, what a viewer says of itself: `rerun-cli 0.36.3 [...]`.
+/// Checks the version in `said`, as reported by a viewer: `rerun-cli 0.36.3 [...]`.
 ///
 /// # Errors
+///
 /// [`Error::Invalid`] for another one.
 fn check_version(viewer: &str, said: &[u8]) -> Result<()> {
     let said = String::from_utf8_lossy(said);
@@ -71,30 +74,31 @@ fn check_version(viewer: &str, said: &[u8]) -> Result<()> {
             version(),
             hint()
         ))),
-        // What it says of itself may change: the stream itself then shows whether they agree.
+        // The format of its report may change: the stream itself then shows if they are compatible.
         _ => Ok(()),
     }
 }
 
-/// Port of a viewer that was started without options.
+/// Port of a viewer started without options.
 const DEFAULT_PORT: u16 = 9876;
 
 /// Timeout for a running viewer to answer.
 const CONNECT: Duration = Duration::from_secs(3);
 
-/// A target with what goes wrong there.
+/// A target with the errors of its stream.
 pub(crate) struct Destination(pub(crate) RerunTarget);
 
-/// A recording of what a person looks at pair by pair.
+/// A recording viewed by a person pair by pair.
 pub(crate) struct ViewStream {
     stream: RecordingStream,
     target: Destination,
 }
 
 impl ViewStream {
-    /// Opens `target` for a recording of that name and layout.
+    /// Opens `target` for a recording with that name and layout.
     ///
     /// # Errors
+    ///
     /// As [`svl_bench::sink::Viewer::run`].
     pub(crate) fn open(target: RerunTarget, name: &str, root: &LayoutNode) -> Result<Self> {
         let target = Destination(target);
@@ -110,7 +114,7 @@ impl ViewStream {
         Ok(Self { stream, target })
     }
 
-    /// Logs from here on are of that pair.
+    /// Sets the pair of all further logs.
     pub(crate) fn set_pair(&self, sequence: u64) {
         let number = i64::try_from(sequence).unwrap_or(i64::MAX);
         self.stream.set_time_sequence(TIMELINES[0], number);
@@ -127,7 +131,7 @@ impl ViewStream {
 }
 
 impl Destination {
-    /// Where the viewer's time cursor is to stand: a file is read from its first frame, a run
+    /// Initial position of the viewer's time cursor: a file is read from its first frame, a run is
     /// followed.
     pub(crate) fn cursor(&self) -> TimeCursor {
         match self.0 {
@@ -154,8 +158,8 @@ impl Destination {
                 let stream = builder
                     .connect_grpc_opts(url.as_str())
                     .map_err(|error| self.failed(error))?;
-                // The SDK connects in the background and retries for ever: flushing with a timeout
-                // finds out whether a viewer is there.
+                // The SDK connects in the background and retries forever: flushing with a timeout
+                // detects if a viewer is there.
                 stream.flush_with_timeout(CONNECT).map_err(|_| {
                     Error::Invalid(format!(
                         "{url}: no Rerun viewer answers there; start `rerun` first, or use `spawn`"
@@ -166,7 +170,7 @@ impl Destination {
         }
     }
 
-    /// Waits until all that was logged is written or sent.
+    /// Waits until everything logged is written or sent.
     pub(crate) fn flush(&self, stream: &RecordingStream) -> Result<()> {
         stream.flush_blocking().map_err(|error| match &self.0 {
             RerunTarget::File(path) => {
@@ -190,7 +194,7 @@ impl Destination {
         }
     }
 
-    /// `reason`, which may have many lines, as an error of one.
+    /// `reason`, possibly many lines, as a one-line error.
     pub(crate) fn broken(&self, reason: &str) -> Error {
         Error::Invalid(format!(
             "{}: {}",
@@ -219,7 +223,7 @@ mod tests {
             error.contains(&format!("pip install rerun-sdk=={ours}")),
             "{error}"
         );
-        // Patches of one release agree; what cannot be read is no other version.
+        // Patches of one release are compatible; an unreadable version is not another version.
         let [major, minor] = [0, 1].map(|i| ours.split('.').nth(i).unwrap());
         for said in [
             format!("rerun-cli {major}.{minor}.99 (x)"),

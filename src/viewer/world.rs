@@ -1,9 +1,9 @@
 //! The scene in 3D: camera, trail, arena, points.
 //!
 //! Frames of reference: `world` (z up) and [`CAMERA_FRAME`], the left camera's optical frame,
-//! placed by the pose. The left image's plane is the pinhole's own frame, that of the entity
-//! `world/rig/left`; whatever is drawn on the image is put into it by [`on_image`], wherever its
-//! entity stands in the tree.
+//! positioned by the pose. The left image's plane is the pinhole's own frame, that of the entity
+//! `world/rig/left`; anything drawn on the image is put into it by [`on_image`], wherever its
+//! entity is in the tree.
 
 use crate::{CAMERA, scale::Scale};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
@@ -14,12 +14,12 @@ use svl_data::arena::WireObject;
 /// Name of the left camera's optical frame.
 const CAMERA_FRAME: &str = "left_camera";
 
-/// Puts an entity onto the left image.
+/// Moves an entity onto the left image.
 pub(crate) fn on_image() -> CoordinateFrame {
     CoordinateFrame::new(format!("tf#/{CAMERA}"))
 }
 
-/// The pose where none is known: at the origin, upright, looking along the x axis of the world.
+/// The default pose if none is known: at the origin, upright, facing along the x axis of the world.
 pub(crate) fn resting() -> Pose {
     let axes = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
