@@ -1,4 +1,4 @@
-// What the trigger controller and whoever talks to it agree on. README.md, "Protocol", says what it means.
+// Protocol between the trigger controller and its host. Its meaning is in README.md, "Protocol".
 #pragma once
 
 #define PROTOCOL_VERSION 1

@@ -1,9 +1,9 @@
 // The trigger controller of annex F of the thesis, for an ATmega328P at 16 MHz (Arduino Uno or Nano).
 //
-// One byte from the host raises both camera lines with one port write. The interrupt that receives the byte does it,
-// so that the time from byte to edge is the same for every pulse; a timer ends the pulse, so that the UART goes on
-// meanwhile. Nothing received is buffered, so no buffer can overflow: what cannot be answered one by one is counted,
-// and the count is the answer. Answers are sent by the main loop, which sleeps when it has none.
+// One byte from the host raises both camera lines with one port write. The interrupt that receives the byte does it, so
+// that the time from byte to edge is the same for every pulse; a timer ends the pulse, so that the UART keeps working
+// meanwhile. Nothing received is buffered, so no buffer can overflow: requests that cannot be answered one by one are
+// counted, and the count is the answer. Answers are sent by the main loop, which sleeps when it has none.
 #include <avr/interrupt.h>
 #include <avr/io.h>
 #include <avr/sleep.h>
@@ -28,11 +28,11 @@ enum {
 
 enum { TICKS_PER_US = F_CPU / 8 / 1000000 };
 
-// By how much the interrupt that ends a pulse comes later than the timer; sim/check.c measures it.
+// Delay of the interrupt that ends a pulse after the timer; sim/check.c measures it.
 enum { LAG_TICKS = 10 };
 
-// Each is sent in its turn; what happened several times before, once and with its count. The status is sent when no
-// other waits: whoever has it knows that all he sent before has been answered.
+// Each is sent in its turn; an event that happened several times is sent once, with its count. The status is sent when
+// no other answer waits: its receiver knows that all earlier requests have been answered.
 enum answer { PULSE, LENGTH, BUSY, OVERRUN, FRAMING, UNKNOWN, STATUS, ANSWERS };
 static const char letters[ANSWERS] = {ANSWER_PULSE,   ANSWER_LENGTH,  ANSWER_BUSY,  ANSWER_OVERRUN,
                                       ANSWER_FRAMING, ANSWER_UNKNOWN, ANSWER_STATUS};
@@ -64,7 +64,7 @@ static inline void count(enum answer kind, uint8_t byte) {
     waiting |= _BV(kind);
 }
 
-// When the timer stood at `ticks`, just read; with interrupts off.
+// The time at which the timer read `ticks`; call it with interrupts off.
 static inline struct instant at(uint16_t ticks) {
     const bool wrapped = (TIFR1 & _BV(TOV1)) && ticks < 0x8000;
     return (struct instant){overflows + wrapped, ticks};
@@ -94,7 +94,7 @@ static inline void raise_lines(void) {
 }
 
 ISR(TIMER1_COMPA_vect) {
-    // It fires once per lap without a pulse too, and may have been due already when the pulse began.
+    // It also fires once per lap without a pulse, and may have been due already when the pulse began.
     if (!raised || (int16_t)(TCNT1 - OCR1A) < 0) return;
     if (ticks_left) {
         arm(OCR1A);
@@ -118,13 +118,13 @@ static void set_length(void) {
     waiting |= _BV(LENGTH);
 }
 
-// A length that something else interrupts is none.
+// A length that is interrupted by something else is discarded.
 static inline void abandon_length(void) {
     if (asking) count(UNKNOWN, REQUEST_LENGTH);
     asking = false;
 }
 
-// A call, so that a pulse need not wait until the registers for all this are saved.
+// A separate function, so that a pulse does not wait until the registers for all this are saved.
 __attribute__((noinline)) static void other_request(uint8_t byte) {
     if (asking && byte >= '0' && byte <= '9') {
         if (asked_us < 100000000) asked_us = asked_us * 10 + (byte - '0');
@@ -239,7 +239,7 @@ int main(void) {
     sei();
 
     for (;;) {
-        // The timer's interrupt says that interrupts live, coming here that the main loop does.
+        // The timer's interrupt proves that interrupts work, reaching this line that the main loop does.
         if (ticked) {
             ticked = false;
             wdt_reset();

@@ -44,7 +44,7 @@ pub use svl_thesis as reproduce;
 pub use svl_viewer as viewer;
 
 /// This build of svl. A program that links svl calls [`BuildInfo::hand_down`] on it before it
-/// records or scores, so that manifests record which build was used.
+/// records or scores, so that manifests record the build.
 pub const BUILD: BuildInfo = BuildInfo {
     version: env!("CARGO_PKG_VERSION"),
     git_revision: option_env!("SVL_GIT_REVISION"),

@@ -5,7 +5,7 @@ mod cli;
 use std::process::ExitCode;
 use svl::memory::CountingAllocator;
 
-/// Runs measure the memory of their algorithms by it.
+/// Allocator that counts, with which runs measure the memory of their algorithms.
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 

@@ -1,4 +1,4 @@
-// The host's side of the protocol: lines out of bytes.
+// The host's side of the protocol: parses bytes into lines.
 #pragma once
 
 #include <stdbool.h>
@@ -10,5 +10,5 @@ struct answer {
     uint32_t first, second;
 };
 
-// Reads one line, without its line feed. False where it is none: cut off, garbled, or empty.
+// Reads one line, without its line feed. False if it is not an answer: truncated, garbled, or empty.
 bool answer_parse(const char *line, struct answer *answer);

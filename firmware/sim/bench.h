@@ -1,4 +1,4 @@
-// A board on the bench: requests in, and what its pins and its line show.
+// A board on the bench: requests in, and the observed state of its pins and its line.
 #pragma once
 
 #include "answer.h"
@@ -32,14 +32,14 @@ void forget(void);
 void request(const char *bytes);
 void run(avr_cycle_count_t cycles);
 
-// Of the answers with this letter: their count, and the sum of their first numbers.
+// Number of answers with this letter, and the sum of their first numbers.
 size_t lines(char letter);
 uint64_t total(char letter);
 
-// The last answer; all zero where there is none.
+// The last answer; all zero if there is none.
 struct answer last(void);
 
-// Whether this was the only answer.
+// True if this was the only answer.
 bool only(char letter, uint32_t first, uint32_t second);
 
 __attribute__((format(printf, 3, 4))) void verdict(bool good, const char *name, const char *format, ...);

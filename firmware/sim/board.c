@@ -51,7 +51,7 @@ static void interrupt_entered(avr_irq_t *irq, uint32_t vector, void *param) {
     if (vector) board->avr->cycle += INTERRUPT_CYCLES;
 }
 
-// simavr's reset forgets all timers, the wire's and ours too.
+// simavr's reset clears all timers, including ours and that of the line.
 static void was_reset(avr_io_t *io) {
     struct board *board = (struct board *)io;
     board->resets++;
@@ -128,12 +128,12 @@ bool board_step(struct board *board) {
     if (board->hung || board->deaf) avr->sreg[S_I] = 0, avr->state = cpu_Running;
     const bool asleep = avr->state == cpu_Sleeping;
     int state = avr_run(avr);
-    // Where simavr ends because nothing can wake the processor, the main loop shall go on.
+    // If simavr ends because nothing can wake the processor, the main loop continues.
     if (board->deaf && state == cpu_Done) state = avr->state = cpu_Running;
     if (asleep && state == cpu_Running) avr->cycle += WAKING_CYCLES;
     if (board->hung) avr->pc = pc;
 
-    // The chip's receiver asks for its interrupt as long as it holds a byte.
+    // The chip's receiver requests its interrupt as long as it holds a byte.
     if (!uart_fifo_isempty(&board->uart->input) && avr->sreg[S_I]) avr_raise_interrupt(avr, &board->uart->rxc);
 
     const uint8_t before = board->pins;

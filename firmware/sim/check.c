@@ -98,14 +98,14 @@ static void ten_thousand(void) {
             "%+.2f to %+.2f us over %.0f s", clock_error_us.least, clock_error_us.most, expected_us / 1e6);
 }
 
-// A request that has arrived whole at a given cycle.
+// A request that has arrived completely at a given cycle.
 static void request_at(avr_cycle_count_t cycle) {
     run(cycle - FRAME_CYCLES - board.avr->cycle);
     request("T");
     run(US(22000));
 }
 
-// Requests at every cycle around the moments at which the timer's own interrupts come between.
+// Requests at every cycle around the moments at which the timer's own interrupts intervene.
 static void races(void) {
     forget();
     enum { AROUND = 400 };
@@ -192,7 +192,7 @@ static void unknown_bytes(void) {
     verdict(seen.answered == 0, "line ends alone", "are no requests");
 }
 
-// Whether each status came after the answers to all that it counts.
+// True if each status came after the answers to everything it counts.
 static bool status_is_last(void) {
     uint32_t pulses = seen.answers[0].first - 1;
     for (size_t i = 0; i < seen.answered; i++) {

@@ -64,7 +64,7 @@ static double now_us(void) {
     return now.tv_sec * 1e6 + now.tv_nsec / 1e3;
 }
 
-// Returns how far the board's clock has got ahead of the host's meanwhile.
+// Returns the time by which the board's clock got ahead of the host's meanwhile.
 static double pulses(uint32_t count) {
     const double start_us = now_us() - ask(REQUEST_STATUS).second;
     struct answer status = {0};

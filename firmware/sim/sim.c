@@ -1,10 +1,9 @@
 // A simulated board on a pty. Usage: sim [--fast] [--hang N] [--noise N] FILE.hex
 //
-// Prints the pty's path, then runs until it is killed; at SIGINT or SIGTERM it says how many pulses its pins have seen.
-// Opening the path resets the board, as opening its port does with an Uno. It runs in real time; with --fast as fast as
-// it can, and its clock hardly moves while nothing goes on. With --hang it hangs when the N-th request for a pulse comes,
-// until its watchdog resets it; with --noise the line brings one more after the N-th pulse, of which the host knows
-// nothing.
+// Prints the pty's path, then runs until it is killed; at SIGINT or SIGTERM it prints the number of pulses on its pins.
+// Opening the path resets the board, like opening the port of an Uno. It runs in real time; with --fast as fast as it
+// can, and its clock hardly advances while nothing happens. With --hang it hangs at the N-th request for a pulse, until
+// its watchdog resets it; with --noise the line adds a request after the N-th pulse, unknown to the host.
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>
@@ -47,7 +46,7 @@ static void pins_changed(struct board *b, uint8_t before, uint8_t after) {
     noise |= after == IDLE && pulses == noise_after;
 }
 
-// What nobody reads is lost, as on a real line.
+// Bytes that nobody reads are lost, as on a real line.
 static void byte_sent(struct board *b, uint8_t byte) {
     (void)b;
     if (opened && unsent_count < sizeof unsent) unsent[unsent_count++] = byte;
@@ -60,7 +59,8 @@ static int64_t ahead_of_real_time_ns(void) {
     return (int64_t)(board.avr->cycle * 1000 / MHZ) - real_ns;
 }
 
-// Until the host has sent something or it is time to go on. Time goes no faster for a host that never stops sending.
+// Waits until the host has sent something or the next step is due. Time passes no faster for a host that never stops
+// sending.
 static void wait_for_host(bool idle) {
     const int64_t ahead_ns = ahead_of_real_time_ns();
     struct timespec time = {ahead_ns / 1000000000, ahead_ns % 1000000000};
