@@ -1,5 +1,5 @@
-//! The structure of the sources: which room of a package may use which, no circles, no test file
-//! that nothing runs, and the limits of style.
+//! The structure of the sources: the rooms that each room may use, no circles, no test file outside
+//! all programs, and the limits of style.
 
 #[path = "layering/modules.rs"]
 mod modules;
@@ -151,7 +151,7 @@ fn rooms_use_only_the_layers_above() {
     );
 }
 
-/// The packages' manifests below the repository, with what each depends on.
+/// The packages' manifests below the repository, with their dependencies.
 fn dependencies() -> BTreeMap<String, toml::Table> {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folders = PACKAGES.iter().map(|package| {
@@ -171,7 +171,8 @@ fn dependencies() -> BTreeMap<String, toml::Table> {
 
 #[test]
 fn heavy_crates_have_one_user() {
-    // clap has two: the options of a source are declared once, for scenarios and the command line.
+    // Two packages use clap: the options of a source are declared once, for scenarios and the
+    // command line.
     for (heavy, package) in [
         ("polars", "svl-bench"),
         ("rerun", "svl-viewer"),
@@ -213,8 +214,8 @@ fn commands_do_not_use_each_other() {
     }
 }
 
-/// A parent that passes on what its child defines, and a child that uses a type, trait or constant
-/// of its parent are no circle.
+/// A parent that re-exports definitions of its child, and a child that uses a type, trait or
+/// constant of its parent, do not make a circle.
 #[test]
 fn files_form_no_circles() {
     let found: Vec<_> = PACKAGES.iter().flat_map(circles).collect();
@@ -226,7 +227,7 @@ fn files_form_no_circles() {
     );
 }
 
-/// The circles of a package, the edges of each in lines.
+/// The circles of a package, with the edges of each in lines.
 fn circles(package: &Package) -> Vec<String> {
     let counts = |edge: &Edge| {
         let upper = edge.name.starts_with(|c: char| c.is_uppercase());

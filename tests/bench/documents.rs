@@ -1,5 +1,5 @@
-//! The shell examples of README and docs. Every line of `svl` runs, in a folder with small inputs
-//! of the names that the examples use, or is at least parsed, for a reason given here.
+//! The shell examples of README and docs. Every line with `svl` runs, in a folder with small inputs
+//! under the names in the examples, or is at least parsed, for a reason given here.
 
 use super::cli::fixture::{Fixture, datasets, pgm};
 use std::fs;
@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 use svl::arena::{Arena, ArenaConfig};
 use svl::files::write_png;
 
-/// Lines that begin so are parsed and not run; why.
+/// Lines with this beginning are parsed but not run, for this reason.
 const PARSED: &[(&str, &str)] = &[
     ("svl record v4l2:", "needs cameras"),
     (
@@ -106,7 +106,7 @@ const PARSED: &[(&str, &str)] = &[
     ),
 ];
 
-/// What makes a line quick.
+/// Replacements that make a line fast.
 const SHORTER: [(&str, &str); 5] = [
     (" --duration 60", ""),
     ("svl score arena ", "svl score scenarios/arena.toml "),
@@ -137,7 +137,8 @@ const OTHERS: [&str; 12] = [
     "snakemake",
 ];
 
-/// Makes what the examples read from `left.png`, `right.png`, `pictures/` and `calib.txt`.
+/// Commands that make the inputs of the examples from `left.png`, `right.png`, `pictures/` and
+/// `calib.txt`.
 const INPUTS: &str = "
 svl record --frames 4 -o run.mcap
 svl replay run.mcap --algo v3 -o result.mcap
@@ -240,7 +241,7 @@ fn inputs() -> Fixture {
     fixture
 }
 
-/// What is wrong with a line.
+/// The fault of a line.
 fn failure(line: &str, folder: &Path) -> Option<String> {
     let program = line.split(' ').next().unwrap();
     if program != "svl" && program != "cp" {
@@ -259,7 +260,7 @@ fn failure(line: &str, folder: &Path) -> Option<String> {
         for (long, short) in SHORTER {
             command = command.replace(long, short);
         }
-        // An input of that name is what the line makes.
+        // An input of that name is the output of the line.
         if let Some((_, output)) = line.split_once(" -o ") {
             let output = output.split(' ').next().unwrap();
             let _ = fs::remove_file(folder.join(output));
@@ -330,7 +331,7 @@ fn every_reason_is_needed() {
     }
 }
 
-/// Links between the documents, and to files, lead somewhere, also in the package that users get.
+/// Links between the documents, and to files, are valid, also in the users' package.
 #[test]
 fn links_lead_to_files() {
     let manifest = fs::read_to_string(root().join("Cargo.toml")).unwrap();

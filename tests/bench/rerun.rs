@@ -1,4 +1,4 @@
-//! Files of the Rerun sink, read back with the SDK's decoder and, where there is one, the viewer.
+//! Files of the Rerun sink, read back with the SDK's decoder and, if available, the viewer.
 
 use rerun::StoreKind;
 use rerun::external::re_log_encoding::DecoderApp;
@@ -141,13 +141,14 @@ fn write_frames(path: &Path, rig: bool, frames: u64, detail: RerunDetail) {
     sink.finish().unwrap();
 }
 
-/// What a file holds: its stores, and per entity of the recording the components and the timelines.
+/// Contents of a file: its stores, and per entity of the recording the components and the
+/// timelines.
 #[derive(Default)]
 struct Content {
     stores: Vec<StoreId>,
     components: BTreeMap<String, BTreeSet<String>>,
     timelines: BTreeMap<String, BTreeSet<String>>,
-    /// Of the timeline `pair`, the frames in which each component of an entity was logged.
+    /// On the timeline `pair`, the frames in which each component of an entity was logged.
     frames: BTreeMap<(String, String), BTreeSet<i64>>,
 }
 
@@ -253,7 +254,7 @@ fn every_entity_is_there_for_every_algorithm() {
         "missing {missing:?} in {:#?}",
         content.components
     );
-    // Nor does an algorithm show what it does not make.
+    // Nor does an algorithm show planes it does not produce.
     assert!(
         !content
             .components
@@ -287,13 +288,13 @@ fn light_has_images_and_numbers_of_all_frames_and_maps_of_some() {
     for map in ["disparity", "depth", "points", "ssdpi"] {
         let entity = format!("/algo/v3/{map}");
         assert_eq!(frames(&entity, "EncodedDepthImage:blob"), [0, 30], "{map}");
-        // They do not stay beside the images of other frames.
+        // They do not remain next to the images of other frames.
         assert_eq!(frames(&entity, "Clear:is_recursive"), [1, 31], "{map}");
     }
     assert_eq!(frames("/algo/v3/why", "EncodedImage:blob"), [0, 30]);
     assert_eq!(frames("/algo/v3/why", "Clear:is_recursive"), [1, 31]);
     assert_eq!(frames("/truth/depth", "EncodedDepthImage:blob"), [0, 30]);
-    // A list of them, of which a click leads there.
+    // A list of them, in which a click leads to the frame.
     assert_eq!(frames("/run/frames", "TextLog:text"), [0, 30]);
 }
 
@@ -347,9 +348,9 @@ fn a_target_that_cannot_be_is_one_line() {
     std::fs::write(&taken, "mine").unwrap();
     let targets = [
         RerunTarget::File(taken.clone()),
-        // A folder's place is taken by a file.
+        // A file is in the folder's place.
         RerunTarget::File(taken.join("run.rrd")),
-        // Port 1 is nobody's.
+        // Nothing listens on port 1.
         "http://127.0.0.1:1".parse().unwrap(),
     ];
     for target in targets {
@@ -443,7 +444,7 @@ fn what_is_tuned_comes_again_and_the_rest_stays() {
     let map = "EncodedDepthImage:blob";
     assert_eq!(frames("/algo/now/disparity", map), Some(vec![3, 7]));
     assert_eq!(frames("/algo/compared/disparity", map), Some(vec![7]));
-    // It is cleared where it has nothing to show, and only there.
+    // It is cleared if it has nothing to show, and only then.
     assert_eq!(
         frames("/algo/compared", "Clear:is_recursive"),
         Some(vec![3])

@@ -7,7 +7,7 @@ use svl_core::kernel::Isa;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use svl_core::stereo::{DisparityMap, Gray, RectifiedPair, Rgb, StereoPair};
 
-/// The root of the repository, of whichever package the test program is.
+/// The root of the repository, for a test program of any package.
 pub(crate) fn repository() -> &'static Path {
     let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
     folders
@@ -15,8 +15,8 @@ pub(crate) fn repository() -> &'static Path {
         .unwrap()
 }
 
-/// The data sets, from `SVL_DATASETS` or beside the repository; nothing, with a note, where there
-/// are none.
+/// The data sets, from `SVL_DATASETS` or next to the repository; `None`, with a note, if there are
+/// none.
 #[allow(dead_code, reason = "each test binary uses its part of this module")]
 pub fn datasets() -> Option<PathBuf> {
     let folder = std::env::var_os("SVL_DATASETS")
@@ -79,7 +79,7 @@ pub(crate) fn compute(
     )
 }
 
-/// All these words are in `text`.
+/// Asserts that `text` contains all these words.
 #[allow(dead_code, reason = "each test binary uses its part of this module")]
 #[track_caller]
 pub fn assert_says(text: &str, words: &[&str]) {
@@ -88,7 +88,7 @@ pub fn assert_says(text: &str, words: &[&str]) {
     }
 }
 
-/// What a script of `tests/python` prints; nothing, with a note, where Python lacks these modules.
+/// The output of a script in `tests/python`; `None`, with a note, if Python lacks these modules.
 #[allow(dead_code, reason = "each test binary uses its part of this module")]
 pub fn python<A: AsRef<OsStr>>(
     script: &str,

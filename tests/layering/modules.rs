@@ -24,14 +24,14 @@ struct Use {
     facade: bool,
 }
 
-/// One file uses what another one defines.
+/// A use of one file's definition in another.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Edge {
     pub(crate) from: Id,
     pub(crate) to: Id,
-    /// First segment that is no module; empty for a module itself.
+    /// First segment that is not a module; empty for a module itself.
     pub(crate) name: String,
-    /// A parent passes on what its child defines.
+    /// True if a parent re-exports a definition of its child.
     pub(crate) facade: bool,
 }
 
@@ -67,7 +67,7 @@ impl Crate {
         edges
     }
 
-    /// The module that defines what `path` names in `module`, and the name; `None` for other
+    /// The module that defines the target of `path` in `module`, and the name; `None` for other
     /// crates.
     fn resolve(&self, module: &[String], path: &[String], depth: usize) -> Option<(Id, String)> {
         let mut here = module.to_vec();
@@ -102,7 +102,7 @@ impl Crate {
         Some((here, String::new()))
     }
 
-    /// Where `name`, found in `module`, comes from.
+    /// Origin of `name`, found in `module`.
     fn definition(&self, module: &Id, name: &str, depth: usize) -> (Id, String) {
         let here = (module.clone(), name.to_owned());
         if depth > 8 || defines(&self.0[module].code, name) {
@@ -165,7 +165,7 @@ pub(crate) fn children(file: &Path, code: &str, text: &str) -> Vec<(String, Path
     declared.collect()
 }
 
-/// Whether `code` has an item of that name at the top level.
+/// True if `code` has an item of that name at the top level.
 fn defines(code: &str, name: &str) -> bool {
     const KINDS: [&str; 8] = [
         "fn", "struct", "enum", "trait", "type", "const", "static", "union",
@@ -243,7 +243,7 @@ fn skipped(text: &str, before: Option<char>) -> usize {
     };
     match bytes[0] {
         b'"' => quoted(b'"'),
-        // A lifetime has no quote behind its first character.
+        // A lifetime has no quote after its first character.
         b'\'' if bytes.get(1) == Some(&b'\\') => quoted(b'\''),
         b'\'' => {
             let length = text[1..].chars().next().map_or(1, char::len_utf8);
@@ -329,7 +329,7 @@ fn uses(tokens: &[&str]) -> Vec<Use> {
             });
         }
     }
-    // Where a module is declared, its name is not used.
+    // A module's declaration is not a use of its name.
     let is_mention = |i: &usize| !imported[*i] && (*i == 0 || tokens[*i - 1] != "mod");
     let mentioned = (0..tokens.len()).filter(is_mention).map(|i| tokens[i]);
     let mentioned = mentioned.collect::<BTreeSet<_>>();
@@ -376,7 +376,7 @@ fn tree(tokens: &[&str]) -> Vec<(Vec<String>, String)> {
         .collect()
 }
 
-/// `tokens` at the commas that stand in no braces.
+/// `tokens` split at the commas outside braces.
 fn split<'a, 'b>(tokens: &'a [&'b str]) -> Vec<&'a [&'b str]> {
     let mut depth = 0;
     tokens

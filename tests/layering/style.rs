@@ -1,4 +1,4 @@
-//! Limits of style, and test files that nothing runs.
+//! Limits of style, and test files that belong to no program.
 
 use crate::modules::{children, code};
 use std::collections::{BTreeMap, BTreeSet};
@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 
 /// Columns of a line.
 const COLUMNS: usize = 100;
-/// How many lines may be longer.
+/// Limit on longer lines.
 const LONG_LINES: usize = 0;
-/// Lines of a small file: one that should stand in its only user.
+/// Lines of a small file: it should be part of its only user.
 const SMALL: usize = 40;
-/// How many small files there may be, roots of modules and packages not counted.
+/// Limit on small files, not counting the roots of modules and packages.
 const SMALL_FILES: usize = 13;
-/// How many type names may stand for two things.
+/// Limit on type names with two meanings.
 const COLLIDING: usize = 19;
 
 fn root() -> &'static Path {

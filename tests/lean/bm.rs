@@ -98,7 +98,7 @@ fn a_window_without_a_centre_is_refused() {
     assert!(error.to_string().contains("block_size=10"), "{error}");
 }
 
-/// What OpenCV's StereoBM says of the real scenes.
+/// The results of OpenCV's StereoBM on the real scenes.
 #[test]
 fn equals_opencv() {
     let Some(folder) = common::datasets() else {
@@ -134,7 +134,7 @@ fn equals_opencv() {
                 .map(|&b| f32::from(i16::from_le_bytes(b)) / 16.0);
             let algorithm = format!("svs:max_disparity=79,block_size={block}");
             let map = common::run(&algorithm, Isa::available().next().unwrap(), &pair);
-            // OpenCV writes one less than the lowest disparity where it found none.
+            // OpenCV writes one less than the lowest disparity if it found none.
             let got = map
                 .disparity()
                 .pixels()

@@ -1,14 +1,14 @@
 //! Claims of the thesis about its matchers, on real scenes with true disparities (Middlebury 2003
 //! and 2006).
 //!
-//! Thresholds were set after measuring, with some room, so that a change for the worse shows.
+//! Thresholds were set after measuring, with some margin, so that a regression is detected.
 
 use crate::common;
 use svl_core::depth::{self, CellDecision, GridSettings};
 use svl_core::kernel::Isa;
 use svl_core::stereo::{DisparityMap, Gray, Plane, Reason, StereoPair};
 
-/// Scene, file of the true disparities, and by what these are divided.
+/// Scene, file of the true disparities, and their divisor.
 const SCENES: [(&str, &str, f32); 8] = [
     ("cones", "disp2.png", 4.0),
     ("teddy", "disp2.png", 4.0),
@@ -20,8 +20,7 @@ const SCENES: [(&str, &str, f32); 8] = [
     ("middlebury2006/Wood1", "disp1.png", 3.0),
 ];
 
-/// Pairs with their names and true disparities, `+∞` where nobody knows; none where there are no
-/// data sets.
+/// Pairs with their names and true disparities, `+∞` if unknown; empty without data sets.
 fn scenes() -> Vec<(&'static str, StereoPair, Plane<f32>)> {
     let scene = |(name, file, scale): (&'static str, &str, f32)| {
         let pair = common::scene(name)?;
@@ -59,7 +58,7 @@ fn lowered(pair: &StereoPair, rows: usize) -> StereoPair {
     StereoPair::new(pair.left().clone(), lower).unwrap()
 }
 
-/// Share of the valid pixels that are off by more than 2 px.
+/// Fraction of the valid pixels that are off by more than 2 px.
 fn bad2(map: &DisparityMap, truth: &Plane<f32>) -> f64 {
     let judged = map
         .disparity()
@@ -108,12 +107,12 @@ fn v4_keeps_on_shifted_rows_what_v3_loses() {
     }
 }
 
-/// Section 5.3.3, "Validity Test": of a close object the self check keeps more than the symmetric
+/// Section 5.3.3, "Validity Test": on a close object the self check keeps more than the symmetric
 /// check, at a comparable SSDPI.
 ///
 /// Close is the nearest fifth of a scene, and only right matches count, for the self check drops
-/// more of the wrong ones. Where little is close (Books and Wood1 are walls, teddy's bear stands
-/// behind) the two keep about the same.
+/// more of the wrong ones. If little is close (Books and Wood1 are walls, teddy's bear is in the
+/// background) the two keep about the same.
 #[test]
 fn the_self_check_keeps_more_of_what_is_close() {
     for (name, pair, truth) in scenes() {
@@ -122,7 +121,7 @@ fn the_self_check_keeps_more_of_what_is_close() {
         let mut known: Vec<f32> = truth.pixels().filter(|d| d.is_finite()).collect();
         known.sort_by(f32::total_cmp);
         let close = known[known.len() * 4 / 5];
-        // The matches of both are those that v3 made, before a check.
+        // The matches of both are those of v3 before any check.
         let kept = |map: &DisparityMap| {
             let matched = self_checked
                 .why()
@@ -164,7 +163,7 @@ fn the_self_check_keeps_more_of_what_is_close() {
     }
 }
 
-/// Section 5.3.3: what v3 reports is what an obstacle avoider can trust.
+/// Section 5.3.3: an obstacle avoider can trust the reports of v3.
 #[test]
 fn v3_reports_fewer_wrong_cells_than_v1() {
     let settings = |min_valid| GridSettings {

@@ -1,5 +1,5 @@
 //! The contract between a matcher and its oracle: the same result on every instruction set and
-//! thread count, and all reasons it can give, no other.
+//! thread count, with all possible reasons and no others.
 
 use crate::common;
 use crate::oracle::scenes::{Scene, difference, pair, pool};
@@ -24,7 +24,7 @@ pub(crate) fn equals(
     Ok(())
 }
 
-/// `algorithm` gives on several threads what it gives on one.
+/// `algorithm` gives the same result on several threads as on one.
 pub(crate) fn threads_do_not_matter(
     algorithm: &str,
     pair: &StereoPair,
@@ -40,7 +40,7 @@ pub(crate) fn threads_do_not_matter(
     Ok(())
 }
 
-/// The generators of scenes are worth nothing if some reason never occurs in them.
+/// The generators of scenes would be worthless if some reason never occurred in them.
 #[test]
 fn every_reason_occurs_and_no_other() {
     use Reason::{Ambiguous, Border, Inconsistent, SelfCheck, Unmatched, Untextured, Valid};

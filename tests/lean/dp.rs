@@ -1,5 +1,5 @@
-//! dp against its oracle, on every instruction set and thread count, and against what OpenCV's own
-//! code gave.
+//! dp against its oracle, on every instruction set and thread count, and against the results of
+//! OpenCV's own code.
 
 use crate::oracle::dp::Dp;
 use crate::oracle::scenes::difference;
@@ -36,16 +36,16 @@ impl Dp {
     }
 }
 
-/// What images are made of.
+/// Content of the images.
 #[derive(Clone, Copy, Debug)]
 enum Scene {
     /// Everything is an edge.
     Noise,
-    /// Flat boxes, here and there an edge: what spreading works on.
+    /// Flat boxes with occasional edges: the input that spreading works on.
     Boxes,
     /// No edge in either direction.
     Faint,
-    /// The highest costs there are.
+    /// The highest possible costs.
     BlackAndWhite,
 }
 
@@ -109,7 +109,7 @@ fn algorithms() -> impl Strategy<Value = Dp> {
         1 => Just((1000, 0)),
         1 => Just((0, 1000)),
     ];
-    // Runs of small images are short.
+    // Runs in small images are short.
     let runs = prop_oneof![1 => Just((12, 15, 25)), 3 => (0usize..=9, 0usize..=9, 0usize..=15)];
     (max, costs, runs).prop_map(
         |(max, (occlusion, reward), (slightly, moderately, highly))| Dp {

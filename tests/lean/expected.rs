@@ -4,7 +4,7 @@ use crate::common;
 use svl_core::kernel::Isa;
 use svl_core::stereo::DisparityMap;
 
-/// Pixels whose disparity or reason is not the expected one.
+/// Number of pixels whose disparity or reason is not the expected one.
 fn differing(algorithm: &str, scene: &str, map: &DisparityMap) -> usize {
     let folder = common::datasets()
         .unwrap()

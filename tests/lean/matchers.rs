@@ -28,7 +28,7 @@ thread_local! {
 // never allocates.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        // A thread that is ending may have no counter left; what it allocates is not ours.
+        // A thread that is ending may have no counter left; its allocations are not ours.
         let _ = ALLOCATIONS.try_with(|n| n.set(n.get() + 1));
         // SAFETY: as the caller promised.
         unsafe { System.alloc(layout) }
@@ -43,7 +43,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Those that match images. The results and the memory of exec are those of its program;
+/// All matchers of images. The results and the memory of exec are those of its program;
 /// `tests/lean/exec/` has its contract.
 fn matchers() -> impl Iterator<Item = &'static MatcherSpec> {
     MATCHERS.iter().filter(|spec| spec.matches_images())
@@ -148,7 +148,7 @@ fn nothing_is_allocated_after_the_first_pair() {
     }
 }
 
-/// A filter of which all weights are 0.
+/// A filter whose weights are all 0.
 fn filter_model(kind: FilterKind, range_px: Option<f64>) -> Arc<FilterModel> {
     let features = Features {
         window: 64,
@@ -166,7 +166,7 @@ fn filter_model(kind: FilterKind, range_px: Option<f64>) -> Arc<FilterModel> {
     })
 }
 
-/// Nor is anything by the filters, whose models the robot reads once.
+/// Nor do the filters allocate; their models are read once by the robot.
 #[test]
 fn nothing_is_allocated_to_look_at_a_second_image() {
     let model = filter_model(FilterKind::Floor, None);
@@ -196,7 +196,7 @@ fn a_filter_for_a_larger_range_than_is_tried_is_refused() {
     );
 }
 
-/// Nor is anything by what comes before a matcher.
+/// Nor do the steps before a matcher allocate.
 #[test]
 fn nothing_is_allocated_to_rectify_a_second_pair() {
     let size = (150, 20);

@@ -1,4 +1,4 @@
-//! Rectification of the data sets' real cameras with the calibrations that come with them.
+//! Rectification of the data sets' real cameras with their own calibrations.
 
 use crate::common::{datasets, pair};
 use nalgebra::{Matrix3, Vector3};
@@ -162,7 +162,7 @@ fn bumblebee() -> Reference {
 }
 
 /// Rotations are equal. Focal lengths are not, as OpenCV fixes the centre first: ours are shorter
-/// by up to 5 %, so that more of the images is kept, and still every pixel is valid.
+/// by up to 5 %, so that more of the images is kept while every pixel is still valid.
 #[test]
 fn rotations_are_those_of_opencv() {
     for Reference {
@@ -212,7 +212,7 @@ fn measured(pairs: impl IntoIterator<Item = StereoPair>) -> Alignment {
     meter.alignment().unwrap()
 }
 
-/// Raw pairs: misaligned by at most `good_px` after rectification by their calibration (OpenCV's
+/// Raw pairs are misaligned by at most `good_px` after rectification by their calibration (OpenCV's
 /// SIFT finds the same), and less than raw without a calibration.
 fn becomes_aligned(pairs: &[StereoPair], reference: &Reference, raw_px: f64, good_px: f64) {
     let raw = measured(pairs.iter().cloned());

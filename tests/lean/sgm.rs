@@ -103,8 +103,8 @@ fn contradictions_are_one_clear_line() {
     );
 }
 
-/// Share of wrong pixels, off by more than one, among the valid ones that are not occluded; within
-/// 1.3 times of what was published for semi-global matching on these scenes.
+/// Fraction of wrong pixels, off by more than one, among the valid ones that are not occluded;
+/// within 1.3 times the published values for semi-global matching on these scenes.
 #[test]
 fn as_good_as_published() {
     let Some(folder) = common::datasets() else {

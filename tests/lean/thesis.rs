@@ -152,7 +152,7 @@ fn the_misalignment_is_the_rows_that_the_right_image_is_too_low() {
     assert_eq!((map.valid(), map.median_row_offset()), (0, None));
 }
 
-/// A map that had row offsets has none after a matcher that gives none.
+/// A map with row offsets has none after a matcher without any.
 #[test]
 fn row_offsets_do_not_outlive_their_result() {
     let pair = pair(Scene::Noise, (60, 8), 5, 9, 42);

@@ -70,7 +70,7 @@ fn small_images_have_no_window_or_one() {
     }
 }
 
-/// One window per row has nothing of its own image to resemble: the self check passes it.
+/// A single window per row has no other window to resemble: the self check passes it.
 #[test]
 fn a_window_without_neighbours_passes_the_self_check() {
     let line = Gray::from_fn(9, 1, |x, _| if x == 4 { 255 } else { 10 }).unwrap();

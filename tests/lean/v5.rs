@@ -54,7 +54,7 @@ impl V5 {
                         cells: CellRule::default(),
                         ..MatchContext::default()
                     };
-                    // The second time in memory that is in use.
+                    // The second time in memory already used.
                     for _ in 0..2 {
                         output.begin();
                         let pair = RectifiedPair::assume(pair);
@@ -123,7 +123,7 @@ fn is_known(table: crate::oracle::v5::Table, evidence: &Evidence) -> bool {
     evidence[4] >= 200 && score(table, evidence) >= 1099 && evidence[0] > 0
 }
 
-/// Revision 2 differs in its table, in which probability is enough, and in that a cell of few seen
+/// Revision 2 differs in its table, in its required probability, and in that a cell with few seen
 /// pixels may be known.
 #[test]
 fn revision_2_decides_by_its_probability_alone() {
@@ -148,7 +148,7 @@ fn revision_2_decides_by_its_probability_alone() {
     assert_eq!(one, cells("v5:revision=1,confidence=0.75"));
 }
 
-/// What differs, if anything.
+/// The difference, if any.
 fn same_map(output: &MatchOutput, steps: &Steps, width: usize) -> Result<(), String> {
     let (w, h) = steps.size;
     let map = &output.disparity;
@@ -249,7 +249,7 @@ fn equals_its_oracle_on_larger_images() {
     }
 }
 
-/// Disparities and cells of real scenes, of an independent implementation in Python.
+/// Disparities and cells of real scenes, from an independent implementation in Python.
 #[test]
 fn equals_an_independent_implementation_on_real_scenes() {
     let Some(datasets) = common::datasets() else {

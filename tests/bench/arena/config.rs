@@ -1,4 +1,4 @@
-//! Arena configurations: those that are refused, and the wireframe of valid ones.
+//! Arena configurations: rejected ones, and the wireframe of valid ones.
 
 use super::{ball, empty};
 use svl::arena::{Arena, ArenaConfig, Ball, Block};

@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 use svl::arena::{ArenaConfig, Ball, Waypoint};
 use svl::stereo::{Frame, Pose, Rig};
 
-/// Nothing but floor, walls and room; a straight, steady way from (1, 0.5) to (1, 1.5).
+/// Only floor, walls and room; a straight, steady path from (1, 0.5) to (1, 1.5).
 fn empty() -> ArenaConfig {
     let mut config = ArenaConfig {
         frames: 11,
@@ -31,7 +31,7 @@ fn empty() -> ArenaConfig {
     config
 }
 
-/// `empty` without noise and with cameras that are alike and aligned.
+/// `empty` without noise and with equal, aligned cameras.
 fn clean() -> ArenaConfig {
     let mut config = empty();
     config.sensor.noise = false;
@@ -60,7 +60,7 @@ fn ray(rig: &Rig, pose: &Pose, x: usize, y: usize) -> Vector3<f64> {
         )
 }
 
-/// Depth and world point of what the left pixel (`x`, `y`) sees, from the truth.
+/// Depth and world point at the left pixel (`x`, `y`), from the truth.
 fn seen(frame: &Frame, x: usize, y: usize) -> (f64, Vector3<f64>) {
     let (rig, pose) = (frame.rig().unwrap(), frame.pose.unwrap());
     let disparity = frame.truth.as_ref().unwrap().disparity.get(x, y);

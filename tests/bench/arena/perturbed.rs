@@ -1,15 +1,15 @@
-//! The scenarios of worse arenas are the arena but for what their names say.
+//! The scenarios of perturbed arenas equal the arena except for the change in their names.
 
 use std::fs::read_to_string;
 use std::path::Path;
 
-/// What a scenario has from its name to its gate, comments left out.
+/// The lines of a scenario from its name to its gate, without comments.
 fn lines(name: &str) -> Vec<String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenarios/{name}.toml"));
     let text = read_to_string(path).unwrap();
     let text = text.split("[[gate]]").next().unwrap().to_owned();
     let stripped = text.lines().map(|line| match line.split_once('#') {
-        // No text of these scenarios has a '#'.
+        // No text in these scenarios contains a '#'.
         Some((before, _)) => before.trim_end().to_owned(),
         None => line.to_owned(),
     });

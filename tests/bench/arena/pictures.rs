@@ -6,8 +6,8 @@ use svl::arena::{Arena, ArenaConfig};
 use svl::rectify::AlignmentMeter;
 use svl::stereo::{Frame, Gray, Visibility};
 
-/// Median absolute difference between left pixels and the right pixels that the truth plus
-/// `error_px` sends them to, in the rows that show walls and obstacles.
+/// Median absolute difference between left pixels and the right pixels to which the truth plus
+/// `error_px` maps them, in the rows that show walls and obstacles.
 fn warp_difference(frame: &Frame, error_px: f32, wanted: Visibility) -> f32 {
     let truth = frame.truth.as_ref().unwrap();
     let visibility = truth.visibility.as_ref().unwrap();
@@ -78,7 +78,7 @@ fn misalignment_moves_the_right_image_and_leaves_the_truth() {
         });
         pairs.map(|(a, b)| u64::from(a.abs_diff(*b))).sum()
     };
-    // Vignetting stays with the sensor: a little difference is left.
+    // Vignetting stays with the sensor: a small difference remains.
     assert!(3 * difference(2) < difference(0) && 3 * difference(2) < difference(4));
 }
 
@@ -161,7 +161,7 @@ fn spread(image: &Gray, rows: std::ops::Range<usize>) -> f64 {
     (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// A meter that sees only the pictures finds what the rig was given.
+/// The misalignment measured from the images is that of the rig.
 #[test]
 fn rows_are_as_far_apart_as_rectification_left_them() {
     for (lower_px, roll_deg) in [(0.25, 0.05), (0.0, 0.0), (-0.8, 0.0), (0.0, 0.6)] {
@@ -177,7 +177,7 @@ fn rows_are_as_far_apart_as_rectification_left_them() {
             (found.median_px - lower_px).abs() < 0.1,
             "{lower_px} px, {roll_deg} degrees: {found:?}"
         );
-        // Of parts whose middles are two thirds of the width apart.
+        // For parts whose centres are two thirds of the width apart.
         let [left, _, right] = found.parts_px[1].map(|part| part.unwrap());
         let turned = ((right - left) / (2.0 / 3.0 * 320.0)).atan().to_degrees();
         assert!(

@@ -59,7 +59,7 @@ impl Checkpoint {
             && ((turn + 540.0).rem_euclid(360.0) - 180.0).abs() <= self.heading_tolerance_deg
     }
 
-    /// Why an estimate fails here, by the rules of the obstacle grid; nothing when it passes.
+    /// Reason why an estimate fails here, by the rules of the obstacle grid; `None` if it passes.
     fn failure(&self, estimate: &Cells, truth: &Cells) -> Option<String> {
         for &place in &self.cells {
             let (z, z_true) = (estimate.at(place), truth.at(place).unwrap());
@@ -80,7 +80,7 @@ impl Checkpoint {
 struct Cells(Vec<Option<f64>>);
 
 impl Cells {
-    /// Medians of the disparities that `select` gives; nothing below the scenario's share of
+    /// Medians of the disparities that `select` returns; `None` below the scenario's fraction of
     /// pixels.
     fn new(frame: &Frame, select: impl Fn(usize, usize) -> Option<f32>) -> Self {
         let Grid { shape, min_valid } = &SCENARIO.grid;
@@ -106,7 +106,7 @@ impl Cells {
         self.0[row * SCENARIO.grid.shape.columns + column]
     }
 
-    /// Whether the distances of `list` are known and grow, each by more than the factor.
+    /// True if the distances of `list` are known and ascending, each by more than the factor.
     fn ascends(&self, list: &[Place], factor: f64) -> bool {
         let distances: Option<Vec<f64>> = list.iter().map(|&place| self.at(place)).collect();
         distances.is_some_and(|d| d.is_sorted_by(|a, b| factor * a < *b))
@@ -189,7 +189,7 @@ fn an_excellent_matcher_passes_every_checkpoint_and_poor_ones_none() {
                     "{place}: order {list:?} has no margin"
                 );
             }
-            // Whole pixels, up to 80, where both cameras see the point.
+            // Whole pixels, up to 80, if both cameras see the point.
             let both = |x, y| visibility.get(x, y) == Visibility::Visible && exact(x, y) <= 80.0;
             let good = |x, y| both(x, y).then(|| exact(x, y).round());
             // The same without the floor and the laboratory, which have little texture.

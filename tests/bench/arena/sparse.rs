@@ -1,5 +1,5 @@
-//! Cells scored by a sparse truth are right where those of the dense truth that it is drawn from
-//! are, in the patterns of a lidar, a laser scan and KITTI.
+//! Cells scored by a sparse truth agree with the dense truth that it is drawn from, in the patterns
+//! of a lidar, a laser scan and KITTI.
 
 use crate::common::datasets;
 use svl::arena::{Arena, ArenaConfig};
@@ -15,7 +15,7 @@ use svl::timing::StageTimes;
 /// True for a known pixel (x, y) of an image of a size.
 type Known = Box<dyn Fn(usize, usize, (usize, usize)) -> bool>;
 
-/// Lines of a lidar that sees nothing of the upper third.
+/// Lines of a lidar that misses the upper third.
 fn lidar(rows: usize, columns: usize) -> Known {
     Box::new(move |x, y, (_, height)| {
         y >= height / 3 && (y - height / 3).is_multiple_of(rows) && x.is_multiple_of(columns)
@@ -28,7 +28,7 @@ fn rows(every: usize) -> Known {
 }
 
 fn patterns() -> Vec<(&'static str, Known)> {
-    // As KITTI's: denser in the middle than below, with holes.
+    // As in KITTI: denser in the centre than below, with holes.
     let uneven = |x: usize, y: usize, (_, height): (usize, usize)| {
         let mixed = (x * 7919 + y * 104_729) as u64 * 0x9E37_79B9_7F4A_7C15;
         let below = (height - y) as f64 / height as f64;
@@ -118,7 +118,7 @@ struct Tally {
     scored: usize,
     known: usize,
     right: usize,
-    /// Called right, wrong, and not so by the dense truth.
+    /// Scored right, wrong, but differently by the dense truth.
     falsely: [usize; 2],
 }
 
@@ -133,15 +133,15 @@ impl Tally {
         }
     }
 
-    /// Agreement of the cells, and of the known ones alone, %.
+    /// Agreement over all cells, and over the known ones, %.
     fn agreement(&self) -> [f64; 2] {
         let off = self.falsely.iter().sum::<usize>() as f64;
         [self.scored, self.known].map(|of| 100.0 * (1.0 - off / of as f64))
     }
 }
 
-/// The algorithms' cells by sparse truths agree with those by the dense truth of the frames. An
-/// algorithm that answers cells only has no map to read at the points.
+/// The algorithms' cells scored by sparse truths agree with those by the dense truth of the frames.
+/// An algorithm that only computes cells has no map to read at the points.
 fn agree(frames: &[Frame], algorithms: [&str; 4]) {
     println!("| truth | algorithm | cells | known | right | agreement, % | of known cells, % |");
     println!("|---|---|---:|---:|---:|---:|---:|");

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use svl::arena::{Arena, ArenaConfig, Ball, Block, Waypoint};
 use svl::stereo::Visibility;
 
-/// Where `origin + t * direction` enters a sphere.
+/// Entry of `origin + t * direction` into a sphere.
 fn enter_sphere(origin: Vector3<f64>, direction: Vector3<f64>, ball: &Ball) -> Option<f64> {
     let from = origin - Vector3::new(ball.at_m[0], ball.at_m[1], ball.height_m);
     let (a, b) = (direction.norm_squared(), from.dot(&direction));
@@ -75,13 +75,13 @@ fn floor_and_ball_lie_where_their_equations_say() {
         frames: 40,
         ..empty()
     };
-    // A pose with every angle in it.
+    // A pose with non-zero rotations about all axes.
     (
         config.robot.yaw_sway_deg,
         config.robot.roll_sway_deg,
         config.robot.pitch_sway_deg,
     ) = (4.0, 5.0, 2.0);
-    // Beside the path, which it may not touch.
+    // Next to the path, which it may not touch.
     let ball = Ball {
         at_m: [1.15, 1.2],
         ..ball()
@@ -106,8 +106,8 @@ fn floor_and_ball_lie_where_their_equations_say() {
             assert!(point.z.abs() < 1e-5, "{point}");
             on_floor += 1;
         }
-        // Whether the right camera sees the point, from the ball's equation and the image's border.
-        // Not asked where either is touched, nor above the walls, which hide some of the
+        // Visibility of the point in the right camera, from the ball's equation and the image's
+        // border. Skipped where either is touched, and above the walls, which occlude some of the
         // laboratory.
         let right_x = x as f64 - rig.disparity_px(depth);
         let before = enter_sphere(right, point - right, &ball).unwrap_or(f64::INFINITY);

@@ -7,7 +7,7 @@ mod oracle;
 use oracle::V5;
 use svl::arena::{Arena, ArenaConfig};
 
-/// CRC-32 of every step for pairs of the arena, as the specification has them (section 3.11).
+/// CRC-32 of every step for pairs of the arena, as given in the specification (section 3.11).
 #[test]
 fn the_oracle_gives_the_specification_s_answers() {
     fn crc<T: Copy, const N: usize>(values: &[T], bytes: impl Fn(T) -> [u8; N]) -> u32 {

@@ -1,4 +1,5 @@
-//! What `adapters/` has for programs behind `exec`: the Python module, the C++ header, networks.
+//! The files of `adapters/` for programs behind `exec`: the Python module, the C++ header,
+//! networks.
 #![cfg(unix)]
 
 use super::fixture::{Fixture, assert_says};
@@ -8,7 +9,7 @@ use std::process::Command;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Python with these modules; nothing, with a word, where it has not all of them.
+/// Python with these modules; `None`, with a note, unless it has all of them.
 fn python_with(modules: &str) -> Option<String> {
     let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let import = format!("import {modules}");
@@ -25,7 +26,7 @@ fn program(python: &str, words: &str) -> String {
     format!("exec:command='env' 'PYTHONPATH={ROOT}/adapters/python' '{python}' {words}")
 }
 
-/// What a user of the module writes, and what goes wrong there.
+/// A program by a user of the module, with its errors.
 const DECORATED: &str = r#"
 import numpy as np
 import svl_matcher
@@ -54,7 +55,7 @@ fn a_decorated_function_of_two_arrays_is_a_matcher() {
     let ran = fixture.svl(&[
         "score", "a.mcap", "--algo", &mine, "-o", "r", "--rerun", "none",
     ]);
-    // Two of the four pairs fail, each with its own words.
+    // Two of the four pairs fail, each with its own message.
     assert_eq!(ran.code, Some(4));
     assert_says(
         &ran.stderr,

@@ -85,7 +85,7 @@ fn a_simulated_board_gives_the_cameras_that_saw_it() {
         assert!(fixture.path(name).is_file(), "{name}");
     }
 
-    // Once more, from what was kept.
+    // Again, from the pairs kept.
     let args = "calibrate board calib-report --square-m 0.03 -y --json -o again.yaml";
     let again = fixture.json(args);
     let twice = again["solution"]["baseline"]["value"].as_f64().unwrap();
@@ -128,7 +128,7 @@ fn nothing_is_overwritten_unasked() {
         calibrate board pictures --yes -o c.png => 2: must end in .xml
     ";
     fixture.fails(wrong);
-    // The pairs that a calibration is made from are not cleared away for it.
+    // The pairs that a calibration reads are not deleted by it.
     std::fs::remove_file(fixture.path("calib-report/mine.txt")).unwrap();
     fixture.fails("calibrate board calib-report --yes --force -o calib.xml => 2: named twice");
     assert!(fixture.path("calib-report/left01.png").is_file());
@@ -197,7 +197,7 @@ fn the_viewer_gets_the_pairs_with_their_corners() {
     assert!(fixture.path("board.rrd").metadata().unwrap().len() > 1_000_000);
 }
 
-/// Live, until somebody has enough.
+/// Live, until the user has enough.
 #[cfg(unix)]
 #[test]
 fn cameras_that_see_the_board_are_calibrated() {

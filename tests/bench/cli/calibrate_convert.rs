@@ -91,7 +91,7 @@ fn opencv_reads_the_same_numbers() {
     if python("calibration_files.py", "cv2, numpy", files).is_none() {
         return;
     }
-    // And svl reads the XML that OpenCV wrote of it.
+    // And svl reads the XML that OpenCV wrote from it.
     let text = fixture.run("calibrate convert theirs.xml again.yml --unit squares");
     assert_says(&text, &["baseline 3.328221 squares"]);
 }

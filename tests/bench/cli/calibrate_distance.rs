@@ -72,7 +72,7 @@ fn bad_input_is_one_line_that_names_it() {
     fixture.fails(wrong);
 }
 
-/// A target of 0.8 m x 1 m that stands at this distance before the arena's stereo head.
+/// A target of 0.8 m x 1 m at this distance in front of the arena's stereo head.
 fn scenario(distance_m: f64) -> String {
     format!(
         "name = \"target\"\ndescription = \"a target\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \

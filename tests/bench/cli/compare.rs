@@ -22,7 +22,7 @@ fn one_algorithm_each_is_compared_whatever_it_is_called() {
         .find(|line| line.contains("wrong cells"))
         .unwrap();
     assert!(line.ends_with("better"), "{line}");
-    // Times of different moments are not judged.
+    // Times from different moments are not compared.
     let time = text
         .lines()
         .find(|line| line.contains("median time"))
@@ -114,7 +114,7 @@ fn what_cannot_be_compared_is_said() {
     fixture.svl("compare 0 1").failed(1, &["0/rows.csv"]);
 }
 
-/// Answers pairs of 40x20 pixels with zeros, and refuses the one of that number.
+/// Answers pairs of 40x20 pixels with zeros, but refuses the pair with that number.
 #[cfg(unix)]
 fn refusing(number: usize) -> String {
     r#"
@@ -177,9 +177,9 @@ fn pairs_that_fail_anew_are_worse_and_histories_are_of_common_pairs() {
         let failed = json[0]["algorithms"][0]["newly_failed"].to_string();
         assert!(pairs.starts_with(&failed), "{json}");
     }
-    // The reverse is not worse: what is common is equal.
+    // The reverse is not worse: the common pairs are equal.
     fixture.run("compare b a --fail-on worse");
-    // Nothing to compare is not equal.
+    // Having nothing to compare does not count as equal.
     fixture
         .svl("compare c#some alone#some --fail-on worse")
         .failed(3, &["no pair in common"]);
@@ -244,7 +244,7 @@ fn what_became_worse_fails_and_is_in_junits_xml() {
 #[test]
 fn a_history_is_of_common_pairs_and_its_times_of_one_machine() {
     let fixture = scored(&["v3", "v3"]);
-    // The second was killed behind its first pairs, and is of another machine.
+    // The second was killed after its first pairs, and is from another machine.
     let rows = fixture.text("1/rows.csv");
     let kept: Vec<_> = rows.lines().take(6).collect();
     fixture.write("1/rows.csv", kept.join("\n") + "\n");
@@ -261,7 +261,7 @@ fn a_history_is_of_common_pairs_and_its_times_of_one_machine() {
         let own = lines.iter().filter(|line| line["metric"] == metric);
         own.map(|line| line["values"].clone()).collect::<Vec<_>>()
     };
-    // Equal pairs give equal values; each time is of its own machine.
+    // Equal pairs give equal values; each time belongs to its own machine.
     assert_eq!(of("right").len(), 1);
     assert_eq!(of("right")[0][0], of("right")[0][1]);
     let times = of("time");
@@ -277,7 +277,7 @@ fn a_history_is_of_common_pairs_and_its_times_of_one_machine() {
         &text,
         &["Compared on the 5 pairs of all reports", "      5  another"],
     );
-    // Other truth, so no pair in common: not joined.
+    // Another truth, so no pair in common: not joined.
     let place = rows
         .lines()
         .next()

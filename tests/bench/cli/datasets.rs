@@ -12,7 +12,7 @@ const POLITE: Manners = Manners {
     drips: false,
 };
 
-/// The archives of Middlebury 2003, with an image of noise that does not shrink.
+/// The archives of Middlebury 2003, with an incompressible image of noise.
 fn cones_and_teddy() -> Vec<(&'static str, Vec<u8>)> {
     vec![
         ("cones/cones-png-2.zip", scene("cones")),
@@ -101,7 +101,7 @@ fn fetches_and_scores() {
     let json = fixture.json(args);
     assert_eq!(json["algorithms"][0]["pairs"], 2);
 
-    // Again: nothing is asked for, nothing written.
+    // Again: nothing is requested, nothing written.
     let said = fetch_from(&fixture, &server.url).done();
     assert!(
         said.ends_with("0 files written, 2 there already\n"),
@@ -188,7 +188,7 @@ fn another_checksum_than_the_first_is_refused() {
     let server = Server::new(&cones_and_teddy(), POLITE);
     fetch_from(&fixture, &server.url).done();
     std::fs::remove_dir_all(fixture.path("d/middlebury2003/cones")).unwrap();
-    // The same archive is taken again.
+    // The same archive is accepted again.
     let said = fetch_from(&fixture, &server.url).done();
     assert!(
         said.ends_with("4 files written, 1 there already\n"),
@@ -289,7 +289,7 @@ fn what_cannot_be_had_is_one_line_with_the_cure() {
         ],
     );
     std::fs::remove_file(fixture.path("d/middlebury2003/cones/cones-png-2.zip")).unwrap();
-    // A port that was free a moment ago: nobody listens.
+    // A port that was free a moment ago: nothing listens there.
     let nobody = std::net::TcpListener::bind("127.0.0.1:0")
         .unwrap()
         .local_addr()

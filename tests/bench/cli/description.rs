@@ -1,4 +1,4 @@
-//! What a run is: printed, repeated, and held against other runs.
+//! The description of a run: printed, repeated, and compared with other runs.
 
 use super::fixture::{Fixture, assert_says};
 use serde_json::Value;
@@ -110,7 +110,7 @@ fn resumed_and_compared_runs_are_held_against_each_other() {
     );
     fixture.run("score run.mcap --algo v3 -o one --rerun none --resume");
 
-    // Shards of other options are no parts of one run.
+    // Shards with other options are not parts of one run.
     fixture.run("score run.mcap --algo v3 --shard 1/2 -o part1 --rerun none");
     fixture.run("score run.mcap --algo v3 --shard 2/2 -o part2 --reference sgm --rerun none");
     let merged = fixture.svl("merge part1 part2 -o whole");

@@ -39,7 +39,7 @@ fn drives_are_driven_counted_drawn_and_kept() {
             "two seconds before it hit",
         ],
     );
-    // The track tells what the row counts.
+    // The track contains what the row counts.
     let tracks = fixture.text("r/tracks.csv");
     let hits = tracks
         .lines()
@@ -47,7 +47,7 @@ fn drives_are_driven_counted_drawn_and_kept() {
         .count();
     assert_eq!(hits as u64, blind["collisions"].as_u64().unwrap());
 
-    // Each drive is a recording: what would another algorithm have seen?
+    // Each drive is a recording, on which another algorithm can be replayed.
     fixture.run("replay r/course-1-truth.mcap --algo bm -q --rows rows.csv");
     let frames = |name: &str| fixture.text(name).lines().count() - 1;
     let drives = fixture.text("r/drives.csv");
@@ -60,7 +60,7 @@ fn drives_are_driven_counted_drawn_and_kept() {
         "{truth}"
     );
 
-    // The same again, in another order of threads: the same drives.
+    // The same again, with another thread order: the same drives.
     let kept = |table: &str| {
         let text = fixture.text(table);
         text.lines()
@@ -82,7 +82,7 @@ fn a_resumed_run_drives_only_what_is_missing() {
     fixture.write("small.toml", courses(""));
     fixture.run("score small.toml -q -o r");
     let whole = fixture.text("r/drives.csv");
-    // As a kill within the last drive leaves it.
+    // The state that a kill within the last drive leaves.
     let lines: Vec<_> = whole.lines().collect();
     fixture.write(
         "r/drives.csv",
@@ -156,7 +156,7 @@ fn what_the_driver_sees_is_made_worse() {
     assert!(fixture.path("r/course-1-seen-row_offset=6.mcap").exists());
     let summary: serde_json::Value =
         serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
-    // Two algorithms at two levels, of which the first is none; the truth sees no images.
+    // Two algorithms at two levels, the first of which is 0; `truth` ignores the images.
     let stress = summary["stress"].as_array().unwrap();
     assert_eq!(
         (summary["drives"].as_array().unwrap().len(), stress.len()),

@@ -19,7 +19,7 @@ fn write_map(fixture: &Fixture, name: &str, rows: &[&[f32]]) {
     .unwrap();
 }
 
-/// A truth of 4 with estimates beside it, and a mask that leaves the last pixel out.
+/// A truth of 4 with estimates next to it, and a mask that excludes the last pixel.
 fn scene() -> Fixture {
     let fixture = Fixture::new();
     write_map(&fixture, "truth.pfm", &[&[4.0, 4.0, 4.0, NO, 4.0]]);
@@ -104,7 +104,7 @@ fn options_count() {
     };
     assert_eq!(value("middeval3", "avgerr"), 5.0 / 3.0);
     assert_eq!(value("middeval3 --max-disparity 4.5", "avgerr"), 4.0 / 3.0);
-    // All leave the right image on the left, but the last, which meets another disparity there.
+    // All leave the right image at the left, except the last, which meets another disparity there.
     write_map(&fixture, "right.pfm", &[&[10.0, NO, NO, NO, NO]]);
     write_map(&fixture, "near.pfm", &[&[0.0, 1.0, 0.0, NO, 0.0]]);
     write_map(&fixture, "near-right.pfm", &[&[9.0, 0.0, 0.5, 0.0, 0.0]]);
@@ -179,7 +179,7 @@ fn folders_are_averaged_or_pooled_as_the_protocol_does() {
         eval d truth --scale 1 --protocol kitti12 --mask d => 1: d/000000_10.pfm | not a readable
     ";
     fixture.fails(wrong);
-    // More estimates than truths: said, and judged without.
+    // More estimates than truths: reported, and scored without the surplus.
     write_map(&fixture, "d/000002_10.pfm", &[&[1.0]]);
     let more = fixture.svl(&args("kitti12"));
     assert_says(&more.stderr, &["d/000002_10.pfm: has no truth in truth"]);

@@ -1,4 +1,4 @@
-//! A program as an algorithm, in every subcommand that takes one.
+//! A program as an algorithm, in every subcommand that accepts one.
 #![cfg(unix)]
 
 use super::fixture::{Fixture, assert_says};
@@ -122,7 +122,7 @@ fn a_score_lacks_what_failed_and_judges_the_rest_by_its_name() {
     assert_eq!(passed(&alone), passed(&both));
 }
 
-/// Answers every pair of 40x20 pixels but the third, which it refuses.
+/// Answers every pair of 40x20 pixels except the third, which it refuses.
 const REFUSES: &str = r#"
 i=0
 while read -r line; do
@@ -282,7 +282,7 @@ fn what_failed_on_every_pair_is_not_measured() {
     }
 }
 
-/// Whatever svl does with it, Ctrl-C ends a program that never answers, with what it started.
+/// Whatever svl is doing, Ctrl-C ends a program that never answers, and the processes it started.
 #[cfg(target_os = "linux")]
 #[test]
 fn ctrl_c_ends_a_program_that_never_answers() {
@@ -306,7 +306,8 @@ fn ctrl_c_ends_a_program_that_never_answers() {
             !stderr.contains("on pair"),
             "no failure of the program: {stderr}"
         );
-        // Killed with its group, it goes a moment later; a zombie until its end was seen.
+        // Killed with its group, it disappears a moment later; it is a zombie until its end was
+        // seen.
         let stat = format!("/proc/{}/stat", child().trim());
         let state = || std::fs::read_to_string(&stat).unwrap_or_default();
         let began = std::time::Instant::now();

@@ -7,7 +7,7 @@ use svl::filter::{FilterKind, FilterModel, Spectrum};
 use svl::fit::filter::FrameLabels;
 use svl::stereo::Gray;
 
-/// Floors with texture, of few frames.
+/// Textured floors, a few frames each.
 fn write_floors(fixture: &Fixture, name: &str, frames: u64) {
     let text = format!(
         "name = \"{}\"\n[source]\nkind = \"arena\"\nseeds = \"11..15\"\n[arena]\nframes = \
@@ -17,7 +17,7 @@ fn write_floors(fixture: &Fixture, name: &str, frames: u64) {
     fixture.write(name, text);
 }
 
-/// A filter that was trained once for all tests, and its page.
+/// A filter trained once for all tests, and its page.
 static FLOOR: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
     let fixture = Fixture::new();
     write_floors(&fixture, "floors.toml", 12);
@@ -147,7 +147,7 @@ fn algorithms_run_with_and_without_filters() {
         &["filters_us", "v3+floor"],
     );
 
-    // A recording of results says so, too, and is verified with the same filter.
+    // A recording of results contains them too, and is verified with the same filter.
     fixture.run("record floors.toml --seed 3 --frames 2 -o run.mcap");
     let replay = "-q replay run.mcap --filter floor.safetensors";
     fixture.run(&format!("{replay} --algo v3 -o result.mcap"));
@@ -202,7 +202,7 @@ fn a_scenario_trains_its_filter_first_and_keeps_it() {
         .failed(1, &["x.safetensors"]);
 }
 
-/// A table of labels without its last column, which has a hash in every line.
+/// A table of labels without its last column, which contains a hash in every line.
 fn labels_of(fixture: &Fixture, table: &str) -> String {
     let text = fixture.text(table);
     let mut lines = text.lines().map(|line| line.rsplit_once(',').unwrap());
@@ -234,7 +234,7 @@ fn a_person_labels_windows_and_frames() {
     );
     let table = "sequence,window,label\n0,0x0,other\n0,1x0,other\n0,3x0,floor\n0,4x1,floor\n";
     assert_eq!(labels_of(&fixture, "run.floor.csv"), table);
-    // It goes on where it ended; Ctrl-C keeps what is there.
+    // It resumes where it ended; Ctrl-C keeps the labels.
     let stopped = label("windows --kind floor", "screen a backspace u b ctrl-c");
     assert_says(&stopped.stdout, &["going on at frame 0 with 4 labels"]);
     stopped.failed(1, &["what was labelled is kept"]);
@@ -259,7 +259,7 @@ fn labels_are_given_in_a_terminal() {
     let program = assert_cmd::cargo::cargo_bin!("svl").to_str().unwrap();
     let run = run.to_str().unwrap();
     let line = ["ab.bq", program, "label", "windows", run, "--kind", "floor"];
-    // Of Unix, as terminals are.
+    // Only on Unix, for its terminals.
     let Some(screen) = python("terminal.py", "pty", line) else {
         return;
     };
@@ -277,7 +277,7 @@ fn labels_are_of_the_recording_that_was_labelled() {
     let label = "label frames run.mcap --kind floor --script keys";
     fixture.run(label);
     let table = fixture.text("run.floor.csv");
-    // As the tables of a report name pairs.
+    // Pairs are identified as in the tables of a report.
     fixture.run("-q replay run.mcap --algo v3 --rows rows.csv");
     let rows = fixture.text("rows.csv");
     let hash = table.lines().nth(2).unwrap().rsplit(',').next().unwrap();
@@ -288,7 +288,7 @@ fn labels_are_of_the_recording_that_was_labelled() {
     fixture.run("record --frames 4 --seed 2 -o run.mcap --force");
     fixture.fails(&format!("{train} => 1: {refused}\n{label} => 1: {refused}"));
     assert_eq!(fixture.text("run.floor.csv"), table, "nothing is written");
-    // The recording of then, read otherwise: other windows.
+    // The same recording, read differently: other windows.
     fixture.run("record --frames 4 -o run.mcap --force");
     fixture.fails(&format!(
         "{train} --scale 0.5 => 1: {refused}
@@ -299,7 +299,7 @@ fn labels_are_of_the_recording_that_was_labelled() {
     fixture.write("run.floor.csv", contradictory);
     let both = "run.floor.csv: line 5: frame 1 is 'other', and not in line 3";
     fixture.fails(&format!("{train} => 1: {both}\n{label} => 1: {both}"));
-    // A table of earlier svl says nothing of its recording.
+    // A table of an earlier version does not identify its recording.
     fixture.write("run.floor.csv", "sequence,window,label\n0,,floor\n");
     let warned = fixture.svl(train.trim_start_matches("-q "));
     assert_says(

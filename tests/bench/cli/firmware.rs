@@ -1,4 +1,5 @@
-//! The trigger controller's firmware, on the simulated board of firmware/, fires simulated cameras.
+//! The trigger controller's firmware, on the simulated board of firmware/, triggers simulated
+//! cameras.
 #![cfg(target_os = "linux")]
 
 use super::fixture::{Fixture, assert_says};
@@ -15,7 +16,7 @@ struct Board {
 }
 
 impl Board {
-    /// With such faults. Nothing, with a note, where it was not built.
+    /// Started with these faults. `None`, with a note, if it was not built.
     fn start(faults: &[&str]) -> Option<Self> {
         let firmware = Path::new(env!("CARGO_MANIFEST_DIR")).join("firmware");
         let sim = firmware.join("build/sim");
@@ -39,7 +40,7 @@ impl Board {
         })
     }
 
-    /// Ends it, and says how many pulses there were on its pins.
+    /// Ends it, and returns the number of pulses on its pins.
     fn pulses(mut self) -> u64 {
         assert!(
             Command::new("kill")
@@ -56,16 +57,16 @@ impl Board {
 
 impl Drop for Board {
     fn drop(&mut self) {
-        // Of no use once it has ended.
+        // It fails once the board has ended.
         let _ = self.process.kill();
     }
 }
 
-/// What came of a recording.
+/// Results of a recording.
 struct Recorded {
-    /// The pulses that its pairs are of.
+    /// The pulse ids of its pairs.
     ids: Vec<u64>,
-    /// Those that svl counted, with the ones nobody asked for, and those on the board's pins.
+    /// Pulses counted by svl, including stray ones, and pulses on the board's pins.
     counted: u64,
     strays: u64,
     on_pins: u64,

@@ -28,7 +28,7 @@ impl Fixture {
         self.svl_with(line, &[])
     }
 
-    /// What `svl` prints with these arguments; it succeeds.
+    /// The output of `svl` with these arguments; it must succeed.
     #[track_caller]
     pub fn run(&self, line: &(impl CommandLine + ?Sized)) -> String {
         self.svl(line).done()
@@ -51,14 +51,14 @@ impl Fixture {
         }
     }
 
-    /// What this command answers in JSON.
+    /// The JSON output of this command.
     #[track_caller]
     pub fn json(&self, line: &(impl CommandLine + ?Sized)) -> serde_json::Value {
         serde_json::from_str(&self.run(line)).unwrap()
     }
 
     /// Every line of `table`, `COMMAND => CODE: WORDS | WORDS`, fails with this code and one line
-    /// that holds all these words. Lines of `#` are comments. No data sets are found.
+    /// that contains all these words. Lines starting with `#` are comments. No data sets are found.
     #[track_caller]
     pub fn fails(&self, table: &str) {
         let lines = table.lines().map(str::trim);
@@ -144,8 +144,8 @@ impl Fixture {
         self.write(name, lines.collect::<Vec<_>>().join("\n"))
     }
 
-    /// As [`Fixture::write_short_arena`], with the recordings of its two runs, which are simulated
-    /// once for all tests.
+    /// Same as [`Fixture::write_short_arena`], with the recordings of its two runs, which are
+    /// simulated once for all tests.
     pub fn write_recorded_arena(&self, name: &str, frames: u64) -> PathBuf {
         type Files = Vec<(std::ffi::OsString, Vec<u8>)>;
         static RECORDED: Mutex<BTreeMap<u64, Arc<Files>>> = Mutex::new(BTreeMap::new());
@@ -171,8 +171,8 @@ impl Fixture {
     }
 }
 
-/// What follows `svl`: words with spaces between them, `''` being an empty one; an array where an
-/// argument holds a space.
+/// Arguments of `svl`: words separated by spaces, `''` for an empty one; an array if an argument
+/// contains a space.
 pub trait CommandLine {
     fn arguments(&self) -> Vec<&str>;
 }
@@ -217,14 +217,14 @@ pub struct Ran {
 }
 
 impl Ran {
-    /// It succeeded; returns what it printed.
+    /// Asserts success; returns the output.
     #[track_caller]
     pub fn done(self) -> String {
         assert_eq!(self.code, Some(0), "{}", self.stderr);
         self.stdout
     }
 
-    /// It failed with this code and one line that holds all these words; returns the line.
+    /// Asserts failure with this code and one line that contains all these words; returns the line.
     #[track_caller]
     pub fn failed(self, code: i32, words: &[&str]) -> String {
         assert_eq!(self.code, Some(code), "{}{}", self.stdout, self.stderr);

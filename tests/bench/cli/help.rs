@@ -19,7 +19,7 @@ fn commands(fixture: &Fixture, command: &str) -> Vec<String> {
     below.lines().filter_map(line).collect()
 }
 
-/// A screen has 80 columns; an option below no heading is one that nobody placed.
+/// A screen has 80 columns; an option without a heading was never assigned one.
 #[test]
 fn short_help_fits_a_screen_and_options_have_headings() {
     let fixture = Fixture::new();
@@ -76,7 +76,7 @@ fn options_of_sources_are_listed_once() {
     fixture.fails("help nosuch => 2: nosuch");
 }
 
-/// Wide enough or not, what svl broke into lines by hand stays so.
+/// Lines broken by hand in the help stay as they are, at any width.
 #[test]
 fn no_terminal_breaks_the_text_below_the_options() {
     let fixture = Fixture::new();

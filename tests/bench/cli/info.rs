@@ -94,7 +94,7 @@ fn a_pipe_is_no_recording() {
     let pipe = fixture.path("pipe.mcap");
     let made = std::process::Command::new("mkfifo").arg(&pipe).status();
     assert!(made.unwrap().success());
-    // Nobody writes to it: opening it would wait for ever.
+    // The pipe has no writer: opening it would wait forever.
     fixture.fails(
         "
         info pipe.mcap => 1: pipe.mcap | pipe or a device | copy it
@@ -162,7 +162,7 @@ fn the_spread_of_the_skew_is_drawn() {
     assert_eq!(pairs, 40, "{text}");
 }
 
-/// The root package takes them at its build; a package below it would have none.
+/// The root package reads them at build time; a package below it would have none.
 #[test]
 fn version_revision_and_profile_are_in_manifest_and_recording() {
     let built = svl::BUILD;

@@ -162,7 +162,7 @@ fn a_reproduction_keeps_an_earlier_report_until_it_has_another() {
     fixture.write("reports/reproduce/reproduce.json", "{}");
     let recordings =
         || std::fs::read_dir(fixture.path("recordings")).is_ok_and(|files| files.count() > 0);
-    // Of 7.3 the arena's run is made first: there is nothing to report yet.
+    // For 7.3 the arena's run is recorded first: there is nothing to report yet.
     let (code, stderr) = interrupted(&fixture, "reproduce 7.3 -q", recordings);
     assert_eq!(code, Some(1));
     assert!(

@@ -77,7 +77,7 @@ fn what_is_labelled_is_scored() {
     let rows = fixture.text("report/checkpoints.csv");
     assert_says(&rows, &["1,ahead,v3,3,3,1.0,7,true"]);
 
-    // What a person wrote stays to the byte.
+    // Text written by a person is kept byte by byte.
     let edited = "# mine\n".to_owned() + fixture.text("run.toml").trim_end() + " # last";
     fixture.write("run.toml", &edited);
     let keys = "g 3 enter \"1.5+-0.2\" enter n \"wall\" enter enter q";
@@ -93,7 +93,7 @@ fn what_is_labelled_is_scored() {
     assert_eq!(added, expected);
     fixture.run("score run.toml -o report -q");
     assert_says(&fixture.text("report/checkpoints.csv"), &["2,wall,v3"]);
-    // Perturbations do not change what is seen in a pair.
+    // Perturbations do not change the scene of a pair.
     fixture.run("score run.toml -o report -q --stress noise");
 
     fixture.run("record --frames 12 --seed 2 -o run.mcap --force");
@@ -131,7 +131,7 @@ fn an_interrupted_session_goes_on() {
         &["going on at frame 3 with 1 labelled cell"],
     );
     assert_eq!(screen.code, Some(1));
-    // Quitting asks; the draft is kept, or thrown away.
+    // Quitting asks; the draft is kept or discarded.
     let kept = label(&fixture, args, "q esc q k").done();
     let words = "own.toml.draft: 1 labelled cell: the same command goes on there\n";
     assert_eq!(kept, words);

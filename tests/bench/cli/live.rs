@@ -4,7 +4,7 @@ use super::fixture::{Fixture, assert_says};
 use svl::source::{RecordingSource, Source};
 use svl::stereo::Frame;
 
-/// Small ones, which begin at once.
+/// Small cameras that start at once.
 const SIM: &str = "sim:size=64x48,pictures=2";
 
 fn frames(fixture: &Fixture, name: &str) -> Vec<Frame> {
@@ -138,7 +138,7 @@ fn what_came_before_a_camera_failed_is_kept() {
     }
 }
 
-/// Nothing comes in a period that is longer than a camera may usually be silent.
+/// No image arrives in a period that is longer than a camera may usually be silent.
 #[test]
 fn slow_cameras_are_not_silent_ones() {
     let fixture = Fixture::new();

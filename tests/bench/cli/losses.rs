@@ -74,14 +74,14 @@ fn cameras_that_start_and_stop_apart_lose_nothing() {
 fn one_image_of_two_hundred_may_be_allowed() {
     let fixture = Fixture::new();
     write_bag(&fixture, "bag.mcap", 0..200, (0..200).filter(|i| *i != 77));
-    // One of 200 pairs that were read is 0.5 %.
+    // One of 200 pairs read is 0.5 %.
     for (allowed, code) in [
         ("", 4),
         ("--allow-loss 0", 4),
         ("--allow-loss 0.4%", 4),
         ("--allow-loss 0.5%", 0),
         ("--allow-loss 1", 0),
-        // Per cent of all that were read, not of those that were asked for.
+        // Per cent of all pairs read, not of those selected.
         ("--allow-loss 0.5% --every 20", 0),
     ] {
         let score = format!("score bag.mcap {SCORE} --json {allowed}");
@@ -134,13 +134,13 @@ fn a_scenario_allows_losses_and_its_description_says_so() {
     fixture.run("score s.toml -q --rerun none --allow-loss 5%");
     fixture.write("s.toml", scenario("\"much\""));
     fixture.fails("score s.toml => 1: s.toml | per cent as 1%");
-    // Reports of other limits are compared.
+    // Reports with other limits can be compared.
     fixture.write("s.toml", scenario("1"));
     fixture.run("score s.toml -q --rerun none -o other");
     fixture.run("compare reports/s other --fail-on worse:known");
 }
 
-/// Answers pairs of 40x20 pixels with zeros, but those whose first pixel is 7 with an error.
+/// Answers pairs of 40x20 pixels with zeros, except those whose first pixel is 7, with an error.
 const SORTS_OUT: &str = r#"
 while read -r line; do
   seq=${line#*'"seq":'}
@@ -216,11 +216,11 @@ fn shards_that_miss_something_are_merged() {
     assert_eq!(allowed("17%"), (Some(0), "complete".into()));
     assert_eq!(allowed("16%"), (Some(4), "lossy".into()));
     assert_eq!(allowed("1"), (Some(0), "complete".into()));
-    // A part may allow another share than the whole: it is no other run.
+    // A part may allow another fraction than the whole: it is still the same run.
     assert_eq!(shard(2, "--allow-loss 50% --resume"), Some(0));
     assert_eq!(shard(1, "--allow-loss 17%"), Some(0));
     fixture.run("merge p1 p2 -o all -q");
-    // One that ended early is refused, whatever the words are.
+    // A part that ended early is rejected, whatever its words.
     let early = json(&fixture.text("p2/summary.json"));
     for state in ["interrupted", "failed"] {
         let mut early = early.clone();
@@ -244,7 +244,7 @@ fn a_workflow_whose_shard_misses_a_pair_ends_with_the_report() {
     );
     let state = || json(&fixture.text("s/all/summary.json"))["state"].clone();
     assert_eq!(state(), "lossy");
-    // Nothing is done again but the judgement of what is there.
+    // Only the check of the existing parts is repeated.
     let began = || json(&fixture.text("s/all/manifest.json"))["run_id"].clone();
     let before = began();
     let args = "args=--rerun none --allow-loss 20%";
@@ -277,7 +277,7 @@ fn what_is_missing_is_a_test_of_junits_xml() {
     assert_says(&fixture.text("j.xml"), &["tests=\"2\" failures=\"1\""]);
     fixture.run(&format!("{line} --allow-loss 20%"));
     assert_says(&fixture.text("j.xml"), &["tests=\"2\" failures=\"0\""]);
-    // A broken limit weighs more than what is missing.
+    // A broken limit takes precedence over losses.
     gated("1.0");
     assert_eq!(fixture.svl(line).code, Some(3));
     assert_says(&fixture.text("j.xml"), &["tests=\"2\" failures=\"2\""]);

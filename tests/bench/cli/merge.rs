@@ -1,4 +1,4 @@
-//! `svl merge`: parts that do not belong together, and what of them is not joined.
+//! `svl merge`: parts that do not belong together, and the contents that are not joined.
 #![cfg(unix)]
 
 use super::fixture::{Fixture, assert_says};
@@ -162,7 +162,7 @@ fn times_of_several_machines_are_not_joined() {
             &["times are not joined"],
         );
     }
-    // Nor are they those of the first part's machine.
+    // Nor do they belong to the first part's machine.
     let history = fixture.json("compare --history whole all --json");
     let lines = history["scenarios"][0]["lines"].as_array().unwrap();
     let time = lines.iter().find(|line| line["metric"] == "time").unwrap();

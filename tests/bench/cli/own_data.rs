@@ -1,4 +1,4 @@
-//! Images, videos and bags as people have them, from the folder to the recording.
+//! Users' images, videos and bags, from the folder to the recording.
 
 use super::fixture::{Fixture, Ran, assert_says, pgm};
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb, RgbImage};
@@ -18,7 +18,7 @@ fn frames(fixture: &Fixture, name: &str) -> Vec<Frame> {
     std::iter::from_fn(|| source.next().unwrap()).collect()
 }
 
-/// The standard error of a run that kept all but what it warned of.
+/// The standard error of a run that kept everything except the losses it warned of.
 #[track_caller]
 fn incomplete(ran: Ran, words: &[&str]) {
     assert_eq!(ran.code, Some(4), "{}", ran.stderr);
@@ -154,7 +154,7 @@ fn colour_is_kept_and_the_pair_is_its_luma() {
         assert_eq!(right.get(7, 3), [42, 36, 10]);
         assert_eq!(&Gray::from_color(left), read[1].pair.left());
     }
-    // A bag of ROS 2 has both; svl takes the grey ones unless the others are named.
+    // A ROS 2 bag contains both; svl uses the grey ones unless the others are named.
     fixture.run("record raw.mcap --ros2 -o ros.mcap");
     let [grey, color] = [
         ("grey.mcap", vec![]),
@@ -230,7 +230,7 @@ fn euroc_s_cameras_rectify_its_folder() {
     );
     let info = fixture.run("info out/rectified.mcap");
     assert!(info.contains("pairs      2, 20.00 a second"), "{info}");
-    // Raw, the recording keeps what rectifies it.
+    // A raw recording keeps its calibration for rectification.
     fixture.run("record mav0 --calib none -o out/raw.mcap");
     let raw = "out/raw.mcap";
     fixture
@@ -289,7 +289,7 @@ fn options_are_for_what_takes_them() {
         .failed(2, &["recordings of svl have 8 bits"]);
 }
 
-/// Whether the program can be run; says so where not.
+/// True if the program can be run; prints a note if not.
 fn has(program: &str, args: &[&str]) -> bool {
     let found = Command::new(program).args(args).output();
     let found = found.is_ok_and(|output| output.status.success());
@@ -339,7 +339,7 @@ fn videos_are_pairs() {
         (120_000_000, None)
     );
     assert!(pairs[3].color.is_some());
-    // Two of one rate, one of them shorter.
+    // Two with one rate, one of them shorter.
     film("64x48", 25, 30, "a.avi");
     film("64x48", 25, 28, "b.avi");
     let two = ["record", ".", "--left", "a.avi", "--right"];
@@ -359,7 +359,7 @@ fn videos_are_pairs() {
         let args = [&two[..], &[other, "-o", "no.mcap"]].concat();
         fixture.svl(&args).failed(1, &words);
     }
-    // Cut off: what is before is kept, what is behind is counted.
+    // Truncated: the part before is kept, the part after is counted.
     let whole = std::fs::read(fixture.path("both.mkv")).unwrap();
     fixture.write("cut.mkv", &whole[..whole.len() / 2]);
     let ran = fixture.svl("record cut.mkv --side-by-side -o cut.mcap");
@@ -429,7 +429,7 @@ fn bags_of_a_foreign_writer() {
         assert_eq!(code, Some(0), "{bag}: {stderr}");
         assert!(frames == plain, "{bag}");
     }
-    // A file of a bag alone, and what is in it.
+    // A single file of a bag, and its contents.
     let info = fixture.run("info sqlite");
     assert!(info.contains("pairs      6: /left/image_raw"), "{info}");
     let db3 = std::fs::read(fixture.path("sqlite/sqlite.db3")).unwrap();

@@ -1,4 +1,4 @@
-//! `svl record` from everything but cameras.
+//! `svl record` from every source but cameras.
 
 use super::fixture::{Fixture, assert_says, pgm};
 use svl::source::{RecordingSource, Source};

@@ -8,7 +8,7 @@ use svl::source::{RecordingSource, Source};
 use svl::stereo::{Intrinsics, LengthUnit, StereoCalibration};
 
 const SIZE: (usize, usize) = (320, 240);
-/// By so much the right camera looks higher, and sees things lower.
+/// Vertical misalignment: the right camera points higher, and sees things this much lower.
 const LOWER: f64 = 6.0;
 
 /// A folder `raw` of pairs of a wall at disparity 12, and its calibration in `rig.yml`.
@@ -56,7 +56,7 @@ fn raw_pairs_are_rectified_when_recorded_and_when_replayed() {
         .unwrap();
     let rig = frame.rig().unwrap();
     assert_eq!((rig.baseline_m(), rig.doffs_px()), (0.1, 0.0));
-    // A line of half of 6 rows is lost above and below: the focal length grows by as much.
+    // Half of 6 rows is lost at the top and the bottom: the focal length grows accordingly.
     assert!(
         (rig.focal_px() - 300.0 * 239.0 / 233.0).abs() < 0.1,
         "{rig:?}"
@@ -193,7 +193,7 @@ fn bags_of_raw_images_are_rectified_by_what_they_say() {
         assert_says(&raw.stderr, &["not rectified", "vertical misalignment"]);
         raw.done();
 
-        // Left raw, the recording keeps what rectifies it, and so does a copy.
+        // A raw recording keeps its calibration for rectification, and so does a copy.
         fixture.run(&[
             "record", &bag, "--force", "--calib", "none", "-o", "raw.mcap",
         ]);

@@ -1,4 +1,4 @@
-//! `--reference` and `--truth`: what stands beside numbers that are not of exact truth.
+//! `--reference` and `--truth`: the caution next to numbers that are not from exact truth.
 
 use super::fixture::{Fixture, assert_says};
 use serde_json::{Value, json};
@@ -58,7 +58,7 @@ fn a_replay_has_references_too_and_warns_of_itself() {
     );
     let ran = fixture.svl(&format!("{replay} --algo sgm:p1=10"));
     assert_says(&ran.stderr, &["sgm:p1=10: is judged against itself"]);
-    // Its own truth, of a topic: the same numbers, but for where they are said to be from.
+    // Its own truth, as a topic: the same numbers, except for the stated origin.
     let table = |more: &str| {
         let json = fixture.json(&format!("replay run.mcap --json {more}"));
         let cells = ["cells_right", "cells_wrong", "cells_unknown"];

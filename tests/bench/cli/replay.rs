@@ -139,7 +139,7 @@ fn force_replaces_what_is_there_only_by_something_whole() {
         "nothing is left over"
     );
 
-    // Of a recording that ends early the rows are a part: they and the earlier file stay.
+    // The rows of a recording that ends early are partial: they and the earlier file are kept.
     let bytes = fixture.bytes("a.mcap");
     fixture.write("cut.mcap", &bytes[..bytes.len() * 3 / 4]);
     fixture.write("rows.csv", "precious");
@@ -203,7 +203,7 @@ fn verify_tells_what_differs() {
     // A table of v5 under the name of another range: equal labels, other parameters.
     let parameters = lines[1].split(',').nth(8).unwrap();
     fs::write(fixture.path("set.csv"), rows.replace(parameters, "0")).unwrap();
-    // What stands in a file starts no program.
+    // The content of a file starts no program.
     fs::write(
         fixture.path("evil.csv"),
         rows.replace(",v5,", ",exec:command=touch pwned,"),
@@ -237,7 +237,7 @@ fn verify_tells_what_differs() {
 fn pairs_that_cannot_be_read_are_left_out_and_counted() {
     let fixture = Fixture::new();
     fixture.run("record --frames 12 -o a.mcap");
-    // The left images of pairs 4, 5 and 9 are cut short.
+    // The left images of pairs 4, 5 and 9 are truncated.
     let bytes = fixture.bytes("a.mcap");
     let mut writer =
         mcap::Writer::new(fs::File::create(fixture.path("bad.mcap")).unwrap()).unwrap();
@@ -323,7 +323,7 @@ fn a_recording_that_is_being_written_is_not_replaced() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 3);
     fixture.run("record short.toml -o run.mcap");
-    // As the recorder locks it.
+    // Locked as by the recorder.
     let file = fs::File::open(fixture.path("run.mcap")).unwrap();
     file.try_lock().unwrap();
     fixture
@@ -386,7 +386,7 @@ fn an_incomplete_recording_of_the_cache_is_made_again() {
     assert_says(&again.stderr, &["recorded again"]);
     again.done();
     assert_eq!(rows(), whole);
-    // Not by its size: where chunks end depends on the machine's speed.
+    // Not by its size: chunk boundaries depend on the machine's speed.
     let found = fixture.run(&format!("info {}", cached[0].display()));
     assert_says(&found, &["intact     yes", "pairs      3,"]);
 }

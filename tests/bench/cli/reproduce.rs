@@ -2,7 +2,7 @@
 
 use super::fixture::{Fixture, assert_says, datasets};
 
-/// What the arena shows is the same on every machine, so the verdicts and their numbers are.
+/// The arena is the same on every machine, so verdicts and numbers are, too.
 #[test]
 fn figures_have_verdicts_and_a_report() {
     let fixture = Fixture::new();
@@ -28,7 +28,7 @@ fn figures_have_verdicts_and_a_report() {
     );
     assert!(read("reproduce.md").contains("## Figure 5.11: "));
 
-    // A second time, in place of the first.
+    // A second time, replacing the first.
     let printed = fixture.json("reproduce 5.1 -q --json");
     assert_eq!(printed["experiments"].as_array().unwrap().len(), 1);
     assert!(!read("reproduce.md").contains("## Figure 5.11: "));

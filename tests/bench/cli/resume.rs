@@ -1,4 +1,4 @@
-//! `svl score --resume`: what was killed goes on, and ends as it would have.
+//! `svl score --resume`: a killed run resumes, and ends as it would have.
 
 use super::fixture::{Fixture, assert_says, pgm};
 use std::process::{Command, Stdio};
@@ -12,7 +12,7 @@ fn short_arena() -> Fixture {
     fixture
 }
 
-/// The lines of a table without the columns that begin or end with these, which differ.
+/// The lines of a table without the columns whose names begin or end with these, which vary.
 fn columns_but(table: &str, but: &[&str]) -> Vec<Vec<String>> {
     let mut lines = csv::Reader::from_reader(table.as_bytes());
     let heads = lines.headers().unwrap().clone();
@@ -25,7 +25,7 @@ fn columns_but(table: &str, but: &[&str]) -> Vec<Vec<String>> {
     lines.records().map(|line| kept(line.unwrap())).collect()
 }
 
-/// Cuts a file off behind that share of its bytes.
+/// Truncates a file after that fraction of its bytes.
 fn cut(fixture: &Fixture, name: &str, share: f64) {
     let bytes = fixture.bytes(name);
     fixture.write(name, &bytes[..(bytes.len() as f64 * share) as usize]);
@@ -38,7 +38,7 @@ fn a_resumed_run_ends_as_if_it_had_not_been_killed() {
     let tables = ["rows", "cells", "checkpoints", "verdicts", "summary"];
     let whole = tables.map(|table| fixture.text(&format!("r/{table}.csv")));
     let manifest = fixture.text("r/manifest.json");
-    // What a kill leaves: tables that end within a line, and no summary.
+    // The state after a kill: tables that end within a line, and no summary.
     let names = std::fs::read_dir(fixture.path("r")).unwrap();
     for name in names.map(|entry| entry.unwrap().file_name().into_string().unwrap()) {
         if !["rows.csv", "cells.csv", "manifest.json"].contains(&name.as_str()) {
@@ -51,7 +51,7 @@ fn a_resumed_run_ends_as_if_it_had_not_been_killed() {
     let rows = fixture.text("r/rows.csv");
     let kept: Vec<_> = rows.lines().take(taken / 3 * 3).collect();
     fixture.run(&format!("{SCORE} -q --resume"));
-    // Of pairs that were whole the rows are the same to the last byte, with their times.
+    // The rows of complete pairs are the same to the last byte, with their times.
     let resumed = fixture.text("r/rows.csv");
     assert!(kept.len() > 150, "{}", kept.len());
     assert_eq!(resumed.lines().take(kept.len()).collect::<Vec<_>>(), kept);
@@ -69,7 +69,7 @@ fn a_resumed_run_ends_as_if_it_had_not_been_killed() {
     assert_eq!(key(&after, "run_id"), key(&manifest, "run_id"));
     assert_eq!(key(&after, "resumed").as_array().unwrap().len(), 1);
     assert!(!fixture.path("r.earlier-1").exists());
-    // Nothing is left to do, which is soon done.
+    // Nothing is left to do, so it ends soon.
     fixture.run(&format!("{SCORE} -q --resume"));
     let others = "
         score short.toml -q --algo v3 -o r --resume => 1: r: cannot be resumed | algorithms: v3
@@ -77,11 +77,11 @@ fn a_resumed_run_ends_as_if_it_had_not_been_killed() {
             1: cannot be resumed | times: matching alone | without --resume
     ";
     fixture.fails(others);
-    // Without anything to go on with it begins.
+    // Without anything to resume it starts.
     fixture.run("score short.toml -q --algo v3 -o new --resume");
 }
 
-/// Answers every pair with nothing, and notes each in a file.
+/// Answers every pair with no disparities, and notes each in a file.
 #[cfg(unix)]
 const COUNTS: &str = r#"
 while read -r line; do
@@ -138,7 +138,7 @@ fn a_killed_run_of_3000_pairs_repeats_little() {
 #[test]
 fn a_run_that_is_killed_twice_goes_on_twice() {
     let fixture = short_arena();
-    // Recorded before, so that the kills meet the scoring.
+    // Recorded before, so that the kills happen during scoring.
     fixture.run("score short.toml -q --algo v3 -o first");
     let kill_after = |rows: usize| {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
@@ -227,7 +227,7 @@ fn another_program_behind_the_same_command_does_not_go_on() {
     ran.failed(1, &["its result of pair 0 is another", "without --resume"]);
 }
 
-/// Answers pairs of 40x20 pixels with 2.0, out of its range; in a folder with `dark` those whose
+/// Answers pairs of 40x20 pixels with 2.0, out of its range; in a folder named `dark`, those whose
 /// first pixel is 1 with an error.
 #[cfg(unix)]
 const SOME_ARE_DARK: &str = r#"

@@ -32,7 +32,7 @@ fn scores_the_arena_and_writes_the_whole_report() {
             > 100_000
     );
 
-    // A second time: from the cache, in place of the first report.
+    // A second time: from the cache, replacing the first report.
     let recordings = || {
         std::fs::read_dir(fixture.path("recordings"))
             .unwrap()
@@ -147,13 +147,12 @@ fn real_scenes_score_as_measured() {
         (0.2..0.3).contains(&coverage),
         "the specification measured 0.25 on 21 scenes, here {coverage}"
     );
-    // What v3 gives here to the last cell and bit, so that any change of metric, truth or matcher
-    // shows.
+    // The result of v3 to the last cell and bit, so that any change of metric, truth or matcher is
+    // detected.
     let cells =
         ["cells_right", "cells_wrong", "cells_unknown"].map(|key| v3[key].as_u64().unwrap());
     assert_eq!(cells, [186, 23, 133]);
-    // Judged by disparities: nobody looked for obstacles, so none is not the number of those
-    // missed.
+    // Scored by disparities: obstacles are not measured, so the number of missed ones is not 0.
     assert!(v3["missed_obstacles"].is_null() && v3["false_obstacles"].is_null());
     let page = fixture
         .path("reports/middlebury/index.html")
@@ -168,7 +167,7 @@ fn a_gate_passes_v3_and_stops_a_worse_one() {
     let fixture = Fixture::new();
     fixture.write_recorded_arena("short.toml", 60);
     let text = fixture.text("short.toml");
-    // So few frames have their own numbers.
+    // A few frames have their own numbers.
     let limits = "[[gate]]\nalgorithm = \"v3\"\nmetric = \"passed\"\nmin = 0.9\n";
     fixture.write(
         "short.toml",
@@ -176,7 +175,7 @@ fn a_gate_passes_v3_and_stops_a_worse_one() {
     );
     let text = fixture.run("score short.toml -q --gate --algo v3");
     assert_says(&text, &["pass          v3: frames passed 9"]);
-    // Deliberately worse: what is near needs more disparities than these.
+    // Deliberately worse: near objects need more disparities than these.
     let gate = "score short.toml -q --gate --algo v3:max_disparity=24";
     let ran = fixture.svl(gate);
     assert_says(
@@ -255,14 +254,14 @@ fn what_is_not_measured_is_not_zero() {
     );
     fixture.write("other.toml", text);
     fixture.fails("score other.toml -q --gate --algo v3 => 2: 'v1:max_disparity=9' is neither");
-    // A name that only the command line gives.
+    // A name that only the command line defines.
     let text = fixture.text("short.toml");
     let text = text.replacen("algorithm = \"v3\"", "algorithm = \"mine\"", 1);
     fixture.write("named.toml", text);
     fixture.fails("score named.toml -q => 2: 'mine' is neither");
     let named = fixture.svl("score named.toml -q --gate --algo mine=v3 -o named --json");
     let json: serde_json::Value = serde_json::from_str(&named.stdout).unwrap();
-    // Two frames show no checkpoint: the limit is judged, not skipped.
+    // Two frames show no checkpoint: the limit is checked, not skipped.
     assert_eq!(json["gate"][0]["state"], "not-measured", "{}", named.stderr);
 }
 
@@ -287,7 +286,7 @@ fn truth_is_the_best_line_and_checks_the_checkpoints() {
     assert!(right(0) > 1790 && right(1) < right(0), "{json}");
     fixture.run("score short.toml -q --check");
     assert!(fixture.path("reports/arena-check/index.html").exists());
-    // A range in which no obstacle is seen.
+    // A range in which no obstacle is visible.
     let near = "score short.toml --algo truth:max_disparity=8 -o near";
     assert_says(
         &fixture.svl(near).stderr,
@@ -416,7 +415,7 @@ fn what_fails_leaves_the_earlier_report() {
     score().done();
     let rows = |folder: &str| fixture.text(&format!("reports/{folder}/rows.csv"));
     let earlier = rows("m");
-    // The first frame is read before the report is begun.
+    // The first frame is read before the report is started.
     fixture.write_pair("other0.pgm", "d/t/im1.pgm", (32, 48), 4);
     score().failed(1, &["64x48", "32x48"]);
     assert_eq!(rows("m.earlier-1"), earlier);

@@ -7,8 +7,8 @@ use svl::recording::Recording;
 use svl::report::{CellRow, CheckpointRow, Row, read_rows};
 use svl::score::Verdict;
 
-/// The arena's two short runs: `run1.mcap` and `run2.mcap` with truth, and as ROS 2 bags, which
-/// svl reads without, `bag2.mcap` (of run 1) and `bag10.mcap`.
+/// The arena's two short runs: `run1.mcap` and `run2.mcap` with truth, and as ROS 2 bags, which svl
+/// reads without it, `bag2.mcap` (of run 1) and `bag10.mcap`.
 fn arena() -> Fixture {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 12);
@@ -43,7 +43,7 @@ fn measured_distances_judge_a_bag_as_the_truth_judges_the_recording() {
     let frame: Vec<_> = cells.iter().filter(|cell| cell.sequence == 5).collect();
     assert_eq!(frame.len(), 30);
 
-    // What a person with a tape would write down: every cell a checkpoint of its own.
+    // A person's notes from a tape measure: every cell is a checkpoint of its own.
     let mut checkpoints = String::new();
     for cell in frame.iter().filter(|cell| cell.algorithm == "v3") {
         let (column, row) = (cell.column, cell.row);
@@ -79,7 +79,7 @@ fn measured_distances_judge_a_bag_as_the_truth_judges_the_recording() {
         "some pass and some do not: {right}"
     );
 
-    // The same pixels, told apart by name alone.
+    // The same pixels, distinguished only by name.
     let manifest = json(&fixture, "reports/tape/manifest.json");
     let other = json(&fixture, "reports/run1/manifest.json");
     assert_eq!(manifest["runs"][0]["name"], "bag2.mcap");
@@ -124,7 +124,7 @@ fn patterns_are_runs_that_can_be_compared_and_verified() {
     };
     assert!(frames("bag2.mcap") == 0 && frames("bag10.mcap") > 0);
 
-    // A limit is broken, and a CI hears of it.
+    // A limit fails, and CI sees it.
     let broken = ["score", "both.toml", "-q", "--gate", "-o", "b"];
     fixture
         .svl(&broken)

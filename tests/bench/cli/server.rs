@@ -1,4 +1,4 @@
-//! A local file server that behaves, or misbehaves, as a test asks.
+//! A local file server that behaves, or misbehaves, as a test requests.
 
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Write};
@@ -7,11 +7,11 @@ use std::sync::{Arc, Mutex};
 
 #[derive(Default)]
 pub struct Manners {
-    /// Whether `Range` is honoured.
+    /// True if `Range` is honoured.
     pub ranges: bool,
-    /// Breaks each connection off after so many bytes of the file.
+    /// Breaks each connection off after that many bytes of the file.
     pub breaks_after: Option<usize>,
-    /// Says not how long the file is.
+    /// Omits the length of the file.
     pub silent_length: bool,
     /// Sends a little at a time.
     pub drips: bool,
@@ -35,14 +35,14 @@ impl Server {
         let log = asked.clone();
         std::thread::spawn(move || {
             for stream in listener.incoming() {
-                // A client that hangs up is no matter of the test's.
+                // A client that hangs up does not concern the test.
                 let _ = stream.and_then(|stream| answer(stream, &files, &manners, &log));
             }
         });
         Self { url, asked }
     }
 
-    /// What was asked for: the path, and the range where there was one.
+    /// The requests: the path, and the range if there was one.
     pub fn asked(&self) -> Vec<String> {
         self.asked.lock().unwrap().clone()
     }

@@ -2,7 +2,7 @@
 
 use super::fixture::{Fixture, assert_says};
 
-/// The lines of a table without times, run and recording, which differ.
+/// The lines of a table without times, run and recording, which vary.
 fn lines(fixture: &Fixture, table: &str) -> Vec<Vec<String>> {
     let text = fixture.text(table);
     let mut lines = csv::Reader::from_reader(text.as_bytes());
@@ -50,7 +50,7 @@ fn parts_make_the_tables_and_hashes_of_one_machine() {
             .collect();
         (manifest["pairs_hash"].clone(), results)
     };
-    // Sixteen shards are more than there are units.
+    // Sixteen shards exceed the number of units.
     for shards in [1, 3, 16] {
         merged(&fixture, line, shards);
         let all = format!("all-{shards}");
@@ -64,7 +64,7 @@ fn parts_make_the_tables_and_hashes_of_one_machine() {
     assert_says(&page, &["part-3-2", "id=\"parts\""]);
 }
 
-/// Runs the workflow with these values of `--config`; nothing where there is no Snakemake.
+/// Runs the workflow with these values of `--config`; `None` without Snakemake.
 pub(super) fn snakemake(fixture: &Fixture, config: &[&str]) -> Option<std::process::Output> {
     let python = std::env::var_os("SVL_PYTHON").unwrap_or_else(|| "python3".into());
     let snakemake = |arguments: &[&str]| {
@@ -106,7 +106,7 @@ fn snakemake_runs_the_shards_and_merges_them() {
         let of = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
         assert_eq!(of("shards/all"), of("whole"), "{table}");
     }
-    // One that was killed is done again, and the rest is not.
+    // The killed one is repeated, and the rest is not.
     for killed in ["part2", "all"] {
         std::fs::remove_file(fixture.path(&format!("shards/{killed}/summary.json"))).unwrap();
     }
@@ -156,7 +156,7 @@ fn a_killed_part_is_done_again_and_others_are_refused() {
     fixture.run(&format!("{line} --algo v1 --shard 2/2 -o other"));
     fixture.run(&format!("{line} --seeds 1 --shard 2/2 -o seeds"));
     fixture.run(&format!("{line} -o whole"));
-    // As a kill leaves it.
+    // The state after a kill.
     fixture.run(&format!("{line} --shard 2/2 -o killed"));
     let rows = fixture.text("killed/rows.csv");
     fixture.write("killed/rows.csv", &rows[..rows.len() / 2]);
@@ -178,7 +178,7 @@ fn a_killed_part_is_done_again_and_others_are_refused() {
         ",
     );
     fixture.run(&format!("{line} --shard 2/2 -o killed --resume"));
-    // As a copy that broke off leaves it.
+    // The state after an interrupted copy.
     let cells = fixture.text("p2/cells.csv");
     let whole_lines: Vec<_> = cells.lines().take(20).collect();
     fixture.write("p2/cells.csv", whole_lines.join("\n") + "\n");

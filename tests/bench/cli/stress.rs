@@ -20,7 +20,7 @@ fn levels_are_scored_tabled_and_drawn() {
     );
     let summary: serde_json::Value =
         serde_json::from_slice(&fixture.bytes("r/summary.json")).unwrap();
-    // The main table is of the pairs as they are.
+    // The main table covers the original pairs.
     assert_eq!(summary["algorithms"][0]["pairs"], 6);
     let stress = summary["stress"].as_array().unwrap();
     let of = |kind: &str| {
@@ -39,12 +39,12 @@ fn levels_are_scored_tabled_and_drawn() {
     assert_eq!(rows.matches(",row_offset=8,").count(), 6);
     assert!(fixture.text("r/index.html").contains("id=\"stress\""));
 
-    // Reports are compared by the pairs as they are.
+    // Reports are compared by the original pairs.
     fixture.run("score short.toml --seeds 1 --algo bm -q -o plain --rerun none");
     let text = fixture.run("compare plain r");
     assert_says(&text, &["6 pairs, 6 with equal results"]);
 
-    // As the scenario has it; and resumed, it is what it was.
+    // From the scenario; and resumed, the same.
     let mut scenario = fixture.text("short.toml");
     scenario.push_str("\n[[stress]]\nkind = \"noise\"\nlevels = [20]\n");
     fixture.write("short.toml", scenario);

@@ -21,7 +21,7 @@ fn record(fixture: &Fixture, file: &str) -> Child {
         .unwrap()
 }
 
-/// Waits until `path` holds so many bytes.
+/// Waits until `path` has that many bytes.
 fn wait_for(path: &Path, bytes: u64) {
     let began = Instant::now();
     while path.metadata().map_or(0, |m| m.len()) < bytes {
@@ -88,7 +88,8 @@ fn a_killed_recording_is_recovered() {
 #[test]
 fn what_is_left_of_an_unfinished_recording_is_replayed() {
     let fixture = Fixture::new();
-    // Simulated cameras, whose recordings hold no scenario that could be found before the damage.
+    // Simulated cameras, whose recordings contain no scenario that could be found before the
+    // damage.
     fixture.run("record sim:size=320x240,pictures=2 --frames 20 -o sim.mcap");
     let bytes = fixture.bytes("sim.mcap");
     std::fs::write(fixture.path("cut.mcap"), &bytes[..bytes.len() * 2 / 3]).unwrap();

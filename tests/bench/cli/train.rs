@@ -33,17 +33,17 @@ fn cells_are_learned_and_the_table_decides() {
     assert!(samples.starts_with("group,report,target,margin,support,seen,shift,cost,"));
     assert_eq!(samples.lines().count(), 1 + 4 * 12 * 15);
     assert_says(&fixture.text("own.html"), &["Reliability", "held out"]);
-    // The same data give the same table, but for its date.
+    // The same data give the same table, except for its date.
     let table = fixture.text("own.toml");
     fixture.run(&format!("{TRAIN} -o again.toml"));
     let below_date = |table: &str| table.lines().skip(1).map(str::to_owned).collect::<Vec<_>>();
     assert_eq!(below_date(&table), below_date(&fixture.text("again.toml")));
 
-    // By the nearest quarter it is another table.
+    // By the nearest quarter it is a different table.
     fixture.run("-q train cells short.toml --seeds 4..7 --algo v5:target=near -o near.toml");
     assert!(fixture.text("near.toml").contains("\nrank = 75\n"));
 
-    // The table is part of the parameters, by what it holds.
+    // The table is part of the parameters, by its content.
     let right = |algorithm: &str, out: &str| {
         let to = format!("--rerun none -o {out} --json");
         let json = fixture.json(&format!("-q score short.toml --algo {algorithm} {to}"));

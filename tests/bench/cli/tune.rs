@@ -1,4 +1,4 @@
-//! `svl tune`, driven by scripts of keys, in a terminal, and by itself.
+//! `svl tune`, driven by scripts of keys, in a terminal, and automatically.
 
 use super::fixture::{Fixture, Ran, assert_says};
 use crate::common::python;
@@ -18,7 +18,7 @@ fn tune(fixture: &Fixture, args: &str, keys: &str) -> Ran {
     fixture.svl(&format!("tune {args} --script keys"))
 }
 
-/// Without what differs from run to run: times, and their changes.
+/// The screen without the parts that vary: times, and their changes.
 fn timeless(screen: &str) -> String {
     let line = |line: &str| {
         let timed = [" time  ", "from a key to"];
@@ -101,7 +101,7 @@ fn keys_turn_type_undo_and_compare() {
         let text = tune(&fixture, args, keys).done();
         assert!(text.contains(words), "{keys}:\n{text}");
     }
-    // Grid and cells hold for all algorithms, and the number of right cells depends on them.
+    // Grid and cells apply to all algorithms, and determine the number of right cells.
     let keys = "up up up up up up up up left tab wait screen q";
     let text = tune(&fixture, args, keys).done();
     assert_says(&text, &["bm:block_size=11", " columns            4 (5)"]);
@@ -134,7 +134,7 @@ fn what_is_found_is_written_and_scored() {
     );
     fixture.run("-q score tuned.toml -o report");
     assert!(fixture.path("report/index.html").exists());
-    // Nothing is overwritten, and a name that is none is refused.
+    // Nothing is overwritten, and an invalid name is refused.
     let keys = "w backspace enter screen q";
     let text = tune(&fixture, "run.mcap --algo v3 -o tuned.toml", keys).done();
     assert_says(&text, &["tuned.tom: must end in .toml"]);
@@ -145,7 +145,7 @@ fn what_is_found_is_written_and_scored() {
     )
     .done();
     assert_says(&text, &["tuned.toml: exists"]);
-    // A scenario of the user's judges, and its setting goes into the one that is written.
+    // The user's own scenario scores, and its settings are copied into the one written.
     let own = fixture
         .text("tuned.toml")
         .replace("columns = 5", "columns = 4");
@@ -163,7 +163,7 @@ fn other_sources_can_be_tuned_on() {
     fixture.write_short_arena("short.toml", 66);
     let text = tune(&fixture, "short.toml --algo v3 --seeds 3", "wait screen q").done();
     assert_says(&text, &["of 66", "64 pairs"]);
-    // Cameras: what is seen is the sample.
+    // Cameras: the sample is what they see.
     let cameras = "sim:pictures=4,size=160x120 --algo v3:max_disparity=16";
     let text = tune(&fixture, cameras, "wait right wait w enter screen q").done();
     assert_says(
@@ -174,7 +174,7 @@ fn other_sources_can_be_tuned_on() {
         &fixture.text("tuned.toml"),
         &["algorithms = [\"v3:min_disparity=1,max_disparity=16\", \"v3:max_disparity=16\"]"],
     );
-    // Without a truth what needs none is shown.
+    // Without a truth, metrics that need none are shown.
     let rows: Vec<u8> = (0..160 * 120).map(|i| (i * 7919 % 251) as u8).collect();
     for side in ["left", "right"] {
         for i in 0..3 {
@@ -217,7 +217,7 @@ fn the_terminal_is_left_as_it_was() {
         ("\t\u{3}", "stopped"),
     ] {
         let line = [keys, "sh", "-c", &format!("{tune}; echo ended")];
-        // Of Unix, as terminals are.
+        // Only on Unix, for its terminals.
         let Some(screen) = python("terminal.py", "pty", line) else {
             return;
         };
@@ -233,7 +233,7 @@ fn the_terminal_is_left_as_it_was() {
     }
 }
 
-/// A search of a moment.
+/// A short search.
 const QUICK: &str = "--auto --trials 12 --pairs 9 -q -o best.toml";
 
 #[test]
@@ -265,13 +265,13 @@ fn a_search_finds_writes_and_goes_on() {
         &log,
         &["data,algorithm,generation,pairs,setting,right,wrong"],
     );
-    // Nothing is overwritten; what is known is not run again, and gives the same.
+    // Nothing is overwritten; known trials are not run again, and give the same.
     let exists = fixture.svl(&line);
     exists.failed(1, &["best.toml: exists"]);
     let again = fixture.json(&format!("{line} --resume --json"));
     assert_eq!(again["algorithms"][0]["best"], *best);
     assert_eq!(fixture.text("best.csv"), log);
-    // A log that was cut off goes on to the same end.
+    // A truncated log resumes to the same end.
     let half: Vec<_> = log.lines().take(8).collect();
     fixture.write("best.csv", half.join("\n") + "\n0123,bm,1,3,\"bm:uniq");
     fixture.run(&format!("{line} --resume"));
@@ -284,7 +284,7 @@ fn a_search_finds_writes_and_goes_on() {
     let resumed = fixture.text("best.csv");
     assert_eq!(settings(&resumed)[..8], settings(&log)[..8]);
     assert!(resumed.lines().count() >= log.lines().count() - 4);
-    // One that was cut off in its head begins anew.
+    // A log truncated in its head starts over.
     fixture.write("best.csv", &log[..9]);
     fixture.run(&format!("{line} --resume"));
     assert_eq!(
@@ -327,12 +327,12 @@ fn a_search_on_recordings_holds_some_out() {
     let json = fixture.json(&line);
     assert_eq!(json["goal"], "least wrong cells with right>=1%, time<=3x");
     assert!(json["caution"].is_null());
-    // Values against another truth are not taken for these.
+    // Values against another truth are not reused.
     let other = line.replace(" --force --json", " --resume --reference sgm");
     fixture
         .svl(&other)
         .failed(1, &["best.csv: is the log of a search on other pairs"]);
-    // The best scenario is of the recording that judged.
+    // The best scenario is for the scored recording.
     let scenario = Scenario::read(&fixture.path("best.toml")).unwrap();
     let runs = scenario.recordings().unwrap();
     assert!(runs[0].path.ends_with("b.mcap"), "{:?}", runs[0].path);

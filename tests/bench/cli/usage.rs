@@ -3,7 +3,7 @@
 
 use super::fixture::Fixture;
 
-/// Commands and what their line of error says, as [`Fixture::fails`] reads them.
+/// Commands with the words of their error line, as read by [`Fixture::fails`].
 const WRONG: &str = "
     # Numbers out of their range, names of nothing.
     record sim --timeout 1e20 => 2: --timeout | 0.01 to 86400
@@ -98,7 +98,7 @@ const WRONG: &str = "
     nosuch => 2: 'nosuch'
 ";
 
-/// The same, of what is not there.
+/// The same, for missing files and machines.
 const FAILED: &str = "
     record nosuch => 1: nosuch | sim | v4l2:LEFT,RIGHT | genicam: | arena | .toml
     record simm => 1: simm | sim | v4l2:LEFT,RIGHT

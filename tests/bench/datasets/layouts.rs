@@ -160,7 +160,7 @@ fn middeval3_has_masks_and_tests_without_truth() {
     tree.mask("MiddEval3/trainingQ/Teddy/mask0nocc.png");
     let frame = tree.frame("MiddEval3/trainingQ/*");
     let visibility = frame.truth.unwrap().visibility.unwrap();
-    // The mask has the last word.
+    // The mask takes precedence.
     assert_eq!(
         (visibility.get(0, 0), visibility.get(9, 0)),
         (Visibility::Occluded, Visibility::Visible)
@@ -189,7 +189,7 @@ fn kitti_2012() {
     let frames = tree.frames(&["kitti2012/training/*"]).unwrap();
     assert_eq!(frames.len(), 2);
     assert_eq!(frames[1].name.as_deref(), Some("kitti2012/training/000001"));
-    // By number, or as the files of results are called.
+    // By number, or by the names of result files.
     for name in ["kitti2012/training/000001", "kitti2012/training/000001_10"] {
         assert_eq!(tree.frames(&[name]).unwrap()[0].name, frames[1].name);
     }

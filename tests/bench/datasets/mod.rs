@@ -1,4 +1,4 @@
-//! The public data sets: their layouts on disk, their scenarios, and what is refused.
+//! The public data sets: their layouts on disk, their scenarios, and rejected input.
 
 mod archive;
 mod boards;

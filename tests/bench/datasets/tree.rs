@@ -1,4 +1,4 @@
-//! Data sets made of tiny images, as their archives unpack.
+//! Data sets of tiny images, laid out like their unpacked archives.
 
 use image::{ImageBuffer, Luma, Rgb};
 use std::path::{Path, PathBuf};
@@ -7,13 +7,13 @@ use svl::source::dataset::Scene;
 use svl::stereo::{Frame, Plane, Visibility};
 use tempfile::TempDir;
 
-/// Every scene is this wide.
+/// Width of every scene.
 pub const WIDTH: usize = 24;
 
-/// Disparity of all that is known.
+/// Disparity of every known pixel.
 pub const DISPARITY: f32 = 4.0;
 
-/// Column whose disparity differs in the right truth: what lies there is hidden in it.
+/// Column whose disparity differs in the right truth: its pixels are occluded in it.
 const HIDDEN: usize = 5;
 
 pub struct Tree {
@@ -93,7 +93,7 @@ impl Tree {
         }
     }
 
-    /// KITTI's 16-bit truth: all pixels but the corner, and those that both cameras see.
+    /// KITTI's 16-bit truth: all pixels except the corner, and those that both cameras see.
     pub fn kitti(&self, all: &str, seen: &str) {
         for (name, hidden) in [(all, false), (seen, true)] {
             let code = (DISPARITY * 256.0) as u16;
@@ -105,7 +105,7 @@ impl Tree {
         }
     }
 
-    /// A mask that says of every pixel but the first column that both cameras see it.
+    /// A mask in which both cameras see every pixel except the first column.
     pub fn mask(&self, name: &str) {
         let code = |x: u32| Luma([if x == 0 { 128u8 } else { 255 }]);
         ImageBuffer::from_fn(WIDTH as u32, self.height as u32, |x, _| code(x))
@@ -113,7 +113,7 @@ impl Tree {
             .unwrap();
     }
 
-    /// The frames of the scenes a scenario would name so.
+    /// The frames of the scenes that a scenario would name like this.
     pub fn frames(&self, names: &[&str]) -> svl::Result<Vec<Frame>> {
         let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
         let scenes = Scene::find_all(self.root(), &names)?;
@@ -133,12 +133,12 @@ impl Tree {
     }
 }
 
-/// Whether the pixels of a column have no match in the right image.
+/// True if the pixels of a column have no match in the right image.
 fn occluded(x: usize) -> bool {
     x < DISPARITY as usize || x == HIDDEN + DISPARITY as usize
 }
 
-/// The truth is what [`Tree`] wrote, and the mask of seen pixels what follows from both truths.
+/// The truth is that written by [`Tree`], and the mask of visible pixels follows from both truths.
 #[track_caller]
 pub fn expect_truth(frame: &Frame, corner_unknown: bool) {
     let truth = frame.truth.as_ref().unwrap();

@@ -60,7 +60,7 @@ fn the_gain_does_what_the_shutter_cannot() {
 
 const LIMITS: Limits = Limits::new(100..=10_000, 0..=12_000);
 
-/// Shows a balance two images again and again, as many times as it may need.
+/// Shows a balance two images repeatedly, as often as it may need.
 fn settle(mut balance: Balance, images: [u8; 2]) -> Settings {
     let images = images.map(|grey| Gray::filled(64, 48, grey).unwrap());
     for _ in 0..100 {
@@ -83,12 +83,11 @@ fn it_stays_within_the_limits_and_still_when_all_is_well() {
     );
 }
 
-/// A camera before a scene: one radiance for each pixel that is looked at, the grey value that 8 ms
-/// make of it.
+/// A camera in front of a scene: one radiance for each sampled pixel, as its grey value at 8 ms.
 #[derive(Clone, Debug)]
 struct Before {
     scene: Vec<f64>,
-    /// Grey values go with this power of the light; 0.45 is that of a webcam.
+    /// Grey values follow this power of the light; 0.45 is that of a webcam.
     gamma: f64,
     /// The camera rounds its shutter to this many microseconds.
     step_us: u32,
@@ -106,7 +105,7 @@ impl Before {
         self.scene.iter().map(grey).collect()
     }
 
-    /// As long as it takes, and then some; returns the changes of the last 40 looks.
+    /// Runs until it converges, and longer; returns the changes over the last 40 images.
     fn settle(&self, balance: &mut Balance) -> Vec<Settings> {
         let mut settings = Vec::new();
         for _ in 0..100 {
@@ -125,7 +124,7 @@ impl Before {
         last.split_off(1)
     }
 
-    /// Mean, and the grey value that two of a hundred are above.
+    /// Mean, and the grey value that two per cent exceed.
     fn view(&self, settings: Settings) -> (f64, f64) {
         let mut greys = self.greys(settings);
         greys.sort_unstable_by(|a, b| b.cmp(a));
@@ -135,7 +134,7 @@ impl Before {
         )
     }
 
-    /// It is still, and neither too bright nor, where it answers in proportion, too dark.
+    /// It has converged, and is neither too bright nor, if it responds in proportion, too dark.
     fn is_right(&self, balance: &mut Balance) -> Result<(), String> {
         let changes = self.settle(balance);
         let settings = balance.settings();
@@ -175,8 +174,7 @@ fn a_window_in_a_dark_room_does_not_make_it_pump() {
 }
 
 proptest! {
-    /// Whatever a scene's histogram and its cameras: it converges, and when the light changes
-    /// it follows.
+    /// For any scene and camera: it converges, and follows a change of light.
     #[test]
     fn it_converges_on_every_scene_and_follows_the_light(
         parts in prop::collection::vec((-1.0f64..3.7, 1usize..60), 1..7),

@@ -52,7 +52,7 @@ fn quick_cameras_keep_the_rate() {
 
 #[test]
 fn at_a_fixed_rate_a_late_camera_shifts_the_phase_for_good() {
-    // The right camera is ready in time but for about every tenth pulse: each time the pairs by
+    // The right camera is ready in time except for about every tenth pulse: each time the pairs by
     // arrival shift by a period.
     let stage = || Stage::new(slow(1.0, 0.0), slow(1.0, 10.0));
     let (frames, tally) = stage().grab(Triggered::AtFixedRate, Rule::Arrival, 100);
@@ -72,7 +72,7 @@ fn at_a_fixed_rate_a_late_camera_shifts_the_phase_for_good() {
     assert!(*skews.last().unwrap() >= 3 * PERIOD_NS as i64, "{skews:?}");
     assert!(tally.pulses >= tally.frames[1] + 3);
 
-    // What a pulse's number or the stamps would have shown:
+    // A pulse's number or the stamps would have shown:
     for (rule, reason) in [(Rule::Trigger, Unpaired::Missed), (NEAR, Unpaired::Skew)] {
         let (frames, tally) = stage().grab(Triggered::AtFixedRate, rule, 100);
         assert!(
@@ -81,7 +81,7 @@ fn at_a_fixed_rate_a_late_camera_shifts_the_phase_for_good() {
                 .all(|frame| frame.exposure.skew_ns.unwrap() == 0)
         );
         assert!(tally.unpaired[reason as usize] >= 3, "{tally}");
-        // The recording itself says how many are missing.
+        // The recording itself contains the number of missing ones.
         assert!(frames.last().unwrap().exposure.drops >= 3);
         assert!(
             frames

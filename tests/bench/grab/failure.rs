@@ -160,7 +160,7 @@ fn a_camera_slower_than_the_timeout_slows_the_rate() {
 
 #[test]
 fn an_image_is_of_the_pulse_that_triggered_it_however_late_it_comes() {
-    // The camera has been armed again meanwhile, and triggered.
+    // The camera has been armed and triggered again meanwhile.
     for on_its_way_ms in [1, 1_050, 1_500, 1_900] {
         let stage = Stage {
             on_its_way_ms,
@@ -205,7 +205,7 @@ fn a_low_rate_is_no_silence() {
             ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
         };
         assert_eq!(stage.grab(triggered, rule, 5).0.len(), 5);
-        // Nor are two damaged images all.
+        // Nor do two damaged images count as all.
         let stage = Stage {
             period_ns,
             damaged_from: 2,
@@ -244,7 +244,7 @@ fn cameras_that_never_make_a_pair_fail_with_the_reason() {
         "{error}"
     );
     assert!(error.ends_with("allow more with --max-skew-ms"), "{error}");
-    // Where there were some, there may be others.
+    // If there were some, there may be more.
     let (pairs, error) = until(Triggered::Never, rule, apart(0.0, 100.0));
     assert!(
         pairs > 0 && error.starts_with("the cameras: no pair for 30.0 s"),

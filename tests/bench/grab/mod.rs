@@ -1,4 +1,4 @@
-//! The synchronized frames grabber on a scripted clock, so that no test depends on the speed of the
+//! The synchronized frame grabber on a scripted clock, so that no test depends on the speed of the
 //! machine.
 
 mod balance;

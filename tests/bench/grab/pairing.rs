@@ -1,4 +1,4 @@
-//! Invariants of pairing, whatever the cameras send.
+//! Invariants of pairing, for any images.
 
 use proptest::prelude::*;
 use svl::grab::{Capture, Pairing, Rule, Settings, Unpaired, WAITING};
@@ -24,7 +24,7 @@ fn capture(stamp_ns: u64, trigger_id: Option<u64>, shutter_us: u32) -> Capture {
     }
 }
 
-/// The pairs as they come, and those that come at the end.
+/// The pairs as they are formed, and those formed at the end.
 fn paired(
     pairing: &mut Pairing,
     arrivals: impl IntoIterator<Item = (Side, Capture)>,
@@ -111,8 +111,8 @@ proptest! {
         }
     }
 
-    /// Pulses that either camera may miss, heard in any order: all that both have are paired, and
-    /// by number and by stamp alike, as long as neither camera is too far behind.
+    /// Pulses that either camera may miss, in any order of arrival: all that both have are paired,
+    /// equally by number and by stamp, as long as neither camera is too far behind.
     #[test]
     fn what_both_have_is_paired(
         missed in prop::collection::vec((any::<bool>(), any::<bool>()), 0..100),
@@ -142,9 +142,9 @@ proptest! {
         }
     }
 
-    /// Two cameras whose images are at least half a period of 100 apart, heard in two orders of
-    /// arrival, neither too far behind: the same pairs, and no image that comes after the pair
-    /// before is nearer to one of them.
+    /// Two cameras whose images are at least half a period of 100 apart, in two orders of arrival,
+    /// neither too far behind: the same pairs, and no image after the previous pair is nearer to
+    /// one of them.
     #[test]
     fn the_nearest_are_paired_in_any_order_of_arrival(
         steps in prop::collection::vec((50u64..300, 50u64..300), 1..60),
@@ -193,7 +193,7 @@ proptest! {
                 prop_assert!(!of(side).into_iter().any(nearer));
             }
         }
-        // Two that are the nearest to each other, and alone so, are a pair.
+        // Two images that are uniquely the nearest to each other are a pair.
         for &left in &of(Side::Left) {
             for &right in &of(Side::Right) {
                 let skew = left.abs_diff(right);

@@ -1,4 +1,4 @@
-//! The queue to the writer: in = out + dropped, whatever the policy.
+//! The queue to the writer: in = out + dropped, for every policy.
 
 use super::stage::{Stage, Triggered, adds_up, slow};
 use svl::Error;
@@ -68,7 +68,7 @@ fn every_pair_is_read_or_counted() {
             ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
         };
         let mut grabber = stage.start(Triggered::WhenArmed, Rule::Trigger);
-        // The clock runs as fast as it can meanwhile, so a queue of two is full in no time.
+        // The clock runs as fast as it can meanwhile, so a queue of two fills at once.
         let frames: Vec<_> = (0..50)
             .map(|_| grabber.next_pair().unwrap().unwrap())
             .collect();

@@ -13,10 +13,10 @@ use svl::grab::{
 use svl::stereo::{Frame, Gray, Side, StereoPair};
 
 pub const MS: u64 = 1_000_000;
-/// 60 a second, nearly.
+/// About 60 per second.
 pub const PERIOD_NS: u64 = 16 * MS;
 
-/// What triggers the cameras.
+/// Trigger of the cameras.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Triggered {
     WhenArmed,
@@ -24,7 +24,7 @@ pub enum Triggered {
     Never,
 }
 
-/// What a test changes of the usual.
+/// Changes of a test to the usual settings.
 pub struct Stage {
     pub clock: Arc<GrabClock>,
     pub behaviors: [CameraBehavior; 2],
@@ -32,12 +32,11 @@ pub struct Stage {
     pub queue: usize,
     pub when_full: WhenFull,
     pub first: Settings,
-    /// Pairs between two looks of the exposure balance; never, unless a test is about it.
+    /// Pairs between two steps of the exposure balance; never, unless a test is about it.
     pub balance_every: u32,
-    /// From this number on, from 0, all images of the right camera are damaged.
+    /// From this index on, all images of the right camera are damaged.
     pub damaged_from: u64,
-    /// How long an image of the right camera is on its way besides, from a driver that knows no
-    /// pulses.
+    /// Additional transfer time of the right camera's images, from a driver that knows no pulses.
     pub on_its_way_ms: u64,
     pub period_ns: u64,
 }
@@ -102,7 +101,7 @@ impl Stage {
         .unwrap()
     }
 
-    /// Grabs that many pairs, fewer when it ends by itself, and stops.
+    /// Grabs that many pairs, fewer if it ends earlier, and stops.
     pub fn grab(self, triggered: Triggered, rule: Rule, pairs: usize) -> (Vec<Frame>, Tally) {
         let mut grabber = self.start(triggered, rule);
         let frames = (0..pairs)
@@ -136,7 +135,7 @@ impl<F: FnMut(&mut dyn Camera, Duration) -> Result<Option<Taken>> + Send> Camera
     }
 }
 
-/// A camera that after that many intact images gives damaged ones only.
+/// A camera that delivers that many intact images, then only damaged ones.
 fn failing(camera: Box<dyn Camera>, mut whole: u64) -> Box<dyn Camera> {
     let capture = move |camera: &mut dyn Camera, timeout: Duration| {
         let Some(taken) = camera.capture(timeout)? else {
@@ -149,8 +148,8 @@ fn failing(camera: Box<dyn Camera>, mut whole: u64) -> Box<dyn Camera> {
     Box::new(Altered { camera, capture })
 }
 
-/// A camera by a driver that does not know pulses, nor how to call back an image that is on its
-/// way. At first it gives an image of no pulse.
+/// A camera with a driver that neither knows pulses nor can cancel an image in transfer. Its first
+/// image belongs to no pulse.
 fn belated(camera: Box<dyn Camera>, clock: &Arc<GrabClock>, late_ns: u64) -> Box<dyn Camera> {
     let (clock, mut coming, mut is_new) = (clock.clone(), None::<(u64, Capture)>, true);
     let capture = move |camera: &mut dyn Camera, timeout: Duration| {
@@ -187,7 +186,7 @@ fn belated(camera: Box<dyn Camera>, clock: &Arc<GrabClock>, late_ns: u64) -> Box
     Box::new(Altered { camera, capture })
 }
 
-/// Nothing is uncounted.
+/// Asserts that everything is counted.
 #[track_caller]
 pub fn adds_up(tally: Tally) -> Tally {
     assert_eq!(
@@ -198,7 +197,7 @@ pub fn adds_up(tally: Tally) -> Tally {
     tally
 }
 
-/// Small pictures, each of one grey: what a frame shows says when it was exposed.
+/// Small pictures, each of one grey value: the content of a frame tells its exposure time.
 fn pictures() -> RenderedPictures {
     let pair = |grey| {
         let image = Gray::filled(32, 24, grey).unwrap();
@@ -207,7 +206,7 @@ fn pictures() -> RenderedPictures {
     RenderedPictures::new((0..60).map(|i| pair(70 + i)).collect(), 60.0, None).unwrap()
 }
 
-/// A camera that needs so long to get ready, and up to so much longer.
+/// A camera that takes this long to get ready, and up to that much longer.
 pub fn slow(arm_ms: f64, jitter_ms: f64) -> CameraBehavior {
     CameraBehavior {
         arm_ms,

@@ -10,7 +10,7 @@ fn disparity() -> impl Strategy<Value = f32> {
     prop_oneof![1 => Just(NO), 3 => (0u16..960).prop_map(|d| f32::from(d) / 16.0)]
 }
 
-/// Estimate, truth and mask of one size, with one judged pixel at least.
+/// Estimate, truth and mask of one size, with at least one scored pixel.
 fn maps() -> impl Strategy<Value = (Plane<f32>, Plane<f32>, Plane<Visibility>)> {
     let pixel = (
         disparity(),
@@ -33,7 +33,7 @@ fn maps() -> impl Strategy<Value = (Plane<f32>, Plane<f32>, Plane<Visibility>)> 
     })
 }
 
-/// Shares of errors beyond a threshold that grows.
+/// Fractions of errors beyond increasing thresholds.
 const SERIES: [&[&str]; 4] = [
     &["bad0.5", "bad1.0", "bad2.0", "bad4.0"],
     &["out1", "out2", "out3", "out4", "out5"],

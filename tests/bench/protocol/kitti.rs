@@ -7,8 +7,8 @@ use svl::stereo::Plane;
 
 #[test]
 fn a_hole_is_minus_one_until_it_is_filled() {
-    // The holes: one of a truth so small that −1 is hardly an outlier, one between 8 and 20, one at
-    // the end of the row.
+    // The holes: one with a truth so small that −1 is hardly an outlier, one between 8 and 20, one
+    // at the end of the row.
     let estimate = map(&[&[NO, 8.0, NO, 20.0, NO]]);
     let truth = map(&[&[1.5, 8.0, 10.5, 20.0, 24.5]]);
     let expected = [

@@ -1,12 +1,11 @@
-//! Real maps: scores computed by other programs, and files of several formats that hold the same
-//! map.
+//! Real maps: scores computed by other programs, and files of several formats with the same map.
 
 use super::{assert_numbers, image, numbers};
 use crate::common;
 use svl::files::{read_estimate, read_npz, read_pfm, read_truth};
 use svl::score::protocol::Protocol;
 
-/// The numbers of SOURCE.txt beside the map, computed there with numpy.
+/// The numbers of SOURCE.txt next to the map, computed there with numpy.
 #[test]
 fn the_development_kits_map_scores_as_known() {
     let Some(folder) = common::datasets().map(|folder| folder.join("kitti2012-devkit-scoring"))

@@ -249,7 +249,7 @@ fn images_are_averaged_and_their_pixels_summed() {
             ("coverage", Some(100.0)),
         ],
     );
-    // A mean that leaves an image out would flatter.
+    // A mean that omits an image would flatter.
     assert_numbers(
         &Score::over(&[score(&[1.0]), score(&[NO])]),
         &[("avgerr", None), ("coverage", Some(50.0))],

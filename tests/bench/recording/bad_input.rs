@@ -10,7 +10,7 @@ use svl::stereo::Frame;
 
 const SIZE: (usize, usize) = (24, 16);
 
-/// What opening `bytes` as a recording says.
+/// The error of opening `bytes` as a recording.
 fn complaint(bytes: &[u8]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bad.mcap");
@@ -204,7 +204,7 @@ fn a_broken_message_beside_the_images_costs_no_pair() {
 fn an_attachment_cut_short_is_no_panic() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
-    // Two times, empty name and media type, a length of 0, and the CRC that is not all there.
+    // Two times, empty name and media type, a length of 0, and a truncated CRC.
     for crc_bytes in 0..4 {
         let body = vec![0; 8 + 8 + 4 + 4 + 8 + crc_bytes];
         let length = (body.len() as u64).to_le_bytes();
@@ -214,7 +214,7 @@ fn an_attachment_cut_short_is_no_panic() {
     }
 }
 
-/// A recording whose every kind of record and message is there, in several chunks.
+/// A recording with every kind of record and message, in several chunks.
 fn specimen(folder: &Path) -> (PathBuf, Vec<Frame>) {
     let path = folder.join("specimen.mcap");
     let mut writer =
@@ -282,8 +282,7 @@ fn a_changed_byte_anywhere_is_noticed() {
         std::fs::write(&changed, &bad).unwrap();
         let (read, error) = read(&changed);
         assert!(error.is_some(), "byte {at} changed: not a word");
-        // A chunk that is no longer called one is passed over, so a pair may be missing in the
-        // middle.
+        // A chunk with another opcode is skipped, so a pair may be missing in the middle.
         let mut originals = frames.iter();
         assert!(
             read.iter()

@@ -14,7 +14,7 @@ pub(crate) struct Message {
 }
 
 impl Message {
-    /// In CDR, as ROS 2 writes it.
+    /// In CDR, like ROS 2.
     fn cdr(topic: &'static str, schema: &'static str, log_time: u64, data: Vec<u8>) -> Self {
         Self {
             topic,
@@ -39,7 +39,7 @@ pub(crate) fn write(folder: &Path, messages: &[Message]) -> PathBuf {
     write_as(mcap::WriteOptions::new(), folder, messages)
 }
 
-/// As [`write`], in the way of ROS 2's own recorder: without compression and without checksums.
+/// Same as [`write`], like ROS 2's own recorder: without compression and without checksums.
 pub(crate) fn write_unchecked(folder: &Path, messages: &[Message]) -> PathBuf {
     let options = mcap::WriteOptions::new()
         .compression(None)
@@ -134,7 +134,7 @@ pub(crate) fn ros_compressed(
     Message::cdr(topic, "sensor_msgs/msg/CompressedImage", stamp, data)
 }
 
-/// What a sensor_msgs/msg/CameraInfo says besides a focal length of 328 and a centre of (12, 8).
+/// Fields of a sensor_msgs/msg/CameraInfo besides a focal length of 328 and a centre of (12, 8).
 pub(crate) struct Camera<'a> {
     pub(crate) size: (u32, u32),
     pub(crate) distortion: &'a [f64],

@@ -84,7 +84,7 @@ fn the_files_of_a_bag_are_one_recording() {
         &error,
         &["is a bag of 3 files: name one of ", "walk_10.mcap, "],
     );
-    // What a damaged file costs is its own.
+    // A damaged file loses only its own pairs.
     for (file, cut, pairs) in [("walk_11.mcap", "end", 6), ("walk_10.mcap", "at once", 4)] {
         let file = folder.join(file);
         let bytes = std::fs::read(&file).unwrap();

@@ -1,4 +1,4 @@
-//! Damage at every place of a recording: what was not touched is salvaged.
+//! Damage at every position of a recording: everything untouched is salvaged.
 
 use super::frames::{bare, read, record, recover, summarize};
 use super::recovery::{recovered, specimen};
@@ -9,7 +9,7 @@ use svl::Error;
 use svl::recording::{ImageFormat, Reader, Recovery};
 use svl::stereo::Frame;
 
-/// The records of the file itself: what they are, and where.
+/// The records of the file itself: opcodes and positions.
 pub(crate) fn records(bytes: &[u8]) -> Vec<(u8, Range<usize>)> {
     let (mut at, mut records) = (8, Vec::new());
     while at + 9 < bytes.len() {
@@ -20,7 +20,7 @@ pub(crate) fn records(bytes: &[u8]) -> Vec<(u8, Range<usize>)> {
     records
 }
 
-/// A recording, and what has to come out of it when some of its bytes are hit.
+/// A recording, and the records that must survive when some of its bytes are hit.
 struct Whole {
     folder: tempfile::TempDir,
     bytes: Vec<u8>,
@@ -50,8 +50,8 @@ impl Whole {
         }
     }
 
-    /// Looks at `bad`, which is the recording with `hit` changed: every chunk beside it is saved,
-    /// and nothing is wrong.
+    /// Checks `bad`, the recording with `hit` changed: every chunk outside is salvaged, and nothing
+    /// is wrong.
     fn check(&self, bad: &[u8], hit: &Range<usize>, what: &str) -> Recovery {
         let missed = |range: &Range<usize>| range.end <= hit.start || hit.end <= range.start;
         let (recovery, saved) = recovered(self.folder.path(), bad);
@@ -67,7 +67,7 @@ impl Whole {
             summarize(&saved).unwrap().is_intact(),
             "{what}: the saved file is damaged"
         );
-        // The same damage has one place, whichever command meets it.
+        // Every command reports the same position for the same damage.
         if let Some(error @ Error::Damaged { .. }) =
             read(&self.folder.path().join("damaged.mcap")).1
         {
@@ -116,8 +116,8 @@ impl Whole {
 fn any_bit_of_a_head_costs_no_more_than_its_record() {
     let whole = Whole::new();
     for (opcode, range) in records(&whole.bytes) {
-        // Of a chunk: its head up to its data. Message indexes and the summary are as much as all
-        // the rest: a part of them.
+        // Of a chunk: its head up to its data. Message indexes and the summary are as large as all
+        // the rest: a sample of them.
         let step = if matches!(opcode, 7..=8 | 10..=14) {
             5
         } else {
@@ -166,7 +166,7 @@ fn bytes_that_are_zeroed_or_gone_cost_only_what_they_hit() {
     }
 }
 
-/// Behind damage, bytes from 0x80 on look like private records, whatever length they then have.
+/// After damage, bytes from 0x80 on look like private records, of any length.
 #[test]
 fn what_looks_like_a_private_record_behind_damage_covers_nothing() {
     let whole = Whole::new();
@@ -177,7 +177,7 @@ fn what_looks_like_a_private_record_behind_damage_covers_nothing() {
     let fake = [&[0x9a][..], &length.to_le_bytes()].concat();
     bad.splice(chunk.end..chunk.end, fake);
     whole.check(&bad, chunk, "a fake private record");
-    // Without damage it is one, and its owner's matter.
+    // Without damage it is one, which only its owner understands.
     let mut private = whole.bytes.clone();
     let record = [&[0x9a][..], &4_u64.to_le_bytes(), b"mine"].concat();
     private.splice(chunk.end..chunk.end, record);
@@ -313,7 +313,7 @@ fn what_only_looks_like_records_takes_no_time() {
         );
     }
     hostile.resize(length + 200, 0);
-    // Records of other programs' own kinds, each with a whole chunk in it, up to the end of the
+    // Records of other programs' own kinds, each containing a whole chunk, up to the end of the
     // file.
     let (_, chunk) = records(&bytes)
         .into_iter()

@@ -13,7 +13,7 @@ fn create(path: &Path) -> svl::Result<Writer> {
     Writer::create(path, &Header::new("test"), ImageFormat::Raw)
 }
 
-/// Checks that the error is one line that names `path`, and gives that line.
+/// Checks that the error is one line that names `path`, and returns that line.
 fn told(path: &Path, error: &Error) -> String {
     assert!(matches!(error, Error::Io { .. }), "{error:?}");
     one_line(path, error)
@@ -74,7 +74,7 @@ fn a_pair_is_synced_though_none_comes_after_it() {
     let mut writer = create(&path).unwrap();
     writer.write(&full(0, (24, 16))).unwrap();
     assert!(read(&path).0.is_empty(), "it waits for its chunk");
-    // A second later it is there; a busy machine has a minute.
+    // A second later it is there; a busy machine gets a minute.
     let there = |_: &u32| {
         std::thread::sleep(std::time::Duration::from_millis(100));
         read(&path).0.len() == 1
@@ -83,7 +83,7 @@ fn a_pair_is_synced_though_none_comes_after_it() {
     writer.finish().unwrap();
 }
 
-/// A file system of its own; unmounted when dropped.
+/// A separate file system; unmounted when dropped.
 struct Mount(PathBuf);
 
 impl Mount {

@@ -57,7 +57,7 @@ fn a_bag_of_rectified_images_has_pairs_stamps_and_a_rig() {
         log_time: 9,
         data: vec![1],
     };
-    // The calibrations come after the images that they are of.
+    // The calibrations come after their images.
     let (_folder, path) = of((0..10)
         .flat_map(|i| pair(i, 2_000).into_iter().chain(infos(i)))
         .chain([scan]));
@@ -162,7 +162,7 @@ fn a_calibration_is_of_the_images_that_it_says() {
             "{remarks:?}"
         );
     }
-    // A message that ends before them is none.
+    // A message that ends before them is invalid.
     let [left, right] = infos((24, 16), 0, [0; 4]);
     for length in (0..left.data.len() - 1).step_by(7) {
         let short = left.with(left.data[..length].to_vec());
@@ -232,7 +232,7 @@ fn a_compressed_mosaic_is_that_mosaic() {
     assert_ne!(raw, pixels);
     assert_eq!(compressed("bayer_grbg8; png compressed "), raw);
     assert_eq!(compressed("mono8; png compressed "), pixels);
-    // Three channels: its colours were put together before.
+    // Three channels: its colours were demosaiced before.
     let colours = svl::files::encode_png(
         SIZE.0,
         SIZE.1,
@@ -250,7 +250,7 @@ fn a_compressed_mosaic_is_that_mosaic() {
     );
 }
 
-/// The image in every form that is read, on the left, with how far its pixels may then be off.
+/// The image in every format that is read, on the left, with the largest error of its pixels.
 fn forms(grey: &Gray) -> Vec<(Message, i32)> {
     let pixels = bytes(grey);
     let spread = |n: usize| pixels.iter().flat_map(|&p| vec![p; n]).collect::<Vec<_>>();
@@ -269,7 +269,7 @@ fn forms(grey: &Gray) -> Vec<(Message, i32)> {
         (ros_image(LEFT, at, size, "rgba8", &spread(4)), 0),
         (ros_image(LEFT, at, size, "bgra8", &spread(4)), 0),
         (ros_image(LEFT, at, size, "yuv422_yuy2", &spread(2)), 0),
-        // Interpolated between pixels that differ by the noise.
+        // Interpolated between pixels that differ by noise.
         (ros_image(LEFT, at, size, "bayer_rggb8", &pixels), 30),
         (
             bag::ros_compressed(LEFT, at, "mono8; png compressed", &png),
@@ -328,7 +328,7 @@ fn no_form_of_an_image_that_is_cut_off_gives_other_pixels() {
     for (whole, _) in forms(&grey) {
         let whole_left = left_of(whole.with(whole.data.clone())).unwrap();
         for length in (0..whole.data.len()).step_by(11) {
-            // What is missing may be the camera's name, which comes last in some.
+            // The missing part may be the camera's name, which comes last in some.
             let left = left_of(whole.with(whole.data[..length].to_vec()));
             assert!(
                 left.is_none_or(|left| left == whole_left),
@@ -439,7 +439,7 @@ fn a_pair_that_cannot_be_read_costs_only_itself() {
                 |topic| bag::ros_compressed(topic, stamp(i), "mono8; png compressed", &[]);
             match bad.contains(&i) {
                 true if i % 2 == 0 => [nothing(LEFT), right],
-                // It is one pair all the same.
+                // It still counts as one pair.
                 true => [nothing(LEFT), nothing(RIGHT)],
                 false => [left, right],
             }

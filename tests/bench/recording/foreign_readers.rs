@@ -12,7 +12,7 @@ fn pixel_sum(image: &Gray) -> f64 {
     image.pixels().map(f64::from).sum()
 }
 
-/// What a foreign reader should find under each topic, summed over all frames.
+/// Value that a foreign reader should find under each topic, summed over all frames.
 fn expected(topic: &str, frame: &Frame) -> f64 {
     let (rig, truth) = (frame.rig().unwrap(), frame.truth.as_ref().unwrap());
     let pose = frame.pose.unwrap();
@@ -73,7 +73,7 @@ fn read_by(
     Some(serde_json::from_slice(&printed).unwrap())
 }
 
-/// Checks the counts and sums of topics against what was written.
+/// Checks the counts and sums of topics against the written ones.
 fn compare(found: &serde_json::Value, frames: &[Frame], topics: usize) {
     let found = found["topics"].as_object().unwrap();
     assert_eq!(found.len(), topics);

@@ -22,7 +22,7 @@ pub(crate) fn image((width, height): (usize, usize), seed: u64) -> Gray {
     .unwrap()
 }
 
-/// Pair number `i` without anything beside its images.
+/// Pair number `i` with nothing but its images.
 pub(crate) fn bare(i: u64, size: (usize, usize)) -> Frame {
     Frame {
         sequence: i,

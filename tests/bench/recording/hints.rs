@@ -1,4 +1,4 @@
-//! Hints of `svl score`: each comes of a recording made for it, and none of a sound one.
+//! Hints of `svl score`: each appears for a recording made for it, and none for a sound one.
 
 use super::bag::{self, Camera, Message, camera_info_of, ros_image};
 use super::frames::{PERIOD_NS, image, read, record};
@@ -9,7 +9,7 @@ use svl::recording::ImageFormat;
 use svl::stereo::{Frame, StereoPair};
 
 const SIZE: (usize, usize) = (64, 48);
-/// Words by which the hints are known: exchanged images, scale, calibration, transform.
+/// Words that identify the hints: swapped images, scale, calibration, transform.
 const HINTS: [&str; 7] = [
     "look exchanged",
     "probably",
@@ -32,7 +32,7 @@ fn hints(fixture: &Fixture, what: &str) -> Vec<(usize, String)> {
     ran.stderr.lines().filter_map(hint).collect()
 }
 
-/// The one hint that there is.
+/// The only hint.
 #[track_caller]
 fn only(fixture: &Fixture, what: &str, place: usize) -> String {
     match &hints(fixture, what)[..] {
@@ -74,7 +74,7 @@ fn distances_of_another_scale_than_the_truth_are_noticed() {
         (1000.0, "the baseline is in millimetres"),
         (0.001, "the truth is in millimetres"),
     ] {
-        // The recording keeps depths, which are as many times nearer.
+        // The recording contains depths, which are nearer by that factor.
         write(
             &fixture,
             frames.iter().cloned().map(|mut frame| {

@@ -1,4 +1,4 @@
-//! A recorder killed at any moment: everything that it had synced is recovered.
+//! A recorder killed at any moment: everything it had synced is recovered.
 #![cfg(unix)]
 
 use super::frames::{full, read, recover};
@@ -10,12 +10,12 @@ use svl::recording::{Header, ImageFormat, Writer};
 
 const SIZE: (usize, usize) = (160, 120);
 const RATE_HZ: u64 = 60;
-/// A second of pairs, and half as much for a machine that is busy.
+/// A second of pairs, and half as much for a busy machine.
 const MAY_BE_LOST: u64 = RATE_HZ * 3 / 2;
-/// Names the file to the process that will be killed.
+/// Passes the file's path to the process that will be killed.
 const FILE: &str = "SVL_TEST_KILLED_RECORDING";
 
-/// The process that is killed: it records at a camera's rate, and says what it has handed to the
+/// The process that is killed: it records at a camera's rate, and prints the pairs handed to the
 /// writer.
 #[test]
 #[ignore = "the others start it and kill it"]
@@ -34,7 +34,7 @@ fn recorder() {
     }
 }
 
-/// Kills a recorder after `life` and returns how many pairs it had written and how many are
+/// Kills a recorder after `life` and returns the number of pairs it had written and of those
 /// recovered, all of them right.
 fn kill_after(folder: &Path, life: Duration) -> (u64, u64) {
     let (path, saved) = (folder.join("killed.mcap"), folder.join("saved.mcap"));

@@ -44,7 +44,7 @@ pub(crate) fn recovered(folder: &Path, bytes: &[u8]) -> (svl::Result<Recovery>, 
     (recover(&damaged, &saved), saved)
 }
 
-/// Where the chunks of a file are.
+/// Positions of the chunks of a file.
 fn chunks(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
     let (mut at, mut chunks) = (8, Vec::new());
     while at + 9 < bytes.len() {

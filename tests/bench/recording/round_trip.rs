@@ -1,4 +1,4 @@
-//! Round trips: every frame is read as it was written.
+//! Round trips: every frame is read back as written.
 
 use super::frames::{attachment, bare, full, header, read, record, summarize};
 use crate::common::assert_says;
@@ -12,7 +12,7 @@ use svl::stereo::{
 
 const SIZE: (usize, usize) = (61, 47);
 
-/// Frames are equal, true disparities but for `tolerance_px`.
+/// Frames are equal, true disparities up to `tolerance_px`.
 fn assert_same(read: &Frame, written: &Frame, tolerance_px: f32) {
     if let (Some(read), Some(written)) = (&read.truth, &written.truth) {
         for (r, w) in read.disparity.pixels().zip(written.disparity.pixels()) {
@@ -83,7 +83,7 @@ fn a_ros_2_bag_gives_back_pairs_and_rig() {
                 (&read.pair, read.stamp_ns),
                 (&written.pair, written.stamp_ns)
             );
-            // Stamps alone cannot say that they are not known.
+            // Stamps alone cannot show that they are unknown.
             assert_eq!(
                 read.exposure.skew_ns.unwrap_or(0),
                 written.exposure.skew_ns.unwrap_or(0)
@@ -121,7 +121,7 @@ fn raw_and_rectified_pairs_with_and_without_a_rig_are_told_apart() {
             for frame in frames {
                 match dialect {
                     Dialect::Svl => assert_eq!(frame.geometry, geometry),
-                    // ROS's P has the product of focal length and baseline alone.
+                    // ROS's P contains only the product of focal length and baseline.
                     Dialect::Ros2 => assert_eq!(
                         (frame.geometry == Geometry::Raw, frame.rig().is_some()),
                         (geometry == Geometry::Raw, geometry.rig().is_some())
@@ -322,7 +322,7 @@ fn a_recording_is_opened_once() {
     (0..3).for_each(|i| writer.write(&full(i, (24, 16))).unwrap());
     writer.finish().unwrap();
     let recording = Recording::open(&path).unwrap();
-    // Whoever opened it again would find nothing.
+    // Reopening it by name would fail.
     std::fs::remove_file(&path).unwrap();
     let mut source = RecordingSource::new(recording.clone(), &Selection::default()).unwrap();
     assert_eq!(source.pairs(), Some(3));

@@ -1,4 +1,4 @@
-//! Going to any pair of a recording.
+//! Seeking to any pair of a recording.
 
 use super::frames::{full, read, record};
 use svl::recording::ImageFormat;
@@ -14,7 +14,7 @@ fn any_pair_can_be_gone_to() {
         let mut source = RecordingSource::open(&path).unwrap();
         for index in [59, 0, 30, 31, 29, 1, 58] {
             assert!(source.seek(index).unwrap());
-            // And it goes on from there, to the end.
+            // It continues from there to the end.
             for expected in &all[index as usize..] {
                 assert_eq!(source.next().unwrap().as_ref(), Some(expected));
             }

@@ -1,4 +1,4 @@
-//! Truth from another sensor of a bag: what is read, and what is refused.
+//! Truth from another sensor of a bag: accepted and rejected messages.
 
 use super::bag::{self, Message, camera_info, cdr_in, protobuf, ros_image, timestamp};
 use super::frames::{PERIOD_NS, full, image, read};
@@ -129,7 +129,7 @@ pub(super) fn open(path: &Path, topic: &str) -> svl::Result<Opened> {
     })
 }
 
-/// The truths of the two pairs, and how many lack one.
+/// The truths of the two pairs, and the number of those that lack one.
 pub(super) fn truths(
     messages: impl IntoIterator<Item = Message>,
     topic: &str,
@@ -188,7 +188,7 @@ fn an_aligned_depth_image_is_dense_and_without_what_is_no_depth() {
 fn millimetres_and_compressed_depth_are_the_same_depths() {
     let millimetres: Vec<u16> = (0..24 * 16).map(|i| 500 + i).collect();
     let bytes: Vec<u8> = millimetres.iter().flat_map(|z| z.to_le_bytes()).collect();
-    // Twelve bytes of the transport's own, then the PNG.
+    // Twelve bytes of the transport's own header, then the PNG.
     let mut png = vec![0; 12];
     PngEncoder::new(&mut png)
         .write_image(&bytes, 24, 16, ExtendedColorType::L16)
@@ -311,7 +311,7 @@ fn foxglove_s_clouds_scans_and_transforms_are_read() {
     let (found, _) = truths([transform, cloud(0), cloud(1)], "/points");
     let truth = found[0].as_ref().unwrap();
     assert!((truth.disparity.get(12, 8) - (FB / 2.0) as f32).abs() < 1e-4);
-    // A scan in the camera's frame, whose pose turns its plane of x and y into that of z and x.
+    // A scan in the camera's frame, whose pose rotates its x-y plane into the z-x plane.
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let scan = |i| {
         let message = fox::LaserScan {
@@ -393,14 +393,14 @@ fn what_cannot_be_a_truth_is_refused_in_one_line() {
         "/points",
         &["base → arm"],
     );
-    // What moves is no fixed transform.
+    // A moving transform is not static.
     let links = tf("/tf", &[("cam", "lidar", [0.0; 3])]);
     refused(
         with(links).chain([cloud("lidar", stamp(0), &point)]),
         "/points",
         &["no transform", "/tf has one", "static_transform_publisher"],
     );
-    // The chain is of both.
+    // The chain consists of both.
     let links = [
         tf("/tf_static", &[("cam", "base", [0.0; 3])]),
         tf("/tf", &[("base", "lidar", [0.0; 3])]),
@@ -445,7 +445,7 @@ fn a_recording_keeps_how_its_truth_was_measured() {
     let (back, error) = read(&path);
     assert!(error.is_none());
     assert_eq!(back[0].truth.as_ref().unwrap().kind, kind);
-    // Its own truth again, as a topic: the same, but for where it is said to be from.
+    // Its own truth, as a topic: the same, except for the stated origin.
     let frame = open(&path, "/truth/depth")
         .unwrap()
         .source

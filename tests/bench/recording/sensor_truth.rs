@@ -1,9 +1,9 @@
-//! Numbers from other sensors equal those from exact truth, up to what sampling explains.
+//! Numbers from other sensors equal those from exact truth, up to the effect of sampling.
 //!
-//! The arena is recorded twice: its pairs, and the depths of a camera that stands 5 cm beside and
-//! 3 cm above the left one. `tests/python/sensor_bag.py` makes a ROS 2 bag of both. Each sensor's
-//! truth is compared with the exact one, and with the exact one of the pixels alone that the sensor
-//! measured: the first difference is what sampling explains, the second what svl gets wrong.
+//! The arena is recorded twice: its pairs, and the depths of a camera 5 cm beside and 3 cm above
+//! the left one. `tests/python/sensor_bag.py` makes a ROS 2 bag of both. Each sensor's truth is
+//! compared with the exact one, and with the exact one of only the pixels that the sensor measured:
+//! the first difference is due to sampling, the second to errors of svl.
 
 use crate::cli::fixture::Fixture;
 use crate::common::python;
@@ -20,15 +20,15 @@ use svl::stereo::{
 const FRAMES: u64 = 40;
 const ALGORITHMS: [&str; 3] = ["v3", "bm", "sgm"];
 
-/// The arena's pairs as svl records them, and the bag; nothing without Python.
+/// The arena's pairs as recorded by svl, and the bag; `None` without Python.
 fn recorded(fixture: &Fixture) -> Option<(PathBuf, PathBuf)> {
     let pairs = fixture.write_short_arena("pairs.toml", FRAMES);
     let text = std::fs::read_to_string(&pairs).unwrap();
     let other = [
         ("width_px = 320", "width_px = 480"),
-        // An odd number: the optical axis is in the middle of a row, which is the laser scan's.
+        // An odd number: the optical axis is in the middle of a row, that of the laser scan.
         ("height_px = 240", "height_px = 359"),
-        // Half of it is how far the left camera is from the head.
+        // Half of it is the distance of the left camera from the head.
         ("baseline_m = 0.044", "baseline_m = 0.144"),
         ("above_floor_m = 0.07", "above_floor_m = 0.10"),
     ];
@@ -95,7 +95,7 @@ fn sampled(exact: &Frame, sensor: &Frame) -> Frame {
     }
 }
 
-/// The judgements of all frames' cells against the truths of `frames`.
+/// The scores of all frames' cells against the truths of `frames`.
 fn judged(frames: &[Frame], matched: &[(DisparityMap, DepthGrid)]) -> Vec<CellJudgement> {
     let pairs = frames.iter().zip(matched);
     let judged = pairs.map(|(frame, (map, grid))| {
@@ -105,7 +105,7 @@ fn judged(frames: &[Frame], matched: &[(DisparityMap, DepthGrid)]) -> Vec<CellJu
     judged.flatten().collect()
 }
 
-/// Cells with truth, and of them right, wrong and unknown, %; missed obstacles.
+/// Cells with truth, and the right, wrong and unknown ones among them, %; missed obstacles.
 fn shares(judged: &[CellJudgement]) -> (usize, [f64; 3], usize) {
     let tally = CellTally::from_judgements(judged);
     let counts = [tally.right, tally.wrong, tally.unknown];
@@ -117,7 +117,7 @@ fn shares(judged: &[CellJudgement]) -> (usize, [f64; 3], usize) {
     )
 }
 
-/// The share of cells with truth in both that are judged alike.
+/// The fraction of cells with truth in both that are scored equally.
 fn alike(a: &[CellJudgement], b: &[CellJudgement]) -> f64 {
     let known = |j: &CellJudgement| j.verdict != Verdict::NoTruth;
     let both: Vec<_> = a
@@ -144,7 +144,7 @@ fn matched(frames: &[Frame]) -> [Vec<(DisparityMap, DepthGrid)>; 3] {
     })
 }
 
-/// The frame with `points` true pixels in every cell, drawn anew for every seed.
+/// The frame with `points` true pixels in every cell, drawn differently for every seed.
 fn thinned(frame: &Frame, points: usize, seed: u64) -> Frame {
     let mut random = fastrand::Rng::with_seed(seed);
     let truth = &frame.truth.as_ref().unwrap().disparity;
@@ -261,8 +261,8 @@ fn numbers_from_sensors_equal_those_from_exact_truth() {
                 "{topic} {algorithm}: alike {same:.4}, with exact {:.4}",
                 alike(&all, &measured)
             );
-            // Where the sensor sees behind what the camera sees, no point of its own tells. Of the
-            // lidar's few lines fewer cells are scored, so each such cell weighs more.
+            // Where the sensor sees behind the camera's surface, none of its points shows it. With
+            // the lidar's few lines fewer cells are scored, so each such cell has more weight.
             let least = match topic {
                 "/cam0/depth32" => 1.0,
                 "/scan" => 0.93,

@@ -1,4 +1,4 @@
-//! Truth of pairs whose stamps are equal or zero, and truth that lies far from its pair.
+//! Truth for pairs whose stamps are equal or zero, and truth far from its pair in time.
 
 use super::bag::{self, Message};
 use super::frames::{PERIOD_NS, full, record, summarize};
@@ -102,7 +102,7 @@ fn a_truth_is_found_wherever_it_lies() {
     let stamp = |i: u64| START_NS + i * PERIOD_NS;
     let images = || stereo(40, stamp);
     let truth = |i: u64| depth(i + 1, stamp(i));
-    // The one of each pair, between two that are near and not its own.
+    // The one for each pair, between two that are near but belong to others.
     let near = |i: u64| {
         [
             depth(90, stamp(i) - 2_000_000),
@@ -123,7 +123,7 @@ fn a_truth_is_found_wherever_it_lies() {
         .chain((0..40).rev().map(truth))
         .collect();
     assert_eq!(depths(&reversed), all(40));
-    // One of them far behind all others.
+    // One of them far after all others.
     let others = (1..40).map(truth);
     let one: Vec<_> = images()
         .into_iter()
@@ -172,7 +172,7 @@ fn a_summary_pairs_as_a_source_does() {
     let unset = stereo(4, |_| 0).into_iter();
     let unset: Vec<_> = unset.map(|message| stamped(&message, 0, 0)).collect();
     assert_eq!(of(&unset), 4);
-    // One right image is missing, and those behind it wait for its partner.
+    // One right image is missing, and those after it wait for its partner.
     let is_missing = |at: usize| at % 4 == 3 && at / 4 == 2;
     let images = stereo(6, |i| START_NS + i / 3 * PERIOD_NS).into_iter();
     let images = images.enumerate().filter(|(at, _)| !is_missing(*at));

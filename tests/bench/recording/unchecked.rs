@@ -1,4 +1,4 @@
-//! Bags without checksums, as ROS 2's recorder writes them: which damage is found.
+//! Bags without checksums, as written by ROS 2's recorder: the damage that is detected.
 
 use super::damage::records;
 use super::frames::{image, read, summarize};
@@ -37,7 +37,7 @@ fn chunks(bytes: &[u8]) -> Vec<Range<usize>> {
         .collect()
 }
 
-/// What info and recover say of `bytes`: the same.
+/// The common report of info and recover on `bytes`.
 fn judged(folder: &Path, bytes: &[u8]) -> (RecordingSummary, Recovery) {
     let (recovery, _) = recovery::recovered(folder, bytes);
     let (summary, recovery) = (
@@ -67,7 +67,7 @@ fn that_nothing_vouches_for_the_pixels_is_said() {
     zeroed[middle..middle + 100].fill(0);
     let (summary, _) = judged(folder.path(), &zeroed);
     assert!(summary.is_intact() && !summary.checksums, "nobody can tell");
-    // Where there are checksums, it is whole without a but: in each chunk, or of all the data.
+    // With checksums it is intact without reservation: in each chunk, or over all the data.
     let messages = [bag::ros_image(
         "/cam0/image_raw",
         5,
@@ -138,7 +138,7 @@ fn a_damaged_header_is_told_and_the_pairs_are_read() {
     }
 }
 
-/// The messages of a file as far as they can be told apart.
+/// The messages of a file as far as they are distinguishable.
 fn messages(bytes: &[u8]) -> BTreeSet<(String, u64, Vec<u8>)> {
     let messages = mcap::MessageStream::new(bytes).unwrap().map(|message| {
         let mcap::Message {
@@ -182,8 +182,7 @@ fn whatever_is_changed_the_other_chunks_are_saved() {
                 recovery.losses
             );
         }
-        // What is not as it was written can only be of the chunk that was hit, where nobody can
-        // tell.
+        // Anything changed can only belong to the chunk that was hit, where it is undetectable.
         let wrong = (&saved - &all).len();
         let inside = chunks
             .iter()

@@ -90,7 +90,7 @@ pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
     }
 }
 
-/// `passed` of `frames` in one run; the best frame passes when any does, the worst when all do.
+/// `passed` of `frames` in one run; the best frame passes if any does, the worst if all do.
 pub fn checkpoint(
     number: u32,
     name: &str,

@@ -11,7 +11,7 @@ use svl::report::{GateState, Summary};
 use svl::score::Verdict;
 use svl::stereo::{Cell, CellDepth, DepthGrid, GridShape};
 
-/// A page under a title and with texts that would be HTML.
+/// A page whose title and texts would be HTML.
 fn page(summary: Summary) -> ReportPage {
     let mut manifest = Manifest::new("<b>", &["v3".parse().unwrap()]).unwrap();
     let record = manifest.algorithms.remove(0);
@@ -58,7 +58,7 @@ fn count(html: &str, text: &str) -> usize {
     html.matches(text).count()
 }
 
-/// The fields of the page in their order, by their ids.
+/// The positions of fields in the page, by their ids.
 fn places(html: &str, ids: &[&str]) -> Vec<usize> {
     let place = |id: &&str| html.find(&format!("id=\"{id}\"")).expect(id);
     ids.iter().map(place).collect()
@@ -181,7 +181,7 @@ fn the_page_shows_every_figure_and_holds_every_image_once() {
     );
     assert!(html.contains("wrong: (0, 0) 0.80 m, truly 0.40 m, obstacle missed"));
     assert_eq!(count("class=\"unseen\""), 1);
-    // A square leads to the frames of its checkpoint and algorithm, if there are some.
+    // A square leads to the frames of its checkpoint and algorithm, if there are any.
     for square in ["cp1", "cp2"] {
         let target = format!("href=\"#{square}-0\" data-figure=\"{square}\" data-algorithm=\"v3\"");
         assert_eq!(
@@ -219,7 +219,7 @@ fn the_answer_comes_before_frames_and_all_else_is_folded() {
     let order = places(&html, &ids);
     assert!(order.is_sorted(), "{order:?}");
     assert_eq!(count(&html, "<details"), ids.len() - 3 + 2);
-    // Limits that fail are not hidden.
+    // Failed limits are not hidden.
     assert_eq!(count(&html, "<details id=\"gate\" open>"), 1);
     assert_eq!(count(&html, "<a href=\"#gate\">"), 1);
     let own = |label: &str| format!("<tr data-algorithm=\"{label}\">");
@@ -263,7 +263,8 @@ fn the_page_shows_scenes_with_truth_and_errors() {
         [6, 1, 1]
     );
     assert!(html.contains("</i>53 px") && html.contains("45 × 37 pixels"));
-    // The key of the errors: its ends, KITTI's 3 px in its middle, and what is none.
+    // The key of the errors: its ends, KITTI's 3 px in its middle, and the key for pixels without
+    // one.
     assert_says(
         &html,
         &[
@@ -373,7 +374,7 @@ fn the_page_escapes_and_fetches_nothing() {
     }
     .render()
     .unwrap();
-    // A name of a namespace is no address that anyone fetches.
+    // The name of a namespace is not an address to fetch.
     let html = html.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
     for raw in [
         "<title><b>",

@@ -36,7 +36,7 @@ fn an_algorithm_is_summed_up() {
         ["missed", "false"].map(|name| v3.totals.get(name)),
         [Some(2.0), Some(0.0)]
     );
-    // A pair without truth does not thin the means out.
+    // A pair without truth does not dilute the means.
     for (name, mean) in [
         ("bad1", 0.06),
         ("bad2", 0.02),
@@ -54,7 +54,7 @@ fn an_algorithm_is_summed_up() {
         (v3.p50_ms, v3.p95_ms, v3.p99_ms, v3.max_ms),
         (Some(4.0), Some(9.0), Some(9.0), Some(9.0))
     );
-    // 4 ms for 76 800 pixels; of the pairs with known disparities the faster is the median.
+    // 4 ms for 76 800 pixels; among the pairs with known disparities the faster is the median.
     assert!((v3.time_per_mp_s.unwrap() - 4000.0 / 76_800.0).abs() < 1e-12);
     let per_gd = 1e3 * 2000.0 / (76_800.0 * 81.0);
     assert!((v3.time_per_gd_s.unwrap() - per_gd).abs() < 1e-12);
@@ -127,8 +127,8 @@ fn screen(summary: &Summary, width: usize, is_rich: bool) -> String {
     summary.terminal("arena", TerminalStyle { width, is_rich }, false)
 }
 
-/// A run of algorithms with shares of right and of wrong cells in tenths of a cell, and the frames
-/// of three checkpoints that pass, of ten.
+/// A run of algorithms with right and wrong cells in tenths of a cell, and the number of passing
+/// frames, out of ten, at three checkpoints.
 fn run(algorithms: &[(&str, f64, f64, [u64; 3])]) -> Summary {
     let mut rows = Vec::new();
     let mut checkpoints = Vec::new();
@@ -271,7 +271,7 @@ fn a_lead_is_as_sure_as_its_interval() {
     let of = |metric, best: &str, second: &str, certainty| {
         (metric, best.to_owned(), second.to_owned(), certainty)
     };
-    // Equal counts are no difference.
+    // Equal counts are not a difference.
     let two = run(&[("v3", 5.0, 1.0, [1, 1, 1]), ("bm", 4.0, 1.0, [1, 1, 1])]);
     let expected = [
         of("right", "v3", "bm", Certainty::Clear),
@@ -289,7 +289,7 @@ fn a_lead_is_as_sure_as_its_interval() {
             .iter()
             .all(|lead| lead.3 == Certainty::TooFewPairs)
     );
-    // More than 10 % wrong cells are not the best by anything.
+    // An algorithm with more than 10 % wrong cells is not the best in anything.
     let wrong = run(&[("v1", 8.0, 2.0, [1, 1, 1]), ("v3", 4.0, 0.5, [1, 1, 1])]);
     assert!(wrong.leads.iter().all(|lead| lead.algorithm == "v3"));
     assert!(wrong.leads[0].is_outdone);

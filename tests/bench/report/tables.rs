@@ -116,7 +116,7 @@ fn a_crash_keeps_the_rows() {
     let mut cells = TableWriter::create_both(folder.path(), "cells").unwrap();
     rows.push([row("v3", 0, 5_000)]).unwrap();
     cells.push([cell("v3", 0, Verdict::Wrong)]).unwrap();
-    // Not even dropped: what is on disk now is all there is after a kill.
+    // Not even dropped: the state on disk is all that remains after a kill.
     std::mem::forget((rows, cells));
     assert_eq!(
         read_rows::<Row>(&folder.path().join("rows.csv")).unwrap(),

@@ -1,4 +1,4 @@
-//! Broken calibration files: errors name the file, the key and what to do.
+//! Broken calibration files: errors name the file, the key and the remedy.
 
 use super::*;
 use crate::common::assert_says;
@@ -23,7 +23,7 @@ fn broken(format: &str, from: &str, to: &str) -> String {
     error
 }
 
-/// A format, what is replaced in its file, and the words of the error.
+/// A format, the replacement in its file, and the words of the error.
 const WRONG: &str = r#"
     xml: intr0="458.7" -> intr0="nan" => Camera.0.Intrinsic.intr0 | 'nan'
     xml: intr0="458.7" -> => no 'Camera.0.Intrinsic.intr0'

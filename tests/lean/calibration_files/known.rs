@@ -85,8 +85,8 @@ fn annex_e_is_read_as_it_is_printed() {
     assert!(apart.to_degrees() < 4.0, "{}", apart.to_degrees());
     println!("apart {}", apart.to_degrees());
 
-    // The homographies put corresponding points on one row, so the rotation and the direction of
-    // the baseline taken from them must do so too.
+    // The homographies map corresponding points to one row, so the rotation and the direction of
+    // the baseline derived from them must do so too.
     let essential = c.right_from_left().translation.vector.cross_matrix()
         * c.right_from_left().rotation.to_rotation_matrix();
     let homography =

@@ -36,7 +36,7 @@ fn calibrations() -> impl Strategy<Value = StereoCalibration> {
     )
 }
 
-/// The part of a calibration that a format can hold; `None` when it refuses the calibration.
+/// The part of a calibration that a format can represent; `None` if it rejects the calibration.
 fn held(format: &str, c: &StereoCalibration) -> Option<StereoCalibration> {
     let metres = c.unit() == LengthUnit::Metres;
     match format {

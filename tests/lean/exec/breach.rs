@@ -1,4 +1,4 @@
-//! Programs that break the exec protocol: each gets a message of its own, in time.
+//! Programs that break the exec protocol: each gets a specific message, in time.
 
 use super::fixture::{pair, start};
 
@@ -100,7 +100,7 @@ fn too_much_is_refused() {
     ) else {
         return;
     };
-    // Python's own check would refuse a wrong count.
+    // Python's own check would reject a wrong count.
     let body = "line, _ = pair()\nput(b'{\"seq\":1,\"millis\":0}\\n' + bytes(244))\npair()";
     plugin.fails(&["struct.error"]);
     let Some(mut plugin) = start(body, "") else {
@@ -193,7 +193,7 @@ fn a_program_that_says_what_it_is_wrongly_is_told() {
     }
 }
 
-/// What a failed program started goes with it.
+/// Processes started by a failed program end with it.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_program_is_ended_with_what_it_started() {
@@ -215,7 +215,7 @@ time.sleep(60)
     let state = || std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
     assert!(state().contains("(sleep)"));
     plugin.fails(&["garbage"]);
-    // Gone, or a zombie until whoever inherited it has seen its end.
+    // Gone, or a zombie until its new parent has seen its end.
     let is_over = || state().is_empty() || state().contains(") Z ");
     let began = std::time::Instant::now();
     while !is_over() {

@@ -8,7 +8,7 @@ use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, ProgramRe
 use svl_core::stereo::{Gray, RectifiedPair, StereoPair};
 use svl_core::timing::Clock;
 
-/// What every program below begins with: it reads a pair as `line` and `images`.
+/// Beginning of every program below: it reads a pair as `line` and `images`.
 const PRELUDE: &str = r#"
 import json, os, struct, sys, time
 source, target = sys.stdin.buffer, sys.stdout.buffer
@@ -26,11 +26,11 @@ def answer(line, values=None, **other):
 
 const PROGRAM: &str = "a program, with a comma.py";
 
-/// A matcher that is a program of the test.
+/// A matcher whose program is part of the test.
 pub(crate) struct Plugin {
     matcher: Box<dyn Matcher>,
     pub(crate) output: MatchOutput,
-    // Last, so that the program is ended before its file goes.
+    // Last, so that the program ends before its file is deleted.
     folder: tempfile::TempDir,
 }
 
@@ -46,7 +46,7 @@ pub(crate) fn python() -> Option<PathBuf> {
     found.then_some(python)
 }
 
-/// The program with that body; nothing where there is no Python.
+/// The program with that body; `None` without Python.
 pub(crate) fn start(body: &str, settings: &str) -> Option<Plugin> {
     let python = python()?;
     let folder = tempfile::tempdir().unwrap();
@@ -95,13 +95,13 @@ impl Plugin {
         self.matcher.batch()
     }
 
-    /// Tells that the pair comes so many times.
+    /// Announces the pair that many times.
     pub(crate) fn announce(&mut self, pair: &StereoPair, times: usize) {
         let pair = (RectifiedPair::assume(pair), MatchContext::default());
         self.matcher.announce(&vec![pair; times]);
     }
 
-    /// Waits until the program has made the file of its own name with that ending.
+    /// Waits until the program has created the file of its own name with that extension.
     #[track_caller]
     pub(crate) fn wait_for(&self, ending: &str) {
         let file = self.folder.path().join(format!("{PROGRAM}.{ending}"));
@@ -116,7 +116,7 @@ impl Plugin {
         }
     }
 
-    /// It fails within a few seconds, in one line with all these words.
+    /// Asserts failure within a few seconds, in one line with all these words.
     #[track_caller]
     pub(crate) fn fails(&mut self, words: &[&str]) {
         let start = Instant::now();

@@ -9,7 +9,7 @@ use svl_core::stereo::{Gray, Reason, RectifiedPair, Rgb, Rig, StereoPair};
 
 #[test]
 fn pixels_go_and_disparities_come() {
-    // Left pixels are the disparities; a right pixel of 8 is none.
+    // Left pixels are the disparities; a right pixel of 8 means none.
     let body = r#"
 while True:
     line, images = pair()
@@ -204,7 +204,7 @@ answer(line, None, millis=1.5, cells=15 * [{"disparity_px": 10}])
     assert_eq!(cell(0, 0), (None, None));
     assert_eq!(cell(1, 0), (Some(12.5), None));
     assert_eq!(cell(4, 2), (Some(4.0), Some(0.75)));
-    // Another pair, another answer: its cells are those of its disparities.
+    // Another pair, another answer: its cells are computed from its disparities.
     plugin.compute(&pair).unwrap();
     assert!(plugin.output.grid.is_none());
     let context = MatchContext {
@@ -219,7 +219,8 @@ answer(line, None, millis=1.5, cells=15 * [{"disparity_px": 10}])
 
 #[test]
 fn a_program_that_says_what_it_is_gets_what_it_wants() {
-    // The first pair comes grey, then once more in colour; red of the left image is answered.
+    // The first pair comes in grey, then again in colour; the answer is the red channel of the left
+    // image.
     let body = r#"
 line, _ = pair()
 assert line["channels"] == 1, line
@@ -247,7 +248,7 @@ while True:
         plugin.compute_with(&pair, &context).unwrap();
         assert_eq!(plugin.output.disparity.at(3, 4), Ok(43.0));
     }
-    // Without colours, grey three times.
+    // Without colours, three times the grey image.
     let grey = MatchContext {
         color: None,
         ..context

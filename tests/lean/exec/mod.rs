@@ -1,4 +1,4 @@
-//! The exec protocol, with programs that keep it and programs that break it.
+//! The exec protocol, with programs that follow it and programs that break it.
 
 mod breach;
 mod fixture;

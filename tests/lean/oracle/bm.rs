@@ -15,7 +15,7 @@ pub(crate) struct Bm {
     pub(crate) speckle_range: i32,
 }
 
-/// Disparity in 16ths of a pixel and SAD, or why there is none.
+/// Disparity in 16ths of a pixel and SAD, or the reason why there is none.
 type Pixel = Result<(i32, i32), Reason>;
 
 impl Bm {
@@ -53,8 +53,8 @@ impl Bm {
         let inside =
             |x: i32| x - reach >= 0 && x + reach < width && y - reach >= 0 && y + reach < height;
         if !inside(x) || !inside(x - self.min) || !inside(x - self.max) {
-            // What leaves at the right with min > 0 is not lost: there the left window leaves
-            // first.
+            // Windows that leave at the right with min > 0 are not lost: the left window leaves
+            // first there.
             return Err(Reason::Border);
         }
         let window = || (-reach..=reach).flat_map(|j| (-reach..=reach).map(move |i| (i, j)));

@@ -71,10 +71,10 @@ impl V3 {
     }
 }
 
-/// A disparity or why there is none, and the SSDPI.
+/// A disparity or the reason why there is none, and the SSDPI.
 type Pixel = Result<(f32, u32), (Reason, u32)>;
 
-/// The map of what `pixel` gives of the two smoothed images at every place.
+/// The map of the results of `pixel` on the two smoothed images at every position.
 fn by_pixel(
     pair: &StereoPair,
     sigma: f64,
@@ -94,7 +94,7 @@ fn by_pixel(
     map
 }
 
-/// A negative disparity becomes zero where the matcher checks for what lies behind the cameras.
+/// A negative disparity becomes zero if the matcher checks for points behind the cameras.
 fn back_checked(disparity: f32, back_check: bool) -> f32 {
     if back_check {
         disparity.max(0.0)
@@ -112,7 +112,7 @@ fn write(row: &mut RowMut<'_>, x: usize, disparity: Result<f32, Reason>, ssdpi: 
     row.set_ssdpi(x, ssdpi);
 }
 
-/// The lowest point of the parabola through the SSDs at the winner and beside it.
+/// The minimum of the parabola through the SSDs of the winner and its neighbours.
 fn refine(winner: i32, admissible: &[i32], ssd: impl Fn(i32) -> i64) -> f32 {
     let [p, m, n] =
         [winner - 1, winner, winner + 1].map(|d| admissible.contains(&d).then(|| ssd(d)));

@@ -3,14 +3,14 @@
 use proptest::prelude::*;
 use svl_core::stereo::{DisparityMap, Gray, StereoPair};
 
-/// What images are made of. A pair made of each brings every reason about.
+/// Content of the images. Pairs of all kinds together cause every reason.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Scene {
     Noise,
     Constant,
     /// A slow ramp with a little noise.
     Faint,
-    /// Extremes only: the largest SSDs there are.
+    /// Only extremes: the largest possible SSDs.
     BlackAndWhite,
     /// Blocks that repeat along the row: equal costs and self-similarity.
     Periodic,
@@ -93,7 +93,7 @@ pub(crate) fn pool(threads: usize) -> rayon::ThreadPool {
         .unwrap()
 }
 
-/// The first pixel at which the maps differ, with what each says.
+/// The first pixel at which the maps differ, with both values.
 pub(crate) fn difference(got: &DisparityMap, expected: &DisparityMap) -> Option<String> {
     assert_eq!(got.size(), expected.size());
     let (width, height) = got.size();

@@ -1,5 +1,5 @@
-//! v5 as its specification has it: plain loops over every pixel and disparity, sharing no code with
-//! the matcher.
+//! v5 as in its specification: plain loops over every pixel and disparity, sharing no code with the
+//! matcher.
 
 use svl_core::stereo::{Gray, StereoPair};
 
@@ -17,7 +17,7 @@ pub(crate) struct V5 {
     pub(crate) allowance: f64,
 }
 
-/// What each step makes, in raster order.
+/// Results of each step, in raster order.
 pub(crate) struct Steps {
     pub(crate) size: (usize, usize),
     pub(crate) half: [Vec<u16>; 2],
@@ -35,7 +35,7 @@ pub(crate) struct Steps {
     pub(crate) own: Vec<u8>,
 }
 
-/// What is known of a cell: report, median and the six features.
+/// Evidence on a cell: report, median and the six features.
 pub(crate) type Evidence = [i64; 8];
 
 impl Default for V5 {
@@ -275,7 +275,7 @@ impl V5 {
         (0..16 * self.nd() as i32).map(interval).collect()
     }
 
-    /// What each cell of a grid is reported by.
+    /// The evidence behind each cell's report.
     pub(crate) fn evidence(
         &self,
         steps: &Steps,
@@ -366,7 +366,7 @@ fn majority(seen: &[bool], (w, h): (usize, usize)) -> Vec<bool> {
     (0..w * h).map(stays).collect()
 }
 
-/// Base and steps of a table: of each feature, above what value the score is what.
+/// Base and steps of a table: per feature, pairs of a value and the score above it.
 pub(crate) type Table = (i64, [&'static [(i64, i64)]; 6]);
 
 pub(crate) const MEDIAN: Table = (

@@ -1,4 +1,5 @@
-//! Coverage of the standard deviations: parameters deviate from the truth as much as they predict.
+//! Coverage of the standard deviations: parameters deviate from the truth by as much as they
+//! predict.
 //!
 //! Every parameter of every rig counts: 18 intrinsics, 6 extrinsics, and the baseline. For a table
 //! by parameter: `cargo test --release --test lean solve::coverage -- --nocapture --test-threads
@@ -39,8 +40,8 @@ fn deviations(solution: &Solution, simulated: &Simulated) -> Vec<(String, f64)> 
         .collect()
 }
 
-/// Shares of parameters within one, two and three standard deviations, and numbers of views wrongly
-/// refused or used. Prints a table by parameter.
+/// Fractions of parameters within one, two and three standard deviations, and number of views
+/// wrongly refused or used. Prints a table by parameter.
 fn shares(rigs: u64, noise_px: Option<f64>, spoilt: fn(u64) -> usize) -> ([f64; 3], usize) {
     let mut spent = Duration::ZERO;
     let mut all: Vec<Vec<(String, f64)>> = Vec::new();
@@ -79,7 +80,7 @@ fn shares(rigs: u64, noise_px: Option<f64>, spoilt: fn(u64) -> usize) -> ([f64; 
 }
 
 /// A normal distribution has 68.3, 95.4 and 99.7 % within. The parameters of one rig are
-/// correlated, so the shares vary more than those of independent numbers.
+/// correlated, so the fractions vary more than those of independent numbers.
 fn check(spoilt: fn(u64) -> usize, noise_px: Option<f64>) {
     let ([one, _, three], misjudged) = shares(200, noise_px, spoilt);
     assert!(

@@ -1,4 +1,4 @@
-//! Refused calibrations: the message is one line and says what to do; nothing panics.
+//! Refused calibrations: the message is one line with the remedy; nothing panics.
 
 use super::simulated::{Simulated, Spoil};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};

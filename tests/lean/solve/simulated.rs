@@ -9,7 +9,7 @@ pub struct Simulated {
     pub truth: StereoCalibration,
     pub board: Board,
     pub views: Vec<StereoView>,
-    /// How each view was spoilt, if it was.
+    /// Corruption of each view, if any.
     pub spoilt: Vec<Option<Spoil>>,
 }
 
@@ -111,7 +111,7 @@ impl Simulated {
         simulated
     }
 
-    /// Spoils one more view.
+    /// Corrupts one more view.
     fn spoil(&mut self, rng: &mut Rng) {
         let kinds = [
             Spoil::Garbage,
@@ -182,7 +182,7 @@ impl Simulated {
     }
 }
 
-/// The board in a random pose; `None` unless both cameras see it whole.
+/// The board in a random pose; `None` unless both cameras see all of it.
 fn view(
     rng: &mut Rng,
     truth: &StereoCalibration,
