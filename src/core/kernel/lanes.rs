@@ -40,7 +40,7 @@ pub(super) fn transpose(image: &Gray, y: usize, out: &mut [Lanes<u16>]) {
     for (tile, out) in out.chunks_mut(SIDE).enumerate() {
         let x = tile * SIDE;
         for top in (0..rows).step_by(SIDE) {
-            // Rows below the image and columns beside it are zero.
+            // Rows below the image and columns next to it are zero.
             let mut square = Square::default();
             for (lane, pixels) in (top..rows).zip(&mut square) {
                 let row = &image.row(y + lane)[x..];

@@ -104,7 +104,7 @@ struct Scratch {
     rows: Vec<Vec<PropagationPixel>>,
     columns: Vec<PropagationPixel>,
     column_band: usize,
-    /// Per band of columns, edges up and down in one column and in both beside it.
+    /// Per band of columns, edges up and down in one column and in both adjacent ones.
     steep: Vec<[Vec<bool>; 3]>,
 }
 

@@ -28,7 +28,7 @@ impl Concordance {
         let mut ys = Vec::with_capacity(observations.len());
         let mut discordant = 0;
         for &(_, y) in observations.iter() {
-            // Where x is equal y ascends, so none before it is greater.
+            // For equal x, y ascends, so none before it is greater.
             let place = ys.partition_point(|&before| before <= y);
             discordant += (ys.len() - place) as i64;
             ys.insert(place, y);

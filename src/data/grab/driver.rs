@@ -20,7 +20,7 @@ pub struct Driver {
     /// One line: its kind of cameras.
     pub help: &'static str,
     pub options: &'static [Parameter],
-    /// Options of both cameras, or of one when `left.` or `right.` precedes the name.
+    /// Options of both cameras, or of one if `left.` or `right.` precedes the name.
     pub camera_options: &'static [Parameter],
     /// True if svl can trigger the cameras by command, and so knows the pulse of each image.
     /// Otherwise they are free-running or triggered by the controller, and are paired by stamp.

@@ -48,7 +48,7 @@ impl Tree {
         std::fs::remove_file(self.path(name)).unwrap();
     }
 
-    /// A pair of colour images, or grey ones where the ending is `.pgm`.
+    /// A pair of colour images, or grey ones if the extension is `.pgm`.
     pub fn pair(&self, left: &str, right: &str) {
         for name in [left, right] {
             let (width, height) = (WIDTH as u32, self.height as u32);

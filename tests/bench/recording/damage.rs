@@ -116,7 +116,7 @@ impl Whole {
 fn any_bit_of_a_head_costs_no_more_than_its_record() {
     let whole = Whole::new();
     for (opcode, range) in records(&whole.bytes) {
-        // Of a chunk: its head up to its data. Message indexes and the summary are as large as all
+        // Sample of a chunk: its head up to its data. Message indexes and the summary are as large as all
         // the rest: a sample of them.
         let step = if matches!(opcode, 7..=8 | 10..=14) {
             5

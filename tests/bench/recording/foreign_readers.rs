@@ -50,7 +50,7 @@ fn expected(topic: &str, frame: &Frame) -> f64 {
     }
 }
 
-/// The recording of `frames` as the script reads it; nothing where Python lacks one of `modules`.
+/// The recording of `frames` as read by the script; `None` if Python lacks one of `modules`.
 fn read_by(
     script: &str,
     modules: &str,

@@ -261,7 +261,7 @@ fn numbers_from_sensors_equal_those_from_exact_truth() {
                 "{topic} {algorithm}: alike {same:.4}, with exact {:.4}",
                 alike(&all, &measured)
             );
-            // Where the sensor sees behind the camera's surface, none of its points shows it. With
+            // If the sensor sees behind the camera's surface, none of its points shows it. With
             // the lidar's few lines fewer cells are scored, so each such cell has more weight.
             let least = match topic {
                 "/cam0/depth32" => 1.0,

@@ -340,7 +340,7 @@ impl Matcher for Exec {
                     ProgramFailure::new(format!("answered: {why}")).into_error(&self.command)
                 );
             }
-            // One answer per pair, and none of them is a hello.
+            // There is one answer per pair, and no hello.
             Some(PairAnswer {
                 reply: Reply::Hello(_),
                 ..

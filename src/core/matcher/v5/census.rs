@@ -38,7 +38,7 @@ pub(super) fn padded(pixels: usize) -> usize {
 }
 
 impl TwoWayPlane {
-    /// Of size `size`, with room before the first pixel by row.
+    /// Planes of `size`, with room before the first pixel by row.
     fn new((width, height): (usize, usize), margin: usize) -> Self {
         let pixels = padded(width) * padded(height);
         Self {
