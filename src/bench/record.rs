@@ -99,9 +99,12 @@ pub fn cached_run(
     let partial = path.with_extension(format!("{}.partial", std::process::id()));
     let (outcome, ran) = record(opened, &partial, RecordingFormat::default(), monitor);
     let stopped = || Error::Invalid(format!("stopped while recording {}", path.display()));
-    let complete = ran.and_then(|()| match outcome.interrupted {
-        true => Err(stopped()),
-        false => std::fs::rename(&partial, &path).map_err(|e| Error::io(&path, e)),
+    let complete = ran.and_then(|()| {
+        if outcome.interrupted {
+            Err(stopped())
+        } else {
+            std::fs::rename(&partial, &path).map_err(|e| Error::io(&path, e))
+        }
     });
     if complete.is_err() {
         let _ = std::fs::remove_file(&partial);

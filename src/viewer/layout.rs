@@ -93,10 +93,10 @@ fn maps(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
             (_, name) => map(name, "truth/depth"),
         });
         let views: Vec<LayoutNode> = views.chain(truth).collect();
-        match one {
-            true => nodes.extend(views),
-            false if views.is_empty() => {}
-            false => nodes.push(LayoutNode::row(kind, views, &[])),
+        if one {
+            nodes.extend(views);
+        } else if !views.is_empty() {
+            nodes.push(LayoutNode::row(kind, views, &[]));
         }
     }
     if one {
@@ -159,15 +159,15 @@ fn bottom(algorithms: &[AlgorithmPath], facts: &Facts) -> LayoutNode {
     let metric = |metric: &&'static Metric| {
         let plots = metric.plot.into_iter();
         let paths = plots.flat_map(|plot| algorithms.iter().map(move |a| a.path(plot)));
-        match metric.counts() {
-            true => plot(metric.words, paths, false),
-            false if metric.unit == MetricUnit::Share => {
-                plot(&format!("{}, %", metric.words), paths, false)
-                    .with("ScalarAxis", ScalarAxis::new().with_range([0.0, 100.0]))
-            }
-            false => plot(&format!("{}, px", metric.words), paths, false),
-        }
-        .into()
+        let view = if metric.counts() {
+            plot(metric.words, paths, false)
+        } else if metric.unit == MetricUnit::Share {
+            plot(&format!("{}, %", metric.words), paths, false)
+                .with("ScalarAxis", ScalarAxis::new().with_range([0.0, 100.0]))
+        } else {
+            plot(&format!("{}, px", metric.words), paths, false)
+        };
+        view.into()
     };
     // The fractions first, as they are always there.
     let (counts, others): (Vec<_>, Vec<_>) = facts.plots.iter().partition(|m| m.counts());

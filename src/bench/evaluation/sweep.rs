@@ -127,9 +127,12 @@ impl Algorithms {
             let texts = chosen.map(|(axis, &i)| format!("{}{}", axis.key, axis.values[i]));
             texts.collect::<Vec<_>>().join(",")
         };
-        let with = |name: &str, settings: String| match settings.is_empty() {
-            true => name.to_owned(),
-            false => format!("{name}:{settings}"),
+        let with = |name: &str, settings: String| {
+            if settings.is_empty() {
+                name.to_owned()
+            } else {
+                format!("{name}:{settings}")
+            }
         };
         let algorithm: Algorithm = with(&self.name, settings(&|_| true)).parse()?;
         Ok(match &self.label {

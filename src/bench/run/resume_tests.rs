@@ -37,9 +37,12 @@ impl Source for Floors {
         let image = Gray::filled(SIZE.0, SIZE.1, self.next as u8)?;
         let pair = StereoPair::new(image.clone(), image)?;
         let truth = |every: usize| {
-            let known = |_, y: usize| match y.is_multiple_of(every) {
-                true => y as f32,
-                false => f32::INFINITY,
+            let known = |_, y: usize| {
+                if y.is_multiple_of(every) {
+                    y as f32
+                } else {
+                    f32::INFINITY
+                }
             };
             Plane::from_fn(SIZE.0, SIZE.1, known).map(|floor| Truth::exact(floor, None))
         };

@@ -78,11 +78,10 @@ impl Source for LiveSource {
             self.stamps_ns = Some([first, *stamp_ns]);
         }
         if self.pairs == 0 {
-            let reason = match (self.stopped)() {
-                true => "stopped before the first pair",
-                false => {
-                    "gave no pair; the counts say why, and another --trigger or --pairing may help"
-                }
+            let reason = if (self.stopped)() {
+                "stopped before the first pair"
+            } else {
+                "gave no pair; the counts say why, and another --trigger or --pairing may help"
             };
             return Err(Error::camera(&self.name, reason));
         }

@@ -33,11 +33,13 @@ impl StressedSource {
         let [left, right] = pair.into_images();
         self.earlier.push_back(right.clone());
         let is_full = self.earlier.len() > self.stress.earlier_frames();
-        let earlier = match is_full {
-            true => self.earlier.pop_front(),
+        let earlier = if is_full {
+            self.earlier.pop_front()
+        } else if self.source.listens() {
             // The world that listens goes on: its first pairs have the oldest image there is.
-            false if self.source.listens() => self.earlier.front().cloned(),
-            false => return Ok(None),
+            self.earlier.front().cloned()
+        } else {
+            return Ok(None);
         };
         StereoPair::new(left, earlier.unwrap_or(right)).map(Some)
     }

@@ -48,12 +48,10 @@ pub fn project(
         let (x, y) = (u as usize, v as usize);
         let off = ((at[0] - u).powi(2) + (at[1] - v).powi(2)) as f32;
         let known = nearest.get(x, y);
-        let wins = match known.is_finite() {
-            false => true,
-            // On one surface the central point: the nearest one would belong to its near rim.
-            true if is_nearer(disparity, known, doffs) => true,
-            true => !is_nearer(known, disparity, doffs) && off < off_center.get(x, y),
-        };
+        // On one surface the central point wins: the nearest one would belong to its near rim.
+        let wins = !known.is_finite()
+            || is_nearer(disparity, known, doffs)
+            || !is_nearer(known, disparity, doffs) && off < off_center.get(x, y);
         if wins {
             nearest.set(x, y, disparity);
             off_center.set(x, y, off);
@@ -184,9 +182,12 @@ mod tests {
         // Every other pixel of a board at 1 m, columns 10 to 30, and a wall at 3 m in the others.
         let grid = || (0..31).flat_map(|y| (0..41).map(move |x| (x, y)));
         let is_board = |x: usize| (10..=30).contains(&x);
-        let points = grid().map(|(x, y)| match (x + y) % 2 == 0 && is_board(x) {
-            true => at(x, y, 1.0),
-            false => at(x, y, 3.0),
+        let points = grid().map(|(x, y)| {
+            if (x + y) % 2 == 0 && is_board(x) {
+                at(x, y, 1.0)
+            } else {
+                at(x, y, 3.0)
+            }
         });
         let seen = project(points, &rig(), (41, 31));
         for (x, y) in grid() {

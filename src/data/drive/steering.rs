@@ -262,11 +262,13 @@ fn freer_side(
         directions.map(free).sum()
     };
     let (left, right) = (room(1.0), room(-1.0));
-    match (left - right).abs() < 0.1 {
-        false => (left - right).signum(),
+    if (left - right).abs() >= 0.1 {
+        (left - right).signum()
+    } else if (goal - robot.heading).sin() < 0.0 {
         // The side of the goal.
-        true if (goal - robot.heading).sin() < 0.0 => -1.0,
-        true => 1.0,
+        -1.0
+    } else {
+        1.0
     }
 }
 

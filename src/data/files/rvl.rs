@@ -104,9 +104,12 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(1);
         for (width, height) in [(1, 1), (7, 5), (320, 24)] {
             for holes in [0, 50, 100] {
-                let mut code = || match random.u8(0..100) < holes {
-                    true => 0,
-                    false => random.u16(..) >> random.u8(0..16),
+                let mut code = || {
+                    if random.u8(0..100) < holes {
+                        0
+                    } else {
+                        random.u16(..) >> random.u8(0..16)
+                    }
                 };
                 let codes: Vec<u16> = (0..width * height).map(|_| code()).collect();
                 let plane = Plane::from_vec(width, height, codes.clone()).unwrap();

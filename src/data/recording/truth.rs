@@ -11,10 +11,13 @@ pub(super) fn depths(disparity: &Plane<f32>, rig: &Rig) -> Option<Plane<f32>> {
     if disparity.pixels().any(beyond) {
         return None;
     }
-    Some(disparity.map(|d| match d.is_finite() {
-        // d + doffs = 0 is a point at infinity; less was rejected above.
-        true => rig.depth_m(d.into()).unwrap_or(f64::INFINITY) as f32,
-        false => f32::NAN,
+    Some(disparity.map(|d| {
+        if d.is_finite() {
+            // d + doffs = 0 is a point at infinity; less was rejected above.
+            rig.depth_m(d.into()).unwrap_or(f64::INFINITY) as f32
+        } else {
+            f32::NAN
+        }
     }))
 }
 

@@ -141,12 +141,14 @@ impl DriveConfig {
             goal_weight,
             ..
         } = &self.steering;
-        let within = |key: &str, value: f64, from: f64, to: f64| match (from..=to).contains(&value)
-        {
-            true => Ok(()),
-            false => Err(Error::Invalid(format!(
-                "drive.{key} = {value} is outside {from} ..= {to}"
-            ))),
+        let within = |key: &str, value: f64, from: f64, to: f64| {
+            if (from..=to).contains(&value) {
+                Ok(())
+            } else {
+                Err(Error::Invalid(format!(
+                    "drive.{key} = {value} is outside {from} ..= {to}"
+                )))
+            }
         };
         within("radius_m", self.radius_m, 0.01, 0.5)?;
         within("height_m", self.height_m, 0.01, 1.0)?;

@@ -160,9 +160,12 @@ impl Scenario {
         };
         let names: Vec<_> = runs.runs()?.into_iter().map(|run| run.name).collect();
         let (first, more) = (Path::new(&names[0]), names.len() - 1);
-        let safe = |c: char| match c.is_ascii_alphanumeric() || c == '-' || c == '_' {
-            true => c,
-            false => '-',
+        let safe = |c: char| {
+            if c.is_ascii_alphanumeric() || c == '-' || c == '_' {
+                c
+            } else {
+                '-'
+            }
         };
         let stem = first.file_stem().unwrap_or_default().to_string_lossy();
         let stem: String = stem.chars().take(40).map(safe).collect();

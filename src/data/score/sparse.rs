@@ -220,9 +220,12 @@ mod tests {
         assert!(scored(&whole));
         // Four lines across a floor, and eight; both in half of the parts.
         let floor = |every: usize| {
-            move |_: usize, y: usize| match y.is_multiple_of(every) {
-                true => y as f32,
-                false => NONE,
+            move |_: usize, y: usize| {
+                if y.is_multiple_of(every) {
+                    y as f32
+                } else {
+                    NONE
+                }
             }
         };
         assert!(!scored(&floor(4)) && scored(&floor(2)));

@@ -248,12 +248,13 @@ fn what_failed_on_every_pair_is_not_measured() {
                 max = 1000.0\n";
     let text = text.split("[[gate]]").next().unwrap();
     let algorithms = "algorithms = [\"never=exec:command=false,restarts=0\", \"v3\"]";
-    let lines = text
-        .lines()
-        .map(|line| match line.starts_with("algorithms =") {
-            true => algorithms,
-            false => line,
-        });
+    let lines = text.lines().map(|line| {
+        if line.starts_with("algorithms =") {
+            algorithms
+        } else {
+            line
+        }
+    });
     let text = lines.collect::<Vec<_>>().join("\n");
     fixture.write("short.toml", text + gate);
     let never = "never=exec:command=false,restarts=0";

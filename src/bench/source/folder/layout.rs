@@ -182,11 +182,13 @@ fn child(folder: &Path, name: &str) -> Result<Option<PathBuf>> {
 /// has one or names a folder.
 fn key(path: &Path, part: &str, is_file: bool) -> Option<Vec<u8>> {
     let name = path.file_name()?.as_encoded_bytes();
-    let name = match is_file {
-        // Only images, whatever the pattern.
-        true if stem(part.as_bytes()).is_some() => stem(name).map(|_| name)?,
-        true => stem(name)?,
-        false => name,
+    // Only images, whatever the pattern.
+    let name = if !is_file {
+        name
+    } else if stem(part.as_bytes()).is_some() {
+        stem(name).map(|_| name)?
+    } else {
+        stem(name)?
     };
     let (before, after) = part.split_once('*')?;
     let (before, after) = (before.as_bytes(), after.as_bytes());

@@ -194,13 +194,16 @@ impl Source for VideoSource {
     fn finish(&mut self, _: u64) -> Losses {
         let has_ended = self.streams.iter().any(|stream| stream.has_ended);
         // Number of frames of the longer one that the shorter one has no partner for.
-        let rest = |stream: &VideoStream| match has_ended && !stream.has_ended {
-            true => stream
-                .info
-                .frames
-                .unwrap_or(stream.got)
-                .saturating_sub(self.sequence),
-            false => stream.got.saturating_sub(self.sequence),
+        let rest = |stream: &VideoStream| {
+            if has_ended && !stream.has_ended {
+                stream
+                    .info
+                    .frames
+                    .unwrap_or(stream.got)
+                    .saturating_sub(self.sequence)
+            } else {
+                stream.got.saturating_sub(self.sequence)
+            }
         };
         let read_ahead = u64::from(self.first.is_some());
         Losses {

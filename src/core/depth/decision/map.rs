@@ -22,9 +22,12 @@ impl FilledMap {
     /// Fills a map; `jump` as in [`super::SafeChoice`]. Disparities below 0 become 0.
     pub fn new(disparity: &Plane<f32>, jump: i32) -> Self {
         let (width, height) = disparity.size();
-        let bin = |px: f32| match px.is_finite() {
-            true => (px * BINS_PER_PX as f32).round().clamp(0.0, 32_000.0) as i16,
-            false => 0,
+        let bin = |px: f32| {
+            if px.is_finite() {
+                (px * BINS_PER_PX as f32).round().clamp(0.0, 32_000.0) as i16
+            } else {
+                0
+            }
         };
         let own: Vec<_> = disparity.pixels().map(bin).collect();
         let is_seen = |d: f32| u8::from(d.is_finite());

@@ -237,10 +237,13 @@ impl Calibration {
 pub(super) fn rig(left: &Calibration, right: &Calibration) -> Result<Rig, String> {
     let (left, right) = (left.projection()?, right.projection()?);
     let rig = Rig::from_projections(&left, &right, FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
-    rig.map_err(|e| match left[(0, 3)] < right[(0, 3)] {
-        // Swapped topics are the usual cause of a negative baseline.
-        true => format!("{e}: --left and --right name their topics"),
-        false => e.to_string(),
+    rig.map_err(|e| {
+        if left[(0, 3)] < right[(0, 3)] {
+            // Swapped topics are the usual cause of a negative baseline.
+            format!("{e}: --left and --right name their topics")
+        } else {
+            e.to_string()
+        }
     })
 }
 
