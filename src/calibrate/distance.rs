@@ -33,7 +33,6 @@ impl TargetMeasurement {
     /// the image that agree with it.
     ///
     /// # Errors
-    ///
     /// [`Error::Invalid`] if fewer than three cells show it, or a given one has no disparity or is
     /// outside the grid.
     pub fn measure(grids: &[DepthGrid], named: &[(usize, usize)]) -> Result<Self> {

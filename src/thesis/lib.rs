@@ -86,7 +86,6 @@ pub const EXPERIMENTS: &[Experiment] = &[
 /// The experiment for that figure.
 ///
 /// # Errors
-///
 /// [`Error::Invalid`] with the nearest figure.
 pub fn find(figure: &str) -> Result<&'static Experiment> {
     EXPERIMENTS
@@ -193,7 +192,6 @@ impl<'a> Context<'a> {
     /// Runs a source through the algorithms, `NAME[:key=value,...]`, into a sink and finishes it.
     ///
     /// # Errors
-    ///
     /// Those of the run; [`Error::Invalid`] if an algorithm fails or the monitor ends the work.
     fn run(
         &mut self,

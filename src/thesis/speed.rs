@@ -36,7 +36,7 @@ const BUDGET: Duration = Duration::from_millis(600);
 const SLIGHTLY: f64 = 2.0;
 /// Ninth decile of the times over their median: more than this and the machine is busy.
 const STEADY: f64 = 1.25;
-/// Frames a second that a robot needs (section 5.1).
+/// Frames per second that a robot needs (section 5.1).
 const NEEDED: f64 = 7.0;
 
 fn run(context: &mut Context<'_>) -> Result<Finding> {

@@ -166,7 +166,6 @@ impl RerunSink {
     /// frame.
     ///
     /// # Errors
-    ///
     /// If the file exists (it is never overwritten: remove it first) or cannot be created; if there
     /// is no viewer to spawn, or none at the URL. Always one line.
     fn new(target: RerunTarget, detail: RerunDetail, run: &RunInfo) -> Result<Self> {

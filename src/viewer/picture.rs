@@ -92,7 +92,6 @@ pub(crate) fn depth(map: &Plane<f32>, rig: &Rig, scale: &Scale) -> EncodedDepthI
 /// that of the nearest obstacle.
 ///
 /// # Errors
-///
 /// As [`files::encode_classes_png`], like the next ones.
 pub(crate) fn no_depth(map: &Plane<f32>, rig: &Rig) -> Result<EncodedImage> {
     let codes = no_depth_classes(map, rig);

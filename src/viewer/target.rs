@@ -29,7 +29,6 @@ fn missing() -> Error {
 /// Checks that a viewer is listening, or that the one on the PATH can be started.
 ///
 /// # Errors
-///
 /// As [`find_program`].
 pub(crate) fn find_viewer() -> Result<()> {
     let listening = SocketAddr::from(([127, 0, 0, 1], DEFAULT_PORT));
@@ -42,7 +41,6 @@ pub(crate) fn find_viewer() -> Result<()> {
 /// Checks that the viewer on the PATH can show the library's output.
 ///
 /// # Errors
-///
 /// If there is none, or it has another version.
 pub(crate) fn find_program() -> Result<()> {
     let output = Command::new("rerun").arg("--version").output();
@@ -59,7 +57,6 @@ pub(crate) fn find_program() -> Result<()> {
 /// Checks the version in `said`, as reported by a viewer: `rerun-cli 0.36.3 [...]`.
 ///
 /// # Errors
-///
 /// [`Error::Invalid`] for another one.
 fn check_version(viewer: &str, said: &[u8]) -> Result<()> {
     let said = String::from_utf8_lossy(said);
@@ -98,7 +95,6 @@ impl ViewStream {
     /// Opens `target` for a recording with that name and layout.
     ///
     /// # Errors
-    ///
     /// As [`svl_bench::sink::Viewer::run`].
     pub(crate) fn open(target: RerunTarget, name: &str, root: &LayoutNode) -> Result<Self> {
         let target = Destination(target);

@@ -178,7 +178,6 @@ impl Document {
     /// Width and height under separate keys.
     ///
     /// # Errors
-    ///
     /// Those of [`Document::number`], and for an invalid image size.
     pub(super) fn size(&self, width: &str, height: &str) -> Result<(usize, usize)> {
         let side = |key: &str| self.side(key, self.number(key)?);

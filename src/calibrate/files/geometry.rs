@@ -30,7 +30,6 @@ impl StereoParameters {
     /// The calibration read from `document`, whose lengths are in `unit`.
     ///
     /// # Errors
-    ///
     /// [`svl_core::Error::Format`] for parameters no stereo camera has, and for a rectification
     /// that contradicts the extrinsics.
     pub(super) fn loaded(
@@ -129,7 +128,6 @@ pub(super) fn pinhole(
 /// Distortion k1, k2, p1, p2, k3, from fewer coefficients, or from more if the rest are 0.
 ///
 /// # Errors
-///
 /// [`svl_core::Error::Format`] for coefficients that are not in the model of [`Intrinsics`].
 pub(super) fn read_distortion(document: &Document, key: &str) -> Result<[f64; 5]> {
     let numbers = document.numbers(key)?;

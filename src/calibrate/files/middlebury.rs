@@ -26,7 +26,6 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
 /// Reads only the rig, for images of a size, which older files do not contain.
 ///
 /// # Errors
-///
 /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] with the missing or malformed entry, and
 /// for a file of images of another size.
 pub fn read_calib(path: &Path, (width, height): (usize, usize)) -> Result<Rig> {

@@ -46,7 +46,6 @@ pub const FORMATS: &[CalibrationFormat] = &[
 /// Reads a calibration: a file, two files separated by a comma, or a folder with two.
 ///
 /// # Errors
-///
 /// Those of [`read_with`].
 pub fn read(path: &Path) -> Result<StereoCalibration> {
     read_with(path, &Hints::default()).map(|found| found.calibration)
@@ -55,7 +54,6 @@ pub fn read(path: &Path) -> Result<StereoCalibration> {
 /// Same as [`read`], with hints for what the file lacks.
 ///
 /// # Errors
-///
 /// [`Error::Io`]; [`Error::Format`] with the file, the key and the remedy.
 pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
     let paths = inputs(path)?;
@@ -150,7 +148,6 @@ pub fn written_as(path: &Path) -> Result<&'static CalibrationFormat> {
 /// Same as [`write()`], in the given format.
 ///
 /// # Errors
-///
 /// [`Error::Format`] if the format cannot represent the calibration; [`Error::Io`].
 pub fn write_as(
     path: &Path,
@@ -218,7 +215,6 @@ pub fn inputs(path: &Path) -> Result<Vec<PathBuf>> {
 /// The files written for `path` in that format.
 ///
 /// # Errors
-///
 /// [`Error::Format`] if the format needs two files and one is named, or the reverse.
 pub fn outputs(path: &Path, format: &CalibrationFormat) -> Result<Vec<PathBuf>> {
     match (two_of(path), format.single) {

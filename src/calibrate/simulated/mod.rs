@@ -47,7 +47,6 @@ impl MovingBoard {
     /// The seed sets the poses and the noise.
     ///
     /// # Errors
-    ///
     /// None; those of the constructors.
     pub fn new(seed: u64) -> Result<Self> {
         let board = Board::new((9, 6), Some(SIDE_M))?;

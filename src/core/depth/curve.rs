@@ -91,7 +91,6 @@ impl DistanceCurve {
     /// The curve of annex B.
     ///
     /// # Errors
-    ///
     /// None in practice: the table has thirteen distinct disparities.
     pub fn annex_b() -> Result<Self> {
         Self::fit(&Self::TABLE_B1)

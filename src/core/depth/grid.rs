@@ -66,13 +66,12 @@ impl GridSettings {
 /// are pinhole, `f·B / (d + doffs)`; without `rig` there are none.
 ///
 /// # Panics
-///
 /// If `shape` has no cells.
 pub fn grid(disparity: &Plane<f32>, settings: GridSettings, rig: Option<&Rig>) -> DepthGrid {
     grid_with(disparity, settings, rig, Vec::new(), &mut Vec::new())
 }
 
-/// As [`grid`], in the memory of `cells` and `keys`, whose content is lost.
+/// Same as [`grid`], in the buffers `cells` and `keys`, whose content is overwritten.
 pub(crate) fn grid_with(
     disparity: &Plane<f32>,
     settings: GridSettings,
@@ -87,7 +86,7 @@ pub(crate) fn grid_with(
             .iter()
             .map(|place| cell(disparity, shape, place, min_valid, rig, keys)),
     );
-    // One cell was made per place.
+    // There is one cell per element of the shape.
     DepthGrid::new(shape, cells).expect("a grid has at least one cell")
 }
 

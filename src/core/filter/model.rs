@@ -56,7 +56,6 @@ impl FilterModel {
     /// Parses the bytes of such a file.
     ///
     /// # Errors
-    ///
     /// The fault in them.
     pub fn from_bytes(bytes: &[u8]) -> std::result::Result<Self, String> {
         let damaged = |e| format!("is no safetensors file, or damaged: {e}");

@@ -38,7 +38,6 @@ impl CellFilter {
     /// nothing after the first image of a size.
     ///
     /// # Errors
-    ///
     /// [`Error::Invalid`] for images smaller than its window.
     pub fn look(&mut self, left: &Gray, shape: GridShape) -> Result<&[bool]> {
         let features = self.model.features;
@@ -98,7 +97,6 @@ impl Filters {
     /// Runs the filters on a left image; the detections are applied to the estimates of that image.
     ///
     /// # Errors
-    ///
     /// As [`CellFilter::look`].
     pub fn look(&mut self, left: &Gray, shape: GridShape) -> Result<()> {
         let filters = [&mut self.floor, &mut self.too_close];

@@ -39,7 +39,6 @@ impl<S: RowSearch, C: RowCheck> BlockMatching<S, C> {
     /// From the parameters that all three share: range, smoothing, `subpixel` and `back_check`.
     ///
     /// # Errors
-    ///
     /// As [`DisparityRange::new`].
     pub(super) fn new(
         parameters: &Parameters,

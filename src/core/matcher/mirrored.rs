@@ -8,7 +8,6 @@ use crate::stereo::{Gray, Plane, RectifiedPair, StereoPair};
 /// left image as the right one.
 ///
 /// # Errors
-///
 /// None: the images keep the sizes of a valid pair.
 pub fn mirrored(pair: &StereoPair) -> Result<StereoPair> {
     let image = |image: &Gray| mirror(image);

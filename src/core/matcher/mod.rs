@@ -293,7 +293,6 @@ impl std::str::FromStr for Algorithm {
 /// have settings after a colon, like those of a sweep: `fast:p1=20=sgm:p1=20`.
 ///
 /// # Errors
-///
 /// [`Error::Usage`] for a label that contains characters other than letters, digits, `_`, `-` and
 /// `.`, or is an algorithm's own name.
 pub fn labelled(text: &str) -> Result<(Option<&str>, &str)> {
@@ -397,7 +396,6 @@ impl Algorithm {
     /// The same algorithm with another value of a parameter, labelled with its text.
     ///
     /// # Errors
-    ///
     /// [`Error::UnknownParameter`] and [`Error::ParameterValue`], as for a text.
     pub fn with(&self, name: &str, value: &Value) -> Result<Self> {
         let parameters = self.parameters.with(self.spec, name, value)?;
@@ -465,7 +463,6 @@ impl Algorithm {
     /// Its decision on cells, if it computes them itself ([`MatcherSpec::cells`]).
     ///
     /// # Errors
-    ///
     /// Those of its parameters, such as the file of a table.
     pub fn safe_choice(&self) -> Result<Option<SafeChoice>> {
         let choice = self.spec.cells.map(|choice| choice(&self.parameters));
@@ -484,7 +481,6 @@ impl Algorithm {
     /// Matches one pair with a matcher built for it: the short form for a single pair.
     ///
     /// # Errors
-    ///
     /// As [`Algorithm::build`] and [`Matcher::compute`].
     pub fn match_pair(&self, pair: RectifiedPair<'_>, rig: Option<Rig>) -> Result<MatchOutput> {
         let context = MatchContext {

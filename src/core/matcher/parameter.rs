@@ -320,7 +320,6 @@ impl Parameters {
     /// The file `name`, if one is given.
     ///
     /// # Panics
-    ///
     /// As [`Parameters::int`].
     pub fn file(&self, name: &str) -> Option<&ParameterFile> {
         match self.value(name) {

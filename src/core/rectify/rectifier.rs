@@ -27,7 +27,6 @@ impl Rectifier {
     /// has none.
     ///
     /// # Errors
-    ///
     /// Those of [`bouguet`], and [`Error::Invalid`] if `SVL_ISA` names an instruction set that this
     /// CPU lacks.
     pub fn new(calibration: &StereoCalibration) -> Result<Self> {
@@ -62,7 +61,6 @@ impl Rectifier {
     /// From homographies, for raw images of `size`. There is no rig.
     ///
     /// # Errors
-    ///
     /// [`Error::Invalid`] for singular homographies, and as [`Rectifier::new`].
     pub fn uncalibrated(homographies: &Homographies, size: (usize, usize)) -> Result<Self> {
         let remap = |homography: &Matrix3<f64>| {

@@ -128,7 +128,6 @@ impl Rectification {
 /// The rotation nearest to a matrix from a file, which is a rotation only up to the digits written.
 ///
 /// # Errors
-///
 /// [`Error::Rig`] if it is not finite or differs from a rotation by more than 0.001 in any element.
 pub fn rotation(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>> {
     let wrong = |why: &str| {
@@ -160,7 +159,6 @@ pub fn rotation(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>> {
 /// R and T from a file as one motion.
 ///
 /// # Errors
-///
 /// Those of [`rotation`].
 pub fn motion(matrix: &Matrix3<f64>, translation: Vector3<f64>) -> Result<Isometry3<f64>> {
     let rotation = UnitQuaternion::from_rotation_matrix(&rotation(matrix)?);

@@ -254,7 +254,6 @@ impl CellRule {
     }
 
     /// # Errors
-    ///
     /// [`Error::Invalid`] if a number is not positive, or obstacles are not nearer than clear
     /// space.
     pub fn validate(&self) -> Result<()> {

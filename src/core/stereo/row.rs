@@ -118,7 +118,6 @@ impl RowMut<'_> {
     /// Writes all pixels, `+∞` for invalid ones; SSDPIs are unchanged.
     ///
     /// # Panics
-    ///
     /// Unless both have the row's width.
     pub fn write(&mut self, disparities: &[f32], why: &[Reason]) {
         self.disparity.copy_from_slice(disparities);

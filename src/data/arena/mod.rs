@@ -116,7 +116,6 @@ impl Arena {
     /// viewer; no textures are painted for it.
     ///
     /// # Errors
-    ///
     /// As [`Arena::new`].
     pub fn wireframe(config: &ArenaConfig, seed: u64) -> Result<Vec<WireObject>> {
         let (walk, objects) = Self::way(config, seed)?;
@@ -136,7 +135,6 @@ impl ArenaWorld {
     /// Builds the world and paints its textures, like [`Arena::new`]. The path is not checked.
     ///
     /// # Errors
-    ///
     /// [`Error::Invalid`] with the key of a number out of range.
     pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
         let mut world = Self::unpainted(config, seed)?;
@@ -189,7 +187,6 @@ impl ArenaWorld {
     /// The true disparities of a left camera at `pose`; the images are not rendered.
     ///
     /// # Errors
-    ///
     /// None: the plane has the size of the images.
     pub fn disparity(&self, pose: &Pose) -> Result<Plane<f32>> {
         let size = (self.config.rig.width_px, self.config.rig.height_px);

@@ -20,7 +20,6 @@ const MAX_IDLE_BREAKS: u32 = 3;
 /// A change of the published file in between is detected by the archive's CRCs and the receipts.
 ///
 /// # Errors
-///
 /// [`Error::Download`] with the remedy: no network, no such file, an answer that is not the file,
 /// or `watch` returned false; the part received is kept. [`Error::Io`].
 pub fn download(url: &str, path: &Path, watch: Watch<'_>) -> Result<()> {

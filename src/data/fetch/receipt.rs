@@ -37,7 +37,6 @@ impl Receipts {
     /// Reads the receipts of `folder`; empty if nothing was fetched.
     ///
     /// # Errors
-    ///
     /// [`Error::Io`]; [`Error::Format`] for receipts svl did not write.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("fetched.json");

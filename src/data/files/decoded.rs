@@ -36,7 +36,6 @@ impl DecodedImage {
     /// From interleaved 8-bit RGB. If all three channels are equal everywhere, it is grey.
     ///
     /// # Errors
-    ///
     /// [`Error::Dimensions`] or [`Error::Size`].
     pub fn from_rgb(width: usize, height: usize, rgb: &[u8]) -> Result<Self> {
         let pixels = rgb.as_chunks::<3>().0;
@@ -139,7 +138,6 @@ impl BitDepth {
     /// unless `asked` gives the number. For a source of 8-bit images one pair is read.
     ///
     /// # Errors
-    ///
     /// [`Error::Usage`] if `asked` does not apply.
     pub fn decide(
         asked: Option<u8>,
@@ -179,7 +177,6 @@ impl BitDepth {
     /// The pair of two images, with their colours if both have them.
     ///
     /// # Errors
-    ///
     /// [`Error::PairSize`].
     pub fn pair(
         &mut self,

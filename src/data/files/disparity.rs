@@ -40,7 +40,6 @@ const KITTI_SCALE: f32 = 256.0;
 /// scale is KITTI's 256.
 ///
 /// # Errors
-///
 /// [`Error::Io`], [`Error::Format`]; the latter also for an 8-bit image without a scale, and for a
 /// colour image.
 pub fn read_truth(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
@@ -51,7 +50,6 @@ pub fn read_truth(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
 /// non-finite values are errors. 16-bit images always have KITTI's scale.
 ///
 /// # Errors
-///
 /// Also [`Error::Format`] for NaN and `-∞`.
 pub fn read_estimate(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
     let values = values(path, KITTI_SCALE, scale)?;

@@ -37,7 +37,6 @@ pub fn read_image(path: &Path) -> Result<DecodedImage> {
 /// largest value, with a line for the user unless these are all].
 ///
 /// # Errors
-///
 /// [`Error::Io`], [`Error::Format`]; [`Error::PairSize`]; [`Error::Usage`] for `bits` of 8-bit
 /// images.
 pub fn read_pair(
@@ -72,7 +71,6 @@ pub(crate) fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, St
 /// [`Gray::from_color`].
 ///
 /// # Errors
-///
 /// [`Error::Io`], [`Error::Format`], [`Error::Dimensions`].
 pub fn read_gray(path: &Path) -> Result<Gray> {
     gray(decode(path)?)
@@ -99,7 +97,6 @@ pub fn read_mask(path: &Path) -> Result<Plane<Visibility>> {
 /// Reads KITTI's object map: true for pixels of an object; 0 is the background.
 ///
 /// # Errors
-///
 /// As [`read_gray`].
 pub fn read_object_map(path: &Path) -> Result<Plane<bool>> {
     let image = decode(path)?.into_luma16();
@@ -118,7 +115,6 @@ pub fn read_object_map(path: &Path) -> Result<Plane<bool>> {
 /// A PNG from interleaved `rgb` (3 bytes per pixel) or grey (1 byte), `width` x `height`.
 ///
 /// # Errors
-///
 /// [`Error::Size`] for another number of bytes.
 pub fn encode_png(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>> {
     let color = if pixels.len() == width * height {

@@ -86,7 +86,6 @@ fn real_path(path: &Path) -> std::io::Result<PathBuf> {
 /// padding of the last row may be missing.
 ///
 /// # Errors
-///
 /// The number of bytes needed, if `data` has fewer, or if rows overlap or are empty.
 pub(crate) fn strided_rows(
     data: &[u8],

@@ -100,7 +100,6 @@ pub fn encode_classes_png(codes: &Plane<u8>, colors: &[[u8; 4]]) -> Result<Vec<u
 /// A JPEG of `image`, scaled down to at most `width` columns; 0 means no limit.
 ///
 /// # Errors
-///
 /// [`Error::Invalid`] with the encoder's message.
 pub fn encode_jpeg(image: &Gray, width: usize) -> Result<Vec<u8>> {
     jpeg::<Luma<u8>>(image.size(), image.pixels().collect(), width, QUALITY)
@@ -109,7 +108,6 @@ pub fn encode_jpeg(image: &Gray, width: usize) -> Result<Vec<u8>> {
 /// The image compressed as JPEG of that quality, 1..=100, and decoded again.
 ///
 /// # Errors
-///
 /// [`Error::Invalid`] with the message of the encoder or the decoder.
 pub fn through_jpeg(image: &Gray, quality: u8) -> Result<Gray> {
     let file = jpeg::<Luma<u8>>(image.size(), image.pixels().collect(), 0, quality)?;
@@ -121,7 +119,6 @@ pub fn through_jpeg(image: &Gray, quality: u8) -> Result<Gray> {
 /// Same as [`encode_jpeg`], in colour.
 ///
 /// # Errors
-///
 /// As [`encode_jpeg`].
 pub fn encode_color_jpeg(image: &Rgb, width: usize) -> Result<Vec<u8>> {
     jpeg::<image::Rgb<u8>>(

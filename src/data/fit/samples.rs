@@ -38,7 +38,6 @@ impl CellTarget {
     /// Target of an algorithm's cells.
     ///
     /// # Errors
-    ///
     /// [`Error::Usage`] for a percentile that is not a target's; the faults of a table's file.
     pub fn of(algorithm: &Algorithm) -> Result<Self> {
         let choice = algorithm.safe_choice()?;

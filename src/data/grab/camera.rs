@@ -66,7 +66,6 @@ impl Limits {
     /// The settings common to both cameras.
     ///
     /// # Errors
-    ///
     /// [`Error::Camera`] if there are none.
     pub fn common(&self, other: &Self) -> Result<Self> {
         let common = Self {
@@ -154,7 +153,6 @@ pub trait Camera: Send {
     /// and after [`Taken::Unready`], it may be called again without arming.
     ///
     /// # Errors
-    ///
     /// [`Error::Camera`] if the camera is gone.
     fn capture(&mut self, timeout: Duration) -> Result<Option<Taken>>;
 }

@@ -102,7 +102,6 @@ impl CameraRequest<'_> {
     /// The trigger controller, if it is the trigger source.
     ///
     /// # Errors
-    ///
     /// Those of [`SerialTrigger::open`].
     pub fn controller(&self) -> Result<Option<SerialTrigger>> {
         let TriggerSource::Serial(device) = self.trigger else {

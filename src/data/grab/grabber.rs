@@ -121,7 +121,6 @@ impl Grabber {
     /// its latency is recorded here.
     ///
     /// # Errors
-    ///
     /// [`Error::Camera`] if a camera or the trigger failed, once, after all earlier pairs.
     pub fn next_pair(&mut self) -> Result<Option<Frame>> {
         self.next_pair_unless(|| false)
@@ -130,7 +129,6 @@ impl Grabber {
     /// [`Grabber::next_pair`], or `None` once `stopped` returns true, which is polled meanwhile.
     ///
     /// # Errors
-    ///
     /// As there.
     pub fn next_pair_unless(&mut self, stopped: impl Fn() -> bool) -> Result<Option<Frame>> {
         if let Some(stamp_ns) = self.last_stamp_ns.take() {

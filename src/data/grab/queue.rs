@@ -95,7 +95,6 @@ impl<T> Queue<T> {
     /// true, which is polled meanwhile.
     ///
     /// # Errors
-    ///
     /// The error that ended the writer, once, after the last item.
     pub fn pop_unless(&self, stopped: impl Fn() -> bool) -> Result<Option<T>> {
         let mut state = self.lock();
@@ -123,7 +122,6 @@ impl<T> Queue<T> {
     /// [`Queue::pop_unless`] that waits forever.
     ///
     /// # Errors
-    ///
     /// As there.
     pub fn pop(&self) -> Result<Option<T>> {
         self.pop_unless(|| false)

@@ -85,7 +85,6 @@ impl CameraState {
     /// A damaged image arrived.
     ///
     /// # Errors
-    ///
     /// [`Error::Camera`] if all images have been damaged for too long, or recording would run
     /// forever without a pair.
     pub(super) fn on_damaged(&mut self, now_ns: u64, timeout_ns: u64) -> Result<()> {
@@ -109,7 +108,6 @@ impl CameraState {
     /// It timed out after `timeout_ns`.
     ///
     /// # Errors
-    ///
     /// [`Error::Camera`] if it did so too often.
     pub(super) fn on_timeout(&mut self, timeout_ns: u64) -> Result<()> {
         self.misses += 1;
@@ -154,7 +152,6 @@ impl PairWatchdog {
     /// An image arrived; `unpaired` counts all unpaired images of the run.
     ///
     /// # Errors
-    ///
     /// [`Error::Camera`] if there has been no pair for too long, with the most frequent reason and
     /// its remedy.
     pub(super) fn on_image(

@@ -100,7 +100,6 @@ impl Manifest {
     /// in words such as `source.max_skew_ms: 5 and 20`. If empty, they may be combined.
     ///
     /// # Errors
-    ///
     /// [`Error::Invalid`] for a manifest that cannot be serialized.
     pub fn differences(&self, other: &Self, purpose: Purpose) -> Result<Vec<String>> {
         let (ours, theirs) = (self.identity()?, other.identity()?);

@@ -206,7 +206,6 @@ impl Manifest {
     /// Reads the manifest of a report.
     ///
     /// # Errors
-    ///
     /// [`Error::Io`]; [`Error::Format`] for anything but a manifest.
     pub fn read(report: &Path) -> Result<Self> {
         read_json(&report.join("manifest.json"))

@@ -32,7 +32,6 @@ pub fn is_bag(path: &Path) -> bool {
 /// The files of the recording at `path`, in order: the file itself, or those of a ROS 2 bag.
 ///
 /// # Errors
-///
 /// [`Error::Io`]; [`Error::Format`] for a folder that is not a bag, or a bag that svl cannot read,
 /// with the remedy.
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {

@@ -25,7 +25,6 @@ impl Container {
     /// temporary file.
     ///
     /// # Errors
-    ///
     /// [`Error::Io`]; [`Error::Format`] for a folder, an empty file, and one that cannot be
     /// unpacked.
     pub(super) fn open(path: &Path, keep: bool) -> Result<Self> {
@@ -119,7 +118,6 @@ fn unpack(file: &McapFile) -> Result<NamedTempFile> {
 /// The data of a message that rosbag2 compressed on its own; other data unchanged.
 ///
 /// # Errors
-///
 /// The reason why they cannot be unpacked.
 pub(super) fn unpack_message(data: &[u8]) -> std::result::Result<Option<Vec<u8>>, String> {
     // No message encoding begins like this: CDR's first byte is 0.

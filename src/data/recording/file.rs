@@ -20,7 +20,6 @@ impl McapFile {
     /// Opens a file, and keeps it open if `keep` is true; otherwise each reader reopens it.
     ///
     /// # Errors
-    ///
     /// [`Error::Io`]; [`Error::Format`] for anything but a regular file and for an empty one.
     pub(super) fn open(path: &Path, keep: bool) -> Result<Self> {
         let io = |e| Error::io(path, e);
@@ -45,7 +44,6 @@ impl McapFile {
     /// A regular file that is already open and named `path`.
     ///
     /// # Errors
-    ///
     /// [`Error::Io`]; [`Error::Format`] for an empty file.
     pub(super) fn from_handle(path: &Path, handle: File) -> Result<Self> {
         let len = handle.metadata().map_err(|e| Error::io(path, e))?.len();

@@ -298,7 +298,6 @@ impl Messages {
     /// Advances to the next readable record, and returns its opcode; see [`Messages::record`].
     ///
     /// # Errors
-    ///
     /// As [`Messages::next`].
     pub(super) fn advance(&mut self) -> Result<Option<u8>> {
         loop {

@@ -34,7 +34,6 @@ impl Recording {
     /// file can be opened too.
     ///
     /// # Errors
-    ///
     /// [`Error::Io`]; [`Error::Format`] for a folder that is not a bag, for anything but a regular
     /// file, and for an empty one.
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
@@ -94,7 +93,6 @@ impl Recording {
     /// can be.
     ///
     /// # Errors
-    ///
     /// [`Error::Io`], [`Error::Format`], [`Error::Damaged`].
     pub fn calibration_files(&self) -> Result<Vec<(String, Vec<u8>)>> {
         let mut found = Vec::new();

@@ -66,7 +66,6 @@ impl PairIndex {
     /// The messages of the file, starting before a pair.
     ///
     /// # Errors
-    ///
     /// As [`Messages::open`].
     pub(super) fn messages(&self, file: &McapFile, place: PairPlace) -> Result<Messages> {
         Messages::from(file, place.chunk, self.declared.clone())

@@ -49,7 +49,6 @@ impl Reader {
     /// Reads the first pair of an open recording, from the selected topics if svl did not write it.
     ///
     /// # Errors
-    ///
     /// As [`Reader::open`]; [`Error::Format`] also if the topics of the cameras are missing or
     /// ambiguous.
     pub fn new(recording: Recording, selection: &Selection) -> Result<Self> {
@@ -167,7 +166,6 @@ impl Reader {
     /// [`Reader::truth`] accepts.
     ///
     /// # Errors
-    ///
     /// [`Error::Io`], [`Error::Format`].
     pub fn truth_topics(&self) -> Result<Vec<String>> {
         truth_topics(&self.recording, self.source.topics())
@@ -200,7 +198,6 @@ impl Reader {
     /// its end, or its pairs share stamps.
     ///
     /// # Errors
-    ///
     /// [`Error::Format`] if the pair is not at its indexed position: the file has to be reopened.
     pub fn seek(&mut self, index: u64) -> Result<bool> {
         // The number of pairs is known only for svl's own recordings.
@@ -244,7 +241,6 @@ impl Reader {
     /// The next pair, or `None` at the end.
     ///
     /// # Errors
-    ///
     /// [`Error::Format`] for an unreadable pair, after which reading can continue.
     /// [`Error::Damaged`], once, if the file is truncated or corrupt: all pairs before it are
     /// valid, and there are no more.

@@ -58,7 +58,6 @@ impl Recording {
     /// The results in the recording, in order; empty if no replay wrote it.
     ///
     /// # Errors
-    ///
     /// [`Error::Io`]; [`Error::Format`] for a file that is not MCAP, a bag of several files, or an
     /// unreadable result; [`Error::Damaged`].
     pub fn results(&self) -> Result<Vec<AlgorithmResult>> {

@@ -116,7 +116,6 @@ impl Recording {
     /// summary.
     ///
     /// # Errors
-    ///
     /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for a file that is not MCAP, and for a
     /// bag of several files.
     pub fn summary(&self) -> Result<RecordingSummary> {

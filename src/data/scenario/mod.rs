@@ -133,7 +133,6 @@ impl Scenario {
     /// The arena of the thesis's chapter 7, compiled in: the default scenario.
     ///
     /// # Errors
-    ///
     /// None unless svl was built with a broken `scenarios/arena.toml`.
     pub fn arena() -> Result<Self> {
         Self::parse(
@@ -146,7 +145,6 @@ impl Scenario {
     /// and no gate. It is named after its first file.
     ///
     /// # Errors
-    ///
     /// [`Error::Invalid`] if there is no file.
     pub fn of_recordings(files: &[String], algorithms: Vec<Algorithm>) -> Result<Self> {
         let options = SourceOptions {
@@ -195,7 +193,6 @@ impl Scenario {
     /// scenarios of its kind.
     ///
     /// # Errors
-    ///
     /// [`Error::Usage`] and [`Error::Invalid`] for options that contradict each other or the
     /// scenario's.
     pub fn with(&self, given: &SourceOptions) -> Result<Self> {

@@ -218,7 +218,6 @@ impl SourceOptions {
     /// These options, overridden by those set in `given`.
     ///
     /// # Errors
-    ///
     /// [`Error::Usage`] for a path that is not UTF-8.
     pub fn with(&self, given: &Self) -> Result<Self> {
         let mut table = self.given()?;
@@ -229,7 +228,6 @@ impl SourceOptions {
     /// The options that apply to scenarios of that kind.
     ///
     /// # Errors
-    ///
     /// As [`SourceOptions::with`].
     pub fn of_kind(&self, kind: ScenarioKind) -> Result<Self> {
         let mut table = self.given()?;
@@ -240,7 +238,6 @@ impl SourceOptions {
     /// Rejects options that apply to none of these kinds.
     ///
     /// # Errors
-    ///
     /// [`Error::Usage`] with the first, and its purpose.
     pub fn refuse_others(&self, kinds: &[ScenarioKind]) -> Result<()> {
         let given = self.given()?;
@@ -259,7 +256,6 @@ impl SourceOptions {
     /// Rejects options that a command does not accept.
     ///
     /// # Errors
-    ///
     /// [`Error::Usage`] with the first, and `why`.
     pub fn refuse(&self, keys: &[&str], why: &str) -> Result<()> {
         let given = self.given()?;
@@ -303,7 +299,6 @@ impl SourceOptions {
     /// The algorithms that replace the truth.
     ///
     /// # Errors
-    ///
     /// The fault in one of them.
     pub fn references(&self) -> Result<Vec<Algorithm>> {
         self.reference.iter().map(|text| text.parse()).collect()
@@ -349,7 +344,6 @@ impl SourceOptions {
     /// Checks the options of a single source.
     ///
     /// # Errors
-    ///
     /// [`Error::Usage`] for options that contradict each other, and for an empty selection.
     pub fn check(&self) -> Result<()> {
         self.check_named(&flag).map_err(Error::Usage)

@@ -181,7 +181,6 @@ impl Judge {
     /// Rejects the frame of a checkpoint that a person labelled on another pair.
     ///
     /// # Errors
-    ///
     /// [`svl_core::Error::Invalid`] with the checkpoint and the remedy.
     pub fn check_pair(&self, judged: &Judged) -> svl_core::Result<()> {
         self.checkpoints.iter().try_for_each(|checkpoint| {

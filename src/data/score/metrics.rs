@@ -815,7 +815,6 @@ impl MetricValues {
     /// The value of its column.
     ///
     /// # Panics
-    ///
     /// If no metric of [`METRICS`] has that name.
     pub fn get(&self, name: &str) -> Option<f64> {
         let place = METRICS.iter().position(|metric| metric.name == name);

@@ -264,7 +264,6 @@ impl Stress {
     /// The pair at that position of a run with that seed, perturbed.
     ///
     /// # Errors
-    ///
     /// None: the images keep their size.
     pub fn apply(&self, pair: StereoPair, seed: u64, sequence: u64) -> Result<StereoPair> {
         let StressEffect::Pair(perturb) = self.kind.effect else {

@@ -153,7 +153,6 @@ pub(super) struct PairRequest {
 /// Builds the request for a pair in the buffer `bytes`.
 ///
 /// # Errors
-///
 /// If shared memory is unavailable.
 pub(super) fn request(
     pair: &StereoPair,
@@ -219,7 +218,6 @@ fn push_color(bytes: &mut Vec<u8>, image: &Rgb) {
 /// Reads the reply to a question; its disparities go into the given buffer.
 ///
 /// # Errors
-///
 /// The violation of the protocol, worded as something the program did.
 pub(super) fn read_reply(
     from: &mut BufReader<impl Read>,

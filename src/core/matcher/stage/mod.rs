@@ -104,7 +104,6 @@ pub(super) fn each_row<T: Send>(
 /// Same as [`each_row`], on the rows of a plane without gaps.
 ///
 /// # Panics
-///
 /// If the plane has gaps between its rows: scratch planes have none.
 pub(super) fn each_plane_row<T: Copy + Send>(
     plane: &mut Plane<T>,

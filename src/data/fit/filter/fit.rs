@@ -117,7 +117,6 @@ struct Trained {
 /// training ends with the best network so far.
 ///
 /// # Errors
-///
 /// None: trained weights are finite.
 pub fn fit_network(
     samples: &WindowSamples,

@@ -234,7 +234,6 @@ impl FrameLabels {
     /// recording next to the table.
     ///
     /// # Errors
-    ///
     /// [`Error::Format`] with the frame and the remedy.
     pub fn check(
         &self,

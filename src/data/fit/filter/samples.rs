@@ -101,7 +101,6 @@ impl WindowSamples {
     /// Adds the labelled windows of a frame of a group.
     ///
     /// # Errors
-    ///
     /// [`svl_core::Error::Invalid`] for images smaller than a window.
     pub fn add(
         &mut self,

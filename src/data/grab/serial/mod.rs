@@ -57,7 +57,6 @@ impl SerialTrigger {
     /// svl waits for the first answer.
     ///
     /// # Errors
-    ///
     /// [`Error::Camera`] if there is no controller, if it has another protocol version, and once
     /// `stopped` returns true.
     pub fn open(

@@ -80,7 +80,6 @@ impl RenderedPictures {
     /// Pictures from images.
     ///
     /// # Errors
-    ///
     /// [`Error::Usage`] if there are none, or `rate_hz` is invalid.
     pub fn new(pairs: Vec<StereoPair>, rate_hz: f64, rig: Option<Rig>) -> Result<Self> {
         let period_ns = (1e9 / rate_hz).round() as u64;

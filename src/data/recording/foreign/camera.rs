@@ -166,7 +166,6 @@ impl Calibration {
     /// Checks that it is for images of that size; a size of 0x0 is unknown and passes.
     ///
     /// # Errors
-    ///
     /// The size that it is for.
     pub(super) fn check_size(&self, (width, height): (usize, usize)) -> Result<(), String> {
         let (w, h) = self.size;

@@ -171,7 +171,6 @@ impl From<Checkpoint> for CheckpointTable {
 
 impl Checkpoint {
     /// # Errors
-    ///
     /// [`Error::Invalid`] with the name of the checkpoint and its contradiction.
     pub fn validate(&self, shape: GridShape) -> Result<()> {
         self.place.validate().or_else(|what| self.wrong(what))?;
@@ -224,7 +223,6 @@ impl Checkpoint {
     /// Rejects a run by its first frame if nothing could ever pass.
     ///
     /// # Errors
-    ///
     /// [`Error::Invalid`] with the missing input and the remedy.
     pub fn check_frame(&self, frame: &Frame, run: &RunPart) -> Result<()> {
         if !run.is_in(self.file.as_deref()) {
@@ -258,7 +256,6 @@ impl Checkpoint {
     /// Rejects a frame that was another pair when it was labelled. `hash`: that of its pair.
     ///
     /// # Errors
-    ///
     /// [`Error::Invalid`] with the remedy.
     pub(super) fn check_pair(
         &self,

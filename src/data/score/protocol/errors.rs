@@ -13,7 +13,6 @@ impl Errors {
     /// From `(truth, estimate)` of each scored pixel, `+∞` for no estimate.
     ///
     /// # Errors
-    ///
     /// [`Error::Invalid`] if there is none.
     pub(super) fn collect(judged: impl Iterator<Item = (f32, f32)>) -> Result<Self> {
         let mut pixels = 0;

@@ -25,7 +25,6 @@ impl Controls {
     /// Turns automatic controls off.
     ///
     /// # Errors
-    ///
     /// The driver's.
     pub(super) fn take(driver: &mut impl VideoStream) -> Result<Self, Errno> {
         if driver.range(EXPOSURE_ABSOLUTE).is_none() {

@@ -72,7 +72,6 @@ pub(super) const USUAL: (usize, usize) = (640, 480);
 /// simplest format.
 ///
 /// # Errors
-///
 /// [`Error::Camera`] if there is none.
 pub(super) fn choose(wish: Wish, modes: [&[Mode]; 2]) -> Result<(PixelFormat, (usize, usize))> {
     let rate_hz = |mode: &Mode| mode.max_rate_hz.unwrap_or(wish.rate_hz);

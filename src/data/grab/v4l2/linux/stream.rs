@@ -36,7 +36,6 @@ pub(super) trait VideoStream: Send {
     /// Sets a control and returns its value: a driver uses the nearest it has.
     ///
     /// # Errors
-    ///
     /// The driver's.
     fn set(&mut self, control: u32, value: i32) -> rustix::io::Result<i32>;
 

@@ -128,7 +128,6 @@ impl MeasuredKind {
     /// The stamp of a message and its measurement.
     ///
     /// # Errors
-    ///
     /// The reason why it cannot be read.
     pub(super) fn read(
         &self,

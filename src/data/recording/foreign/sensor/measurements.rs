@@ -78,7 +78,6 @@ impl Measurements {
     /// Collects the stamps. `look` is called with every message on the way.
     ///
     /// # Errors
-    ///
     /// [`svl_core::Error::Io`]. Inner: stamps that do not assign measurements to pairs.
     pub(super) fn find(
         recording: &Recording,
@@ -205,7 +204,6 @@ impl Measurements {
     /// The measurement of a pair, or `None` within the limit.
     ///
     /// # Errors
-    ///
     /// [`svl_core::Error::Io`].
     pub(super) fn of(&mut self, frame: &Frame) -> Result<Option<Arc<Measured>>> {
         let (stamp_ns, limit_ns) = (frame.stamp_ns, self.limit_ns);

@@ -46,7 +46,6 @@ pub struct TruthTopic {
 /// message of each: image topics only if they are depths.
 ///
 /// # Errors
-///
 /// [`Error::Io`], [`Error::Format`].
 pub(in crate::recording) fn truth_topics(
     recording: &Recording,
@@ -89,7 +88,6 @@ impl TruthTopic {
     /// pair. `left`: the topic of the left images.
     ///
     /// # Errors
-    ///
     /// [`Error::Io`]; [`Error::Format`] if the topic is missing or of another type, its first
     /// message cannot be read, no transform leads to the left camera, the stamps are from another
     /// clock, or several pairs or measurements share one.
@@ -143,7 +141,6 @@ impl TruthTopic {
     /// one. `raw`: the left camera, if svl rectified the pair.
     ///
     /// # Errors
-    ///
     /// [`Error::Format`] for a pair without a rig, and for depth images whose position relative to
     /// the left image is unknown; [`Error::Io`].
     pub fn attach(&mut self, frame: &mut Frame, raw: Option<&RawCamera>) -> Result<()> {

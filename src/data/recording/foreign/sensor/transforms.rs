@@ -80,7 +80,6 @@ impl Transforms {
     /// Adds the transforms of a message; if some contradict each other, the first is used.
     ///
     /// # Errors
-    ///
     /// The reason why it cannot be read.
     pub(super) fn add(&mut self, channel: &Channel, data: &[u8]) -> Result<(), String> {
         for (child, link) in Self::read(channel, data)? {

@@ -52,7 +52,6 @@ impl Setup {
     /// Reads until all is found; transforms are at the start of most recordings.
     ///
     /// # Errors
-    ///
     /// [`svl_core::Error::Io`]. Inner: the missing part.
     pub(super) fn find(
         recording: &Recording,
@@ -139,7 +138,6 @@ impl Setup {
     /// The projection of measurements like `measured` into the left camera of pairs of `size`.
     ///
     /// # Errors
-    ///
     /// The missing part.
     pub(super) fn view(
         &self,
