@@ -69,8 +69,8 @@ impl TargetMeasurement {
         }
         if cells.len() < LEAST_CELLS {
             return Err(Error::Invalid(format!(
-                "the target is in {}, at least {LEAST_CELLS} are needed: {}; take a larger one, \
-                 or name its cells with --target",
+                "the target is in {}, at least {LEAST_CELLS} are needed: {}; use a larger one, or \
+                 name its cells with --target",
                 counted(cells.len() as u64, "cell"),
                 cell_list(&cells)
             )));
@@ -105,7 +105,7 @@ fn agreeing(
         let (column, row) = middle;
         Error::Invalid(format!(
             "the cell in the middle, {column},{row}, has no disparity: put the target there, or \
-             name its cells with --target; is it nearer than the algorithm's max_disparity sees?"
+             name its cells with --target; is it nearer than the algorithm's max_disparity allows?"
         ))
     })?;
     let holds = |&place: &(usize, usize)| {

@@ -23,7 +23,7 @@ pub fn parse(text: &str) -> Result<YamlNode, String> {
     let mut tree = Tree::default();
     for event in Parser::new_from_str(comment.as_deref().unwrap_or(text)) {
         let (event, span) =
-            event.map_err(|e| format!("line {}: is no YAML: {}", e.marker().line(), e.info()))?;
+            event.map_err(|e| format!("line {}: is not YAML: {}", e.marker().line(), e.info()))?;
         tree.add(event)
             .map_err(|reason| format!("line {}: {reason}", span.start.line()))?;
     }
@@ -84,7 +84,7 @@ impl Tree {
                 (Some(name), node) => {
                     // YAML forbids duplicate keys; most parsers silently use the last.
                     if table.insert(name.clone(), node).is_some() {
-                        return Err(format!("'{name}' stands twice"));
+                        return Err(format!("'{name}' occurs twice"));
                     }
                 }
             },
@@ -132,7 +132,7 @@ mod tests {
         assert!(
             parse("a: 1\na: 2")
                 .unwrap_err()
-                .contains("'a' stands twice")
+                .contains("'a' occurs twice")
         );
         assert!(parse("a: [1, 2").unwrap_err().starts_with("line "));
         assert!(parse("").unwrap_err().contains("no YAML"));

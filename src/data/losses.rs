@@ -154,7 +154,7 @@ impl Missing {
             count(unreadable, "pair").map(|n| n + " could not be read"),
             count(unpaired, "image").map(|n| n + " had no partner"),
             count(late, "image").map(|n| n + " came too late"),
-            count(cut, "frame").map(|n| n + " of a video that is cut off"),
+            count(cut, "frame").map(|n| n + " of a truncated video"),
             failures,
         ];
         let missing: Vec<_> = missing.into_iter().flatten().collect();

@@ -125,7 +125,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     finding.plot(&Chart {
         title: "SSDPI of one subject".into(),
         x: axis("ln SSDPI", (0.0, SSDPI_TOP)),
-        y: Axis::new("share of the matches, %"),
+        y: Axis::new("fraction of the matches, %"),
         series: histograms.into_iter().map(line).collect(),
     })?;
     Ok(finding)

@@ -15,7 +15,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     title: "Distance at disparity",
     claim: "A polynomial of degree 5, fitted to the disparities of a target measured from 130 cm \
             to 16 cm, gives the distance of every disparity (section 5.1, annex B).",
-    method: "A target with a forest picture stands at the thirteen distances of table B.1 in \
+    method: "A target with a forest picture is placed at the thirteen distances of table B.1 in \
              front of the arena's stereo head. The baseline of the head is chosen so that f·B \
              fits that table best. A measurement is the median of v3's cells (6 x 3) that show \
              the target. It needs at least three such cells, as in the thesis.",

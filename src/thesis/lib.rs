@@ -150,7 +150,7 @@ pub fn scenes(data: &Path) -> Result<Vec<Scene>> {
     if scenes.is_empty() {
         let wanted = SCENES.join(", ");
         return Err(Error::Invalid(format!(
-            "{}: holds none of the scenes {wanted}",
+            "{}: contains none of the scenes {wanted}",
             data.display()
         )));
     }

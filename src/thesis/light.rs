@@ -10,10 +10,10 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     title: "Less light, and unequal exposure",
     claim: "The standard deviation of v2's texture filter falls with the light, so that its \
             threshold has to be readjusted (section 5.3.2); v3's filter depends less on the light \
-            (5.3.3). Both cameras have to expose for the same time, which the frame grabber sees \
-            to (4.2.2).",
+            (5.3.3). Both cameras have to expose for the same time, which the frame grabber \
+            ensures (4.2.2).",
     method: "Every eighth pair of a run through the arena of chapter 7 with exactly aligned \
-             cameras, made worse: dark takes light from both cameras, 1 stop halves it, with the \
+             cameras, perturbed: dark takes light from both cameras, 1 stop halves it, with the \
              noise that less light has; exposure takes it from the right one. v2 has its \
              threshold of 4 grey levels, and one in proportion to a quarter of the light. Counted \
              is what an algorithm keeps of its right cells.",

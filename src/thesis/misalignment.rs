@@ -12,7 +12,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
             Vertical smoothing overcomes a bad rectification in part (5.3.1); v4 needs no \
             rectified images (5.3.4).",
     method: "Every eighth pair of a run through the arena of chapter 7 with exactly aligned \
-             cameras, made worse: the right image moved down, or rotated about its centre. Counted \
+             cameras, perturbed: the right image moved down, or rotated about its centre. Counted \
              is what an algorithm keeps of its right cells, v3 with its vertical smoothing and \
              without.",
     records: false,

@@ -14,18 +14,17 @@ use svl_data::score::{
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["7.3"],
     place: "Figure 7.3",
-    title: "The arena through v3 and the SVS",
+    title: "The arena with v3 and the SVS",
     claim: "v3 and the Small Vision System give similar results. v3 is wrong on rare occasions \
             only (point 2), the SVS more often, but the SVS handles close objects better (points \
             2 and 6). The first column of the SVS is always unknown (chapter 7).",
-    method: "One run of the simulated arena replaces three runs of the real one. bm stands in for \
-             the SVS: it is the published algorithm of the same author, with the thesis's window \
-             of nine and otherwise default parameters. The thesis rated the best and the worst \
-             frame of each point by eye. Here every frame that shows a point is scored against \
-             the exact truth. It passes when the cells that matter are right, no cell that an \
-             exact matcher could measure is wrong, and the distances are in the scene's order. \
-             The SVS cannot see that order where it needs the first column. A cross marks a wrong \
-             cell.",
+    method: "One run of the simulated arena replaces three runs of the real one. bm replaces the \
+             SVS: it is the published algorithm of the same author, with the thesis's window of \
+             nine and otherwise default parameters. The thesis rated the best and the worst frame \
+             of each point by eye. Here every frame that shows a point is scored against the \
+             exact truth. It passes when the cells that matter are right, no cell that an exact \
+             matcher could measure is wrong, and the distances are in the scene's order. The SVS \
+             cannot see that order where it needs the first column. A cross marks a wrong cell.",
     records: true,
     by_default: true,
     run,
@@ -187,7 +186,7 @@ impl Points {
             });
         let chart = Bars {
             title: "Frames that pass".into(),
-            label: "share of the frames that show the point, %".into(),
+            label: "fraction of the frames that show the point, %".into(),
             parts: vec![String::new()],
             bars: bars.collect(),
         };
@@ -218,8 +217,8 @@ fn conclude(
     finding.condition(
         (right[0] - right[1]).abs() <= NEAR,
         format!(
-            "The results are near: the shares of right cells, over all frames, differ by at most \
-             {NEAR} percentage points, {:.1} % of v3's and {:.1} % of the SVS's.",
+            "The results are near: the fractions of right cells, over all frames, differ by at \
+             most {NEAR} percentage points, {:.1} % of v3's and {:.1} % of the SVS's.",
             right[0], right[1]
         ),
     );

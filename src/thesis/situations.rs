@@ -11,9 +11,9 @@ use svl_data::score::{CellJudgement, CellTally, Judge, Judged, Verdict};
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["table5.1", "A.1", "A.2"],
     place: "Table 5.1",
-    title: "Eight situations through dynamic programming",
+    title: "Eight situations with dynamic programming",
     claim: "OpenCV's dynamic programming gives the expected answer for a normal view. It misses a \
-            small escape, and its depth map is completely wrong where low light leaves an even \
+            small escape, and its depth map is completely wrong where low light leaves a uniform \
             texture (section 5.2, annex A).",
     method: "The thesis shows frames of a walk, most without comment. Here each situation of its \
              tables is a still view with exact truth, and v3 runs beside dp. The grid has 6 x 3 \

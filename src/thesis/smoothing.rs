@@ -13,7 +13,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.3"],
     place: "Figure 5.3",
     title: "Vertical smoothing",
-    claim: "When the rows of a pair are not aligned, smoothing both images vertically lowers the \
+    claim: "If the rows of a pair are not aligned, smoothing both images vertically lowers the \
             median SSDPI, and so gives a better disparity map (section 5.3.1).",
     method: "Four views of the arena of chapter 7, with the right image rendered 0, 0.5, 1 and 2 \
              px too low, through v3 with its vertical Gaussian (σ 1 px) and without it. Real \
@@ -91,7 +91,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     }
     finding.why = format!(
         "With the right image 1 px too low, smoothing lowers the median ln SSDPI from {:.2} to \
-         {:.2} and the share of wrong matches from {:.1} % to {:.1} %; an aligned pair's goes \
+         {:.2} and the fraction of wrong matches from {:.1} % to {:.1} %; an aligned pair's goes \
          from {:.2} to {:.2} and from {:.1} % to {:.1} %.",
         lower[0],
         lower[1],

@@ -18,11 +18,11 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
             than v3: 8 to 9 frames per second against 6 to 8, on a 3 GHz personal computer. A \
             robot needs 5 to 7 (chapter 7, section 5.1).",
     method: "Matching alone, on one thread, with disparities 0 to 80, on one pair of the arena of \
-             320 x 240 pixels. The algorithms run in turns, and the median counts. bm stands in \
-             for the SVS. The first level is code compiled for any processor of this kind, the \
-             nearest that svl has to the thesis's \"without MMX\"; the conditions are of it. \
-             Beside it is the instruction set that svl picks here. On a busy machine, where a \
-             tenth of the times exceeds the median by a quarter, no condition is tested.",
+             320 x 240 pixels. The algorithms alternate, and the median is used. bm replaces the \
+             SVS. The first level is code compiled for any processor of this kind, the nearest \
+             that svl has to the thesis's \"without MMX\"; the conditions refer to it. Next to it \
+             is the instruction set that svl picks here. On a busy machine, where a tenth of the \
+             times exceeds the median by a quarter, no condition is tested.",
     records: false,
     by_default: true,
     run,
@@ -93,8 +93,8 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         ("SVS, thesis".to_owned(), vec![8.5]),
     ];
     let chart = Bars {
-        title: "Frames a second, 320 x 240".into(),
-        label: "frames a second, one thread".into(),
+        title: "Frames per second, 320 x 240".into(),
+        label: "frames per second, one thread".into(),
         parts: vec![String::new()],
         bars: thesis.into_iter().chain(bars).collect(),
     };

@@ -109,7 +109,7 @@ impl Document {
     pub(super) fn text(&self, key: &str) -> Result<&str> {
         match self.node(key)? {
             Node::Value(text) => Ok(text.trim()),
-            _ => Err(self.error(format!("'{key}' holds several values, expected one"))),
+            _ => Err(self.error(format!("'{key}' has several values, expected one"))),
         }
     }
 
@@ -122,7 +122,7 @@ impl Document {
             let value = word.parse().ok().filter(|v: &f64| v.is_finite());
             value.ok_or_else(|| {
                 self.error(format!(
-                    "'{key}' holds '{}', expected a finite number",
+                    "'{key}' is '{}', expected a finite number",
                     short(word)
                 ))
             })

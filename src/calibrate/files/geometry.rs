@@ -164,7 +164,9 @@ pub(super) fn rig(
     let [shift, rise] = [0, 1].map(|row| left[(row, 3)] - right[(row, 3)]);
     // A vertical pair has its baseline in the second row of the fourth column.
     if rise.abs() > shift.abs() {
-        return Err("the cameras stand one above the other; svl matches those side by side".into());
+        return Err(
+            "the cameras are mounted one above the other; svl matches those side by side".into(),
+        );
     }
     if !same(left[(1, 1)], focal) || !same(right[(1, 1)], focal) {
         return Err("rectified cameras have one focal length, along x and along y".into());
@@ -202,8 +204,8 @@ pub(super) fn only_rectified(
 ) -> std::result::Result<&Rectification, String> {
     in_metres(calibration)?;
     calibration.rectification().ok_or_else(|| {
-        "holds rectified cameras only, and this calibration has no rectification; compute one with \
-         `svl calibrate convert --rectify`"
+        "contains only rectified cameras, and this calibration has no rectification; compute one \
+         with `svl calibrate convert --rectify`"
             .into()
     })
 }
@@ -213,8 +215,8 @@ pub(super) fn in_metres(calibration: &StereoCalibration) -> std::result::Result<
     match calibration.unit() {
         LengthUnit::Metres => Ok(()),
         LengthUnit::Squares => Err(
-            "is in metres and this calibration in squares of its board; say how large they are \
-             with --unit squares=SIDE_IN_METRES"
+            "is in metres and this calibration in squares of its board; give their size with \
+             --unit squares=SIDE_IN_METRES"
                 .into(),
         ),
     }

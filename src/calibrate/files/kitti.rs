@@ -18,8 +18,8 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "kitti",
     title: "KITTI's calib.txt",
     conventions: "rectified cameras only: projections P0 P1 (grey) and P2 P3 (colour), row by \
-                  row, metres; the grey pair is read where it is there, and both are written \
-                  alike; no image size",
+                  row, metres; the grey pair is read if present, and both are written \
+                  identically; no image size",
     endings: &["txt"],
     pairs: &[],
     single: true,
@@ -83,7 +83,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
     let others = ["P0", "P2"].map(|key| document.projection(key).ok());
     let mut remarks = Vec::new();
     if matches!(others, [Some(grey), Some(colour)] if grey != colour) {
-        remarks.push("cameras 0 and 1 were taken; 2 and 3 were dropped".to_owned());
+        remarks.push("cameras 0 and 1 were used; 2 and 3 were dropped".to_owned());
     }
     cameras.loaded(&FORMAT, &document, unit, remarks)
 }

@@ -20,7 +20,7 @@ pub(super) fn parse(text: &str) -> Result<Node, String> {
     loop {
         let event = reader
             .read_event()
-            .map_err(|e| format!("byte {}: is no XML: {e}", reader.error_position()))?;
+            .map_err(|e| format!("byte {}: is not XML: {e}", reader.error_position()))?;
         let at = |reason: String| format!("byte {}: {reason}", reader.buffer_position());
         let closed = match event {
             Event::Start(_) if open.len() == MAX_DEPTH => {
@@ -56,7 +56,7 @@ pub(super) fn parse(text: &str) -> Result<Node, String> {
             "ends inside <{}>; is the file complete?",
             element.name
         )),
-        None => root.ok_or_else(|| "holds no XML element".into()),
+        None => root.ok_or_else(|| "contains no XML element".into()),
     }
 }
 
@@ -74,7 +74,7 @@ impl OpenElement {
         // The library's check for duplicate names is quadratic; the map below finds them too.
         for attribute in start.attributes().with_checks(false) {
             let attribute =
-                attribute.map_err(|e| format!("<{name}> has attributes that are no XML: {e}"))?;
+                attribute.map_err(|e| format!("<{name}> has attributes that are not XML: {e}"))?;
             let key = String::from_utf8_lossy(attribute.key.as_ref()).into_owned();
             let value = Node::Value(String::from_utf8_lossy(&attribute.value).into_owned());
             if table.insert(key.clone(), value).is_some() {

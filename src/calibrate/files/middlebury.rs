@@ -34,7 +34,7 @@ pub fn read_calib(path: &Path, (width, height): (usize, usize)) -> Result<Rig> {
         let (w, h) = document.size("width", "height")?;
         if (w, h) != (width, height) {
             return Err(document.error(format!(
-                "is of images of {w}x{h} pixels, these have {width}x{height}: scale the images, \
+                "is for images of {w}x{h} pixels, these have {width}x{height}: scale the images, \
                  or calibrate for their size"
             )));
         }

@@ -86,7 +86,10 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
         (2, _, []) => {
             return Err(Error::format(
                 path,
-                format!("is {}, whose one file holds both cameras", format.title),
+                format!(
+                    "is {}, whose single file contains both cameras",
+                    format.title
+                ),
             ));
         }
         _ => {}

@@ -18,7 +18,7 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "opencv",
     title: "OpenCV's FileStorage",
     conventions: "K1 D1 K2 D2 (or M1 D1 M2 D2), D = k1 k2 p1 p2 k3; x_right = R x_left + T; R1 R2 \
-                  P1 P2 as of stereoRectify; the unit under length_unit, a key of svl's",
+                  P1 P2 as from stereoRectify; the unit under length_unit, a key of svl's",
     endings: &["yml", "yaml"],
     pairs: &[["intrinsics.yml", "extrinsics.yml"]],
     single: true,
@@ -36,7 +36,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
         .ok_or_else(|| svl_core::Error::Invalid("no file".into()))?;
     let document = &merged;
     if document.has("camera_matrix|cameraMatrix") {
-        return Err(document.error("holds one camera; svl needs both, K1 D1 K2 D2, and R and T"));
+        return Err(document.error("contains one camera; svl needs both, K1 D1 K2 D2, and R and T"));
     }
     let size = match hints.size {
         Some(size) => size,

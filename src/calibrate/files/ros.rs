@@ -14,7 +14,7 @@ pub(super) const FORMAT: CalibrationFormat = CalibrationFormat {
     name: "ros",
     title: "ROS's camera_info",
     conventions: "camera_matrix K, plumb_bob k1 k2 p1 p2 k3, rectification_matrix R, \
-                  projection_matrix P, metres; the extrinsics are in R and P alone",
+                  projection_matrix P, metres; the extrinsics are only in R and P",
     endings: &["yaml"],
     pairs: &[["left.yaml", "right.yaml"]],
     single: false,
@@ -75,14 +75,15 @@ fn write(calibration: &StereoCalibration) -> Writing {
     in_metres(calibration)?;
     let Some(rectification) = calibration.rectification() else {
         return Err(
-            "holds extrinsics only as a rectification, and this calibration has none; \
-             compute one with `svl calibrate convert --rectify`"
+            "contains extrinsics only as a rectification, and this calibration has none; compute \
+             one with `svl calibrate convert --rectify`"
                 .into(),
         );
     };
     if [calibration.left().size(), calibration.right().size()] != [rectification.size; 2] {
         return Err(
-            "holds one image size, and this calibration has others before and after rectification"
+            "contains one image size, and this calibration has others before and after \
+             rectification"
                 .into(),
         );
     }

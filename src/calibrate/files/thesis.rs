@@ -77,7 +77,7 @@ fn read(documents: Vec<Document>, hints: &Hints) -> Result<LoadedCalibration> {
         remarks.push(format!(
             "its two boards were numbered in different directions: its poses and its Coeffs are \
              {:.0}° apart. Rotation and direction of the baseline are those of the Coeffs; its \
-             length is not in the file, 1 stands for it",
+             length is not in the file, 1 is used instead",
             apart.to_degrees()
         ));
         (by_warps, FileUnit::Squares)
@@ -154,7 +154,7 @@ fn warps(document: &Document, cameras: [&Intrinsics; 2]) -> Result<Option<Warps>
         let warp = Warp::decompose(&(homography * cameras[i].matrix()));
         warp.ok_or_else(|| {
             document.error(format!(
-                "'Stereo.Coeffs': those of camera {i} are no homography"
+                "'Stereo.Coeffs': those of camera {i} are not a homography"
             ))
         })
     };

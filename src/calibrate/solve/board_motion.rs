@@ -14,7 +14,7 @@ const SLIP: f64 = 0.3;
 pub(super) fn describe(motion: &Isometry3<f64>, board: &[Point3<f64>]) -> Option<String> {
     let turn = motion.rotation.angle().to_degrees();
     if turn > ANOTHER_END_DEG {
-        return Some("the corners are counted from another end in one image".to_owned());
+        return Some("the corners are numbered from another end in one image".to_owned());
     }
     let square = (board[1] - board[0]).norm();
     let shift = motion.translation.vector / square;

@@ -167,7 +167,7 @@ fn calibrate_camera(
             }),
             None => {
                 selection.refused[id] = Some(format!(
-                    "the {name} image's corners are no board in front of the camera"
+                    "the {name} image's corners do not form a board in front of the camera"
                 ))
             }
         }

@@ -59,7 +59,7 @@ pub const FILTERS: &[FilterSpec] = &[
     FilterSpec {
         kind: FilterKind::Floor,
         name: "floor",
-        summary: "drops what is seen of the floor, which is no obstacle",
+        summary: "drops disparities of the floor, which is not an obstacle",
         categories: ["floor", "other"],
         features: Features {
             window: 64,
@@ -73,7 +73,7 @@ pub const FILTERS: &[FilterSpec] = &[
     FilterSpec {
         kind: FilterKind::TooClose,
         name: "too-close",
-        summary: "marks what is nearer than the range of disparities",
+        summary: "marks cells that are nearer than the range of disparities",
         categories: ["too-close", "clear"],
         features: Features {
             window: 128,

@@ -58,7 +58,7 @@ impl FilterModel {
     /// # Errors
     /// The fault in them.
     pub fn from_bytes(bytes: &[u8]) -> std::result::Result<Self, String> {
-        let damaged = |e| format!("is no safetensors file, or damaged: {e}");
+        let damaged = |e| format!("is not a safetensors file, or corrupt: {e}");
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(damaged)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(damaged)?;
         let said = header.metadata().iter().flatten();
@@ -69,7 +69,8 @@ impl FilterModel {
             let text = facts.remove(key);
             text.ok_or_else(|| {
                 format!(
-                    "is no filter of svl: its metadata has no '{key}'; `svl train filter` makes one"
+                    "is not a filter of svl: its metadata has no '{key}'; `svl train filter` \
+                     makes one"
                 )
             })
         };
@@ -80,7 +81,9 @@ impl FilterModel {
             let side: &usize = side;
             (2..=MAX_WINDOW).contains(side) && side.is_multiple_of(2)
         });
-        let window = window.ok_or(format!("its window is no even number up to {MAX_WINDOW}"))?;
+        let window = window.ok_or(format!(
+            "its window is not an even number up to {MAX_WINDOW}"
+        ))?;
         let scaling = take("scaling")?;
         let scaling = Scaling::from_name(&scaling);
         let features = Features {
@@ -97,7 +100,7 @@ impl FilterModel {
             FilterKind::TooClose => {
                 let range = take("range_px")?.parse().ok();
                 let range = range.filter(|px: &f64| px.is_finite() && *px > 0.0);
-                Some(range.ok_or("its range_px is no positive number")?)
+                Some(range.ok_or("its range_px is not a positive number")?)
             }
         };
         let weights = floats(&tensors, HIDDEN_WEIGHT)?;
@@ -208,7 +211,7 @@ struct Floats {
 }
 
 fn floats(tensors: &SafeTensors<'_>, name: &str) -> std::result::Result<Floats, String> {
-    let missing = |_| format!("is no filter of svl: it has no tensor '{name}'");
+    let missing = |_| format!("is not a filter of svl: it has no tensor '{name}'");
     let tensor: TensorView<'_> = tensors.tensor(name).map_err(missing)?;
     if tensor.dtype() != Dtype::F32 {
         return Err(format!("'{name}' is of {:?}, not F32", tensor.dtype()));

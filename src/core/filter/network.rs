@@ -35,11 +35,11 @@ impl Network {
         let wrong = |what: &str| Err(Error::Invalid(format!("network: {what}")));
         if inputs == 0 || !(1..=MAX_HIDDEN).contains(&hidden) {
             return wrong(&format!(
-                "{hidden} hidden neurons; 1 to {MAX_HIDDEN} can be"
+                "{hidden} hidden neurons; expected 1 to {MAX_HIDDEN}"
             ));
         }
         if weights.len() != inputs * hidden || out_weights.len() != hidden {
-            return wrong("its weights are not as many as its inputs and neurons take");
+            return wrong("the number of its weights does not match its inputs and neurons");
         }
         let all = weights.iter().chain(&bias).chain(&out_weights);
         if !all.chain([&out_bias]).all(|weight| weight.is_finite()) {

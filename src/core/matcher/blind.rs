@@ -11,9 +11,9 @@ use crate::timing::Stage;
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "blind",
     aliases: &[],
-    summary: "sees nothing: every pixel and every cell is unknown",
+    summary: "reports nothing: every pixel and every cell is unknown",
     about: "",
-    paper: "none: it looks at no image",
+    paper: "none: it ignores the images",
     parameters: &[],
     cells: None,
     build: |_, _| Ok(Box::new(Blind)),

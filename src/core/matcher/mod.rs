@@ -314,7 +314,7 @@ pub fn labelled(text: &str) -> Result<(Option<&str>, &str)> {
     if own.is_empty() || own.len() > 40 || !own.chars().all(is_safe) || !are_safe {
         let expected = "1 to 40 letters, digits, '_', '-' and '.'";
         return Err(Error::Usage(format!(
-            "'{label}' is no label of an algorithm; expected {expected}"
+            "'{label}' is not a label of an algorithm; expected {expected}"
         )));
     }
     if find(label).is_ok() {

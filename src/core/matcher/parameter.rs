@@ -227,7 +227,7 @@ impl Parameters {
                 })?;
             if given.contains(&index) {
                 return Err(Error::Usage(format!(
-                    "{}: {name} is given twice; leave one out",
+                    "{}: {name} is given twice; omit one",
                     spec.name
                 )));
             }

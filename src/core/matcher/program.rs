@@ -78,7 +78,7 @@ impl ProgramRecord {
         let parts = [&self.name, &self.version, &self.model];
         let said: Vec<_> = parts.into_iter().flatten().map(String::as_str).collect();
         if said.is_empty() {
-            "a program that does not say what it is".to_owned()
+            "a program that does not identify itself".to_owned()
         } else {
             said.join(" ")
         }
@@ -117,20 +117,20 @@ impl ProgramRecord {
         if self.is_time_doubtful() {
             warnings.push(format!(
                 "reports {reported:.1} ms a pair but answers after {waited:.1} ms: its own time \
-                 may leave out work, as that of a device that was not waited for; it is not ranked \
-                 by time"
+                 may omit work, for example on a device that it does not wait for; it is not \
+                 ranked by time"
             ));
         }
         let is_long = self.reported_us > self.waited_us + self.waited_us / 20;
         if is_long && self.pairs >= ENOUGH_PAIRS {
             warnings.push(format!(
-                "reports {reported:.1} ms a pair but answers after {waited:.1} ms, which counts"
+                "reports {reported:.1} ms a pair but answers after {waited:.1} ms, which is used"
             ));
         }
         if self.out_of_range > 0 {
             warnings.push(format!(
-                "{} of the {} disparities that it gave lie outside min_disparity to \
-                 max_disparity and count as none",
+                "{} of the {} disparities that it gave are outside min_disparity to max_disparity \
+                 and are discarded",
                 self.out_of_range, self.disparities
             ));
         }

@@ -14,7 +14,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     aliases: &[],
     summary: "the truth of the frames: what a perfect matcher with that range would report",
     about: "",
-    paper: "none: it looks at no image",
+    paper: "none: it ignores the images",
     parameters: &[DisparityRange::MIN, DisparityRange::MAX],
     cells: None,
     build: |parameters, _| {
@@ -35,8 +35,8 @@ impl Matcher for TrueDisparities {
     ) -> Result<()> {
         let Some(truth) = context.truth else {
             return Err(Error::Invalid(
-                "there is no truth here to report; it is for `svl score` and `svl replay` of what \
-                 has one"
+                "there is no truth here to report; it is for `svl score` and `svl replay` of \
+                 sources with truth"
                     .into(),
             ));
         };

@@ -19,10 +19,10 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     aliases: &[],
     summary: "block matching on textured pixels with a self check: fast and robust, made for \
               obstacle avoidance",
-    about: "texture_delta stands on a cliff: over the arena's seeds 1 to 3 31 % of the cells are \
-            wrong and 41 % right at 3, 6.4 and 37.6 % at 3.35, 1.3 and 30 % at 4 (`svl score arena \
-            --seeds 1..3 --algo v3:texture_delta=3/3.35/4`). `svl tune RECORDING --algo v3` shows \
-            where it is in pictures of yours.",
+    about: "texture_delta is at a cliff: over the arena's seeds 1 to 3 31 % of the cells are \
+            wrong and 41 % right at 3, 6.4 and 37.6 % at 3.35, 1.3 and 30 % at 4 (`svl score \
+            arena --seeds 1..3 --algo v3:texture_delta=3/3.35/4`). `svl tune RECORDING --algo v3` \
+            shows where it is in your own pictures.",
     paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL \
             2007, section 5.3.3",
     parameters: &[

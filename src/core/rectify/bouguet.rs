@@ -32,7 +32,7 @@ pub fn bouguet(calibration: &StereoCalibration, framing: &Framing) -> Result<Rec
     let baseline = half * motion.translation.vector;
     if baseline.x.abs() <= baseline.y.abs().max(baseline.z.abs()) {
         let [x, y, z] = [baseline.x, baseline.y, baseline.z].map(|v| -v);
-        let cure = "rotate the images of cameras that stand one above the other by 90 degrees and \
+        let cure = "rotate the images of cameras mounted one above the other by 90 degrees and \
                     calibrate these";
         return Err(Error::Rig(format!(
             "the right camera is at ({x:.3}, {y:.3}, {z:.3}), not beside the left: {cure}"

@@ -138,7 +138,7 @@ impl Remap {
         }
         let ((width, height), (w, h)) = (image.size(), self.source);
         Err(Error::Invalid(format!(
-            "images of {width}x{height} pixels, but the calibration is of {w}x{h}: use that of \
+            "images of {width}x{height} pixels, but the calibration is for {w}x{h}: use that of \
              these images"
         )))
     }

@@ -132,7 +132,7 @@ impl Rectification {
 pub fn rotation(matrix: &Matrix3<f64>) -> Result<Rotation3<f64>> {
     let wrong = |why: &str| {
         Error::Rig(format!(
-            "the matrix {:?} is no rotation: {why}",
+            "the matrix {:?} is not a rotation: {why}",
             matrix.transpose().as_slice()
         ))
     };

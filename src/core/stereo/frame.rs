@@ -93,7 +93,7 @@ impl Frame {
         match self.geometry {
             Geometry::Rectified(_) => Ok(RectifiedPair::assume(&self.pair)),
             Geometry::Raw => Err(Error::Invalid(format!(
-                "pair {} is raw: rectify it with --calib FILE, or take it as rectified with \
+                "pair {} is raw: rectify it with --calib FILE, or treat it as rectified with \
                  --calib none",
                 self.sequence
             ))),
@@ -260,7 +260,7 @@ impl TryFrom<String> for TruthOrigin {
             None if text == "exact" => Ok(Self::Exact),
             Some(("sensor", topic)) => Ok(Self::Sensor(topic.to_owned())),
             Some(("reference", algorithms)) => Ok(Self::Reference(algorithms.to_owned())),
-            _ => Err(format!("'{text}' is no origin of a truth")),
+            _ => Err(format!("'{text}' is not an origin of a truth")),
         }
     }
 }

@@ -77,7 +77,7 @@ impl Rig {
         if baseline_m < 0.0 {
             return Err(Error::Rig(format!(
                 "a baseline of {baseline_m} m: the right camera is to the left of the left one; \
-                 exchange the two"
+                 swap the two"
             )));
         }
         Self::new(f, (cx, cy), baseline_m, right_cx - cx)

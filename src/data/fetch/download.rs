@@ -39,7 +39,7 @@ pub fn download(url: &str, path: &Path, watch: Watch<'_>) -> Result<()> {
                 };
                 if idle_breaks == MAX_IDLE_BREAKS {
                     let reason = format!(
-                        "broke off after {} bytes ({reason}); run it again to go on",
+                        "broke off after {} bytes ({reason}); run it again to resume",
                         length(&part)
                     );
                     return Err(Error::download(url, reason));
@@ -84,7 +84,7 @@ fn attempt(agent: &Agent, url: &str, part: &Path, watch: Watch<'_>) -> Result<At
             _ => {
                 return Err(Error::download(
                     url,
-                    "the server sends another part than asked for; try a mirror",
+                    "the server sends another part than requested; try a mirror",
                 ));
             }
         },
@@ -210,6 +210,6 @@ fn refused(url: &str, status: StatusCode) -> Error {
 fn too_large(url: &str) -> Error {
     Error::download(
         url,
-        format!("is larger than it says or than the {MAX_BYTES} bytes svl takes; try a mirror"),
+        format!("is larger than it says or than the {MAX_BYTES} bytes svl accepts; try a mirror"),
     )
 }

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 pub type Watch<'a> = &'a mut dyn FnMut(u64, Option<u64>) -> bool;
 
 /// The error after [`Watch`] returned false.
-const STOPPED: &str = "stopped; run it again to go on from there";
+const STOPPED: &str = "stopped; run it again to resume from there";
 
 /// Bytes copied at a time.
 const CHUNK: usize = 1 << 17;

@@ -151,7 +151,7 @@ impl Unpacker<'_> {
             .fold(0, |sum: u64, &size| sum.saturating_add(size));
         if sizes.len() > MAX_ENTRIES || self.total > most {
             let what = format!(
-                "holds {} entries of {} bytes together",
+                "contains {} entries of {} bytes in total",
                 sizes.len(),
                 self.total
             );
@@ -224,7 +224,7 @@ impl Unpacker<'_> {
             let Some(rest) = left.checked_sub(n as u64).filter(|_| n > 0) else {
                 return Err(damaged(
                     self.archive,
-                    &format!("{} is not of the size it says", path.display()),
+                    &format!("{} does not have the size it claims", path.display()),
                 ));
             };
             file.write_all(&chunk[..n])

@@ -195,7 +195,7 @@ impl BitDepth {
         {
             tracing::warn!(
                 "a later image has the value {largest}, more than {bits} bits: such pixels are \
-                 white; --bits 16 takes all"
+                 white; --bits 16 keeps all"
             );
         }
         // Saturates, like a sensor.

@@ -61,7 +61,7 @@ pub fn read_estimate(path: &Path, scale: Option<f32>) -> Result<Plane<f32>> {
         let what = values.get(x, y);
         return Err(Error::format(
             path,
-            format!("holds {what} at ({x}, {y}); a pixel without disparity is +inf"),
+            format!("contains {what} at ({x}, {y}); a pixel without disparity is +inf"),
         ));
     }
     Ok(values)
@@ -116,8 +116,8 @@ pub fn has_ending(path: &Path, ending: &str) -> bool {
 
 const COLOUR: &str = "is a colour picture; disparities are read from grey images, .pfm and .npz";
 
-const NO_SCALE: &str = "has 8 bits, which hold a multiple of the disparity: name it with --scale \
-     (Middlebury 2001: 8, tsukuba: 16, 2003: 4, 2006: 3)";
+const NO_SCALE: &str = "has 8 bits, which store a multiple of the disparity: give it with --scale \
+                        (Middlebury 2001: 8, tsukuba: 16, 2003: 4, 2006: 3)";
 
 /// Writes the disparities by the file extension: `.pfm` with `+∞` for invalid pixels, or `.png`,
 /// 16-bit in KITTI's form: 256·d, 0 = invalid, a true 0 written as 1.
@@ -138,7 +138,7 @@ pub fn write_disparity(path: &Path, map: &DisparityMap) -> Result<()> {
                 .ok_or_else(|| {
                     Error::format(
                         path,
-                        "a 16-bit PNG holds disparities in 0..256 only; write .pfm instead",
+                        "a 16-bit PNG stores only disparities in 0..256; write .pfm instead",
                     )
                 })?;
             // The encoder of `image` expects native byte order and writes big-endian.

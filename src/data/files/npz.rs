@@ -29,7 +29,10 @@ fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
     // With several arrays it is unknown which of them is the map.
     if archive.len() != 1 {
-        return Err(format!("it holds {} arrays, expected one", archive.len()));
+        return Err(format!(
+            "it contains {} arrays, expected one",
+            archive.len()
+        ));
     }
     let mut file = archive.by_index(0).map_err(|e| e.to_string())?;
     let NpyHeader {
@@ -96,7 +99,7 @@ struct NpyHeader {
 impl NpyHeader {
     fn read(file: &mut impl Read) -> std::result::Result<Self, String> {
         let mut begin = [0; 8];
-        let short = |_| "the header is cut short".to_owned();
+        let short = |_| "the header is truncated".to_owned();
         file.read_exact(&mut begin).map_err(short)?;
         let mut length = [0; 4];
         match begin {

@@ -27,13 +27,13 @@ fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
         let start = rest
             .iter()
             .position(|b| !b.is_ascii_whitespace())
-            .ok_or("the header is cut short")?;
+            .ok_or("the header is truncated")?;
         let length = rest[start..]
             .iter()
             // No number is longer; without a limit a binary file would be searched to its end.
             .take(32)
             .position(|b| b.is_ascii_whitespace())
-            .ok_or("the header is cut short")?;
+            .ok_or("the header is truncated")?;
         let word = std::str::from_utf8(&rest[start..start + length])
             .map_err(|_| "the header is not text")?;
         // One whitespace after the scale, then pixels, whose first byte may look like whitespace.

@@ -48,7 +48,7 @@ impl CellTarget {
                 let label = algorithm.label();
                 let cure = "leave rank out; target=near asks for the nearest quarter";
                 Err(Error::Usage(format!(
-                    "{label}: nothing is judged at rank {rank}: {cure}"
+                    "{label}: nothing is scored at rank {rank}: {cure}"
                 )))
             }
         }

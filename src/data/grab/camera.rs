@@ -73,13 +73,16 @@ impl Limits {
             gain_mdb: intersection(&self.gain_mdb, &other.gain_mdb),
         };
         let nothing = |what: &str, left: String, right: String| {
-            let reason = format!("no {what} in common: left {left}, right {right}; use two alike");
+            let reason = format!(
+                "no {what} in common: left {left}, right {right}; use two of one \
+                                  model"
+            );
             Err(Error::camera("the cameras", reason))
         };
         if common.shutter_us.is_empty() {
             let words = |limits: &Self| match (limits.shutter_us.start(), limits.shutter_us.end()) {
                 // Reported by V4L2 cameras without an exposure control.
-                (0, 0) => "has none to be set".to_owned(),
+                (0, 0) => "cannot be set".to_owned(),
                 (shortest, longest) => format!("{shortest} to {longest} µs"),
             };
             return nothing("shutter time", words(self), words(other));

@@ -255,7 +255,7 @@ impl Coordinator {
             let [a, b] = &self.cameras;
             let (ordered, a, b, right) = (left.ordered, &a.name, &b.name, right.settings);
             tracing::warn!(
-                "ordered {ordered}: {a} uses {}, {b} {right}; the two do not expose alike",
+                "ordered {ordered}: {a} uses {}, {b} {right}; the two expose differently",
                 left.settings
             );
         }

@@ -86,7 +86,7 @@ impl Unpaired {
                 "--trigger software or serial:DEVICE waits until both cameras are ready, a lower \
                  rate gives them time"
             }
-            Unpaired::Skew => "fire both with one --trigger, or allow more with --max-skew-ms",
+            Unpaired::Skew => "trigger both with one --trigger, or allow more with --max-skew-ms",
             Unpaired::Damaged => "check the cables",
             Unpaired::Settings | Unpaired::Unfinished | Unpaired::Unready => {
                 "try another --trigger"

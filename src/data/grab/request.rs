@@ -85,7 +85,7 @@ impl GrabRequest {
         } else if self.max_skew_ns.is_some() && self.pair_by(driver, &trigger) != PairBy::Stamp {
             "--max-skew-ms is for --pairing stamp".to_owned()
         } else if self.seed.is_some() && driver.default_seed.is_none() {
-            format!("{source}: its images depend on no seed; omit --seed")
+            format!("{source}: its images do not depend on a seed; omit --seed")
         } else {
             return Ok(trigger);
         };

@@ -99,7 +99,7 @@ impl CameraState {
             return Ok(());
         }
         let reason = format!(
-            "all its images came damaged for {:.1} s; check its cable",
+            "all its images arrived damaged for {:.1} s; check its cable",
             damaged_ns as f64 / 1e9
         );
         Err(self.error(reason))

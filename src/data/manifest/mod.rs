@@ -437,7 +437,7 @@ pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
             Category::Data => "has other entries than this svl writes",
             Category::Syntax | Category::Io => "is damaged",
         };
-        let cure = "copy the report again, or score it anew";
+        let cure = "copy the report again, or score it again";
         Error::format(path, format!("{what} (line {}): {cure}", e.line()))
     })
 }

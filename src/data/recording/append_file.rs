@@ -156,7 +156,7 @@ impl AppendFile {
         let closed = || {
             Error::format(
                 &self.path,
-                "takes no more pairs: it is finished, or writing to it failed",
+                "accepts no more pairs: it is finished, or writing to it failed",
             )
         };
         self.open.then_some(()).ok_or_else(closed)

@@ -250,7 +250,7 @@ fn frame(left: PairMessages, right: PairMessages) -> Result<Frame, String> {
         .flatten()
         .any(|color| color.size() != pair.size())
     {
-        return Err("its colours are of another size than its images".to_owned());
+        return Err("its colour images differ in size from its grey ones".to_owned());
     }
     let StereoSync {
         sequence,
@@ -286,7 +286,7 @@ fn true_disparity(
         (Some(disparity), _, _) => Ok(Some(truth::from_file(&disparity))),
         (None, Some(depth), Some(rig)) => Ok(Some(truth::disparities(&depth, rig))),
         (None, Some(_), None) => {
-            Err("its true depth has no calibration, which makes disparities of it".to_owned())
+            Err("its true depth has no calibration, which is needed for disparities".to_owned())
         }
         (None, None, _) => Ok(None),
     }

@@ -48,8 +48,8 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     match files.len() {
         0 => Err(Error::format(
             path,
-            "is a folder, not a recording, nor a ROS 2 bag: it holds no metadata.yaml, no .mcap \
-             and no .db3",
+            "is a folder, not a recording, nor a ROS 2 bag: it contains no metadata.yaml, no \
+             .mcap and no .db3",
         )),
         1 => Ok(files),
         _ => Err(Error::format(

@@ -135,7 +135,7 @@ impl Chunk {
         // Opcodes from 0x80 on are private to other programs and allowed anywhere.
         if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE | 0x80..) {
             return Err(
-                "the rest of a chunk cannot be read: what follows is none of a chunk's records",
+                "the rest of a chunk cannot be read: the next record is not one of a chunk's",
             );
         }
         (self.next, self.body) = (body.end, body);

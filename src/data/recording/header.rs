@@ -57,8 +57,8 @@ impl StampOrigin {
         match self {
             Self::Given(_) => None,
             Self::Nominal(hz) => Some(format!(
-                "has no stamps: rate and skew are not known, and {hz} pairs a second stand in; \
-                 --fps says the rate"
+                "has no stamps: rate and skew are unknown, and {hz} pairs per second are assumed; \
+                 --fps sets the rate"
             )),
         }
     }

@@ -360,7 +360,7 @@ impl Messages {
                 };
                 if !schemas.get(&header.id).is_none_or(same) {
                     return Err(format!(
-                        "schema {} is declared twice, not as the same",
+                        "schema {} is declared twice, differently",
                         header.id
                     ));
                 }
@@ -383,7 +383,7 @@ impl Messages {
                     .is_none_or(|(known, _)| *known == new)
                 {
                     return Err(format!(
-                        "channel {} is declared twice, not as the same",
+                        "channel {} is declared twice, differently",
                         channel.id
                     ));
                 }
@@ -395,7 +395,7 @@ impl Messages {
                     && !before.is_some_and(|before| before.channels.contains_key(id))
                 {
                     // Its topic was in a corrupt part, so the message is unusable.
-                    return Err("a message is of a channel that is declared nowhere".to_owned());
+                    return Err("a message belongs to an undeclared channel".to_owned());
                 }
                 *self.found.messages.entry(header.channel_id).or_default() += 1;
             }
@@ -475,7 +475,7 @@ impl Messages {
             return Ok(());
         }
         self.records.missing(&format!(
-            "its summary counts {} more than it holds",
+            "its summary counts {} more than it contains",
             lacking.join(" and ")
         ))
     }

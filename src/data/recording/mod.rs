@@ -303,7 +303,7 @@ impl RosStamp {
             Ok(Self(ns))
         } else {
             Err(Error::Invalid(format!(
-                "stamp {ns} ns is above {} ns, the last that ROS 2 messages can say",
+                "stamp {ns} ns is above {} ns, the last that ROS 2 messages can represent",
                 Self::MAX_NS
             )))
         }

@@ -284,7 +284,7 @@ impl Reader {
                         Err(error) => {
                             let broken = self.broken.entry(topic.clone()).or_default();
                             if *broken == 0 {
-                                tracing::warn!("{error}; left out, its pair goes on without it");
+                                tracing::warn!("{error}; dropped, its pair is used without it");
                             }
                             *broken += 1;
                         }

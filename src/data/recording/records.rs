@@ -281,7 +281,7 @@ impl Records {
         let body = self.body();
         // mcap 0.25 panics on an attachment that ends before its CRC.
         if opcode == op::ATTACHMENT && body_size(opcode, body) != Some(body.len() as u64) {
-            return Err("an attachment is cut short".to_owned());
+            return Err("an attachment is truncated".to_owned());
         }
         mcap::parse_record(opcode, body).map_err(|e| format!("a record cannot be read: {e}"))
     }
@@ -348,10 +348,10 @@ impl Records {
             return Ok(Top::Record(ANOTHER));
         }
         if self.finished {
-            return self.cut("something else follows behind its end");
+            return self.cut("other data follow after its end");
         }
         if opcode == 0 {
-            return self.cut("what stands there is no record");
+            return self.cut("there is no record here");
         }
         let left = self.len - self.at;
         if length > left {
@@ -394,7 +394,7 @@ impl Records {
                 .covers_others(opcode, self.start..self.at)
                 .map_err(|e| Error::io(&self.path, e))?
         {
-            self.pass_over(self.at, "what looks like a private record covers others")?;
+            self.pass_over(self.at, "an apparent private record covers others")?;
             return Ok(Top::Passed);
         }
         if let Some(salvage) = &mut self.salvage
@@ -436,7 +436,7 @@ impl Records {
         // No writer mixes messages inside and outside of chunks, and one flipped bit can turn
         // another record into a message.
         if opcode == op::MESSAGE && self.has_chunks {
-            return Err("a message stands outside of the chunks".to_owned());
+            return Err("a message is outside of the chunks".to_owned());
         }
         salvage::examine(opcode, &self.body)
     }
@@ -465,7 +465,7 @@ impl Records {
         let what = if self.finished {
             "another MCAP file follows"
         } else {
-            "it breaks off, and another MCAP file follows"
+            "it is truncated, and another MCAP file follows"
         };
         let Some(salvage) = &mut self.salvage else {
             return Err(self.damaged(what));
@@ -527,7 +527,7 @@ impl Records {
         let calculated = crc.finalize();
         let Some(saved) = saved else {
             return self
-                .missing(&format!("the end of its {section} is cut short"))
+                .missing(&format!("the end of its {section} is truncated"))
                 .map(|()| false);
         };
         // A part was skipped, so the CRC was not computed over the section.

@@ -47,7 +47,7 @@ impl Recording {
                 let cure = "`sqlite3 FILE .recover` does it for SQLite";
                 return Err(Error::format(
                     file.path(),
-                    format!("is no MCAP file; {cure}"),
+                    format!("is not an MCAP file; {cure}"),
                 ));
             }
         };
@@ -75,7 +75,7 @@ impl Recording {
         if saved? {
             Ok(copy.recovery)
         } else {
-            let reason = "holds nothing that could be saved";
+            let reason = "contains nothing that can be recovered";
             Err(Error::format(from.path(), reason))
         }
     }

@@ -54,7 +54,7 @@ impl SqliteFile {
         // Without a mutex: a connection has one owner.
         let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let wrong = |e: rusqlite::Error| {
-            Error::format(&self.path, format!("is no bag of rosbag2 in SQLite: {e}"))
+            Error::format(&self.path, format!("is not a rosbag2 bag in SQLite: {e}"))
         };
         let connection = Connection::open_with_flags(file, flags).map_err(wrong)?;
         // SQLite rejects a truncated file as a whole, except in this mode for repairs.

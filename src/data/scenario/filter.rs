@@ -56,7 +56,7 @@ impl ScenarioFilter {
         let wrong = |what: &str| Err(Error::Invalid(format!("filter {}: {what}", self.detects)));
         match (&self.file, &self.scenario[..], &self.seeds) {
             (Some(_), [_, ..], _) | (None, [], _) => {
-                return wrong("takes either file or scenario");
+                return wrong("needs either file or scenario");
             }
             (Some(_), [], Some(_)) => return wrong("seeds belong to a training scenario"),
             _ => {}
@@ -83,13 +83,15 @@ impl ScenarioFilter {
                 })?;
             }
             let ScenarioSource::Arena { seeds, .. } = &training.source else {
-                return wrong("is not of the arena, which alone labels windows by truth".into());
+                return wrong(
+                    "does not use the arena, the only source that labels windows by truth".into(),
+                );
             };
             if let ScenarioSource::Arena { seeds: scored, .. } = &scored.source
                 && let Some(seed) = seeds.iter().find(|seed| scored.contains(seed))
             {
                 return wrong(format!(
-                    "filter {}: seed {seed} would be trained on and scored; take others",
+                    "filter {}: seed {seed} would be trained on and scored; use others",
                     self.detects
                 ));
             }

@@ -71,7 +71,7 @@ impl Limit {
             _ if self.metric.unit == MetricUnit::Share
                 && bounds.iter().flatten().any(|bound| *bound > 1.0) =>
             {
-                wrong("a share is 0..=1, so 5 % is 0.05")
+                wrong("a fraction is 0..=1, so 5 % is 0.05")
             }
             Self {
                 min: Some(min),

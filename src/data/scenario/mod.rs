@@ -247,10 +247,7 @@ impl Scenario {
                 (None, CheckpointPlace::Frames(_) | CheckpointPlace::Seconds(_))
                     if runs.len() > 1 =>
                 {
-                    return wrong(format!(
-                        "say which file it is in, file = one of: {}",
-                        names()
-                    ));
+                    return wrong(format!("name its file, file = one of: {}", names()));
                 }
                 _ => {}
             }

@@ -26,9 +26,9 @@ impl PairRange {
                 wrong("every = 0: take every n-th pair, n from 1".into())
             }
             _ if !is_time(from_s) => wrong(format!("from {from_s} s: expected 0 to 1e9")),
-            Self { to_s: Some(to), .. } if !is_time(to) || to <= from_s => wrong(format!(
-                "from {from_s} s to {to} s: there is nothing between"
-            )),
+            Self { to_s: Some(to), .. } if !is_time(to) || to <= from_s => {
+                wrong(format!("from {from_s} s to {to} s: the range is empty"))
+            }
             _ => Ok(()),
         }
     }

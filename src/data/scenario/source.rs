@@ -331,7 +331,7 @@ impl SourceOptions {
         }
         if kind == ScenarioKind::Dataset && self.scenes.is_empty() {
             return Err(Error::Invalid(
-                "kind = \"dataset\" takes source.scenes, at least one".into(),
+                "kind = \"dataset\" needs source.scenes, at least one".into(),
             ));
         }
         if self.left.is_some() != self.right.is_some() {

@@ -38,7 +38,7 @@ impl ColumnChoice {
             Metric::find(name).ok_or_else(|| {
                 let names: Vec<_> = METRICS.iter().map(|metric| metric.name).collect();
                 format!(
-                    "no metric is called '{name}'; expected all, or some of {}",
+                    "there is no metric '{name}'; expected all, or some of {}",
                     names.join(", ")
                 )
             })

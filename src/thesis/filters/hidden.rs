@@ -12,10 +12,10 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
     title: "Hidden neurons of the floor network",
     claim: "Few hidden neurons are better than many, and 55 is the best choice: it minimizes false \
             acceptance with an acceptable false rejection (section 8.2.1).",
-    method: "Patterned floors in the thesis's arena, labelled by the truth. As the thesis: 500 \
-             windows to train on and 250 to test; 250 more decide when to stop. The parts are of \
-             runs with other patterns. Each size is trained with three seeds, of which the means \
-             are drawn, as the thesis wishes for.",
+    method: "Patterned floors in the thesis's arena, labelled by the truth. As in the thesis: 500 \
+             windows to train on and 250 to test; 250 more decide when to stop. The parts come \
+             from runs with different patterns. Each size is trained with three seeds, and their \
+             means are drawn, as the thesis suggests.",
     records: false,
     by_default: true,
     run,

@@ -25,7 +25,7 @@ fn arena(kind: FilterKind) -> Result<ArenaConfig> {
     };
     match Scenario::parse(text, Path::new(name))?.source {
         ScenarioSource::Arena { config, .. } => Ok(*config),
-        _ => Err(Error::Invalid(format!("{name}: is not of the arena"))),
+        _ => Err(Error::Invalid(format!("{name}: does not use the arena"))),
     }
 }
 

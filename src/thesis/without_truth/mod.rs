@@ -28,14 +28,16 @@ use svl_data::score::Judge;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["without-truth"],
-    place: "A study of svl's own",
+    place: "svl's own study",
     title: "Scores without truth",
-    claim: "Not of the thesis: a score that needs no truth tells which algorithm has fewer wrong \
-            cells at equal coverage, and picks the best of a run more often than coverage does.",
-    method: "All 840 pairs of the arena's three seeds and, where data sets are named, their scenes \
-             with truth, through all algorithms. Definitions, measures and criteria are those of \
-             docs/method.md. Brackets hold 95 % bootstrap intervals. A second matching per \
-             algorithm and pair, and the correlations of all disparities, take minutes.",
+    claim: "Not from the thesis: a score that needs no truth tells which algorithm has fewer \
+            wrong cells at equal coverage, and picks the best of a run more often than coverage \
+            does.",
+    method: "All 840 pairs of the arena's three seeds and, where data sets are named, their \
+             scenes with truth, through all algorithms. Definitions, measures and criteria are \
+             those of docs/method.md. Brackets contain 95 % bootstrap intervals. A second \
+             matching per algorithm and pair, and the correlations of all disparities, take \
+             minutes.",
     records: false,
     by_default: false,
     run,

@@ -191,7 +191,7 @@ fn a_scenario_trains_its_filter_first_and_keeps_it() {
         (
             "file = \"a.safetensors\"",
             1,
-            "takes either file or scenario",
+            "needs either file or scenario",
         ),
         (filter, 1, "filter floor occurs twice"),
     ] {

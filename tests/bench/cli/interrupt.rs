@@ -147,7 +147,8 @@ fn a_download_keeps_what_came() {
     let (code, stderr) = interrupted(&fixture, &line, || size(&fixture, &part) > 2000);
     assert_eq!(code, Some(1));
     assert!(
-        stderr.contains("stopped; run it again to go on from there") && stderr.lines().count() == 1,
+        stderr.contains("stopped; run it again to resume from there")
+            && stderr.lines().count() == 1,
         "{stderr}"
     );
     assert!(

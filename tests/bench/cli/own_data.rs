@@ -365,7 +365,7 @@ fn videos_are_pairs() {
     let ran = fixture.svl("record cut.mkv --side-by-side -o cut.mcap");
     incomplete(
         ran,
-        &["frames dropped: behind the end of a video that is cut off"],
+        &["frames dropped: behind the end of a truncated video"],
     );
     let kept = frames(&fixture, "cut.mcap").len();
     assert!((5..30).contains(&kept), "{kept}");

@@ -315,7 +315,7 @@ fn the_folder_of_a_bag_is_a_recording() {
         fixture.svl(command).failed(1, &words);
     }
     fixture.write("old.db3", "SQLite format 3\0");
-    fixture.fails("record old.db3 => 1: old.db3: is no bag of rosbag2 in SQLite");
+    fixture.fails("record old.db3 => 1: old.db3: is not a rosbag2 bag in SQLite");
 }
 
 #[test]

@@ -213,13 +213,13 @@ fn limits_in_common() {
     };
     let error = LIMITS.common(&short).unwrap_err().to_string();
     let words = "the cameras: no shutter time in common: left 100 to 10000 µs, right 20000 to \
-                 30000 µs; use two alike";
+                 30000 µs; use two of one model";
     assert_eq!(error, words);
     let error = LIMITS
         .common(&Limits::new(0..=0, 0..=0))
         .unwrap_err()
         .to_string();
-    assert_says(&error, &["right has none to be set"]);
+    assert_says(&error, &["right cannot be set"]);
     let error = LIMITS
         .common(&Limits {
             gain_mdb: 20_500..=24_000,

@@ -122,7 +122,7 @@ fn a_camera_whose_images_are_all_damaged_is_named() {
     let error = grabber.next_pair().unwrap_err().to_string();
     assert_eq!(
         error,
-        "right camera, sim right: all its images came damaged for 3.0 s; check its cable"
+        "right camera, sim right: all its images arrived damaged for 3.0 s; check its cable"
     );
     adds_up(grabber.stop());
 }
@@ -215,7 +215,7 @@ fn a_low_rate_is_no_silence() {
         assert_eq!(pairs, 2);
         assert_eq!(
             error,
-            "right camera, sim right: all its images came damaged for 16.0 s; check its cable"
+            "right camera, sim right: all its images arrived damaged for 16.0 s; check its cable"
         );
     }
 }

@@ -194,7 +194,7 @@ fn other_containers_have_a_cure() {
     for (bytes, what) in [
         (
             &b"SQLite format 3\0 and more"[..],
-            "is no bag of rosbag2 in SQLite",
+            "is not a rosbag2 bag in SQLite",
         ),
         (b"\x28\xB5\x2F\xFD and more", "zstd and cannot be unpacked"),
         (b"\x28\xB5\x2F", "is not an MCAP file"),

@@ -116,8 +116,8 @@ impl Whole {
 fn any_bit_of_a_head_costs_no_more_than_its_record() {
     let whole = Whole::new();
     for (opcode, range) in records(&whole.bytes) {
-        // Sample of a chunk: its head up to its data. Message indexes and the summary are as large as all
-        // the rest: a sample of them.
+        // Sample of a chunk: its head up to its data. Message indexes and the summary are as large
+        // as all the rest: a sample of them.
         let step = if matches!(opcode, 7..=8 | 10..=14) {
             5
         } else {
@@ -240,7 +240,7 @@ fn files_one_behind_the_other_are_all_read() {
     let cut = &first[..first.len() - 100];
     for (first, says) in [
         (first, "another MCAP file follows"),
-        (cut, "it breaks off, and another MCAP file follows"),
+        (cut, "it is truncated, and another MCAP file follows"),
     ] {
         let both = [first, second].concat();
         let (recovery, saved) = recovered(folder.path(), &both);

@@ -159,7 +159,7 @@ fn closed_pipes_are_told() {
 #[test]
 fn cells_that_no_grid_has_are_told() {
     for (cells, words) in [
-        ("[None] * 14", "gave 14 cells where the grid has 15"),
+        ("[None] * 14", "gave 14 cells, but the grid has 15"),
         (
             "[{'disparity_px': 1, 'probability': 1.5}] * 15",
             "gave cell 0 a probability that is not 0 to 1",
@@ -183,7 +183,7 @@ fn a_program_that_says_what_it_is_wrongly_is_told() {
             "wants 65 pairs at once; at most 64",
         ),
         (r#"{"hello":{"colour":true}}"#, "unknown field `colour`"),
-        (r#"{"hello":{}}"#, "says twice what it is"),
+        (r#"{"hello":{}}"#, "identified itself twice"),
     ] {
         let body = format!("while True:\n    pair()\n    put(b'{hello}\\n')");
         let Some(mut plugin) = start(&body, "") else {

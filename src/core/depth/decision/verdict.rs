@@ -73,7 +73,7 @@ impl TableFile {
     fn parse(text: &str) -> Result<Self, String> {
         toml::from_str(text).map_err(|error| {
             let message = error.message().lines().next().unwrap_or_default();
-            format!("is no table of cells ({message}); `svl train cells` makes one")
+            format!("is not a table of cells ({message}); `svl train cells` makes one")
         })
     }
 

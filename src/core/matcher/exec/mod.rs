@@ -98,7 +98,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             name: "restarts",
             unit: "",
             range: Range::int(3, 0..=1_000_000),
-            description: "limit of the starts after the first, when it died or timed out",
+            description: "limit on restarts after it died or timed out",
         },
     ],
     cells: None,
@@ -236,7 +236,7 @@ impl Exec {
                     // The same pair again, in the form that the program requested.
                     return self.ask(pairs);
                 }
-                Reply::Hello(_) => return Err(ProgramFailure::new("says twice what it is")),
+                Reply::Hello(_) => return Err(ProgramFailure::new("identified itself twice")),
                 reply => replies.push(reply),
             }
         }

@@ -296,7 +296,7 @@ fn check_cells(cells: Option<&[Option<ReplyCell>]>, expected: usize) -> Result<(
     if cells.len() != expected {
         let given = cells.len();
         return Err(format!(
-            "gave {given} cells where the grid has {expected}: columns times rows, row by row"
+            "gave {given} cells, but the grid has {expected}: columns times rows, row by row"
         ));
     }
     for (i, cell) in cells.iter().enumerate() {

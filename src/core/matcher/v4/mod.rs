@@ -27,8 +27,8 @@ use proposals::{Proposals, Tolerance};
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v4",
     aliases: &[],
-    summary: "windows in a hash table, matched across rows: for cameras that are not aligned, and \
-              measures their vertical misalignment",
+    summary: "windows in a hash table, matched across rows: for misaligned cameras, whose \
+              vertical misalignment it measures",
     about: "",
     paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL \
             2007, section 5.3.4",

@@ -25,18 +25,18 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v5",
     aliases: &[],
     summary: "svl's own: cells that are safe to report, from semi-global matching at half size; \
-              says how probably each is right",
-    about: "v5 asks what may be said of a cell of the depth grid, not which disparity a \
-            pixel has. 1. Both images are halved by a low-pass, which averages noise and halves a \
+              with the probability that each is right",
+    about: "v5 estimates the distance of a cell of the depth grid, not the disparity of a pixel. \
+            1. Both images are halved by a low-pass, which averages noise and halves a \
             misalignment. 2. The census of 5x5 pixels and semi-global matching along four paths \
             give each pixel a disparity; what leads out of the image costs less than a random \
             match. 3. A pixel is seen when it is unique, the right image agrees, and most of its \
             neighbours are seen, too. 4. Gaps between seen pixels belong to the farther surface, \
-            as hidden pixels do. 5. A cell reports the disparity that stays right, by the rule of \
-            the scenario, whatever its uncertain pixels are: the one whose tolerance leaves the \
-            least of the cell on either side. 6. That margin, how much was seen and supports the \
-            report, matching costs and texture become the probability that the report is right; \
-            below `confidence` the cell is unknown. docs/v5.md shows it.",
+            as occluded pixels do. 5. A cell reports the disparity that stays right, by the rule \
+            of the scenario, whatever its uncertain pixels are: the one whose tolerance leaves \
+            the least of the cell on either side. 6. That margin, how much was seen and supports \
+            the report, matching costs and texture become the probability that the report is \
+            right; below `confidence` the cell is unknown. docs/v5.md shows it.",
     paper: "svl, docs/v5.md; after Hirschmüller, Stereo Processing by Semiglobal Matching and \
             Mutual Information, PAMI 30(2), 2008",
     parameters: &[

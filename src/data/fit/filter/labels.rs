@@ -99,7 +99,7 @@ impl FrameLabels {
                 [0, 1, 2, 3].map(|i| row.get(i).unwrap_or_default());
             let sequence = sequence.parse();
             let sequence =
-                sequence.map_err(|_| wrong(line, "its sequence is no number of a frame".into()))?;
+                sequence.map_err(|_| wrong(line, "its sequence is not a frame number".into()))?;
             let window = match window {
                 "" => None,
                 name => {
@@ -157,7 +157,7 @@ impl FrameLabels {
                 continue;
             }
             let Ok(pair_hash) = u128::from_str_radix(pair_hash, 16) else {
-                return Err(wrong(line, format!("'{pair_hash}' is no pair_hash")));
+                return Err(wrong(line, format!("'{pair_hash}' is not a pair_hash")));
             };
             let before = pair_lines.insert(sequence, line);
             if let Some(before) = before.filter(|_| labels.pairs[&sequence] != pair_hash) {
@@ -250,8 +250,8 @@ impl FrameLabels {
         }
         let reason = format!(
             "labels another frame {sequence} than {} has, by their pair_hash {expected:032x} and \
-             {found:032x}; name the recording that was labelled, read with the options of then, or \
-             move the table away and label anew",
+             {found:032x}; name the recording that was labelled, read with the options of then, \
+             or move the table away and label again",
             source.display()
         );
         Err(Error::format(Self::path(source, self.kind), reason))
@@ -378,7 +378,7 @@ mod tests {
             ),
             (
                 "sequence,window,label,pair_hash\n1,,floor,xy\n",
-                "line 2: 'xy' is no pair_hash",
+                "line 2: 'xy' is not a pair_hash",
             ),
             ("sequence,label\n", "first line"),
             (

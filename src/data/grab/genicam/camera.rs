@@ -108,7 +108,7 @@ impl GenicamCamera {
         }
         let Some(image) = image(buffer) else {
             tracing::info!(
-                "{}: image {} is none of 8 bits",
+                "{}: image {} does not have 8 bits",
                 self.device.name,
                 buffer.frame_id()
             );

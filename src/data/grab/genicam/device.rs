@@ -113,7 +113,7 @@ impl GenicamDevice {
             .map_err(|e| self.failed(&e))?;
         if !formats.iter().any(|format| format == MONO8) {
             return Err(self.error(format!(
-                "has no {MONO8}, only {}; svl takes grey cameras",
+                "has no {MONO8}, only {}; svl needs grey cameras",
                 formats.join(", ")
             )));
         }

@@ -31,7 +31,7 @@ pub(super) fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     if (width, height) != (other_width, other_height) {
         let reason = format!(
             "takes images of {width}x{height}, {right} of {other_width}x{other_height}; set both \
-             alike"
+             to one size"
         );
         return Err(Error::camera(left, reason));
     }

@@ -118,7 +118,7 @@ impl SerialLine {
             Some(5 | 6 | 19) => self.gone(),
             _ if cause.kind() == io::ErrorKind::WriteZero => self.gone(),
             _ => self.error(format!(
-                "cannot be {done}: {cause}; plug it in anew and record again"
+                "cannot be {done}: {cause}; plug it in again and record again"
             )),
         }
     }

@@ -63,7 +63,7 @@ fn reason(cause: &io::Error, group: Option<&str>) -> String {
         (PermissionDenied, None) => "permission denied; change its permissions",
         _ => {
             return format!(
-                "is no serial port of {BAUD} baud ({cause}); `svl record --list` lists the \
+                "is not a serial port with {BAUD} baud ({cause}); `svl record --list` lists the \
                  serial ports"
             );
         }
@@ -121,8 +121,8 @@ mod tests {
                 "/dev/nowhere",
                 "cannot be opened: no such device; plug it in",
             ),
-            ("/dev/null", "is no serial port of 500000 baud"),
-            ("/", "is no serial port of 500000 baud"),
+            ("/dev/null", "is not a serial port with 500000 baud"),
+            ("/", "is not a serial port with 500000 baud"),
         ] {
             let error = open(Path::new(device)).map(drop).unwrap_err().to_string();
             assert!(

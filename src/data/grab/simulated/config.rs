@@ -96,7 +96,7 @@ pub(super) const CAMERA_OPTIONS: &[Parameter] = &[
         name: "drift_ppm",
         unit: "ppm",
         range: real(0.0, 1e5),
-        description: "free-running: by how much its period is too long",
+        description: "free-running: excess of its period",
     },
     Parameter {
         name: "damage_at",

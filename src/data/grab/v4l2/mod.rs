@@ -35,7 +35,7 @@ pub const DRIVER: Driver = Driver {
                 default: "auto",
                 options: &["auto", "GREY", "YUYV", "MJPG"],
             },
-            description: "pixel format; auto: the plainest",
+            description: "pixel format; auto: the simplest",
         },
     ],
     camera_options: &[],

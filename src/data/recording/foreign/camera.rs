@@ -173,7 +173,7 @@ impl Calibration {
             return Ok(());
         }
         Err(format!(
-            "the calibration is of images of {w}x{h} pixels, these have {width}x{height}"
+            "the calibration is for images of {w}x{h} pixels, these have {width}x{height}"
         ))
     }
 
@@ -198,7 +198,7 @@ impl Calibration {
             || rest.iter().any(|c| *c != 0.0)
         {
             return Err(format!(
-                "its lens model '{}' is not one that svl knows (plumb_bob)",
+                "its distortion model '{}' is not one that svl knows (plumb_bob)",
                 self.model
             ));
         }

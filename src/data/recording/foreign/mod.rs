@@ -205,8 +205,8 @@ impl Foreign {
         // A stamp of 0 counts as missing; if the log time is 0 too, it is a stamp.
         if stamp.is_none() && log_time > 0 && !std::mem::replace(&mut self.warned_of_stamps, true) {
             tracing::warn!(
-                "{}: {topic}: images without a stamp; the time of the log, which is later, stands \
-                 in for it: pairs and their truth may be of different moments",
+                "{}: {topic}: images without a stamp; the log time, which is later, is used \
+                 instead: pairs and their truth may be from different moments",
                 self.name
             );
         }
@@ -215,7 +215,7 @@ impl Foreign {
         if is_repeated && !std::mem::replace(&mut self.warned_of_order, true) {
             tracing::warn!(
                 "{}: {topic}: images share a stamp, {:.3} s; they are paired in the order of the \
-                 file: where one is missing, the pairs behind it are of different moments",
+                 file: if one is missing, the pairs after it are from different moments",
                 self.name,
                 stamp as f64 / 1e9
             );
@@ -226,11 +226,11 @@ impl Foreign {
         let used = if self.are_raw() {
             "all pairs are rectified by the first one"
         } else {
-            "each pair has the last one before it"
+            "each pair uses the last one before it"
         };
         tracing::warn!(
             "{}: {topic}: the calibration changes at {:.3} s ({change}); {used}: if it is wrong, \
-             --from and --to leave that part out, or --calib FILE replaces it",
+             --from and --to omit that part, or --calib FILE replaces it",
             self.name,
             log_time as f64 / 1e9
         );
@@ -363,7 +363,7 @@ impl PairSource for Foreign {
         let [left, right] = &self.images;
         if self.are_raw() {
             let why = "by their calibration they are not rectified";
-            let so = "rows of left and right do not agree, and there are no distances";
+            let so = "rows of left and right do not correspond, and there are no distances";
             let cure = match self.calibration() {
                 Some(Err(reason)) => {
                     format!("it does not say how to rectify them ({reason}): --calib FILE does")

@@ -87,7 +87,7 @@ pub(in crate::recording) fn choose(
                     Some(channel) => match unread(&[channel]) {
                         Some(reason) => format!("{option}: {reason}"),
                         None => format!(
-                            "{option} {named} has messages of {}, no images",
+                            "{option} {named} has messages of {}, not images",
                             channel.schema
                         ),
                     },
@@ -157,7 +157,7 @@ fn unread(channels: &[&Channel]) -> Option<String> {
              --dst-storage mcap` makes a ROS 2 bag of a .bag file"
         ),
         (_, "CompressedVideo") => {
-            format!("{topics}: {schema}, a video; record images, as they are or as PNG or JPEG")
+            format!("{topics}: {schema}, a video; record images, raw or as PNG or JPEG")
         }
         _ => format!("{topics}: {schema}; it reads {}", image::SCHEMAS.join(", ")),
     })

@@ -77,7 +77,7 @@ impl TryFrom<CellTable> for ExpectedCell {
             return wrong("give exactly one of distance_m, nearer_m, farther_m and free");
         };
         if table.free == Some(false) {
-            return wrong("free = false says nothing: give nearer_m or distance_m");
+            return wrong("free = false has no effect: give nearer_m or distance_m");
         }
         let tolerances = tolerance_m.is_some() || tolerance_percent.is_some();
         if tolerances && table.distance_m.is_none() {

@@ -190,7 +190,7 @@ impl Checkpoint {
             cell.validate().or_else(|what| self.wrong(what))?;
             let [column, row] = cell.at;
             if self.expected[..i].iter().any(|other| other.at == cell.at) {
-                let what = format!("cell [{column}, {row}] is expected twice; say it once");
+                let what = format!("cell [{column}, {row}] is expected twice; list it once");
                 return self.wrong(what);
             }
         }
@@ -241,8 +241,8 @@ impl Checkpoint {
         }
         if self.needs_truth() && frame.truth.is_none() {
             return self.wrong(format!(
-                "`cells` and `must` are compared with true distances, and {of} has none: say what \
-                 was measured in [[checkpoint.cell]]"
+                "`cells` and `must` are compared with true distances, and {of} has none: enter \
+                 the measurements in [[checkpoint.cell]]"
             ));
         }
         if matches!(self.place, CheckpointPlace::Pose { .. }) && frame.pose.is_none() {
@@ -278,7 +278,7 @@ impl Checkpoint {
         let (frame, labelled) = (pair.frame, &pair.hash);
         self.wrong(format!(
             "frame {frame} is not the pair that was labelled, by their hashes {found} and \
-             {labelled}: score the recording of then, read with the same options, label it anew, \
+             {labelled}: score the recording of then, read with the same options, label it again, \
              or remove `pair`"
         ))
     }

@@ -83,7 +83,7 @@ impl TryFrom<PlaceTable> for CheckpointPlace {
             }
             (None, Some(frames), None) => Ok(Self::Frames(frames)),
             (None, None, Some(seconds)) => Ok(Self::Seconds(seconds)),
-            _ => Err("say where it is: exactly one of at_m, frames and seconds"),
+            _ => Err("give exactly one of at_m, frames and seconds"),
         }
     }
 }
@@ -130,7 +130,7 @@ impl CheckpointPlace {
                 }
             }
             Self::Frames([a, b]) if a > b => {
-                Err(format!("frames = [{a}, {b}]: the first is behind the last"))
+                Err(format!("frames = [{a}, {b}]: the first is after the last"))
             }
             Self::Seconds([a, b]) if !(a >= 0.0 && b >= a && b.is_finite()) => Err(format!(
                 "seconds = [{a}, {b}]: expected two times, 0 or more, in order"

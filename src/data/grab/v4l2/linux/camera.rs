@@ -72,7 +72,7 @@ impl<D: VideoStream> V4l2Camera<D> {
     fn damaged(&mut self, reason: &str) -> Taken {
         if !std::mem::replace(&mut self.has_damaged, true) {
             tracing::warn!(
-                "{}: an image came damaged ({reason}); others like it are only counted",
+                "{}: an image arrived damaged ({reason}); others like it are only counted",
                 self.name
             );
         }

@@ -185,7 +185,7 @@ impl V4l2Device {
         if ![FIELD_ANY, FIELD_NONE].contains(&set.field) {
             return Err(Error::camera(
                 &self.name,
-                "gives interlaced images, whose two fields are of different times",
+                "gives interlaced images, whose two fields are from different times",
             ));
         }
         // Some drivers report 0 bytes per line, or those of another format.
@@ -230,7 +230,7 @@ pub(super) fn trouble(errno: Errno) -> String {
         }
         Errno::BUSY => "in use by another program; close that",
         Errno::NOTTY | Errno::ISDIR | Errno::NOTDIR => {
-            "is no video device; `svl record --list` lists those"
+            "is not a video device; `svl record --list` lists those"
         }
         Errno::NOSPC => {
             "the USB bus has no room for its images; use another port, a smaller size= or \

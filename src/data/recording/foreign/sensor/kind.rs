@@ -108,7 +108,7 @@ pub(super) fn of(
     let schemas: Vec<_> = KINDS.iter().map(|kind| kind.schema).collect();
     let kind = is_of(channel).ok_or_else(|| {
         let (schema, known) = (&channel.schema, schemas.join(", "));
-        format!("has messages of {schema}; distances are read of {known}")
+        format!("has messages of {schema}; distances are read from {known}")
     })?;
     if kind.encoding == channel.encoding {
         Ok(kind)

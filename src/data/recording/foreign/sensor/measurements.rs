@@ -119,8 +119,8 @@ impl Measurements {
             let path = recording.path().display();
             let measurements = svl_core::counted(without_stamp, "measurement");
             tracing::warn!(
-                "{path}: --truth {topic}: {measurements} without a stamp; the time of the \
-                 log, which is later, stands in for it"
+                "{path}: --truth {topic}: {measurements} without a stamp; the log time, which is \
+                 later, is used instead"
             );
         }
         pairs.sort_by_key(|(stamp, _)| *stamp);
@@ -160,7 +160,7 @@ impl Measurements {
         let range =
             |(first, last): (u64, u64)| format!("{} to {} s", seconds(first), seconds(last));
         Err(format!(
-            "its stamps are of another time: the pairs are from {}, the measurements from {}",
+            "its stamps are from another time: the pairs are from {}, the measurements from {}",
             range(pairs),
             range(measured)
         ))
@@ -181,8 +181,8 @@ impl Measurements {
             }
             if stamp != nearest || pairs != measured {
                 return Err(format!(
-                    "{} with the stamp {} s and {} with {} s: nothing says which belong together; \
-                     name another topic, or give the messages stamps of their own",
+                    "{} with the stamp {} s and {} with {} s: it is unknown which belong \
+                     together; name another topic, or give the messages stamps of their own",
                     svl_core::counted(pairs as u64, "pair"),
                     seconds(stamp),
                     svl_core::counted(measured as u64, "measurement"),
@@ -195,7 +195,7 @@ impl Measurements {
             let (path, topic) = (self.recording.path().display(), &self.topic);
             tracing::warn!(
                 "{path}: --truth {topic}: {by_order} pairs share their stamps, as many \
-                 measurements do: taken in the order of the file"
+                 measurements do: used in the order of the file"
             );
         }
         Ok(())

@@ -156,7 +156,9 @@ impl Transforms {
             let rotation = Quaternion::new(qw, qx, qy, qz);
             let numbers = [x, y, z, rotation.norm()];
             if !numbers.iter().all(|v| v.is_finite()) || (rotation.norm() - 1.0).abs() > 1e-3 {
-                return Err(format!("its transform of '{child}' in '{parent}' is none"));
+                return Err(format!(
+                    "its transform of '{child}' in '{parent}' is invalid"
+                ));
             }
             let pose = Isometry3::from_parts(
                 Translation3::new(x, y, z),

@@ -174,8 +174,8 @@ impl Setup {
             }
             if own.is_none() {
                 return Err(format!(
-                    "its depth images are {width}x{height}, the left images {}x{}, and no \
-                     camera_info beside it says how that camera sees",
+                    "its depth images are {width}x{height}, the left images {}x{}, and it has no \
+                     camera_info for that camera",
                     size.0, size.1
                 ));
             }
@@ -187,8 +187,7 @@ impl Setup {
             }
             _ => {
                 return Err(
-                    "its depth images are of another camera, and no camera_info beside it says \
-                     how that sees"
+                    "its depth images are from another camera, and it has no camera_info for that"
                         .to_owned(),
                 );
             }
@@ -329,7 +328,7 @@ impl View {
             (Self::Points(pose), Measured::Points(points)) => {
                 Ok(project(points.iter().map(|point| pose * point), rig, size))
             }
-            (_, Measured::Points(_)) => Err("points where depth images were".to_owned()),
+            (_, Measured::Points(_)) => Err("points instead of depth images".to_owned()),
         }
     }
 }
