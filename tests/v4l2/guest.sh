@@ -101,7 +101,7 @@ expect 0 "busy.mcap: " " pairs in "
 begin damaged.mcap "$small" --frames 60
 control 1 inject_v4l2_buf_flag_error=1
 ended
-expect 0 "60 pairs" "1 damaged on the way" "/dev/video1: an image came damaged (its driver says so)"
+expect 0 "60 pairs" "1 damaged on the way" "/dev/video1: an image arrived damaged (its driver says so)"
 
 control 1 percentage_of_dropped_buffers=30
 try record "$small" --frames 30 -o dropped.mcap
@@ -150,8 +150,8 @@ cp webcams.mcap /mnt/out/
 begin half.mcap "v4l2:$left,$right" --timeout 0.3
 kill -USR1 $right_cord
 ended
-expect 1 "$right: an image came damaged (a JPEG that is cut off: it has no end marker, 269 bytes)" \
-  ": all its images came damaged for" "check its cable"
+expect 1 "$right: an image arrived damaged (a JPEG that is cut off: it has no end marker, 269 bytes)" \
+  ": all its images arrived damaged for" "check its cable"
 kill -USR1 $right_cord
 begin unplugged.mcap "v4l2:$left,$right"
 kill $left_cord

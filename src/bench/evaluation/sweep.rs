@@ -294,7 +294,7 @@ mod tests {
             ),
             ("bm:block_size=5/x", "block_size=x"),
             ("v3=bm", "'v3' is an algorithm's own name"),
-            ("a b=bm", "'a b' is no label"),
+            ("a b=bm", "'a b' is not a label"),
             ("bm:uniqueness=95..115/10", "0..=100"),
             ("bm:uniqueness=0..1/0.5", "whole number"),
             ("bmm:uniqueness=0..1/1", "did you mean 'bm'"),

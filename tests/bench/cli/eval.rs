@@ -210,7 +210,7 @@ fn bad_input_is_one_line_that_names_it() {
         eval small.pfm truth.pfm --protocol eth3d => \
             1: small.pfm and truth.pfm | estimate is 2x1, the truth 5x1 | one size
         eval small.pfm truth.pfm --protocol middeval3 => 1: 2x1 | 5x1 | 1, 2 or 4 times
-        eval nan.pfm truth.pfm --protocol middeval3 => 1: nan.pfm: holds NaN at (1, 0) | +inf
+        eval nan.pfm truth.pfm --protocol middeval3 => 1: nan.pfm: contains NaN at (1, 0) | +inf
     ";
     fixture.fails(wrong);
     fixture.run("eval d.pfm nan.pfm --protocol middeval3");

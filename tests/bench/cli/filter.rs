@@ -284,7 +284,7 @@ fn labels_are_of_the_recording_that_was_labelled() {
     assert_eq!(rows.lines().filter(|row| row.contains(hash)).count(), 1);
 
     let train = "-q train filter run.mcap --kind floor -o f.safetensors";
-    let refused = "run.floor.csv: labels another frame | than run.mcap has | label anew";
+    let refused = "run.floor.csv: labels another frame | than run.mcap has | label again";
     fixture.run("record --frames 4 --seed 2 -o run.mcap --force");
     fixture.fails(&format!("{train} => 1: {refused}\n{label} => 1: {refused}"));
     assert_eq!(fixture.text("run.floor.csv"), table, "nothing is written");

@@ -100,7 +100,7 @@ fn what_is_labelled_is_scored() {
     let words = [
         "checkpoint 2 (wall): frame 3 is not the pair that was labelled",
         &pair,
-        "label it anew",
+        "label it again",
     ];
     fixture.svl("score run.toml -o other -q").failed(1, &words);
 }

@@ -70,13 +70,13 @@ fn broken_files_of_a_part_are_named_with_the_cure() {
         ] {
             fixture.write(&format!("p2/{file}"), text);
             fixture.fails(&format!(
-                "merge p1 p2 p3 -o all => 1: p2/{file}: {what} | score it anew"
+                "merge p1 p2 p3 -o all => 1: p2/{file}: {what} | score it again"
             ));
         }
         fixture.write(&format!("p2/{file}"), whole);
     }
     fixture.write("p2/manifest.json", "{");
-    fixture.fails("compare p1 p2 => 1: p2/manifest.json: is cut off | score it anew");
+    fixture.fails("compare p1 p2 => 1: p2/manifest.json: is cut off | score it again");
 }
 
 #[test]

@@ -43,7 +43,7 @@ fn rates_are_told_or_not_known() {
     }
     let ran = fixture.svl("record plain -o plain.mcap");
     assert!(
-        ran.stderr.contains("rate and skew are not known"),
+        ran.stderr.contains("rate and skew are unknown"),
         "{}",
         ran.stderr
     );
@@ -439,5 +439,5 @@ fn bags_of_a_foreign_writer() {
     assert_says(&ran.stderr, &["cut.db3: after message"]);
     fixture
         .svl("recover sqlite -o x.mcap")
-        .failed(1, &["is no MCAP file"]);
+        .failed(1, &["is not an MCAP file"]);
 }

@@ -49,7 +49,7 @@ fn a_slip_is_guessed_and_a_folder_with_anything_else_left_alone() {
     fixture.write("mine/thesis.tex", "years of work");
     let wrong = "
         reproduce 5.1 -o mine => 1: mine/thesis.tex | -o
-        reproduce 5.1 --data mine => 1: mine: holds none of the scenes | tsukuba
+        reproduce 5.1 --data mine => 1: mine: contains none of the scenes | tsukuba
     ";
     fixture.fails(wrong);
 }

@@ -146,7 +146,7 @@ fn patterns_are_runs_that_can_be_compared_and_verified() {
             "\"bag3.mcap\"",
             "file = 'bag3.mcap' is none of the files",
         ),
-        ("file = \"bag10.mcap\"\n", "", "say which file it is in"),
+        ("file = \"bag10.mcap\"\n", "", "name its file"),
         (
             "seconds = [0.0, 0.5]",
             "seconds = [0.5, 0.0]",
@@ -230,7 +230,7 @@ fn a_range_keeps_numbers_and_stamps_and_a_smaller_image_its_distances() {
     );
     fixture
         .svl(&["replay", "run1.mcap", "--from", "5", "--to", "2"])
-        .failed(2, &["nothing between"]);
+        .failed(2, &["the range is empty"]);
     fixture
         .svl(&["replay", "run1.mcap", "--every", "0"])
         .failed(2, &["--every"]);

@@ -52,7 +52,7 @@ fn cells_are_learned_and_the_table_decides() {
         let hash = manifest["algorithms"][0]["parameters_hash"].clone();
         (json["algorithms"][0]["cells_right"].as_u64().unwrap(), hash)
     };
-    // A path with slashes is no list of values.
+    // A path with slashes is not a list of values.
     std::fs::create_dir(fixture.path("of")).unwrap();
     fixture.write("of/own.toml", &table);
     let own = right("v5:table=of/own.toml", "a");

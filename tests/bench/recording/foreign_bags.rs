@@ -158,7 +158,7 @@ fn a_calibration_is_of_the_images_that_it_says() {
         let (remarks, rig) = distances(infos);
         assert!(rig.is_none() && remarks.len() == 1, "{remarks:?}");
         assert!(
-            remarks[0].contains("disparities but no distances: the calibration is of images of"),
+            remarks[0].contains("disparities but no distances: the calibration is for images of"),
             "{remarks:?}"
         );
     }

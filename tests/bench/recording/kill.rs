@@ -75,7 +75,7 @@ fn kill_after(folder: &Path, life: Duration) -> (u64, u64) {
         recovery.losses
     );
     let (frames, error) = read(&saved);
-    // Without a single pair it is no recording to read.
+    // Without a single pair there is nothing to read.
     assert!(error.is_none() || frames.is_empty(), "{error:?}");
     assert!(
         frames

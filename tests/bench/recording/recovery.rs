@@ -214,6 +214,6 @@ fn other_peoples_files_keep_everything() {
     let (nothing, _) = recovered(folder.path(), &std::fs::read(&path).unwrap()[..40]);
     assert_says(
         &nothing.unwrap_err().to_string(),
-        &["nothing that could be saved"],
+        &["nothing that can be recovered"],
     );
 }

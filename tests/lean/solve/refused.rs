@@ -163,7 +163,7 @@ fn reasons_describe_what_happened() {
             match simulated.spoilt[id] {
                 Some(Spoil::Reversed) => {
                     reversed += 1;
-                    assert!(reason.contains("counted from another end"), "{reason}");
+                    assert!(reason.contains("numbered from another end"), "{reason}");
                 }
                 Some(Spoil::Slipped) => {
                     slipped += 1;

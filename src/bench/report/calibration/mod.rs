@@ -98,7 +98,7 @@ mod tests {
             "rig &lt;b&gt;",
             "4.png &lt;&amp;&gt;",
             "&lt;i&gt;",
-            "counted from another end",
+            "numbered from another end",
             "5 of 6",
             "T, m",
         ] {

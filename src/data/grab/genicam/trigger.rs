@@ -12,8 +12,8 @@ use svl_core::stereo::Side;
 
 /// Commands both cameras to expose.
 ///
-/// Two commands do not make one edge: two threads send them at the same time, and the stamps show the
-/// skew.
+/// Two commands do not make one edge: two threads send them at the same time, and the stamps show
+/// the skew.
 pub struct SoftwareTrigger {
     devices: [Arc<GenicamDevice>; 2],
     clock: Arc<GrabClock>,
