@@ -139,13 +139,13 @@ mod tests {
     #[test]
     fn invalid_xml_is_refused() {
         for (text, word) in [
-            ("<a><b></a>", "no XML"),
+            ("<a><b></a>", "not XML"),
             ("<a><b x=\"1\"/>", "ends inside <a>"),
             ("<a x=\"1\" x=\"2\"/>", "'x' twice"),
             ("<a x=1/>", "attributes"),
             ("<a/><b/>", "second"),
             ("<!-- -->", "no XML element"),
-            ("<a", "no XML"),
+            ("<a", "not XML"),
         ] {
             let error = parse(text).unwrap_err();
             assert!(

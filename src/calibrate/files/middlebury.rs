@@ -112,7 +112,7 @@ mod tests {
             "cam0=[1 0]\nbaseline=1\ndoffs=0",
             "'cam0' has 2 numbers, expected 9",
         );
-        fails("cam0=[x]\nbaseline=1\ndoffs=0", "'cam0' holds 'x'");
+        fails("cam0=[x]\nbaseline=1\ndoffs=0", "'cam0' is 'x'");
         fails(
             "cam0=[1 0 2; 0 1 3; 0 0 1]\nbaseline=0\ndoffs=0",
             "baseline 0 m",

@@ -283,7 +283,7 @@ mod tests {
                 "\"window\":\"6\"",
                 "windows of 6 have 19 features",
             ),
-            ("\"window\":\"8\"", "\"window\":\"7\"", "no even number"),
+            ("\"window\":\"8\"", "\"window\":\"7\"", "not an even number"),
             ("\"80\"", "\"-1\"", "range_px"),
             ("output.bias", "output.byas", "no tensor 'output.bias'"),
         ] {

@@ -239,12 +239,12 @@ mod tests {
         let data = le(&[0.0; 6]);
         let one = |header: &str| npz(&[npy(header, &data)]);
         for (bytes, words) in [
-            (npz(&[]), "holds 0 arrays"),
+            (npz(&[]), "contains 0 arrays"),
             (
                 npz(&[npy(HEADER, &data), npy(HEADER, &data)]),
-                "holds 2 arrays",
+                "contains 2 arrays",
             ),
-            (npz(&[b"\x93NUM".to_vec()]), "cut short"),
+            (npz(&[b"\x93NUM".to_vec()]), "truncated"),
             (npz(&[vec![0; 99]]), "does not begin"),
             (npz(&[npy(HEADER, &data[1..])]), "needs 24 bytes"),
             (

@@ -141,7 +141,7 @@ mod tests {
             (b"Pf\n1 1\n-1\nabc", "got 3"),
             (b"Pf\n99999999 1\n-1\nabc", "width"),
             (b"Pf\n1 1\n0\nabcd", "scale"),
-            (b"Pf\n1", "cut short"),
+            (b"Pf\n1", "truncated"),
         ] {
             let error = parse(bytes).unwrap_err();
             assert!(error.contains(word), "{error}");

@@ -193,6 +193,6 @@ mod tests {
         assert!(found.len() < 2 && error.unwrap().contains("bag_0.db3: after message"));
         std::fs::write(&path, [MAGIC, b"no database"].concat()).unwrap();
         let error = SqliteFile::new(&path, 1, None).messages().err().unwrap();
-        assert!(error.to_string().contains("no bag of rosbag2"), "{error}");
+        assert!(error.to_string().contains("not a rosbag2 bag"), "{error}");
     }
 }

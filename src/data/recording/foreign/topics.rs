@@ -399,7 +399,7 @@ mod tests {
         assert!(
             named(Some("/scan"), None)
                 .unwrap_err()
-                .contains("LaserScan, no images")
+                .contains("LaserScan, not images")
         );
     }
 }

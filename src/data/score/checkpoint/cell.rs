@@ -255,7 +255,7 @@ mod tests {
         for (toml, words) in [
             ("", "cell [1, 0]: give exactly one of"),
             ("distance_m = 1\nfree = true", "exactly one of"),
-            ("free = false", "says nothing"),
+            ("free = false", "no effect"),
             ("nearer_m = 1\ntolerance_m = 1", "belongs to distance_m"),
             ("distance_m = 0", "positive"),
             ("distance_m = 1\ntolerance_m = nan", "positive"),

@@ -267,7 +267,7 @@ mod tests {
             CheckpointPlace::Frames([1, 1])
         );
         for (place, words) in [
-            ("", "checkpoint 1 (x): say where it is"),
+            ("", "checkpoint 1 (x): give exactly one of"),
             (
                 "frames = [1, 2]\nseconds = [1, 2]",
                 "exactly one of at_m, frames and seconds",
