@@ -275,7 +275,7 @@ mod tests {
             (
                 "\"filter\"",
                 "\"folter\"",
-                "no filter of svl: its metadata has no 'filter'",
+                "not a filter of svl: its metadata has no 'filter'",
             ),
             ("too-close", "tooclosed", "there is no filter 'tooclosed'"),
             (

@@ -45,7 +45,7 @@ fn what_is_missing_or_in_the_way_has_a_cure() {
         calibrate convert cv.yml l.yaml,r.yaml --unit m => 1: l.yaml,r.yaml | has none | --rectify
         calibrate convert cv.yml l.yaml,r.yaml --unit squares => \
             1: in squares | squares=SIDE_IN_METRES
-        calibrate convert cv.yml c.txt --to kitti --unit m => 1: rectified cameras only
+        calibrate convert cv.yml c.txt --to kitti --unit m => 1: only rectified cameras
         calibrate convert other.yaml c.xml => 1: other.yaml | not a calibration that svl knows
         calibrate convert nothing.xml c.xml => 1: nothing.xml | no such file
     ";

@@ -391,7 +391,7 @@ fn what_cannot_be_trained_or_run_is_refused_in_one_line() {
         label frames v4l2:/dev/video0,/dev/video2 --kind floor => 1: record them first
         label windows a.mcap --kind floor --from-truth => 1: a.floor.csv
         replay run.mcap --filter none.safetensors => 1: none.safetensors
-        replay run.mcap --filter mine.safetensors => 1: mine.safetensors | no safetensors file
+        replay run.mcap --filter mine.safetensors => 1: mine.safetensors | not a safetensors file
         replay run.mcap --filter cut.safetensors => 1: cut.safetensors | damaged
         replay run.mcap --filter run.mcap => 2: run.mcap | .safetensors
         replay run.mcap --filter floor.safetensors --filter floor.safetensors => 2: both are of \

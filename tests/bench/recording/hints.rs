@@ -203,7 +203,7 @@ fn stamps_that_say_little_are_noticed() {
     assert_eq!(hints(&fixture, "bag.mcap --algo v3"), []);
     messages(&|_| 0);
     let line = only(&fixture, "bag.mcap --algo v3", 4);
-    assert_says(&line, &["/cam0/image_rect", "the time of the log"]);
+    assert_says(&line, &["/cam0/image_rect", "the log time"]);
     messages(&|_| stamp(0));
     let line = only(&fixture, "bag.mcap --algo v3", 5);
     assert_says(&line, &["in the order of the file"]);

@@ -31,12 +31,12 @@ const WRONG: &str = r#"
     xml: intr0="458.7" -> intr0="-458.7" => Camera.0.Intrinsic | -458.7
     xml: x="752" -> x="0" => Camera.0.ImageSize.x | 0, expected whole pixels
     xml: x="752" -> x="1e300" => Camera.0.ImageSize.x | expected whole pixels
-    xml: rot0="1.0" -> rot0="2.0" => Camera.0.Rotation | no rotation
-    xml: rot0="1.0" -> rot0="1e308" => Camera.0.Rotation | no rotation
+    xml: rot0="1.0" -> rot0="2.0" => Camera.0.Rotation | not a rotation
+    xml: rot0="1.0" -> rot0="1e308" => Camera.0.Rotation | not a rotation
     xml: unit="m" -> => --unit
     xml: unit="m" -> unit="foot" => 'foot' | m, cm, mm
     xml: coeff_0_2_2="1.0" -> coeff_0_2_2="x" => Stereo.Coeffs | 'x'
-    xml: </Camera> -> => no XML
+    xml: </Camera> -> => not XML
     opencv: 458.7 -> .Nan => K1 | '.Nan' | finite
     opencv: 458.7 -> 0.0 => K1 | 0.0
     opencv: K1: -> K9: => no 'K1' or 'M1'
@@ -140,7 +140,7 @@ fn errors_of_folders_pairs_and_unknown_files_say_what_to_do() {
     reads("left.yaml", &["one camera of two", "left.yaml,right.yaml"]);
     reads("right.yaml,left.yaml", &["baseline"]);
     folder.write("boofcv", &raw()).unwrap();
-    reads("boofcv.yaml,right.yaml", &["one file holds both"]);
+    reads("boofcv.yaml,right.yaml", &["single file contains both"]);
     let to_one = files::write_as(
         &folder.path("one.yaml"),
         files::format("ros").unwrap(),

@@ -350,15 +350,15 @@ while True: answer(pair()[0], [-0.6, -0.5, 0.0, 64.0, 64.5, 64.6] + [float("inf"
             (2 * pairs, 6 * pairs)
         );
         let warnings = program.warnings().join("; ");
-        assert!(warnings.contains("lie outside min_disparity"), "{warnings}");
+        assert!(warnings.contains("are outside min_disparity"), "{warnings}");
     }
 }
 
 #[test]
 fn times_that_do_not_fit_are_told() {
     for (millis, sleep, words) in [
-        ("0.1", "0.2", "may leave out work"),
-        ("1e6", "0", "which counts"),
+        ("0.1", "0.2", "may omit work"),
+        ("1e6", "0", "which is used"),
     ] {
         let body = format!(
             "while True:\n    line, _ = pair()\n    time.sleep({sleep})\n    answer(line, \
