@@ -129,7 +129,7 @@ impl RunKind {
     }
 }
 
-/// What a metric counts.
+/// Unit of a metric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MetricUnit {
     /// 0..=1, shown in per cent.

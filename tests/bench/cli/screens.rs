@@ -36,7 +36,7 @@ fn fix_times(fixture: &Fixture, rows: &str) {
     fixture.write(rows, writer.into_inner().unwrap());
 }
 
-/// What a command prints at a width, without the build and the machine; it fits on a screen.
+/// Output of a command at a width, without the build and the machine; it fits on a screen.
 #[track_caller]
 fn screen(fixture: &Fixture, command: &str, columns: usize) -> String {
     let text = fixture.svl_with(command, &[("COLUMNS", &columns.to_string())]);
