@@ -60,7 +60,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             range: Range::Flag { default: true },
             description: "take the median of three by three disparities",
         },
-        // Found by `svl tune --auto`: docs/tuning.md has what it gains.
+        // Found by `svl tune --auto`: docs/results/tuning.md has the gain.
         Speckles::size(4),
         Speckles::RANGE,
     ],

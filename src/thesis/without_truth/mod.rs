@@ -1,7 +1,7 @@
 //! Whether scores that need no truth tell right cells from wrong ones: a study of svl's own.
 //!
-//! docs/method.md holds the definitions, the measures and the criteria, which were fixed before the
-//! first score was computed.
+//! docs/results/without-truth.md holds the definitions, the measures and the criteria, which were
+//! fixed before the first score was computed.
 //!
 //! ```text
 //! frames ─▶ Observer: support, score ─▶ Observed: rank correlation, picks, bootstrap ─▶ Finding
@@ -33,8 +33,9 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
             cells at equal coverage, and picks the best of a run more often than coverage does.",
     method: "All 840 pairs of the arena's three seeds and, where data sets are named, their scenes \
              with truth, through all algorithms. Definitions, measures and criteria are those of \
-             docs/method.md. Brackets hold 95 % bootstrap intervals. A second matching per \
-             algorithm and pair, and the correlations of all disparities, take minutes.",
+             docs/results/without-truth.md. Brackets hold 95 % bootstrap intervals. A second \
+             matching per algorithm and pair, and the correlations of all disparities, take \
+             minutes.",
     records: false,
     by_default: false,
     run,
@@ -211,7 +212,7 @@ impl Values {
         }
     }
 
-    /// Criteria 1 to 3 of docs/method.md, and 4.
+    /// Criteria 1 to 3 of docs/results/without-truth.md, and 4.
     fn met(&self, in_arena: bool) -> [bool; 4] {
         let [wrong, right] = self.algorithms.map(|tau| tau.is_above(LEAST_TAU));
         let beyond = self.beyond_coverage;
