@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Makes the tables of README and docs anew: bash docs/tables.sh DATASETS
-# Between `<!-- NAME -->` and `<!-- end -->` stands what the command of that name printed.
+# Regenerates the tables of docs/results: bash docs/tables.sh DATASETS
+# The lines between `<!-- NAME -->` and `<!-- end -->` are the output of the command of that name.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 datasets="${1:?the folder of the data sets}"
@@ -23,7 +23,7 @@ entry() { sed -n "s/^ *\"$1\": *\"\{0,1\}\([^\",]*\).*/\1/p" reports/arena/manif
 echo "Measured on $(entry began | cut -c1-10), $(entry processor), $(entry isa), svl $(entry svl)" \
   "($(entry git_revision))." >"$work/machine"
 
-for file in README.md docs/*.md; do
+for file in docs/results/*.md; do
   awk -v work="$work" '
     /^<!-- end -->$/ { skip = 0 }
     !skip { print }

@@ -1,6 +1,7 @@
 //! The shell examples of README and docs. Every line with `svl` runs, in a folder with small inputs
 //! under the names in the examples, or is at least parsed, for a reason given here.
 
+use super::cli::adapters::python_with;
 use super::cli::fixture::{Fixture, datasets, pgm};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -101,6 +102,10 @@ const PARSED: &[(&str, &str)] = &[
         "needs OpenCV; cli::exec runs it",
     ),
     (
+        "svl score arena --algo v5 --algo \"mine=exec",
+        "needs numpy; cli::adapters runs such a matcher",
+    ),
+    (
         "svl score arena --every 10",
         "needs a network; cli::adapters has small ones",
     ),
@@ -170,9 +175,30 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
+/// Folders with documents.
+const FOLDERS: [&str; 9] = [
+    "",
+    "docs",
+    "docs/results",
+    "docs/tutorials",
+    "adapters/python",
+    "firmware",
+    "fuzz",
+    "recordings",
+    "reports",
+];
+
+/// Pages of reference: they may be longer than a page to read. So may results.
+const REFERENCES: [&str; 4] = [
+    "CHANGELOG.md",
+    "docs/scenario.md",
+    "docs/tables.md",
+    "firmware/README.md",
+];
+
 fn documents() -> Vec<PathBuf> {
     let mut documents = Vec::new();
-    for folder in ["", "docs", "recordings", "reports", "firmware", "fuzz"] {
+    for folder in FOLDERS {
         let entries = fs::read_dir(root().join(folder)).into_iter().flatten();
         let files = entries.map(|entry| entry.unwrap().path());
         documents.extend(files.filter(|file| file.extension().is_some_and(|e| e == "md")));
@@ -181,26 +207,59 @@ fn documents() -> Vec<PathBuf> {
     documents
 }
 
-/// The lines of a document's shell blocks, without their comments.
-fn shell(text: &str) -> Vec<String> {
-    let mut lines = Vec::new();
-    for block in text.split("```sh\n").skip(1) {
-        let block = block.split("\n```").next().unwrap().replace("\\\n", " ");
-        for line in block.lines() {
-            let command = line.split(" #").next().unwrap().trim();
-            if !command.is_empty() && !command.starts_with('#') {
-                lines.push(command.replace("cargo run --release -- ", "svl "));
-            }
-        }
-    }
-    lines
+/// A fenced block of a document.
+enum Block<'a> {
+    /// The commands of a shell block, without their comments.
+    Commands(Vec<String>),
+    /// A file that the text before it names: "as `NAME`:".
+    File(&'a str, &'a str),
+    /// Lines that the commands before it print, among others.
+    Output(&'a str),
 }
 
-/// Runs a line in `folder`, with the svl under test.
+fn blocks(text: &str) -> Vec<Block<'_>> {
+    let mut blocks = Vec::new();
+    let mut rest = text;
+    while let Some((before, fenced)) = rest.split_once("```") {
+        let (language, fenced) = fenced.split_once('\n').unwrap();
+        let (body, after) = fenced.split_once("```").expect("an unclosed block");
+        let named = before.trim_end().strip_suffix("`:");
+        let name = named.and_then(|words| words.rsplit_once('`')).unzip().1;
+        match (language, name) {
+            ("sh", _) => blocks.push(Block::Commands(commands(body))),
+            ("text", _) => blocks.push(Block::Output(body)),
+            (_, Some(name)) => blocks.push(Block::File(name, body)),
+            _ => {}
+        }
+        rest = after;
+    }
+    blocks
+}
+
+fn commands(block: &str) -> Vec<String> {
+    let block = block.replace("\\\n", " ");
+    let commands = block.lines().map(|line| line.split(" #").next().unwrap());
+    let commands = commands.map(|line| line.trim().replace("cargo run --release -- ", "svl "));
+    commands
+        .filter(|line| !line.is_empty() && !line.starts_with('#'))
+        .collect()
+}
+
+/// All commands of a document.
+fn shell(text: &str) -> Vec<String> {
+    let commands = |block| match block {
+        Block::Commands(commands) => commands,
+        Block::File(..) | Block::Output(_) => Vec::new(),
+    };
+    blocks(text).into_iter().flat_map(commands).collect()
+}
+
+/// Runs a line in `folder`, with the svl under test and the programs of `folder/bin`.
 fn bash(folder: &Path, line: &str) -> Output {
     let svl = assert_cmd::cargo::cargo_bin!("svl");
     let path = std::env::var("PATH").unwrap_or_default();
     let path = format!("{}:{path}", svl.parent().unwrap().display());
+    let path = format!("{}:{path}", folder.join("bin").display());
     let mut command = Command::new("bash");
     command
         .args(["-ec", line])
@@ -241,12 +300,19 @@ fn inputs() -> Fixture {
     fixture
 }
 
-/// The fault of a line.
-fn failure(line: &str, folder: &Path) -> Option<String> {
-    let program = line.split(' ').next().unwrap();
-    if program != "svl" && program != "cp" {
+/// Output of a line that was run, or its failure.
+fn ran(line: &str, folder: &Path) -> Result<String, String> {
+    let mut words = line.split(' ');
+    let (program, first) = (words.next().unwrap(), words.next().unwrap_or_default());
+    let is_script = program == "python3" && folder.join(first).is_file();
+    if program != "svl" && program != "cp" && !is_script {
         let known = OTHERS.contains(&program);
-        return (!known).then(|| format!("'{program}' is not among the known programs"));
+        let unknown = || format!("'{program}' is not among the known programs");
+        return if known {
+            Ok(String::new())
+        } else {
+            Err(unknown())
+        };
     }
     let mut command = line.to_owned();
     if PARSED
@@ -255,10 +321,12 @@ fn failure(line: &str, folder: &Path) -> Option<String> {
     {
         command += " --help";
     } else if line.contains("DATASETS") && datasets().is_none() {
-        return None;
+        return Ok(String::new());
     } else {
-        for (long, short) in SHORTER {
-            command = command.replace(long, short);
+        if !line.contains("--frames") {
+            for (long, short) in SHORTER {
+                command = command.replace(long, short);
+            }
         }
         // An input of that name is the output of the line.
         if let Some((_, output)) = line.split_once(" -o ") {
@@ -267,8 +335,55 @@ fn failure(line: &str, folder: &Path) -> Option<String> {
         }
     }
     let ran = bash(folder, &command);
+    let stdout = String::from_utf8_lossy(&ran.stdout);
     let stderr = String::from_utf8_lossy(&ran.stderr);
-    (!ran.status.success()).then(|| format!("{command}\n{stderr}"))
+    if ran.status.success() {
+        Ok(format!("{stdout}\n{stderr}"))
+    } else {
+        Err(format!("{command}\n{stderr}"))
+    }
+}
+
+/// Failures of a document's commands. A tutorial also prints what it shows.
+fn failures(document: &Path, folder: &Path) -> Vec<String> {
+    let text = fs::read_to_string(document).unwrap();
+    let is_tutorial = document.parent().unwrap().ends_with("tutorials");
+    if is_tutorial && text.contains("onnxruntime") {
+        let Some(python) = python_with("numpy, onnx, onnxruntime") else {
+            return Vec::new();
+        };
+        fs::create_dir(folder.join("bin")).unwrap();
+        let wrapper = format!("printf '#!/bin/sh\nexec {python} \"$@\"\n' >bin/python3");
+        let made = bash(folder, &format!("{wrapper}; chmod +x bin/python3"));
+        assert!(made.status.success());
+    }
+    let (mut failures, mut printed) = (Vec::new(), String::new());
+    for block in blocks(&text) {
+        match block {
+            Block::Commands(commands) => {
+                printed.clear();
+                for command in commands {
+                    match ran(&command, folder) {
+                        Ok(text) => printed += &text,
+                        Err(failure) => failures.push(failure),
+                    }
+                }
+            }
+            Block::File(name, text) => fs::write(folder.join(name), text).unwrap(),
+            Block::Output(shown) if is_tutorial => {
+                // Columns are as wide as their cells, times among them.
+                let words = |line: &str| line.split_whitespace().collect::<Vec<_>>().join(" ");
+                let printed = printed.lines().map(words).collect::<Vec<_>>();
+                let is_printed = |line: &&str| *line == "…" || printed.contains(&words(line));
+                let absent = shown.lines().filter(|line| !is_printed(line));
+                failures.extend(
+                    absent.map(|line| format!("not printed: {line}\n{}", printed.join("\n"))),
+                );
+            }
+            Block::Output(_) => {}
+        }
+    }
+    failures
 }
 
 #[cfg(unix)]
@@ -288,12 +403,9 @@ fn shell_examples_run() {
             let data = data.canonicalize().unwrap();
             std::os::unix::fs::symlink(data, to.join("DATASETS")).unwrap();
         }
-        let text = fs::read_to_string(document).unwrap();
-        let failures = shell(&text)
+        let name = name(document);
+        failures(document, &to)
             .into_iter()
-            .filter_map(|line| failure(&line, &to));
-        let name = document.strip_prefix(root()).unwrap().display().to_string();
-        failures
             .map(|failure| format!("{name}: {failure}"))
             .collect::<Vec<_>>()
     };
@@ -331,41 +443,96 @@ fn every_reason_is_needed() {
     }
 }
 
-/// Links between the documents, and to files, are valid, also in the users' package.
+/// Name of a document, from the root.
+fn name(document: &Path) -> String {
+    document.strip_prefix(root()).unwrap().display().to_string()
+}
+
+/// Rows of tables that are generated, or compared with the code, may be wider than a page.
 #[test]
-fn links_lead_to_files() {
+fn pages_are_short_and_narrow() {
+    let mut failures = Vec::new();
+    for document in documents() {
+        let (text, name) = (fs::read_to_string(&document).unwrap(), name(&document));
+        let is_result = name.starts_with("docs/results/");
+        let words = text.split_whitespace().count();
+        if words > 1500 && !is_result && !REFERENCES.contains(&name.as_str()) {
+            failures.push(format!("{name}: {words} words; split it"));
+        }
+        let has_wide_rows =
+            is_result || ["docs/tables.md", "docs/drive.md"].contains(&name.as_str());
+        for (i, line) in text.lines().enumerate() {
+            let may_be_wide = has_wide_rows && line.starts_with('|');
+            if line.chars().count() > 120 && !may_be_wide {
+                failures.push(format!("{name}:{}: more than 120 columns", i + 1));
+            }
+        }
+    }
+    assert!(failures.is_empty(), "\n{}", failures.join("\n"));
+}
+
+/// Anchors of a document's headings.
+fn anchors(text: &str) -> Vec<String> {
+    let headings = text.lines().filter(|line| line.starts_with('#'));
+    let is_kept = |c: &char| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_');
+    let anchor = |heading: &str| {
+        let words = heading.trim_start_matches('#').trim().to_lowercase();
+        let kept = words.chars().filter(is_kept).collect::<String>();
+        kept.replace(' ', "-")
+    };
+    headings.map(anchor).collect()
+}
+
+/// Links lead to files and headings, also in the package that users get.
+#[test]
+fn links_lead_somewhere() {
     let manifest = fs::read_to_string(root().join("Cargo.toml")).unwrap();
     let excluded = manifest
         .lines()
-        .find_map(|line| line.strip_prefix("exclude = "))
+        .find(|line| line.starts_with("exclude = [\"/"))
         .unwrap();
     let excluded = excluded.split('"').filter(|path| path.starts_with('/'));
     let excluded = excluded
         .map(|path| root().join(&path[1..]))
         .collect::<Vec<_>>();
+    let mut failures = Vec::new();
     for document in documents() {
         let text = fs::read_to_string(&document).unwrap();
         for link in text.split("](").skip(1) {
-            let link = link.split([')', '#']).next().unwrap();
-            if link.starts_with("http") || link.is_empty() {
+            let link = link.split(')').next().unwrap();
+            if link.starts_with("http") {
                 continue;
             }
-            let name = format!("{}: {link}", document.display());
-            let target = document.parent().unwrap().join(link).canonicalize();
-            let target = target.unwrap_or_else(|e| panic!("{name}: {e}"));
-            assert!(
-                !excluded.iter().any(|path| target.starts_with(path)),
-                "{name}: not packaged"
-            );
+            let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = match file {
+                "" => Ok(document.clone()),
+                file => document.parent().unwrap().join(file).canonicalize(),
+            };
+            let at = format!("{}: {link}", name(&document));
+            let Ok(target) = target else {
+                failures.push(format!("{at}: no such file"));
+                continue;
+            };
+            if excluded.iter().any(|path| target.starts_with(path)) {
+                failures.push(format!("{at}: not packaged"));
+            }
+            let has_anchor = || {
+                let text = fs::read_to_string(&target).unwrap();
+                anchors(&text).iter().any(|known| known == anchor)
+            };
+            if !anchor.is_empty() && !has_anchor() {
+                failures.push(format!("{at}: no such heading"));
+            }
         }
     }
+    assert!(failures.is_empty(), "\n{}", failures.join("\n"));
 }
 
 #[test]
 fn rust_examples_are_doctests() {
     let library = fs::read_to_string(root().join("src/lib.rs")).unwrap();
     for document in documents() {
-        let name = document.strip_prefix(root()).unwrap().display().to_string();
+        let name = name(&document);
         let has_rust = fs::read_to_string(&document).unwrap().contains("```rust");
         let is_listed = library.contains(&format!("include_str!(\"../{name}\")"));
         assert!(

@@ -60,7 +60,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             range: Range::Flag { default: true },
             description: "take the median of three by three disparities",
         },
-        // Found by `svl tune --auto`: see docs/tuning.md for the gain.
+        // Found by `svl tune --auto`: docs/results/tuning.md has the gain.
         Speckles::size(4),
         Speckles::RANGE,
     ],

@@ -1,6 +1,6 @@
 //! Scores that need no truth: cells that the images, or the other algorithms, support.
 //!
-//! docs/method.md has their definitions and their limits.
+//! docs/results/without-truth.md has their definitions and their test.
 
 use super::photometric::Correlations;
 use super::{CellJudgement, Verdict, judge_cells};

@@ -1,7 +1,7 @@
 //! Scores without truth, tested for their ability to separate right cells from wrong ones: svl's
 //! own study.
 //!
-//! docs/method.md contains the definitions, the measures and the criteria, which were fixed before
+//! docs/results/without-truth.md contains the definitions, the measures and the criteria, which were fixed before
 //! the first score was computed.
 //!
 //! ```text
@@ -35,7 +35,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
             does.",
     method: "All 840 pairs of the arena's three seeds and, where data sets are named, their \
              scenes with truth, through all algorithms. Definitions, measures and criteria are \
-             those of docs/method.md. Brackets contain 95 % bootstrap intervals. A second \
+             those of docs/results/without-truth.md. Brackets contain 95 % bootstrap intervals. A second \
              matching per algorithm and pair, and the correlations of all disparities, take \
              minutes.",
     records: false,
@@ -214,7 +214,7 @@ impl Values {
         }
     }
 
-    /// Criteria 1 to 3 of docs/method.md, and 4.
+    /// Criteria 1 to 3 of docs/results/without-truth.md, and 4.
     fn met(&self, in_arena: bool) -> [bool; 4] {
         let [wrong, right] = self.algorithms.map(|tau| tau.is_above(LEAST_TAU));
         let beyond = self.beyond_coverage;

@@ -10,7 +10,7 @@ use std::process::Command;
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// Python with these modules; `None`, with a note, unless it has all of them.
-fn python_with(modules: &str) -> Option<String> {
+pub fn python_with(modules: &str) -> Option<String> {
     let python = std::env::var("SVL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let import = format!("import {modules}");
     let output = Command::new(&python).args(["-c", &import]).output();

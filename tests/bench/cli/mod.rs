@@ -4,7 +4,7 @@ pub(crate) mod fixture;
 
 mod server;
 
-mod adapters;
+pub(crate) mod adapters;
 mod algos;
 mod bench;
 mod calibrate_board;

@@ -286,10 +286,12 @@ fn changes_over(base: &[&Row], other: &[&Row], resamples: &Resamples) -> Vec<Cha
 impl AlgorithmChange {
     /// The subject of the comparison: one algorithm, or two.
     pub fn title(&self) -> String {
-        match self.other_algorithm == self.algorithm {
-            true if self.same_parameters => self.algorithm.clone(),
-            true => format!("{} (other parameters)", self.algorithm),
-            false => format!("{} → {}", self.algorithm, self.other_algorithm),
+        if self.other_algorithm != self.algorithm {
+            format!("{} → {}", self.algorithm, self.other_algorithm)
+        } else if self.same_parameters {
+            self.algorithm.clone()
+        } else {
+            format!("{} (other parameters)", self.algorithm)
         }
     }
 

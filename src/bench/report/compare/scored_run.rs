@@ -74,9 +74,10 @@ impl ScoredRun {
         let mut rows: Vec<Row> = read_rows(&folder.join("rows.csv"))?;
         rows.retain(|row| row.stress.is_none());
         let failures = folder.join("failures.csv");
-        let mut failures: Vec<FailureRow> = match failures.is_file() {
-            true => read_rows(&failures)?,
-            false => Vec::new(),
+        let mut failures: Vec<FailureRow> = if failures.is_file() {
+            read_rows(&failures)?
+        } else {
+            Vec::new()
         };
         failures.retain(|row| row.stress.is_none());
         let drives = folder.join("drives.csv");

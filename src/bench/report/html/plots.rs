@@ -283,13 +283,17 @@ fn scatter(
     if series.iter().all(|s| s.points.is_empty()) {
         return Ok(None);
     }
-    let axis = |axis: &PlotAxis| match axis.is_log {
-        true => Axis {
-            log: true,
-            ..Axis::new(axis.label)
-        },
-        false if axis.label.ends_with('%') => Axis::share(axis.label),
-        false => Axis::new(axis.label),
+    let axis = |axis: &PlotAxis| {
+        if axis.is_log {
+            Axis {
+                log: true,
+                ..Axis::new(axis.label)
+            }
+        } else if axis.label.ends_with('%') {
+            Axis::share(axis.label)
+        } else {
+            Axis::new(axis.label)
+        }
     };
     let chart = Chart {
         title: String::new(),

@@ -236,9 +236,10 @@ impl TickedAxis {
                 .filter(|&v| axis.shows(v))
                 .all(|v| v.fract() == 0.0)
         };
-        let ticks = match axis.log {
-            true => log_ticks(low, high),
-            false => linear_ticks(low, high, is_whole()),
+        let ticks = if axis.log {
+            log_ticks(low, high)
+        } else {
+            linear_ticks(low, high, is_whole())
         };
         Self {
             low,

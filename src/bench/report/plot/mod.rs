@@ -42,9 +42,10 @@ pub struct AlgorithmColors<'a>(Vec<&'a str>);
 impl<'a> AlgorithmColors<'a> {
     pub fn new(labels: impl IntoIterator<Item = &'a str>) -> Self {
         let labels: Vec<_> = labels.into_iter().collect();
-        match labels.len() <= COLOR_COUNT {
-            true => Self(labels),
-            false => Self(labels.into_iter().map(kind).collect()),
+        if labels.len() <= COLOR_COUNT {
+            Self(labels)
+        } else {
+            Self(labels.into_iter().map(kind).collect())
         }
     }
 

@@ -20,9 +20,12 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
         " (the first pair; others have another size or calibration)"
     };
     let mut lines = vec![format!("images     {width}x{height} px{others}")];
-    let focal = focal_px.map(|(fx, fy)| match (fy / fx - 1.0).abs() < HALF_PER_MILLE {
-        true => format!("{fx:.2} px"),
-        false => format!("fx {fx:.2} px, fy {fy:.2} px, fy/fx {:.3}", fy / fx),
+    let focal = focal_px.map(|(fx, fy)| {
+        if (fy / fx - 1.0).abs() < HALF_PER_MILLE {
+            format!("{fx:.2} px")
+        } else {
+            format!("fx {fx:.2} px, fy {fy:.2} px, fy/fx {:.3}", fy / fx)
+        }
     });
     let focal = focal.unwrap_or_else(|| "not known".to_owned());
     let rectified = match (geometry, rig) {

@@ -104,9 +104,12 @@ impl Keys {
                 let until = Instant::now() + wait;
                 loop {
                     let left = until.saturating_duration_since(Instant::now());
-                    let event = event::poll(left).and_then(|ready| match ready {
-                        true => event::read().map(key),
-                        false => Ok(Some(Key::Tick)),
+                    let event = event::poll(left).and_then(|ready| {
+                        if ready {
+                            event::read().map(key)
+                        } else {
+                            Ok(Some(Key::Tick))
+                        }
                     });
                     if let Some(key) = event.context("the terminal cannot be read")? {
                         return Ok(key);

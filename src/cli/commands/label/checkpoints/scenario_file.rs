@@ -234,10 +234,8 @@ impl ScenarioFile {
 impl NewScenario<'_> {
     fn text(&self, path: &Path) -> anyhow::Result<String> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let safe = |c: char| match c.is_ascii_alphanumeric() || c == '-' || c == '_' {
-            true => c,
-            false => '-',
-        };
+        let is_safe = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        let safe = |c: char| if is_safe(c) { c } else { '-' };
         let of_arena = self
             .opened
             .recording

@@ -149,16 +149,13 @@ fn from_truth(
         let Some(windows) = windows else { continue };
         known = true;
         labels.tie(sequence, pair_hash);
-        let places: Vec<_> = match of_windows {
-            true => (0..).map(Some).zip(windows).collect(),
+        let places: Vec<_> = if of_windows {
+            (0..).map(Some).zip(windows).collect()
+        } else {
             // A frame is what all its windows are.
-            false => {
-                let first = windows.first().copied().flatten();
-                vec![(
-                    None,
-                    first.filter(|_| windows.iter().all(|is| *is == first)),
-                )]
-            }
+            let first = windows.first().copied().flatten();
+            let all = first.filter(|_| windows.iter().all(|is| *is == first));
+            vec![(None, all)]
         };
         for (place, is) in places {
             labels.set(sequence, place, is);
