@@ -1,8 +1,8 @@
 //! Scores without truth, tested for their ability to separate right cells from wrong ones: svl's
 //! own study.
 //!
-//! docs/results/without-truth.md contains the definitions, the measures and the criteria, which were fixed before
-//! the first score was computed.
+//! docs/results/without-truth.md contains the definitions, the measures and the criteria, which were
+//! fixed before the first score was computed.
 //!
 //! ```text
 //! frames ─▶ Observer: support, score ─▶ Observed: rank correlation, picks, bootstrap ─▶ Finding
@@ -35,8 +35,8 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
             does.",
     method: "All 840 pairs of the arena's three seeds and, where data sets are named, their \
              scenes with truth, through all algorithms. Definitions, measures and criteria are \
-             those of docs/results/without-truth.md. Brackets contain 95 % bootstrap intervals. A second \
-             matching per algorithm and pair, and the correlations of all disparities, take \
+             those of docs/results/without-truth.md. Brackets contain 95 % intervals by bootstrap. A \
+             second matching per algorithm and pair, and the correlations of all disparities, take \
              minutes.",
     records: false,
     by_default: false,

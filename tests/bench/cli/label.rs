@@ -223,7 +223,7 @@ fn of_several_recordings_the_checkpoint_names_its_own() {
     std::fs::rename(fixture.path("run.mcap"), fixture.path("inner/run.mcap")).unwrap();
     label(&fixture, "inner/run.mcap -o both.toml", "q").failed(
         1,
-        &["both.toml: inner/run.mcap is none of its source.files; add it"],
+        &["both.toml: inner/run.mcap is not in its source.files; add it"],
     );
 }
 

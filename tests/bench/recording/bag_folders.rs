@@ -156,7 +156,7 @@ fn no_bag_names_files_elsewhere() {
     for (metadata, what) in [
         ("- a", "not that of a ROS 2 bag"),
         ("a: 1", "rosbag2_bagfile"),
-        ("a: [", "no YAML"),
+        ("a: [", "not YAML"),
         ("", "empty"),
     ] {
         std::fs::write(folder.join("metadata.yaml"), metadata).unwrap();
