@@ -1,7 +1,7 @@
 //! Scores without truth, tested for their ability to separate right cells from wrong ones: svl's
 //! own study.
 //!
-//! docs/results/without-truth.md contains the definitions, the measures and the criteria, which were
+//! docs/results/without-truth.md contains the definitions, the measures and the criteria. They were
 //! fixed before the first score was computed.
 //!
 //! ```text
@@ -35,9 +35,9 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
             does.",
     method: "All 840 pairs of the arena's three seeds and, where data sets are named, their \
              scenes with truth, through all algorithms. Definitions, measures and criteria are \
-             those of docs/results/without-truth.md. Brackets contain 95 % intervals by bootstrap. A \
-             second matching per algorithm and pair, and the correlations of all disparities, take \
-             minutes.",
+             those of docs/results/without-truth.md. Brackets contain 95 % bootstrap intervals. \
+             A second matching per algorithm and pair, and the correlations of all disparities, \
+             take minutes.",
     records: false,
     by_default: false,
     run,
