@@ -122,7 +122,7 @@ fn the_notebook_plots_a_report() {
     let is_near = numbers
         .iter()
         .zip(expected)
-        .all(|(a, b)| (a - b).abs() < 1.5);
+        .all(|(a, b)| (a - b).abs() < 0.7);
     assert!(is_near, "{last}: {expected:?}");
 }
 
