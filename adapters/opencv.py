@@ -5,7 +5,7 @@
     svl match left.png right.png -o d.pfm \\
         --algo "exec:command=python3 adapters/opencv.py sgbm --block 5"
 
-svl_matcher has to be there: `pip install` svl's adapters/python, or
+svl_matcher comes with svl's wheel; any other svl prints it:
 `svl algos exec --example python > svl_matcher.py` in this file's folder.
 """
 

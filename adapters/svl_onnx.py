@@ -4,7 +4,7 @@
     pip install numpy onnxruntime            # with CUDA: onnxruntime-gpu
     svl score arena --algo v5 --algo "net=exec:command='python3 svl_onnx.py model.onnx --multiple 16'"
 
-svl_matcher has to be there: `pip install` svl's adapters/python, or
+svl_matcher comes with svl's wheel; any other svl prints it:
 `svl algos exec --example python > svl_matcher.py` in this file's folder.
 
 A network has two inputs, left and right, by name or in this order, or one with the channels of both. Where

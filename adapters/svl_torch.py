@@ -5,7 +5,7 @@
     svl score arena --algo v5 --algo "net=exec:command='python3 svl_torch.py model.pt'"
     svl score arena --algo v5 --algo "net=exec:command='python3 svl_torch.py --entry mynet:load weights.pth'"
 
-svl_matcher has to be there: `pip install` svl's adapters/python, or
+svl_matcher comes with svl's wheel; any other svl prints it:
 `svl algos exec --example python > svl_matcher.py` in this file's folder.
 
 The network is called with left and right, float32, N x C x H x W. An entry MODULE:FUNCTION is called with

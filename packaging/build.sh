@@ -24,7 +24,9 @@ export PATH="$tools/bin:$PATH"
 
 # Man page and completions are the program's own, so it is built before the packages are.
 beside="$PWD/packaging/svl.data/data"
-rm -rf packaging/svl.data && mkdir -p "$beside"
+rm -rf packaging/svl.data && mkdir -p "$beside/share/doc/svl" packaging/svl.data/purelib
+cp README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$beside/share/doc/svl"
+cp adapters/python/svl_matcher.py packaging/svl.data/purelib
 wheel() { (cd packaging && maturin build --quiet --locked --zig --compatibility manylinux_2_31 -o "$out"); }
 wheel
 program="$target/$triple/dist/svl"
@@ -41,7 +43,6 @@ tar="$tools/svl-$version-${triple%%-*}-linux"
 rm -rf "$tar" && mkdir -p "$tar/bin"
 cp "$program" "$tar/bin/"
 cp -r "$beside/share" "$tar/"
-cp README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$tar/"
 tar -C "$tools" -czf "$out/$(basename "$tar").tar.gz" "$(basename "$tar")"
 
 ls -l "$program" "$out"

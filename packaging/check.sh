@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# Installs each package of the folder $1 into a clean Debian 11 (glibc 2.31) and runs the main job there. As root, with
-# debootstrap (Debian: apt-get install debootstrap).
+# Installs each package of the folder $1 into a clean Debian 11 (glibc 2.31) and runs the main job there. As root, or by
+# sudo, with debootstrap (Debian: apt-get install debootstrap).
 set -euo pipefail
+[ "$(id -u)" = 0 ] || exec sudo "$0" "$@"
 packages="$(realpath "$1")"
 root="$(mktemp -d)"
 trap 'rm -rf "$root"' EXIT
-debootstrap --variant=minbase --include=python3-pip,man-db bullseye "$root/clean" > "$root/log" || { tail "$root/log"; exit 1; }
+debootstrap --variant=minbase --include=python3-pip,python3-numpy,man-db bullseye "$root/clean" > "$root/log" || { tail "$root/log"; exit 1; }
 
 # In a fresh copy: $1 is its name, $2 what installs svl.
 try() {
@@ -27,6 +28,6 @@ try() {
   echo "== $1: well"
   rm -rf "${root:?}/$1"
 }
-try wheel 'pip3 -q install --no-index svl-*.whl'
+try wheel 'pip3 -q install --no-index svl_bench-*.whl && python3 -c "import svl_matcher"'
 try deb 'dpkg -i svl_*.deb'
 try tar 'tar -C /usr/local --strip-components 1 -xzf svl-*.tar.gz'

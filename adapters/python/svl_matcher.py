@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Stereo matchers in Python for svl, and what svl writes as arrays and data frames.
+"""Stereo matchers in Python for svl, and svl's recordings and reports as arrays and data frames.
 
 A matcher is a function of two numpy arrays in a file of its own:
 
@@ -13,11 +13,14 @@ A matcher is a function of two numpy arrays in a file of its own:
 
     svl score arena --algo v5 --algo "mine=exec:command=python3 mine.py"
 
-This module is one file: `pip install` it from svl's adapters/python, or let an installed svl print it
-(`svl algos exec --example python > svl_matcher.py`) beside your own. It needs numpy; read() and
-report() need `pip install pandas mcap mcap-protobuf-support mcap-ros2-support pillow`.
+This module is one file, and needs numpy. svl's wheel `svl-bench` contains it; any other svl prints it:
+`svl algos exec --example python > svl_matcher.py` beside your own file. read() and report() need
+`pip install pandas mcap mcap-protobuf-support mcap-ros2-support pillow`.
 """
 
+from __future__ import annotations
+
+import argparse
 import inspect
 import io
 import json
@@ -27,9 +30,12 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, Optional
+from typing import TYPE_CHECKING, Any, Callable, Iterator, NamedTuple, Sequence
 
 import numpy as np
+
+if TYPE_CHECKING:
+    import pandas
 
 __version__ = "0.1.0"
 
@@ -39,25 +45,25 @@ __version__ = "0.1.0"
 
 @dataclass(frozen=True)
 class Request:
-    """What svl asks for, besides the images."""
+    """The request for one pair, besides its images.
 
-    # Number of the pair in its run.
+    sequence: number of the pair in its run. name: name of the pair, if it has one. min_disparity,
+    max_disparity: range of the search in pixels, both included. grid: columns and rows of the depth
+    grid. threads: limit on threads. rig: focal_px, cx_px, cy_px, baseline_m and doffs_px; None if the
+    cameras are not known.
+    """
+
     sequence: int
-    # Name of the pair, where it has one.
-    name: Optional[str]
-    # Disparities are searched from the one to the other, in pixels.
+    name: str | None
     min_disparity: int
     max_disparity: int
-    # Columns and rows of the depth grid.
-    grid: tuple
-    # How many threads may be used.
+    grid: tuple[int, int]
     threads: int
-    # focal_px, cx_px, cy_px, baseline_m, doffs_px; None where the cameras are not known.
-    rig: Optional[dict]
+    rig: dict[str, float] | None
 
 
-def matcher(function=None, **options):
-    """Serves svl with a function of two images where its file is the program; else changes nothing.
+def matcher(function: Callable[..., Any] | None = None, **options: Any) -> Callable[..., Any]:
+    """Serves svl with a function of two images if its file is the program; else changes nothing.
 
     The images are arrays of uint8, height x width, rectified. The function returns disparities in
     pixels, height x width, NaN or infinity for none: the left pixel (x, y) with disparity d shows what
@@ -79,13 +85,20 @@ def matcher(function=None, **options):
     return function
 
 
-def serve(function, *, color=False, batch=1, start=None, **hello):
+def serve(
+    function: Callable[..., Any],
+    *,
+    color: bool = False,
+    batch: int = 1,
+    start: Callable[[Request], dict[str, Any] | None] | None = None,
+    **hello: Any,
+) -> None:
     """Answers svl's requests until its input ends.
 
-    color: images are height x width x 3, red, green, blue. batch: the most pairs that the function
-    takes at once; above 1 it gets and returns arrays with one more dimension in front, and a list of
-    requests. start(request) is called before the first pair; what it returns is added to hello. hello:
-    name, version, device, threads, isa, model (a hash), for the run's manifest.
+    color: images are height x width x 3, red, green, blue. batch: limit on pairs at once; above 1 the
+    function gets and returns arrays with one more dimension in front, and gets a list of requests.
+    start(request) is called before the first pair; the dictionary that it returns is added to hello.
+    hello: name, version, device, threads, isa, model (a hash), for the run's manifest.
     """
     source, target = open(0, "rb", closefd=False), _private_stdout()
     with_requests = len(inspect.signature(function).parameters) > 2
@@ -168,8 +181,8 @@ def _shape(line):
 class _Shared:
     """svl's memory with the images and, behind them, room for the disparities."""
 
-    def __init__(self):
-        self.map = None
+    def __init__(self) -> None:
+        self.map: mmap.mmap | None = None
 
     def pair(self, line):
         shape = _shape(line)
@@ -240,7 +253,7 @@ def _cells(cells, grid):
 
 # --- Networks ---------------------------------------------------------------------------------
 
-NORMALISATIONS = {
+NORMALISATIONS: dict[str, tuple[Any, Any, Any]] = {
     # Factor, mean and standard deviation by channel.
     "raw": (1, 0, 1),
     "unit": (1 / 255, 0, 1),
@@ -249,8 +262,8 @@ NORMALISATIONS = {
 }
 
 
-def network_options(parser):
-    """Adds the options of Network to an argparse parser."""
+def network_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of Network to a parser."""
     add = parser.add_argument
     add("--channels", choices=["grey", "rgb"], help="of its images (default: as the model says)")
     add("--normalise", choices=NORMALISATIONS, default="raw", help="raw: 0 to 255 (default); unit: 0 to "
@@ -277,15 +290,16 @@ def _size(text):
 
 
 class Network:
-    """What stands between pairs of images and a network: layout, normalisation, padding, resizing, and
-    the way back from its outputs to disparities."""
+    """Inputs of a network from pairs of images, and disparities from its outputs: layout, normalisation,
+    padding, resizing. `options` are those of network_options(); `channels` (1 or 3) is the model's
+    number, which the option --channels replaces."""
 
-    def __init__(self, options, channels):
+    def __init__(self, options: argparse.Namespace, channels: int) -> None:
         self.options = options
         self.channels = {"grey": 1, "rgb": 3, None: channels}[options.channels]
         self.padding = self.scale = (0, 0)
 
-    def inputs(self, images):
+    def inputs(self, images: np.ndarray) -> np.ndarray:
         """Images N x H x W [x 3] as float32, N x C x H' x W'."""
         factor, mean, deviation = NORMALISATIONS[self.options.normalise]
         planes = images[..., None] if images.ndim == 3 else images
@@ -302,8 +316,9 @@ class Network:
         self.inner = planes.shape[2:]
         return np.pad(planes, ((0, 0), (0, 0), (0, below), (0, right)), mode="edge")
 
-    def disparities(self, outputs, padded, size):
-        """Of N outputs by name, for inputs of the size `padded`, as N x H x W of the images' size."""
+    def disparities(self, outputs: Any, padded: tuple[int, ...], size: tuple[int, ...]) -> np.ndarray:
+        """Disparities N x H x W of the images' `size`, from the outputs (an array, or lists and
+        dictionaries of them) for inputs of the size `padded`; both are height and width."""
         maps = {name: _planes(array) for name, array in _flat(outputs)}
         if not maps:
             raise ValueError("the network has no output that is a map")
@@ -362,7 +377,7 @@ def _planes(array):
     return array[None] if array.ndim == 2 else array[:, 0] if array.ndim == 4 else array
 
 
-def resized(planes, size):
+def resized(planes: np.ndarray, size: Sequence[int]) -> np.ndarray:
     """N x C x H x W, resized bilinearly; pixels are areas, as in PyTorch's align_corners=False."""
 
     def axis(old, new):
@@ -376,15 +391,15 @@ def resized(planes, size):
     return planes[..., low] * (1 - share) + planes[..., high] * share
 
 
-def file_hash(path):
+def file_hash(path: str | Path) -> str:
     """The first half of a file's SHA-256, hexadecimal."""
     import hashlib
 
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:32]
 
 
-def memory_error(error):
-    """The error, with the cure where memory was too little."""
+def memory_error(error: BaseException) -> BaseException:
+    """The error; if memory ran out, a MemoryError with the cure."""
     words = str(error)
     is_memory = isinstance(error, MemoryError)
     for sign in ("out of memory", "Failed to allocate", "bad_alloc", "can't allocate"):
@@ -395,20 +410,22 @@ def memory_error(error):
     return MemoryError(f"{words}: too little memory; a smaller --size or --batch, or --device cpu")
 
 
-# --- What svl writes --------------------------------------------------------------------------
+# --- Recordings and reports -------------------------------------------------------------------
 
 
 class Pair(NamedTuple):
-    """A synchronized pair of a recording."""
+    """A synchronized pair of a recording.
 
-    # Number of the pair in the recording.
+    sequence: number of the pair in the recording. stamp_ns: of the left image. left, right: uint8,
+    height x width. depth_m: true distances along the optical axis in metres, NaN for none; None if the
+    recording has no truth.
+    """
+
     sequence: int
     stamp_ns: int
-    # uint8, height x width.
     left: np.ndarray
     right: np.ndarray
-    # True distances along the optical axis in metres, where the recording has them; NaN for none.
-    depth_m: Optional[np.ndarray]
+    depth_m: np.ndarray | None
 
 
 _LEFT, _RIGHT, _DEPTH = "/stereo/left/image", "/stereo/right/image", "/truth/depth"
@@ -423,8 +440,9 @@ class _Json:
         return json.loads if message_encoding == "json" else None
 
 
-def read(recording):
-    """The pairs of a recording of svl's, in order. One that was cut off ends with its last whole pair."""
+def read(recording: str | Path) -> Iterator[Pair]:
+    """The pairs of one of svl's recordings, in order. A truncated one ends with its last complete pair.
+    Raises ValueError for a file of another program."""
     from mcap.reader import make_reader
     from mcap_protobuf.decoder import DecoderFactory as Protobuf
     from mcap_ros2.decoder import DecoderFactory as Ros2
@@ -432,7 +450,7 @@ def read(recording):
     with open(recording, "rb") as file:
         reader = make_reader(file, decoder_factories=[Protobuf(), Ros2(), _Json()])
         # By the number of the pair: the right image has a stamp of its own.
-        pairs = {}
+        pairs: dict[int, dict[str, Any]] = {}
         found = set()
         topics = [_LEFT, _RIGHT, _DEPTH, _SYNC]
         for _, channel, message, decoded in reader.iter_decoded_messages(topics=topics):
@@ -454,7 +472,7 @@ def read(recording):
         missing = {_LEFT, _RIGHT, _SYNC} - found
         if missing:
             names = ", ".join(sorted(missing))
-            raise ValueError(f"{recording}: is no recording of svl's: it has no {names}")
+            raise ValueError(f"{recording}: not one of svl's recordings: it has no {names}")
 
 
 def _image(message):
@@ -468,13 +486,14 @@ def _image(message):
     return rows.reshape(message.height, message.step // kind.itemsize)[:, : message.width]
 
 
-def report(folder):
-    """The tables of a report as data frames, by their names: rows, cells, summary and so on."""
+def report(folder: str | Path) -> dict[str, pandas.DataFrame]:
+    """The tables of a report as data frames, by their names: rows, cells, summary and so on.
+    Raises ValueError for another folder."""
     import pandas
 
     folder = Path(folder)
     if not (folder / "manifest.json").is_file():
-        raise ValueError(f"{folder}: is no report of svl's: it has no manifest.json")
+        raise ValueError(f"{folder}: not one of svl's reports: it has no manifest.json")
     return {path.stem: pandas.read_csv(path) for path in sorted(folder.glob("*.csv"))}
 
 

@@ -12,6 +12,7 @@ mod examples;
 mod grab;
 mod protocol;
 mod recording;
+mod release;
 mod report;
 #[cfg(feature = "rerun")]
 mod rerun;
