@@ -53,8 +53,8 @@ Examples:
   svl replay run.mcap --algo v3 --rerun spawn
   svl match left.png right.png --algo v3:max_disparity=64 -o disparity.pfm
 
-Exit status: 0 done, 1 failed, 2 wrong usage, 3 a gate is broken or could not
-be judged, 4 done, but something is missing.";
+Exit status: 0 done, 1 failed, 2 wrong usage, 3 a gate failed or was not
+measured, 4 done, but something is missing.";
 
 /// The whole command line, as help, completions and the man page show it.
 fn program() -> clap::Command {
@@ -140,7 +140,7 @@ mod tests {
         }
     }
 
-    /// clap breaks longer lines and begins them anew at the margin.
+    /// clap breaks longer lines and continues them at the margin.
     #[test]
     fn what_stands_below_the_options_fits_into_78_columns() {
         fn check(command: &clap::Command) {

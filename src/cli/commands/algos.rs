@@ -12,7 +12,7 @@ use svl::matcher::{self, MATCHERS, MatcherSpec, Range};
                   svl algos exec --example python > svl_matcher.py"
 )]
 pub(crate) struct Args {
-    /// Show this one
+    /// Algorithm to show
     #[arg(value_parser = matcher::find)]
     name: Option<&'static MatcherSpec>,
 
@@ -114,7 +114,7 @@ impl AlgorithmEntry {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(example) = args.example {
         if args.name.is_none_or(|spec| spec.name != "exec") {
-            let words = "--example is of programs: svl algos exec --example KIND";
+            let words = "--example needs a kind of program: svl algos exec --example KIND";
             return Err(usage::wrong(words.to_owned()));
         }
         return print(example.text());

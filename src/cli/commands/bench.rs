@@ -1,4 +1,4 @@
-//! `svl bench`: how fast the algorithms are, side by side.
+//! `svl bench`: the speed of the algorithms, side by side.
 
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::terminal::{print, print_json, style};
@@ -17,8 +17,8 @@ use svl::{BuildInfo, counted, slow_profile};
 /// Measure the speed of algorithms, matching only
 ///
 /// Every algorithm matches the same pair of the arena, in turns, so that a slow moment of the
-/// machine meets all of them. Times are of one machine at one moment: compare them within a run, by
-/// their medians.
+/// machine affects all of them. Times are of one machine at one moment: compare them within a run,
+/// by their medians.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -46,12 +46,12 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Threads where none are asked for: speeds are compared per core.
+/// Default number of threads: speeds are compared per core.
 pub(super) const THREADS: u16 = 1;
 
 /// Time spent on each algorithm.
 const BUDGET: Duration = Duration::from_secs(2);
-/// Fewest and most matchings of each.
+/// Fewest and most matchings of each algorithm.
 const ROUNDS: std::ops::RangeInclusive<usize> = 5..=1000;
 
 fn size(text: &str) -> Result<(usize, usize), String> {
@@ -116,7 +116,7 @@ fn with_range(algorithm: &Algorithm, max_disparity: u16) -> svl::Result<Algorith
 fn pair((width, height): (usize, usize)) -> anyhow::Result<StereoPair> {
     let mut config = ArenaConfig::default();
     (config.rig.width_px, config.rig.height_px) = (width, height);
-    let arena = Arena::new(&config, 1).context("the pair to be measured on")?;
+    let arena = Arena::new(&config, 1).context("the pair for the measurement")?;
     Ok(arena.frame(config.frames / 2)?.pair)
 }
 

@@ -33,8 +33,8 @@ Examples:
   svl compare reports/arena reports/range --json \\
       | jq '.[0].algorithms[0].metrics'")]
 pub(crate) struct Args {
-    /// Folders that `svl score` wrote, or one algorithm of them; the first is what the others are
-    /// compared with
+    /// Folders that `svl score` wrote, or one algorithm of them; the others are compared with the
+    /// first
     #[arg(
         required = true, num_args = 2.., value_name = "REPORT[#ALGORITHM]",
         value_parser = NonEmptyStringValueParser::new()
@@ -44,8 +44,8 @@ pub(crate) struct Args {
     /// equal names]
     #[arg(long, value_name = "BASE=OTHER")]
     map: Vec<String>,
-    /// Fail when a metric became worse: any, or those named. Pairs that an algorithm failed on, but
-    /// not in the first report, are worse whatever is named
+    /// Fail if a metric became worse: any, or those named. Pairs on which an algorithm failed, but
+    /// not in the first report, always count as worse
     #[arg(long, value_name = "worse[:METRIC]", value_parser = fail_on)]
     fail_on: Vec<FailOn>,
     /// Show each metric over all reports, by their dates, in place of their differences
@@ -77,7 +77,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Which metrics must not become worse; none: any.
+/// Metrics that must not become worse; `None`: any.
 #[derive(Clone, Copy)]
 struct FailOn(Option<&'static Metric>);
 
@@ -123,15 +123,15 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         let (base, other) = (unlike.base.display(), unlike.other.display());
         let differences = unlike.differences.join("; ");
         return Err(usage::gate(format!(
-            "{base}, {other}: were scored differently ({differences}), so --fail-on has nothing to \
-             judge"
+            "{base}, {other}: were scored differently ({differences}), so --fail-on cannot \
+             compare them"
         )));
     }
     let incomplete = comparisons.iter().flat_map(|of| &of.incomplete).next();
     if let (Some((folder, why)), false) = (incomplete, args.fail_on.is_empty()) {
         let folder = folder.display();
         return Err(usage::gate(format!(
-            "{folder}: is incomplete ({why}), so --fail-on has nothing to judge"
+            "{folder}: is incomplete ({why}), so --fail-on cannot compare it"
         )));
     }
     let cases: Vec<_> = comparisons
@@ -165,7 +165,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         let style = style();
         print(&joined(&|of| of.terminal(&columns, style)))?;
     }
-    // Metrics that became worse come before those that could not be judged.
+    // Metrics that became worse come before those that could not be tested.
     let failed = cases.iter().filter_map(|case| match &case.result {
         TestResult::Failed(why) => Some(format!("{}: {why}", case.name)),
         _ => None,
@@ -209,7 +209,7 @@ fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
     };
     let mut cases = Vec::new();
     for algorithm in comparison.algorithms.iter().filter(|_| !fail_on.is_empty()) {
-        // Whatever is asked for, it is measured on fewer pairs.
+        // More failures leave fewer pairs for every metric, so they count for any.
         let open = (algorithm.pairs == 0).then(|| "no pair in common".to_owned());
         let failed = algorithm.failures().map(TestResult::Failed);
         cases.extend(

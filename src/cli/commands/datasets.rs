@@ -40,9 +40,9 @@ enum DatasetsCommand {
 
 /// Download a data set from its authors and unpack it
 ///
-/// It lands in DIR/NAME, as its archives have it; what is there already stays. A download that was
-/// interrupted goes on where it ended. The authors publish no checksums: the first fetch writes
-/// those it saw into DIR/NAME/fetched.json, and later ones are held against them. Archives that svl
+/// The files go to DIR/NAME, with the paths of the archives; existing files are kept. An
+/// interrupted download resumes. The authors publish no checksums: the first fetch writes those it
+/// saw into DIR/NAME/fetched.json, and later ones are checked against them. Archives that svl
 /// downloaded are removed once they are unpacked.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -52,15 +52,15 @@ Examples:
   svl datasets fetch kitti2015 --from ~/Downloads --data DATASETS
   svl datasets fetch eth3d --from https://mirror.example/eth3d --data DATASETS")]
 struct FetchArgs {
-    /// Data set, as `svl datasets list` names them
+    /// Data set, as `svl datasets list` lists them
     #[arg(value_name = "NAME", value_parser = dataset::find)]
     dataset: &'static Dataset,
     /// Parts of it [default: the usual ones]
     part: Vec<String>,
-    /// Take the archives from a folder where they lie already, or from a mirror
+    /// Folder that already has the archives, or address of a mirror
     #[arg(long, value_name = "URL|DIR", value_parser = NonEmptyStringValueParser::new())]
     from: Option<String>,
-    /// Folder of the data sets [default: what SVL_DATASETS names]
+    /// Folder of the data sets [default: SVL_DATASETS]
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
 }
@@ -109,7 +109,7 @@ fn fetch(args: &FetchArgs, quiet: bool) -> anyhow::Result<()> {
     let parts = dataset.parts(&args.part).map_err(usage::wrong)?;
     let Some(data) = data_folder(args.data.as_deref()) else {
         return Err(usage::wrong(
-            "where to? Name the folder of the data sets with --data DIR or SVL_DATASETS",
+            "no folder to fetch into; name that of the data sets with --data DIR or SVL_DATASETS",
         ));
     };
     let origin = Origin::named(args.from.as_deref())?;
@@ -140,7 +140,7 @@ fn fetch(args: &FetchArgs, quiet: bool) -> anyhow::Result<()> {
         ..
     } = fetching;
     print(&format!(
-        "{}: {} written, {kept} there already\n",
+        "{}: {} written, {kept} existed already\n",
         folder.display(),
         counted(written as u64, "file")
     ))
@@ -168,7 +168,7 @@ impl Origin {
     }
 }
 
-/// A data set on its way.
+/// A data set that is being fetched.
 struct Fetching {
     folder: PathBuf,
     receipts: Receipts,
@@ -201,8 +201,8 @@ impl Fetching {
                 let _ = std::fs::remove_file(&path);
             }
             bail!(
-                "{from}: is a web page and not {file}; is the address right, and this machine let \
-                 through?"
+                "{from}: is a web page, not {file}; check the address, and that this machine may \
+                 download from it"
             );
         }
         let (sha256, bytes) = self.with_bar("check", &path, |bar| fetch::sha256(&path, bar))?;
@@ -228,7 +228,7 @@ impl Fetching {
         Ok(())
     }
 
-    /// The file itself, downloaded to `own` where it is not at hand; and where it came from.
+    /// The file, downloaded to `own` if it is not at hand, and its origin.
     fn obtain(&self, part: &Part, file: &str, own: &Path) -> anyhow::Result<(PathBuf, String)> {
         let url = match &self.origin {
             Origin::Authors => format!("{}{file}", part.base),
@@ -262,8 +262,8 @@ impl Fetching {
         Ok((own.to_owned(), url))
     }
 
-    /// Unpacks an archive, or puts a single file where it belongs; what that made, below the part's
-    /// folder.
+    /// Unpacks an archive, or moves a single file to its place. Returns the paths that this made,
+    /// below the part's folder.
     fn place(&mut self, part: &Part, path: &Path, own: &Path) -> anyhow::Result<BTreeSet<String>> {
         if fetch::is_archive(&path.to_string_lossy()) {
             let folder = self.folder.join(part.folder);

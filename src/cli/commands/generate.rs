@@ -1,4 +1,4 @@
-//! `svl generate`: what packagers install beside the program.
+//! `svl generate`: files that packagers install beside the program.
 
 use crate::cli::shared::source;
 use crate::cli::shared::terminal::print;
@@ -25,7 +25,7 @@ enum Generated {
     /// Print the man page, or write those of all commands
     #[command(after_help = "Examples:\n  svl generate man > svl.1\n  svl generate man -o man1")]
     Man {
-        /// Folder for a page per command, which replace those that are there
+        /// Folder for a page per command; existing pages are replaced
         #[arg(short, long, value_name = "DIR")]
         output: Option<PathBuf>,
     },

@@ -96,8 +96,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let choice = args.algo.safe_choice()?;
     if args.evidence.is_some() && choice.is_none() {
         let label = args.algo.label();
-        let words =
-            format!("--evidence: {label} does not say what its cells rest on; --algo v5 does");
+        let words = format!("--evidence: {label} gives no evidence for its cells; --algo v5 does");
         return Err(usage::wrong(words));
     }
     let outputs = [
@@ -112,7 +111,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         outputs.into_iter().flatten().map(PathBuf::as_path),
     )?;
     if args.algo.spec().name == "exec" {
-        // A program is ended by svl, which ends by itself otherwise.
+        // svl has to end the program, so Ctrl-C must not end svl at once.
         listen_for_interrupt();
     }
     let mut matcher = args.algo.build()?;
@@ -199,7 +198,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// Distances row by row, nothing where unknown.
+/// Distances row by row, none if unknown.
 fn distances(grid: &DepthGrid) -> Vec<Vec<Option<f64>>> {
     let cells: Vec<_> = grid
         .iter()

@@ -11,9 +11,9 @@ use svl::run::complete;
 
 /// Make one report of the parts that `svl score --shard` left
 ///
-/// The report has the tables and hashes of a run on one machine; times only where all parts are of
-/// one machine. It lists their machines. Their pages and their runs for Rerun stay where they are,
-/// and are linked.
+/// The report has the tables and hashes of a run on one machine; times only if all parts were run
+/// on one machine. It lists their machines. Their pages and their runs for Rerun stay where they
+/// are, and are linked.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -22,23 +22,24 @@ Examples:
   svl merge part1 part2 -o reports/all
 
 The order of the parts does not matter. All shards of one run are needed, of
-one svl and one scenario with the same options, each at its end. Their losses
-are added up: with more than --allow-loss the exit status is 4.")]
+one version of svl and one scenario with the same options, and each must be
+complete. Their losses are added up: with more than --allow-loss the exit
+status is 4.")]
 pub(in crate::cli) struct Args {
     /// Folders that `svl score --shard` wrote
     #[arg(value_name = "PART", required = true)]
     parts: Vec<PathBuf>,
-    /// Folder for the report; a report of svl's that is there is replaced
+    /// Folder for the report; an existing report of svl's is replaced
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Folder, new or empty, for each plot of the page as an SVG file
     #[arg(long, value_name = "DIR")]
     figures: Option<PathBuf>,
-    /// Exit with 0 where no more is lost in all parts together: N pairs, or P per cent, as `svl
-    /// score` counts them [default: the strictest of the parts'; 0]
+    /// Loss of all parts together with which the exit status is still 0: N pairs, or P per cent, as
+    /// `svl score` counts them [default: the strictest of the parts'; 0]
     #[arg(long, value_name = "N|P%", allow_negative_numbers = true)]
     allow_loss: Option<LossLimit>,
-    /// Say what the columns mean
+    /// Explain the columns
     #[arg(long)]
     explain: bool,
     /// Print JSON

@@ -50,7 +50,7 @@ pub(super) enum Command {
 }
 
 impl Command {
-    /// Threads where the user asks for none; nothing stands for one per core.
+    /// Default number of threads; `None` is one per core.
     pub(super) fn threads(&self) -> Option<u16> {
         matches!(self, Self::Bench(_)).then_some(bench::THREADS)
     }

@@ -11,9 +11,9 @@ use svl::recording::{Recording, Recovery};
 /// Recover the intact part of a truncated or corrupt recording
 ///
 /// Copies all intact topics, schemas, messages, attachments and metadata into a new file, chunk by
-/// chunk, whoever wrote them. A chunk that does not match its CRC is skipped; where a length is
-/// damaged, reading resynchronizes at the next record that proves to be one. The damaged file is
-/// not changed.
+/// chunk, whichever program wrote them. A chunk that does not match its CRC is skipped; where a
+/// length is damaged, reading resynchronizes at the next record that proves to be one. The damaged
+/// file is not changed.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  svl recover killed.mcap -o saved.mcap && svl info saved.mcap")]
 pub(crate) struct Args {

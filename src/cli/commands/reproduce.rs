@@ -17,11 +17,11 @@ use svl::scenario::Scenario;
 use svl::source::dataset::Scene;
 use svl::source::{RecordingSource, Source};
 
-/// Repeat the thesis's experiments and say which of its claims hold
+/// Repeat the thesis's experiments and report which of its claims hold
 ///
-/// Each experiment runs in the simulated arena and, where a folder of data sets is named, on real
-/// scenes. Prints a verdict per figure, and writes index.html with the figures, the numbers beside
-/// the thesis's and what each verdict follows from.
+/// Each experiment runs in the simulated arena and, if a folder of data sets is named, on real
+/// scenes. Prints a result per figure, and writes index.html with the figures, the numbers beside
+/// the thesis's, and the conditions of each result.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -33,11 +33,10 @@ pub(crate) struct Args {
     /// svl's own that takes minutes; may be given more than once [default: all of the thesis]
     #[arg(value_name = "FIGURE", value_parser = figure)]
     figures: Vec<NamedExperiment>,
-    /// Folder for the report; a report of svl's that is there is replaced
+    /// Folder for the report; an existing report of svl's is replaced
     #[arg(short, long, value_name = "DIR", default_value = "reports/reproduce")]
     output: PathBuf,
-    /// Folder of the data sets, for experiments on real scenes [default: what SVL_DATASETS names,
-    /// else none]
+    /// Folder of the data sets, for experiments on real scenes [default: SVL_DATASETS, else none]
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
     /// Print JSON
@@ -153,7 +152,7 @@ fn write_report(page: &FindingsPage<'_>, out: &Path) -> anyhow::Result<()> {
     Ok(write(&out.join("index.html"), page.html()?)?)
 }
 
-/// The terminal's text: per figure a line with its verdict and a line with its numbers.
+/// The terminal's text: per figure a line with its result and a line with its numbers.
 fn text(page: &FindingsPage<'_>, out: &Path) -> Result<String, std::fmt::Error> {
     let mut text = String::new();
     for ExperimentFinding {

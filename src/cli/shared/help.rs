@@ -1,4 +1,5 @@
-//! Help: the groups of the front page, the headings of options, and what `-h` leaves to `--help`.
+//! Help: the groups of the front page, the headings of options, and the options that only `--help`
+//! shows.
 
 use super::source::{CameraArgs, sources_help};
 use super::terminal::{LAST_COLUMN, wrapped};
@@ -120,7 +121,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// Options that `-h` leaves to `--help`.
+/// Options that only `--help` shows, not `-h`.
 const LONG_OPTIONS: &[&str] = &[
     "sample",
     "rerun_detail",

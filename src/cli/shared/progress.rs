@@ -114,7 +114,7 @@ impl Bytes {
         Self(bar)
     }
 
-    /// `done` bytes of `total`, where that is known; whether to go on.
+    /// `done` bytes of `total`, if that is known. Returns false to end.
     pub(crate) fn go_on(&self, done: u64, total: Option<u64>) -> bool {
         if let Some(total) = total.filter(|&total| self.0.length() != Some(total)) {
             self.0.set_length(total);

@@ -1,4 +1,4 @@
-//! Options of sources on the command line, and what help and lists say of [`SOURCES`].
+//! Options of sources on the command line, and the text about [`SOURCES`] in help and lists.
 
 use super::progress::{Terminal, listen_for_interrupt};
 use super::terminal::{LAST_COLUMN, print, width, wrapped};
@@ -11,16 +11,16 @@ use svl::matcher::{Range, Value};
 use svl::recording::files;
 use svl::source::{CAMERAS, Opened, Request, SOURCES};
 
-/// Options of a scenario's source that commands which open one source do not take.
+/// Options of a scenario's source, which commands that open one source refuse.
 pub(crate) const OF_SCENARIOS: &[&str] = &["data", "scenes", "seeds", "reference"];
 
-/// Takes an option that a command refuses out of its help.
+/// Hides an option that a command refuses from its help.
 pub(crate) fn hidden(arg: clap::Arg, keys: &[&str]) -> clap::Arg {
     let is_refused = keys.contains(&arg.get_id().as_str());
     arg.hide(is_refused)
 }
 
-/// Options that only cameras take.
+/// Options that only cameras accept.
 #[derive(clap::Args)]
 pub(crate) struct CameraArgs {
     /// Trigger source: svl when both cameras are armed, the trigger controller at DEVICE when both
@@ -211,7 +211,10 @@ fn driver_help(driver: &Driver) -> String {
         text += &wrapped(&head, OPTION_COLUMN, &words, LAST_COLUMN);
     }
     if let Some(option) = driver.camera_options.first() {
-        let words = format!("from {0} on also of one camera, as right.{0}", option.name);
+        let words = format!(
+            "{0} and later options also for one camera, as right.{0}",
+            option.name
+        );
         text += &wrapped("", COLUMN, &words, LAST_COLUMN);
     }
     text

@@ -19,7 +19,7 @@ pub(crate) fn print(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// Prints a line to standard error. Nobody is left to tell where that is closed.
+/// Prints a line to standard error. Does nothing if that is closed.
 pub(crate) fn print_error(line: impl std::fmt::Display) {
     let _ = writeln!(io::stderr(), "{line}");
 }
@@ -74,7 +74,7 @@ impl Warnings {
     /// Writes what was held back, and from now on everything at once.
     pub(crate) fn release() {
         if let Some((held, _)) = Self::held().take() {
-            // Nobody is left to tell where standard error is closed.
+            // A closed standard error is ignored.
             let _ = io::stderr().write_all(&held);
         }
     }
@@ -206,7 +206,7 @@ pub(crate) fn report_lines(folder: &Path) -> String {
     )
 }
 
-/// Last column of the help that stands below the options, which clap does not break again.
+/// Last column of the help below the options, which clap does not break again.
 pub(crate) const LAST_COLUMN: usize = 78;
 
 /// `head`, and from a column on the words of `text`, broken at the last column.

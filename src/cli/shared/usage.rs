@@ -17,8 +17,8 @@ pub(crate) fn wrong(words: impl Display) -> anyhow::Error {
     svl::Error::Usage(words.to_string()).into()
 }
 
-/// Prints an error and its causes in one line. Returns 2 for wrong usage, 3 for a limit that is
-/// broken or could not be judged, 4 where something is missing of what is done, else 1.
+/// Prints an error and its causes in one line. Returns 2 for wrong usage, 3 for a limit that failed
+/// or was not measured, 4 for a result that is incomplete, else 1.
 pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
     let line = one_line(error);
     let (code, cure) = match error.downcast_ref::<svl::Error>() {
@@ -31,7 +31,7 @@ pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// Fails as a gate that is broken or could not be judged.
+/// The error of a gate that failed or was not measured.
 pub(crate) fn gate(words: impl Display) -> anyhow::Error {
     svl::Error::Gate(words.to_string()).into()
 }
@@ -72,8 +72,7 @@ pub(crate) fn algorithm(text: &str) -> svl::Result<Algorithm> {
     Ok(algorithm)
 }
 
-/// The name of a file with one of these endings.
-/// Two numbers with a character between them.
+/// The name of a file with one of these extensions. Two numbers with a character between them.
 pub(crate) fn two<N: FromStr>(text: &str, between: char) -> Option<(N, N)> {
     let (first, second) = text.split_once(between)?;
     Some((first.parse().ok()?, second.parse().ok()?))
@@ -83,7 +82,7 @@ pub(crate) fn ending(endings: &'static [&'static str]) -> impl TypedValueParser<
     PathBufValueParser::new().try_map(|path| ends_in(&path, endings).map(|()| path))
 }
 
-/// Refuses the name of a file with none of these endings.
+/// Refuses the name of a file with none of these extensions.
 pub(crate) fn ends_in(path: &Path, endings: &[&str]) -> Result<(), String> {
     if endings
         .iter()

@@ -120,7 +120,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         bail!("asking about each pair needs a terminal; add --yes to accept all that help");
     }
     args.options
-        .refuse(NOT_TAKEN, "is not for what cameras are calibrated with")?;
+        .refuse(NOT_TAKEN, "does not apply to a calibration's source")?;
     let mut request = Request {
         raw: true,
         options: args.options.clone(),
@@ -185,7 +185,7 @@ fn calibrate(
         Ok(rectification) => {
             solution.calibration = solution.calibration.with_rectification(rectification)
         }
-        // Intrinsics and extrinsics are still of use without a rectification.
+        // Intrinsics and extrinsics are still useful without a rectification.
         Err(error) => tracing::warn!("not rectified: {error}"),
     }
     for left_out in files::write(&args.output, &solution.calibration)? {

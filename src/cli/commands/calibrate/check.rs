@@ -48,7 +48,7 @@ const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds", "reference", "allow_loss
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     args.options
-        .refuse(NOT_TAKEN, "is not for what is measured here")?;
+        .refuse(NOT_TAKEN, "does not apply to this check")?;
     let request = Request {
         options: args.options.clone(),
         ..Request::new(&args.recording)

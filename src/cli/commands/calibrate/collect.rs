@@ -70,10 +70,7 @@ pub(super) fn collect(
         let chooser = chooser.get_or_insert_with(|| {
             if frame.rig().is_some() {
                 bar.suspend(|| {
-                    tracing::warn!(
-                        "{} says that its images are rectified already",
-                        opened.source.name()
-                    )
+                    tracing::warn!("{}: its images are rectified already", opened.source.name())
                 });
             }
             found.size = frame.pair.size();
@@ -138,7 +135,7 @@ pub(super) fn collect(
         .as_ref()
         .filter(|_| folder.pairs() >= LEAST_VIEWS)
     {
-        tracing::warn!("{failure:#}; calibrating from what came before");
+        tracing::warn!("{failure:#}; calibrating from the views before it");
     }
     prompt.finish()?;
     report_losses(&opened.source.name(), &opened.source.finish(found.pairs));
@@ -211,7 +208,7 @@ impl Collected {
         word
     }
 
-    /// Why there are not enough views, and what to do.
+    /// Reason why there are not enough views, with the cure.
     pub(super) fn too_few(self, source: &str, board: &Board) -> anyhow::Error {
         if let Some(failure) = self.failure {
             return failure;

@@ -25,7 +25,7 @@ pub(super) struct Args {
     /// Format of A [default: detected from its content]
     #[arg(long, value_name = "FORMAT", value_parser = files::format)]
     from: Option<&'static CalibrationFormat>,
-    /// Format of B [default: by its ending; .yaml and .yml are opencv]
+    /// Format of B [default: by its file extension; .yaml and .yml are opencv]
     #[arg(long, value_name = "FORMAT", value_parser = written)]
     to: Option<&'static CalibrationFormat>,
     /// Unit of length of A, where A does not state it: m, cm, mm, squares, squares=SIDE_IN_METRES
@@ -91,7 +91,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         Some(format) => format,
         None => files::written_as(&args.output).map_err(usage::wrong)?,
     };
-    // Names and endings are usage errors; they come before anything is read.
+    // Names and file extensions are usage errors; they come before anything is read.
     let outputs = files::outputs(&args.output, to).map_err(usage::wrong)?;
     let inputs = files::inputs(&args.input)?;
     if inputs

@@ -97,7 +97,7 @@ impl ReportFolder {
         Ok(write_json(&self.path.join(CORNERS), &self.corners)?)
     }
 
-    /// Writes the report. `accepted`: what the source calls each pair.
+    /// Writes the report. `accepted`: the source's name of each pair.
     pub(super) fn finish(
         &self,
         source: &str,

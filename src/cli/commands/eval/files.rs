@@ -1,4 +1,4 @@
-//! Which files belong to which image.
+//! The files of each image.
 
 use super::Args;
 use anyhow::{Context, bail};
@@ -6,12 +6,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::files::has_ending;
 
-/// Endings of the files that folders are searched for.
+/// Extensions of the files that folders are searched for.
 const ENDINGS: &[&str] = &["pfm", "npz", "png", "pgm", "ppm"];
 
 /// The files of one image.
 pub(super) struct ImageFiles {
-    /// Their names in folders, without the ending.
+    /// Their names in folders, without the extension.
     pub(super) name: String,
     pub(super) disparity: PathBuf,
     pub(super) truth: PathBuf,
@@ -97,7 +97,7 @@ impl ImageFiles {
         !(floats(&self.disparity) && floats(&self.truth))
     }
 
-    /// All of them.
+    /// All files of the image.
     pub(super) fn inputs(&self) -> impl Iterator<Item = &Path> {
         let (one, more) = (
             [&self.disparity, &self.truth],
@@ -119,7 +119,7 @@ impl ImageFiles {
     }
 }
 
-/// The images and maps of a folder by name without ending.
+/// The images and maps of a folder by name without extension.
 struct Folder<'a> {
     path: &'a Path,
     files: BTreeMap<String, PathBuf>,
@@ -130,7 +130,7 @@ impl<'a> Folder<'a> {
         let shown = path.display();
         let mut files = BTreeMap::new();
         for entry in std::fs::read_dir(path)
-            .with_context(|| format!("{shown}: is no folder to look into"))?
+            .with_context(|| format!("{shown}: is not a folder that can be read"))?
         {
             let file = entry.with_context(|| shown.to_string())?.path();
             let ours = ENDINGS.iter().any(|ending| has_ending(&file, ending)) && file.is_file();
@@ -141,7 +141,7 @@ impl<'a> Folder<'a> {
             let Some(name) = name else { continue };
             if let Some(other) = files.insert(name, file.clone()) {
                 bail!(
-                    "{} and {}: which of the two? keep one",
+                    "{} and {}: belong to the same image; keep one",
                     other.display(),
                     file.display()
                 );
@@ -156,7 +156,7 @@ impl<'a> Folder<'a> {
     fn file(&self, name: &str) -> anyhow::Result<PathBuf> {
         let missing = || {
             format!(
-                "{}: holds nothing called {name}, which has a truth",
+                "{}: has no file named {name}, which has a truth",
                 self.path.display()
             )
         };

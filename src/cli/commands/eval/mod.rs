@@ -1,4 +1,4 @@
-//! `svl eval`: disparity maps against their truth, by a benchmark's protocol.
+//! `svl eval`: disparity maps against their ground truth, by a benchmark's protocol.
 
 mod files;
 mod report;
@@ -13,8 +13,8 @@ use svl::stereo::{Plane, Visibility, cross_check};
 
 /// Score disparity maps as a benchmark's own program does
 ///
-/// Both may be folders of equally named files: KITTI 2015 then counts the pixels of all images, the
-/// others average.
+/// Both may be folders of files with equal names: KITTI 2015 then counts the pixels of all images
+/// together, the other protocols average over the images.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -28,31 +28,32 @@ Examples:
 Protocols:
   middeval3      Middlebury v3: bad is of all judged pixels, holes are neither
                  bad nor filled
-  middlebury-v2  tsukuba, venus, cones, teddy: holes are bad; a --mask for
-                 each column wanted
-  eth3d          ETH3D two-view: bad and errors are of the estimated pixels
+  middlebury-v2  tsukuba, venus, cones, teddy: holes are bad; one --mask per
+                 column
+  eth3d          ETH3D two-view: bad and errors count only estimated pixels
   kitti12        beyond 1 to 5 px
   kitti15        D1: beyond 3 px and 5 % of the truth
 
-KITTI's numbers are of the map as it is, a hole being -1; those in _dense of
-the map filled as the kit does (the web page's All); those in _est of the
-estimated pixels alone (its Est).
+KITTI's numbers are for the map without filling, a hole being -1; those in
+_dense for the map filled as by the kit (the web page's All); those in _est
+for the estimated pixels alone (its Est).
 
-Shares are percent, errors pixels of disparity. What would be divided by
-nothing is null, and - in the table. A hole of DISPARITY is +inf in .pfm and
-.npz, 0 in .png.")]
+Fractions are in per cent, errors in pixels of disparity. A division by zero
+is null, and - in the table. A hole of DISPARITY is +inf in .pfm and .npz, 0
+in .png.")]
 pub(crate) struct Args {
-    /// Disparities to judge: .pfm, .npz, 16-bit .png (256·d); or a folder of them
+    /// Disparities to score: .pfm, .npz, 16-bit .png (256·d); or a folder of them
     disparity: PathBuf,
     /// True disparities: .pfm, .npz, .png, .pgm; or a folder of them
     ground_truth: PathBuf,
-    /// Whose numbers: middeval3, middlebury-v2, eth3d, kitti12 or kitti15
+    /// Protocol: middeval3, middlebury-v2, eth3d, kitti12 or kitti15
     #[arg(long)]
     protocol: Protocol,
-    /// Judge only where this image is 255; may be given more than once, for a column each
+    /// Score only pixels where this image is 255; may be given more than once, for a column each
     #[arg(long, value_name = "M.png")]
     mask: Vec<PathBuf>,
-    /// Judge only what both cameras see, by the truth of the right image (cross-check at 1 px)
+    /// Score only pixels that both cameras see, by the truth of the right image (cross-check at 1
+    /// px)
     #[arg(long, value_name = "FILE", conflicts_with = "mask")]
     right_truth: Option<PathBuf>,
     /// KITTI 2015's objects, 0 being the background: without it there is only d1_all
@@ -64,8 +65,8 @@ pub(crate) struct Args {
         value_parser = usage::within(0.001..=65536.0)
     )]
     max_disparity: Option<f64>,
-    /// By how much the images of truth multiply disparities; 8-bit ones need it (and 8-bit
-    /// DISPARITY has the same) [default: 256 for 16 bits]
+    /// Factor by which images of truth multiply disparities; required for 8-bit images (an 8-bit
+    /// DISPARITY has the same factor) [default: 256 for 16 bits]
     #[arg(
         long, value_name = "S", allow_negative_numbers = true,
         value_parser = usage::within(0.001..=65536.0)
@@ -87,7 +88,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let images = ImageFiles::find(args)?;
     if args.scale.is_some() && !images.iter().any(ImageFiles::has_images) {
         return Err(usage::wrong(
-            "--scale belongs to images; .pfm and .npz hold disparities as they are",
+            "--scale is for images; .pfm and .npz hold disparities as they are",
         ));
     }
     let mut outputs = Outputs::claim(
@@ -121,13 +122,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 impl Args {
-    /// Refuses options that the protocol has no use for: they would be believed to have counted.
+    /// Refuses options that the protocol does not use: users would believe that they had an effect.
     fn check(&self) -> anyhow::Result<()> {
         let name = self.protocol.name();
         let wrong = if self.max_disparity.is_some() && self.protocol != Protocol::Middeval3 {
-            format!("--max-disparity belongs to middeval3, not {name}")
+            format!("--max-disparity is for middeval3, not {name}")
         } else if self.object_map.is_some() && self.protocol != Protocol::Kitti15 {
-            format!("--object-map belongs to kitti15, not {name}")
+            format!("--object-map is for kitti15, not {name}")
         } else if self.error_map.is_some() && self.disparity.is_dir() {
             "--error-map draws one image; name a file, not a folder of them".to_owned()
         } else {

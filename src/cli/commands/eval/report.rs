@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use svl::report::table::{NONE, Table};
 use svl::score::protocol::{NumberUnit, Numbers, Protocol, Score};
 
-/// The contract's keys, and beside them what several masks or images bring.
+/// The keys of one mask and one image, and those that several masks or images add.
 #[derive(Serialize)]
 struct EvalReport<'a> {
     protocol: &'a str,
@@ -20,7 +20,7 @@ struct EvalReport<'a> {
     images: Option<BTreeMap<&'a str, Numbers>>,
 }
 
-/// Prints what was found; `scores` has a row per column of the table, with an element per image.
+/// Prints the scores; `scores` has a row per column of the table, with an element per image.
 pub(super) fn print_scores(
     args: &Args,
     images: &[ImageFiles],

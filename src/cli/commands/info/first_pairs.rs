@@ -36,7 +36,7 @@ pub(super) fn lines(facts: &SourceFacts) -> Vec<String> {
     lines.push(match rig {
         Some(rig) => format!("baseline   {:.4} m", rig.baseline_m()),
         None => {
-            "baseline   not known, so no distances; svl replay and score take --calib".to_owned()
+            "baseline   not known, so no distances; svl replay and score accept --calib".to_owned()
         }
     });
     lines.extend(nearest.as_ref().map(

@@ -1,4 +1,4 @@
-//! `svl info`: what a recording holds, and whether it is intact.
+//! `svl info`: the contents of a recording, and its integrity.
 
 mod first_pairs;
 
@@ -15,11 +15,11 @@ use svl::recording::{
 use svl::report::table::{Table, TerminalStyle};
 use svl::source::SourceFacts;
 
-/// Show what a recording holds, and whether it is intact
+/// Show the contents of a recording, and check its integrity
 ///
-/// Its first pairs say the size of the images, focal length and baseline, the nearest distance by
-/// the default range of disparities, and how many cells each ground truth would score. Of a folder
-/// of images these alone are shown.
+/// Also shows, from the first pairs, the size of the images, focal length and baseline, the nearest
+/// distance by the default range of disparities, and the number of cells that each ground truth
+/// would score. For a folder of images only these are shown.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -281,7 +281,7 @@ fn misalignment(misalignment: &Misalignment) -> String {
 /// Columns of the longest bar.
 const BAR: u64 = 30;
 
-/// The skew, and where it varies how many pairs have how much.
+/// The skew, with a histogram if it varies.
 fn skew(skew: &SkewSummary) -> Vec<String> {
     // A unit for all, in which the range has some digits before the point.
     let range_ns = skew.min_ns.unsigned_abs().max(skew.max_ns.unsigned_abs());

@@ -6,7 +6,7 @@ use svl::grab;
 use svl::scenario::SourceOptions;
 use svl::source::Request;
 
-/// The source that a person steps through.
+/// The source that the user steps through.
 #[derive(clap::Args)]
 #[command(mut_args(|arg| hidden(arg, OF_SCENARIOS)))]
 pub(super) struct LabelInput {
@@ -25,7 +25,7 @@ impl LabelInput {
     pub(super) fn check(&self) -> anyhow::Result<()> {
         let name = &self.source;
         self.options
-            .refuse(OF_SCENARIOS, "is not for what a person labels")?;
+            .refuse(OF_SCENARIOS, "does not apply to labelling")?;
         if grab::driver(name).is_some() {
             bail!(
                 "{name}: cameras cannot be stepped through; record them first: svl record {name}"

@@ -1,4 +1,4 @@
-//! `svl label`: what a person measures or judges in the frames of a source.
+//! `svl label`: labels of a person for the frames of a source.
 
 mod checkpoints;
 mod input;
@@ -6,7 +6,7 @@ mod windows;
 
 use clap::Subcommand;
 
-/// Label frames: what a person measured or sees in them
+/// Label frames with what a person measured or sees in them
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -20,12 +20,12 @@ pub(crate) struct Args {
 #[derive(Subcommand)]
 enum Label {
     Checkpoints(checkpoints::Args),
-    /// Say of whole frames whether they show what a filter detects
+    /// Label whole frames for the training of a filter
     ///
-    /// The label is of all windows of the frame that the filter looks at.
+    /// A label says whether the frame shows what the filter detects, and holds for all its windows.
     #[command(after_help = EXAMPLES)]
     Frames(windows::Args),
-    /// Say of the windows of frames whether they show what a filter detects
+    /// Label the windows of frames for the training of a filter
     #[command(after_help = EXAMPLES)]
     Windows(windows::Args),
 }
@@ -39,8 +39,8 @@ Examples:
 
 Keys: a it shows it, b it does not, s skip, Backspace back, u undo, q quit;
 ? shows all. The table beside the recording is written at every key: the same
-command goes on where it ended. It can be edited by hand. Its pair_hash says
-which pairs were labelled: another recording of that name is refused.";
+command resumes where it ended. It can be edited by hand. Its pair_hash
+identifies the labelled pairs: another recording of that name is refused.";
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.what {

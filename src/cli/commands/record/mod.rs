@@ -90,7 +90,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         |path: &Path| Outputs::claim(args.force, inputs.iter().map(PathBuf::as_path), [path]);
     let claimed = args.output.as_deref().map(claim).transpose()?;
     args.options
-        .refuse(OF_SCENARIOS, "is for scenarios; `svl score` takes them")?;
+        .refuse(OF_SCENARIOS, "is for scenarios; `svl score` accepts them")?;
     let mut request = Request {
         seed: args.seed,
         options: args.options.clone(),

@@ -129,7 +129,7 @@ fn pace(text: &str) -> Result<Pace, String> {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    // Before programs are started, which svl ends.
+    // Before programs are started: svl has to end them after Ctrl-C.
     listen_for_interrupt();
     let named = args.recording.as_deref();
     let inputs = named.map(source::inputs).unwrap_or_default();
@@ -152,7 +152,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         None => newest_or_arena(quiet)?.display().to_string(),
     };
     args.options
-        .refuse(NOT_TAKEN, "is for scenarios; `svl score` takes them")?;
+        .refuse(NOT_TAKEN, "is for scenarios; `svl score` accepts them")?;
     let request = Request {
         options: args.options.clone(),
         ..Request::new(&name)
@@ -312,7 +312,7 @@ struct Answer<'a> {
     verification: &'a Option<Verification>,
 }
 
-/// The newest recording, or else the arena, recorded for this.
+/// The newest recording, or else the arena, which is recorded first.
 fn newest_or_arena(quiet: bool) -> anyhow::Result<PathBuf> {
     if let Some(path) = recordings::newest() {
         return Ok(path);

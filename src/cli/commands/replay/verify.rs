@@ -1,4 +1,4 @@
-//! `svl replay --verify`: whether a replay gives what an earlier run gave.
+//! `svl replay --verify`: comparison of a replay with the results of an earlier run.
 
 use anyhow::{Context, bail};
 use serde::Serialize;
@@ -17,7 +17,7 @@ pub(super) struct Earlier {
     labels: Vec<String>,
     /// Hashes of each result and of its pair, by label and number of the pair.
     hashes: BTreeMap<(String, u64), (String, String)>,
-    /// Cells, where a recording has them, likewise.
+    /// Likewise the cells, if a recording has them.
     cells: BTreeMap<(String, u64), AlgorithmCells>,
     /// Hash of each algorithm's parameters, by label.
     parameters: BTreeMap<String, String>,
@@ -31,8 +31,8 @@ pub(super) struct Verification {
     equal: usize,
     /// Algorithms whose results are not, each with the pairs' numbers.
     differing: BTreeMap<String, Vec<u64>>,
-    /// Results of now without an earlier one, and of the same algorithms then without a present
-    /// one.
+    /// Results of the replay without an earlier one, and earlier ones of the same algorithms
+    /// without one of the replay.
     only_now: usize,
     only_then: usize,
 }
@@ -68,7 +68,7 @@ impl Earlier {
         }
         if earlier.hashes.is_empty() {
             let cure = "`svl replay -o RESULT.mcap`, `svl replay --rows ROWS.csv` and `svl score` \
-                        leave some";
+                        write some";
             bail!(
                 "{}: holds no results of that recording to compare with; {cure}",
                 path.display()
@@ -191,7 +191,7 @@ impl Earlier {
                 let label = &row.algorithm;
                 bail!(
                     "{label}: its parameters are not those of {}; name the algorithm with --algo \
-                     as it did, or replay it anew",
+                     as it did, or replay it again",
                     self.path.display()
                 );
             }
@@ -214,7 +214,7 @@ impl Earlier {
                     .push(row.sequence),
             }
         }
-        // Algorithms of then that were not asked for now are not missed.
+        // Earlier algorithms that this replay was not asked for are not missing.
         let ran = |label: &str| {
             algorithms
                 .iter()

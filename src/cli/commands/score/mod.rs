@@ -34,19 +34,20 @@ Examples:
   svl score scenarios/arena.toml --algo v3 --algo bm:uniqueness=0..60/10
   svl score scenarios/middlebury.toml --data DATASETS -o reports/mine
   svl score scenarios/kitti2015.toml --data ~/kitti --scenes 'training/*'
-  svl score arena --algo sgm:p1=5..20/5 --resume   goes on where it was killed
+  svl score arena --algo sgm:p1=5..20/5 --resume   resumes a killed run
   svl score scenarios/arena.toml --gate
-      for a CI: exit 3 when a limit of the scenario is broken
+      for CI: exit status 3 if a limit of the scenario fails
 
-A number written FROM..TO/STEP is swept: bm:uniqueness=0..60/10 stands for
+A number written FROM..TO/STEP is swept: bm:uniqueness=0..60/10 means
 seven algorithms, uniqueness=0, 10, … 60; block_size=5/9 is a list. Several
-make a grid, of which --sample N takes N, spread evenly. The report joins what
-differs in one number by a line, in its plots of accuracy against speed and of
-coverage against error. Tables take up to 1000 algorithms, Rerun up to 32.
+make a grid, from which --sample N chooses N, spread evenly. In its plots of
+accuracy against speed and of coverage against error, the report joins
+algorithms that differ in one number by a line. A run has up to 1000
+algorithms, Rerun shows up to 32.
 
   svl score arena --algo fast=v3:max_disparity=48 --algo net=exec:command=./n
 
-NAME= before an algorithm is how tables, gates, files and plots call it.")]
+NAME= before an algorithm is its name in tables, gates, files and plots.")]
 pub(crate) struct Args {
     /// A scenario, the arena, or recordings, bags and folders of pairs
     #[arg(
@@ -89,12 +90,12 @@ pub(crate) struct Args {
     /// reports/SCENARIO-check.
     #[arg(long, conflicts_with_all = ["algo", "gate", "reference"])]
     check: bool,
-    /// Fail when a limit of the scenario's [[gate]] is broken
+    /// Fail if a limit of the scenario's [[gate]] fails or is not measured
     #[arg(long)]
     gate: bool,
     /// Folder for the report [default: reports/SCENARIO]
     ///
-    /// A report of svl's that is there is replaced.
+    /// An existing report of svl's is replaced.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Folder, new or empty, for each plot of the page as an SVG file
@@ -110,7 +111,7 @@ pub(crate) struct Args {
     /// `svl columns` lists them [default: the scenario's, or those of its kind].
     #[arg(long, value_name = "NAMES")]
     columns: Option<ColumnChoice>,
-    /// Say what the columns mean
+    /// Explain the columns
     #[arg(long)]
     explain: bool,
     /// Rerun: spawn, URL, FILE.rrd, or none
@@ -122,10 +123,10 @@ pub(crate) struct Args {
     /// and of the first 64 scenes; images, overlays and numbers are always those of all pairs
     #[arg(long, value_name = "light|full", default_value = "light")]
     rerun_detail: RerunDetail,
-    /// Score only the I-th of N shares of the run, for `svl merge`
+    /// Score only the I-th of N parts of the run, for `svl merge`
     #[arg(long, value_name = "I/N", requires = "output", conflicts_with_all = ["gate", "check"])]
     shard: Option<Shard>,
-    /// Go on with the interrupted run in the report's folder
+    /// Resume the interrupted run in the report's folder
     ///
     /// Pairs that the rows of an interrupted run hold are not matched again.
     #[arg(long)]
@@ -149,7 +150,7 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    // Before programs are started, which svl ends.
+    // Before programs are started: svl has to end them after Ctrl-C.
     listen_for_interrupt();
     let mut scenario = scenario::described(args)?;
     if let Some(file) = &args.print_scenario {
@@ -178,7 +179,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if let Some(file) = rerun.and_then(RerunTarget::file) {
         outputs = outputs.and(Outputs::claim(false, [], [file])?);
     }
-    // The file of the CI's run before is of no more use than its report.
+    // The file of an earlier run is replaced, as its report is.
     let junit_path = args.junit.iter().map(PathBuf::as_path);
     let mut junit_file = Outputs::claim(true, [], junit_path)?;
     check_kind(args, &scenario)?;
@@ -342,13 +343,13 @@ fn gate_line(result: &GateResult) -> String {
     format!("{:<12}  {result}\n", result.state.words())
 }
 
-/// Refuses a run that broke a limit, or that no limit was for.
+/// Fails for a run that failed a limit, or that no limit applies to.
 fn pass_gate(gate: &[GateResult]) -> anyhow::Result<()> {
     let broken: Vec<_> = gate.iter().filter(|result| result.state.fails()).collect();
     match broken[..] {
         [] if gate.iter().any(|result| result.state == GateState::Pass) => Ok(()),
         [] => Err(usage::wrong(
-            "gate: none of the scenario's limits is for the algorithms that took part",
+            "gate: none of the scenario's limits applies to an algorithm of this run",
         )),
         [one] => Err(usage::gate(format!("gate: {one}"))),
         [first, ..] => Err(usage::gate(format!(

@@ -14,8 +14,8 @@ use svl::runs;
 use svl::scenario::{Limit, Scenario, distinct_kinds};
 use svl::train::{of_scenario, with_filters};
 
-/// The description of the run: the scenario that is named, or that of the recordings that are, as
-/// the options change it.
+/// The description of the run: the scenario that is named, or one of the recordings that are named,
+/// changed by the options.
 pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
     let mut scenario = runs::named(&args.what)?;
     let mut known = scenario.algorithms.clone();
@@ -83,7 +83,7 @@ fn check_gate(args: &Args, scenario: &Scenario, known: &[Algorithm]) -> anyhow::
 
 /// Prints a scenario, or writes it to a file that is not there yet.
 pub(super) fn print_description(mut scenario: Scenario, file: Option<&Path>) -> anyhow::Result<()> {
-    // Those of algorithms that are not run would be limits of nothing.
+    // A limit of an algorithm that is not run would never be measured.
     let algorithms = &scenario.algorithms;
     let limits = scenario.gate.len();
     scenario

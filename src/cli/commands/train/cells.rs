@@ -1,4 +1,4 @@
-//! `svl train cells`: the table by which the cells of v5 become known.
+//! `svl train cells`: the table that decides which cells of v5 are known.
 
 use crate::cli::shared::progress::{Terminal, interrupted};
 use crate::cli::shared::terminal::{print, print_json, style};
@@ -14,13 +14,13 @@ use svl::runs;
 use svl::scenario::{Scenario, SourceOptions};
 use svl::train::{CellTraining, LearnedCells, samples_csv};
 
-/// Fit the table by which the cells of v5 become known
+/// Fit the table that decides which cells of v5 are known
 ///
-/// Runs an algorithm over scenarios with a truth, and looks at every cell: what was measured of it,
-/// and whether its report would be right. Fits the steps that make a probability of the one, a
-/// logistic regression, and writes them as a table that `--algo v5:table=FILE` reads, with a page
-/// of what it is worth. Runs and scenes are held out in five parts, never single cells, and all
-/// figures are of those held out. Equal data give equal tables.
+/// Runs an algorithm over scenarios with ground truth, and collects for every cell what was
+/// measured and whether its report would be right. Fits a logistic regression, whose steps turn the
+/// measurements into a probability, and writes it as a table that `--algo v5:table=FILE` reads,
+/// with a page of its results. Runs and scenes are held out in five parts, never single cells, and
+/// all figures are of held-out cells. Equal data give equal tables.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -28,10 +28,10 @@ Examples:
   svl train cells own.toml bag.toml -o own-table.toml
   svl replay run.mcap --algo v5:table=own-table.toml
 
-A scenario counts by the square root of its number of cells: few real scenes
-beside many simulated ones are heard.")]
+The weight of a scenario is the square root of its number of cells, so that
+few real scenes count beside many simulated ones.")]
 pub(crate) struct Args {
-    /// Scenarios whose frames have a truth
+    /// Scenarios whose frames have ground truth
     #[arg(value_name = "SCENARIO.toml", required = true)]
     scenarios: Vec<PathBuf>,
     /// Table to write; a page of the same name, .html, is written beside it
@@ -43,7 +43,7 @@ pub(crate) struct Args {
     /// Replace files that exist
     #[arg(long)]
     force: bool,
-    /// Whose cells are learned: v5, or any algorithm in scenarios with decision = "safe"
+    /// Algorithm whose cells are learned: v5, or any in scenarios with decision = "safe"
     #[arg(
         long, value_name = "ALGO", default_value = "v5",
         value_parser = usage::algorithm
@@ -59,7 +59,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Least probability of a known cell, in the figures: v5's default.
+/// Least probability of a known cell in the figures: v5's default.
 const CONFIDENCE: f64 = 0.75;
 
 /// Fewest cells of either kind that are worth a fit.
@@ -103,7 +103,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         .iter()
         .flat_map(|(_, cells)| std::iter::repeat_n(1.0 / (*cells as f64).sqrt(), *cells))
         .collect();
-    // As many samples in all as there are: what little the ridge adds stays little.
+    // The weights sum to the number of samples, so that the ridge's influence stays small.
     let scale = samples.len() as f64 / weights.iter().sum::<f64>();
     let weights: Vec<_> = weights.iter().map(|weight| weight * scale).collect();
     let fit = fit_cells(&samples, &weights, target.rank(), || {

@@ -29,8 +29,8 @@ Examples:
     --hidden 25,50,100..1000/100 -o own-floor.safetensors
   svl replay run4.mcap --algo v3 --filter own-floor.safetensors
 
-A recording is labelled by the table beside it, which `svl label` writes; the
-runs of a scenario of the arena by their truth.")]
+The labels of a recording are in the table beside it, which `svl label`
+writes; the runs of an arena scenario are labelled by their ground truth.")]
 pub(crate) struct Args {
     /// Recordings with labels beside them, or scenarios of the arena
     #[arg(value_name = "LABELLED", required = true)]
@@ -162,7 +162,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         print(&format!("{training}\n\n{file}\n{page}"))?;
     }
     if training.interrupted {
-        bail!("interrupted; {file} is the best network until then")
+        bail!("interrupted; {file} is the best network so far")
     } else {
         Ok(())
     }

@@ -1,11 +1,11 @@
-//! `svl train`: makes the tables and models that algorithms decide by.
+//! `svl train`: makes the tables and models by which algorithms decide.
 
 mod cells;
 mod filter;
 
 use clap::Subcommand;
 
-/// Train what algorithms decide by, from runs with a truth
+/// Train tables and filters from runs with ground truth or labels
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

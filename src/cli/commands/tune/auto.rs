@@ -1,4 +1,4 @@
-//! A search in place of a person.
+//! `svl tune --auto`: searches for better settings.
 
 use super::Args;
 use crate::cli::shared::progress::Terminal;
@@ -31,7 +31,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let (page, log) = (out.with_extension("md"), out.with_extension("csv"));
     let may_replace = args.force || args.search.resume;
-    // Results of a search are replaced by those of its continuation; its log goes on.
+    // Results of a search are replaced by those of its continuation; its log is continued.
     let claimed = Outputs::claim(may_replace, [], [out, &page])?;
     let logs = Outputs::claim(may_replace, [], [log.as_path()])?;
     let filters = args.filters.models()?;
@@ -91,7 +91,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         values.all(|values| values.get(metric).is_some())
     };
     if args.search.subject_to.is_empty() {
-        // A bound of what these pairs do not have says nothing.
+        // A bound on a metric that these pairs do not have cannot be kept.
         goal.constraints.retain(|of| is_measured(of.metric));
     } else if let Some(other) = goal.metrics().find(|metric| !is_measured(metric)) {
         let name = other.name;
@@ -157,12 +157,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         print(&format!("{}\n{written}\n", outcome.terminal(style())))?;
     }
     if was_interrupted {
-        bail!("interrupted; the best so far is kept, and the same command with --resume goes on");
+        bail!("interrupted; the best so far is kept, and the same command with --resume continues");
     }
     Ok(())
 }
 
-/// The scenario that judges, if it is another.
+/// The scenario of the test, if it is another.
 fn tested(args: &Args, scenario: &Scenario) -> anyhow::Result<Option<Scenario>> {
     Ok(match (&args.search.test[..], &args.search.test_seeds) {
         ([], None) => None,
@@ -178,7 +178,7 @@ fn tested(args: &Args, scenario: &Scenario) -> anyhow::Result<Option<Scenario>> 
                 ..SourceOptions::default()
             })?)
         }
-        // Read as what is searched on, but for seeds and scenes, which are others.
+        // Read as the pairs of the search, but with other seeds or scenes.
         (named, _) => Some(args.scenario_of(named)?.with(&SourceOptions {
             seeds: None,
             scenes: Vec::new(),
@@ -207,16 +207,16 @@ fn goal(args: &Args, has_truth: bool) -> anyhow::Result<Goal> {
         .metrics()
         .find(|metric| metric.against_truth && !has_truth)
     {
-        let cure = "take unrivalled or coverage, or judge by another algorithm with --reference";
+        let cure = "use unrivalled or coverage, or name a reference algorithm with --reference";
         return Err(usage::wrong(format!(
             "{} needs a truth, and no pair has one; {cure}",
             needs.name
         )));
     }
     if has_truth && goal.objective.name == "unrivalled" {
-        let cure = "where a truth is known, take right";
+        let cure = "use right, as the truth is known";
         return Err(usage::wrong(format!(
-            "unrivalled is of pairs without truth; {cure}"
+            "unrivalled is for pairs without truth; {cure}"
         )));
     }
     if !goal.is_sensible() {

@@ -28,9 +28,9 @@ use worker::TuneWorker;
 
 /// Tune algorithms on a source: by hand, or by a search
 ///
-/// By hand: the parameters on the terminal, what they do to the frame in Rerun, and what they are
-/// worth over a sample of the source, against the setting that it began with. With --auto a search
-/// over many settings takes the place of the person.
+/// By hand: the parameters on the terminal, their effect on the frame in Rerun, and the metrics
+/// over a sample of the source, compared with the first setting. With --auto a search tries many
+/// settings.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -45,12 +45,12 @@ Examples:
 
 Keys: up and down choose, left and right turn (with Shift ten times as far),
 digits type a value, r resets, Tab changes the algorithm, space plays, comma
-and full stop step, [ and ] lead to the worst frames, a shows the setting
-compared with, c compares with this one from now on, u and Ctrl-R undo and
+and full stop step, [ and ] go to the worst frames, a shows the setting that
+is compared with, c compares with this one from now on, u and Ctrl-R undo and
 redo, w writes, ? shows all.
 
-A search that is interrupted writes the best so far; the same command with
---resume goes on from its log, the .csv beside the output.")]
+An interrupted search writes the best setting so far; the same command with
+--resume continues from its log, the .csv beside the output.")]
 pub(crate) struct Args {
     /// A recording, a bag, a folder, a scene, the arena, a scenario, or cameras; with --auto also
     /// several recordings
@@ -61,7 +61,7 @@ pub(crate) struct Args {
     what: Vec<String>,
     /// Algorithm, as NAME[:key=value,…]; repeatable [default: v5]
     ///
-    /// With the setting that it begins with.
+    /// With its first setting.
     #[arg(long, value_name = "ALGO", value_parser = usage::algorithm)]
     algo: Vec<Algorithm>,
     /// Take grid, cell rule and checkpoints from it
@@ -80,8 +80,8 @@ pub(crate) struct Args {
     script: Option<PathBuf>,
     /// Scenario to write
     ///
-    /// By hand it is proposed for w, with --auto the best is written there. Beside it a .md says
-    /// what was tried.
+    /// By hand the key w proposes it, with --auto the best setting is written there. A .md beside
+    /// it lists what was tried.
     #[arg(short, long, value_name = "FILE.toml", value_parser = usage::ending(&["toml"]))]
     output: Option<PathBuf>,
     /// Replace files that exist
@@ -99,7 +99,7 @@ pub(crate) struct Args {
 #[derive(clap::Args)]
 #[command(next_help_heading = "Search")]
 struct SearchArgs {
-    /// Search instead of a person
+    /// Search for the best setting
     #[arg(long, requires = "output")]
     auto: bool,
     /// Parameter to vary: NAME, NAME=FROM..TO, NAME=A/B
@@ -107,7 +107,7 @@ struct SearchArgs {
     /// May be given more than once [default: all that change the result, around their values].
     #[arg(long, value_name = "NAME", requires = "auto")]
     vary: Vec<String>,
-    /// Metric to be as large as possible
+    /// Metric to maximize
     ///
     /// [default: right, or unrivalled without truth]
     #[arg(
@@ -117,7 +117,7 @@ struct SearchArgs {
         conflicts_with = "minimize"
     )]
     maximize: Option<String>,
-    /// Metric to be as small as possible
+    /// Metric to minimize
     #[arg(long, value_name = "METRIC", requires = "auto")]
     minimize: Option<String>,
     /// Bound that the best has to keep: METRIC<=X[%|x]
@@ -126,12 +126,12 @@ struct SearchArgs {
     /// and blind <=1x, time<=1.5x].
     #[arg(long, value_name = "BOUND", requires = "auto")]
     subject_to: Vec<Constraint>,
-    /// Recordings or a scenario that test what was found
+    /// Recordings or a scenario to test the result on
     ///
     /// [default: a part of the runs that is held out]
     #[arg(long, value_name = "SOURCE", num_args = 1.., requires = "auto")]
     test: Vec<String>,
-    /// Seeds of the arena that judge what was found
+    /// Seeds of the arena to test the result on
     #[arg(
         long, value_name = "SEEDS", requires = "auto", conflicts_with = "test",
         value_parser = clap::value_parser!(svl::scenario::SeedList)
@@ -152,7 +152,7 @@ struct SearchArgs {
     /// Seed of the search: equal seeds try equal settings, as far as times allow
     #[arg(long, value_name = "N", default_value_t = 1, requires = "auto")]
     search_seed: u64,
-    /// Go on from the log of an earlier search
+    /// Resume from the log of an earlier search
     #[arg(long, requires = "auto", conflicts_with = "force")]
     resume: bool,
     /// Print JSON
@@ -191,7 +191,7 @@ impl Args {
         })
     }
 
-    /// The scenario of sources, judged as `--scenario` says.
+    /// The scenario of sources, scored as `--scenario` describes.
     fn scenario_of(&self, what: &[String]) -> anyhow::Result<Scenario> {
         let scenario = runs::named(what)?;
         Ok(match &self.scenario {
@@ -256,7 +256,7 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut stepper = Stepper::new(&name, store)?;
     let mut settings = settings;
     for setting in &mut settings {
-        // Without a rig disparities are judged, and their rule is what can be turned.
+        // Without a rig disparities are scored, so the knobs are those of their rule.
         setting.cells = setting.cells.for_rig(stepper.frame().rig().is_some());
     }
     let has_truth = stepper.frame().truth.is_some();

@@ -34,7 +34,7 @@ pub(super) struct Shown {
     pub(super) sample: SampleView,
     /// An error or warning, to be reported once.
     pub(super) says: Option<String>,
-    /// Why a setting gave nothing.
+    /// Reason why a setting gave no result.
     pub(super) failure: Option<String>,
     /// From keys to Rerun, microseconds; to the screen where there is no Rerun.
     pub(super) delays: Arc<VecDeque<u64>>,
@@ -61,7 +61,7 @@ pub(super) struct SampleView {
     pub(super) done: usize,
     pub(super) of: usize,
     pub(super) changes: Vec<Change>,
-    /// By which frames are ranked, and whether a larger value is worse.
+    /// Metric that frames are ranked by, and whether a larger value is worse.
     pub(super) ranked_by: Option<(&'static Metric, bool)>,
     /// Frames in their order with their values by it.
     pub(super) values: Vec<(u64, Option<f64>)>,
@@ -138,7 +138,7 @@ impl FrameView {
     }
 }
 
-/// A share of delays in milliseconds, by nearest rank.
+/// A quantile of delays in milliseconds, by nearest rank.
 pub(super) fn delay_ms(delays: &VecDeque<u64>, share: f64) -> Option<f64> {
     let mut sorted: Vec<_> = delays.iter().copied().collect();
     sorted.sort_unstable();

@@ -218,7 +218,7 @@ impl Bench {
         self.do_sample(job)
     }
 
-    /// Builds the matchers, where the settings are others.
+    /// Builds the matchers if the settings changed.
     fn prepare(&mut self, settings: &[TunedSetting; 2]) -> svl::Result<()> {
         let [now, compared] = settings;
         let keys = [now, compared].map(|of| format!("{:?}", of.algorithm));
@@ -289,8 +289,9 @@ impl Bench {
             Err(error) if viewer.is_some() => {
                 let mut state = locked(&self.shared);
                 state.shown.has_viewer = false;
-                state.shown.says =
-                    Some(format!("Rerun is gone, going on without pictures: {error}"));
+                state.shown.says = Some(format!(
+                    "Rerun is gone, continuing without pictures: {error}"
+                ));
                 drop(state);
                 ran = self.evaluate(&frames, &mut sinks, Pace::Asap);
             }
@@ -370,7 +371,7 @@ impl Bench {
     fn keep(&mut self, rows: Vec<Row>) {
         let mut rows = rows.into_iter().peekable();
         while let Some(now) = rows.next() {
-            // A frame on which one of them failed is no pair.
+            // A frame on which one of them failed is not a pair.
             let is_other = |row: &Row| row.sequence == now.sequence && row.algorithm == LABELS[1];
             if now.algorithm == LABELS[0]
                 && let Some(compared) = rows.next_if(is_other)

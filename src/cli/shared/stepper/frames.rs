@@ -26,7 +26,7 @@ pub(crate) struct FrameStore<'a> {
     kept: VecDeque<(u64, Arc<Frame>)>,
     kept_bytes: usize,
     limit_bytes: usize,
-    /// Why the source ends before its end.
+    /// Error that ended the source early.
     damage: Option<String>,
 }
 
@@ -49,7 +49,7 @@ struct LiveFrames {
 #[derive(Default)]
 struct Newest {
     frame: Option<Frame>,
-    /// Why no more frames come.
+    /// Reason why no more frames come.
     ended: Option<String>,
     /// True if no more are wanted.
     stopped: bool,
@@ -147,12 +147,12 @@ impl<'a> FrameStore<'a> {
         self.count
     }
 
-    /// Why there are no more frames, where the source is damaged; taken once.
+    /// Error after which a damaged source has no more frames; returned once.
     pub(crate) fn take_damage(&mut self) -> Option<String> {
         self.damage.take()
     }
 
-    /// The frame at `index`, or the last one where there are fewer; nothing of an empty source.
+    /// The frame at `index`, or the last one where there are fewer; none for an empty source.
     ///
     /// # Errors
     /// Those of the source, for a frame that cannot be read. Others still can.

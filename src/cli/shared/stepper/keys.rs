@@ -33,7 +33,7 @@ pub(crate) enum Key {
     /// The wheel of the mouse.
     ScrollUp,
     ScrollDown,
-    /// The terminal has that many columns and rows now, or has to be drawn anew.
+    /// The terminal has that many columns and rows now, or has to be redrawn.
     Resize(u16, u16),
     /// Nothing: time goes on.
     Tick,
@@ -45,7 +45,7 @@ pub(crate) enum Key {
     Closed,
 }
 
-/// The keys of a script by their names; any other character stands for itself.
+/// The keys of a script by their names; any other character is its own name.
 const NAMES: &[(&str, Key)] = &[
     ("space", Key::Char(' ')),
     ("enter", Key::Enter),
@@ -96,7 +96,7 @@ impl Keys {
         Ok(Self::Script(keys.into_iter()))
     }
 
-    /// The next key, waiting at most so long for one.
+    /// The next key, for which it waits at most `wait`.
     pub(crate) fn next(&mut self, wait: Duration) -> anyhow::Result<Key> {
         match self {
             Self::Script(keys) => Ok(keys.next().unwrap_or(Key::Closed)),
@@ -174,7 +174,7 @@ fn parse(token: &str, keys: &mut Vec<Key>) -> anyhow::Result<()> {
     } else {
         let names: Vec<_> = NAMES.iter().map(|(name, _)| *name).collect();
         bail!(
-            "'{token}' is no key; expected a character, \"text\", click:COLUMN,ROW, \
+            "'{token}' is not a key; expected a character, \"text\", click:COLUMN,ROW, \
              resize:COLUMNSxROWS or one of {}",
             names.join(", ")
         );
@@ -213,7 +213,7 @@ mod tests {
     fn what_is_no_key_is_named_with_its_line() {
         let error = format!("{:#}", script("enter\nclick:3 q").unwrap_err());
         assert!(
-            error.contains("line 2: 'click:3' is no key; expected"),
+            error.contains("line 2: 'click:3' is not a key; expected"),
             "{error}"
         );
     }

@@ -36,7 +36,7 @@ pub(crate) trait StepTool {
     /// Its question at the moment, in place of the message.
     fn question(&self) -> Option<String>;
 
-    /// Looks whether what it does in the background came to something that is to be drawn.
+    /// Receives the results of its work in the background; true if there is something to draw.
     fn poll(&mut self, _stepper: &mut Stepper<'_>) -> bool {
         false
     }
@@ -44,7 +44,7 @@ pub(crate) trait StepTool {
     /// Waits until all that it does in the background is done, for a script.
     fn settle(&mut self) {}
 
-    /// The keys that stand in the last line.
+    /// The keys listed in the last line.
     fn hint(&self) -> &'static str {
         ", . step  < > ten  space play  g go to  ? all keys  q quit"
     }
@@ -82,7 +82,7 @@ const KEYS: &[(&str, &str)] = &[
     ("< >", "ten frames back, forth"),
     ("space", "play, pause"),
     ("g 120 Enter", "go to frame 120"),
-    ("Ctrl-L", "draw the screen anew"),
+    ("Ctrl-L", "redraw the screen"),
     ("?", "this help"),
     ("q", "quit"),
 ];
@@ -98,7 +98,7 @@ pub(crate) struct Stepper<'a> {
     frame: Arc<Frame>,
     /// Time for which a frame is shown when they are played.
     period: Duration,
-    /// When the next frame is due; nothing while not playing.
+    /// When the next frame is due; none unless playing.
     due: Option<Instant>,
     jump: Option<LineEdit>,
     help: bool,
@@ -128,7 +128,7 @@ impl<'a> Stepper<'a> {
             index,
             frame,
             period: GLANCE,
-            // Cameras go on by themselves.
+            // Cameras play all the time.
             due: is_live.then(Instant::now),
             jump: None,
             help: false,
@@ -219,7 +219,7 @@ impl<'a> Stepper<'a> {
                 Edited::Cancelled => {}
                 Edited::Done(text) => match text.parse() {
                     Ok(sequence) => self.go_to(sequence),
-                    Err(_) => self.say(format!("'{text}' is no frame's number")),
+                    Err(_) => self.say(format!("'{text}' is not the number of a frame")),
                 },
             }
             self.jump = None;
@@ -247,7 +247,7 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    /// Plays on, where the next frame is due; a script says itself when it is.
+    /// Plays on if the next frame is due; a script triggers it with a tick.
     fn tick(&mut self, is_script: bool) {
         if self
             .due
@@ -332,7 +332,7 @@ fn help(tool: &dyn StepTool, area: Rect, canvas: &mut ratatui::Frame<'_>) {
     let height = lines.len() as u16 + 2;
     let place = area.centered(Constraint::Length(width), Constraint::Length(height));
     canvas.render_widget(Clear, place);
-    let frame = Block::bordered().title(" keys; any key goes on ");
+    let frame = Block::bordered().title(" keys; any key closes this ");
     canvas.render_widget(Paragraph::new(lines.join("\n")).block(frame), place);
 }
 

@@ -89,14 +89,14 @@ impl Screen {
         ))?))
     }
 
-    /// True if shades can be shown; else characters stand for them.
+    /// True if shades can be shown; else characters replace them.
     pub(crate) fn has_shades(&self) -> bool {
         let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
         let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
         matches!(self, Self::Terminal(_)) && !is_set("NO_COLOR") && !is_dumb
     }
 
-    /// Draws the screen anew, of another size where it is in memory.
+    /// Redraws the screen, of another size where it is in memory.
     pub(crate) fn resize(&mut self, columns: u16, rows: u16) -> anyhow::Result<()> {
         match self {
             Self::Terminal(terminal) => Ok(terminal.clear()?),

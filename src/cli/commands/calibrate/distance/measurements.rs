@@ -19,7 +19,7 @@ use svl::sink::{self, CollectSink, RunStart, Sink};
 use svl::source::{Limited, Request, Source};
 use svl::stereo::{DepthGrid, MAX_SIDE, Rig};
 
-/// Most measurements; more make no better curve.
+/// Largest number of measurements; more do not improve a curve.
 const MOST: usize = 1000;
 
 /// Largest distance, centimetres.
@@ -28,7 +28,7 @@ const MOST_CM: f64 = 1e6;
 /// Largest table, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Frames matched per recording; the target stands still, so a few are enough.
+/// Frames matched per recording; the target does not move, so a few are enough.
 const FRAMES: u64 = 30;
 
 /// A target at a known distance.
@@ -87,7 +87,10 @@ pub(super) fn measurements(
         }
     }
     if found.len() > MOST {
-        bail!("{} measurements: a curve takes {MOST} at most", found.len());
+        bail!(
+            "{} measurements: a curve accepts {MOST} at most",
+            found.len()
+        );
     }
     Ok(found)
 }
@@ -137,7 +140,7 @@ fn table(path: &Path, measuring: &Measuring<'_>) -> anyhow::Result<Vec<Measureme
             },
             (None, Some(recording)) => measuring.measure(distance_cm, folder.join(recording))?,
             _ => bail!(
-                "{shown}: measurement {}: give its disparity_px or its recording, one of both",
+                "{shown}: measurement {}: give either its disparity_px or its recording",
                 number + 1
             ),
         });

@@ -30,8 +30,8 @@ Examples:
       --algo v3 --target 1,1 2,1 3,1
 
 A CSV has the columns distance_cm and disparity_px, or distance_cm and
-recording (paths from the CSV's folder). In a recording the target stands
-still before both cameras, which must be rectified.")]
+recording (paths from the CSV's folder). In a recording the target does not
+move, and its pairs must be rectified.")]
 pub(super) struct Args {
     /// A CSV of measurements, or recordings of the target with its distance before each
     #[arg(

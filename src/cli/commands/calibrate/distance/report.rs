@@ -18,7 +18,7 @@ pub(super) struct DistanceReport {
     measurements: Vec<Measurement>,
     pairs: Vec<(f64, f64)>,
     pinhole: PinholeFit,
-    /// Or the reason for its absence.
+    /// The curve, or the reason for its absence.
     polynomial: Result<DistanceCurve, String>,
 }
 

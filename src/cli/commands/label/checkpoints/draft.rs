@@ -52,7 +52,7 @@ impl Draft {
     /// It would be behind the last one.
     pub(super) fn begin(&mut self, frame: u64) -> Result<(), String> {
         if let Some(last) = self.last.filter(|last| *last < frame) {
-            let cure = "set that anew with ] first";
+            let cure = "move that with ] first";
             return Err(format!(
                 "frame {frame} is behind the last one, {last}; {cure}"
             ));
@@ -67,7 +67,7 @@ impl Draft {
     /// It would be before the first one.
     pub(super) fn end(&mut self, frame: u64) -> Result<(), String> {
         if let Some(first) = self.first.filter(|first| frame < *first) {
-            let cure = "set that anew with [ first";
+            let cure = "move that with [ first";
             return Err(format!(
                 "frame {frame} is before the first one, {first}; {cure}"
             ));
@@ -143,7 +143,7 @@ impl DraftFile {
     fn read(&self) -> anyhow::Result<(u64, Draft)> {
         let shown = self.path.display();
         let cure = "finish it, or remove the file";
-        let wrong = || format!("{shown}: is no draft of svl's; {cure}");
+        let wrong = || format!("{shown}: is not a draft of svl's; {cure}");
         let text = svl::files::read_text(&self.path, MAX_BYTES)?;
         let table: DraftTable = toml::from_str(&text).ok().with_context(wrong)?;
         if table.source != self.source {
@@ -193,7 +193,7 @@ impl DraftFile {
         Ok(())
     }
 
-    /// Removes the file: nothing is left to go on with.
+    /// Removes the file: nothing is left to resume.
     pub(super) fn remove(&mut self) -> anyhow::Result<()> {
         self.written = None;
         match std::fs::remove_file(&self.path) {
@@ -283,7 +283,7 @@ mod tests {
             .err()
             .unwrap()
             .to_string();
-        assert!(error.contains("is no draft of svl's"), "{error}");
+        assert!(error.contains("is not a draft of svl's"), "{error}");
     }
 
     #[test]

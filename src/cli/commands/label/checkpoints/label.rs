@@ -4,20 +4,20 @@ use std::fmt;
 use std::str::FromStr;
 use svl::score::CellExpectation;
 
-/// Largest distance that is taken, metres.
+/// Largest accepted distance, metres.
 const FARTHEST_M: f64 = 1000.0;
 
 /// The expectation of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum CellLabel {
-    /// As a person measured or sees it.
+    /// Measured or seen by a person.
     Seen(CellExpectation),
-    /// As the truth of the source says.
+    /// Given by the truth of the source.
     Must,
 }
 
 impl CellLabel {
-    /// Nothing is near.
+    /// The label of a cell without an obstacle.
     pub(super) const FREE: Self = Self::Seen(CellExpectation::Free);
 }
 
@@ -63,7 +63,7 @@ fn metres(text: &str) -> Result<f64, String> {
         Ok(_) => Err(format!(
             "'{text}': a distance is above 0 m and at most {FARTHEST_M} m"
         )),
-        Err(_) => Err(format!("'{text}' is no distance; type {FORMS}")),
+        Err(_) => Err(format!("'{text}' is not a distance; type {FORMS}")),
     }
 }
 
@@ -109,9 +109,9 @@ mod tests {
     #[test]
     fn what_is_no_distance_is_refused() {
         for (typed, words) in [
-            ("abc", "'abc' is no distance; type a distance in metres"),
-            ("", "is no distance"),
-            ("<", "is no distance"),
+            ("abc", "'abc' is not a distance; type a distance in metres"),
+            ("", "is not a distance"),
+            ("<", "is not a distance"),
             ("0", "above 0 m"),
             ("-1", "above 0 m"),
             ("nan", "above 0 m"),

@@ -1,4 +1,4 @@
-//! `svl label checkpoints`: a person picks cells in the frames of a source and says what they show.
+//! `svl label checkpoints`: labels of a person for cells in the frames of a source.
 
 mod draft;
 mod label;
@@ -30,7 +30,7 @@ use svl::source::Request;
 use svl::stereo::GridShape;
 use tool::Labelling;
 
-/// Say what cells of recorded frames show, for `svl score`
+/// Label what cells of recorded frames show, for `svl score`
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -44,9 +44,9 @@ nearer), >1.2 or far 1.2 (nothing before), free (nothing near), must (right by
 the truth of the source), none. [ and ] set the first and the last frame, n
 names the checkpoint, w writes it. ? shows all keys.
 
-What is not yet written is kept in SCENARIO.toml.draft: after Ctrl-C or a
-crash the same command goes on there. A scenario that exists is extended at
-its end; what stands in it stays as it is.")]
+Labels that are not yet written are kept in SCENARIO.toml.draft: after Ctrl-C
+or a crash the same command resumes there. A scenario that exists is extended
+at its end; its text is not changed.")]
 pub(crate) struct Args {
     #[command(flatten)]
     input: LabelInput,
@@ -142,8 +142,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             stepper.go_to(pair.frame);
             if LabelledPair::new(stepper.frame()) != *pair {
                 bail!(
-                    "{}: holds labels of another frame {} than {name} has; finish it with the \
-                     recording of then, or remove the file",
+                    "{}: holds labels of another frame {} than {name} has; finish it with \
+                     that recording, or remove the file",
                     tool.draft_file.path().display(),
                     pair.frame
                 );
@@ -151,7 +151,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         }
         stepper.go_to(shown);
         let cells = counted(draft.cells.len(), "labelled cell");
-        stepper.say(format!("going on at frame {shown} with {cells}"));
+        stepper.say(format!("resumed at frame {shown} with {cells}"));
     }
     let mut screen = match args.script {
         Some(_) => Screen::in_memory()?,
@@ -170,7 +170,7 @@ fn default_output(source: &str) -> PathBuf {
 
 fn refuse_what_the_scenario_says(args: &Args, output: &Path) -> anyhow::Result<()> {
     let says = format!(
-        "is what {} says itself; leave it out, or name another scenario with -o",
+        "is set by {}; leave it out, or name another scenario with -o",
         output.display()
     );
     if args.grid.is_some() {
@@ -236,7 +236,7 @@ impl StepTool for Labelling {
 }
 
 impl Labelling {
-    /// Says what was written, and where the rest is.
+    /// Reports the files that were written, and the draft.
     fn finish(&mut self, ended: Ended) -> anyhow::Result<()> {
         if let Some(viewer) = &self.viewer {
             viewer.finish()?;
@@ -251,11 +251,11 @@ impl Labelling {
         let cells = counted(self.draft.cells.len(), "labelled cell");
         match ended {
             Ended::Interrupted => {
-                bail!("stopped; {draft} keeps {cells}: the same command goes on there")
+                bail!("stopped; {draft} keeps {cells}: the same command resumes there")
             }
             Ended::Quit if self.draft.is_empty() => self.draft_file.remove(),
             Ended::Quit => print(&format!(
-                "{draft}: {cells}: the same command goes on there\n"
+                "{draft}: {cells}: the same command resumes there\n"
             )),
         }
     }

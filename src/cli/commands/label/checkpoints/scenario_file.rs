@@ -1,5 +1,5 @@
-//! The scenario that checkpoints are written to: begun for a source, or extended. What stands in it
-//! stays as it is, to the byte: a checkpoint is appended.
+//! The scenario that checkpoints are written to: begun for a source, or extended. Its text is kept
+//! to the byte: a checkpoint is appended.
 
 use super::draft::{Draft, replace};
 use super::label::CellLabel;
@@ -33,7 +33,7 @@ pub(super) struct NewScenario<'a> {
 }
 
 impl ScenarioFile {
-    /// An existing scenario of `source`; nothing where there is no such file.
+    /// An existing scenario of `source`; none if there is no such file.
     ///
     /// # Errors
     /// The file is not a scenario, or does not list the source.
@@ -63,7 +63,7 @@ impl ScenarioFile {
                 };
                 file = (runs.len() > 1).then(|| run.name.clone());
             }
-            // Which arena it is shows when the source is open.
+            // The arena is known once the source is open.
             ScenarioSource::Arena { .. } => {}
             ScenarioSource::Drive { .. } => {
                 return Err(usage::wrong(format!(
@@ -73,7 +73,7 @@ impl ScenarioFile {
                 )));
             }
             ScenarioSource::Dataset { .. } => {
-                bail!("{shown}: is of scenes of data sets; name another scenario with -o")
+                bail!("{shown}: scores scenes of data sets; name another scenario with -o")
             }
         }
         Ok(Some(Self {
@@ -103,7 +103,7 @@ impl ScenarioFile {
         let shown = self.path.display();
         if seeds.len() > 1 {
             bail!(
-                "{shown}: has several seeds, and what is seen in a frame differs between them; \
+                "{shown}: has several seeds, and their frames show different scenes; \
                  name another scenario with -o"
             );
         }
@@ -146,7 +146,7 @@ impl ScenarioFile {
     /// Appends a checkpoint. Returns its number.
     ///
     /// # Errors
-    /// The scenario would be none with it, or cannot be written; then it is as it was.
+    /// The scenario would be invalid with it, or cannot be written; it is unchanged then.
     pub(super) fn write(&mut self, draft: &Draft, shown: u64) -> anyhow::Result<u32> {
         let mut text = match &self.begun {
             Some(text) => text.clone(),
@@ -271,7 +271,7 @@ impl NewScenario<'_> {
             algorithms: vec![algorithm],
             ..begun
         };
-        let head = "# Begun by `svl label checkpoints`; docs/scoring.md says what can be added.\n";
+        let head = "# Begun by `svl label checkpoints`; docs/scoring.md lists what can be added.\n";
         let folder = path.parent().unwrap_or(Path::new(""));
         Ok(head.to_owned() + &scenario.to_toml(folder)?)
     }

@@ -41,10 +41,10 @@ pub(super) struct Labelling {
     pub(super) written: Vec<String>,
 }
 
-/// The question that is asked.
+/// A question to the user.
 pub(super) enum Question {
     Cell(LineEdit),
-    /// Then the checkpoint is written, or not.
+    /// True if the checkpoint is written after the answer.
     Name(LineEdit, bool),
     /// Confirmation to leave without writing.
     Leave,
@@ -240,7 +240,7 @@ impl Labelling {
         );
         if let Err(error) = viewer.show(frame, self.shape(), &notes, &state) {
             self.viewer = None;
-            stepper.say(format!("{error}; going on without Rerun"));
+            stepper.say(format!("{error}; continuing without Rerun"));
         }
     }
 
@@ -297,7 +297,7 @@ impl Labelling {
             Question::Cell(edit) if edit.is_empty() => format!("{edit} ({FORMS})"),
             Question::Cell(edit) | Question::Name(edit, _) => edit.to_string(),
             Question::Leave => format!(
-                "{} not written: w write, k keep as a draft, d discard, Esc go on",
+                "{} not written: w write, k keep as a draft, d discard, Esc continue",
                 counted(self.draft.cells.len(), "cell")
             ),
         })

@@ -11,7 +11,7 @@ use svl::counted;
 use svl::score::Verdict;
 use svl::stereo::Frame;
 
-/// Width of what stands beside the image, characters.
+/// Width of the text beside the image, characters.
 const PANEL: u16 = 28;
 
 /// Draws it all. Returns where the image is.
@@ -113,7 +113,7 @@ fn texts(tool: &Labelling, at: (usize, usize), cell: Rect, buffer: &mut Buffer) 
     }
 }
 
-/// A verdict as a mark, as in the tables of `svl score`, and in a word.
+/// A result as a mark, as in the tables of `svl score`, and in a word.
 fn mark(verdict: Option<Verdict>) -> [&'static str; 2] {
     match verdict {
         Some(Verdict::Right) => ["✓", "right"],

@@ -30,10 +30,10 @@ use tool::Categorizer;
 pub(crate) struct Args {
     #[command(flatten)]
     input: LabelInput,
-    /// The filter that it is for: floor or too-close
+    /// Filter that the labels are for: floor or too-close
     #[arg(long, value_name = "NAME")]
     kind: FilterKind,
-    /// Label by the truth of a simulated source; those of both kinds are skipped
+    /// Label by the ground truth of a simulated source; frames or windows of both kinds are skipped
     #[arg(long)]
     from_truth: bool,
     /// Replace files that exist
@@ -101,7 +101,7 @@ pub(super) fn run(args: &Args, of_windows: bool, quiet: bool) -> anyhow::Result<
     print(&tool.said())?;
     match ended {
         Ended::Quit => Ok(()),
-        Ended::Interrupted => bail!("stopped; what was labelled is kept: the same command goes on"),
+        Ended::Interrupted => bail!("stopped; the labels are kept: the same command resumes"),
     }
 }
 
@@ -152,7 +152,7 @@ fn from_truth(
         let places: Vec<_> = if of_windows {
             (0..).map(Some).zip(windows).collect()
         } else {
-            // A frame is what all its windows are.
+            // A frame has a label only if all its windows have the same.
             let first = windows.first().copied().flatten();
             let all = first.filter(|_| windows.iter().all(|is| *is == first));
             vec![(None, all)]

@@ -23,10 +23,10 @@ const KEYS: &[(&str, &str)] = &[
     ("u", "undo the last label"),
 ];
 
-/// Width of what stands beside the image, characters.
+/// Width of the text beside the image, characters.
 const PANEL: u16 = 28;
 
-/// A person at work.
+/// State of the labelling session.
 pub(super) struct Categorizer {
     pub(super) labels: FrameLabels,
     pub(super) source: PathBuf,
@@ -81,7 +81,7 @@ impl Categorizer {
         Ok(())
     }
 
-    /// The table is whole at any moment.
+    /// The table is intact at any moment.
     fn save(&self) -> anyhow::Result<()> {
         let part = self.path.with_extension("csv.part");
         write(&part, self.labels.to_text())?;
@@ -164,7 +164,7 @@ impl Categorizer {
         ]
     }
 
-    /// Says where the table is.
+    /// Reports the path of the table.
     pub(super) fn said(&self) -> String {
         let [yes, no] = self.labels.counts();
         let [is, is_not] = self.labels.kind.spec().categories;
@@ -288,10 +288,10 @@ fn outline(place: Rect, is_picked: bool, label: &str, buffer: &mut Buffer) {
     buffer.set_stringn(place.x + 1, place.y + place.height / 2, label, room, bold);
 }
 
-/// Says where a session goes on.
+/// The frame at which a session resumes, and the message about it.
 pub(super) fn resumed(labels: &FrameLabels) -> Option<(u64, String)> {
     let last = labels.sequences().last()?;
     let [yes, no] = labels.counts();
     let found = counted((yes + no) as u64, "label");
-    Some((last, format!("going on at frame {last} with {found}")))
+    Some((last, format!("resumed at frame {last} with {found}")))
 }

@@ -1,4 +1,4 @@
-//! Turning knobs: the keys, what they change, and what is written.
+//! The tool that turns knobs: its keys, their effect, and its files.
 
 mod view;
 
@@ -49,7 +49,7 @@ enum Asks {
     File(LineEdit),
 }
 
-/// A person at work.
+/// State of the tuning session.
 pub(super) struct Tuner {
     worker: TuneWorker,
     knobs: Knobs,

@@ -1,5 +1,5 @@
-//! The screen: knobs on the left, what they are worth on the right, and below, where there is
-//! room, the disparities.
+//! The screen: knobs on the left, metrics on the right, and below, if there is room, the
+//! disparities.
 
 use super::Tuner;
 use crate::cli::commands::tune::shown::{FrameView, SampleView, Shown, title};
@@ -336,7 +336,7 @@ fn bar_line(sample: &SampleView, stepper: &Stepper<'_>, width: u16) -> Line<'sta
     Line::from(spans)
 }
 
-/// Which reasons left how many pixels of the frame without a disparity, with the change.
+/// Invalid pixels of the frame by reason, with the change.
 fn why_lines(shown: &Shown, side: usize, width: u16) -> Vec<Line<'static>> {
     let Some(frame) = &shown.frame else {
         return Vec::new();
