@@ -202,11 +202,12 @@ impl Sample {
 /// The interval of the difference of two fractions, each `passed` of `frames`, drawn independently.
 ///
 /// Only sums are known, so as many frames are drawn as there are blocks of neighbours, with a
-/// probability kept from 0 and 1 by half a frame on either side.
+/// probability kept from 0 and 1 by half a frame on either side. `None` for a single block.
 pub fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
     let mut random = fastrand::Rng::with_seed(SEED);
+    let blocks = |frames: u64| (frames as usize).div_ceil(block(frames as usize).max(1));
     let mut share = |(passed, frames): (u64, u64)| {
-        let blocks = (frames as usize).div_ceil(block(frames as usize)) as f64;
+        let blocks = blocks(frames) as f64;
         // Half a block added on either side: a fraction of 0 or 1 over few frames is not certain.
         let expected = (blocks * passed as f64 / frames as f64 + 0.5) / (blocks + 1.0);
         (0..blocks as usize)
@@ -214,7 +215,7 @@ pub fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
             .count() as f64
             / blocks
     };
-    (a.1 > 0 && b.1 > 0)
+    (blocks(a.1) > 1 && blocks(b.1) > 1)
         .then(|| (0..DRAWS).map(|_| share(b) - share(a)).collect())
         .and_then(middle)
 }
@@ -286,6 +287,7 @@ mod tests {
         // A few frames that all agree may still be chance.
         let (low, high) = shares((5, 5), (0, 5)).unwrap();
         assert!(low == -1.0 && high > -0.5, "{low} {high}");
-        assert_eq!(shares((0, 0), (1, 2)), None);
+        assert_eq!(shares((0, 0), (5, 5)), None);
+        assert_eq!(shares((1, 1), (0, 1)), None);
     }
 }

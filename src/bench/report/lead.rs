@@ -1,4 +1,4 @@
-//! Leads: which algorithm is best by a metric, and how surely it is better than the second.
+//! Leads: the best algorithm by a metric, and the significance of its lead over the second.
 
 use serde::Serialize;
 use svl_data::score::Metric;
@@ -9,9 +9,9 @@ pub struct Lead {
     pub metric: &'static Metric,
     pub algorithm: String,
     pub value: f64,
-    /// An algorithm that may not be called best is better by it.
+    /// True if an algorithm that may not be called best is better by this metric.
     pub is_outdone: bool,
-    /// Absent where no other algorithm has a value.
+    /// The second best; absent if no other algorithm has a value.
     pub second: Option<RunnerUp>,
 }
 
@@ -27,9 +27,9 @@ pub struct RunnerUp {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Certainty {
-    /// It does not contain 0.
+    /// The interval excludes 0.
     Clear,
-    /// It contains 0.
+    /// The interval contains 0.
     NoDifference,
     /// Too few blocks of pairs for an interval.
     TooFewPairs,
@@ -38,13 +38,13 @@ pub enum Certainty {
 }
 
 impl Certainty {
-    /// The words behind the second's value; empty where the difference is clear.
+    /// The words after the second's value; empty if the difference is clear.
     pub(super) fn words(self) -> &'static str {
         match self {
             Self::Clear => "",
             Self::NoDifference => "no difference",
             Self::TooFewPairs => "too few pairs to tell",
-            Self::TooFewCourses => "too few courses to tell",
+            Self::TooFewCourses => "too few courses to tell, score more seeds",
         }
     }
 }

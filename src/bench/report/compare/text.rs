@@ -6,7 +6,10 @@ use crate::report::table::{NONE, Table, TableCell, TableColumn, TerminalStyle, e
 use std::fmt::{self, Display, Formatter};
 use svl_core::counted;
 use svl_data::bootstrap::Interval;
-use svl_data::score::{Better, ColumnChoice, Metric, MetricUnit, RunKind};
+use svl_data::score::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, RunKind};
+
+/// Limit of the metrics that the answer lists of each kind.
+const LISTED: usize = 3;
 
 impl Comparison {
     /// The origins of the two, a row for each algorithm or the table of a single one, and what is
@@ -81,6 +84,50 @@ impl Comparison {
         table
     }
 
+    /// The answer in a sentence: the headline metrics that became worse and better.
+    fn answer(&self) -> Option<String> {
+        let shown = self.algorithms.iter().flat_map(|of| {
+            let shown = of.shown(&ColumnChoice::Headline).into_iter();
+            shown.map(|(name, change)| (format!("{} {name}", of.title()), change))
+        });
+        let is_ranked = |change: &Change| {
+            change.metric.better != Better::Neither && change.metric.unit != MetricUnit::Ms
+        };
+        let changes: Vec<_> = shown.filter(|(_, change)| is_ranked(change)).collect();
+        if changes.is_empty() || !self.differences.is_empty() {
+            return None;
+        }
+        let of_all = format!("of {}", counted(changes.len() as u64, "headline metric"));
+        let listed = |(judgement, word): (Judgement, &str)| {
+            let found = changes.iter().filter(|(_, of)| of.judgement == judgement);
+            let mut words: Vec<_> = found
+                .map(|(name, of)| format!("{name} {}", signed(of.metric, of.difference)))
+                .collect();
+            let count = words.len();
+            if count > LISTED {
+                words.truncate(LISTED);
+                words.push(format!("{} more", count - LISTED));
+            }
+            (count > 0).then(|| format!("{word} in {count} {of_all} ({})", words.join(", ")))
+        };
+        let parts = [(Judgement::Worse, "worse"), (Judgement::Better, "better")];
+        let parts: Vec<_> = parts.into_iter().filter_map(listed).collect();
+        let [base, other] = [&self.base, &self.other].map(|folder| folder.display());
+        let mut unequal = changes
+            .iter()
+            .filter(|(_, of)| of.judgement != Judgement::Equal)
+            .peekable();
+        Some(if !parts.is_empty() {
+            format!("{other} is {}.", parts.join(" and "))
+        } else if unequal.peek().is_none() {
+            format!("{other} equals {base} in each {of_all}.")
+        } else if unequal.all(|(_, of)| of.interval.is_none()) {
+            format!("{other} and {base}: too few pairs to tell; score more pairs.")
+        } else {
+            format!("{other} and {base}: no significant difference in any {of_all}.")
+        })
+    }
+
     /// The same as Markdown, for a pull request.
     pub fn markdown(&self) -> String {
         let (base, other) = (self.base.display(), self.other.display());
@@ -112,7 +159,7 @@ impl Comparison {
         })
     }
 
-    /// Origin of the two reports, and the reasons that forbid a judgement.
+    /// Origin of the two reports, and the reasons why nothing is called better or worse.
     pub(super) fn head(&self) -> Vec<String> {
         let mut lines = Vec::new();
         let sides = [("base ", &self.base), ("other", &self.other)];
@@ -134,7 +181,7 @@ impl Comparison {
             ("CPU", base.processor != other.processor),
             ("instruction set", base.isa != other.isa),
             ("threads", base.threads != other.threads),
-            ("what was timed", base.times != other.times),
+            ("the timed work", base.times != other.times),
         ];
         let differs: Vec<_> = differs.iter().filter(|d| d.1).map(|d| d.0).collect();
         if !differs.is_empty() {
@@ -153,6 +200,7 @@ impl Comparison {
                 "Scored differently ({differences}): nothing is called better or worse."
             ));
         }
+        lines.extend(self.answer());
         lines
     }
 }
@@ -197,7 +245,7 @@ impl AlgorithmChange {
     /// Pairs that the second run alone failed on, in words.
     pub fn failures(&self) -> Option<String> {
         let pairs = counted(self.newly_failed as u64, "pair");
-        (self.newly_failed > 0).then(|| format!("failed on {pairs} that the base has results of"))
+        (self.newly_failed > 0).then(|| format!("failed on {pairs} that the base has results for"))
     }
 
     /// The pairs that are compared, and those that are not.
@@ -221,7 +269,7 @@ impl AlgorithmChange {
 }
 
 impl Change {
-    /// The difference and what it is called.
+    /// The difference and its name.
     fn cell(&self) -> TableCell {
         let number = unitless(self.metric, self.difference);
         match self.judgement {
@@ -243,7 +291,11 @@ pub(crate) fn change_table<'a>(
         let metric = change.metric;
         let [base, other] = [change.base, change.other].map(|value| metric.show(value));
         let interval = change.interval.map(|interval| between(metric, interval));
-        let interval = interval.unwrap_or_else(|| "too few pairs".to_owned());
+        let too_few = match metric.origin {
+            MetricOrigin::Checkpoints => "too few frames",
+            _ => "too few pairs",
+        };
+        let interval = interval.unwrap_or_else(|| too_few.to_owned());
         let difference = signed(metric, change.difference);
         let cells = [name, base, other, difference, interval];
         let result = verdict(change.judgement).to_owned();
@@ -280,7 +332,7 @@ pub fn signed(metric: &Metric, v: f64) -> String {
     }
 }
 
-/// A word for what was found; none where that is nothing.
+/// A word for the result; none without a difference.
 fn verdict(judgement: Judgement) -> &'static str {
     match judgement {
         Judgement::Unclear => "",
