@@ -1,4 +1,4 @@
-//! The console of a program: what it shows of long work.
+//! The console of a program: the display of long work.
 
 use crate::run::Monitor;
 use crate::sink::LiveTable;
@@ -68,7 +68,7 @@ impl Bar for Silent {
     }
 }
 
-/// Watches a run with a bar, and ends it when the user asks for that.
+/// Shows the progress of a run, and ends the run on Ctrl-C.
 pub struct Watch {
     bar: Box<dyn Bar>,
     table: Option<LiveTable>,

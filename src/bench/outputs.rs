@@ -31,7 +31,7 @@ struct Output {
     aside: Option<PathBuf>,
 }
 
-/// By what svl knows a folder of its own, which it may replace.
+/// Properties by which svl recognizes a folder of its own, which it may replace.
 pub struct FolderRule {
     /// Kind of folder, with its article.
     pub kind: &'static str,
@@ -43,7 +43,7 @@ pub struct FolderRule {
     pub cure: &'static str,
 }
 
-/// The folder of figures: nobody's file is replaced there.
+/// The folder of figures: no existing file is replaced there.
 const FIGURES: FolderRule = FolderRule {
     kind: "the figures to come",
     owns: |_| false,
@@ -53,7 +53,7 @@ const FIGURES: FolderRule = FolderRule {
 
 impl Outputs {
     /// Claims files. Refuses, before any work is done, what cannot or must not be written: an
-    /// existing file unless `force`, anything that is no regular file, a missing folder, a file
+    /// existing file unless `force`, anything that is not a regular file, a missing folder, a file
     /// that is named twice or is one of `inputs`.
     pub fn claim<'a>(
         force: bool,
@@ -80,8 +80,8 @@ impl Outputs {
     pub fn claim_folder(path: &Path, rule: &'static FolderRule) -> Result<Self> {
         let created = !path.exists();
         make_folder(path)?;
-        // Two runs into one folder would take each other's files for an earlier report's. Where
-        // folders cannot be opened or locked, there is no such guard.
+        // Two runs into one folder would mistake each other's files for those of an earlier report.
+        // If folders cannot be opened or locked, nothing prevents that.
         let lock = File::open(path).ok();
         if let Some(Err(TryLockError::WouldBlock)) = lock.as_ref().map(File::try_lock) {
             return Err(Error::Invalid(format!(
@@ -107,7 +107,7 @@ impl Outputs {
             .is_ok_and(|json| serde_json::from_slice::<serde_json::Value>(&json).is_ok());
         if !files.is_empty() && !marked {
             return Err(Error::Invalid(format!(
-                "{}: holds files but no {} of svl's; {}",
+                "{}: contains files but no {} of svl's; {}",
                 path.display(),
                 rule.mark,
                 rule.cure
@@ -116,7 +116,7 @@ impl Outputs {
         Ok(Self(vec![output]))
     }
 
-    /// Claims more.
+    /// Claims further outputs.
     pub fn and(mut self, mut more: Self) -> Self {
         self.0.append(&mut more.0);
         self
@@ -202,7 +202,7 @@ impl Drop for Outputs {
     fn drop(&mut self) {
         for output in &self.0 {
             if let (Err(error), Some(aside)) = (output.restore(), &output.aside) {
-                // It stays under its other name, which loses nothing.
+                // The earlier file stays under its other name, so nothing is lost.
                 let (path, aside) = (output.path.display(), aside.display());
                 tracing::warn!("{path}: {error}; the earlier one is {aside}");
             }
@@ -240,7 +240,7 @@ impl Output {
         };
         if self.folder.is_none() {
             if self.path.exists() {
-                // It may have appeared since it was claimed.
+                // The file may have appeared since it was claimed.
                 may_write(&self.path, self.may_replace)?;
                 let aside = free_file(&self.path);
                 std::fs::rename(&self.path, &aside).map_err(refused)?;
@@ -259,7 +259,7 @@ impl Output {
                     .map_err(refused)?;
             }
         }
-        // Only now: what could not be moved is not new.
+        // Set only now: a file that could not be moved is not new.
         self.begun = true;
         Ok(())
     }
@@ -290,7 +290,7 @@ impl Output {
             std::fs::remove_dir(aside)?;
         }
         if self.created {
-            // Fails where it is not empty, as it should.
+            // Fails if the folder is not empty, as it should.
             std::fs::remove_dir(&self.path)?;
         }
         Ok(())
@@ -368,7 +368,7 @@ fn may_write(path: &Path, force: bool) -> Result<()> {
     Ok(())
 }
 
-/// True if a recorder has locked it.
+/// True if a recorder has locked the file.
 fn is_being_written(path: &Path) -> bool {
     let lock = File::open(path).ok().map(|file| file.try_lock());
     matches!(lock, Some(Err(TryLockError::WouldBlock)))
@@ -406,7 +406,8 @@ pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<()> {
     std::fs::write(path, content).map_err(|e| Error::io(path, e))
 }
 
-/// Writes a scenario and, beside it, the page that says how it was found; their names in words.
+/// Writes a scenario and, beside it, the page that describes the search. Returns their names in
+/// words.
 ///
 /// # Errors
 /// As [`Outputs::claim`]; [`Error::Io`].

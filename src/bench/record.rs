@@ -53,7 +53,7 @@ pub fn record(
     // The file is completed first, then the error is returned.
     let finished = sinks.finish().1;
     if ran.is_err() && outcome.frames == 0 {
-        // A file without a pair is of no use, and would stand in the way of the next attempt.
+        // A file without a pair is useless, and would block the next attempt.
         let _ = std::fs::remove_file(path);
     }
     (outcome, ran.and(finished))
@@ -63,8 +63,8 @@ pub fn record(
 /// modifies it about once a second.
 const ABANDONED: Duration = Duration::from_secs(60);
 
-/// The recording of an arena scenario with a seed in the cache `folder`, made first where the cache
-/// does not hold it.
+/// The recording of an arena scenario with a seed in the cache `folder`, made first if the cache
+/// does not have it.
 ///
 /// Its file is named after everything that its pixels depend on, and gets that name only when it is
 /// complete.
@@ -112,7 +112,7 @@ pub fn cached_run(
     complete.map(|()| path)
 }
 
-/// Refuses a file that is not the recording after which it is named: it is neither scored nor
+/// Refuses a file that is not the recording that its name promises: it is neither scored nor
 /// replaced.
 fn check_header(path: &Path, expected: &Header) -> Result<()> {
     let cure = "move or remove it, and it is recorded again";

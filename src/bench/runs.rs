@@ -17,8 +17,8 @@ use svl_data::manifest::RunRecord;
 use svl_data::scenario::{Scenario, ScenarioSource, SourceOptions};
 use svl_data::score::Judge;
 
-/// Gives scenarios the source options of the command line, each those that it takes; the user
-/// called the first one `named`.
+/// Gives each scenario those source options of the command line that it accepts. `named`: the
+/// user's name of the first one.
 ///
 /// # Errors
 /// For an option that is for none of them, and for options that contradict each other.
@@ -38,7 +38,7 @@ pub fn change(scenarios: &mut [Scenario], given: &SourceOptions, named: &str) ->
     Ok(())
 }
 
-/// The scenario that is named, or that of the recordings that are.
+/// The scenario that is named, or one of the recordings that are named.
 pub fn named(what: &[String]) -> Result<Scenario> {
     let is_scenario = |what: &str| Path::new(what).extension().is_some_and(|e| e == "toml");
     match what {
@@ -57,8 +57,8 @@ pub fn named(what: &[String]) -> Result<Scenario> {
 /// A run with its judge.
 pub enum ScoredSource {
     Opened(Box<(RunSource, Judge)>),
-    /// A run of the arena with that seed, recorded when its turn comes: all before it is on the
-    /// screen by then.
+    /// A run of the arena with that seed, recorded only when it is reached: the screen shows all
+    /// runs before it by then.
     Arena(u64),
 }
 
@@ -79,7 +79,7 @@ impl ScoredSource {
         }
     }
 
-    /// Opens it, recorded first where the cache does not hold it.
+    /// Opens the run, recorded first if the cache does not have it.
     pub fn open(
         self,
         scenario: &Scenario,
@@ -108,15 +108,15 @@ fn read(scenario: &Scenario, source: impl Source + 'static) -> Result<Box<dyn So
     })
 }
 
-/// The scenario's runs. All that the user names is opened, so that what is wrong with the last one
-/// is said before the first is scored.
+/// The scenario's runs. All that the user names is opened, so that an error in the last one is
+/// reported before the first is scored.
 pub fn runs(scenario: &Scenario, console: &dyn Console) -> Result<Vec<ScoredSource>> {
     (0..count(scenario)?)
         .map(|place| run_at(scenario, place, console))
         .collect()
 }
 
-/// The number of the scenario's runs.
+/// Number of the scenario's runs.
 pub fn count(scenario: &Scenario) -> Result<usize> {
     Ok(match &scenario.source {
         ScenarioSource::Arena { seeds, .. } | ScenarioSource::Drive { seeds, .. } => seeds.len(),
@@ -125,7 +125,7 @@ pub fn count(scenario: &Scenario) -> Result<usize> {
     })
 }
 
-/// The run at that place.
+/// The run at index `i`.
 pub fn run_at(scenario: &Scenario, place: usize, console: &dyn Console) -> Result<ScoredSource> {
     let mut run = match &scenario.source {
         ScenarioSource::Arena { seeds, .. } => return Ok(ScoredSource::Arena(seeds[place])),
@@ -158,7 +158,7 @@ pub fn run_at(scenario: &Scenario, place: usize, console: &dyn Console) -> Resul
 /// The folder of unnamed recordings, and of the cache of simulated runs.
 pub const RECORDINGS: &str = "recordings";
 
-/// The recording of an arena scenario with a seed, made first unless the cache holds it.
+/// The recording of an arena scenario with a seed, made first unless the cache has it.
 ///
 /// # Errors
 /// As [`record::cached_run`]; [`Error::Interrupted`].
@@ -219,7 +219,7 @@ fn noted(opened: Opened, console: &dyn Console) -> Result<Opened> {
     Ok(opened)
 }
 
-/// The folder of the data sets: the one named, or what `SVL_DATASETS` names.
+/// The folder of the data sets: the one named, or that of `SVL_DATASETS`.
 pub fn data_folder(named: Option<&Path>) -> Option<PathBuf> {
     let variable = || std::env::var_os("SVL_DATASETS").filter(|folder| !folder.is_empty());
     named
@@ -232,7 +232,7 @@ pub fn warn_of_own_reference(options: &SourceOptions, algorithms: &[Algorithm]) 
     let references = options.references()?;
     let is_reference = |algorithm: &&Algorithm| {
         let name = algorithm.spec().name;
-        // exec is any program.
+        // exec can be any program.
         let same = |reference: &Algorithm| {
             reference.spec().name == name
                 && (name != "exec" || reference.parameters() == algorithm.parameters())
@@ -241,7 +241,7 @@ pub fn warn_of_own_reference(options: &SourceOptions, algorithms: &[Algorithm]) 
     };
     for algorithm in algorithms.iter().filter(is_reference) {
         tracing::warn!(
-            "{}: is judged against itself: it shares the reference's errors",
+            "{}: is scored against itself, so it shares the reference's errors",
             algorithm.label()
         );
     }

@@ -119,7 +119,7 @@ impl Engine {
         };
         let rectifier = calibration.as_deref().map(rectifier).transpose()?;
         if rectifier.is_some() && rig.is_some() {
-            let words = "a calibration and a rig: the calibration has its own, set focal_px to 0";
+            let words = "a calibration and a rig: the former contains a rig, set focal_px to 0";
             return Err(Error::Invalid(words.into()));
         }
         Ok(Self {

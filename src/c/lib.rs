@@ -61,7 +61,7 @@ impl Default for Options {
     }
 }
 
-/// Most filters of a handle: one of each kind would do.
+/// Largest number of filters of a handle; one of each kind suffices.
 const MAX_FILTERS: usize = 16;
 
 /// The text at `text`; none for a null pointer.

@@ -17,7 +17,7 @@ pub struct Course {
     world: ArenaWorld,
     /// The way of the driver with perfect sight.
     route: Vec<RobotState>,
-    /// Number of layouts that were thrown away.
+    /// Number of rejected layouts.
     rejected: u32,
 }
 
@@ -33,7 +33,7 @@ const FIRST_M: f64 = 0.95;
 const SECTIONS: u32 = 5;
 
 impl Course {
-    /// A layout by chance, without a route.
+    /// A random layout, without a route.
     ///
     /// # Errors
     /// Those of [`ArenaWorld::unpainted`].
@@ -68,7 +68,7 @@ impl Course {
         &self.world
     }
 
-    /// Number of layouts that were thrown away before this one.
+    /// Number of layouts rejected before this one.
     pub fn rejected(&self) -> u32 {
         self.rejected
     }
@@ -78,7 +78,7 @@ impl Course {
         self.route.iter().map(|state| state.at.into())
     }
 
-    /// Closed outlines of what stands in the robot's way, metres.
+    /// Closed outlines of the obstacles, metres.
     pub fn outlines(&self) -> Vec<Vec<[f64; 2]>> {
         self.world.plan(self.drive.height_m)
     }
@@ -141,7 +141,7 @@ impl Course {
     }
 }
 
-/// A world by chance.
+/// A random world.
 fn layout(arena: &ArenaConfig, drive: &DriveConfig, seed: u64, attempt: u32) -> ArenaConfig {
     // The attempt is not part of the pictures' seed: they stay with the course.
     let mut dice = fastrand::Rng::with_seed(seed ^ (u64::from(attempt) << 48) ^ 0x5EED_C0DE);
@@ -234,7 +234,7 @@ fn corridor(things: &mut Things, from_m: f64) {
     things.wall("shoulder", x + half + 0.06, WIDTH_M, y - 0.32, 0.06);
 }
 
-/// Boxes that stand about.
+/// Scattered boxes.
 fn blocks(things: &mut Things, from_m: f64) {
     let count = things.dice.u32(2..=3);
     let cell_m = WIDTH_M / f64::from(count);

@@ -1,5 +1,5 @@
-//! Every course can be passed: a driver with perfect sight has done so before it is used. A layout
-//! in which it does not finish is thrown away, and the next one is drawn.
+//! Every course can be passed: a driver with perfect sight passes it before it is used. A layout in
+//! which that driver does not finish is rejected, and the next one is drawn.
 
 use super::course::Course;
 use super::source::Drive;
@@ -9,11 +9,11 @@ use svl_data::arena::ArenaConfig;
 use svl_data::drive::{DriveEvent, RobotState};
 use svl_data::scenario::{DriveConfig, Scenario, ScenarioSource};
 
-/// Layouts that are drawn for a course at most.
+/// Largest number of layouts that are drawn for a course.
 const ATTEMPTS: u32 = 30;
 
 impl Course {
-    /// The course with that seed. `arena` has the cameras, the gait and what the pictures are like.
+    /// The course with that seed. `arena` has the cameras, the gait and the look of the images.
     ///
     /// # Errors
     /// [`Error::Invalid`] where no layout can be passed, and for a number of `arena` out of its
@@ -53,7 +53,7 @@ impl Course {
         }
     }
 
-    /// The way of a driver who sees the exact grid, where it finishes.
+    /// The track of a driver that gets the exact grid; none if it does not finish.
     fn proof(&self, settings: GridSettings) -> Result<Option<Vec<RobotState>>> {
         let gait = self.gait();
         let rig = self.world().rig();

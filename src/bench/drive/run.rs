@@ -40,7 +40,7 @@ pub struct DriveResult {
     pub cells: Vec<CellRow>,
     /// The last two seconds before the collision at the highest speed, with that speed, m/s.
     pub worst: Option<(f64, CheckpointFigure)>,
-    /// True if the monitor ended it: it counts for nothing.
+    /// True if the monitor ended the drive, so that it is not counted.
     pub interrupted: bool,
     /// The pairs that the algorithm failed on.
     pub failures: Vec<FailureRow>,
@@ -189,7 +189,7 @@ impl DrivePlan<'_> {
 }
 
 impl Course {
-    /// Its track, for the map.
+    /// The drive's track, for the map.
     pub fn plan(&self) -> CoursePlan {
         let world = &self.world().config().world;
         CoursePlan {
@@ -206,7 +206,7 @@ impl Course {
     }
 }
 
-/// To a tenth of a millimetre, which a map does not show and a file writes short.
+/// Rounds to a tenth of a millimetre: invisible on a map, and short in a file.
 fn rounded(at: [f64; 2]) -> [f64; 2] {
     at.map(|v| (1.0e4 * v).round() / 1.0e4)
 }

@@ -1,4 +1,4 @@
-//! A drive as a source that listens: every frame depends on what was made of the last one.
+//! A drive as a source that listens: every frame depends on the results of the last one.
 
 use super::course::Course;
 use crate::source::Source;
@@ -63,7 +63,7 @@ impl Source for DriveSource {
     }
 
     fn hear(&mut self, judged: &Judged) {
-        // An algorithm that failed on the frame says nothing: the last command holds.
+        // An algorithm that failed on the frame gives no command: the last one holds.
         if let Some(scored) = judged.estimates.first() {
             self.drive.decide(&self.course, &scored.estimate.grid);
         }
@@ -78,16 +78,16 @@ pub(super) struct Drive {
     steering: Steering,
     /// Number of frames so far.
     sequence: u64,
-    /// A near miss under way: the least clearance, what it is of, and where.
+    /// A near miss under way: the least clearance, the obstacle, and the place.
     near: Option<(f64, DriveEvent)>,
-    /// Its place when it last came farther.
+    /// The robot's position when it last made progress.
     anchor: RobotState,
-    /// A collision or being stuck ends the stretch: it is set back before the next frame.
+    /// True after a collision or when stuck: the robot is set back before the next frame.
     is_to_be_placed: bool,
     pub(super) log: DriveLog,
 }
 
-/// A robot that stays within this is stuck.
+/// A robot that stays within this distance is stuck.
 const STUCK_M: f64 = 0.1;
 /// Distance along the route that it is set back after a collision.
 const PLACED_M: f64 = 0.3;
@@ -156,7 +156,7 @@ impl Drive {
         }
     }
 
-    /// Sets the robot back on the route, beyond what it met.
+    /// Sets the robot back on the route, beyond the obstacle.
     fn placed(&mut self, course: &Course) -> TrackPoint {
         let time_s = self.robot.time_s + course.frame_s();
         self.robot = RobotState {
@@ -184,10 +184,10 @@ impl Drive {
             event = Some(DriveEvent::Collision { with, at_m });
             self.near = None;
             self.is_to_be_placed = true;
-            // It stands where it touched something.
+            // The robot is where it touched something.
             self.commands = [DriveCommand::default(); 2];
         } else if clearance_m >= config.near_miss_m {
-            // It is over, and nothing was touched.
+            // The near miss is over, and nothing was touched.
             event = self.near_miss();
         } else if self
             .near

@@ -42,7 +42,7 @@ impl DriveUnit {
 /// The name of a drive's recording in its report.
 fn recording_name(scenario: &Scenario, seed: u64, unit: DriveUnit) -> String {
     let label = scenario.algorithms[unit.algorithm].label();
-    // No label that stands in a name has an equals sign.
+    // No label in a name contains an equals sign.
     let stress = unit
         .stress
         .map(|stress| format!("-{stress}"))
@@ -51,7 +51,7 @@ fn recording_name(scenario: &Scenario, seed: u64, unit: DriveUnit) -> String {
     if label.chars().all(is_safe) {
         format!("course-{seed}-{label}{stress}.mcap")
     } else {
-        // Two labels may differ in what no file name has.
+        // Two labels may differ only in characters that no file name may contain.
         let safe = |c: char| if is_safe(c) { c } else { '-' };
         let label: String = label.chars().take(40).map(safe).collect();
         format!("course-{seed}-{}-{label}{stress}.mcap", unit.algorithm + 1)
@@ -118,7 +118,7 @@ pub(super) fn evaluate(
 /// Seed, algorithm and stress of a drive.
 type DriveKey = (u64, String, Option<String>);
 
-/// The whole drives of an interrupted run.
+/// The complete drives of an interrupted run.
 #[derive(Default)]
 struct EarlierDrives {
     drives: HashMap<DriveKey, DriveResult>,
@@ -126,7 +126,7 @@ struct EarlierDrives {
 }
 
 impl EarlierDrives {
-    /// Reads a folder's, and says in `manifest` that the run goes on.
+    /// Reads those of a folder, and notes in `manifest` that the run is resumed.
     fn read(folder: &Path, manifest: &mut Manifest) -> Result<Self> {
         if EarlierRun::open(folder, manifest)?.is_none() {
             return Ok(Self::default());
@@ -135,7 +135,7 @@ impl EarlierDrives {
             (seed, algorithm.to_owned(), stress.clone())
         };
         let mut drives: HashMap<_, DriveResult> = HashMap::new();
-        // A drive's own row is written last: with it the drive is whole.
+        // A drive's own row is written last: with it the drive is complete.
         for row in whole_rows::<DriveRow>(&folder.join("drives.csv"))? {
             let result = drives
                 .entry(key(row.seed, &row.algorithm, &row.stress))
@@ -210,7 +210,7 @@ impl DriveReport {
         })
     }
 
-    /// All drives, several at once; they are taken in their order.
+    /// Runs all drives, several at once; the sinks get them in order.
     fn drive_all(
         &mut self,
         plan: &EvaluationPlan<'_>,
@@ -282,8 +282,7 @@ impl DriveReport {
                     // The threads ended early.
                     let Ok((j, driven)) = received.recv() else {
                         return Err(Error::Invalid(
-                            "interrupted; --resume goes on with the drives that are whole"
-                                .to_owned(),
+                            "interrupted; --resume continues after the complete drives".to_owned(),
                         ));
                     };
                     known[j] = Some(driven?);
@@ -292,7 +291,7 @@ impl DriveReport {
                 self.take(*unit, result)
             });
             work.is_over.store(true, Ordering::Relaxed);
-            // Whole drives behind one that is missing are kept, too.
+            // Complete drives after a missing one are kept, too.
             for (i, driven) in received.try_iter() {
                 known[i] = driven.ok();
             }
@@ -319,7 +318,8 @@ impl DriveReport {
         ran
     }
 
-    /// Takes a drive; its own row is written last, so that it says that the others are there.
+    /// Takes a drive; its own row is written last, so that its presence proves that the others are
+    /// complete.
     fn take(&mut self, unit: DriveUnit, result: DriveResult) -> Result<()> {
         let DriveResult {
             drives,
@@ -413,7 +413,7 @@ impl DriveWork<'_> {
         self.bar.step();
         let is_whole = matches!(&driven, Ok(result) if !result.interrupted);
         if let Some(path) = recording.filter(|_| !is_whole) {
-            // A part of a drive is of no use.
+            // A part of a drive is useless.
             let _ = std::fs::remove_file(path);
         }
         driven

@@ -17,16 +17,16 @@ pub struct Evaluation {
     pub summary: Summary,
     /// The results of the limits, if they were asked for.
     pub gate: Vec<GateResult>,
-    /// Why the run ended early, if it did.
+    /// Reason why the run ended early, if it did.
     pub ran: Result<()>,
 }
 
 impl EvaluationPlan<'_> {
-    /// Runs all of it into the folder, which `outputs` claims.
+    /// Runs the evaluation into the folder, which `outputs` claims.
     ///
     /// # Errors
-    /// Those of sources, algorithms and files that leave no report. What came before an error in
-    /// the midst of the run is reported, see [`Evaluation::ran`].
+    /// Those of sources, algorithms and files that leave no report. Results before an error during
+    /// the run are reported, see [`Evaluation::ran`].
     pub fn evaluate(&self, mut outputs: Outputs, console: &dyn Console) -> Result<Evaluation> {
         if !self.resume {
             warn_of_unfinished(self.folder);
@@ -49,7 +49,7 @@ impl EvaluationPlan<'_> {
                     ReportPart::complete(self.folder, inputs)?;
                 }
                 outputs.commit();
-                // The report has what an interrupted part of it left there.
+                // The report has the results that an interrupted part left there.
                 for other in &others {
                     if let Err(error) = std::fs::remove_dir_all(other) {
                         tracing::warn!("{}: cannot be removed: {error}", other.display());
@@ -69,18 +69,18 @@ impl EvaluationPlan<'_> {
     }
 }
 
-/// Says that a run goes lost that could go on.
+/// Warns that an unfinished run is dropped that could be resumed.
 fn warn_of_unfinished(folder: &Path) {
     let rows = folder.join("rows.csv").metadata();
     let is_unfinished = || match read_ending(folder) {
         Ok(Some(ending)) => ending.state == RunState::Interrupted,
         Ok(None) => true,
-        // An earlier svl says it otherwise.
+        // Earlier versions of svl marked it in another way.
         Err(_) => false,
     };
     if rows.is_ok_and(|rows| rows.len() > 0) && is_unfinished() {
         tracing::warn!(
-            "{}: holds an unfinished run, which is scored anew; --resume would go on with it",
+            "{}: contains an unfinished run, which is scored again; --resume would continue it",
             folder.display()
         );
     }

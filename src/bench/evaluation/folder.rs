@@ -1,5 +1,5 @@
-//! The folder of a report of `svl score` and `svl merge`: what is in it, and what is written at the
-//! end of a run.
+//! The folder of a report of `svl score` and `svl merge`: its files, and those written at the end
+//! of a run.
 
 use super::part::PART;
 use super::sweeps::sweeps;
@@ -29,7 +29,7 @@ pub fn is_recording(name: &str) -> bool {
     name.starts_with("course-") && name.ends_with(".mcap")
 }
 
-/// The words of a report besides its numbers.
+/// The texts of a report besides its numbers.
 #[derive(Clone, Copy)]
 pub struct ReportHead<'a> {
     pub description: &'a str,
@@ -38,9 +38,9 @@ pub struct ReportHead<'a> {
     pub measured: bool,
     pub algorithms: &'a [Algorithm],
     pub columns: &'a ColumnChoice,
-    /// By what the algorithms are sorted.
+    /// Metric that the algorithms are sorted by.
     pub sort: Option<&'a Metric>,
-    /// Limits that are judged.
+    /// Limits that are checked.
     pub limits: &'a [Limit],
     /// The folder for the plots as files.
     pub figures: Option<&'a Path>,
@@ -141,8 +141,8 @@ impl ReportContent {
     }
 }
 
-/// Warns where frames have a truth, but no cell has enough of it to be scored. A part of a run
-/// does not know of the others.
+/// Warns where frames have a truth, but no cell has enough of it to be scored. A part of a run does
+/// not know the other parts.
 fn warn_of_nothing_scored(manifest: &Manifest, summary: &Summary) {
     let mut of = summary.algorithms.iter();
     let of = of.find(|of| of.scored_cells == Some(0) && manifest.shard.is_none());

@@ -6,8 +6,8 @@ use crate::report::{CoursePlan, DriveRow, TrackRow};
 /// Limit of the courses with a map in the page: those with the most collisions.
 const MAPS: usize = 12;
 
-/// The maps of the courses with the drives whose pairs are as they are; where there are too many,
-/// of those with the most collisions.
+/// The maps of the courses with their unperturbed drives; if there are too many, those with the
+/// most collisions.
 pub fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Vec<CourseMap> {
     let of = |plan: &CoursePlan| {
         let seed = plan.seed;

@@ -1,4 +1,4 @@
-//! A part of a report: the share of a shard, and what `svl merge` has to know of the whole.
+//! A part of a report: the results of a shard, and what `svl merge` has to know about the whole.
 
 use crate::outputs::write_json;
 use serde::{Deserialize, Serialize};
@@ -33,7 +33,7 @@ pub struct ReportPart {
     pub driven: bool,
     /// All runs of the whole, in their order.
     pub runs: Vec<ReportRun>,
-    /// Its tables as CSV, each with the hash of its bytes; none before it is complete.
+    /// Its tables as CSV, each with the hash of its bytes; none before the part is complete.
     pub tables: BTreeMap<String, String>,
     /// The runs that it read with the digests of their pairs, geometry and truth, before any
     /// perturbation; likewise.
@@ -42,7 +42,7 @@ pub struct ReportPart {
 }
 
 impl ReportPart {
-    /// Says in a report's folder that it is a part.
+    /// Marks a report's folder as a part.
     pub fn write(
         folder: &Path,
         scenario: &Scenario,
@@ -65,7 +65,8 @@ impl ReportPart {
         read_json(&folder.join(PART))
     }
 
-    /// Says in a part's folder that its tables are complete, and what they were made of.
+    /// Records in a part's folder that its tables are complete, and the inputs that they were made
+    /// of.
     pub fn complete(folder: &Path, inputs: Vec<(String, String)>) -> Result<()> {
         let mut part = Self::read(folder)?;
         part.inputs = inputs;
@@ -79,7 +80,7 @@ impl ReportPart {
         write_json(&folder.join(PART), &part)
     }
 
-    /// The first of its tables that is no more as it was completed.
+    /// The first of its tables that was changed after its completion.
     pub fn damaged(&self, folder: &Path) -> Option<&str> {
         let is_other = |(file, hash): &(&String, &String)| {
             !hash_file(&folder.join(file)).is_ok_and(|found| found == **hash)
@@ -108,7 +109,7 @@ impl ReportRun {
     }
 }
 
-/// One of several shares of a run, written `3/16`.
+/// One of several parts of a run, written `3/16`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Shard {
@@ -120,7 +121,7 @@ pub struct Shard {
 impl Shard {
     const MAX: usize = 10_000;
 
-    /// True if the unit at that place of all is in this share: they are dealt out in turn.
+    /// True if the unit at that index is in this shard: units are dealt out in turn.
     pub fn takes(self, unit: usize) -> bool {
         unit % self.of == self.number - 1
     }

@@ -1,4 +1,4 @@
-//! The plan of an evaluation: what is scored, and how.
+//! The plan of an evaluation: the scenario, the algorithms and the options.
 
 use super::folder::ReportHead;
 use super::part::Shard;
@@ -39,15 +39,15 @@ pub struct EvaluationPlan<'a> {
 
 /// A run that is over, and its report.
 pub(super) struct EndedRun {
-    /// Why it ended early, if it did.
+    /// Reason why it ended early, if it did.
     pub(super) ran: Result<()>,
     /// The report, also of a run that ended early.
     pub(super) finished: Result<(Summary, Vec<GateResult>)>,
-    /// Pairs that were taken.
+    /// Number of pairs that were scored.
     pub(super) pairs: u64,
-    /// Folders of interrupted parts, which the report holds now.
+    /// Folders of interrupted parts, whose results the report now contains.
     pub(super) others: Vec<PathBuf>,
-    /// True if it holds all that the report before it had, even if it ended early.
+    /// True if it contains all results of the report before it, even if it ended early.
     pub(super) holds_earlier: bool,
     /// Inputs of a part, as [`super::part::ReportPart`] has them.
     pub(super) inputs: Vec<(String, String)>,
@@ -65,7 +65,7 @@ impl EvaluationPlan<'_> {
         Ok(manifest)
     }
 
-    /// The words of the report besides its numbers. `measured`: times are of matching alone.
+    /// The texts of the report besides its numbers. `measured`: times are of matching alone.
     pub(super) fn head(&self, measured: bool) -> ReportHead<'_> {
         let scenario = self.scenario;
         ReportHead {

@@ -43,7 +43,7 @@ impl ScoreReport {
         let info = RunInfo::new(&manifest, scenario.wireframe(None));
         let mut sinks = Sinks::open(SinkRequest {
             report: Some(folder),
-            // More have no room in a viewer, nor the file on a disk.
+            // More do not fit into a viewer, nor the file on a disk.
             viewer: (plan.viewer.clone())
                 .filter(|_| scenario.algorithms.len() <= MAX_SHOWN)
                 .map(|(viewer, target, detail)| ViewerRequest {
@@ -150,7 +150,7 @@ pub(super) fn evaluate(
     let units = RunUnit::all(plan, &runs);
     let mut runs: Vec<_> = runs.into_iter().map(Some).collect();
     let mut open = |unit: &RunUnit| {
-        // Those that are perturbed are opened anew.
+        // Perturbed runs are opened again.
         let run = match runs[unit.place].take_if(|_| unit.stress.is_none()) {
             Some(run) => run,
             None => runs::run_at(scenario, unit.place, console)?,
@@ -165,7 +165,8 @@ pub(super) fn evaluate(
         }
         Result::Ok((run, judge))
     };
-    // The first before the report is begun: Ctrl-C there leaves an earlier one as it is.
+    // The first is opened before the report is begun: Ctrl-C until then leaves an earlier report
+    // unchanged.
     let mut first = units.first().map(&mut open).transpose()?;
     let log = if plan.resume {
         ResultLog::read(folder, &mut manifest, scenario.grid)?
@@ -189,14 +190,14 @@ pub(super) fn evaluate(
         inputs.extend(run.0.inputs());
         if outcome.interrupted {
             return Err(Error::Invalid(
-                "interrupted; the report holds what was scored before, and --resume goes on with \
+                "interrupted; the report has what was scored before, and --resume continues \
                  it"
                 .to_owned(),
             ));
         }
         Ok(())
     });
-    // The pairs before an error or Ctrl-C are reported all the same.
+    // The pairs before an error or Ctrl-C are reported nevertheless.
     let pairs = missing.pairs;
     let ending = ending(&ran, missing, scenario.options.allow_loss);
     let finished = report.finish(plan, &matchers, ending, console);
@@ -210,7 +211,7 @@ pub(super) fn evaluate(
     })
 }
 
-/// A run through some of the algorithms, as it is or made worse.
+/// A run through some of the algorithms, unperturbed or perturbed.
 struct RunUnit<'a> {
     /// Place of the run among those of the scenario.
     place: usize,
@@ -246,7 +247,7 @@ impl<'a> RunUnit<'a> {
     }
 }
 
-/// All runs of a scenario, first as they are, then made worse.
+/// All runs of a scenario, first unperturbed, then perturbed.
 fn groups(plan: &EvaluationPlan<'_>, runs: usize) -> impl Iterator<Item = (Option<Stress>, usize)> {
     plan.stresses()
         .flat_map(move |stress| (0..runs).map(move |place| (stress, place)))

@@ -22,7 +22,7 @@ pub struct Algorithms {
 /// A setting, with its values where it is swept.
 #[derive(Clone, Debug)]
 struct Axis {
-    /// The text before the value, with `=`; all of a setting that is not swept.
+    /// The text before the value, with `=`; the whole text of a setting that is not swept.
     key: String,
     values: Vec<String>,
     is_swept: bool,
@@ -46,7 +46,7 @@ impl FromStr for Algorithms {
                 {
                     (format!("{key}="), range_of(range)?)
                 }
-                // A command or a path may hold slashes.
+                // A command or a path may contain slashes.
                 Some((key, list, range))
                     if list.contains('/') && !matches!(range, Range::Text { .. } | Range::File) =>
                 {
@@ -147,8 +147,8 @@ fn spread(lengths: &[usize], count: usize) -> Vec<Vec<usize>> {
     let swept: Vec<_> = (0..lengths.len()).filter(|&i| lengths[i] > 1).collect();
     let mut seen = BTreeSet::new();
     let mut places = Vec::new();
-    // The sequence fills the unit cube evenly, so that it comes by all places; the bound is for
-    // what rounding could keep from it.
+    // The sequence fills the unit cube evenly, so that it visits all places; the bound covers
+    // places that rounding might skip.
     for i in 1..=10_000 * count {
         let mut place = vec![0; lengths.len()];
         for (at, &axis) in quasi_random(i, swept.len()).zip(&swept) {
@@ -173,7 +173,7 @@ fn range_of(range: &str) -> Result<Vec<String>> {
     let (from, to) = ends
         .split_once("..")
         .ok_or_else(|| wrong("write FROM..TO/STEP"))?;
-    // `..=` says what `..` means here as well.
+    // `..=` has the meaning of `..` here.
     let to = to.strip_prefix('=').unwrap_or(to);
     let number = |text: &str| text.parse().ok().filter(|v: &f64| v.is_finite());
     let (Some(first), Some(last), Some(width)) = (number(from), number(to), number(step)) else {
@@ -199,7 +199,7 @@ fn range_of(range: &str) -> Result<Vec<String>> {
         .collect())
 }
 
-/// A decimal number without the zeros behind it.
+/// A decimal number without trailing zeros.
 fn trimmed(number: &str) -> String {
     if number.contains('.') {
         number

@@ -15,7 +15,7 @@ pub(super) fn sweeps(algorithms: &[Algorithm]) -> Vec<ParameterSweep> {
                 .filter_map(|other| Some((number(other, key)?, other)))
                 .collect();
             points.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-            // The same algorithm by two names is no sweep.
+            // The same algorithm by two names is not a sweep.
             points.dedup_by(|(a, _), (b, _)| a == b);
             let points: Vec<_> = points
                 .iter()

@@ -12,7 +12,7 @@ use svl_core::{Error, Result};
 /// are numbers where all values of the column are.
 ///
 /// # Errors
-/// [`Error::Io`] with the file, [`Error::Format`] with what polars says.
+/// [`Error::Io`] with the file, [`Error::Format`] with the error of polars.
 pub fn write_algorithms(folder: &Path, algorithms: &[Algorithm]) -> Result<()> {
     let names = algorithms.iter().flat_map(|of| of.parameters().iter());
     let names: BTreeSet<&str> = names.map(|(name, _)| name).collect();

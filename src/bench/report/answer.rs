@@ -1,5 +1,5 @@
-//! The answer of a run: which algorithm is best by the headline metrics, how surely, and which is
-//! faster at what cost.
+//! The answer of a run: the best algorithm by the headline metrics, its significance, and the
+//! fastest one with its cost.
 
 use super::choice::better_first;
 use super::drives::{self, DriveRow};
@@ -12,11 +12,11 @@ use std::collections::BTreeMap;
 use svl_data::bootstrap::{Interval, Resamples, Sample};
 use svl_data::score::{Better, Metric, MetricUnit, RunKind};
 
-/// Share of wrong cells above which an algorithm is not called best by anything.
+/// Fraction of wrong cells above which an algorithm is not called best by any metric.
 pub(super) const MOST_WRONG: f64 = 0.1;
 
-/// Share of right cells, or of pixels with a disparity, below which it is not, either: an algorithm
-/// that answers nothing misses nothing.
+/// Fraction of right cells, or of pixels with a disparity, below which it is not, either: an
+/// algorithm that answers nothing misses nothing.
 const LEAST: f64 = 0.1;
 
 /// The metrics by which algorithms are called best.
@@ -111,7 +111,7 @@ impl Summary {
         }
     }
 
-    /// The same in words.
+    /// The same rule in words.
     fn usable_words(&self) -> &'static str {
         match self.kind() {
             RunKind::Disparities => "at least 10 % coverage",
@@ -119,7 +119,7 @@ impl Summary {
         }
     }
 
-    /// The answer in one or two sentences; none for a single algorithm, whose row says it all.
+    /// The answer in one or two sentences; none for a single algorithm, whose row suffices.
     pub fn answer(&self) -> Vec<String> {
         if self.algorithms.iter().filter(|a| a.pairs > 0).count() < 2 {
             return Vec::new();
@@ -160,7 +160,7 @@ impl Summary {
         sentences.chain(fastest).chain(usable).collect()
     }
 
-    /// The fastest algorithm, and at what cost.
+    /// The fastest algorithm with its cost, in words.
     fn speed_words(&self, fastest: &Lead) -> Option<String> {
         let name = &fastest.algorithm;
         let usable = if fastest.is_outdone {
@@ -211,7 +211,7 @@ fn second_words(metric: &Metric, second: &RunnerUp) -> String {
     )
 }
 
-/// A lead behind the name of its algorithm and "has".
+/// The words of a lead after the name of its algorithm and "has".
 fn words(lead: &Lead) -> String {
     let most = match lead.metric.better {
         Better::Less => "the fewest",

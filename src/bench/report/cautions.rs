@@ -1,4 +1,4 @@
-//! Cautions that a reader has to know before the numbers of a run are believed.
+//! Cautions for the reader of a run's numbers.
 
 use super::summary::Summary;
 use svl_core::counted;
@@ -33,13 +33,13 @@ impl Summary {
         parts.chain(profile).chain(self.outliers()).collect()
     }
 
-    /// Times that the machine disturbed.
+    /// Caution about times that the machine disturbed.
     fn outliers(&self) -> Option<String> {
-        // Else svl's own reading and writing makes them, or nobody counts on the times.
+        // Otherwise svl's own reading and writing causes them, or nobody relies on the times.
         let counts = self.measured && self.slow_profile.is_none();
         let is_disturbed = self.algorithms.iter().any(|a| a.outliers > Some(0));
         (counts && is_disturbed).then(|| {
-            "the machine was busy, so times are uncertain; an idle one, or --repeat 5, gives \
+            "the machine was busy, so times are uncertain; use an idle one, or --repeat 5, for \
              better ones"
                 .to_owned()
         })

@@ -1,4 +1,4 @@
-//! Which of many algorithms to look at: sorted by a metric, the best by each, and the Pareto front.
+//! Choice among many algorithms: sorted by a metric, the best by each, and the Pareto front.
 
 use super::summary::{AlgorithmSummary, Summary};
 use std::cmp::Ordering;
@@ -15,8 +15,8 @@ impl Summary {
         self.is_sorted = true;
     }
 
-    /// True for an algorithm that may be called best: it has a result of every pair, and is not an
-    /// end of the scale, the truth or `blind`.
+    /// True for an algorithm that may be called best: it has a result of every pair, and is not a
+    /// reference at an end of the scale, the truth or `blind`.
     pub(super) fn is_candidate(&self, algorithm: &AlgorithmSummary) -> bool {
         let label = &algorithm.algorithm;
         let is_end = self.perfect.contains(label) || label == "blind";
@@ -96,7 +96,8 @@ mod tests {
     use crate::report::Row;
     use crate::report::speed::tests::row;
 
-    /// Rows of one pair: the label, the time and the share of right and of wrong cells in tenths.
+    /// Rows of one pair: the label, the time and the fractions of right and of wrong cells in
+    /// tenths.
     fn summary(of: &[(&str, u64, f64, f64)]) -> Summary {
         let rows: Vec<_> = of
             .iter()

@@ -8,7 +8,7 @@ pub struct ColumnDescription {
     pub name: &'static str,
     /// `text`, `integer`, `number` or `boolean`; with `?` where it may be empty.
     pub kind: &'static str,
-    /// Unit of its numbers; counts, names and shares from 0 to 1 have none.
+    /// Unit of its numbers; counts, names and fractions from 0 to 1 have none.
     pub unit: Option<&'static str>,
     pub about: String,
 }
@@ -26,7 +26,7 @@ impl ColumnDescription {
     }
 }
 
-/// Units by the endings of names.
+/// Units by the suffixes of names.
 const UNITS: [(&str, &str); 11] = [
     ("_per_m_per_s", "1/(m s)"),
     ("_m_per_s", "m/s"),

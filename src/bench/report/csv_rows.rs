@@ -18,7 +18,7 @@ pub struct RowReader<R> {
 
 impl<R: Record> RowReader<R> {
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] for a file that is no table.
+    /// [`Error::Io`]; [`Error::Format`] for a file that is not a table.
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(|e| Error::io(path, e))?;
         let mut reader = csv::Reader::from_reader(BufReader::new(file));

@@ -30,21 +30,21 @@ record! {
         stuck: u64,
         /// Distance that the robot drove itself.
         driven_m: f64,
-        /// Distance driven until the first collision, where there was one.
+        /// Distance driven until the first collision, if there was one.
         first_collision_m: Option<f64>,
         /// Duration of the drive.
         duration_s: f64,
-        /// Time in which it did not move, as when it turned on the spot.
+        /// Time in which the robot did not move, for instance while it turned on the spot.
         stood_s: f64,
-        /// Pairs of the drive.
+        /// Number of pairs of the drive.
         frames: u64,
-        /// Frames on which the algorithm failed: the last command held.
+        /// Number of frames on which the algorithm failed, so that the last command held.
         failures: u64,
-        /// Digest of the track: equal drives have equal ones.
+        /// Digest of the track, equal for equal drives.
         track_hash: String,
-        /// Its recording in the report's folder, where it was kept.
+        /// File of its recording in the report's folder, if it was kept.
         recording: Option<String>,
-        /// Perturbation of its pairs, as `row_offset=2`; absent as they are.
+        /// Perturbation of its pairs, as `row_offset=2`; absent for unperturbed ones.
         stress: Option<String>,
     }
 }
@@ -68,15 +68,15 @@ record! {
         y_m: f64,
         /// Direction of travel, atan2(y, x), radians.
         heading: f64,
-        /// Over the time since the last frame.
+        /// Mean speed since the last frame.
         speed_m_per_s: f64,
-        /// Least distance of the body from everything since the last frame.
+        /// Least distance between the body and any obstacle since the last frame.
         clearance_m: f64,
-        /// The robot was set there after a collision or when it was stuck.
+        /// True if the robot was set back to this place, after a collision or when it was stuck.
         placed: bool,
-        /// `collision`, `near_miss`, `stuck` or nothing.
+        /// Event: `collision`, `near_miss`, `stuck`, or absent.
         event: Option<String>,
-        /// The obstacles that it touched or nearly touched.
+        /// Obstacles that the robot touched or nearly touched.
         with: Option<String>,
         /// Perturbation of the pairs of the drive.
         stress: Option<String>,
@@ -91,11 +91,11 @@ pub struct CoursePlan {
     pub length_m: f64,
     /// `y` of the goal line.
     pub goal_m: f64,
-    /// Closed outlines of what stands in the robot's way.
+    /// Closed outlines of the obstacles.
     pub outlines: Vec<Vec<[f64; 2]>>,
     /// The way of the driver with perfect sight.
     pub route: Vec<[f64; 2]>,
-    /// Number of layouts that were thrown away before this one.
+    /// Number of layouts rejected before this one.
     pub rejected: u32,
 }
 
@@ -120,12 +120,12 @@ pub struct DriveSummary {
     pub first_collision_interval: Option<Interval>,
     /// Distance over time, standing included.
     pub speed_m_per_s: f64,
-    /// Share of the time in which it did not move.
+    /// Fraction of the time in which the robot did not move.
     pub stood_share: f64,
 }
 
 impl DriveSummary {
-    /// Share of the courses that were finished; an algorithm has one drive or more.
+    /// Fraction of the courses that were finished; an algorithm has one drive or more.
     pub fn finished_share(&self) -> f64 {
         self.finished as f64 / self.courses as f64
     }

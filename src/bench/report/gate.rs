@@ -15,7 +15,7 @@ pub enum GateState {
     Fail,
     /// The run has no number for it, which fails, too.
     NotMeasured,
-    /// An algorithm was not run, on purpose.
+    /// The limit's algorithm was not run, on purpose.
     Skipped,
 }
 
@@ -29,7 +29,7 @@ impl GateState {
         }
     }
 
-    /// True where it breaks the gate.
+    /// True if the gate fails by it.
     pub fn fails(self) -> bool {
         matches!(self, Self::Fail | Self::NotMeasured)
     }
@@ -41,7 +41,7 @@ pub struct GateResult {
     pub limit: Limit,
     /// Label of the algorithm; absent when no algorithm of the run matches the limit.
     pub algorithm: Option<String>,
-    /// Absent where the run does not measure it.
+    /// Value of the metric; absent if the run does not measure it.
     pub value: Option<f64>,
     pub state: GateState,
     /// Pairs and cells that the value rests on, of metrics against a ground truth.
@@ -77,7 +77,7 @@ pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> V
         };
         let keeps =
             |v: f64| limit.min.is_none_or(|min| v >= min) && limit.max.is_none_or(|max| v <= max);
-        // The unit of the ratio is named but not in this run.
+        // The reference of the ratio is named but not in this run.
         let absent = matches!(unit, Some(None));
         let state = match value {
             _ if absent => GateState::Skipped,
@@ -168,7 +168,7 @@ impl std::fmt::Display for GateResult {
                 }
             }
             (_, Some(value)) => {
-                // A value that rounds to the bound would look as if it kept it.
+                // A value that rounds to the bound would look like a pass.
                 let hidden = [min, max].into_iter().flatten().any(|b| {
                     *b != value && metric.show_relative(*b) == metric.show_relative(value)
                 });

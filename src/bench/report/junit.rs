@@ -1,4 +1,4 @@
-//! JUnit's XML, in which CI servers show what passed and what failed.
+//! JUnit's XML, in which CI servers show passes and failures.
 
 use quick_xml::escape::escape;
 use std::fmt::Write;
@@ -6,7 +6,7 @@ use std::fmt::Write;
 /// One limit or comparison.
 pub struct TestCase {
     pub name: String,
-    /// Reason why it failed or was left out, in words.
+    /// Reason why it failed or was skipped, in words.
     pub result: TestResult,
 }
 

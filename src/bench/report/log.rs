@@ -1,4 +1,5 @@
-//! The rows of an unfinished report as a log: what `svl score --resume` need not match again.
+//! The rows of an unfinished report as a log: results that `svl score --resume` need not match
+//! again.
 
 use super::rows::{CellRow, CsvCells, FailureRow, Record, Row, hash_words};
 use std::collections::{HashMap, HashSet};
@@ -34,7 +35,7 @@ impl EarlierRun {
         if !differences.is_empty() {
             return Err(Error::Invalid(format!(
                 "{}: cannot be resumed, as it was another run: {}; without --resume it is scored \
-                 anew",
+                 again",
                 folder.display(),
                 differences.join("; ")
             )));
@@ -47,7 +48,7 @@ impl EarlierRun {
         manifest.warnings = earlier.warnings;
         manifest.resumed.push(resumed);
         for (own, before) in manifest.algorithms.iter_mut().zip(earlier.algorithms) {
-            // They come again, of all parts.
+            // They are written again, from all parts.
             let of_part: Vec<_> = before.warnings().collect();
             manifest
                 .warnings
@@ -62,11 +63,11 @@ impl EarlierRun {
 #[derive(Default)]
 pub struct ResultLog {
     results: HashMap<PairKey, HashMap<String, LoggedResult>>,
-    /// The folders that it stands in besides the report's own.
+    /// The folders that contain it besides the report's own.
     others: Vec<PathBuf>,
 }
 
-/// A pair: name of its recording, seed of its arena, its number, what made it worse.
+/// A pair: name of its recording, seed of its arena, its number, its perturbation.
 type PairKey = (Option<String>, Option<u64>, u64, Option<String>);
 
 /// Results of the algorithms for a pair.
@@ -93,9 +94,9 @@ pub struct LoggedResult {
 }
 
 impl ResultLog {
-    /// Reads the results of the run that `manifest` resumes from its folder, and says so in the
-    /// manifest. Lines that were not written whole are left out, and results without all their
-    /// cells. Without a report there the log is empty.
+    /// Reads the results of the run that `manifest` resumes from its folder, and notes that in the
+    /// manifest. Incomplete lines are dropped, and results without all their cells. Without a
+    /// report there the log is empty.
     ///
     /// # Errors
     /// As [`EarlierRun::open`]; [`Error::Format`].
@@ -109,7 +110,7 @@ impl ResultLog {
             log.take(other, grid)?;
         }
         log.others = earlier.others;
-        // The pairs that failed are matched again, and those that fail again are told again.
+        // The pairs that failed are matched again, and those that fail again are reported again.
         let failures = whole_rows::<FailureRow>(&folder.join("failures.csv"))?;
         let words = |row: FailureRow| {
             let (algorithm, reason) = (row.algorithm, row.reason);
@@ -182,7 +183,7 @@ impl LoggedResult {
             (Stage::Filters, row.filters_us.unwrap_or_default()),
         ];
         let whole: u64 = stages.iter().map(|(_, us)| us).sum();
-        // The remainder that each stage lost, at most 1 us, is in their sum.
+        // The rounding of each stage, at most 1 us, is in their sum.
         let cut_ns = row.total_us.saturating_sub(whole) * 1000 / stages.len() as u64;
         let mut times = StageTimes::default();
         for (stage, us) in stages {
@@ -204,7 +205,7 @@ fn pair_key(
     (run.clone(), seed, sequence, stress.clone())
 }
 
-/// The grid that these rows are of; nothing unless all its cells are there.
+/// The grid of these rows; none unless all its cells are there.
 fn depth_grid(rows: &[CellRow], settings: GridSettings) -> Option<DepthGrid> {
     let shape = settings.shape();
     let mut cells = vec![None; shape.cells()];
@@ -234,7 +235,7 @@ fn depth_grid(rows: &[CellRow], settings: GridSettings) -> Option<DepthGrid> {
     DepthGrid::new(shape, cells).ok()
 }
 
-/// The rows of a CSV file up to the first that is not whole; none where there is no file.
+/// The rows of a CSV file up to the first incomplete one; none if there is no file.
 ///
 /// # Errors
 /// [`Error::Io`].
@@ -252,8 +253,8 @@ pub fn whole_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
     Ok(reader.records().map_while(parse).collect())
 }
 
-/// The lines of a file without one that was being written when svl was killed; none where there is
-/// no file.
+/// The lines of a file without one that was being written when svl was killed; none if there is no
+/// file.
 ///
 /// # Errors
 /// [`Error::Io`].

@@ -1,4 +1,4 @@
-//! Merges tables of several reports into one, row by row: what is held is a row per table.
+//! Merges tables of several reports into one, row by row: only a row per table is in memory.
 
 use super::csv_rows::RowReader;
 use super::rows::Record;

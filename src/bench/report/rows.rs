@@ -1,6 +1,6 @@
-//! The rows of the tables and their columns, as CSV, JSON and polars have them.
+//! The rows of the tables and their columns, in CSV, JSON and polars.
 //!
-//! Shares are 0..=1, cells and sequences count from 0, distances are along the optical axis. A
+//! Fractions are 0..=1, cells and sequences count from 0, distances are along the optical axis. A
 //! metric that needs ground truth is absent without it.
 
 use super::columns::ColumnDescription;
@@ -19,10 +19,10 @@ pub trait Record: Sized {
     /// A value per column.
     fn values(&self) -> Vec<ColumnValue<'_>>;
 
-    /// The row with the text that `cells` has in each column.
+    /// The row from the texts of its columns, in `cells`.
     ///
     /// # Errors
-    /// The column that is missing or holds no value of its type, in words.
+    /// The column that is missing or has no value of its type, in words.
     fn parse(cells: CsvCells<'_>) -> Result<Self, String>;
 
     /// The rows as a data frame, typed also without rows.
@@ -122,7 +122,7 @@ record! {
         run_id: String,
         /// Name of the scenario.
         scenario: String,
-        /// The recording, if the scenario has some.
+        /// Name of the recording, if the scenario has recordings.
         run: Option<String>,
         /// Seed of the arena or of the course; absent for recordings.
         seed: Option<u64>,
@@ -137,7 +137,7 @@ record! {
     }
 }
 
-/// A hash of pixels or of a result as rows have it.
+/// A hash of pixels or of a result in the form of the tables.
 pub fn hash_words(hash: u128) -> String {
     format!("{hash:032x}")
 }
@@ -153,13 +153,13 @@ record! {
         sequence: u64,
         /// Exposure stamp of the pair.
         stamp_ns: u64,
-        /// The scene's name, empty where frames have none.
+        /// Name of the scene, empty if frames have none.
         name: String,
         /// Seed of the arena.
         seed: Option<u64>,
         /// Hash of the pair's pixels, hexadecimal.
         pair_hash: String,
-        /// Its label, e.g. `v3:max_disparity=64`.
+        /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
         /// Hash of the algorithm and its parameters, hexadecimal.
         parameters_hash: String,
@@ -167,7 +167,8 @@ record! {
         width: u32,
         /// Height of the images, pixels.
         height: u32,
-        /// Number of disparities that the algorithm tries per pixel, where its parameters say.
+        /// Number of disparities that the algorithm tries per pixel, if its parameters determine
+        /// it.
         disparities: Option<u32>,
         /// Time of smoothing.
         smoothing_us: u64,
@@ -185,13 +186,14 @@ record! {
         result_hash: String,
         /// Origin of the truth: exact, sensor TOPIC or reference ALGORITHMS; absent without truth.
         truth: Option<String>,
-        /// The recording, where the scenario has some.
+        /// Name of the recording, if the scenario has recordings.
         run: Option<String>,
-        /// Time of the filters, for algorithms behind some.
+        /// Time of the filters, if the algorithm runs behind some.
         filters_us: Option<u64>,
-        /// Perturbation of the pair, as `row_offset=0.5`; absent for the pair as it is.
+        /// Perturbation of the pair, as `row_offset=0.5`; absent for an unperturbed pair.
         stress: Option<String>,
-        /// Hash of what it was scored on: pixels, geometry and truth, hexadecimal.
+        /// Hash of everything that the result was scored on: pixels, geometry and truth,
+        /// hexadecimal.
         input_hash: String,
     }
 }
@@ -213,7 +215,7 @@ record! {
         column: u32,
         /// Row of the cell, from 0 at the top.
         row: u32,
-        /// Share of the cell's pixels with a disparity.
+        /// Fraction of the cell's pixels with a disparity.
         valid_share: f64,
         /// Median of the reported disparities.
         median_px: Option<f64>,
@@ -231,23 +233,24 @@ record! {
         verdict: Verdict,
         /// Truly nearer than the scenario's `obstacle_m`, reported farther than its `clear_m`.
         missed_obstacle: bool,
-        /// The reverse.
+        /// The reverse of `missed`: truly farther than `clear_m`, reported nearer than
+        /// `obstacle_m`.
         false_obstacle: bool,
-        /// The recording, where the scenario has some.
+        /// Name of the recording, if the scenario has recordings.
         run: Option<String>,
         /// State of the cell, as the algorithm reports it.
         state: Option<CellState>,
-        /// Probability that it is right, where the algorithm gives one.
+        /// Probability that the cell is right, if the algorithm gives one.
         probability: Option<f64>,
         /// Perturbation of the pair, if any.
         stress: Option<String>,
-        /// Points of a truth that covers less than half of the cell: with `no-truth` they do not
-        /// suffice. Absent where the truth is dense or missing.
+        /// Number of points of a truth that covers less than half of the cell: with `no-truth` too
+        /// few. Absent if the truth is dense or missing.
         true_points: Option<u64>,
-        /// The report at those points, which the truth is compared with: moved by the difference
-        /// between the algorithm's map there and in the whole cell.
+        /// Reported disparity at those points, which is compared with the truth: the report, moved
+        /// by the difference between the algorithm's map there and in the whole cell.
         at_points_px: Option<f64>,
-        /// The same as a distance.
+        /// Reported distance at those points.
         at_points_m: Option<f64>,
     }
 }
@@ -267,21 +270,21 @@ record! {
         name: String,
         /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
-        /// Frames that show the checkpoint.
+        /// Number of frames that show the checkpoint.
         frames: u64,
-        /// Frames of these in which it passes.
+        /// Number of these frames in which the checkpoint passes.
         passed: u64,
-        /// `passed / frames`; absent when no frame shows it.
+        /// `passed / frames`; absent if no frame shows the checkpoint.
         share: Option<f64>,
-        /// Number of the best frame.
+        /// Sequence number of the best frame.
         best_sequence: Option<u64>,
         /// The checkpoint passes in the best frame.
         best_passed: Option<bool>,
-        /// Number of the worst frame.
+        /// Sequence number of the worst frame.
         worst_sequence: Option<u64>,
         /// The checkpoint passes in the worst frame.
         worst_passed: Option<bool>,
-        /// The recording, where the scenario has some.
+        /// Name of the recording, if the scenario has recordings.
         run: Option<String>,
         /// Perturbation of the pairs, if any.
         stress: Option<String>,
@@ -304,8 +307,8 @@ pub(super) trait RowField: Sized {
     fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column>;
 }
 
-/// Types that are one column: how it is written, read, kept by polars, and what stands for it where
-/// a file of before does not have it.
+/// Types that are one column: their text, their type in polars, and their value if an older file
+/// does not have the column.
 macro_rules! columns {
     ($(
         $kind:ty: $name:literal, |$field:ident| $value:expr, $read:expr, $stored:expr,
@@ -362,7 +365,7 @@ fn optional<T: FromStr>(text: &str) -> Option<Option<T>> {
     }
 }
 
-/// Columns that files of before do not have: an absent one is that of no row.
+/// Columns that older files do not have: an absent one has no value in any row.
 macro_rules! younger_columns {
     ($($kind:ty: $text:expr, $read:expr;)*) => {$(
         impl RowField for Option<$kind> {
@@ -398,7 +401,7 @@ younger_columns! {
     CellState: |state| state.name(), CellState::from_name;
 }
 
-/// The metrics whose columns come first in rows; the others follow as [`METRICS`] has them.
+/// The metrics whose columns come first in rows; the others follow in the order of [`METRICS`].
 const FIRST_IN_ROWS: [&str; 10] = [
     "coverage",
     "bad1",
@@ -414,7 +417,7 @@ const FIRST_IN_ROWS: [&str; 10] = [
 
 static METRICS_IN_ROWS: LazyLock<Vec<(&Metric, &str)>> = LazyLock::new(|| {
     let first = FIRST_IN_ROWS.iter().filter_map(|name| Metric::find(name));
-    // New metrics are appended, so that scripts that read columns by position go on working.
+    // New metrics are appended, so that scripts that read columns by position still work.
     let rest = METRICS
         .iter()
         .filter(|metric| !FIRST_IN_ROWS.contains(&metric.name));
@@ -460,7 +463,7 @@ macro_rules! metric_columns {
                 }));
             }
 
-            /// A column that is missing is that of a metric younger than the file.
+            /// A missing column is that of a metric that is newer than the file.
             fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, String> {
                 let mut metrics = MetricValues::default();
                 for (metric, column) in $order.iter() {
@@ -496,9 +499,11 @@ fn metric_column(metric: &Metric) -> ColumnDescription {
         "number?"
     };
     let total = match total {
-        MetricTotal::Mean if metric.unit == MetricUnit::Share => "A share; over pairs their mean.",
-        MetricTotal::Mean => "Over pairs their mean.",
-        MetricTotal::Sum | MetricTotal::ShareOf(_) => "Over pairs their sum.",
+        MetricTotal::Mean if metric.unit == MetricUnit::Share => {
+            "A fraction; totals are means over pairs."
+        }
+        MetricTotal::Mean => "Totals are means over pairs.",
+        MetricTotal::Sum | MetricTotal::ShareOf(_) => "Totals are sums over pairs.",
     };
     let note = metric.note.map(|note| note(CellRule::default()));
     let meaning = note.map(|(term, words)| format!("{}: {words}.", capitalized(term)));

@@ -4,7 +4,7 @@ use super::rows::Row;
 use svl_data::bootstrap::{Resamples, Sample};
 use svl_data::score::{Metric, MetricOrigin, MetricTotal};
 
-/// Seed and name of a row's run.
+/// Seed and recording of a row's run.
 pub(super) type RunKey<'a> = (Option<u64>, Option<&'a str>);
 
 /// The run of a row.
@@ -12,7 +12,7 @@ pub(super) fn run_key(row: &Row) -> RunKey<'_> {
     (row.seed, row.run.as_deref())
 }
 
-/// The values of a metric; absent where no pair has it.
+/// The values of a metric; absent if no pair has it.
 pub(super) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
     let values = || rows.iter().map(|row| row.metrics.get(metric.name));
     match metric.origin {
@@ -41,7 +41,7 @@ pub(super) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
     }
 }
 
-/// A metric over all rows of an algorithm: a share or a mean, a sum, or of the times the median.
+/// A metric over all rows of an algorithm: a fraction or a mean, a sum, or the median of times.
 pub fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
     sample(metric, rows)?.total()
 }

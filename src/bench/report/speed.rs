@@ -77,12 +77,12 @@ impl Speed {
         })
     }
 
-    /// The percentile that `share` of the pairs do not exceed.
+    /// The time that a fraction `share` of the pairs does not exceed.
     pub(super) fn rank_ms(&self, share: f64) -> f64 {
         nearest_rank(&self.sorted, share).map_or(0.0, |us| us as f64 / 1e3)
     }
 
-    /// Number of pairs that took unlike the others for their size.
+    /// Number of pairs whose time for their size is an outlier.
     pub(super) fn outliers(&self) -> u64 {
         let Some(median) = nearest_rank(&self.per_pixel, 0.5) else {
             return 0;
@@ -94,8 +94,8 @@ impl Speed {
             .per_pixel
             .iter()
             .filter(|t| **t - median > OUTLIER * scale);
-        // Times in whole microseconds may all be equal, and a few say little of their spread: then
-        // there is nothing to measure by.
+        // Times in whole microseconds may all be equal, and a few do not show their spread: then
+        // there is no scale for outliers.
         if self.per_pixel.len() >= FEWEST && scale > 0.0 {
             slow.count() as u64
         } else {

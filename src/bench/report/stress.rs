@@ -1,4 +1,4 @@
-//! Stress in numbers: what each algorithm makes of pairs that are made worse, and at which level it
+//! Stress in numbers: the results of each algorithm on perturbed pairs, and the level at which it
 //! breaks.
 
 use super::drives::{DriveRow, DriveSummary, summarize};
@@ -11,24 +11,24 @@ use svl_data::stress::StressKind;
 pub struct StressSummary {
     /// Name of the perturbation.
     pub kind: &'static str,
-    /// 0 for the pairs as they are.
+    /// Level; 0 for the unperturbed pairs.
     pub level: f64,
     pub algorithm: String,
     pub pairs: u64,
-    /// Shares of the cells with truth.
+    /// Fractions of the cells with truth.
     pub right: Option<f64>,
     pub wrong: Option<f64>,
-    /// Share of all cells.
+    /// Fraction of all cells.
     pub known: Option<f64>,
     /// Number of missed obstacles.
     pub missed: Option<f64>,
-    /// Share of the frames of checkpoints that pass.
+    /// Fraction of the frames of checkpoints that pass.
     pub checkpoints: Option<f64>,
     /// Collisions per 100 m of drives.
     pub collisions: Option<f64>,
-    /// Share of the courses that drives finished.
+    /// Fraction of the courses that drives finished.
     pub finished: Option<f64>,
-    /// Why it counts as broken at this level.
+    /// Reason why it counts as broken at this level.
     pub broken: Option<String>,
 }
 
@@ -54,11 +54,11 @@ pub(super) const NUMBERS: [StressNumber; 7] = [
     }),
 ];
 
-/// Below this share of what it has of the pairs as they are, an algorithm counts as broken: of its
-/// right cells, or where there is no truth of its known ones, and of the courses that it finished.
+/// An algorithm counts as broken if it keeps less than this fraction of its unperturbed result: of
+/// its right cells, or without a truth of its known ones, and of the courses that it finished.
 pub(super) const KEPT: f64 = 0.9;
 
-/// Adds what became of drives with such pairs; `plain`: of those with the pairs as they are.
+/// Adds the result of drives with such pairs; `plain`: the result of the unperturbed drives.
 pub(super) fn add_drives(stress: &mut [StressSummary], plain: &[DriveSummary], rows: &[DriveRow]) {
     let mut of_level: BTreeMap<String, Vec<DriveSummary>> = BTreeMap::new();
     for s in stress {
@@ -83,7 +83,7 @@ pub(super) fn add_drives(stress: &mut [StressSummary], plain: &[DriveSummary], r
     }
 }
 
-/// The kinds, as they come first.
+/// The kinds, in the order of their first rows.
 pub(super) fn kinds(stress: &[StressSummary]) -> Vec<&'static StressKind> {
     let mut kinds: Vec<&'static str> = stress.iter().map(|s| s.kind).collect();
     kinds.dedup();

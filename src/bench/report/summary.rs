@@ -46,19 +46,19 @@ pub struct Summary {
     /// Algorithms that matched as programs of their own.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub programs: Vec<ProgramSummary>,
-    /// Drives, where the algorithms steered a robot, in their order.
+    /// Drives, if the algorithms steered a robot, in the order of the algorithms.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub drives: Vec<DriveSummary>,
-    /// Per perturbation, level and algorithm, where pairs were made worse.
+    /// Results per perturbation, level and algorithm, if pairs were perturbed.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stress: Vec<StressSummary>,
-    /// The pairs, their size and the runs that they are of.
+    /// The pairs, their size and their runs.
     #[serde(skip)]
     pub scope: RunScope,
     /// The metrics that tables show.
     #[serde(skip)]
     pub columns: ColumnChoice,
-    /// The algorithms are in the order that the user chose.
+    /// True if the algorithms are in the order that the user chose.
     #[serde(skip)]
     pub is_sorted: bool,
     /// The algorithms that report the truth itself.
@@ -67,7 +67,7 @@ pub struct Summary {
     /// Rule by which cells were scored.
     #[serde(skip)]
     pub rule: CellRule,
-    /// The work that the times are of, where that is known.
+    /// The work that the times measure, if that is known.
     #[serde(skip)]
     pub times: Option<String>,
     /// The profile of svl's build, if its times are not those of svl.
@@ -81,7 +81,7 @@ pub struct Summary {
 /// The extent of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RunScope {
-    /// Pairs that any algorithm matched, unperturbed.
+    /// Number of unperturbed pairs that any algorithm matched.
     pub pairs: u64,
     /// Widths and heights of the images, pixels, each once.
     pub sizes: Vec<(u32, u32)>,
@@ -111,20 +111,21 @@ pub struct ProgramSummary {
 
 record! {
     #[derive(Default)]
-    /// One algorithm over all pairs. A number is absent when no pair has it: one that failed on
-    /// every pair has a row without numbers.
+    /// One algorithm over all pairs. A number is absent if no pair has it: an algorithm that failed
+    /// on every pair has a row without numbers.
     AlgorithmSummary {
         /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
-        /// Pairs with a result of the algorithm.
+        /// Number of pairs with a result of the algorithm.
         pairs: u64,
-        /// Per metric of frames the sum of what it counts, or its mean.
+        /// Sum or mean of each metric of frames.
         totals: MetricTotals,
-        /// Median time a pair by nearest rank.
+        /// Median time per pair by nearest rank.
         p50_ms: Option<f64>,
         /// 95th percentile of the time by nearest rank.
         p95_ms: Option<f64>,
-        /// 99th percentile of the time by nearest rank: the slowest pair of fewer than a hundred.
+        /// 99th percentile of the time by nearest rank: with fewer than a hundred pairs the
+        /// slowest.
         p99_ms: Option<f64>,
         /// Time of the slowest pair.
         max_ms: Option<f64>,
@@ -132,7 +133,7 @@ record! {
         time_per_mp_s: Option<f64>,
         /// Median seconds per 10⁹ pixels times disparities.
         time_per_gd_s: Option<f64>,
-        /// Million pixels times disparities a second, of the median pair.
+        /// Million pixels times disparities per second, of the median pair.
         mde_per_s: Option<f64>,
         /// Mean time of smoothing over the half of the pairs whose total is nearest to the median,
         /// so that the stages add up and an outlier does not count.
@@ -143,22 +144,22 @@ record! {
         matching_ms: Option<f64>,
         /// Mean time of the consistency checks over the same pairs.
         checks_ms: Option<f64>,
-        /// Mean time that belongs to no stage.
+        /// Mean time outside all stages over the same pairs.
         other_ms: Option<f64>,
         /// Digest of the hashes of its results in their order.
         results_hash: Option<String>,
-        /// Pairs whose time per pixel is an outlier: a modified Z-score above 14.26.
+        /// Number of pairs whose time per pixel is an outlier: a modified Z-score above 14.26.
         outliers: Option<u64>,
-        /// The memory that it took for its largest pair, 10⁶ bytes, where it was measured.
+        /// Memory for its largest pair, 10⁶ bytes, if it was measured.
         memory_mb: Option<f64>,
         /// Mean time of filters over the same pairs.
         filters_ms: Option<f64>,
-        /// Pairs that were scored against a ground truth; absent where no pair has one.
+        /// Number of pairs that were scored against a ground truth; absent if no pair has one.
         scored_pairs: Option<u64>,
-        /// Cells that were scored against a ground truth, over all pairs; absent where no pair has
-        /// one.
+        /// Number of cells that were scored against a ground truth, over all pairs; absent if no
+        /// pair has one.
         scored_cells: Option<u64>,
-        /// Pairs that it failed on, perturbed ones included.
+        /// Number of pairs that it failed on, perturbed ones included.
         failed_pairs: u64,
     }
 }
@@ -172,11 +173,11 @@ record! {
         name: String,
         /// Label of the algorithm, as `v3:max_disparity=64`.
         algorithm: String,
-        /// Frames that show the checkpoint.
+        /// Number of frames that show the checkpoint.
         frames: u64,
-        /// Frames of these in which it passes.
+        /// Number of these frames in which the checkpoint passes.
         passed: u64,
-        /// True if the best frame of all runs passes; absent when no frame shows the checkpoint.
+        /// True if the best frame of all runs passes; absent if no frame shows the checkpoint.
         best_passed: Option<bool>,
         /// True if the worst frame of all runs passes.
         worst_passed: Option<bool>,
@@ -200,8 +201,8 @@ impl RunScope {
 }
 
 impl AlgorithmSummary {
-    /// The value of a metric of frames, absent where the run does not measure it; of the others see
-    /// [`Summary::value`].
+    /// The value of a metric of frames, absent if the run does not measure it; for other metrics
+    /// see [`Summary::value`].
     pub fn value(&self, metric: &Metric) -> Option<f64> {
         match metric.origin {
             MetricOrigin::Frame { .. } => self.totals.value(metric),
@@ -212,14 +213,14 @@ impl AlgorithmSummary {
 }
 
 impl CheckpointSummary {
-    /// Share of frames in which the checkpoint passes.
+    /// Fraction of frames in which the checkpoint passes.
     pub fn share(&self) -> Option<f64> {
         (self.frames > 0).then(|| self.passed as f64 / self.frames as f64)
     }
 }
 
 impl Summary {
-    /// Sums up rows, whatever made their pairs worse.
+    /// Sums up rows, whatever their perturbation.
     pub(super) fn from_frames_of(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
         let summary = Row::frame(rows).and_then(|frame| {
             let checkpoints = CheckpointRow::frame(checkpoints)?;
@@ -231,8 +232,8 @@ impl Summary {
         summary.map_err(|e| Error::Invalid(format!("summary of {} rows: {e}", rows.len())))
     }
 
-    /// Completes the manifest with the digests of pairs and results, and the summary with what only
-    /// the manifest has.
+    /// Completes the manifest with the digests of pairs and results, and the summary with the
+    /// values that only the manifest has.
     pub fn complete(&mut self, manifest: &mut Manifest) {
         self.times.clone_from(&manifest.times);
         self.warnings.clone_from(&manifest.warnings);
@@ -298,7 +299,7 @@ impl Summary {
         }
     }
 
-    /// The value of any metric, absent where the run does not measure it. `checkpoint`: the one
+    /// The value of any metric, absent if the run does not measure it. `checkpoint`: the only one
     /// that counts, in place of all.
     pub fn value(&self, label: &str, metric: &Metric, checkpoint: Option<u32>) -> Option<f64> {
         match metric.origin {
@@ -326,7 +327,7 @@ impl Summary {
         }
     }
 
-    /// Adds what became of drives.
+    /// Adds the results of drives.
     pub fn add_drives(&mut self, rows: &[DriveRow]) {
         self.drives = drives::summarize(rows, None);
         super::stress::add_drives(&mut self.stress, &self.drives, rows);
@@ -341,7 +342,7 @@ impl Summary {
         }
     }
 
-    /// Caveat above every table that needs a truth; absent where that is exact.
+    /// Caveat above every table that needs a truth; absent if that is exact.
     pub fn caution(&self) -> Option<String> {
         caution(&self.truth)
     }
@@ -456,7 +457,7 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
     })
 }
 
-/// Numbers of pairs and cells with a ground truth; nothing where no pair has one.
+/// Numbers of pairs and cells with a ground truth; none if no pair has one.
 fn scored(rows: &DataFrame) -> PolarsResult<Option<(u64, u64)>> {
     if rows.column("truth")?.null_count() == rows.height() {
         return Ok(None);
@@ -507,7 +508,7 @@ fn checkpoint(runs: &DataFrame) -> PolarsResult<CheckpointSummary> {
     })
 }
 
-/// A pair's rows stand one after another.
+/// A pair's rows are consecutive.
 fn pairs_hash(rows: &DataFrame) -> PolarsResult<Option<String>> {
     if rows.height() == 0 {
         return Ok(None);

@@ -110,7 +110,7 @@ impl Summary {
         keyed.into_iter().map(|(_, a)| a).collect()
     }
 
-    /// Those of them that have a result.
+    /// The algorithms that have a result, in that order.
     fn measured(&self) -> impl Iterator<Item = &AlgorithmSummary> {
         let ranked = self.ranked_algorithms().into_iter();
         ranked.filter(|a| a.pairs > 0)
@@ -249,7 +249,7 @@ impl Summary {
             .filter(move |c| c.algorithm == label)
     }
 
-    /// Per checkpoint the share of its frames in which an algorithm passes it.
+    /// Per checkpoint the fraction of its frames in which an algorithm passes it.
     fn shares(&self, label: &str) -> Vec<Option<f64>> {
         let names = self.checkpoint_names().into_iter();
         let find = |number| self.checkpoints_of(label).find(|c| c.checkpoint == number);
@@ -258,7 +258,7 @@ impl Summary {
 
     fn marks_column(&self) -> Option<TableColumn> {
         let names = self.checkpoint_names();
-        // As wide as the marks: longer numbers would not stand above them.
+        // As wide as the marks: longer numbers would not be above them.
         let number = |(i, (number, _)): (usize, &(u32, &str))| match number {
             0..10 => number.to_string(),
             _ => ((i + 1) % 10).to_string(),
@@ -279,7 +279,7 @@ impl Summary {
         )
     }
 
-    /// Times, throughput and stages; nothing without pairs.
+    /// Times, throughput and stages; none without pairs.
     pub fn speed_table(&self) -> Option<Table> {
         let mut table = Table::new("Speed", "algorithm");
         let columns = SPEED
@@ -294,8 +294,8 @@ impl Summary {
         (!table.rows.is_empty()).then_some(table)
     }
 
-    /// The verdict of the best and the worst frame per checkpoint, and the share that passes;
-    /// nothing without checkpoints.
+    /// The result of the best and of the worst frame per checkpoint, and the fraction that passes;
+    /// none without checkpoints.
     pub fn checkpoint_table(&self) -> Option<Table> {
         let names = self.checkpoint_names();
         let mut table = Table::new("Checkpoints", "algorithm");
@@ -319,7 +319,7 @@ impl Summary {
         (!names.is_empty()).then_some(table)
     }
 
-    /// The drives with intervals over the courses; nothing where there were none.
+    /// The drives with intervals over the courses; none without drives.
     pub fn drive_table(&self) -> Option<Table> {
         drive_table(&self.drives)
     }
@@ -408,11 +408,11 @@ fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
     );
     table.note(
         "first hit",
-        "mean distance to the first collision; a drive without one counts with all of its distance",
+        "mean distance to the first collision; a drive without one counts with its whole distance",
     );
     table.note(
         "stuck",
-        "how often the robot came no farther and was set back on the route",
+        "number of times that the robot was stuck and was set back on the route",
     );
     (!drives.is_empty()).then_some(table)
 }
@@ -445,7 +445,7 @@ fn stress_table(kind: &'static StressKind, stress: &[StressSummary]) -> Table {
     let has_truth = own.iter().any(|s| s.right.is_some());
     let is_driven = own.iter().any(|s| s.collisions.is_some());
     let heads = levels.iter().map(|level| match level {
-        0.0 => "as it is".to_owned(),
+        0.0 => "unperturbed".to_owned(),
         level => level.to_string(),
     });
     let numbers = match (is_driven, has_truth) {

@@ -1,4 +1,4 @@
-//! Tables on disk: CSV while the run goes, Parquet when it is over.
+//! Tables on disk: CSV during the run, Parquet at its end.
 
 use super::csv_rows::csv_error;
 use super::rows::Record;
@@ -35,7 +35,7 @@ struct Parquet<R> {
     rows: Vec<R>,
 }
 
-/// Rows that are written at once: as many as polars takes.
+/// Rows that are written at once: as many as polars accepts.
 const ROW_GROUP: usize = 1 << 18;
 
 impl<R: Record> TableWriter<R> {

@@ -7,7 +7,7 @@ use svl_core::counted;
 use svl_core::stereo::TruthOrigin;
 use svl_data::score::{ColumnChoice, Metric};
 
-/// Algorithms up to which all are shown, and those that are shown of more.
+/// Largest number of algorithms that are all shown, and the number shown of more.
 const MANY: usize = 15;
 const SHOWN: usize = 12;
 

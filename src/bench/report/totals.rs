@@ -1,4 +1,4 @@
-//! The summary of a run's rows: of the pairs as they are, and of those that were made worse.
+//! The summary of a run's rows: of the unperturbed pairs, and of the perturbed ones.
 
 use super::rows::{CheckpointRow, Row};
 use super::stress::{KEPT, StressSummary};
@@ -11,7 +11,7 @@ impl Summary {
     /// Sums up the rows of a run; those of perturbed pairs in [`Summary::stress`].
     ///
     /// # Errors
-    /// [`svl_core::Error::Invalid`] with what polars says.
+    /// [`svl_core::Error::Invalid`] with the error of polars.
     pub fn from_rows(rows: &[Row], checkpoints: &[CheckpointRow]) -> Result<Self> {
         if rows.iter().all(|row| row.stress.is_none()) {
             return Self::from_frames_of(rows, checkpoints);

@@ -5,7 +5,7 @@ use svl_data::score::{Metric, MetricUnit};
 /// Shown for a number that does not exist.
 pub const NONE: &str = "–";
 
-/// A value in a table, whose head says the unit.
+/// A value in a table, whose heading has the unit.
 pub(super) fn number(unit: MetricUnit, value: f64) -> String {
     match unit {
         MetricUnit::Share => format!("{:.1}", 100.0 * value),
@@ -24,7 +24,7 @@ pub(super) fn value(metric: &Metric, value: f64) -> String {
     }
 }
 
-/// A share as a percentage with one decimal.
+/// A fraction as a percentage with one decimal.
 pub(super) fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| NONE.to_owned(), |s| format!("{:.1}", 100.0 * s))
 }
@@ -40,7 +40,7 @@ pub(super) fn ms(time_ms: f64) -> String {
     format!("{time_ms:.decimals$}")
 }
 
-/// A time, where there is one.
+/// A time, if there is one.
 pub(super) fn time(time_ms: Option<f64>) -> String {
     time_ms.map_or_else(|| NONE.to_owned(), ms)
 }

@@ -16,14 +16,14 @@ pub struct Matchers(pub(super) Vec<RunMatcher>);
 pub(super) struct RunMatcher {
     pub(super) label: String,
     pub(super) matcher: Box<dyn Matcher>,
-    /// The number of pairs that it failed on, the reason of the last, and whether that was the pair
-    /// before.
+    /// Number of pairs that it failed on, the last reason, and true if that was on the previous
+    /// pair.
     failed_pairs: u64,
     failure: Option<String>,
     is_failing: bool,
     /// True if a result was found equal to that of an earlier part of the run.
     pub(super) is_verified: bool,
-    /// Maps that the sinks are done with.
+    /// Maps that the sinks no longer need.
     spent: Vec<DisparityMap>,
     memory: Option<MemoryUse>,
     /// Absent where its parameters do not determine it.
@@ -94,26 +94,26 @@ impl Matchers {
         Ok(())
     }
 
-    /// Takes those from the `first` on away, into their own: what they have stays with them.
+    /// Splits off those from the `first` on, which keep their state.
     #[must_use]
     pub fn split_off(&mut self, first: usize) -> Self {
         Self(self.0.split_off(first.min(self.0.len())))
     }
 
-    /// Takes those with these labels away, into their own.
+    /// Splits off those with these labels.
     #[must_use]
     pub fn take(&mut self, labels: &[&str]) -> Self {
         let is_named = |entry: &mut RunMatcher| labels.contains(&entry.label.as_str());
         Self(self.0.extract_if(.., is_named).collect())
     }
 
-    /// Puts others behind these.
+    /// Appends others.
     pub fn append(&mut self, mut others: Self) {
         self.0.append(&mut others.0);
     }
 
-    /// The same without the warning of ranges that end before obstacles do: where algorithms change
-    /// all the time, it would come all the time.
+    /// The same without the warning of ranges that end before obstacles do: it would come with
+    /// every change of an algorithm.
     #[must_use]
     pub fn without_warnings(mut self) -> Self {
         self.0
@@ -163,7 +163,7 @@ impl Matchers {
     }
 }
 
-/// Maps that the sinks are done with, with the labels of their algorithms.
+/// Maps that the sinks no longer need, with the labels of their algorithms.
 pub(super) type Spent = Vec<(String, DisparityMap)>;
 impl RunMatcher {
     pub(super) fn compute(
@@ -196,14 +196,14 @@ impl RunMatcher {
         for _ in 0..rounds {
             self.matcher.announce(pairs);
             for ((pair, context), outputs) in pairs.iter().zip(&mut ahead) {
-                // Also where it failed before: an answer waits for each.
+                // Also after a failure: the program has an answer for each pair.
                 add(outputs, self.compute(*pair, context));
             }
         }
         self.ahead.extend(ahead);
     }
 
-    /// Warns once where its range of disparities ends before obstacles do.
+    /// Warns once if its range of disparities ends before obstacles do.
     pub(super) fn warn_of_range(&mut self, rig: &Rig, obstacle_m: f64) {
         let nearest_m = |px: i32| rig.depth_m(f64::from(px));
         let Some(nearest_m) = self.max_disparity.and_then(nearest_m) else {
@@ -233,8 +233,8 @@ impl RunMatcher {
             Ok(())
         } else {
             Err(Error::Invalid(format!(
-                "{}: its result of pair {sequence} is another than in the part of the run before: \
-                 the program or its model changed; without --resume all is scored anew",
+                "{}: its result of pair {sequence} differs from that of the earlier part of the run: \
+                 the program or its model changed; without --resume all is scored again",
                 self.label
             )))
         }

@@ -51,7 +51,7 @@ pub(super) fn judged(judge: &Judge, frame: Frame, of_frame: MatchedFrame) -> Jud
     judged.failures = of_frame.failures;
     for (scored, logged) in judged.estimates.iter_mut().zip(logged) {
         if let Some((metrics, hash)) = logged {
-            // Another algorithm may answer now that failed before.
+            // An algorithm that failed before may answer now.
             let agreed = scored.metrics.get("agreed");
             scored.metrics = metrics;
             scored.metrics.set("agreed", agreed);
@@ -113,7 +113,7 @@ impl<'a> Matching<'a> {
         self.rounds.is_some()
     }
 
-    /// Learns whose maps of the next frame the sinks need.
+    /// Asks the sinks which algorithms' maps of the next frame they need.
     pub(super) fn ask_for_maps(&mut self, frame: &Frame, sinks: &mut [Box<dyn Sink>]) {
         if self.log.is_some() {
             self.needed.clear();
@@ -148,12 +148,12 @@ impl<'a> Matching<'a> {
         let logged = self.logged(frame);
         let needs_maps = logged.iter().any(Option::is_some) && self.judge.needs_maps(frame);
         // The first result of a log is matched again: another program behind the same command would
-        // go on with other results.
+        // continue with other results.
         let is_known = |entry: &RunMatcher, i: usize| {
             let is_needed = needs_maps || self.needed.get(i) != Some(&false);
             logged[i].is_some() && entry.is_verified && !is_needed
         };
-        // In turns, so that a slow moment of the machine meets all algorithms.
+        // In turns, so that a slow moment of the machine affects all algorithms.
         let mut rounds: Vec<_> = self.matchers.0.iter().map(|_| Ok(Vec::new())).collect();
         for _ in 0..self.rounds.unwrap_or(1) {
             let entries = self.matchers.0.iter_mut().zip(&mut rounds).enumerate();

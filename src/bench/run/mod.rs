@@ -1,7 +1,7 @@
 //! The one loop: frames from a source through the algorithms and the judge into the sinks.
 //!
-//! Replay, score, record and the experiments are this loop with other sources and sinks. What does
-//! not iterate frames (`svl match`, `svl bench`) calls a matcher directly.
+//! Replay, score, record and the experiments are this loop with other sources and sinks. Code that
+//! does not iterate over frames (`svl match`, `svl bench`) calls a matcher directly.
 
 mod matchers;
 mod matching;
@@ -43,14 +43,14 @@ pub enum Pace {
     /// At their stamps, that many times faster.
     Times(f64),
     /// As soon as possible, and measured: frames are read in batches, matched while nothing else of
-    /// svl runs, then judged and taken by the sinks. The times of a pair are those of its median
+    /// svl runs, then scored and passed to the sinks. The times of a pair are those of its median
     /// matching of `rounds`, which must have equal results; matchings that set up the memory for a
     /// size of images do not count.
     Measured { rounds: usize },
 }
 
 impl Pace {
-    /// The work that the times of such a run are of, in words.
+    /// The work that the times of such a run measure, in words.
     pub fn times(self) -> String {
         match self {
             Self::Asap | Self::Times(_) => {
@@ -106,9 +106,9 @@ impl Outcome {
 /// waits for the caller's pool, whose only thread may be waiting for them. A measured run
 /// ([`Pace::Measured`]) matches first and has the two threads afterwards, batch by batch.
 ///
-/// An algorithm that fails on a frame leaves no estimate for it, and the others go on. It is
-/// reported to the monitor, but not again while the algorithm fails for the same reason frame
-/// after frame.
+/// An algorithm that fails on a frame leaves no estimate for it, and the others continue. It is
+/// reported to the monitor, but not again while the algorithm fails for the same reason frame after
+/// frame.
 ///
 /// The outcome holds also for a run that failed, with the first error of the source, of a raw pair
 /// for an algorithm, or of a sink.

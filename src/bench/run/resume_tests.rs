@@ -1,4 +1,4 @@
-//! Runs that go on with the results of an earlier part.
+//! Runs that resume with the results of an earlier part.
 
 use super::*;
 use crate::outputs::write_json;
@@ -85,7 +85,7 @@ impl Matcher for SeesFloor {
     }
 }
 
-/// The run through three algorithms, of which the last may fail, into a folder; it goes on with
+/// The run through three algorithms, of which the last may fail, into a folder; it resumes with
 /// what `earlier` holds. Returns its rows and the number of matchings.
 fn scored(
     folder: &Path,

@@ -12,7 +12,7 @@ use svl_core::Result;
 use svl_core::stereo::Frame;
 use svl_data::score::{Judge, Judged};
 
-/// Everything in the calling thread, frame by frame.
+/// Runs everything in the calling thread, frame by frame.
 pub(super) fn in_turn(
     source: &mut dyn Source,
     matching: &mut Matching<'_>,
@@ -35,10 +35,10 @@ pub(super) fn in_turn(
     Ok(())
 }
 
-/// Frames that wait between two threads: enough that neither waits for a single slow one.
+/// Number of frames that may wait between two threads: enough to absorb a single slow frame.
 const BETWEEN: usize = 2;
 
-/// Reading, matching, and judging with the sinks in a thread each.
+/// Reads, matches, and scores with the sinks, in a thread each.
 pub(super) fn side_by_side(
     source: &mut dyn Source,
     matching: &mut Matching<'_>,
@@ -48,7 +48,7 @@ pub(super) fn side_by_side(
     std::thread::scope(|scope| {
         let (read, frames) = sync_channel(BETWEEN);
         let reading = move || {
-            // Ends with the source, its first error, or when the receiver is gone.
+            // Ends with the source, with its first error, or when the receiver is gone.
             while let Some(next) = source.next().transpose() {
                 let failed = next.is_err();
                 if read.send(next).is_err() || failed {
@@ -88,7 +88,7 @@ pub(super) fn side_by_side(
                 }
             }
         }
-        // The sinks take what was matched, whatever happened after.
+        // The sinks get every matched frame, even after an error.
         drop(send);
         let pushed = pushing
             .join()

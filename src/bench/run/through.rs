@@ -25,11 +25,11 @@ pub fn run_through(
     };
     let (ran, name) = match start.judge.run.stress {
         None => run(&mut AlignmentMonitor::new(&mut source)),
-        // Perturbed pairs are out of line on purpose.
+        // Perturbed pairs are misaligned on purpose.
         Some(_) => run(&mut source),
     };
     drop(monitor);
-    // The error of a truncated recording says enough: what it has no partner for is its end.
+    // The error of a truncated recording suffices: its unpaired images are those at its end.
     if ran.1.is_ok() {
         report_losses(&name, &ran.0.losses);
     }
@@ -58,7 +58,7 @@ pub fn frames_through<T: Send + 'static>(
     Ok(collected.take())
 }
 
-/// The end of a run that went through its sources unless `ran` is why it did not.
+/// The end of a run: complete, unless `ran` is an error.
 pub fn ending(ran: &Result<()>, missing: Missing, allowed: Option<LossLimit>) -> RunEnding {
     match ran {
         Ok(()) => RunEnding::new(missing, allowed),
@@ -73,7 +73,7 @@ pub fn ending(ran: &Result<()>, missing: Missing, allowed: Option<LossLimit>) ->
     }
 }
 
-/// Warns of everything of a source that is in no frame.
+/// Warns of all losses of a source.
 pub fn report_losses(name: &str, losses: &Losses) {
     let warn = |n: u64, what: &str, why: &str| {
         if n > 0 {

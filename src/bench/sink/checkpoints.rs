@@ -16,7 +16,7 @@ pub struct CheckpointSink {
     /// Tallies of the run under way, by checkpoint and algorithm, with the sequences of leading
     /// frames.
     tallies: Vec<Vec<CheckpointTally<u64>>>,
-    /// Which algorithms took part in the run under way.
+    /// True for each algorithm that takes part in the run under way.
     took_part: Vec<bool>,
     kept: Vec<CheckpointRow>,
     outbox: Outbox<Vec<CheckpointRow>>,

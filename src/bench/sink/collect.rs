@@ -1,10 +1,10 @@
-//! Hands frames to a function: at once, or what it makes of all of them at the end.
+//! Passes frames to a function, and keeps its results.
 
 use super::{Outbox, Sink};
 use svl_core::Result;
 use svl_data::score::Judged;
 
-/// A sink that leaves what a function returns of each frame.
+/// A sink that keeps what a function returns for each frame.
 ///
 /// ```
 /// use svl_bench::sink::CollectSink;

@@ -10,7 +10,7 @@ use svl_data::score::{Judged, Metric, MetricValues};
 /// Most algorithms that are shown.
 const SHOWN: usize = 12;
 
-/// A sink that adds up, and what it has so far as text. Clones share it.
+/// A sink that sums up results, and shows them as text. Clones share them.
 #[derive(Clone, Default)]
 pub struct LiveTable(Arc<Mutex<Vec<LiveLine>>>);
 
@@ -23,7 +23,7 @@ struct LiveLine {
 
 impl LiveTable {
     fn lines(&self) -> MutexGuard<'_, Vec<LiveLine>> {
-        // Whole after a panic elsewhere, too: lines are changed at once.
+        // Consistent after a panic elsewhere, too: lines are changed at once.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

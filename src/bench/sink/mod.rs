@@ -50,9 +50,9 @@ pub trait Sink: Send {
     /// The reason why it cannot be kept. Frames that were taken before stay readable.
     fn take(&mut self, judged: &Judged) -> Result<()>;
 
-    /// Whose disparity maps it will show of a frame that comes later: sets in `needed` those of the
-    /// run's algorithms. Asked for every frame in order, before any of them is taken,
-    /// where results of an earlier run stand in for matching: they have none.
+    /// Sets `needed` for the algorithms whose disparity maps it will show of a later frame. Asked
+    /// for every frame in order, before any of them is taken, if results of an earlier run, which
+    /// have no maps, replace matching.
     fn ask_for_maps(&mut self, _frame: &Frame, _shows_checkpoint: bool, _needed: &mut [bool]) {}
 
     /// Waits until its threads have done what it gave them: measured matching begins.
@@ -106,7 +106,7 @@ impl<'a> RunStart<'a> {
 pub struct RunEnd<'a> {
     /// Everything of the source that is in no frame.
     pub losses: &'a Losses,
-    /// Why the run ended before its end.
+    /// Reason why the run ended early.
     pub error: Option<&'a str>,
 }
 
@@ -185,7 +185,7 @@ impl Sinks {
             info,
         }) = request.viewer
         {
-            // It is finished after the tables, which then have the verdicts.
+            // It is finished after the tables, which then have the checkpoints' results.
             let (rows, checkpoints) = (rows.clone(), checkpoints.clone());
             let scenario = info.scenario.clone();
             let verdicts: Verdicts = Box::new(move || {
@@ -219,12 +219,12 @@ impl Sinks {
         &mut self.sinks
     }
 
-    /// Those that write tables: what is perturbed is shown in no picture.
+    /// The sinks that write tables: pictures show no perturbed pairs.
     pub fn tables_mut(&mut self) -> &mut [Box<dyn Sink>] {
         &mut self.sinks[..self.tables]
     }
 
-    /// The sinks alone: nothing of what they collect is of interest.
+    /// The sinks alone, without what they collect.
     pub fn into_boxed(self) -> Vec<Box<dyn Sink>> {
         self.sinks
     }
@@ -268,7 +268,7 @@ impl<T> Clone for Outbox<T> {
 }
 
 impl<T> Outbox<T> {
-    /// Leaves the value, for who holds a copy of the outbox.
+    /// Stores the value for all copies of the outbox.
     pub fn put(&self, value: T) {
         *self.lock() = value;
     }

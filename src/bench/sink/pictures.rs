@@ -118,7 +118,7 @@ impl Sink for PictureSink {
                 } else {
                     None
                 };
-                // The shot is there exactly when the frame leads, which is when it is asked for.
+                // The shot exists if and only if the frame leads, and only then it is asked for.
                 self.tallies[c][a].add(verdict, || shot.clone().expect("a leading frame"));
             }
         }
@@ -218,7 +218,7 @@ impl PictureSink {
         Ok(())
     }
 
-    /// A scene with what the pictured algorithms make of it.
+    /// A scene with the results of the pictured algorithms.
     fn scene(&self, name: &str, judged: &Judged) -> Result<SceneFigure> {
         let frame = &judged.frame;
         let max_px = Nearness::of_frame(frame).near_px();
@@ -255,7 +255,7 @@ impl PictureSink {
     }
 }
 
-/// The algorithms whose pictures are shown: the first, the last, and what stands evenly between.
+/// The algorithms whose pictures are shown: the first, the last, and others spread evenly between.
 fn pictured(algorithms: &[String]) -> Vec<&str> {
     let count = algorithms.len().min(PICTURED);
     let place = |i: usize| i * (algorithms.len() - 1) / (count - 1).max(1);

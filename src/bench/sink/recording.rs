@@ -26,7 +26,7 @@ impl Sink for RecordingSink {
         })
     }
 
-    /// Keeps what a grabber counted, and why a run ended early.
+    /// Writes the grabber's counts, and the reason why a run ended early.
     fn end_run(&mut self, end: &RunEnd<'_>) -> Result<()> {
         let Some(grabber) = &end.losses.grabber else {
             return Ok(());

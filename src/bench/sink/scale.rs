@@ -8,20 +8,20 @@ use svl_data::score::Judged;
 
 /// Distances of one algorithm that are compared: enough for a median, at little cost.
 const CELLS: usize = 2000;
-/// Fewest for a result.
+/// Fewest distances for a result.
 const LEAST: usize = 20;
-/// A factor is near another within this share of it.
+/// A factor matches another within this fraction of it.
 const NEAR: f64 = 0.15;
 
 /// Factors of reported to true distances, with their usual cause and its cure.
 const FACTORS: [(f64, &str); 4] = [
     (
         2.0,
-        "the calibration is of images of twice the size, or its baseline is twice too long",
+        "the calibration was made for images of twice the size, or its baseline is twice too long",
     ),
     (
         0.5,
-        "the calibration is of images of half the size, or its baseline is half too short",
+        "the calibration was made for images of half the size, or its baseline is half too short",
     ),
     (
         1000.0,
@@ -111,7 +111,7 @@ struct DistanceScale {
     cause: &'static str,
 }
 
-/// The scale of the distances; nothing where it is right, or of no usual factor.
+/// The scale of the distances; none if it is right, or not near a usual factor.
 fn scale(distances: &[[f64; 2]]) -> Option<DistanceScale> {
     if distances.len() < LEAST {
         return None;

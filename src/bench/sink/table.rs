@@ -20,8 +20,8 @@ pub struct TableSink {
 }
 
 impl TableSink {
-    /// Writes rows and cells to a file where one is given, `.csv` or `.parquet`, and leaves all
-    /// rows in `outbox`.
+    /// Writes rows and cells to a file if one is given, `.csv` or `.parquet`, and leaves all rows
+    /// in `outbox`.
     ///
     /// # Errors
     /// As [`TableWriter::create`].
@@ -78,7 +78,7 @@ impl Sink for TableSink {
     fn take(&mut self, judged: &Judged) -> Result<()> {
         self.failures.push(self.identity.failures(judged))?;
         for estimate in &judged.estimates {
-            // The cells first: a row in the file means that its cells are there too.
+            // The cells are written first: a row in the file implies that its cells are there too.
             if let Some(cells) = &mut self.cells {
                 cells.push(self.identity.cells(judged, estimate))?;
             }
@@ -90,7 +90,7 @@ impl Sink for TableSink {
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        // Also of an incomplete table the rows are known.
+        // The rows are known even if the table is incomplete.
         self.outbox.put(self.kept);
         let cells = self.cells.map_or(Ok(()), TableWriter::finish);
         let failures = self.failures.finish();

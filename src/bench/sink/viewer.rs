@@ -46,7 +46,7 @@ pub trait Viewer: Sync {
     fn steps(&self, target: RerunTarget) -> Result<Box<dyn StepView>>;
 
     /// Writes the layout for the recording `file` of svl with those topics to `layout`, a file
-    /// `*.rbl`, and says whether it did: a recording without svl's topics keeps the viewer's
+    /// `*.rbl`, and returns true if it did: a recording without svl's topics keeps the viewer's
     /// automatic layout.
     ///
     /// # Errors
@@ -67,7 +67,7 @@ pub trait Viewer: Sync {
     fn find_program(&self) -> Result<()>;
 }
 
-/// Makes the Markdown of the verdicts when the run is over.
+/// Makes the Markdown of the checkpoints' results when the run is over.
 pub type Verdicts = Box<dyn FnOnce() -> Option<String> + Send>;
 
 /// Shows pairs with the corners of a board.
@@ -113,7 +113,7 @@ pub struct CellNote {
     /// Column and row.
     pub at: (usize, usize),
     pub text: String,
-    /// True if the cell is the one that a person is at.
+    /// True if the cell is the one that the user has selected.
     pub is_picked: bool,
 }
 
@@ -151,7 +151,7 @@ impl FromStr for RerunTarget {
             return match text {
                 file if file.ends_with(".rrd") => Ok(Self::File(file.into())),
                 other => Err(Error::Invalid(format!(
-                    "'{other}' is no Rerun destination; use `spawn`, a viewer's URL or a FILE.rrd"
+                    "'{other}' is not a Rerun destination; use spawn, a viewer's URL or a FILE.rrd"
                 ))),
             };
         };
@@ -176,8 +176,8 @@ impl std::fmt::Display for RerunTarget {
     }
 }
 
-/// Whose maps and point clouds are logged. Images, overlays and numbers are those of all frames,
-/// and SSDPI is that of some: no other map takes as much.
+/// Frames whose maps and point clouds are logged. Images, overlays and numbers are logged for all
+/// frames, and SSDPI for some, as no other map is as large.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RerunDetail {
     /// Those of every 30th frame, of every 10th of those that show a checkpoint, and of the first

@@ -1,4 +1,4 @@
-//! Monitors a source's pairs: are they vertically misaligned, or left and right exchanged?
+//! Monitors a source's pairs for vertical misalignment, and for left and right being exchanged.
 
 use super::Source;
 use svl_core::Result;
@@ -6,8 +6,8 @@ use svl_core::counted;
 use svl_core::rectify::AlignmentMeter;
 use svl_core::stereo::Frame;
 
-/// A source that measures a few of its pairs, and warns once when they are vertically misaligned,
-/// or when left and right are exchanged.
+/// A source that measures a few of its pairs, and warns once if they are vertically misaligned, or
+/// if left and right are exchanged.
 pub struct AlignmentMonitor<'a> {
     source: &'a mut dyn Source,
     meter: AlignmentMeter,
@@ -18,7 +18,7 @@ pub struct AlignmentMonitor<'a> {
 /// One in this many pairs is measured, up to this many in all: enough for a result, at little cost.
 const EVERY: u64 = 8;
 const MEASURED: u64 = 5;
-/// Share of points with a negative disparity from which left and right are exchanged.
+/// Fraction of points with a negative disparity above which left and right count as exchanged.
 const EXCHANGED: f64 = 0.8;
 
 impl<'a> AlignmentMonitor<'a> {
@@ -58,7 +58,7 @@ impl<'a> AlignmentMonitor<'a> {
         if last && let Some(found) = self.meter.alignment().filter(|found| found.is_off()) {
             tracing::warn!(
                 "{}: vertical misalignment of {:.1} px (median of {} points in {}), which \
-                 costs matches: rectify with --calib; `svl calibrate check` says more",
+                 costs matches: rectify with --calib; `svl calibrate check` shows more",
                 self.source.name(),
                 found.median_abs_px,
                 found.matches,

@@ -42,14 +42,14 @@ impl FromStr for Calib {
 }
 
 impl Calib {
-    /// Advice when rows are misaligned all the same.
+    /// The cure if rows are misaligned nevertheless.
     pub fn cure(&self) -> &'static str {
         match self {
             Self::Own | Self::None | Self::Raw => {
                 "rectify them with --calib FILE, or --calib estimate"
             }
             Self::File(_) => {
-                "the calibration is not, or no longer, that of these cameras: calibrate anew"
+                "the calibration is not, or no longer, that of these cameras: calibrate again"
             }
             Self::Estimate => "an estimate knows no distortion: calibrate the cameras",
         }
@@ -86,17 +86,17 @@ pub(super) fn read(path: &Path) -> Result<(StereoCalibration, CalibrationFiles)>
     Ok((calibration, kept))
 }
 
-/// The files of a calibration that no file holds yet.
+/// The files of a calibration that is not in a file yet.
 pub(super) fn written(calibration: &StereoCalibration) -> Result<CalibrationFiles> {
     let folder = folder()?;
-    // ROS's files hold no cameras without their rectification.
+    // ROS's files have no cameras without their rectification.
     let alpha = calibration.rectification().is_none().then_some(0.0);
     let calibration = framed(calibration.clone(), alpha)?;
     files::write(folder.path(), &calibration)?;
     contents(&files::inputs(folder.path())?)
 }
 
-/// Rectifies with that share of the raw images, where one is given.
+/// Rectifies with the fraction `alpha` of the raw images, if it is given.
 pub(super) fn framed(
     calibration: StereoCalibration,
     alpha: Option<f64>,

@@ -1,4 +1,4 @@
-//! First answers about a source, by its first pairs: size, cameras, range, truth.
+//! Facts of a source by its first pairs: size, cameras, range, truth.
 
 use super::Source;
 use super::open::{open, open_recording};
@@ -41,10 +41,10 @@ pub struct NearestDistance {
     pub distance_m: f64,
 }
 
-/// A ground truth, and what of the first pairs it would score.
+/// A ground truth, and the number of first pairs and cells that it would score.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TruthFacts {
-    /// Its topic; nothing where the source is no recording.
+    /// Its topic; none if the source is not a recording.
     pub topic: Option<String>,
     /// True if it has to be asked for (`--truth TOPIC`).
     pub is_asked_for: bool,
@@ -54,15 +54,15 @@ pub struct TruthFacts {
     /// Cells of the default grid in the pairs that were looked at, and of them those scored.
     pub cells: u64,
     pub scored_cells: u64,
-    /// Why it cannot be a truth.
+    /// Reason why it cannot be a truth.
     pub error: Option<String>,
 }
 
 impl SourceFacts {
-    /// Looks at the first pairs of what a user names; `is_recording` takes it for a recording.
+    /// Reads the first pairs of the source `name`; `is_recording`: as a recording.
     ///
     /// # Errors
-    /// Those of [`open`] and [`open_recording`]; why there is no first pair.
+    /// Those of [`open`] and [`open_recording`]; the error of the first pair.
     pub fn read(name: &str, is_recording: bool) -> Result<Self> {
         let request = Request::new(name);
         let mut opened = if is_recording {
@@ -128,7 +128,7 @@ fn recorded(opened: &Opened) -> Result<Recorded> {
     })
 }
 
-/// Looks at the first pairs, as many as there is time for.
+/// Reads as many of the first pairs as the time allows.
 fn look(source: &mut dyn Source, mut see: impl FnMut(Frame)) -> Result<()> {
     let begin = Instant::now();
     for done in 0..PAIRS {
@@ -147,7 +147,7 @@ fn look(source: &mut dyn Source, mut see: impl FnMut(Frame)) -> Result<()> {
 }
 
 impl NearestDistance {
-    /// That of the default algorithm with its default range of disparities.
+    /// Range of the default algorithm with its default disparities.
     fn of_default(rig: &Rig) -> Option<Self> {
         let algorithm = Algorithm::default();
         let max_disparity_px = algorithm.max_disparity()?;

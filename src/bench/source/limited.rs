@@ -97,7 +97,7 @@ impl Source for Limited {
         self.ahead.take().unwrap_or_else(|| self.read())
     }
 
-    /// Seeks where no range of time is asked for, which only reading on finds.
+    /// Seeks unless a range of time is requested, which is only found by reading on.
     fn seek(&mut self, index: u64) -> Result<bool> {
         if self.from_ns > 0 || self.to_ns.is_some() || self.frames.is_some() {
             return Ok(false);
@@ -123,7 +123,7 @@ impl Source for Limited {
         }
     }
 
-    /// Pairs that nobody asked for are no losses.
+    /// Pairs outside the range are not losses.
     fn finish(&mut self, taken: u64) -> Losses {
         let losses = self.source.finish(taken + self.skipped);
         Losses {

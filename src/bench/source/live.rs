@@ -20,7 +20,8 @@ pub struct LiveSource {
     stamps_ns: Option<[u64; 2]>,
 }
 
-/// Share of the rate asked for below which it counts as not reached: stamps and clocks differ less.
+/// Fraction of the requested rate below which it counts as not reached: stamps and clocks differ
+/// less.
 const REACHED: f64 = 0.95;
 
 impl LiveSource {
@@ -37,7 +38,7 @@ impl LiveSource {
         Ok(source)
     }
 
-    /// The seed that the images depend on, where they do.
+    /// The seed of the images, if they depend on one.
     pub fn seed(&self) -> Option<u64> {
         self.seed
     }
@@ -55,7 +56,7 @@ impl LiveSource {
         }
     }
 
-    /// The rate asked for and the one reached, in words, where that is less.
+    /// The requested rate and the reached one, in words, if that is less.
     fn missed_rate(&self) -> Option<String> {
         let ([first, last], asked) = (self.stamps_ns?, self.asked_hz?);
         let seconds = last.saturating_sub(first) as f64 / 1e9;

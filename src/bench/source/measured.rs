@@ -13,7 +13,7 @@ pub struct MeasuredSource {
 }
 
 impl MeasuredSource {
-    /// `raw`: the left camera, where svl rectifies the pairs of `source`.
+    /// `raw`: the left camera, if svl rectifies the pairs of `source`.
     pub fn new(source: Box<dyn Source>, truth: TruthTopic, raw: Option<RawCamera>) -> Self {
         Self { source, truth, raw }
     }

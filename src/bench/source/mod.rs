@@ -57,19 +57,19 @@ pub trait Source: Send {
         None
     }
 
-    /// One word or two for a person: what is being read.
+    /// Name of the source for the user, in one word or two.
     fn name(&self) -> String {
         self.wrapped().map(Source::name).unwrap_or_default()
     }
 
-    /// The next frame, or nothing at the end.
+    /// The next frame, or none at the end.
     ///
     /// # Errors
     /// The reason why the next frame cannot be read. The source may be asked again unless the error
-    /// says the file is damaged.
+    /// is [`svl_core::Error::Damaged`].
     fn next(&mut self) -> Result<Option<Frame>>;
 
-    /// Number of frames in all, where that is known.
+    /// Number of frames in all, if that is known.
     fn pairs(&self) -> Option<u64> {
         self.wrapped()?.pairs()
     }
@@ -84,7 +84,7 @@ pub trait Source: Send {
             .map_or(Ok(false), |source| source.seek(index))
     }
 
-    /// Ends the source and says what of it is in no frame. `taken`: frames that were used.
+    /// Ends the source and returns its losses. `taken`: frames that were used.
     fn finish(&mut self, taken: u64) -> Losses {
         let wrapped = self.wrapped_mut();
         wrapped.map_or_else(Losses::default, |source| source.finish(taken))
@@ -95,7 +95,7 @@ pub trait Source: Send {
         self.wrapped().is_some_and(Source::listens)
     }
 
-    /// Hears what was made of the frame given out last; only a source that listens is asked.
+    /// Receives the results of the last frame; called only for a source that listens.
     fn hear(&mut self, judged: &Judged) {
         if let Some(source) = self.wrapped_mut() {
             source.hear(judged);

@@ -1,4 +1,4 @@
-//! [`open`]: from what a user names to a source of frames, by the table [`SOURCES`].
+//! [`open`]: from a user's name to a source of frames, by the table [`SOURCES`].
 
 use super::calibration::CalibrationFiles;
 use super::dataset::{Scene, SceneSource};
@@ -21,7 +21,7 @@ pub struct SourceKind {
     pub noun: &'static str,
     /// Its description, for help texts.
     pub help: &'static str,
-    /// Keys of the options that it takes, beside those that all take.
+    /// Keys of the options that it accepts, besides those that all accept.
     options: &'static [&'static str],
     /// True if it is named by a path, which must exist.
     is_path: bool,
@@ -57,7 +57,7 @@ pub const SOURCES: &[SourceKind] = &[
         recognizes: |name| name == "board",
         open: board,
     },
-    // Written as the rows of DRIVERS say.
+    // The syntax is that of the rows of DRIVERS.
     SourceKind {
         name: CAMERAS,
         noun: "cameras",
@@ -120,7 +120,7 @@ pub const SOURCES: &[SourceKind] = &[
         help: "a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, \
                KITTI's training/ (the pairs with truth), or many pairs: left/ and right/ with \
                images of equal names, EuRoC's and KITTI's sequences, 00_left.png and 00_right.png, \
-               or as --left and --right name them",
+               or the images that --left and --right name",
         options: &["left", "right", "side_by_side", "fps", "bits"],
         is_path: true,
         recognizes: |name| Path::new(name).is_dir(),
@@ -128,7 +128,7 @@ pub const SOURCES: &[SourceKind] = &[
     },
 ];
 
-/// The row of [`SOURCES`] that stands for all [`DRIVERS`].
+/// The row of [`SOURCES`] that represents all [`DRIVERS`].
 pub const CAMERAS: &str = "cameras";
 
 /// The row of [`SOURCES`] that recordings are opened by.
@@ -143,16 +143,16 @@ pub fn expected() -> String {
     format!("{kinds}, or cameras: {}", drivers.join(" or "))
 }
 
-/// Opens what a user names; its pairs are rectified as the request says.
+/// Opens the source that a user names; its pairs are rectified as requested.
 ///
 /// # Errors
 /// [`Error::Usage`] for a request that contradicts itself, or an option that the source does not
-/// take; [`Error::Invalid`] for a name of nothing, with what there is; those of the source.
+/// accept; [`Error::Invalid`] for an unknown name, with the known ones; those of the source.
 pub fn open(request: &Request<'_>) -> Result<Opened> {
     let (name, path) = (request.name, Path::new(request.name));
     if name.starts_with("/dev/video") {
         let cure = "name the left and the right camera, as v4l2:/dev/video0,/dev/video2";
-        return Err(Error::Usage(format!("{name}: is no source; {cure}")));
+        return Err(Error::Usage(format!("{name}: is not a source; {cure}")));
     }
     // Recordings may lie in a folder of images or videos.
     let are_files = |side: &String| side.contains('*') || is_video(side);
@@ -176,7 +176,7 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
     (kind.open)(request)?.prepared(request)
 }
 
-/// Opens a recording; its pairs are rectified as the request says.
+/// Opens a recording; its pairs are rectified as requested.
 ///
 /// # Errors
 /// As [`open`].
@@ -184,7 +184,7 @@ pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
     let name = request.name;
     let exists = Path::new(name).exists();
     let kind = SOURCES.iter().find(|kind| (kind.recognizes)(name));
-    // A folder may hold no images either; then what it lacks as a bag is reported.
+    // A folder may have no images either; then its error as a bag is reported.
     let is_other = kind.is_some_and(|kind| match kind.name {
         RECORDING => false,
         FOLDER => folder(request).is_ok(),
@@ -192,7 +192,7 @@ pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
     });
     if is_other {
         let cure = format!("make one first, svl record {name} -o run.mcap");
-        return Err(Error::Usage(format!("{name}: is no recording; {cure}")));
+        return Err(Error::Usage(format!("{name}: is not a recording; {cure}")));
     }
     if let Some(kind) = SOURCES.iter().find(|kind| kind.name == RECORDING) {
         refuse_options(request, kind)?;
@@ -295,7 +295,7 @@ fn video(request: &Request<'_>) -> Result<Opened> {
     let path = Path::new(request.name);
     if !request.options.side_by_side {
         return Err(Error::Usage(format!(
-            "{}: is one video: --side-by-side if it holds both images, or name the folder of two, \
+            "{}: is one video: --side-by-side if it shows both images, or name the folder of two, \
              with --left and --right",
             request.name
         )));
@@ -335,7 +335,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         let source = VideoSource::pair(&path.join(left), &path.join(right), folder.fps)?;
         return Ok(of_video(source, request, stem));
     }
-    // A user that names the images means no data set's scene.
+    // A user that names the images does not mean a scene of a data set.
     let scenes = if folder.images == [None, None] && !folder.side_by_side {
         match Scene::find(path, stem) {
             Some(scene) => vec![scene],
@@ -346,9 +346,9 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
     };
     if !scenes.is_empty() {
         if folder.fps.is_some() {
-            let cure = "--fps is for pairs one after the other; leave it out";
+            let cure = "--fps is for sequences of pairs; leave it out";
             return Err(Error::Usage(format!(
-                "{}: holds scenes of a data set; {cure}",
+                "{}: contains scenes of a data set; {cure}",
                 request.name
             )));
         }
@@ -391,7 +391,7 @@ fn is_file(name: &str, extensions: &[&str]) -> bool {
     extension.is_some_and(|extension| extensions.contains(&extension)) && !path.is_dir()
 }
 
-/// Refuses options that the source does not take: they would have no effect.
+/// Refuses options that the source does not accept: they would have no effect.
 fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
     let GrabRequest {
         trigger,

@@ -1,4 +1,4 @@
-//! A source that is open, with all that a recording of it says.
+//! An open source, with all that a recording of it contains.
 
 use super::calibration::{self, Calib, CalibrationFiles};
 use super::request::Request;
@@ -13,7 +13,7 @@ use svl_data::recording::{
 };
 use svl_data::scenario::{CropScale, PairRange};
 
-/// A source, and what a recording of it holds besides its pairs.
+/// A source, and the contents of a recording of it besides its pairs.
 pub struct Opened {
     pub source: Box<dyn Source>,
     pub header: Header,
@@ -27,13 +27,13 @@ pub struct Opened {
     pub is_live: bool,
     /// The recording that it reads.
     pub recording: Option<Recording>,
-    /// Stamp of the first pair, where pairs before the first frame were left out.
+    /// Stamp of the first pair, if pairs before the first frame were left out.
     pub start_ns: Option<u64>,
     /// Notes for the user that are no warnings.
     pub notes: Vec<String>,
     /// The calibration in a recording or folder of raw images.
     pub(super) own_calibration: Option<StereoCalibration>,
-    /// The truth of another sensor, where one was asked for.
+    /// The truth of another sensor, if one was requested.
     pub(super) truth: Option<TruthTopic>,
     /// The left camera before svl rectified the pairs.
     pub(super) raw: Option<RawCamera>,
@@ -64,7 +64,7 @@ impl Opened {
         }
     }
 
-    /// The pairs that the request asks for, rectified, cropped and shrunk as it says.
+    /// The requested pairs, rectified, cropped and shrunk as requested.
     pub(super) fn prepared(mut self, request: &Request<'_>) -> Result<Self> {
         let (range, window) = (request.options.range(), request.options.window());
         let changes = [range.words(), window.words()];
@@ -74,7 +74,7 @@ impl Opened {
         }
         if range != PairRange::default() {
             let mut limited = Limited::new(self.source, range, None);
-            // Read now: what lies before the range is known only then.
+            // Read now: the pairs before the range are known only then.
             limited.first();
             self.start_ns = limited.start_ns();
             self.source = Box::new(limited);
@@ -90,7 +90,7 @@ impl Opened {
         Ok(self)
     }
 
-    /// Rectifies the pairs as the request says.
+    /// Rectifies the pairs as requested.
     fn rectified(mut self, request: &Request<'_>) -> Result<Self> {
         let name = self.source.name();
         let (calib, alpha) = (request.calib(), request.options.alpha);
@@ -101,8 +101,8 @@ impl Opened {
                 let rectifier = Rectifier::new(&calibration)?;
                 self.raw = raw_camera(&calibration, &rectifier);
                 if rectifier.rig().is_none() {
-                    let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` says how \
-                                large they are";
+                    let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` sets \
+                                their size";
                     tracing::warn!(
                         "{}: is in squares of its board, so there are no distances; {cure}",
                         path.display()
@@ -117,12 +117,12 @@ impl Opened {
             }
             (Calib::Own, Some(own)) => {
                 self.notes.push(format!(
-                    "{name}: raw images, rectified by what it says of its cameras; --calib none \
+                    "{name}: raw images, rectified by its own calibration; --calib none \
                      leaves them"
                 ));
                 let by = match self.recording {
-                    Some(_) => "what the recording says of its cameras",
-                    None => "what the folder says of its cameras",
+                    Some(_) => "the recording's own calibration",
+                    None => "the folder's own calibration",
                 };
                 let by = by.to_owned();
                 let rectifier = Rectifier::new(own)?;
@@ -157,7 +157,7 @@ impl Opened {
         Ok(self)
     }
 
-    /// Gives the pairs the truth of another sensor, where one was asked for.
+    /// Gives the pairs the truth of another sensor, if one was requested.
     pub(super) fn measured(mut self) -> Self {
         if let Some(truth) = self.truth.take() {
             self.source = Box::new(MeasuredSource::new(self.source, truth, self.raw));
@@ -165,7 +165,7 @@ impl Opened {
         self
     }
 
-    /// The recording at that path, which rows call `name`, as it was opened.
+    /// The recording at that path, which is `name` in rows, with the way in which it was opened.
     pub fn record(&self, name: &str, path: &Path) -> RunRecord {
         let by = self.header.calibration.as_ref();
         let rectified = by.map(|by| format!("rectified by {by}"));

@@ -11,7 +11,7 @@ use svl_data::recording::{Reader, Recording, SCENARIO, Selection};
 /// Unreadable pairs are dropped and counted, and the first one is reported.
 ///
 /// A damaged recording ends with one [`svl_core::Error::Damaged`], after which there are no more
-/// frames: a run may show it and go on to score the frames that came before.
+/// frames: a run may show it and still score the frames before it.
 pub struct RecordingSource {
     reader: Reader,
     unreadable: u64,
@@ -62,7 +62,7 @@ impl Source for RecordingSource {
     fn next(&mut self) -> Result<Option<Frame>> {
         loop {
             match self.reader.next_pair() {
-                // The error is of one pair alone: the file goes on.
+                // The error is of one pair alone: the file continues.
                 Err(error @ Error::Format { .. }) => {
                     // One line in the log; the number follows at the end.
                     if self.unreadable == 0 {
@@ -85,7 +85,7 @@ impl Source for RecordingSource {
 
     fn finish(&mut self, _: u64) -> Losses {
         Losses {
-            // The partner of an image that cannot be read is told with it.
+            // The partner of an unreadable image is reported with it.
             unpaired: self.reader.unpaired().saturating_sub(self.unreadable),
             outside: self.reader.outside(),
             late: self.reader.late(),

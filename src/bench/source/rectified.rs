@@ -31,7 +31,7 @@ impl RectifiedSource {
     }
 
     /// Rectifies the raw pairs of `source` without a calibration, by matches in its first ones:
-    /// rows correspond, but there is no rig.
+    /// pairs become row-aligned, but there is no rig.
     ///
     /// # Errors
     /// [`Error::Invalid`] for too few matches; those of the source.

@@ -1,4 +1,4 @@
-//! Pairs judged against other algorithms, where these are sure.
+//! Pairs scored against other algorithms, where these are confident.
 
 use super::Source;
 use svl_core::depth::GridSettings;
@@ -19,7 +19,7 @@ pub struct ReferenceSource {
     references: Vec<Reference>,
     label: String,
     without: u64,
-    /// True once it was reported that the frames' own truth is replaced.
+    /// True once the user was warned that the frames' own truth is replaced.
     replaced: bool,
 }
 
@@ -59,7 +59,7 @@ impl ReferenceSource {
     fn refer(&mut self, frame: &mut Frame) {
         if frame.truth.is_some() && !self.replaced {
             let name = self.source.name();
-            tracing::warn!("{name}: judged against {}, not its own truth", self.label);
+            tracing::warn!("{name}: scored against {}, not its own truth", self.label);
             self.replaced = true;
         }
         frame.truth = None;
@@ -87,7 +87,7 @@ impl ReferenceSource {
 }
 
 impl Reference {
-    /// Its left-right consistent disparities, `+∞` elsewhere; nothing where it fails on the pair.
+    /// Its left-right consistent disparities, `+∞` elsewhere; none if it fails on the pair.
     fn sure(&mut self, frame: &Frame) -> Option<Plane<f32>> {
         let (label, sequence) = (&self.label, frame.sequence);
         let mut failed = |which: usize, what: &str, error: &Error| {

@@ -9,7 +9,7 @@ use svl_data::scenario::SourceOptions;
 /// A source to open, with its options.
 #[derive(Clone)]
 pub struct Request<'a> {
-    /// As [`super::SOURCES`] writes it, or a path.
+    /// A name in the syntax of [`super::SOURCES`], or a path.
     pub name: &'a str,
     /// Seed of a simulated source [default: 1].
     pub seed: Option<u64>,

@@ -38,8 +38,8 @@ pub fn run_request<'a>(scenario: &Scenario, run: &'a RecordingRun) -> Result<Req
     })
 }
 
-/// A run of a scenario. Its first frame is read ahead, so that what no frame could ever pass is
-/// found before the run.
+/// A run of a scenario. Its first frame is read ahead, so that a checkpoint that no frame could
+/// pass is found before the run.
 pub struct RunSource {
     source: Limited,
     /// Seed of an arena's run.
@@ -54,7 +54,7 @@ pub struct RunSource {
 /// Digest of the input hashes of the frames given so far.
 type Digest = Arc<Mutex<Xxh3Default>>;
 
-/// Digests the inputs of a source's frames.
+/// Digest of the inputs of a source's frames.
 struct DigestedSource {
     source: Limited,
     digest: Digest,
@@ -81,7 +81,7 @@ impl Source for DigestedSource {
 }
 
 impl RunSource {
-    /// Frames that belong to no recording of the user's.
+    /// A run that is not a recording of the user's.
     pub fn new(source: Box<dyn Source>, seed: Option<u64>) -> Self {
         Self::ahead(source, seed, None, None)
     }
@@ -138,7 +138,7 @@ impl RunSource {
         Some((name, format!("{:032x}", digest.digest128())))
     }
 
-    /// The run with pairs that are made worse.
+    /// The run with perturbed pairs.
     #[must_use]
     pub fn stressed(self, stress: Stress) -> Self {
         let mut hasher = Xxh3Default::new();
@@ -157,8 +157,8 @@ impl RunSource {
     /// The judge of its frames.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a checkpoint that no frame of it could pass, with the cure; why its
-    /// first frame cannot be read.
+    /// [`Error::Invalid`] for a checkpoint that no frame of it could pass, with the cure; the error
+    /// of its first frame.
     pub fn judge(&mut self, judge: &Judge) -> Result<Judge> {
         let name = self.record.as_ref().map(|record| record.name.clone());
         let run = RunPart {
@@ -171,7 +171,7 @@ impl RunSource {
                 let mut checkpoints = judge.checkpoints.iter();
                 checkpoints.try_for_each(|checkpoint| checkpoint.check_frame(frame, &run))?;
             }
-            // Nothing can be scored: why is said before a report is begun.
+            // Nothing can be scored: the reason is reported before a report is begun.
             None => drop(self.source.next()?),
         }
         Ok(Judge {

@@ -1,4 +1,4 @@
-//! A source whose pairs are made worse in one way ([`svl_data::stress`]).
+//! A source whose pairs are perturbed in one way ([`svl_data::stress`]).
 
 use super::Source;
 use std::collections::VecDeque;
@@ -11,13 +11,13 @@ pub struct StressedSource {
     source: Box<dyn Source>,
     stress: Stress,
     seed: u64,
-    /// Right images of the last pairs, where a pair takes an earlier one.
+    /// Right images of the last pairs, if a pair gets an earlier one.
     earlier: VecDeque<Gray>,
     given: u64,
 }
 
 impl StressedSource {
-    /// `seed`: that of the run, or any number that stands for it.
+    /// `seed`: that of the run, or any other number.
     pub fn new(source: Box<dyn Source>, stress: Stress, seed: u64) -> Self {
         Self {
             source,
@@ -36,7 +36,8 @@ impl StressedSource {
         let earlier = if is_full {
             self.earlier.pop_front()
         } else if self.source.listens() {
-            // The world that listens goes on: its first pairs have the oldest image there is.
+            // A world that listens cannot skip frames: its first pairs get the oldest image there
+            // is.
             self.earlier.front().cloned()
         } else {
             return Ok(None);
@@ -63,7 +64,7 @@ impl Source for StressedSource {
         while let Some(frame) = self.source.next()? {
             if frames > 0 && frame.name.is_some() {
                 return Err(Error::Usage(format!(
-                    "stress {}: takes images of neighbouring pairs, and scenes of a data set have \
+                    "stress {}: uses images of neighbouring pairs, and scenes of a data set have \
                      none",
                     self.stress
                 )));
@@ -94,7 +95,7 @@ impl Source for StressedSource {
     }
 
     fn seek(&mut self, index: u64) -> Result<bool> {
-        // The pairs before are what a skew takes its right images from.
+        // A skew takes its right images from earlier pairs.
         let frames = self.stress.earlier_frames() as u64;
         let seeks = self.source.seek(index)?;
         if seeks && frames > 0 {

@@ -7,12 +7,12 @@ use serde::Serialize;
 use svl_core::Result;
 use svl_data::fit::{CellFit, CellSample};
 
-/// A fit's figures: per scenario, and how far its probabilities hold.
+/// Figures of a fit, per scenario, and the calibration of its probabilities.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CellTraining {
     pub algorithm: String,
     pub steps: usize,
-    /// Least probability of a cell that counts as reported.
+    /// Least probability of a cell that counts as known.
     pub confidence: f64,
     pub scenarios: Vec<ScenarioCells>,
     /// Results of cells whose fold was held out of the fit.
@@ -29,7 +29,7 @@ pub struct ScenarioCells {
     pub groups: usize,
     /// With a truth.
     pub cells: usize,
-    /// Share that would be right if all were reported.
+    /// Fraction that would be right if all cells were reported.
     pub right_of_all: f64,
     /// By the fitted table, held out.
     pub fitted: ReportedCells,
@@ -37,7 +37,7 @@ pub struct ScenarioCells {
     pub present: ReportedCells,
 }
 
-/// Shares of all cells.
+/// Fractions of all cells.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ReportedCells {
     pub right: f64,
@@ -52,7 +52,7 @@ pub struct ReliabilityBin {
     pub cells: usize,
     /// Mean probability.
     pub said: f64,
-    /// Share of them that is right.
+    /// Fraction of them that is right.
     pub right: f64,
 }
 
@@ -60,8 +60,8 @@ pub struct ReliabilityBin {
 const ENDS: [f64; 10] = [0.0, 0.2, 0.4, 0.6, 0.75, 0.85, 0.9, 0.95, 0.98, 1.0];
 
 impl CellTraining {
-    /// Figures of a fit to `samples`, which lie scenario after scenario: names, and how many
-    /// samples are of each.
+    /// Figures of a fit to `samples`, which are in the order of `scenarios`: names and numbers of
+    /// samples.
     pub fn new(
         algorithm: String,
         confidence: f64,
@@ -127,7 +127,8 @@ impl CellTraining {
     /// The page: one file without scripts, all texts escaped.
     ///
     /// # Errors
-    /// [`svl_core::Error::Invalid`] with what the template engine or the plotting library says.
+    /// [`svl_core::Error::Invalid`] with the error of the template engine or of the plotting
+    /// library.
     pub fn page(&self, identity: Vec<(String, String)>) -> Result<String> {
         let line = |name: &str, form, points| Series {
             name: name.to_owned(),
@@ -167,13 +168,13 @@ impl CellTraining {
             charts: [
                 PlotView {
                     title: "Reliability".into(),
-                    about: "How many of the cells are right to which a table, fitted without their \
-                            part of the runs, gives a probability; ranges with 20 cells or more.",
+                    about: "Fraction of right cells by the probability that a table, fitted without \
+                            their part of the runs, gives them; ranges with 20 cells or more.",
                     svg: reliability.svg()?,
                 },
                 PlotView {
                     title: "Steps".into(),
-                    about: "What more steps are worth on runs that were held out.",
+                    about: "Loss on held-out runs by the number of steps.",
                     svg: losses.svg()?,
                 },
             ],
@@ -186,7 +187,7 @@ impl CellTraining {
 }
 
 impl CellTraining {
-    /// The cells of each scenario and how far their probabilities hold.
+    /// The cells of each scenario and the calibration of their probabilities.
     pub fn terminal(&self, style: TerminalStyle) -> String {
         let (steps, confidence) = (self.steps, self.confidence);
         let mut bins =

@@ -1,4 +1,4 @@
-//! From labelled windows to a filter and its figures.
+//! Training of a filter from labelled windows, with its figures.
 
 use super::{FilterTraining, HiddenTrial};
 use svl_core::filter::{FilterKind, FilterModel, Network};
@@ -9,8 +9,8 @@ use svl_data::fit::filter::{
     WindowSamples, fit_network,
 };
 
-/// Raised when equal samples and settings come to give other weights, so that filters in the cache
-/// are trained anew.
+/// Version of the training: raised when equal samples and settings give other weights, so that
+/// filters in the cache are trained again.
 pub const REVISION: u32 = 1;
 
 /// Options of a training.
@@ -26,7 +26,7 @@ pub struct TrainSettings {
 }
 
 impl TrainSettings {
-    /// Epochs at most, by default.
+    /// Default limit of the epochs.
     pub const EPOCHS: usize = 60;
 
     /// The defaults of a filter.
@@ -46,7 +46,7 @@ impl TrainSettings {
 /// Fewest samples of a category in any part.
 const FEWEST: usize = 20;
 
-/// Callback after every epoch: hidden neurons, seed, epoch, errors; true to go on.
+/// Callback after every epoch: hidden neurons, seed, epoch, errors; returns true to continue.
 pub type EpochProgress<'a> = &'a mut dyn FnMut(FitSettings, usize, EpochError) -> bool;
 
 /// Trains a filter on samples, whose features are standardized in place.
@@ -125,7 +125,7 @@ fn check(samples: &WindowSamples) -> Result<()> {
     let wrong = |what: String| Err(Error::Invalid(what));
     if samples.parts.len() < 3 {
         return wrong(format!(
-            "{} cannot be split into training, validation and test, which never share one; take \
+            "{} cannot be split into training, validation and test, which never share one; use \
              three or more",
             svl_core::counted(samples.parts.len() as u64, "recording")
         ));
@@ -144,7 +144,7 @@ fn check(samples: &WindowSamples) -> Result<()> {
             if count < FEWEST {
                 return wrong(format!(
                     "{} labelled '{category}' in the {name} set: at least {FEWEST} are needed; \
-                     label more, or take more recordings",
+                     label more, or use more recordings",
                     svl_core::counted(count as u64, "window")
                 ));
             }

@@ -51,7 +51,7 @@ impl LearnedCells {
                 })
             };
             let start = RunStart::new(&manifest, run.seed, &judge);
-            // The same walk in another arena is no other scene.
+            // The same walk in another arena is not another scene.
             let of_seed = run.seed.map(|seed| format!("arena seed {seed}"));
             let name = of_seed.unwrap_or_else(|| run.name());
             let title = format!("learn {}, {name}", scenario.name);
@@ -66,7 +66,7 @@ impl LearnedCells {
         }
         let cells = self.samples.len() - before;
         if !self.samples[before..].iter().any(CellSample::is_reportable) {
-            let cure = "frames need a truth, and the algorithm has to say what its cells rest on: \
+            let cure = "frames need a truth, and the algorithm has to give evidence for its cells: \
                         v5 does, others with decision = \"safe\" under [grid]";
             return Err(Error::Invalid(format!(
                 "{}: has no cells to learn from; {cure}",
@@ -88,7 +88,7 @@ impl LearnedCells {
 /// The samples as CSV: run or scene, the evidence, whether the cell was right and known.
 ///
 /// # Errors
-/// [`Error::Invalid`] with what the csv crate says.
+/// [`Error::Invalid`] with the error of the csv crate.
 pub fn samples_csv(samples: &[CellSample], groups: &[String]) -> Result<Vec<u8>> {
     let invalid = |e: csv::Error| Error::Invalid(e.to_string());
     let mut csv = csv::Writer::from_writer(Vec::new());

@@ -34,7 +34,7 @@ pub struct FilterTraining {
     /// Mean square errors by epoch.
     pub epochs: Vec<EpochError>,
     pub best_epoch: usize,
-    /// True if training was interrupted: the best network until then is kept.
+    /// True if training was interrupted: the best network so far is kept.
     pub interrupted: bool,
     /// All sizes and seeds that were trained.
     pub trials: Vec<HiddenTrial>,
@@ -192,7 +192,7 @@ impl FilterTraining {
             ),
             (
                 "Acceptance",
-                "Over all thresholds, on the test set: what is accepted rightly and falsely.",
+                "Over all thresholds, on the test set: windows accepted rightly and falsely.",
                 chart(
                     corner(Axis::share("false acceptance, %"), (0.0, 20.0)),
                     corner(Axis::share("true acceptance, %"), (80.0, 100.0)),
@@ -231,7 +231,8 @@ impl FilterTraining {
     /// The page: one file without scripts, all texts escaped.
     ///
     /// # Errors
-    /// [`svl_core::Error::Invalid`] with what the template engine or the plotting library says.
+    /// [`svl_core::Error::Invalid`] with the error of the template engine or of the plotting
+    /// library.
     pub fn page(&self, identity: Vec<(String, String)>) -> Result<String> {
         let plot = |(title, about, chart): (&'static str, &'static str, Chart)| {
             Ok(PlotView {

@@ -28,7 +28,7 @@ pub fn with_filters(algorithms: Vec<Algorithm>, filters: &[Arc<FilterModel>]) ->
     algorithms.into_iter().flat_map(both).collect()
 }
 
-/// The filters of a scenario: read, or trained first where the cache does not hold them.
+/// The filters of a scenario: read, or trained first if the cache does not have them.
 pub fn of_scenario(scenario: &Scenario, console: &dyn Console) -> Result<Vec<Arc<FilterModel>>> {
     let of = scenario.filters.iter();
     of.map(|filter| model(filter, scenario, console).map(Arc::new))
@@ -79,7 +79,7 @@ fn model(
             "interrupted while the filter {kind} was trained"
         )));
     }
-    // Under another name until it is whole.
+    // Under another name until the file is complete.
     let part = path.with_extension("part");
     write(&part, model.to_bytes())?;
     std::fs::rename(&part, &path).map_err(|e| Error::io(&path, e))?;

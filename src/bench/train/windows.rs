@@ -20,7 +20,7 @@ use svl_data::scenario::Scenario;
 pub struct LabelledRuns {
     scenario: Scenario,
     runs: Vec<ScoredSource>,
-    /// A person's, with the recording; else the truth labels.
+    /// Labels of a person, with the recording; else those by the truth.
     labels: Option<(PathBuf, FrameLabels)>,
 }
 
@@ -104,7 +104,7 @@ pub fn windows(
             if samples.samples.len() == before && labels.is_none() {
                 return Err(Error::Invalid(format!(
                     "{name}: its truth does not label windows: only the arena knows what is \
-                     {}; `svl label windows` lets a person say it",
+                     {}; `svl label windows` labels them by hand",
                     kind.spec().categories[0]
                 )));
             }

@@ -28,7 +28,7 @@ pub struct Constraint {
 /// Limit of a metric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
-    /// In the unit of the metric; shares are 0..=1.
+    /// In the unit of the metric; fractions are 0..=1.
     Value(f64),
     /// A multiple of what the reference setting has.
     Times(f64),
@@ -37,7 +37,7 @@ pub enum Bound {
 /// A metric of frames, or the time.
 ///
 /// # Errors
-/// [`Error::Usage`] with the names that there are.
+/// [`Error::Usage`] with the existing names.
 pub(super) fn metric(name: &str) -> Result<&'static Metric> {
     // Agreement with others depends on the algorithms of the run.
     let can = |metric: &&Metric| metric.is_of_frames() && metric.name != "agreed";
@@ -47,7 +47,7 @@ pub(super) fn metric(name: &str) -> Result<&'static Metric> {
         let names: Vec<_> = names().collect();
         let names = names.join(", ");
         Error::Usage(format!(
-            "'{name}' is no metric to search by{near}; expected one of {names}"
+            "'{name}' is not a metric to search by{near}; expected one of {names}"
         ))
     })
 }
@@ -73,19 +73,19 @@ impl FromStr for Constraint {
             let number = text.trim().parse::<f64>().ok().filter(|v| v.is_finite());
             number
                 .filter(|v| *v >= 0.0)
-                .ok_or_else(|| wrong("its bound is no number"))
+                .ok_or_else(|| wrong("its bound is not a number"))
         };
         let bound = if let Some(times) = bound.strip_suffix('x') {
             Bound::Times(number(times)?)
         } else if let Some(percent) = bound.strip_suffix('%') {
             match metric.unit {
                 MetricUnit::Share => Bound::Value(number(percent)? / 100.0),
-                _ => return Err(wrong("only shares are in percent")),
+                _ => return Err(wrong("only fractions are in per cent")),
             }
         } else {
             let bound = number(bound.trim_end_matches("ms").trim_end_matches("px"))?;
             if metric.unit == MetricUnit::Share && bound > 1.0 {
-                return Err(wrong("a share is at most 1, or in percent"));
+                return Err(wrong("a fraction is at most 1, or in per cent"));
             }
             Bound::Value(bound)
         };
@@ -99,12 +99,12 @@ impl FromStr for Constraint {
 }
 
 impl Constraint {
-    /// By how much the values break it, as a part of the bound; 0 where they keep it. A metric
-    /// that is not measured breaks it.
+    /// Amount by which the values exceed the bound, relative to it; 0 if they keep it. A metric
+    /// that is not measured exceeds it.
     fn broken_by(&self, values: &TrialValues, reference: &TrialValues) -> f64 {
         let bound = match self.bound {
             Bound::Value(bound) => Some(bound),
-            // Times are those of one run already.
+            // Times are already of one run.
             Bound::Times(times) if self.metric.unit == MetricUnit::Ms => {
                 reference.get(self.metric).map(|time| time * times)
             }
@@ -138,10 +138,10 @@ impl Goal {
         })
     }
 
-    /// Right cells, where there is a truth, otherwise cells that the images support: as many as
-    /// possible in at most one and a half times the time of the reference. With a truth, no more
+    /// The default goal: most right cells if there is a truth, otherwise most cells that the images
+    /// support, in at most one and a half times the time of the reference. With a truth, no more
     /// wrong cells, missed obstacles and cells nearer than the range of disparities: a smaller
-    /// range is no better.
+    /// range is not better.
     ///
     /// # Errors
     /// None.
@@ -158,13 +158,13 @@ impl Goal {
         Self::new(objective, true, constraints.collect::<Result<_>>()?)
     }
 
-    /// The metrics that it needs.
+    /// The metrics that the goal needs.
     pub fn metrics(&self) -> impl Iterator<Item = &'static Metric> {
         let constrained = self.constraints.iter().map(|constraint| constraint.metric);
         std::iter::once(self.objective).chain(constrained)
     }
 
-    /// By how much the constraints are broken, all together; 0 where all are kept.
+    /// Sum of the amounts by which the constraints are exceeded; 0 if all are kept.
     pub fn violation(&self, values: &TrialValues, reference: &TrialValues) -> f64 {
         let constraints = self.constraints.iter();
         constraints.map(|c| c.broken_by(values, reference)).sum()
@@ -184,7 +184,7 @@ impl Goal {
         broken[0].total_cmp(&broken[1]).then(by_objective)
     }
 
-    /// In words.
+    /// The goal in words.
     pub fn words(&self) -> String {
         let way = if self.is_maximized { "most" } else { "least" };
         let mut words = format!("{way} {}", self.objective.words);
@@ -195,7 +195,7 @@ impl Goal {
         words
     }
 
-    /// True if its objective is better when it is sought in that direction.
+    /// True if the objective is optimized in the direction in which it is better.
     pub fn is_sensible(&self) -> bool {
         match self.objective.better {
             Better::More => self.is_maximized,
@@ -230,10 +230,10 @@ mod tests {
         assert_eq!(bound("missed<=0"), Bound::Value(0.0));
         assert!(refused("wrong=3%").contains("neither <= nor >="));
         assert!(refused("wrnog<=3%").contains("did you mean 'wrong'"));
-        assert!(refused("wrong<=3").contains("at most 1, or in percent"));
+        assert!(refused("wrong<=3").contains("at most 1, or in per cent"));
         assert!(refused("time<=3%").contains("only shares"));
         assert!(refused("wrong<=much").contains("no number"));
-        assert!(refused("passed>=1").contains("no metric to search by"));
+        assert!(refused("passed>=1").contains("not a metric to search by"));
     }
 
     #[test]

@@ -17,10 +17,10 @@ use svl_data::manifest::Manifest;
 use svl_data::scenario::Scenario;
 use svl_data::score::{Judge, Metric};
 
-/// Most memory of the frames that are searched on, and of those that judge, bytes.
+/// Largest memory of the frames of the search, and of those of the test, bytes.
 const FRAME_BYTES: usize = 1 << 30;
 
-/// Times as many pairs judge what was found, where there are as many.
+/// The test has this many times as many pairs as the search, if there are as many.
 const TEST_PAIRS: usize = 4;
 
 /// Settings of a Pareto front that are shown.
@@ -40,22 +40,22 @@ impl HeldRun {
     }
 }
 
-/// The pairs that are searched on, and those that judge.
+/// The pairs of the search, and those of the test.
 pub struct SearchData {
     pub training: Vec<HeldRun>,
     pub test: Vec<HeldRun>,
-    /// Why the test says less than it could.
+    /// Reason why the test is weaker than it could be.
     pub caution: Option<String>,
-    /// The scenario that judges, where it is another.
+    /// The scenario of the test, if it is another.
     pub tested: Option<Scenario>,
 }
 
 impl SearchData {
-    /// Reads about `wanted` pairs of the runs of `scenario`, and those of `tested`, which judge;
+    /// Reads about `wanted` pairs of the runs of `scenario`, and those of `tested` for the test;
     /// without it a part is held out.
     ///
     /// # Errors
-    /// Those of the sources; [`Error::Usage`] for a test on what is searched on.
+    /// Those of the sources; [`Error::Usage`] for a test on pairs of the search.
     pub fn read(
         scenario: &Scenario,
         tested: Option<Scenario>,
@@ -95,8 +95,8 @@ impl SearchData {
                 };
                 let (kept, held_out) = (side(false), side(true));
                 let caution = (!are_scenes).then(|| {
-                    "The test is the last third of the same recording: it says little of others; \
-                     name some with --test."
+                    "The test is the last third of the same recording: it says little about \
+                     others; name some with --test."
                         .to_owned()
                 });
                 let test = HeldRun {
@@ -123,7 +123,7 @@ impl SearchData {
     }
 }
 
-/// Refuses a test on what was searched on.
+/// Refuses a test on pairs of the search.
 fn refuse_same(training: &[HeldRun], test: &[HeldRun]) -> Result<()> {
     let hashes: std::collections::BTreeSet<_> = training
         .iter()
@@ -203,12 +203,12 @@ impl Monitor for MatchingCount<'_> {
         !interrupt::requested()
     }
 
-    /// It has no result then, which is all that matters.
+    /// The algorithm has no result then, which suffices.
     fn failed(&mut self, _: &str) {}
 }
 
 impl HeldRuns<'_> {
-    /// The rows per algorithm, of `pairs` spread over all; nothing when interrupted.
+    /// The rows per algorithm, of `pairs` spread over all; none when interrupted.
     fn rows(&self, algorithms: &[Algorithm], pairs: usize) -> Result<Option<Vec<Vec<Row>>>> {
         let labels: Vec<_> = (0..algorithms.len())
             .map(|i| format!("setting-{i}"))
@@ -308,7 +308,7 @@ pub fn found(
         .map(|of| of.values.clone())
         .unwrap_or_default();
     let (_, front) = pareto_front(&ranked, &OBJECTIVES, |of, metric| of.values.get(metric));
-    // The best first, which a setting that breaks a bound may dominate.
+    // The best comes first, though a setting that exceeds a bound may dominate it.
     let is_other = |of: &&&Evaluated| of.algorithm.written() != best.written();
     let first = ranked.first().into_iter();
     let front = first.chain(front.into_iter().filter(is_other)).take(FRONT);

@@ -1,5 +1,5 @@
 //! Knobs that can be turned: the parameters of an algorithm, the filters behind it, the depth grid
-//! and the rule by which its cells are judged, each with its range.
+//! and the rule by which its cells are scored, each with its range.
 
 use std::sync::Arc;
 use svl_core::depth::{CellDecision, GridSettings};
@@ -9,7 +9,7 @@ use svl_core::stereo::CellRule;
 use svl_core::{Error, Result};
 use svl_data::scenario::MAX_GRID;
 
-/// An algorithm with all its parameters, and how its cells are made and judged.
+/// An algorithm with all its parameters, and how its cells are made and scored.
 #[derive(Clone, Debug)]
 pub struct TunedSetting {
     pub algorithm: Algorithm,
@@ -71,7 +71,7 @@ const GRID: [Parameter; 4] = [
         name: "min_valid",
         unit: "",
         range: Range::real(0.2, 0.0..=1.0),
-        description: "least share of a cell's pixels with a disparity for the cell to be known",
+        description: "least fraction of a cell's pixels with a disparity for the cell to be known",
     },
     Parameter {
         name: "decision",
@@ -95,19 +95,19 @@ const DISTANCE: [Parameter; 4] = [
         name: "tolerance_percent",
         unit: "%",
         range: Range::real(20.0, 0.1..=100.0),
-        description: "a cell is right within this part of the true distance, or tolerance_m",
+        description: "a cell is right within this percentage of the true distance, or tolerance_m",
     },
     Parameter {
         name: "obstacle_m",
         unit: "m",
         range: Range::real(0.5, 0.01..=100.0),
-        description: "what is nearer is an obstacle",
+        description: "anything nearer is an obstacle",
     },
     Parameter {
         name: "clear_m",
         unit: "m",
         range: Range::real(0.75, 0.01..=100.0),
-        description: "what is farther need not be avoided yet",
+        description: "anything farther need not be avoided yet",
     },
 ];
 
@@ -120,7 +120,8 @@ const DISPARITY: [Parameter; 1] = [Parameter {
 
 const ON_OFF: Range = Range::Flag { default: false };
 
-/// Distance that values are sought in the direction of a step: some algorithms take only odd ones.
+/// Distance that values are sought in the direction of a step: some algorithms accept only odd
+/// ones.
 const STEPS: i32 = 16;
 
 impl Knob {
@@ -142,7 +143,7 @@ impl Knob {
 
     /// A sensible step from `value`: a twentieth of it, or of the default, of whole numbers a
     /// fiftieth, rounded down to 1, 2 or 5 times a power of ten; a coarse one is ten times that.
-    /// Nothing for what has no order.
+    /// None for values without an order.
     fn step(&self, value: f64, coarse: bool) -> Option<f64> {
         let (default, low, high, least, part) = match self.range {
             Range::Int { default, min, max } => (
@@ -276,7 +277,7 @@ impl TunedSetting {
         match (knob.part, value) {
             (KnobPart::Algorithm, value) => {
                 changed.algorithm = self.algorithm.with(knob.name, value)?;
-                // A program is not started to find out whether its parameters go together.
+                // A program is not started to check its parameters.
                 if changed.algorithm.spec().name != "exec" {
                     changed.algorithm.build()?;
                 }
@@ -329,7 +330,7 @@ impl TunedSetting {
         self.with(knob, &value)
     }
 
-    /// The same a step up or down, to the next value that the algorithm takes beside the others.
+    /// The same a step up or down, to the next value that the algorithm accepts beside the others.
     ///
     /// # Errors
     /// No further value in this direction, or a knob without steps.
@@ -371,7 +372,7 @@ mod tests {
         *knobs.iter().find(|knob| knob.name == name).unwrap()
     }
 
-    /// The values that the steps lead through.
+    /// The values that the steps visit.
     fn walk(algorithm: &str, name: &str, up: bool, coarse: bool, steps: usize) -> Vec<String> {
         let mut now = setting(algorithm);
         let knob = knob(&now, name);

@@ -1,5 +1,4 @@
-//! Tuning: what of an algorithm can be turned, frames that stay in memory, and a search for better
-//! settings.
+//! Tuning: the knobs of an algorithm, frames that stay in memory, and a search for better settings.
 
 mod goal;
 mod held;

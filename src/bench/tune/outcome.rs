@@ -19,12 +19,12 @@ use svl_data::score::{METRICS, Metric};
 pub struct TuneFacts {
     /// In words, as [`Goal::words`].
     pub goal: String,
-    /// Names of the runs or scenes that were searched on, and pairs of them.
+    /// Runs or scenes of the search by name, and the number of their pairs.
     pub training: Vec<String>,
     pub training_pairs: usize,
-    /// Those that judge what was found.
+    /// Runs or scenes of the test.
     pub test: Vec<String>,
-    /// Why the test says less than it could.
+    /// Reason why the test is weaker than it could be.
     pub caution: Option<String>,
     pub interrupted: bool,
     /// Names and values of the manifest.
@@ -37,18 +37,18 @@ pub struct TunedAlgorithm {
     /// The reference and the best, as `--algo` takes them.
     pub reference: String,
     pub best: String,
-    /// Name of the metric that was sought.
+    /// Name of the metric that was optimized.
     pub objective: &'static str,
     /// Axes of the search.
     pub axes: Vec<String>,
-    /// Settings that were tried, and those that were looked at on all training pairs.
+    /// Number of settings that were tried, and of those that were run on all training pairs.
     pub tried: usize,
     pub finalists: usize,
-    /// The settings that no other one dominates, with what they reached on the training pairs.
+    /// The settings that no other one dominates, with their values on the training pairs.
     pub front: Vec<FrontEntry>,
     /// From the reference to the best.
     pub training: Vec<Change>,
-    /// The same on the test pairs, and how many these are.
+    /// The same on the test pairs, and their number.
     pub test: Vec<Change>,
     pub test_pairs: usize,
 }
@@ -63,7 +63,7 @@ pub struct FrontEntry {
     pub values: Vec<(&'static str, f64)>,
 }
 
-/// All of it.
+/// All results of the search.
 #[derive(Clone, Debug, Serialize)]
 pub struct TuneOutcome {
     #[serde(flatten)]
@@ -95,7 +95,7 @@ impl TunedAlgorithm {
         self.best == self.reference
     }
 
-    /// Result of the test of the best, where it was tested: better in the objective or not.
+    /// Result of the test of the best setting, in words; none if it was not tested.
     pub fn verdict(&self) -> Option<String> {
         let sought = Metric::find(self.objective)?;
         let change = self.test.iter().find(|change| change.metric == sought)?;
@@ -146,7 +146,7 @@ impl TunedAlgorithm {
 }
 
 impl TuneOutcome {
-    /// The changes on the training and on the test pairs, where there are some.
+    /// The changes on the training pairs, and on the test pairs if there are some.
     fn parts(&self, of: &TunedAlgorithm) -> Vec<Table> {
         let TuneFacts {
             training,
@@ -179,7 +179,7 @@ impl TuneOutcome {
         parts.map(table).collect()
     }
 
-    /// As Markdown, titled.
+    /// The outcome as Markdown with a title.
     pub fn markdown(&self, title: &str) -> String {
         let facts = &self.facts;
         let mut text = format!("# {title}\n\nSought: {}.\n", facts.goal);
@@ -205,8 +205,8 @@ impl TuneOutcome {
             }
             let _ = write!(
                 text,
-                "\nSettings that no other is as good as by all of these and better by one, on the \
-                 training pairs:\n\n{}",
+                "\nThe Pareto front on the training pairs: no other setting is as good by all of \
+                 these metrics and better by one:\n\n{}",
                 of.front_table().markdown()
             );
         }
@@ -217,7 +217,7 @@ impl TuneOutcome {
         text
     }
 
-    /// For the terminal: the best, the changes by the test and the Pareto front.
+    /// The outcome for the terminal: the best, its changes on the test set and the Pareto front.
     pub fn terminal(&self, style: TerminalStyle) -> String {
         let mut lines = vec![format!("sought: {}", self.facts.goal)];
         lines.extend(self.notes());
@@ -254,11 +254,11 @@ impl TuneOutcome {
     }
 }
 
-/// The scenario that repeats a run with these algorithms, as a file of `folder`: all that
-/// `scenario` says but its limits, which were those of other algorithms. `filters` replace its own.
+/// The scenario that repeats a run with these algorithms, as a file of `folder`: the contents of
+/// `scenario` without its limits, which are for other algorithms. `filters` replace its own.
 ///
 /// # Errors
-/// Those of [`Scenario::to_toml`], and for what is no algorithm.
+/// Those of [`Scenario::to_toml`], and for a label that is not an algorithm.
 pub fn scenario_toml(
     scenario: &Scenario,
     algorithms: &[String],

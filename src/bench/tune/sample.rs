@@ -1,4 +1,4 @@
-//! Frames spread over a source, kept in memory, and what algorithms make of them.
+//! Frames spread over a source, kept in memory, and the runs of algorithms over them.
 
 use crate::run::{Matchers, Monitor, Outcome, Pace, run};
 use crate::sink::{RunStart, Sink};
@@ -41,16 +41,16 @@ impl Sampler {
         }
     }
 
-    /// The frames so far, in their order; all of them once [`Sampler::step`] says so.
+    /// The frames so far, in their order; all of them once [`Sampler::step`] returns false.
     pub fn frames(&self) -> &[Arc<Frame>] {
         &self.frames
     }
 
     /// Reads a frame; false when there is nothing more to read. A frame that cannot be read is
-    /// passed over.
+    /// skipped.
     ///
     /// # Errors
-    /// Why the source ends before its end; the frames before that are there.
+    /// The error that ended the source early; the frames before it are kept.
     pub fn step(&mut self) -> Result<bool> {
         if self.done {
             return Ok(false);

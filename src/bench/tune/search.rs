@@ -1,6 +1,6 @@
-//! The search: quasi-random settings, of which few pairs decide which are looked at on more
-//! (successive halving: Jamieson and Talwalkar, "Non-stochastic Best Arm Identification and
-//! Hyperparameter Optimization", 2016), then settings near the best ones.
+//! The search: quasi-random settings, of which few pairs decide which are run on more (successive
+//! halving: Jamieson and Talwalkar, "Non-stochastic Best Arm Identification and Hyperparameter
+//! Optimization", 2016), then settings near the best ones.
 
 use super::goal::Goal;
 use super::space::{Space, quasi_random};
@@ -12,9 +12,8 @@ use svl_data::score::Metric;
 
 /// Runs settings over pairs.
 pub trait Evaluator {
-    /// The values of each algorithm over `pairs`, spread over all; nothing for one that
-    /// failed on a pair. Nothing at all when the user ended it. The first algorithm is the
-    /// reference.
+    /// The values of each algorithm over `pairs`, spread over all; none for one that failed on a
+    /// pair. `None` if the user ended it. The first algorithm is the reference.
     ///
     /// # Errors
     /// The reason why one of them cannot be run.
@@ -30,22 +29,22 @@ pub trait Evaluator {
 pub struct SearchPlan {
     /// Settings that are tried.
     pub trials: usize,
-    /// Pairs of those that are looked at to the end.
+    /// Number of pairs of those that are run to the end.
     pub pairs: usize,
     pub seed: u64,
 }
 
-/// Generations of settings: spread over the space, then ever nearer to the best ones, as standard
-/// deviations along an axis.
+/// Generations of settings: spread over the space, then nearer and nearer to the best ones, as
+/// standard deviations along an axis.
 const SPREADS: [Option<f64>; 4] = [None, Some(0.25), Some(0.12), Some(0.06)];
 
-/// One of this number goes on to the next number of pairs, which is as many times greater.
+/// One of this number advances to the next number of pairs, which is as many times greater.
 const HALVING: usize = 3;
 
-/// Numbers of pairs that a setting is looked at on, before all.
+/// Numbers of pairs that a setting is run on before all.
 const RUNGS: u32 = 2;
 
-/// Fewest pairs that a setting is looked at on.
+/// Fewest pairs that a setting is run on.
 const FEWEST_PAIRS: usize = 8;
 
 /// Settings near which others are tried.
@@ -54,7 +53,7 @@ const ELITES: usize = 5;
 /// Algorithms of one run beside the reference.
 const BATCH: usize = 11;
 
-/// A setting with what it reached over some pairs.
+/// A setting with its values over some pairs.
 #[derive(Clone, Debug)]
 pub struct Evaluated {
     pub algorithm: Algorithm,
@@ -70,7 +69,7 @@ pub struct LoggedTrial<'a> {
     pub setting: &'a str,
     pub generation: usize,
     pub pairs: usize,
-    /// Nothing of a setting that failed.
+    /// None for a setting that failed.
     pub values: Option<&'a TrialValues>,
 }
 
@@ -84,7 +83,7 @@ pub struct Search<'a> {
     plan: SearchPlan,
     /// Values that were found, or read from a log: by the setting as it is written, and pairs.
     known: Known,
-    /// Settings that were looked at, in order.
+    /// Settings that were run, in order.
     evaluated: Vec<Evaluated>,
     generation: usize,
     interrupted: bool,
@@ -104,7 +103,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// About how many pairs are matched, by one setting each, when nothing is known.
+    /// Approximate number of matchings of a search without a log.
     pub fn matchings(plan: SearchPlan) -> u64 {
         let per_generation = plan.trials.div_ceil(SPREADS.len());
         let mut left = per_generation;
@@ -163,8 +162,7 @@ impl<'a> Search<'a> {
             .count()
     }
 
-    /// The settings that were looked at on the most pairs, the best first; the reference is among
-    /// them.
+    /// The settings that were run on the most pairs, the best first; the reference is among them.
     pub fn ranked(&self) -> Vec<&Evaluated> {
         let base = self.space.base.written();
         let is_trial = |e: &&Evaluated| e.algorithm.written() != base;
@@ -208,7 +206,8 @@ impl<'a> Search<'a> {
         });
     }
 
-    /// Finds the values of algorithms and of the reference over `pairs`; whether to go on.
+    /// Finds the values of algorithms and of the reference over `pairs`; false if the user ended
+    /// it.
     fn look_at(
         &mut self,
         algorithms: &[Algorithm],
@@ -457,7 +456,7 @@ mod tests {
         let of = |name| best.parameters().int(name);
         assert!((25..=35).contains(&of("uniqueness")), "{best:?}");
         assert!((19..=23).contains(&of("block_size")), "{best:?}");
-        // Few settings are looked at on all pairs.
+        // Few settings are run on all pairs.
         assert!(matchings < 120 * 90 / 2, "{matchings}");
         assert_eq!(found(1, usize::MAX).1, log, "equal seeds, equal searches");
         assert_ne!(found(2, usize::MAX).1, log);
@@ -468,7 +467,7 @@ mod tests {
         let (best, log, _, interrupted) = found(1, 1200);
         assert!(interrupted && !log.is_empty());
         assert_ne!(best, "bm");
-        // Before anything else was looked at it is the reference.
+        // Before any other setting was run it is the reference.
         let (best, log, _, interrupted) = found(1, 5);
         assert!(interrupted && log.is_empty() && best == "bm");
     }

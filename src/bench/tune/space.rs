@@ -3,7 +3,7 @@
 use svl_core::matcher::{Algorithm, Parameter, Range, Value};
 use svl_core::{Error, Result, nearest};
 
-/// Parameters that vary, of an algorithm whose others stay.
+/// Varied parameters of an algorithm, whose others are fixed.
 #[derive(Clone, Debug)]
 pub struct Space {
     pub base: Algorithm,
@@ -40,7 +40,7 @@ const WIDE: f64 = 8.0;
 /// times this.
 const REACH: f64 = 4.0;
 
-/// A range of so few whole numbers is searched as it is.
+/// A range of at most this many whole numbers is searched completely.
 const FEW: i32 = 64;
 
 impl SearchAxis {
@@ -65,7 +65,7 @@ impl SearchAxis {
         let range = &parameter.range;
         let wrong = |why: String| Error::Usage(format!("'{text}': {why}"));
         let value = |text: &str| {
-            let expected = || wrong(format!("{text} is no value of {name}; expected {range}"));
+            let expected = || wrong(format!("{text} is not a value of {name}; expected {range}"));
             range.parse(text.trim()).ok_or_else(expected)
         };
         let values = match values {
@@ -92,7 +92,7 @@ impl SearchAxis {
         })
     }
 
-    /// Around its value in `base`; nothing for texts and files.
+    /// An axis around its value in `base`; none for texts and files.
     fn around(base: &Algorithm, parameter: &Parameter) -> Option<Self> {
         let mut values = base.parameters().iter();
         let (_, value) = values.find(|(name, _)| *name == parameter.name)?;
@@ -104,7 +104,7 @@ impl SearchAxis {
                 let (low, high) = (f64::from(*at) / REACH, f64::from(*at) * REACH);
                 AxisValues::int((low as i32).max(min), (high as i32).min(max))
             }
-            // At 0 or below many are switched off: so, or one of the powers of two.
+            // Many are switched off at 0 or below: that value, or one of the powers of two.
             (Range::Int { min, max, .. }, Value::Int(at)) => {
                 let powers = (0..10).map(|power| 1 << power).filter(|v| *v <= max);
                 let below = (0..5).map(|power| -(1 << power)).filter(|v| *v >= min);
@@ -215,7 +215,7 @@ impl std::fmt::Display for SearchAxis {
 
 impl Space {
     /// The named parameters, or all that change the result; not the revision of an algorithm, which
-    /// is another one.
+    /// makes it another algorithm.
     ///
     /// # Errors
     /// As [`SearchAxis::parse`]; that there is nothing to search.
@@ -261,8 +261,8 @@ impl Space {
         self.axes.iter().map(place).collect()
     }
 
-    /// `from` with the values at `place` on the axes that are `moved`; nothing where the algorithm
-    /// does not take them together. A whole number that it does not take gives way to the next one.
+    /// `from` with the values at `place` on the axes that are `moved`; none if the algorithm
+    /// rejects their combination. A whole number that it rejects is replaced by the next one.
     pub fn at(&self, from: &Algorithm, place: &[f64], moved: &[usize]) -> Option<Algorithm> {
         let mut algorithm = from.clone();
         for &i in moved {

@@ -66,7 +66,7 @@ impl TrialLog {
                 };
                 known.insert(place, values);
             }
-            // It goes on.
+            // The log is continued.
             std::fs::OpenOptions::new()
                 .write(true)
                 .open(path)
@@ -75,7 +75,7 @@ impl TrialLog {
             logs.keep_both();
         } else {
             if resume {
-                tracing::warn!("{}: there is no log to go on from", path.display());
+                tracing::warn!("{}: there is no log to resume from", path.display());
             }
             let mut logs = logs;
             logs.set_aside()?;

@@ -3,8 +3,8 @@
 use svl_data::score::{METRICS, Metric};
 
 /// The metrics of a setting over some pairs, by their places in [`METRICS`]. Times are in
-/// milliseconds, scaled by what the reference took in the same run to what it took in its first
-/// one: runs at other moments compare.
+/// milliseconds, scaled by the ratio of the reference's time in its first run to that in the same
+/// run, so that runs at different moments can be compared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrialValues([Option<f64>; METRICS.len()]);
 

@@ -26,7 +26,7 @@ impl Isa {
     #[cfg(target_arch = "x86_64")]
     pub(super) const AVX512: Isa = Isa(IsaKind::Avx512);
 
-    /// All that this CPU has, fastest first.
+    /// The instruction sets of this CPU, fastest first.
     pub fn available() -> impl Iterator<Item = Isa> {
         [IsaKind::Avx512, IsaKind::Avx2, IsaKind::Baseline]
             .into_iter()
@@ -39,7 +39,7 @@ impl Isa {
         self.0.name()
     }
 
-    /// The one called `name`.
+    /// The instruction set called `name`.
     ///
     /// # Errors
     /// [`Error::Invalid`] if no instruction set has that name, or this CPU lacks it.

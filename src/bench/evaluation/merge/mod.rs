@@ -40,7 +40,7 @@ impl Parts {
     }
 
     /// Writes their report into a folder, and its plots as files into `figures`. `allow_loss`: the
-    /// limit of what is lost, in place of that of the run.
+    /// limit of losses, in place of that of the run.
     ///
     /// # Errors
     /// As [`Parts::read`].
@@ -68,7 +68,7 @@ fn read_parts(folders: &[PathBuf]) -> Result<Vec<FoundPart>> {
         let shown = found.folder.display();
         if found.part.shard.of != first.part.shard.of {
             return Err(Error::Invalid(format!(
-                "{shown}: is shard {}, but {} is {}: all must be of one number of shards",
+                "{shown}: is shard {}, but {} is {}: all parts need the same number of shards",
                 found.part.shard,
                 first.folder.display(),
                 first.part.shard
@@ -92,7 +92,7 @@ fn read_parts(folders: &[PathBuf]) -> Result<Vec<FoundPart>> {
         if found.part != of_first {
             let first = first.folder.display();
             return Err(Error::Invalid(format!(
-                "{shown}: is not of the same run as {first}: its runs or cell rule were others"
+                "{shown}: is not of the same run as {first}: its runs or cell rule differ"
             )));
         }
         if found.part.shard == before.part.shard {
@@ -138,7 +138,7 @@ fn check_inputs(parts: &[FoundPart]) -> Result<()> {
             if first != inputs {
                 return Err(Error::Invalid(format!(
                     "{}: is not of the same run as {}: the pairs, calibration or truth of {run} \
-                     were others; score both parts anew",
+                     differ; score both parts again",
                     found.folder.display(),
                     folder.display()
                 )));
@@ -152,7 +152,7 @@ fn read_part(folder: &Path) -> Result<FoundPart> {
     let shown = folder.display();
     if !folder.join(PART).is_file() {
         return Err(Error::Invalid(format!(
-            "{shown}: is no part of a report; `svl score --shard I/N` writes them"
+            "{shown}: is not a part of a report; `svl score --shard I/N` writes them"
         )));
     }
     let part = ReportPart::read(folder)?;
@@ -174,7 +174,7 @@ fn read_part(folder: &Path) -> Result<FoundPart> {
     }
     if let Some(table) = part.damaged(folder) {
         return Err(Error::Invalid(format!(
-            "{shown}: {table} is not as it was written; copy or run it again"
+            "{shown}: {table} was changed after it was written; copy or run the part again"
         )));
     }
     Ok(FoundPart {
@@ -256,14 +256,14 @@ fn merge(
     Ok(summary)
 }
 
-/// Says of which algorithms the parts may be of other programs.
+/// Warns of algorithms whose program may differ between the parts.
 fn warn_of_unknown_programs(parts: &[FoundPart], manifest: &Manifest) {
     for record in manifest.algorithms.iter().filter(|_| parts.len() > 1) {
         let is_unknown = |p: &ProgramRecord| p.version.is_none() && p.model.is_none();
         if record.program.as_ref().is_some_and(is_unknown) {
             tracing::warn!(
-                "{}: its program says neither version nor model, so parts cannot be checked to be \
-                 of the same program",
+                "{}: its program reports no version and no model, so the parts may have run \
+                 different programs",
                 record.label
             );
         }

@@ -1,4 +1,4 @@
-//! A calibration on the terminal, and the tables that its page shows, too.
+//! A calibration on the terminal, and the tables that its page shares with it.
 
 use crate::report::table::{Table, TerminalStyle, wrapped};
 use svl_calibrate::{CameraEstimate, Estimated, Solution};

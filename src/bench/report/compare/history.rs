@@ -23,7 +23,7 @@ pub struct History {
     pub left_out: Vec<LeftOut>,
 }
 
-/// Something that is no part of a history.
+/// A folder that is not a part of a history.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct LeftOut {
     pub path: PathBuf,
@@ -55,11 +55,11 @@ pub struct HistoryReport {
     pub processor: String,
     /// The number of its pairs; absent for drives.
     pub pairs: Option<usize>,
-    /// Why it is incomplete.
+    /// Reason why it is incomplete.
     pub incomplete: Option<String>,
 }
 
-/// A metric of an algorithm in each report, absent where that does not have it.
+/// A metric of an algorithm in each report, absent if the report does not have it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HistoryLine {
     pub algorithm: String,
@@ -109,7 +109,7 @@ fn common_pairs<'p, 'a: 'p>(
 
 impl History {
     /// Puts reports in order. Folders whose names end with `.earlier-N` hold what a later report
-    /// replaced, and are left out, as is what is no report of `svl score`: a shell's `reports/*`
+    /// replaced, and are left out, as is anything else that is not a report: a shell's `reports/*`
     /// names that too.
     ///
     /// # Errors
@@ -123,7 +123,7 @@ impl History {
             let reason = if file.contains(".earlier-") {
                 Some("a later report replaced it")
             } else if folder.exists() && !folder.join("manifest.json").is_file() {
-                Some("no report of `svl score`")
+                Some("not a report of `svl score`")
             } else {
                 None
             };
@@ -315,7 +315,7 @@ impl ScenarioHistory {
             .any(|two| two[0].processor != two[1].processor)
     }
 
-    /// The pairs that are compared, where they are not all, a line each.
+    /// Notes on the pairs that are compared, if not all are, a line each.
     fn notes(&self) -> Vec<String> {
         let common = self.uneven();
         let common = common.map(|common| format!("Compared on the {common} pairs of all reports."));

@@ -24,14 +24,14 @@ pub struct Comparison {
     pub base: PathBuf,
     pub other: PathBuf,
     pub scenario: String,
-    /// In what they were scored otherwise, in words: where there is something, nothing is called
-    /// better or worse.
+    /// Differences in how they were scored, in words: if there are any, nothing is called better or
+    /// worse.
     pub differences: Vec<String>,
     /// Origins of the truths of the two.
     pub truths: [Vec<String>; 2],
     /// Origin of the two reports; times depend on it.
     pub origins: [ReportOrigin; 2],
-    /// Folders of the incomplete reports, and why.
+    /// Folders of the incomplete reports, each with the reason.
     pub incomplete: Vec<(PathBuf, String)>,
     /// Algorithms that both runs have, in the order of the first.
     pub algorithms: Vec<AlgorithmChange>,
@@ -53,7 +53,7 @@ pub struct ReportOrigin {
     pub processor: String,
     pub isa: String,
     pub threads: usize,
-    /// The work that its times are of, in words, where that is known.
+    /// The work that its times measure, in words, if that is known.
     pub times: Option<String>,
 }
 
@@ -61,7 +61,7 @@ pub struct ReportOrigin {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AlgorithmChange {
     pub algorithm: String,
-    /// As the second run calls it, where each run has just one algorithm and they differ.
+    /// Label in the second run, if that differs.
     pub other_algorithm: String,
     pub same_parameters: bool,
     pub pairs: usize,
@@ -76,7 +76,7 @@ pub struct AlgorithmChange {
     /// Pairs whose results are equal to the bit.
     pub equal_results: usize,
     pub metrics: Vec<Change>,
-    /// Share of frames passed, per checkpoint.
+    /// Fraction of frames passed, per checkpoint.
     pub checkpoints: Vec<CheckpointChange>,
 }
 
@@ -108,11 +108,11 @@ pub struct CheckpointChange {
 pub enum Judgement {
     /// The results are equal.
     Equal,
-    /// The interval holds no difference, too.
+    /// The interval contains 0.
     Unclear,
     Better,
     Worse,
-    /// Surely, but neither way is better.
+    /// The interval excludes 0, but neither direction is better.
     Differs,
 }
 
@@ -141,7 +141,7 @@ impl Comparison {
     ///
     /// # Errors
     /// [`Error::Invalid`] when the runs have no algorithm or no pair in common, for drives, and for
-    /// a map of what is not in them.
+    /// a map of algorithms that they do not have.
     pub fn from_runs(base: &ScoredRun, other: &ScoredRun, map: &[String]) -> Result<Self> {
         if let Some(driven) = [base, other].iter().find(|run| !run.drives.is_empty()) {
             return Err(Error::Invalid(format!(
@@ -196,7 +196,7 @@ impl Comparison {
             .all(|a| a.pairs == 0 && a.newly_failed == 0)
         {
             let cure =
-                "they took other pairs, as other scenarios, seeds or versions of the arena do";
+                "their pairs differ, as those of other scenarios, seeds or arena versions do";
             return Err(Error::Invalid(format!(
                 "{}: no pair in common: {cure}",
                 shown()
@@ -295,7 +295,7 @@ impl AlgorithmChange {
         }
     }
 
-    /// All changes with what they are called.
+    /// All changes with their names.
     pub fn changes(&self) -> impl Iterator<Item = (String, &Change)> {
         let metrics = self.metrics.iter();
         let metrics = metrics.map(|change| (change.metric.words.to_owned(), change));
@@ -407,7 +407,7 @@ impl Change {
         ))
     }
 
-    /// Takes better and worse back: the two runs have different scenarios.
+    /// Withdraws better and worse: the two runs have different scenarios.
     fn withdraw(&mut self) {
         if self.judgement != Judgement::Equal {
             self.judgement = Judgement::Unclear;
@@ -427,7 +427,7 @@ impl Change {
         interval: Option<Interval>,
     ) -> Self {
         let judgement = match interval {
-            // Equal on these pairs: the interval is empty and says nothing.
+            // Equal on these pairs: the interval is empty and proves nothing.
             _ if base == other => Judgement::Equal,
             // All pairs of a run are of one moment: their spread does not include how the machine
             // varies between runs.

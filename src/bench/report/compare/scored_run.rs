@@ -1,4 +1,4 @@
-//! A report that is compared, as its folder holds it.
+//! A report that is compared, read from its folder.
 
 use crate::report::drives::DriveRow;
 use crate::report::read_rows;
@@ -10,13 +10,13 @@ use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_data::manifest::{Manifest, read_json};
 
-/// A report of `svl score` as its folder holds it.
+/// A report of `svl score`, read from its folder.
 pub struct ScoredRun {
     pub folder: PathBuf,
     pub manifest: Manifest,
-    /// Why it is incomplete, if it is.
+    /// Reason why it is incomplete, if it is.
     pub(super) incomplete: Option<String>,
-    /// Rows of the pairs as they are, without stress.
+    /// Rows of the unperturbed pairs.
     pub(super) rows: Vec<Row>,
     /// Pairs that algorithms failed on, likewise.
     pub(super) failures: Vec<FailureRow>,
@@ -55,7 +55,7 @@ impl ScoredRun {
     /// Reads a report.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::Format`] with the file that is missing or is no part of a report.
+    /// [`Error::Io`], [`Error::Format`] with the file that is missing or is not a part of a report.
     pub fn read(folder: &Path) -> Result<Self> {
         // The manifest is written first, so an interrupted report has one too.
         if !folder.join("manifest.json").is_file() {
@@ -139,7 +139,7 @@ impl ScoredRun {
             .collect()
     }
 
-    /// Frames and passed frames per checkpoint over those runs, with its name.
+    /// Frames and passed frames per checkpoint over those runs, with the checkpoint's name.
     pub(super) fn checkpoints(
         &self,
         label: &str,

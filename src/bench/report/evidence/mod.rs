@@ -1,5 +1,5 @@
-//! A page of what the cells of v5 rest on: for each its disparities, the tolerance of its report,
-//! the margin that is left, and what each piece of evidence is worth.
+//! Page of the evidence for the cells of v5: for each its disparities, the tolerance of its report,
+//! the remaining margin, and the weight of each piece of evidence.
 
 use super::page::fill;
 use super::plot::{Axis, Chart, Series, SeriesStyle};
@@ -30,7 +30,8 @@ impl EvidencePage<'_> {
     /// The page as HTML: one file without scripts, all texts escaped.
     ///
     /// # Errors
-    /// [`svl_core::Error::Invalid`] with what the template engine or the plotting library says.
+    /// [`svl_core::Error::Invalid`] with the error of the template engine or of the plotting
+    /// library.
     pub fn render(&self) -> Result<String> {
         let SafeChoice {
             decision,
@@ -96,7 +97,7 @@ impl EvidencePage<'_> {
         })
     }
 
-    /// Share of a cell that is farther than each disparity, and the report among them.
+    /// Fraction of a cell that is farther than each disparity, with the report marked.
     fn plot(
         &self,
         evidence: &CellEvidence,
@@ -211,7 +212,7 @@ fn sorted(map: &FilledMap, columns: &Range<usize>, rows: &Range<usize>, seen: bo
 #[derive(Serialize)]
 struct EvidenceView<'a> {
     title: &'a str,
-    /// The percentile that is asked for.
+    /// The requested percentile.
     rank: i64,
     cells: Vec<EvidenceCellView>,
     images: [(); 0],

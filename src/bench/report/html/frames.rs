@@ -108,7 +108,7 @@ fn origin(row: &Row) -> String {
     format!("{run}frame {}", row.sequence)
 }
 
-/// True for metrics that say nothing of a single frame.
+/// True for metrics that do not apply to a single frame.
 fn of_filters(metric: &Metric) -> bool {
     metric.group == "filters"
 }
@@ -156,7 +156,7 @@ fn wrong(cell: &CellRow) -> String {
     )
 }
 
-/// The report of a cell in words, with the probability that it is right, where there is one.
+/// The report of a cell in words, with the probability that it is right, if there is one.
 fn estimated(cell: &CellRow) -> String {
     let depth = depth(cell.distance_m, cell.median_px);
     match cell.state {
@@ -189,7 +189,7 @@ pub(super) fn numbers(row: &Row) -> String {
     unbroken.collect::<Vec<_>>().join(", ")
 }
 
-/// A distance where there is one, else the disparity.
+/// The distance if there is one, else the disparity.
 fn depth(distance_m: Option<f64>, median_px: Option<f64>) -> String {
     match (distance_m, median_px) {
         (Some(distance_m), _) => format!("{distance_m:.2} m"),

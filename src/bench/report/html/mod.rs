@@ -30,13 +30,13 @@ pub struct ReportPage {
     /// The results of the scenario's limits, if they were asked for, in words.
     pub gate: Vec<(GateState, String)>,
     pub sweeps: Vec<ParameterSweep>,
-    /// One per checkpoint, or per frame that is shown of a recording.
+    /// One figure per checkpoint, or per frame that is shown of a recording.
     pub figures: Vec<CheckpointFigure>,
-    /// Scenes of a data set, where the frames are some.
+    /// Scenes, if the frames are those of a data set.
     pub scenes: Vec<SceneFigure>,
     /// Courses that algorithms drove through.
     pub maps: Vec<CourseMap>,
-    /// The parts that it was merged of.
+    /// The parts that it was merged from.
     pub parts: Vec<PartLink>,
 }
 
@@ -47,7 +47,7 @@ pub struct PartLink {
     pub machine: String,
     /// Its page, from the merged one.
     pub page: String,
-    /// Its run for Rerun, where it has one.
+    /// Its run for Rerun, if it has one.
     pub run: Option<String>,
 }
 
@@ -63,7 +63,7 @@ pub struct ParameterSweep {
 
 /// A row of shots under one heading.
 pub struct CheckpointFigure {
-    /// Number of the checkpoint; absent where it is of none.
+    /// Number of the checkpoint; absent without one.
     pub checkpoint: Option<u32>,
     pub title: String,
     /// Description, may be empty.
@@ -77,9 +77,9 @@ pub struct FrameShot {
     pub row: Row,
     /// The frame's cells, of which the caption lists the wrong ones.
     pub cells: Vec<CellRow>,
-    /// True if the checkpoint passes in this frame; absent where it is of none.
+    /// True if the checkpoint passes in this frame; absent without a checkpoint.
     pub passed: Option<bool>,
-    /// Cells that are not as the checkpoint expects them.
+    /// Cells that fail the checkpoint.
     pub findings: Vec<CellFinding>,
     /// The left image as a PNG or JPEG file. The page holds it once, however many shots show it.
     pub left: Vec<u8>,
@@ -91,7 +91,7 @@ pub struct FrameShot {
     pub preview: Vec<u8>,
 }
 
-/// A scene with what each algorithm makes of it. Pictures are PNG or JPEG files.
+/// A scene with the result of each algorithm. Pictures are PNG or JPEG files.
 pub struct SceneFigure {
     pub title: String,
     /// Width and height of the scene, to whose proportions the pictures are.
@@ -116,7 +116,7 @@ pub struct SceneResult {
 pub enum Rank {
     Worst,
     Best,
-    /// One of those spread over a recording.
+    /// One of the frames spread over a recording.
     Sample,
 }
 
@@ -154,7 +154,7 @@ impl ReportPage {
     /// The page. All texts are escaped.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with what the template engine or the plotting library says.
+    /// [`Error::Invalid`] with the error of the template engine or of the plotting library.
     pub fn render(&self) -> Result<String> {
         let view = view::ReportPageView::new(self)?;
         let parts = [

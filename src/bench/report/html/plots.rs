@@ -16,13 +16,13 @@ fn percent(share: f64) -> f64 {
     100.0 * share
 }
 
-/// Share of wrong cells among the known ones, percent; absent where none is known.
+/// Fraction of wrong cells among the known ones, percent; absent where none is known.
 fn wrong_of_known(a: &AlgorithmSummary) -> Option<f64> {
     let (right, wrong) = (a.totals.get("right")?, a.totals.get("wrong")?);
     (right + wrong > 0.0).then(|| percent(wrong / (right + wrong)))
 }
 
-/// Share of known cells among those with truth, percent.
+/// Fraction of known cells among those with truth, percent.
 fn known(a: &AlgorithmSummary) -> Option<f64> {
     let [right, wrong, unknown] = ["right", "wrong", "unknown"].map(|name| a.totals.get(name));
     let known = right? + wrong?;
@@ -30,10 +30,10 @@ fn known(a: &AlgorithmSummary) -> Option<f64> {
     (cells > 0.0).then(|| percent(known / cells))
 }
 
-/// A number of an algorithm, where it has one.
+/// A number of an algorithm, if it has one.
 type PlotNumber = fn(&Summary, &AlgorithmSummary) -> Option<f64>;
 
-/// Two numbers of which more of one costs some of the other.
+/// Two numbers that trade off against each other.
 struct TradeOff {
     title: &'static str,
     about: &'static str,
@@ -41,7 +41,7 @@ struct TradeOff {
     y: PlotAxis,
     /// The area of a disc, of 100.
     area: Option<PlotNumber>,
-    /// The kind of run whose page begins with it.
+    /// The kind of run whose page begins with this plot.
     leads: Option<RunKind>,
 }
 
@@ -103,8 +103,8 @@ const UNRIVALLED: PlotAxis = PlotAxis {
 const TRADE_OFFS: [TradeOff; 6] = [
     TradeOff {
         title: "Wrong against time",
-        about: "Down and left is better. The area of a disc is the share of cells that the \
-                algorithm knows.",
+        about: "Down and left is better. The area of a disc is the fraction of cells that are \
+                known.",
         x: TIME,
         y: WRONG,
         area: Some(|_, a| known(a)),
@@ -112,8 +112,8 @@ const TRADE_OFFS: [TradeOff; 6] = [
     },
     TradeOff {
         title: "Wrong pixels against time",
-        about: "Down and left is better. The area of a disc is the share of visible pixels with a \
-                disparity.",
+        about: "Down and left is better. The area of a disc is the fraction of visible pixels \
+                with a disparity.",
         x: TIME,
         y: BAD,
         area: Some(COVERED.number),
@@ -433,7 +433,7 @@ pub(super) fn speed(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<V
         bars: page.summary.algorithms.iter().filter_map(times).collect(),
     };
     let shares = Bars {
-        label: "shares; the number: ms per pair".into(),
+        label: "fractions; the number: ms per pair".into(),
         ..bars.clone()
     };
     Ok(vec![
@@ -448,8 +448,8 @@ pub(super) fn speed(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<V
             svg: bars.svg()?,
         },
         PlotView {
-            title: "Share of each stage".into(),
-            about: "As shares of the same times.",
+            title: "Fraction of each stage".into(),
+            about: "As fractions of the same times.",
             svg: shares.shares_svg()?,
         },
     ])

@@ -71,7 +71,10 @@ impl ErrorKey {
         });
         let others = [
             swatch(SILENT, "no estimate"),
-            swatch(HIDDEN, "not known to be seen by both cameras, not scored"),
+            swatch(
+                HIDDEN,
+                "not known to be visible to both cameras, not scored",
+            ),
             swatch(UNKNOWN, "truth unknown, not scored"),
         ];
         Self {

@@ -25,7 +25,7 @@ pub(super) struct ReportPageView<'a> {
     cautions: Vec<String>,
     paragraphs: Vec<&'a str>,
     identity: Vec<(String, String)>,
-    /// Cautions say it.
+    /// The cautions report these.
     incomplete: (),
     headline: Table,
     of: HeadlineView<'a>,

@@ -24,7 +24,7 @@ const PARTS: [(&str, &str); 4] = [
 /// escaped, and a name that `view` does not have is an error.
 ///
 /// # Errors
-/// [`Error::Invalid`] with what the template engine says.
+/// [`Error::Invalid`] with the error of the template engine.
 pub fn fill(page: &'static str, style: &'static str, view: impl Serialize) -> Result<String> {
     fill_with(page, style, &[], view)
 }
@@ -48,7 +48,7 @@ pub(crate) fn fill_with(
         templates.add_filter("ms", ms);
         templates.add_filter("percent", |share: f64| percent(Some(share)));
         templates.add_filter("log_place", log_place);
-        // The ending .html makes the engine escape texts.
+        // The extension .html makes the engine escape texts.
         for (name, part) in PARTS
             .into_iter()
             .chain([("page.css", style), ("page.html", page)])

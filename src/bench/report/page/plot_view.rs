@@ -7,7 +7,7 @@ use std::io::Write;
 use std::path::Path;
 use svl_core::{Error, Result};
 
-/// A plot of a page, with its heading and what it shows.
+/// A plot of a page, with its heading and caption.
 #[derive(Serialize)]
 pub struct PlotView {
     pub title: Cow<'static, str>,

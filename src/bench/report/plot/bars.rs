@@ -9,7 +9,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use svl_core::Result;
 use svl_data::overlay::viridis;
 
-/// A bar for every category, made of parts that stand one after another.
+/// A bar for every category, made of parts one after another.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bars {
     pub title: String,
@@ -21,7 +21,7 @@ pub struct Bars {
     pub bars: Vec<(String, Vec<f64>)>,
 }
 
-/// Height of a bar with its gap, and of what stands below the bars.
+/// Height of a bar with its gap, and of the axis below the bars.
 const BAR: i32 = 52;
 const FOOT: i32 = 72;
 /// Most room for the names.
@@ -34,13 +34,13 @@ impl Bars {
     /// The plot as an SVG document.
     ///
     /// # Errors
-    /// [`svl_core::Error::Invalid`] with what the drawing library says.
+    /// [`svl_core::Error::Invalid`] with the error of the drawing library.
     pub fn svg(&self) -> Result<String> {
         self.drawn(|sum| sum)
     }
 
-    /// As [`Bars::svg`], every bar as long as the plot is wide: what the parts' shares are. The
-    /// sums stand behind them.
+    /// As [`Bars::svg`], with every bar as long as the plot is wide, to show the fractions of the
+    /// parts. The sums are printed behind them.
     ///
     /// # Errors
     /// As [`Bars::svg`].
@@ -64,7 +64,7 @@ impl Bars {
         })
     }
 
-    /// Colour of a part: another than those of algorithms.
+    /// Colour of a part, different from those of algorithms.
     fn color(&self, part: usize) -> RGBColor {
         let last = self.parts.len().saturating_sub(1).max(1);
         rgb(viridis(0.2 + 0.75 * part as f32 / last as f32))
@@ -189,7 +189,7 @@ mod tests {
         .shares_svg()
         .unwrap();
         let ends = |svg: &str| svg.matches("x=\"862\"").count();
-        // Both sums stand behind bars that end at 850.
+        // Both sums are printed behind bars that end at 850.
         assert_eq!((ends(&svg), svg.contains("\n0.50\n")), (2, true), "{svg}");
     }
 

@@ -19,13 +19,13 @@ pub struct Chart {
     pub series: Vec<Series>,
 }
 
-/// One axis: what it shows, with its unit, and how.
+/// One axis: its quantity with unit, its scale and its range.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Axis {
     pub label: String,
     /// Logarithmic; values of 0 and below are then omitted.
     pub log: bool,
-    /// From where to where, instead of what the data span.
+    /// Ends of the axis, instead of those of the data.
     pub range: Option<(f64, f64)>,
     /// Bounds that no value can lie outside of.
     pub bounds: Option<(f64, f64)>,
@@ -55,7 +55,7 @@ impl Axis {
         value.is_finite() && (value > 0.0 || !self.log)
     }
 
-    /// From where to where, for `values`, with a little room at both ends; never empty.
+    /// Ends of the axis for `values`, with a little room at both; never empty.
     fn span(&self, values: impl Iterator<Item = f64>) -> (f64, f64) {
         if let Some(range) = self.range {
             return range;
@@ -91,12 +91,12 @@ impl Chart {
     /// The plot as an SVG document.
     ///
     /// # Errors
-    /// [`svl_core::Error::Invalid`] with what the drawing library says.
+    /// [`svl_core::Error::Invalid`] with the error of the drawing library.
     pub fn svg(&self) -> Result<String> {
         self.svg_in(&AlgorithmColors::new([]))
     }
 
-    /// As [`Chart::svg`], series that are called as algorithms in the colours of these.
+    /// As [`Chart::svg`], with the algorithms' colours for series named after them.
     ///
     /// # Errors
     /// As [`Chart::svg`].
@@ -104,7 +104,7 @@ impl Chart {
         self.svg_named(colors, &|series, _| series.name.clone())
     }
 
-    /// As [`Chart::svg_in`]; the tooltip of a point begins with what `name` calls it.
+    /// As [`Chart::svg_in`]; the tooltip of a point begins with the name that `name` returns.
     ///
     /// # Errors
     /// As [`Chart::svg`].

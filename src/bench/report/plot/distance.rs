@@ -33,7 +33,7 @@ pub fn distance_chart(
     };
     let mut lines: Vec<_> = curves.into_iter().map(line).collect();
     let points = measured.iter().cloned().map(points);
-    // The pinhole's curve, the last, above the points that it is judged by.
+    // The pinhole's curve, the last, above the points that it is compared with.
     let last = lines.pop();
     Chart {
         title: "Distance at disparity".into(),

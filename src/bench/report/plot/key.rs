@@ -1,4 +1,4 @@
-//! The key of a plot: squares of colour with names, in lines above what is drawn.
+//! The key of a plot: squares of colour with names, in lines above the drawing.
 
 use super::{DrawError, PlotCanvas, TEXT, WIDTH, text, text_width};
 use plotters::prelude::*;

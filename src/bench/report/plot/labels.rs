@@ -1,4 +1,4 @@
-//! Texts beside points, where they hide least.
+//! Texts beside points, placed where they cover least.
 
 use super::{DrawError, PlotCanvas, Series, SeriesStyle, TEXT, text, text_width};
 use plotters::element::Text;
@@ -6,8 +6,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 const SIZE: u32 = TEXT - 4;
 
-/// Writes the names that stand beside points, where `place` says these are if anywhere, within
-/// `bounds`.
+/// Writes the names beside points within `bounds`. `place`: the position of a point, if it has one.
 pub(super) fn write(
     canvas: &PlotCanvas,
     series: &[Series],
@@ -76,7 +75,7 @@ fn between(a: (i32, i32), b: (i32, i32)) -> impl Iterator<Item = (i32, i32)> {
 /// A rectangle of the plot: left, top, right, bottom.
 type Area = [i32; 4];
 
-/// The areas that are taken, as texts are placed among them.
+/// The occupied areas, among which texts are placed.
 struct Labels {
     bounds: Area,
     taken: Vec<Area>,
@@ -93,14 +92,14 @@ impl Labels {
         }
     }
 
-    /// Nothing should stand within `radius` of that point.
+    /// Keeps texts out of `radius` around that point.
     fn avoid(&mut self, (x, y): (i32, i32), radius: i32) {
         self.taken
             .push([x - radius, y - radius, x + radius, y + radius]);
     }
 
     /// The left middle of `text` beside a point of that `radius`, up to `away` lines from it; with
-    /// how much of it is hidden or hides, square units.
+    /// the area by which it overlaps others, square units.
     fn place(
         &mut self,
         text: &str,

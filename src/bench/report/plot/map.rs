@@ -11,7 +11,7 @@ pub struct CourseMap {
     /// Extent in x and in y.
     pub size_m: (f64, f64),
     pub goal_m: f64,
-    /// Closed outlines of what stands in the course.
+    /// Closed outlines of the obstacles.
     pub outlines: Vec<Vec<[f64; 2]>>,
     pub ways: Vec<MapWay>,
 }
@@ -35,7 +35,7 @@ impl CourseMap {
     /// cross for each collision, a ring where the robot was stuck.
     ///
     /// # Errors
-    /// [`svl_core::Error::Invalid`] with what the plotting library says.
+    /// [`svl_core::Error::Invalid`] with the error of the plotting library.
     pub fn svg(&self, colors: &AlgorithmColors<'_>) -> Result<String> {
         let scale = f64::from(WIDTH as i32 - 2 * MARGIN) / self.size_m.1;
         let bottom = self.top() + (scale * self.size_m.0) as i32;

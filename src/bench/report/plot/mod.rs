@@ -1,4 +1,4 @@
-//! Plots as SVG: what reports and the thesis's figures are drawn with.
+//! Plots as SVG, for reports and the thesis's figures.
 //!
 //! A page that holds them styles them: axes and texts take the page's colours through the class
 //! `plot`.
@@ -27,7 +27,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use svl_core::{Error, Result};
 use svl_data::overlay::{COLOR_COUNT, algorithm_color};
 
-/// Points under one name. What is not finite is omitted and interrupts a line.
+/// Points under one name. Non-finite points are omitted and interrupt a line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
     pub name: String,
@@ -67,7 +67,7 @@ fn kind(label: &str) -> &str {
 }
 
 impl Series {
-    /// It stands in the key.
+    /// True if the series is in the key.
     fn is_keyed(&self) -> bool {
         let form = self.form;
         !self.name.is_empty()
@@ -85,14 +85,14 @@ pub enum SeriesStyle {
     Points,
     /// Points joined by lines.
     Both,
-    /// Points with the series' name beside each, which then stands in no key; all such series have
+    /// Points with the series' name beside each, which is then not in the key; all such series have
     /// one colour.
     Named,
     /// As named, with discs of that radius in the series' own colour.
     Disc(u32),
-    /// Points joined by lines without a key: captions say what they are.
+    /// Points joined by lines without a key: captions name them.
     Joined,
-    /// A dashed line without a key: what joins points of other series.
+    /// A dashed line without a key: it joins points of other series.
     Front,
     /// The name alone beside each point: the caption of another series, in place of a key.
     Caption,

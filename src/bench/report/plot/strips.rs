@@ -18,11 +18,11 @@ pub struct Strips {
     pub title: String,
     /// The quantity that is measured, with its unit.
     pub label: String,
-    /// Name and values; those that are not positive have no place.
+    /// Name and values; values that are not positive are not drawn.
     pub strips: Vec<(String, Vec<f64>)>,
 }
 
-/// Height of a strip, of the key, and of what stands below the strips.
+/// Height of a strip, of the key, and of the axis below the strips.
 const STRIP: i32 = 60;
 const KEY: i32 = 44;
 const FOOT: i32 = 104;
@@ -33,8 +33,7 @@ const RIGHT: i32 = 36;
 const BIN: i32 = 6;
 const SIZE: u32 = TEXT - 2;
 
-/// Marks of each distribution, above the shares that it does not exceed: name, share,
-/// height of the mark.
+/// Marks of each distribution, above the percentiles: name, fraction, height of the mark.
 const MARKS: [(&str, f64, i32); 4] = [
     ("p50", 0.50, 48),
     ("p95", 0.95, 32),
@@ -46,7 +45,7 @@ impl Strips {
     /// The plot as an SVG document.
     ///
     /// # Errors
-    /// [`svl_core::Error::Invalid`] with what the drawing library says.
+    /// [`svl_core::Error::Invalid`] with the error of the drawing library.
     pub fn svg(&self, colors: &AlgorithmColors<'_>) -> Result<String> {
         let head = KEY + if self.title.is_empty() { 12 } else { TITLE };
         let height = head + STRIP * self.strips.len() as i32 + FOOT;
@@ -117,7 +116,7 @@ impl Strips {
             ))?;
             let mut sorted: Vec<f64> = values.iter().copied().filter(|v| *v > 0.0).collect();
             sorted.sort_by(f64::total_cmp);
-            // Bins are as wide on the page, so the histogram is of log time.
+            // All bins have one width on the page, so this is the histogram of the log of time.
             let bins = sorted.chunk_by(|a, b| place(*a) / BIN == place(*b) / BIN);
             // Each strip is scaled to its fullest bin: a spread distribution would otherwise
             // vanish.

@@ -1,4 +1,4 @@
-//! Tooltips of points: what a browser shows at the pointer, and a screen reader reads.
+//! Tooltips of points, shown by browsers at the pointer and read by screen readers.
 
 use super::Series;
 use super::chart::{Chart, number};

@@ -31,7 +31,7 @@ pub struct Table {
 /// The head of a column.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TableColumn {
-    /// Stands once above neighbours of the same group; may be empty.
+    /// Shown once above neighbours of the same group; may be empty.
     pub group: String,
     pub head: String,
     /// Aligned to the left.
@@ -47,19 +47,19 @@ pub enum TableCell {
     Text(String),
     /// A number that needs attention.
     Alert(String),
-    /// Shares of right and of wrong cells; the rest is unknown.
+    /// Fractions of right and of wrong cells; the rest is unknown.
     Bar {
         right: f64,
         wrong: f64,
     },
     /// A median time, ms.
     Time(f64),
-    /// Per checkpoint the share of its frames that pass; absent where no frame shows it.
+    /// Per checkpoint the fraction of its frames that pass; absent if no frame shows it.
     Marks(Vec<Option<f64>>),
 }
 
 impl Table {
-    /// A table without rows; `first` heads the names of the rows.
+    /// A table without rows; `first` is the heading of the names of the rows.
     pub fn new(title: impl Into<String>, first: &str) -> Self {
         let empty = Self {
             title: title.into(),
@@ -103,7 +103,7 @@ impl Table {
         self.keep(&shown);
     }
 
-    /// Removes the optional columns where bars show what is essential.
+    /// Removes the optional columns if bars show the essential numbers.
     pub fn remove_optional_columns(&mut self) {
         let cells = self.rows.iter().flatten();
         let has_bars = cells
@@ -164,7 +164,7 @@ impl TableCell {
     }
 }
 
-/// The share of frames that pass: full and empty circles are exact.
+/// The fraction of frames that pass: full and empty circles are exact.
 fn mark(share: f64) -> char {
     match share {
         ..=0.0 => '○',

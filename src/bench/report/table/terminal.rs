@@ -1,4 +1,5 @@
-//! A table on the terminal: aligned, within a width, with bars and colours where they are wanted.
+//! A table on the terminal: aligned, within a width, with bars and colours if the terminal has
+//! them.
 
 use super::{Table, TableCell};
 use std::fmt::Write;
@@ -26,7 +27,7 @@ impl TerminalStyle {
 const LONGEST_BAR: usize = 15;
 const SHORTEST_BAR: usize = 6;
 
-/// Longest name beside columns that leave no room for it; longer ones get a line of their own.
+/// Longest name beside columns that leave too little room; longer ones get a line of their own.
 const NAME: usize = 24;
 
 /// Colours of right, unknown and wrong, as codes of the 256.
@@ -35,9 +36,9 @@ const UNKNOWN: u8 = 245;
 const WRONG: u8 = 208;
 
 impl Table {
-    /// The lines of the table without title and notes. Bars shrink first, then go; then optional
-    /// columns, the last first. Columns that still do not fit follow in further blocks, groups
-    /// undivided.
+    /// The lines of the table without title and notes. Bars shrink first, then disappear; then
+    /// optional columns, the last first. Columns that still do not fit follow in further blocks,
+    /// groups undivided.
     pub fn terminal(&self, style: TerminalStyle) -> String {
         let mut table = self.clone();
         let has_bar = |row: &[TableCell], i: usize| matches!(row[i], TableCell::Bar { .. });

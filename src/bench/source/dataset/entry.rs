@@ -12,7 +12,7 @@ pub struct Dataset {
     pub title: &'static str,
     /// Page where its authors describe it.
     pub home: &'static str,
-    /// Under which terms, in short; the home page has the last word.
+    /// Terms of use, in short; the home page is authoritative.
     pub licence: &'static str,
     /// Paper that its authors ask to be cited.
     pub citation: &'static str,
@@ -28,13 +28,13 @@ pub struct Part {
     pub name: &'static str,
     /// True if it is fetched where no part is named.
     pub usual: bool,
-    /// About what is downloaded.
+    /// Approximate size of the download.
     pub megabytes: u32,
     /// Beginning of the addresses of `files`, up to a slash.
     pub base: &'static str,
     /// Archives and single files below `base`.
     pub files: &'static [&'static str],
-    /// Folder that they belong into, below the data set's; empty for that itself.
+    /// Folder for them below the data set's; empty for that itself.
     pub folder: &'static str,
 }
 
@@ -51,9 +51,9 @@ impl Serialize for Part {
     }
 }
 
-/// The names that files have. In each, `*` is the scene's number where one folder holds many
-/// scenes, `{}` the name of the scene's own folder where it has one; what has no ending may have
-/// that of any image.
+/// The names that files have. In each, `*` is the scene's number if one folder has many scenes,
+/// `{}` the name of the scene's own folder if it has one; a name without an extension matches any
+/// image.
 #[derive(Debug)]
 pub(super) struct FileNames {
     pub pairs: &'static [PairFiles],
@@ -73,7 +73,7 @@ pub(super) struct PairFiles {
 /// File that describes a scene's camera.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum CalibFile {
-    /// `calib.txt` beside the images, where there is one.
+    /// `calib.txt` beside the images, if there is one.
     Middlebury,
     /// A file of named 3 x 4 projection matrices, with the names of the left and the right one.
     Projections {
@@ -104,19 +104,20 @@ pub(super) enum Form {
     ScaledBySize(&'static [(usize, f32)]),
 }
 
-/// Which pixels of the truth both cameras see, where there is no mask.
+/// Source of the visibility to both cameras, without a mask.
 #[derive(Debug)]
 pub(super) enum Seen {
-    /// Nobody knows.
+    /// The visibility is unknown.
     Unknown,
-    /// The truth of the right image, of the same form: where the two agree.
+    /// The truth of the right image, in the same form: visible pixels are those where the two
+    /// agree.
     RightTruth(&'static str),
-    /// The truth again, of the seen pixels alone.
+    /// A second truth, of the visible pixels alone.
     Alone(&'static str),
 }
 
 impl Dataset {
-    /// The parts called `names`, or the usual ones.
+    /// The parts named `names`, or the usual ones.
     ///
     /// # Errors
     /// The unknown name, with the known ones.

@@ -2,7 +2,7 @@
 
 use super::entry::{Dataset, FileNames, Form, PairFiles, Part, Seen, TruthFile};
 
-/// The archives hold the scenes at their top, so each is unpacked into a folder of its own name, as
+/// The archives have the scenes at their top, so each is unpacked into a folder of its own name, as
 /// its users do.
 pub(super) const ETH3D: Dataset = Dataset {
     name: "eth3d",

@@ -1,11 +1,11 @@
-//! KITTI's stereo benchmarks of 2012 and 2015, and the names of plain folders that are no published
-//! data set.
+//! KITTI's stereo benchmarks of 2012 and 2015, and the names in plain folders that are not a
+//! published data set.
 
 use super::entry::{CalibFile, Dataset, FileNames, Form, PairFiles, Part, Seen, TruthFile};
 
 const LICENCE: &str = "CC BY-NC-SA 3.0";
 
-/// 16-bit PNG, 0 where the laser scanner saw nothing.
+/// 16-bit PNG, 0 if the laser scanner has no point.
 pub(super) const KITTI_PNG: Form = Form::Scaled {
     scale: 256.0,
     zero_unknown: true,

@@ -1,7 +1,7 @@
 //! Scenes of stereo data sets, as users have them on disk.
 //!
-//! [`DATASETS`] says all there is to say of a data set: whence it is fetched, under which terms,
-//! and how its files are called. One more is one more entry there.
+//! [`DATASETS`] describes each data set completely: its download, its terms, and the names of its
+//! files. A new data set is a new entry there.
 
 mod entry;
 mod eth3d;
@@ -30,7 +30,7 @@ pub const DATASETS: &[Dataset] = &[
     eth3d::ETH3D,
 ];
 
-/// Names that stand in nobody's archives but on many a disk.
+/// Names that no archive has but many users' folders.
 const OTHERS: FileNames = FileNames {
     pairs: &[
         PairFiles::beside("left", "right"),
@@ -58,7 +58,7 @@ const OTHERS: FileNames = FileNames {
 pub fn find(name: &str) -> Result<&'static Dataset, String> {
     DATASETS.iter().find(|d| d.name == name).ok_or_else(|| {
         let hint = did_you_mean(name, DATASETS.iter().map(|d| d.name));
-        format!("unknown data set '{name}'{hint}; `svl datasets list` names them")
+        format!("unknown data set '{name}'{hint}; `svl datasets list` lists them")
     })
 }
 

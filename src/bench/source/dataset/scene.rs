@@ -1,4 +1,4 @@
-//! One scene of a data set: a pair, and what is known of its truth and its camera.
+//! One scene of a data set: a pair with its truth and its camera, if known.
 
 use super::entry::{CalibFile, PairFiles};
 use super::{files, find, truth};
@@ -11,8 +11,8 @@ use svl_core::{Error, Result};
 use svl_data::files::{BitDepth, DECIDING_PAIRS, DecodedImage, IMAGE_ENDINGS, read_image};
 use svl_data::recording::StampOrigin;
 
-/// A left and a right image, and where they exist, truth, mask and calibration: a folder of its
-/// own, or one of many numbered scenes that share a folder, as in KITTI.
+/// A left and a right image, and if they exist, truth, mask and calibration: a folder of its own,
+/// or one of many numbered scenes that share a folder, as in KITTI.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Scene {
     name: String,
@@ -24,8 +24,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The scene in `folder`, called `name`; nothing when the folder holds no pair by a name svl
-    /// knows.
+    /// The scene in `folder`, called `name`; none if the folder has no pair by a name svl knows.
     pub fn find(folder: &Path, name: &str) -> Option<Self> {
         let image = |name| image(folder, name, "");
         files()
@@ -100,7 +99,7 @@ impl Scene {
     /// scene; `kitti2015/training/*`, all scenes in that folder.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Format`] naming the folder that is missing or holds no pair.
+    /// [`Error::Io`]; [`Error::Format`] naming the folder that is missing or has no pair.
     pub fn find_all(root: &Path, names: &[String]) -> Result<Vec<Self>> {
         let mut scenes = Vec::new();
         for name in names {
@@ -144,7 +143,7 @@ impl Scene {
             .collect()
     }
 
-    /// The file of the scene that a data set calls so, where it exists.
+    /// The file of the scene by the data set's name for it, if it exists.
     pub(super) fn file(&self, name: &str) -> Option<PathBuf> {
         let own = self
             .folder
@@ -255,7 +254,7 @@ fn names(folder: &Path) -> Result<BTreeSet<String>> {
         .collect())
 }
 
-/// Why there is no scene `name` below `root`, with the cure.
+/// Error that there is no scene `name` below `root`, with the cure.
 fn nothing(root: &Path, name: &str) -> Error {
     let path = root.join(name);
     let shown = root.display();
@@ -264,7 +263,7 @@ fn nothing(root: &Path, name: &str) -> Error {
         return Error::format(path, words);
     }
     let what = if path.is_dir() || name.ends_with('*') && path.parent().is_some_and(Path::is_dir) {
-        "holds no stereo pair (im0.png and im1.png, say)"
+        "has no stereo pair (im0.png and im1.png, say)"
     } else {
         "no such scene"
     };
@@ -280,7 +279,7 @@ fn nothing(root: &Path, name: &str) -> Error {
 
 /// Scenes, one frame each.
 ///
-/// Nothing is known of when they were taken: a second apart stands for it.
+/// The time at which they were taken is unknown, so they are stamped a second apart.
 pub struct SceneSource {
     scenes: Vec<Scene>,
     depth: BitDepth,
@@ -292,10 +291,10 @@ impl SceneSource {
     pub const STAMPS: StampOrigin = StampOrigin::Nominal(1.0);
 
     pub fn new(scenes: Vec<Scene>) -> Self {
-        Self::with_bits(scenes, None).expect("only bits that are asked for can be wrong")
+        Self::with_bits(scenes, None).expect("only requested bits can be wrong")
     }
 
-    /// `bits`: how many of 16 are used [default: decided by the first pairs].
+    /// `bits`: number of the 16 that are used [default: decided by the first pairs].
     ///
     /// # Errors
     /// [`Error::Usage`] for `bits` of 8-bit images.

@@ -1,4 +1,4 @@
-//! The true disparities of a scene, and which of its pixels both cameras see.
+//! The true disparities of a scene, and the visibility of its pixels to both cameras.
 
 use super::entry::{Form, Seen};
 use super::files;
@@ -7,13 +7,13 @@ use svl_core::stereo::{Plane, Truth, Visibility, cross_check};
 use svl_core::{Error, Result};
 use svl_data::files::{read_mask, read_pfm, read_scaled_disparity};
 
-/// The truth of a scene whose images are of this size, where there is one. `file` finds a file of
-/// the scene by its name. Visibility comes from the scene's mask, or else from the right truth or
-/// the truth of the visible pixels.
+/// The truth of a scene whose images have this size, if there is one. `file` finds a file of the
+/// scene by its name. Visibility comes from the scene's mask, or else from the right truth or the
+/// truth of the visible pixels.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for what cannot be read, is of another size, or of a scale
-/// nobody knows.
+/// [`Error::Io`]; [`Error::Format`] for what cannot be read, is of another size, or of an unknown
+/// scale.
 pub(super) fn read(
     file: impl Fn(&str) -> Option<PathBuf>,
     size: (usize, usize),
@@ -81,7 +81,7 @@ impl Form {
     }
 }
 
-/// Which pixels of `truth` are in `seen` too.
+/// The pixels of `truth` that are in `seen` too.
 fn among(truth: &Plane<f32>, seen: &Plane<f32>) -> Result<Plane<Visibility>> {
     Plane::from_fn(truth.width(), truth.height(), |x, y| {
         match (truth.get(x, y), seen.get(x, y)) {

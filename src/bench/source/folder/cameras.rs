@@ -83,10 +83,10 @@ fn of_the_day(folder: &Path) -> Option<PathBuf> {
     files.into_iter().find(|file| file.is_file())
 }
 
-/// Why a pair does not fit the rig of the pairs before.
+/// Reason why a pair does not fit the rig of earlier pairs.
 pub(super) fn of_another_size(first: (usize, usize), own: (usize, usize)) -> String {
     format!(
-        "has {}x{} pixels, the calibration is of images of {}x{}",
+        "has {}x{} pixels, the calibration is for images of {}x{}",
         own.0, own.1, first.0, first.1
     )
 }

@@ -8,9 +8,9 @@ use svl_data::files::IMAGE_ENDINGS;
 
 /// A folder of many pairs.
 pub(super) struct Layout {
-    /// Whose it is.
+    /// Program or data set that uses it.
     pub name: &'static str,
-    /// The left and the right images: patterns as [`find`] takes them.
+    /// The left and the right images: patterns as for [`find`].
     pub images: [&'static str; 2],
     /// Files with the stamps of the left and the right images.
     pub stamps: Option<[&'static str; 2]>,
@@ -19,20 +19,20 @@ pub(super) struct Layout {
 
 /// The cameras of a layout, besides a `calib.txt` of Middlebury's.
 pub(super) enum Cameras {
-    /// Nothing: the images count as rectified.
+    /// No file: the images count as rectified.
     Rectified,
-    /// A `sensor.yaml` of each camera in these folders: the images are raw where it is there.
+    /// A `sensor.yaml` of each camera in these folders: the images are raw if it exists.
     Sensors([&'static str; 2]),
     /// As `Sensors`, and raw without one too.
     RawSensors([&'static str; 2]),
     /// Named projections in `calib.txt`.
     Projections([&'static str; 2]),
     /// Named projections in `calib_cam_to_cam.txt`, here or in the folder of the day above: the
-    /// images are rectified where they have its rectified size.
+    /// images are rectified if they have its rectified size.
     CamToCam([&'static str; 2]),
 }
 
-/// All layouts; of several that fit the first is taken. A new one is one entry here.
+/// All layouts; the first that fits is used. A new one is one entry here.
 pub(super) const LAYOUTS: &[Layout] = &[
     Layout {
         name: "EuRoC",
@@ -111,11 +111,11 @@ pub(super) fn known() -> String {
 /// Image files by what stands for `*` in their pattern: bytes, as names need not be UTF-8.
 pub(super) type Images = BTreeMap<Vec<u8>, PathBuf>;
 
-/// The images below `folder` that a pattern names: a path with one `*` in one of its parts, in
-/// whatever case; without an ending it is that of any image. None where folders are missing.
+/// The images below `folder` that a pattern names: a path with one `*` in one of its parts, in any
+/// case; without an extension it matches any image. None if folders are missing.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] where two files have one name, but for their endings.
+/// [`Error::Io`]; [`Error::Format`] for two files whose names differ only by extension.
 pub(super) fn find(folder: &Path, pattern: &str) -> Result<Images> {
     let mut parts = pattern.split('/').filter(|part| !["", "."].contains(part));
     let mut folder = folder.to_owned();
@@ -161,7 +161,7 @@ fn below(mut path: PathBuf, parts: &[&str]) -> Result<Option<PathBuf>> {
     Ok(path.is_file().then_some(path))
 }
 
-/// The entry of that name, in whatever case, an image also without its ending.
+/// The entry of that name, in any case, an image also without its extension.
 fn child(folder: &Path, name: &str) -> Result<Option<PathBuf>> {
     let exact = folder.join(name);
     if exact.exists() {
@@ -178,11 +178,11 @@ fn child(folder: &Path, name: &str) -> Result<Option<PathBuf>> {
     Ok(entries(folder)?.into_iter().find(fits))
 }
 
-/// Text that stands for `*`, where the name of `path` fits `part`: without ending, unless `part`
-/// has one or names a folder.
+/// Text in place of `*`, if the name of `path` fits `part`: without extension, unless `part` has
+/// one or names a folder.
 fn key(path: &Path, part: &str, is_file: bool) -> Option<Vec<u8>> {
     let name = path.file_name()?.as_encoded_bytes();
-    // Only images, whatever the pattern.
+    // The pattern matches only images.
     let name = if !is_file {
         name
     } else if stem(part.as_bytes()).is_some() {
@@ -199,12 +199,13 @@ fn key(path: &Path, part: &str, is_file: bool) -> Option<Vec<u8>> {
     fits.then(|| key.to_owned())
 }
 
-/// The name of an image file without its ending.
+/// The name of an image file without its extension.
 pub(super) fn stem(name: &[u8]) -> Option<&[u8]> {
     let dot = name.iter().rposition(|&byte| byte == b'.')?;
     let ending = &name[dot + 1..];
     let is_image = |known: &&str| known.as_bytes().eq_ignore_ascii_case(ending);
-    // A name that begins with a dot is hidden: macOS has a `._left.png` beside each left.png.
+    // A name that begins with a dot is that of a hidden file: macOS has a `._left.png` beside each
+    // left.png.
     (IMAGE_ENDINGS.iter().any(is_image) && !name.starts_with(b".")).then(|| &name[..dot])
 }
 
@@ -220,7 +221,7 @@ pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// The order in which a person counts: runs of digits by their number, 8 before 13.
+/// Natural order: runs of digits by their number, 8 before 13.
 pub(super) fn natural(a: &[u8], b: &[u8]) -> Ordering {
     let (mut i, mut j) = (0, 0);
     while i < a.len() && j < b.len() {

@@ -18,18 +18,18 @@ use svl_data::recording::StampOrigin;
 /// Options of a folder.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FolderRequest {
-    /// Patterns of the left and the right images below the folder, with one `*` for what is equal
-    /// in both [default: as one of the layouts that svl knows].
+    /// Patterns of the left and the right images below the folder, with one `*` for the part that
+    /// is equal in both [default: as one of the layouts that svl knows].
     pub images: [Option<String>; 2],
     /// True if each image is a pair side by side, left and right half.
     pub side_by_side: bool,
-    /// Pairs per second [default: by the stamps that are there].
+    /// Pairs per second [default: by the stamps of the folder].
     pub fps: Option<f64>,
     /// Number of the 16 bits that are used [default: decided by the first pairs].
     pub bits: Option<u8>,
 }
 
-/// The rate that stands for one that nobody knows.
+/// Rate of the stamps if none is known.
 const NOMINAL_HZ: f64 = 10.0;
 
 /// The pairs of a folder, in the natural order of their names.
@@ -56,7 +56,7 @@ impl FolderSource {
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Usage`] for a request that contradicts itself; [`Error::Format`]
-    /// when it holds no pair, with what it holds, or none that can be read.
+    /// if it has no pair, with its contents, or none that can be read.
     pub fn new(folder: &Path, request: &FolderRequest) -> Result<Self> {
         let found = pairs(folder, request)?;
         let (origin, stamps) = match (request.fps, stamps(folder, found.layout, &found.pairs)?) {
@@ -110,13 +110,13 @@ impl FolderSource {
         self.depth.note()
     }
 
-    /// The calibration that rectifies raw pairs, where the folder holds one, or why that cannot be
-    /// read.
+    /// The calibration that rectifies raw pairs, if the folder has one, or the error that prevents
+    /// reading it.
     pub fn calibration(&self) -> &std::result::Result<Option<StereoCalibration>, String> {
         &self.calibration
     }
 
-    /// Warns once of a pair that is not of the first one's size, as a camera's are.
+    /// Warns once of a pair whose size differs from that of the first one.
     fn compare_size(&mut self, frame: &Frame) {
         let ((width, height), (first_width, first_height)) = (frame.pair.size(), self.size);
         if (width, height) != self.size && !std::mem::replace(&mut self.sizes_differ, true) {

@@ -8,7 +8,7 @@ use svl_core::{Error, Result};
 
 /// The pairs of a folder in natural order.
 pub(super) struct FoundPairs {
-    /// Nothing where the user named the images.
+    /// The layout; none if the user named the images.
     pub layout: Option<&'static Layout>,
     pub pairs: Vec<PairFiles>,
     /// Images without a partner.
@@ -20,13 +20,13 @@ pub(super) struct PairFiles {
     /// The part that the names of both have in common.
     pub key: Vec<u8>,
     pub left: PathBuf,
-    /// Nothing where the left one is an image of both, side by side.
+    /// The right image; none if the left one shows both side by side.
     pub right: Option<PathBuf>,
 }
 
 /// # Errors
-/// [`Error::Io`]; [`Error::Usage`] for patterns that contradict each other; [`Error::Format`] where
-/// there is no pair, with what there is.
+/// [`Error::Io`]; [`Error::Usage`] for patterns that contradict each other; [`Error::Format`] if
+/// there is no pair, with the folder's contents.
 pub(super) fn pairs(folder: &Path, request: &FolderRequest) -> Result<FoundPairs> {
     match (&request.images, request.side_by_side) {
         ([_, Some(_)], true) => Err(Error::Usage(
@@ -52,11 +52,11 @@ fn as_laid_out(folder: &Path) -> Result<FoundPairs> {
             });
         }
     }
-    let cure = "--left and --right name other patterns, --side-by-side takes images of both";
+    let cure = "--left and --right name other patterns, --side-by-side reads images of both";
     Err(Error::format(
         folder,
         format!(
-            "holds no stereo pair: it has {}; svl looks for im0.png and im1.png, or {}; {cure}",
+            "contains no stereo pair, only {}; svl looks for im0.png and im1.png, or {}; {cure}",
             contents(folder)?,
             known()
         ),
@@ -86,8 +86,8 @@ fn named(folder: &Path, patterns: [&str; 2]) -> Result<FoundPairs> {
     let found = paired(left, right);
     if found.pairs.is_empty() {
         let reason = format!(
-            "holds no stereo pair by --left '{}' --right '{}': what * stands for is in no two \
-             images the same ({differ})",
+            "contains no stereo pair by --left '{}' --right '{}': the part at * is equal in no two \
+             images ({differ})",
             patterns[0], patterns[1]
         );
         return Err(Error::format(folder, reason));
@@ -114,11 +114,11 @@ fn side_by_side(folder: &Path, pattern: &str) -> Result<FoundPairs> {
 
 fn nothing<T>(folder: &Path, option: &str, pattern: &str) -> Result<T> {
     let found = contents(folder)?;
-    let reason = format!("{option}: no image is called '{pattern}'; the folder has {found}");
+    let reason = format!("{option}: no image is named '{pattern}'; the folder has {found}");
     Err(Error::format(folder, reason))
 }
 
-/// The pattern, if it can be one of image files below a folder.
+/// Checks that the pattern can be one of image files below a folder.
 fn checked<'a>(option: &str, pattern: &'a str) -> Result<&'a str> {
     let wrong = |why: &str| Err(Error::Usage(format!("{option} {pattern}: {why}")));
     if pattern.starts_with('/') {
@@ -129,7 +129,7 @@ fn checked<'a>(option: &str, pattern: &'a str) -> Result<&'a str> {
     }
     match pattern.matches('*').count() {
         0 | 1 => Ok(pattern),
-        _ => wrong("has more than one *, which stands for what is equal in left and right"),
+        _ => wrong("has more than one *, the place of the part that is equal in left and right"),
     }
 }
 
@@ -157,7 +157,7 @@ fn ordered(mut pairs: Vec<PairFiles>) -> Vec<PairFiles> {
     pairs
 }
 
-/// Names that a message lists of each kind.
+/// Number of names that a message lists of each kind.
 const LISTED: usize = 4;
 
 /// Content of a folder, in words.

@@ -10,13 +10,13 @@ use svl_data::files::read_text;
 /// Limit of the size of a file of stamps, in bytes: some million lines.
 const MAX_BYTES: u64 = 1 << 28;
 const SECOND_NS: u64 = 1_000_000_000;
-/// The stamps that a recording can hold, and names are taken for: 2001 to 2038.
+/// The stamps that a recording can have, and that names are read as: 2001 to 2038.
 const EPOCH_S: std::ops::Range<u64> = 1_000_000_000..i32::MAX as u64;
 
 /// Stamp of the left image and skew of the right one, nanoseconds.
 pub(super) type Stamp = (u64, Option<i64>);
 
-/// The stamps of all pairs; nothing where they are not known.
+/// The stamps of all pairs; none if they are not known.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] for a malformed file of stamps.
@@ -28,7 +28,7 @@ pub(super) fn stamps(
     if let Some(files) = layout.and_then(|layout| layout.stamps) {
         let [left, right] = files.map(|name| folder.join(name));
         let lefts = StampFile::read(&left)?;
-        // One file for both cameras does not tell when the right image was taken.
+        // One file for both cameras does not give the time of the right image.
         let rights = if left == right {
             None
         } else {
@@ -60,7 +60,7 @@ pub(super) fn stamps(
     }
     let named: Option<Vec<_>> = pairs.iter().map(|pair| epoch_ns(&pair.key)).collect();
     let named = named.filter(|stamps| stamps.is_sorted_by(|a, b| a < b));
-    // One name for both images, which does not tell either.
+    // One name for both images does not give it either.
     Ok(named.map(|stamps| stamps.into_iter().map(|ns| (ns, None)).collect()))
 }
 
@@ -149,7 +149,7 @@ fn time_ns(text: &str) -> Option<u64> {
         return is_stamp.then(|| (seconds * 1e9).round() as u64);
     }
     let time: jiff::civil::DateTime = text.parse().ok()?;
-    // Whatever the zone: it is the same for all.
+    // The time zone does not matter: it is the same for all.
     let since = time.to_zoned(jiff::tz::TimeZone::UTC).ok()?.timestamp();
     u64::try_from(since.as_nanosecond()).ok()
 }

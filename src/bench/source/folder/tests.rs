@@ -1,4 +1,4 @@
-//! Folders as people have them, one by one.
+//! Folders with the layouts that users have, one by one.
 
 use super::*;
 use svl_data::files::encode_png;
@@ -121,7 +121,7 @@ fn every_layout_pairs_its_images() {
             Some(StampOrigin::Nominal(10.0)),
             "{layout:?}"
         );
-        // By their numbers, 8 before 13, whatever their endings say: the content decides.
+        // By their numbers, 8 before 13, whatever their extensions: the content decides.
         assert_eq!(pixels(&mut source), [[0, 1], [2, 3]], "{layout:?}");
     }
 }
@@ -239,13 +239,9 @@ fn patterns_name_any_images() {
         (
             "a/*.jpg",
             "b/*",
-            "--left: no image is called 'a/*.jpg'; the folder has 2 folders (B, a)",
+            "--left: no image is named 'a/*.jpg'; the folder has 2 folders (B, a)",
         ),
-        (
-            "a/*",
-            "b/*",
-            "what * stands for is in no two images the same",
-        ),
+        ("a/*", "b/*", "the part at * is equal in no two images"),
         ("a/*", "b/*y*", "more than one *"),
         ("/cam0/image_raw", "/cam1/image_raw", "is a topic"),
     ] {

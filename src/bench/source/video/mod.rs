@@ -10,12 +10,12 @@ use svl_core::{Error, Result};
 use svl_data::files::{BitDepth, DecodedImage};
 use svl_data::recording::StampOrigin;
 
-/// Endings of videos.
+/// Extensions of videos.
 const ENDINGS: &[&str] = &[
     "mp4", "m4v", "mov", "avi", "mkv", "webm", "mpg", "mpeg", "wmv", "ogv", "ts",
 ];
 
-/// The rate that stands for one that nobody knows.
+/// Rate of the stamps if none is known.
 const NOMINAL_HZ: f64 = 10.0;
 /// Largest relative difference of the frame rates of two cameras.
 const RATE_TOLERANCE: f64 = 1e-3;
@@ -28,10 +28,10 @@ pub(super) fn is_video(name: &str) -> bool {
     ending.is_some_and(|ending| ENDINGS.contains(&ending.to_ascii_lowercase().as_str()))
 }
 
-/// The pairs of one or two videos, which the program `ffmpeg` decodes to 8 bits. They are raw, as
-/// no video says otherwise.
+/// The pairs of one or two videos, which the program `ffmpeg` decodes to 8 bits. They count as raw,
+/// as a video does not declare rectification.
 ///
-/// A video that is cut off gives the frames before; those behind are counted.
+/// A video that is cut off gives the frames before; those after are counted.
 pub struct VideoSource {
     /// Both cameras in one, or one each.
     streams: Vec<VideoStream>,
@@ -46,8 +46,8 @@ impl VideoSource {
     /// Both images of each frame side by side.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Program`] where ffmpeg is missing; [`Error::Format`] for what is no
-    /// video, has no frame, or frames of an odd width.
+    /// [`Error::Io`]; [`Error::Program`] where ffmpeg is missing; [`Error::Format`] for a file that
+    /// is not a video, has no frame, or frames of an odd width.
     pub fn side_by_side(path: &Path, fps: Option<f64>) -> Result<Self> {
         Self::new(vec![VideoStream::open(path)?], fps)
     }

@@ -8,7 +8,7 @@ use svl_core::stereo::{Gray, MAX_SIDE};
 use svl_core::{Error, Result};
 use svl_data::files::DecodedImage;
 
-/// Limit of what ffprobe may say: a line for each frame of some days.
+/// Limit of ffprobe's output: a line for each frame of some days.
 const MAX_PROBE_BYTES: u64 = 1 << 30;
 
 /// Facts of a video before its frames.
@@ -18,7 +18,7 @@ pub(super) struct VideoInfo {
     pub is_grey: bool,
     /// Frames per second.
     pub rate_hz: Option<f64>,
-    /// Stamps of its frames, nanoseconds from the first; empty where the file has none.
+    /// Stamps of its frames, nanoseconds from the first; empty if the file has none.
     pub stamps_ns: Vec<u64>,
     /// Number of frames by its header.
     pub frames: Option<u64>,
@@ -55,8 +55,8 @@ struct ProbeFormat {
 
 impl VideoInfo {
     /// # Errors
-    /// [`Error::Io`]; [`Error::Program`] where ffprobe is missing; [`Error::Format`] for what it
-    /// cannot read.
+    /// [`Error::Io`]; [`Error::Program`] if ffprobe is missing; [`Error::Format`] for a file that
+    /// it cannot read.
     fn read(path: &Path) -> Result<Self> {
         let entries = "stream=width,height,pix_fmt,avg_frame_rate,nb_frames:packet=pts_time:\
                        format=duration";
@@ -76,7 +76,7 @@ impl VideoInfo {
         let wrong = |reason: String| Error::format(path, reason);
         let mut unread = || match last_line(&mut said) {
             Some(line) => wrong(format!("ffprobe cannot read it as a video: {line}")),
-            None => wrong("holds no video".to_owned()),
+            None => wrong("contains no video".to_owned()),
         };
         let probe: Probe = serde_json::from_slice(&json).map_err(|_| unread())?;
         Self::new(probe).map_err(wrong)?.ok_or_else(unread)
@@ -91,7 +91,7 @@ impl VideoInfo {
         };
         if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
             return Err(format!(
-                "has frames of {width}x{height} pixels, svl takes {MAX_SIDE}"
+                "has frames of {width}x{height} pixels, svl accepts {MAX_SIDE}"
             ));
         }
         let rate_hz = stream.avg_frame_rate.and_then(|rate| {
@@ -158,7 +158,7 @@ impl VideoStream {
         };
         let mut command = Command::new("ffmpeg");
         command
-            // As the camera took it: a rotated frame would have another size.
+            // The frame as recorded: a rotated one would have another size.
             .args(["-v", "error", "-nostdin", "-noautorotate", "-i"])
             .arg(named(path))
             // Each frame once, and the same bytes on every machine.
@@ -180,7 +180,7 @@ impl VideoStream {
         })
     }
 
-    /// The next frame; nothing at the end, also of one that is cut off.
+    /// The next frame; none at the end, also of one that is cut off.
     ///
     /// # Errors
     /// [`Error::Io`].
@@ -210,7 +210,7 @@ impl VideoStream {
         image.map(Some)
     }
 
-    /// Frames that it says it has and that were not decoded, once it has ended.
+    /// Number of its declared frames that were not decoded, once it has ended.
     pub(super) fn missing(&self) -> u64 {
         let frames = self.info.frames.unwrap_or(0);
         if self.has_ended {
@@ -223,13 +223,13 @@ impl VideoStream {
 
 impl Drop for VideoStream {
     fn drop(&mut self) {
-        // Its frames are of no more use; it may have ended already.
+        // Its frames are no longer needed; it may have ended already.
         let _ = self.decoder.kill();
         let _ = self.decoder.wait();
     }
 }
 
-/// As a file, whatever its name looks like.
+/// The argument that makes a file of any name, whatever it looks like.
 fn named(path: &Path) -> OsString {
     let mut name = OsString::from("file:");
     name.push(path);
@@ -259,7 +259,7 @@ fn spawn(program: &'static str, command: &mut Command) -> Result<(Child, std::fs
     Ok((child, said))
 }
 
-/// Limit of what is read of a program's standard error, from its end.
+/// Largest part of a program's standard error that is read, from its end.
 const MAX_SAID: u64 = 4096;
 
 fn last_line(said: &mut std::fs::File) -> Option<String> {
