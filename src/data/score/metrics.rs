@@ -1,7 +1,7 @@
 //! The metrics of a run: one table for everything that shows or compares a number.
 //!
 //! Rows, CSV, Parquet, summaries, pages, Rerun's plots, `svl compare` and a scenario's `[[gate]]`
-//! take their columns, headings and words from [`METRICS`]. A new metric is computed in the file of
+//! read their columns, headings and words from [`METRICS`]. A new metric is computed in the file of
 //! its kind (pixels: `disparity.rs`, cells: `cells.rs`) and listed here.
 
 use super::{CellTally, DisparityScore, FilterTally, SurfaceTally};
@@ -187,7 +187,7 @@ pub enum MetricTotal {
     ShareOf(&'static [&'static str]),
 }
 
-const JUDGED_CELLS: MetricTotal = MetricTotal::ShareOf(&["right", "wrong", "unknown"]);
+const SCORED_CELLS: MetricTotal = MetricTotal::ShareOf(&["right", "wrong", "unknown"]);
 
 /// A metric against truth that only the table of all metrics shows.
 const DETAIL: Metric = Metric {
@@ -216,11 +216,12 @@ pub const METRICS: &[Metric] = &[
         origin: MetricOrigin::Frame {
             column: "cells_right",
             of: |facts| facts.cells(|cells| cells.right),
-            total: JUDGED_CELLS,
+            total: SCORED_CELLS,
         },
         note: Some(|rule| {
             let right = rule.right_words();
-            let words = format!("of those with truth; right: {right}; unknown is not wrong");
+            let words =
+                format!("fractions of the cells with truth; right: {right}; unknown is not wrong");
             ("cells", words)
         }),
         level: MetricLevel::Headline(&[RunKind::Distances]),
@@ -236,7 +237,7 @@ pub const METRICS: &[Metric] = &[
         origin: MetricOrigin::Frame {
             column: "cells_wrong",
             of: |facts| facts.cells(|cells| cells.wrong),
-            total: JUDGED_CELLS,
+            total: SCORED_CELLS,
         },
         plot: Some("wrong_cells"),
         level: MetricLevel::Headline(&[RunKind::Distances]),
@@ -252,7 +253,7 @@ pub const METRICS: &[Metric] = &[
         origin: MetricOrigin::Frame {
             column: "cells_unknown",
             of: |facts| facts.cells(|cells| cells.unknown),
-            total: JUDGED_CELLS,
+            total: SCORED_CELLS,
         },
         level: MetricLevel::Headline(&[RunKind::Distances]),
         ..DETAIL
@@ -272,7 +273,7 @@ pub const METRICS: &[Metric] = &[
         },
         plot: Some("known_cells"),
         note: Some(|_| {
-            let words = "cells with a distance or disparity, of all, whether right or not; a mean \
+            let words = "cells with a distance or a disparity, right or not, of all cells; the mean \
                          over the pairs";
             ("known", words.into())
         }),
@@ -324,11 +325,11 @@ pub const METRICS: &[Metric] = &[
         origin: MetricOrigin::Frame {
             column: "cells_right_surface",
             of: |facts| facts.surfaces(|cells| cells.right),
-            total: JUDGED_CELLS,
+            total: SCORED_CELLS,
         },
         note: Some(|_| {
-            let words = "right also where a report names a nearer surface that fills a quarter of \
-                         the cell or more";
+            let words = "a cell is right, too, if its report is that of a nearer surface that fills \
+                         at least a quarter of the cell";
             ("by surface", words.into())
         }),
         ..DETAIL
@@ -343,7 +344,7 @@ pub const METRICS: &[Metric] = &[
         origin: MetricOrigin::Frame {
             column: "cells_wrong_surface",
             of: |facts| facts.surfaces(|cells| cells.wrong),
-            total: JUDGED_CELLS,
+            total: SCORED_CELLS,
         },
         ..DETAIL
     },
@@ -357,10 +358,10 @@ pub const METRICS: &[Metric] = &[
         origin: MetricOrigin::Frame {
             column: "cells_right_near",
             of: |facts| facts.surfaces(|cells| cells.near_right),
-            total: JUDGED_CELLS,
+            total: SCORED_CELLS,
         },
         note: Some(|_| {
-            let words = "judged by the nearest quarter of a cell in place of its median";
+            let words = "scored by the nearest quarter of a cell instead of its median";
             ("nearest quarter", words.into())
         }),
         ..DETAIL
@@ -375,7 +376,7 @@ pub const METRICS: &[Metric] = &[
         origin: MetricOrigin::Frame {
             column: "cells_wrong_near",
             of: |facts| facts.surfaces(|cells| cells.near_wrong),
-            total: JUDGED_CELLS,
+            total: SCORED_CELLS,
         },
         ..DETAIL
     },
@@ -433,7 +434,7 @@ pub const METRICS: &[Metric] = &[
         },
         plot: Some("coverage"),
         note: Some(|_| {
-            let words = "pixels with a disparity; shares of pixels are means over the pairs";
+            let words = "pixels with a disparity; fractions of pixels are means over the pairs";
             ("cover", words.into())
         }),
         level: MetricLevel::Headline(&[RunKind::Disparities]),
@@ -451,7 +452,7 @@ pub const METRICS: &[Metric] = &[
             total: MetricTotal::Mean,
         },
         note: Some(|_| {
-            let words = "pixels without one, of those with truth that both cameras see";
+            let words = "pixels without a disparity, of those with truth that both cameras see";
             ("invalid", words.into())
         }),
         ..DETAIL
@@ -469,8 +470,8 @@ pub const METRICS: &[Metric] = &[
             total: MetricTotal::Mean,
         },
         note: Some(|_| {
-            let words = "pixels off by more, of those with truth that both cameras see and a \
-                         disparity";
+            let words = "pixels with a larger error, of those with a disparity and with truth that \
+                         both cameras see";
             (">1 px, >2 px", words.into())
         }),
         ..DETAIL
@@ -505,9 +506,9 @@ pub const METRICS: &[Metric] = &[
         },
         plot: Some("row_offset"),
         note: Some(|_| {
-            let words = "by how many rows the right image is lower: the median of a pair's pixels, \
-                         the mean of the pairs; in whole rows, and only within row_tolerance: `svl \
-                         calibrate check` measures larger ones";
+            let words = "number of rows by which the right image is lower: the median over a pair's \
+                         pixels, the mean over the pairs; in whole rows, and only within \
+                         row_tolerance: `svl calibrate check` measures larger ones";
             ("vertical, px", words.into())
         }),
         ..DETAIL
@@ -526,8 +527,8 @@ pub const METRICS: &[Metric] = &[
             total: MetricTotal::Mean,
         },
         note: Some(|_| {
-            let words = "of all cells, known ones whose disparities no other gives a better match \
-                         for; needs no truth: docs/method.md";
+            let words = "known cells for which no other disparity matches better, of all cells; \
+                         needs no truth: docs/method.md";
             ("unrivalled", words.into())
         }),
         level: MetricLevel::Headline(&[RunKind::NoTruth]),
@@ -548,8 +549,8 @@ pub const METRICS: &[Metric] = &[
         },
         plot: Some("agreed_cells"),
         note: Some(|_| {
-            let words = "of all cells, known ones that the median of the run's other algorithms \
-                         confirms; needs no truth, but the same others to compare with";
+            let words = "known cells that the median of the run's other algorithms confirms, of all \
+                         cells; needs no truth; compare only runs with the same algorithms";
             ("agreed", words.into())
         }),
         level: MetricLevel::Headline(&[RunKind::NoTruth]),
@@ -569,8 +570,8 @@ pub const METRICS: &[Metric] = &[
         note: Some(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
-                "cells reported nearer than {obstacle_m} m in which nothing but floor is nearer \
-                 than {clear_m} m"
+                "cells reported nearer than {obstacle_m} m in which only floor is nearer than \
+                 {clear_m} m"
             );
             ("floor", words)
         }),
@@ -606,7 +607,7 @@ pub const METRICS: &[Metric] = &[
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
                 "cells with an obstacle nearer than {obstacle_m} m that are right without filters: \
-                 right behind them too (kept), or not (lost)"
+                 right behind the filters, too (kept), or not (lost)"
             );
             ("kept, lost", words)
         }),
@@ -675,7 +676,7 @@ pub const METRICS: &[Metric] = &[
         better: Better::More,
         against_truth: false,
         origin: MetricOrigin::Checkpoints,
-        level: MetricLevel::Headline(&[RunKind::Distances, RunKind::Disparities]),
+        level: MetricLevel::Headline(&[RunKind::Distances, RunKind::Disparities, RunKind::NoTruth]),
         ..DETAIL
     },
     Metric {

@@ -42,7 +42,7 @@ enum StressEffect {
 pub const STRESSES: &[StressKind] = &[
     StressKind {
         name: "row_offset",
-        summary: "the right image is lower than the left: a calibration that drifted",
+        summary: "the right image is lower than the left, as after a drift of the calibration",
         unit: "px",
         formula: "r'(x, y) = r(x, y - L), bilinear, the border repeated",
         levels: &[0.25, 0.5, 1.0, 2.0, 4.0],
@@ -87,7 +87,7 @@ pub const STRESSES: &[StressKind] = &[
     },
     StressKind {
         name: "dark",
-        summary: "less light on both cameras, without more gain: darker images of less contrast",
+        summary: "less light on both cameras, at the same gain: darker images with less contrast",
         unit: "stops",
         formula: "v' = v 2^-L + N(0, (1 - 2^-L) v 2^-L 255 / 9000)",
         levels: &[0.5, 1.0, 2.0, 3.0, 4.0],
@@ -96,7 +96,7 @@ pub const STRESSES: &[StressKind] = &[
     },
     StressKind {
         name: "low_light",
-        summary: "less light on both cameras, made up by gain: shot and read noise remain",
+        summary: "less light on both cameras, compensated by gain: shot and read noise remain",
         unit: "stops",
         formula: "e = v 2^-L 9000 / 255; v' = 2^L 255 / 9000 (e + N(0, e + 25²))",
         levels: &[1.0, 2.0, 3.0, 4.0, 5.0],
@@ -105,7 +105,7 @@ pub const STRESSES: &[StressKind] = &[
     },
     StressKind {
         name: "glare",
-        summary: "a lamp shines into the right camera, at a place of the run",
+        summary: "a lamp shines into the right camera, at a place that depends on the seed",
         unit: "grey levels",
         formula: "r' = r + L exp(-ρ² / 2), ρ the distance in quarters of the width",
         levels: &[25.0, 50.0, 100.0, 150.0, 200.0],
@@ -141,7 +141,7 @@ pub const STRESSES: &[StressKind] = &[
     },
     StressKind {
         name: "dirt",
-        summary: "a dark, blurred speck on the right lens, at a place of the run",
+        summary: "a dark, blurred speck on the right lens, at a place that depends on the seed",
         unit: "% of the width",
         formula: "r' = r (1 - 0.8 s), s = 1 inside the diameter L, soft over a fifth of it",
         levels: &[5.0, 10.0, 20.0, 30.0, 40.0],
@@ -150,7 +150,7 @@ pub const STRESSES: &[StressKind] = &[
     },
     StressKind {
         name: "drop",
-        summary: "a drop of water on the right lens, at a place of the run",
+        summary: "a drop of water on the right lens, at a place that depends on the seed",
         unit: "% of the width",
         formula: "r' = r * G(L / 40 of the width) inside the diameter L, soft over a fifth of it",
         levels: &[5.0, 10.0, 20.0, 30.0, 40.0],
@@ -168,7 +168,7 @@ pub const STRESSES: &[StressKind] = &[
     },
     StressKind {
         name: "skew",
-        summary: "the right image is that of an earlier pair: cameras that are not synchronized",
+        summary: "the right image is that of an earlier pair, as from unsynchronized cameras",
         unit: "frames",
         formula: "r'(t) = r(t - L); pairs without an earlier one are left out",
         levels: &[1.0, 2.0, 3.0],
