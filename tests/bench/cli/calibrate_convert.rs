@@ -3,7 +3,7 @@
 use super::fixture::{Fixture, assert_says, datasets};
 use crate::common::python;
 
-const PAIR: &str = "%YAML:1.0
+pub(super) const PAIR: &str = "%YAML:1.0
 image_size: [ 640, 480 ]
 K1: [ 530., 0., 340., 0., 531., 240., 0., 0., 1. ]
 D1: !!opencv-matrix
@@ -26,34 +26,6 @@ fn it_says_what_it_read_and_what_it_left_out() {
     insta::assert_snapshot!("the_thesis_s_xml", fixture.text("c.xml"));
     let back = fixture.run("calibrate convert c.xml b.yaml --to boofcv");
     assert_says(&back, &["baseline 0.100003 m"]);
-}
-
-#[test]
-fn what_is_missing_or_in_the_way_has_a_cure() {
-    let fixture = Fixture::new();
-    fixture.write("cv.yml", PAIR);
-    fixture.write("other.yaml", "a: 1\n");
-    let wrong = "
-        calibrate convert cv.yml c.xml => 1: cv.yml | --unit | squares
-        calibrate convert cv.yml c.txt --unit m => 2: c.txt | --to | middlebury, kitti
-        calibrate convert cv.yml c.pdf --unit m => 2: c.pdf | .xml
-        calibrate convert cv.yml cv.yml --force --unit m => 2: cv.yml | named twice
-        calibrate convert cv.yml c.xml --unit foot => 2: 'foot' | mm
-        calibrate convert cv.yml c.xml --from opencw => 2: did you mean 'opencv'
-        calibrate convert cv.yml c.xml --from boofcv => \
-            1: cv.yml | no 'rightToLeft.rotation' | BoofCV
-        calibrate convert cv.yml l.yaml,r.yaml --unit m => 1: l.yaml,r.yaml | has none | --rectify
-        calibrate convert cv.yml l.yaml,r.yaml --unit squares => \
-            1: in squares | squares=SIDE_IN_METRES
-        calibrate convert cv.yml c.txt --to kitti --unit m => 1: only rectified cameras
-        calibrate convert other.yaml c.xml => 1: other.yaml | not a calibration that svl knows
-        calibrate convert nothing.xml c.xml => 1: nothing.xml | no such file
-    ";
-    fixture.fails(wrong);
-    assert!(!fixture.path("c.xml").exists() && !fixture.path("l.yaml").exists());
-    fixture.run("calibrate convert cv.yml l.yaml,r.yaml --unit m --rectify");
-    fixture.fails("calibrate convert cv.yml other.yaml --unit m => 1: other.yaml | --force");
-    fixture.run("calibrate convert cv.yml other.yaml --unit m --force");
 }
 
 #[test]

@@ -37,41 +37,6 @@ fn annex_b_has_residuals_ranges_a_figure_and_a_table() {
     assert!(json["pinhole"]["farthest_cm"].as_f64().unwrap() > 130.0);
 }
 
-#[test]
-fn bad_input_is_one_line_that_names_it() {
-    let fixture = Fixture::new();
-    fixture.write("words.csv", "distance_cm,disparity_px\n10,x\n");
-    fixture.write("columns.csv", "cm,px\n10,3\n");
-    fixture.write("few.csv", "distance_cm,disparity_px\n10,3\n20,1.5\n");
-    fixture.write(
-        "nan.csv",
-        "distance_cm,disparity_px\n10,nan\n20,1.5\n30,1\n",
-    );
-    fixture.write("neither.csv", "distance_cm,disparity_px,recording\n10,,\n");
-    fixture.write(
-        "swapped.csv",
-        "distance_cm,disparity_px\n10,100\n12,110\n14,130\n",
-    );
-    fixture.write("no.mcap", "no recording");
-    let wrong = "
-        calibrate distance words.csv => 1: words.csv | measurement 1 | distance_cm
-        calibrate distance columns.csv => 1: columns.csv | distance_cm
-        calibrate distance few.csv => 1: needs 3 measurements, got 2
-        calibrate distance nan.csv => 1: finite
-        calibrate distance neither.csv => 1: neither.csv | one of both
-        calibrate distance swapped.csv => 1: must grow
-        calibrate distance missing.csv => 1: missing.csv | no such table
-        calibrate distance no.mcap => 2: no.mcap | 130cm=no.mcap
-        calibrate distance 10cm=no.mcap => 1: no.mcap
-        calibrate distance ten=no.mcap => 2: 'ten' | 130cm
-        calibrate distance few.csv --target 1;2 => 2: COLUMN,ROW
-        calibrate distance few.csv --figure a.png => 2: a.png | .svg
-        calibrate distance few.csv --table few.csv => 2: few.csv | named twice
-        calibrate distance => 2: --help
-    ";
-    fixture.fails(wrong);
-}
-
 /// A target of 0.8 m x 1 m at this distance in front of the arena's stereo head.
 fn scenario(distance_m: f64) -> String {
     format!(

@@ -19,7 +19,7 @@ fn one_algorithm_each_is_compared_whatever_it_is_called() {
     assert_says(&text, &["v1 → v3: 80 pairs, 0 with equal results"]);
     let line = text
         .lines()
-        .find(|line| line.contains("wrong cells"))
+        .find(|line| line.starts_with("wrong cells"))
         .unwrap();
     assert!(line.ends_with("better"), "{line}");
     // Times from different moments are not compared.
@@ -164,7 +164,7 @@ fn pairs_that_fail_anew_are_worse_and_histories_are_of_common_pairs() {
         ("c", "5 pairs", "worse"),
         ("alone", "5 pairs", "worse"),
     ] {
-        let words = format!("failed on {pairs} that the base has results of");
+        let words = format!("failed on {pairs} that the base has results for");
         fixture
             .svl(&format!("compare a#some {other}#some --fail-on {limit}"))
             .failed(3, &["some", &words]);
@@ -306,7 +306,7 @@ fn reports_in_the_order_of_their_dates_are_a_history() {
         "  0\n2  ",
         "bm                   right           ▄                      –  ",
         "0.earlier-1: left out, a later report replaced it",
-        "README.md: left out, no report of `svl score`",
+        "README.md: left out, not a report of `svl score`",
     ];
     assert_says(&text, &words);
     assert_says(&fixture.text("history.html"), &["<svg", "wrong"]);

@@ -105,25 +105,6 @@ fn a_pipe_is_no_recording() {
 }
 
 #[test]
-fn folders_and_scenarios_are_recorded_before_they_are_replayed() {
-    let fixture = Fixture::new();
-    let pixels = vec![7; 64 * 48];
-    for side in ["left", "right"] {
-        let image = super::fixture::pgm(64, 48, &pixels);
-        fixture.write(&format!("pairs/{side}/0.pgm"), image);
-    }
-    fixture.write("empty/notes.txt", "");
-    fixture.write_short_arena("short.toml", 2);
-    fixture.fails(
-        "
-        replay pairs => 2: pairs: is no recording | svl record pairs -o run.mcap
-        replay empty => 1: empty: is a folder, not a recording
-        replay short.toml => 2: is no recording | svl record short.toml
-    ",
-    );
-}
-
-#[test]
 fn a_cut_recording_is_called_so() {
     let fixture = Fixture::new();
     fixture.run("record --frames 4 -o a.mcap");

@@ -75,42 +75,6 @@ fn images_smaller_than_the_window_are_all_border() {
 }
 
 #[test]
-fn bad_input_is_one_line_that_names_it() {
-    let fixture = Fixture::new();
-    fixture.write_pair("l.pgm", "r.pgm", (64, 24), 7);
-    fixture.write("small.pgm", pgm(4, 4, &[0; 16]));
-    fixture.write("empty.png", "");
-    fixture.write("text.png", "hello");
-    fixture.write("cut.pgm", &pgm(64, 24, &[0; 64 * 24])[..200]);
-    fixture.write("huge.pgm", "P5\n4000000000 4000000000\n255\n");
-    let wrong = "
-        match l.pgm small.pgm -o d.pfm => 1: small.pgm | left image is 64x24, right image is 4x4
-        match l.pgm missing.png -o d.pfm => 1: missing.png: no such file
-        match l.pgm empty.png -o d.pfm => 1: empty.png: is empty
-        match l.pgm text.png -o d.pfm => 1: text.png | not a readable
-        match l.pgm cut.pgm -o d.pfm => 1: cut.pgm
-        match l.pgm huge.pgm -o d.pfm => 1: huge.pgm
-        match l.pgm . -o d.pfm => 1: is a folder
-        match l.pgm r.pgm -o d.pfm --calib text.png => 1: text.png | calib.txt | cam0
-        match l.pgm r.pgm -o d.pfm --algo v33 => 2: unknown algorithm 'v33' | did you mean 'v3'?
-        match l.pgm r.pgm -o d.pfm --algo v3:max_disparty=4 => \
-            2: no parameter 'max_disparty' | 'max_disparity'
-        match l.pgm r.pgm -o d.pfm --algo v3:max_disparity=x => \
-            2: max_disparity=x is not a whole number in
-        match l.pgm r.pgm -o d.pfm --algo v3:max_disparity=99999 => 2: 99999
-        match l.pgm r.pgm -o d.pfm --algo v3:min_disparity=9,max_disparity=3 => 2: min_disparity
-        match l.pgm r.pgm -o d.jpg => 2: d.jpg: must end in .pfm or .png
-        match l.pgm r.pgm -o no/where.pfm => 1: no: no such folder
-        match l.pgm r.pgm -o d.png --why ./d.png => 2: d.png: named twice
-        match l.pgm r.pgm -o /dev/null => 2: /dev/null: must end in
-        match l.pgm r.pgm -o d.pfm --calib /dev/zero => 1: /dev/zero | regular
-    ";
-    fixture.fails(wrong);
-    fixture.write("there.pfm", "");
-    fixture.fails("match l.pgm r.pgm -o there.pfm => 1: there.pfm: exists already | --force");
-}
-
-#[test]
 fn real_scenes_equal_the_expected_output() {
     let Some(datasets) = datasets() else { return };
     let fixture = Fixture::new();

@@ -49,9 +49,7 @@ fn parts_of_changed_pictures_are_refused() {
     // The pictures have the same names and sizes, and the parts other levels of noise.
     write_pair(&fixture, 2, 4);
     scored_part(&fixture, 3);
-    fixture.fails(
-        "merge p1 p2 p3 -o all => 1: p3: is not of the same run as p1 | of pairs were others",
-    );
+    fixture.fails("merge p1 p2 p3 -o all => 1: p3: is not of the same run as p1 | of pairs differ");
     scored_part(&fixture, 1);
     scored_part(&fixture, 2);
     fixture.run("merge p3 p2 p1 -o all -q");
@@ -105,7 +103,7 @@ fn parts_of_another_program_are_refused_and_their_strictest_limit_holds() {
         }
         let ran = fixture.svl("merge p1 p2 -o all -q");
         assert_eq!(ran.code, Some(code), "{limits:?}: {}", ran.stderr);
-        let unknown = "some: its program says neither version nor model";
+        let unknown = "some: its program reports no version and no model";
         let manifest = fixture.text("all/manifest.json");
         assert_eq!(manifest.matches(unknown).count(), 1, "{manifest}");
         let summary: Value = serde_json::from_str(&fixture.text("all/summary.json")).unwrap();

@@ -214,8 +214,7 @@ fn euroc_s_cameras_rectify_its_folder() {
     for folder in ["mav0", "."] {
         let ran = fixture.svl(&["record", folder, "--force", "-o", "out/rectified.mcap"]);
         assert!(
-            ran.stderr
-                .contains("rectified by what it says of its cameras"),
+            ran.stderr.contains("rectified by its own calibration"),
             "{}",
             ran.stderr
         );
@@ -261,7 +260,7 @@ fn options_are_for_what_takes_them() {
         (
             &["p", "--left", "l*", "--right", "r*"],
             1,
-            &["no image is called 'l*'", "left, right"],
+            &["no image is named 'l*'", "left, right"],
         ),
         (&["p.mcap", "--left", "left/*.png"], 1, &["is a pattern"]),
         (

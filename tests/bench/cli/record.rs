@@ -66,40 +66,6 @@ fn a_scene_and_a_folder_of_pairs() {
     );
 }
 
-#[test]
-fn bad_input_is_one_line_that_names_it() {
-    let fixture = Fixture::new();
-    fixture.write("there.mcap", "precious");
-    fixture.write("empty/readme.txt", "");
-    fixture.write("bad.toml", "name = 3");
-    fixture.write_pair("odd/im0.pgm", "odd/im1.pgm", (40, 20), 3);
-    fixture.write("odd/im1.pgm", pgm(4, 2, &[0; 8]));
-    fixture.fails("record -o there.mcap => 1: there.mcap: exists already | --force");
-    assert_eq!(fixture.bytes("there.mcap"), b"precious");
-    let wrong = "
-        record nowhere -o a.mcap => 1: nowhere: no such source
-        record empty -o a.mcap => 1: empty | holds no stereo pair
-        record odd -o b.mcap => 1: odd | 40x20 | 4x2
-    ";
-    fixture.fails(wrong);
-    assert!(
-        !fixture.path("b.mcap").exists(),
-        "a file without a pair stands in the way"
-    );
-    fixture.fails("record odd -o there.mcap --force => 1: odd");
-    assert_eq!(fixture.bytes("there.mcap"), b"precious");
-    let wrong = "
-        record odd --seed 3 -o a.mcap => 2: --seed is for the arena
-        record -o a.txt => 2: a.txt: must end in .mcap
-        record bad.toml -o a.mcap => 1: bad.toml: line 1, column 8
-        record there.mcap -o a.mcap => 1: there.mcap
-        record -o no/where.mcap => 1: no: no such folder
-        record --frames 0 => 2: --frames
-        record --duration -1 => 2: --duration
-    ";
-    fixture.fails(wrong);
-}
-
 /// Stamps, pairs and rigs of a recording.
 fn pairs(fixture: &Fixture, name: &str) -> Vec<(u64, StereoPair, Geometry)> {
     let mut source = RecordingSource::open(fixture.path(name)).unwrap();

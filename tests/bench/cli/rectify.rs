@@ -179,7 +179,7 @@ fn bags_of_raw_images_are_rectified_by_what_they_say() {
     for bag in ["euroc_4frames_ros2.mcap", "euroc_4frames_foxglove_png.mcap"] {
         let bag = folder.join(bag).display().to_string();
         let ran = fixture.svl(&["record", &bag, "--force", "-o", "rectified.mcap"]);
-        assert_says(&ran.stderr, &["rectified by what it says of its cameras"]);
+        assert_says(&ran.stderr, &["rectified by its own calibration"]);
         ran.done();
         let good = fixture.json("calibrate check rectified.mcap --json");
         assert!(good["median_abs_px"].as_f64().unwrap() < 0.15, "{good}");

@@ -13,7 +13,7 @@ fn numbers_against_a_reference_say_so_everywhere() {
     let exact = fixture.run("score short.toml --algo v3 -o exact");
     assert!(!exact.contains("against"), "{exact}");
     let ran = fixture.svl("score short.toml --algo v3 -o other --reference sgm");
-    assert_says(&ran.stderr, &["judged against sgm, not its own truth"]);
+    assert_says(&ran.stderr, &["scored against sgm, not its own truth"]);
     let text = ran.done();
     assert_eq!(text.matches(CAUTION).count(), 1, "{text}");
     for file in ["summary.md", "index.html"] {
@@ -57,7 +57,7 @@ fn a_replay_has_references_too_and_warns_of_itself() {
         "{rows}"
     );
     let ran = fixture.svl(&format!("{replay} --algo sgm:p1=10"));
-    assert_says(&ran.stderr, &["sgm:p1=10: is judged against itself"]);
+    assert_says(&ran.stderr, &["sgm:p1=10: is scored against itself"]);
     // Its own truth, as a topic: the same numbers, except for the stated origin.
     let table = |more: &str| {
         let json = fixture.json(&format!("replay run.mcap --json {more}"));

@@ -90,32 +90,6 @@ fn a_cut_recording_is_replayed_as_far_as_it_goes() {
 }
 
 #[test]
-fn bad_input_is_one_line_that_names_it() {
-    let fixture = recorded("1");
-    fixture.write("empty.mcap", "");
-    fixture.write(
-        "text.mcap",
-        "this is not a recording, and long enough to look at",
-    );
-    let wrong = "
-        replay missing.mcap => 1: missing.mcap: no such file
-        replay empty.mcap => 1: empty.mcap
-        replay text.mcap => 1: text.mcap | MCAP
-        replay . => 1: .
-        replay a.mcap --algo v2x => 2: unknown algorithm 'v2x'
-        replay a.mcap --rate 0 => 2: asap
-        replay a.mcap --rows rows.txt => 2: rows.txt: must end in .csv or .parquet
-        replay a.mcap --rows no/rows.csv => 1: no: no such folder
-        replay a.mcap -o a.mcap => 2: a.mcap: named twice
-        replay a.mcap -o a.mcap --force => 2: a.mcap: named twice
-        replay a.mcap --rerun spwan => 2: 'spwan' is no Rerun destination | `spawn`
-        replay a.mcap --algo v3 --algo v3 => 2: v3: named twice
-        replay a.mcap --algo v3:min_disparity=9,max_disparity=3 => 2: min_disparity
-    ";
-    fixture.fails(wrong);
-}
-
-#[test]
 fn without_any_recording_it_records_the_arena_first() {
     let fixture = Fixture::new();
     let ran = fixture.svl("replay --json");

@@ -85,43 +85,6 @@ fn a_folder_with_anything_else_is_left_alone() {
 }
 
 #[test]
-fn bad_scenarios_are_one_line_with_line_and_column() {
-    let fixture = Fixture::new();
-    let arena = include_str!("../../../scenarios/arena.toml");
-    fixture.write("unknown.toml", arena.replacen("\nmust", "\nmist", 1));
-    fixture.write("algorithm.toml", arena.replacen("\"v3\"", "\"v33\"", 1));
-    fixture.write("binary.toml", [0xff, 0xfe, 0]);
-    fixture.write(
-        "bare.toml",
-        "[source]\n[[checkpoint]]\nname = \"a\"\n[[gate]]\n",
-    );
-    fixture.write("nameless.toml", "[source]\nkind = \"arena\"\n");
-    let wrong = "
-        score bare.toml => 1: bare.toml: missing name, kind of [source], \
-            number of [[checkpoint]] 1, algorithm of [[gate]] 1, metric of [[gate]] 1
-        score nameless.toml => 1: line 1, column 1: missing key `name`
-        score unknown.toml => 1: unknown.toml: line  | , column  | unknown field `mist`
-        score algorithm.toml => 1: algorithm.toml | did you mean 'v3'?
-        score binary.toml => 1: binary.toml | UTF-8
-        score missing.toml => 1: missing.toml: no such file
-    ";
-    fixture.fails(wrong);
-    assert_eq!(fixture.svl("score").code, Some(2));
-}
-
-#[test]
-fn scenes_need_their_folder() {
-    let fixture = Fixture::new();
-    let scenario = include_str!("../../../scenarios/middlebury.toml");
-    fixture.write("middlebury.toml", scenario);
-    let wrong = "
-        score middlebury.toml => 1: --data DIR
-        score middlebury.toml --data . => 1: tsukuba | no such scene
-    ";
-    fixture.fails(wrong);
-}
-
-#[test]
 fn real_scenes_score_as_measured() {
     let Some(datasets) = datasets() else { return };
     let fixture = Fixture::new();
@@ -392,8 +355,8 @@ fn a_folder_is_a_report_only_with_its_manifest() {
     fixture.write_short_arena("short.toml", 2);
     fixture.write("site/index.html", "my homepage");
     let wrong = "
-        score short.toml -o site => 1: site: holds files but no manifest.json | -o
-        reproduce 5.5 -o site => 1: site: holds files but no reproduce.json
+        score short.toml -o site => 1: site: contains files but no manifest.json | -o
+        reproduce 5.5 -o site => 1: site: contains files but no reproduce.json
     ";
     fixture.fails(wrong);
     assert_eq!(fixture.text("site/index.html"), "my homepage");

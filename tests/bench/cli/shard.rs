@@ -166,11 +166,11 @@ fn a_killed_part_is_done_again_and_others_are_refused() {
         merge p1 p2 -o p1 => 2: p1: is a part | -o
         merge p1 -o all => 1: shard 2 of 2 missing | --shard 2/2
         merge p1 p2 again -o all => 1: is shard 1/2, and so is
-        merge p1 third -o all => 1: all must be of one number of shards
+        merge p1 third -o all => 1: all parts need the same number of shards
         merge p1 other -o all => 1: other: is not of the same run as p1 | algorithms
         merge p1 seeds -o all => 1: seeds: is not of the same run | source.seeds: 1, 2 and 1
-        merge p1 whole -o all => 1: whole: is no part of a report
-        merge p1 nothing -o all => 1: nothing: is no part of a report
+        merge p1 whole -o all => 1: whole: is not a part of a report
+        merge p1 nothing -o all => 1: nothing: is not a part of a report
         merge p1 killed -o all => 1: killed: is incomplete | --resume
         score short.toml --shard 3/2 -o x => 2: I from 1 to N
         score short.toml --shard 1/2 => 2: -o
@@ -182,12 +182,12 @@ fn a_killed_part_is_done_again_and_others_are_refused() {
     let cells = fixture.text("p2/cells.csv");
     let whole_lines: Vec<_> = cells.lines().take(20).collect();
     fixture.write("p2/cells.csv", whole_lines.join("\n") + "\n");
-    fixture.fails("merge p1 p2 -o all => 1: p2: cells.csv is not as it was written");
+    fixture.fails("merge p1 p2 -o all => 1: p2: cells.csv was changed after it was written");
     // Edited, of the same size.
     fixture.write("p2/cells.csv", cells.replace("right", "wrong"));
-    fixture.fails("merge p1 p2 -o all => 1: p2: cells.csv is not as it was written");
+    fixture.fails("merge p1 p2 -o all => 1: p2: cells.csv was changed after it was written");
     std::fs::remove_file(fixture.path("p2/cells.csv")).unwrap();
-    fixture.fails("merge p1 p2 -o all => 1: p2: cells.csv is not as it was written");
+    fixture.fails("merge p1 p2 -o all => 1: p2: cells.csv was changed after it was written");
     fixture.run("merge p1 killed -o all -q");
     // Both algorithms have the pairs of a seed, each in its shard.
     let missing = |report: &str| {

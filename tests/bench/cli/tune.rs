@@ -339,38 +339,6 @@ fn a_search_on_recordings_holds_some_out() {
 }
 
 #[test]
-fn what_cannot_be_tuned_is_refused_in_one_line() {
-    let fixture = recorded();
-    fixture.write_short_arena("short.toml", 3);
-    fixture.write("bad", "wait nonsense");
-    fixture.write("there.toml", "mine");
-    fixture.fails(
-        "tune run.mcap => 1: needs a terminal | --script FILE
-         tune run.mcap other.mcap => 2: several sources are searched with --auto
-         tune nothing.mcap --script bad => 1: bad: line 1: 'nonsense' is no key
-         tune nothing.mcap --auto -o o.toml => 1: nothing.mcap
-         tune run.mcap --auto => 2: -o
-         tune run.mcap --auto -o o.csv => 2: must end in .toml
-         tune run.mcap --auto -o there.toml => 1: there.toml: exists
-         tune sim --auto -o o.toml => 2: sim: are cameras | svl record sim
-         tune run.mcap --auto -o o.toml --maximize rigth => 2: did you mean 'right'
-         tune run.mcap --auto -o o.toml --maximize passed => 2: no metric to search by
-         tune run.mcap --auto -o o.toml --subject-to wrong=3 => 2: neither <= nor >=
-         tune run.mcap --auto -o o.toml --subject-to agreed<=3 => 2: no metric to search by
-         tune run.mcap --auto -o o.toml --algo v3 --vary texture => 2: texture | did you mean
-         tune run.mcap --auto -o o.toml --algo v3 --vary subpixel=maybe => 2: true or false
-         tune run.mcap --auto -o o.toml --algo truth --vary max_disparity=9..5 => 2: FROM..TO
-         tune run.mcap --auto -o o.toml --test run.mcap => 2: a test on pairs that were searched on
-         tune run.mcap --auto -o o.toml --test-seeds 3 => 2: is not of the arena
-         tune run.mcap --auto -o o.toml --maximize unrivalled => 2: take right
-         tune run.mcap --vary p1 => 2: --auto
-         tune run.mcap --script bad --auto -o o.toml => 2: cannot be used with",
-    );
-    assert_eq!(fixture.text("there.toml"), "mine");
-    assert!(!fixture.path("o.toml").exists() && !fixture.path("o.csv").exists());
-}
-
-#[test]
 fn what_is_tested_on_is_read_as_what_is_searched_on() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 12);
@@ -381,7 +349,7 @@ fn what_is_tested_on_is_read_as_what_is_searched_on() {
          best.toml",
     );
     for name in ["run.mcap", "test.mcap"] {
-        let words = format!("{name}: judged against sgm, not its own truth");
+        let words = format!("{name}: scored against sgm, not its own truth");
         assert!(ran.stderr.contains(&words), "{}", ran.stderr);
     }
     ran.done();
