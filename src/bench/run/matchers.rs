@@ -233,7 +233,7 @@ impl RunMatcher {
             Ok(())
         } else {
             Err(Error::Invalid(format!(
-                "{}: its result of pair {sequence} differs from that of the earlier part of the run: \
+                "{}: its result of pair {sequence} differs from that of the earlier part: \
                  the program or its model changed; without --resume all is scored again",
                 self.label
             )))

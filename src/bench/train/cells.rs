@@ -168,8 +168,8 @@ impl CellTraining {
             charts: [
                 PlotView {
                     title: "Reliability".into(),
-                    about: "Fraction of right cells by the probability that a table, fitted without \
-                            their part of the runs, gives them; ranges with 20 cells or more.",
+                    about: "Fraction of right cells by the probability of a table, fitted without \
+                            their part of the runs; ranges with 20 cells or more.",
                     svg: reliability.svg()?,
                 },
                 PlotView {

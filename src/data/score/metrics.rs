@@ -273,8 +273,8 @@ pub const METRICS: &[Metric] = &[
         },
         plot: Some("known_cells"),
         note: Some(|_| {
-            let words = "cells with a distance or a disparity, right or not, of all cells; the mean \
-                         over the pairs";
+            let words = "cells with a distance or a disparity, right or not, of all cells; the \
+                         mean over the pairs";
             ("known", words.into())
         }),
         level: MetricLevel::Headline(&[RunKind::NoTruth]),
@@ -328,8 +328,8 @@ pub const METRICS: &[Metric] = &[
             total: SCORED_CELLS,
         },
         note: Some(|_| {
-            let words = "a cell is right, too, if its report is that of a nearer surface that fills \
-                         at least a quarter of the cell";
+            let words = "a cell is right, too, if its report is that of a nearer surface that \
+                         fills at least a quarter of the cell";
             ("by surface", words.into())
         }),
         ..DETAIL
@@ -506,8 +506,8 @@ pub const METRICS: &[Metric] = &[
         },
         plot: Some("row_offset"),
         note: Some(|_| {
-            let words = "number of rows by which the right image is lower: the median over a pair's \
-                         pixels, the mean over the pairs; in whole rows, and only within \
+            let words = "number of rows by which the right image is lower: the median over a \
+                         pair's pixels, the mean over the pairs; in whole rows, and only within \
                          row_tolerance: `svl calibrate check` measures larger ones";
             ("vertical, px", words.into())
         }),
@@ -549,8 +549,8 @@ pub const METRICS: &[Metric] = &[
         },
         plot: Some("agreed_cells"),
         note: Some(|_| {
-            let words = "known cells that the median of the run's other algorithms confirms, of all \
-                         cells; needs no truth; compare only runs with the same algorithms";
+            let words = "known cells that the median of the run's other algorithms confirms, of \
+                         all cells; needs no truth; compare only runs with the same algorithms";
             ("agreed", words.into())
         }),
         level: MetricLevel::Headline(&[RunKind::NoTruth]),

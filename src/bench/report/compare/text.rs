@@ -108,7 +108,11 @@ impl Comparison {
                 words.truncate(LISTED);
                 words.push(format!("{} more", count - LISTED));
             }
-            (count > 0).then(|| format!("{word} in {count} {of_all} ({})", words.join(", ")))
+            let listed = match self.algorithms.len() {
+                1 => String::new(),
+                _ => format!(" ({})", words.join(", ")),
+            };
+            (count > 0).then(|| format!("{word} in {count} {of_all}{listed}"))
         };
         let parts = [(Judgement::Worse, "worse"), (Judgement::Better, "better")];
         let parts: Vec<_> = parts.into_iter().filter_map(listed).collect();
