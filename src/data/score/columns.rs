@@ -128,7 +128,7 @@ mod tests {
             assert_eq!(found, expected, "{kind:?}");
         };
         let distances = [
-            "right", "wrong", "unknown", "missed25", "false5", "passed", "time",
+            "right", "wrong", "unknown", "missed25", "false5", "floor", "passed", "time",
         ];
         expect(Distances, &distances);
         expect(Disparities, &["coverage", "bad2", "passed", "time"]);

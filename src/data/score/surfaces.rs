@@ -179,8 +179,8 @@ mod tests {
         assert_eq!((tally(0, 0.4).falsely, tally(1, 0.4).falsely), (1, 0));
         let near = |cells: SurfaceTally| (cells.near, cells.near_unknown);
         assert_eq!(near(tally(3, 2.0)), (1, 0));
-        // No disparity is as far as that.
-        assert_eq!(near(tally(3, f64::NEG_INFINITY)), (1, 1));
+        // An infinite disparity is none.
+        assert_eq!(near(tally(3, 0.0)), (1, 1));
         assert_eq!(near(tally(2, 2.0)), (0, 0));
     }
 }

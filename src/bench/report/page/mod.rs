@@ -76,9 +76,10 @@ fn prose(text: &str) -> Value {
     Value::from_safe_string(parts.collect())
 }
 
-/// A list without spaces that breaks behind its commas.
+/// A list that breaks behind its commas, also where no space follows.
 fn breaks(text: &str) -> Value {
-    Value::from_safe_string(HtmlEscape(text).to_string().replace(',', ",<wbr>"))
+    let broken = HtmlEscape(text).to_string().replace(',', ",<wbr>");
+    Value::from_safe_string(broken.replace("<wbr> ", " "))
 }
 
 /// The place of a value between the ends of a logarithmic scale, percent of its length.
@@ -198,6 +199,6 @@ mod tests {
     fn texts_are_escaped_once() {
         let code = prose("a < b: `svl & co`");
         assert_eq!(code.to_string(), "a &lt; b: <code>svl &amp; co</code>");
-        assert_eq!(breaks("a=1,b=<").to_string(), "a=1,<wbr>b=&lt;");
+        assert_eq!(breaks("a=1,b=<, c").to_string(), "a=1,<wbr>b=&lt;, c");
     }
 }
