@@ -72,28 +72,33 @@ impl Summary {
         })
     }
 
-    /// The fastest of the algorithms that may be called best, with the best one as its second.
+    /// The fastest of the algorithms that may be called best. Its second is the best one, or, if
+    /// it is that itself, the next fastest.
     fn fastest(&self, best: &str, rows: &[&Row]) -> Option<Lead> {
         let metric = Metric::find("time")?;
         let of = |a: &AlgorithmSummary| self.ranked(a, metric);
-        let best = self.algorithms.iter().find(|a| a.algorithm == best)?;
-        let own = of(best)?;
         let candidates = || self.algorithms.iter().filter(|a| self.is_candidate(a));
         let usable = candidates().filter(|a| self.is_usable(a));
-        let timed = usable.filter_map(|a| Some((of(a)?, a)));
-        let (value, fastest) = timed.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let labels = [fastest, best].map(|a| a.algorithm.as_str());
-        let second = || RunnerUp {
-            algorithm: best.algorithm.clone(),
-            value: own,
-            certainty: of_pairs(metric, labels, rows),
+        let mut timed: Vec<_> = usable.filter_map(|a| Some((of(a)?, a))).collect();
+        timed.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let &(value, fastest) = timed.first()?;
+        let own = *timed.iter().find(|(_, a)| a.algorithm == best)?;
+        let second = if fastest.algorithm == best {
+            timed.get(1).copied()
+        } else {
+            Some(own)
         };
+        let second = second.map(|(value, a)| RunnerUp {
+            algorithm: a.algorithm.clone(),
+            value,
+            certainty: of_pairs(metric, [&fastest.algorithm, &a.algorithm], rows),
+        });
         Some(Lead {
             metric,
             algorithm: fastest.algorithm.clone(),
             value,
             is_outdone: candidates().any(|a| of(a).is_some_and(|ms| ms < value)),
-            second: (fastest.algorithm != best.algorithm).then(second),
+            second,
         })
     }
 
@@ -135,7 +140,7 @@ impl Summary {
         let mut sentences: Vec<(&str, Vec<String>)> = Vec::new();
         let is_time = |lead: &&Lead| lead.metric.unit == MetricUnit::Ms;
         for lead in self.leads.iter().filter(|lead| !is_time(lead)) {
-            let words = words(lead);
+            let words = self.lead_words(lead);
             match sentences
                 .iter_mut()
                 .find(|(algorithm, _)| *algorithm == lead.algorithm)
@@ -155,9 +160,26 @@ impl Summary {
         let sentences = sentences.into_iter().map(sentence);
         let fastest = self.leads.iter().find(is_time);
         let fastest = fastest.and_then(|lead| self.speed_words(lead));
+        let passes = self.checkpoint_words();
         let is_outdone = self.leads.iter().any(|lead| lead.is_outdone);
         let usable = is_outdone.then(|| format!("Usable: {}.", self.usable_words()));
-        sentences.chain(fastest).chain(usable).collect()
+        let all = sentences.chain(passes).chain(fastest).chain(usable);
+        all.collect()
+    }
+
+    /// The usable algorithm that passes the most frames of checkpoints, if the first one is not.
+    fn checkpoint_words(&self) -> Option<String> {
+        let metric = Metric::find("passed")?;
+        let passed = |label: &str| self.value(label, metric, None);
+        let first = &self.leads.first()?.algorithm;
+        let own = passed(first)?;
+        let mut ranked = self.ranked_algorithms();
+        ranked.retain(|a| self.is_candidate(a) && self.is_usable(a));
+        ranked.sort_by(|a, b| better_first(metric, passed(&a.algorithm), passed(&b.algorithm)));
+        let best = &ranked.first()?.algorithm;
+        let [most, own] = [passed(best).filter(|most| *most > own)?, own].map(|v| value(metric, v));
+        let words = format!("{best} passes more checkpoint frames ({most}, {first} {own}).");
+        Some(words)
     }
 
     /// The fastest algorithm with its cost, in words.
@@ -173,16 +195,21 @@ impl Summary {
             _ => "",
         };
         let time = format!("{} per pair{beside}", value(fastest.metric, fastest.value));
-        let Some(best) = &fastest.second else {
-            return Some(format!("{name} is also the fastest{usable} ({time})."));
-        };
-        let own = |metric| Some(value(metric, self.value(name, metric, None)?));
+        let second = fastest.second.as_ref();
+        let second_words =
+            second.map_or_else(String::new, |s| self.second_words(fastest.metric, s));
         let first = self.leads.first()?;
+        if first.algorithm == *name {
+            return Some(format!(
+                "{name} is also the fastest{usable} ({time}{second_words})."
+            ));
+        }
+        let best = &first.algorithm;
+        let own = |metric| Some(value(metric, self.value(name, metric, None)?));
         let cost = format!("{} {}", own(first.metric)?, first.metric.words);
-        let most = self.coverage_words(name, &best.algorithm);
-        let best = second_words(fastest.metric, best);
+        let most = self.coverage_words(name, best);
         Some(format!(
-            "{name} is the fastest{usable} ({time}{best}), with {cost}{most}."
+            "{name} is the fastest{usable} ({time}{second_words}), with {cost}{most}."
         ))
     }
 
@@ -196,36 +223,45 @@ impl Summary {
         };
         metric.and_then(words).unwrap_or_default()
     }
-}
 
-/// The second best behind the value of the best.
-fn second_words(metric: &Metric, second: &RunnerUp) -> String {
-    let certainty = match second.certainty.words() {
-        "" => String::new(),
-        words => format!(": {words}"),
-    };
-    format!(
-        ", {} {}{certainty}",
-        second.algorithm,
-        value(metric, second.value)
-    )
-}
+    /// The second best behind the value of the best.
+    fn second_words(&self, metric: &Metric, second: &RunnerUp) -> String {
+        let certainty = match second.certainty.words() {
+            "" => String::new(),
+            words => format!(": {words}"),
+        };
+        let label = &second.algorithm;
+        let value = self.value_words(metric, label, second.value);
+        format!(", {label} {value}{certainty}")
+    }
 
-/// The words of a lead after the name of its algorithm and "has".
-fn words(lead: &Lead) -> String {
-    let most = match lead.metric.better {
-        Better::Less => "the fewest",
-        _ => "the most",
-    };
-    let second = lead.second.as_ref();
-    let second = second.map_or_else(String::new, |second| second_words(lead.metric, second));
-    let value = value(lead.metric, lead.value);
-    let usable = if lead.is_outdone {
-        " of the usable"
-    } else {
-        ""
-    };
-    format!("{most} {}{usable} ({value}{second})", lead.metric.words)
+    /// The words of a lead after the name of its algorithm and "has".
+    fn lead_words(&self, lead: &Lead) -> String {
+        let most = match lead.metric.better {
+            Better::Less => "the fewest",
+            _ => "the most",
+        };
+        let second = lead.second.as_ref();
+        let second = second.map_or_else(String::new, |s| self.second_words(lead.metric, s));
+        let value = self.value_words(lead.metric, &lead.algorithm, lead.value);
+        let usable = if lead.is_outdone {
+            " of the usable"
+        } else {
+            ""
+        };
+        format!("{most} {}{usable} ({value}{second})", lead.metric.words)
+    }
+
+    /// A value in a sentence. An algorithm that reports little misses little, so a number of missed
+    /// obstacles has the fraction of unknown ones with it.
+    fn value_words(&self, metric: &Metric, label: &str, of: f64) -> String {
+        let unknown = Metric::find("unknown25").filter(|_| metric.name == "missed25");
+        let unknown = unknown.and_then(|unknown| {
+            let share = self.value(label, unknown, None)?;
+            Some(format!(" with {} unknown", value(unknown, share)))
+        });
+        value(metric, of) + &unknown.unwrap_or_default()
+    }
 }
 
 fn certainty(interval: Option<Interval>, too_few: Certainty) -> Certainty {

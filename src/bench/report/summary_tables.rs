@@ -88,8 +88,7 @@ impl Summary {
         }
         let kind = self.kind();
         let value = |a: &AlgorithmSummary, name| a.value(Metric::find(name)?);
-        let mut first = self.columns.metrics(kind).into_iter();
-        let first = first.find(|metric| metric.better != Better::Neither);
+        let first = self.first_metric();
         let key = |a: &AlgorithmSummary| match kind {
             RunKind::Distances => Some(value(a, "right")? - value(a, "wrong")?),
             _ => {
@@ -108,6 +107,21 @@ impl Summary {
         // Stable, and those without a value are last.
         keyed.sort_by(|(a, _), (b, _)| b.total_cmp(a));
         keyed.into_iter().map(|(_, a)| a).collect()
+    }
+
+    /// The order in words; none if the user chose it.
+    pub(super) fn order_words(&self) -> Option<String> {
+        let words = match self.kind() {
+            RunKind::Distances => "right minus wrong",
+            _ => self.first_metric()?.words,
+        };
+        (!self.is_sorted).then(|| format!("sorted by {words}"))
+    }
+
+    /// The first column that has a better direction.
+    fn first_metric(&self) -> Option<&'static Metric> {
+        let mut metrics = self.columns.metrics(self.kind()).into_iter();
+        metrics.find(|metric| metric.better != Better::Neither)
     }
 
     /// The algorithms that have a result, in that order.
@@ -161,6 +175,7 @@ impl Summary {
                         add(
                             TableColumn {
                                 is_optional,
+                                is_less_better: true,
                                 ..column
                             },
                             &|a| match head {
@@ -180,6 +195,7 @@ impl Summary {
                 _ if is_measured(metric) => {
                     let column = TableColumn {
                         is_optional: metric.better == Better::Neither && !is_all,
+                        is_less_better: metric.better == Better::Less,
                         ..TableColumn::new(metric.group, metric.head)
                     };
                     add(column, &|a| {

@@ -112,6 +112,7 @@ impl Sink for PictureSink {
                     let grid = &scored.estimate.grid;
                     Some(FrameShot {
                         passed: Some(verdict.passed),
+                        failures: self.checkpoints[c].failures(grid, scored.cells.as_deref()),
                         findings: self.checkpoints[c].findings(grid, self.cells),
                         ..frame_shot(&self.identity, judged, scored)?
                     })
@@ -287,6 +288,7 @@ pub(crate) fn frame_shot(
         row: identity.row(judged, scored),
         cells: identity.cells(judged, scored),
         passed: None,
+        failures: Vec::new(),
         findings: Vec::new(),
         left: left(frame, WIDTH)?,
         size,

@@ -25,7 +25,14 @@ impl ColumnChoice {
         };
         match self {
             Self::Headline => METRICS.iter().filter(is_headline).collect(),
-            Self::All => METRICS.iter().collect(),
+            // Groups with a headline metric first; groups remain whole.
+            Self::All => {
+                let has_headline =
+                    |group| METRICS.iter().any(|m| m.group == group && is_headline(&m));
+                let mut metrics: Vec<_> = METRICS.iter().collect();
+                metrics.sort_by_key(|metric| !has_headline(metric.group));
+                metrics
+            }
             Self::Named(metrics) => metrics.clone(),
         }
     }
@@ -121,7 +128,7 @@ mod tests {
             assert_eq!(found, expected, "{kind:?}");
         };
         let distances = [
-            "right", "wrong", "unknown", "missed25", "false5", "passed", "time",
+            "right", "wrong", "unknown", "missed25", "false5", "floor", "passed", "time",
         ];
         expect(Distances, &distances);
         expect(Disparities, &["coverage", "bad2", "passed", "time"]);

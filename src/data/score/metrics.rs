@@ -281,8 +281,8 @@ pub const METRICS: &[Metric] = &[
     },
     Metric {
         name: "missed",
-        words: "missed obstacles",
-        group: "obstacles",
+        words: "missed obstacles, by median",
+        group: "by median",
         head: "missed",
         unit: MetricUnit::Count,
         better: Better::Less,
@@ -294,17 +294,17 @@ pub const METRICS: &[Metric] = &[
         note: Some(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
-                "cells truly nearer than {obstacle_m} m reported beyond {clear_m} m (missed), and \
-                 the reverse (false)"
+                "obstacles by the thesis's rule: cells whose true median is nearer than \
+                 {obstacle_m} m reported beyond {clear_m} m (missed), and the reverse (false)"
             );
-            ("obstacles", words)
+            ("by median", words)
         }),
         ..DETAIL
     },
     Metric {
         name: "false",
-        words: "false obstacles",
-        group: "obstacles",
+        words: "false obstacles, by median",
+        group: "by median",
         head: "false",
         unit: MetricUnit::Count,
         better: Better::Less,
@@ -420,6 +420,63 @@ pub const METRICS: &[Metric] = &[
         ..DETAIL
     },
     Metric {
+        name: "floor",
+        words: "floor obstacles",
+        group: "near obstacles",
+        head: "floor",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "floor_obstacles",
+            of: |facts| facts.filtered(|cells| cells.floor),
+            total: MetricTotal::Sum,
+        },
+        note: Some(|rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells reported nearer than {obstacle_m} m in which only floor is nearer than \
+                 {clear_m} m: true distances, so not false, and a robot without a filter \
+                 stops for them"
+            );
+            ("floor", words)
+        }),
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
+    },
+    Metric {
+        name: "near25",
+        words: "near obstacles",
+        group: "near obstacles",
+        head: "all",
+        unit: MetricUnit::Count,
+        origin: MetricOrigin::Frame {
+            column: "near25",
+            of: |facts| facts.near_obstacles(|cells| cells.near),
+            total: MetricTotal::Sum,
+        },
+        note: Some(|rule| {
+            let (obstacle_m, _) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "near obstacles, cells whose nearest quarter is nearer than {obstacle_m} m (all), \
+                 and the fraction of them in which nothing is reported (unknown)"
+            );
+            ("all, unknown", words)
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "unknown25",
+        words: "unknown near obstacles",
+        group: "near obstacles",
+        head: "unknown, %",
+        origin: MetricOrigin::Frame {
+            column: "unknown25",
+            of: |facts| facts.near_obstacles(|cells| cells.near_unknown),
+            total: MetricTotal::ShareOf(&["near25"]),
+        },
+        ..DETAIL
+    },
+    Metric {
         name: "coverage",
         words: "coverage",
         group: "pixels, %",
@@ -494,8 +551,8 @@ pub const METRICS: &[Metric] = &[
     Metric {
         name: "row_offset",
         words: "vertical misalignment",
-        group: "misalignment",
-        head: "vertical, px",
+        group: "misalignment, px",
+        head: "vertical",
         unit: MetricUnit::Px,
         better: Better::Neither,
         against_truth: false,
@@ -509,7 +566,7 @@ pub const METRICS: &[Metric] = &[
             let words = "number of rows by which the right image is lower: the median over a \
                          pair's pixels, the mean over the pairs; in whole rows, and only within \
                          row_tolerance: `svl calibrate check` measures larger ones";
-            ("vertical, px", words.into())
+            ("vertical", words.into())
         }),
         ..DETAIL
     },
@@ -554,28 +611,6 @@ pub const METRICS: &[Metric] = &[
             ("agreed", words.into())
         }),
         level: MetricLevel::Headline(&[RunKind::NoTruth]),
-    },
-    Metric {
-        name: "floor",
-        words: "floor obstacles",
-        group: "filters",
-        head: "floor",
-        unit: MetricUnit::Count,
-        better: Better::Less,
-        origin: MetricOrigin::Frame {
-            column: "floor_obstacles",
-            of: |facts| facts.filtered(|cells| cells.floor),
-            total: MetricTotal::Sum,
-        },
-        note: Some(|rule| {
-            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
-            let words = format!(
-                "cells reported nearer than {obstacle_m} m in which only floor is nearer than \
-                 {clear_m} m"
-            );
-            ("floor", words)
-        }),
-        ..DETAIL
     },
     Metric {
         name: "kept",

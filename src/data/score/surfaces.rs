@@ -19,7 +19,11 @@ pub struct SurfaceTally {
     /// Right by the median, or nearer than that and agreeing with a quarter of the cell.
     pub right: usize,
     pub wrong: usize,
-    /// Cells whose nearest quarter is an obstacle, reported as clear.
+    /// Cells whose nearest quarter is an obstacle.
+    pub near: usize,
+    /// Those of them that are unknown.
+    pub near_unknown: usize,
+    /// Those of them that are reported as clear.
     pub missed: usize,
     /// Cells reported as an obstacle that are nearly all clear.
     pub falsely: usize,
@@ -44,14 +48,18 @@ impl SurfaceTally {
         let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
         let truths = true_cells.grid().iter().zip(true_cells.cells());
         for (((place, median), of_truth), (_, cell)) in truths.zip(reported.iter()) {
-            let (Some(median), Some(report), Some(quarter)) =
-                (&median.depth, &cell.depth, &of_truth.quarter)
-            else {
+            let (Some(median), Some(quarter)) = (&median.depth, &of_truth.quarter) else {
                 continue;
             };
             if judged_by_distance(rule) && median.distance_m.is_none() {
                 continue;
             }
+            let near_obstacle = quarter.near.distance_m.is_some_and(|z| z < obstacle_m);
+            tally.near += usize::from(near_obstacle);
+            let Some(report) = &cell.depth else {
+                tally.near_unknown += usize::from(near_obstacle);
+                continue;
+            };
             let median_px = f64::from(median.median_px);
             let agrees = |true_px: f64, surface| {
                 // Too close means anywhere nearer than the report.
@@ -80,7 +88,6 @@ impl SurfaceTally {
             }
             let is_clear = report.distance_m.is_none_or(|z| z > clear_m);
             let is_obstacle = report.distance_m.is_some_and(|z| z < obstacle_m);
-            let near_obstacle = quarter.near.distance_m.is_some_and(|z| z < obstacle_m);
             tally.missed += usize::from(near_obstacle && is_clear);
             tally.falsely += usize::from(is_obstacle && quarter.not_clear < CLEAR);
         }
@@ -170,5 +177,10 @@ mod tests {
         assert_eq!((tally(3, 2.0).missed, tally(2, 2.0).missed), (1, 0));
         assert_eq!((tally(3, 0.4).near_right, tally(2, 0.4).near_wrong), (1, 1));
         assert_eq!((tally(0, 0.4).falsely, tally(1, 0.4).falsely), (1, 0));
+        let near = |cells: SurfaceTally| (cells.near, cells.near_unknown);
+        assert_eq!(near(tally(3, 2.0)), (1, 0));
+        // An infinite disparity is none.
+        assert_eq!(near(tally(3, 0.0)), (1, 1));
+        assert_eq!(near(tally(2, 2.0)), (0, 0));
     }
 }

@@ -106,6 +106,11 @@ fn shot(passed: bool, left: &[u8]) -> FrameShot {
             .map(|(verdict, column)| cell("v3", column, verdict))
             .collect(),
         passed: Some(passed),
+        failures: if passed {
+            Vec::new()
+        } else {
+            vec!["(0, 0) is wrong".into()]
+        },
         findings: Vec::new(),
         left: left.to_vec(),
         size: (30, 10),
@@ -180,6 +185,10 @@ fn the_page_shows_every_figure_and_holds_every_image_once() {
         html.contains("seed 7, frame 143") && html.contains("cells: 12 right, 1 wrong, 2 unknown")
     );
     assert!(html.contains("wrong: (0, 0) 0.80 m, truly 0.40 m, obstacle missed"));
+    assert!(html.contains("(0, 0) is wrong"));
+    assert_eq!(count("passes in 4 of 4 frames"), 3, "a square, two frames");
+    // The checkpoint that the first algorithm fails.
+    assert_eq!(count("data-first=\"cp1\""), 1);
     assert_eq!(count("class=\"unseen\""), 1);
     // A square leads to the frames of its checkpoint and algorithm, if there are any.
     for square in ["cp1", "cp2"] {
@@ -214,7 +223,15 @@ fn the_answer_comes_before_frames_and_all_else_is_folded() {
     .render()
     .unwrap();
     let ids = [
-        "headline", "plot", "frames", "metrics", "speed", "gate", "cite", "made",
+        "headline",
+        "plot",
+        "frames",
+        "algorithms",
+        "metrics",
+        "speed",
+        "gate",
+        "cite",
+        "made",
     ];
     let order = places(&html, &ids);
     assert!(order.is_sorted(), "{order:?}");

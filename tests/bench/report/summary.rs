@@ -144,6 +144,9 @@ fn run(algorithms: &[(&str, f64, f64, [u64; 3])]) -> Summary {
                 row.metrics.set(metric, Some((10.0 * tenths).round()));
             }
             row.metrics.set("missed25", Some(wrong.round()));
+            row.metrics.set("near25", Some(10.0));
+            row.metrics
+                .set("unknown25", Some((10.0 - right - wrong).round()));
             row.metrics.set("false5", Some(0.0));
             rows.push(row);
         }
@@ -296,6 +299,32 @@ fn a_lead_is_as_sure_as_its_interval() {
     let none = run(&[("v1", 8.0, 2.0, [1, 1, 1]), ("dp", 4.0, 5.0, [1, 1, 1])]);
     assert!(none.leads.is_empty());
     assert_eq!(none.answer().len(), 1);
+}
+
+#[test]
+fn the_best_may_be_the_fastest_and_another_pass_more_checkpoints() {
+    let summary = run(&[("v5", 9.0, 0.5, [9, 9, 9]), ("v4", 4.0, 0.5, [10, 10, 10])]);
+    let answer = summary.answer();
+    let last = [
+        "v4 passes more checkpoint frames (100.0 %, v5 90.0 %).",
+        "v5 is also the fastest (1.0 ms per pair, v4 2.0 ms).",
+    ];
+    assert_eq!(answer[1..], last);
+    assert!(
+        answer[0].contains("(60 with 10.0 % unknown, v4 60 with 60.0 % unknown: no difference)")
+    );
+    // Equal times are not a difference.
+    let rows: Vec<_> = (0..120)
+        .map(|i| row(["v5", "v3"][i % 2], i as u64 / 2, 1_000))
+        .collect();
+    let mut equal = super::fixture::summary(rows.clone(), Vec::new());
+    equal.find_leads(&rows, &[]);
+    let fastest = equal.leads.last().unwrap();
+    let second = fastest.second.as_ref().unwrap();
+    assert_eq!(
+        (fastest.metric.name, second.certainty),
+        ("time", Certainty::NoDifference)
+    );
 }
 
 #[test]

@@ -11,7 +11,6 @@ use svl_data::score::{CellFinding, METRICS, Metric, MetricTotal, Verdict};
 
 #[derive(Serialize)]
 pub(super) struct FigureView<'a> {
-    #[serde(skip)]
     pub checkpoint: Option<u32>,
     pub title: &'a str,
     about: &'a str,
@@ -25,6 +24,7 @@ struct ShotView<'a> {
     passed: Option<bool>,
     origin: String,
     cells: String,
+    failures: &'a [String],
     wrong: Vec<String>,
     missing: Vec<&'a str>,
     numbers: String,
@@ -32,18 +32,28 @@ struct ShotView<'a> {
 }
 
 impl<'a> FigureView<'a> {
-    pub(super) fn new(figure: &'a CheckpointFigure, images: &mut PageImages<'a>) -> Self {
-        let shots = figure
-            .shots
-            .iter()
-            .map(|(rank, shot)| shot_view(*rank, shot, images))
-            .collect();
+    /// `place`: that of an algorithm among all.
+    pub(super) fn new(
+        figure: &'a CheckpointFigure,
+        images: &mut PageImages<'a>,
+        place: impl Fn(&str) -> usize,
+    ) -> Self {
+        let shots = figure.shots.iter();
+        let shots = shots.map(|(rank, shot)| shot_view(*rank, shot, images));
+        let mut shots: Vec<_> = shots.collect();
+        shots.sort_by_key(|shot| place(shot.algorithm));
         Self {
             checkpoint: figure.checkpoint,
             title: &figure.title,
             about: &figure.about,
             shots,
         }
+    }
+
+    /// True if the worst frame of an algorithm fails.
+    pub(super) fn fails(&self, algorithm: &str) -> bool {
+        let mut shots = self.shots.iter();
+        shots.any(|s| s.algorithm == algorithm && s.rank == Rank::Worst && s.passed == Some(false))
     }
 }
 
@@ -72,6 +82,7 @@ fn shot_view<'a>(rank: Rank, shot: &'a FrameShot, images: &mut PageImages<'a>) -
         passed: shot.passed,
         origin: origin(&shot.row),
         cells: cells(&shot.row),
+        failures: &shot.failures,
         wrong: wrong_cells(shot),
         missing: missing.map(|finding| finding.words.as_str()).collect(),
         numbers: numbers(&shot.row),
@@ -166,7 +177,7 @@ fn estimated(cell: &CellRow) -> String {
 }
 
 fn probability(cell: &CellRow) -> String {
-    let words = |p: f64| format!(" ({:.0} % probable)", 100.0 * p);
+    let words = |p: f64| format!(" ({}: {:.0} %)", cell.algorithm, 100.0 * p);
     cell.probability.map_or_else(String::new, words)
 }
 
@@ -189,11 +200,28 @@ pub(super) fn numbers(row: &Row) -> String {
     unbroken.collect::<Vec<_>>().join(", ")
 }
 
-/// The distance if there is one, else the disparity.
+/// The distance if there is one, else the disparity; 0 px is at infinity.
 fn depth(distance_m: Option<f64>, median_px: Option<f64>) -> String {
     match (distance_m, median_px) {
         (Some(distance_m), _) => format!("{distance_m:.2} m"),
+        (None, Some(median_px)) if median_px <= 0.0 => "at infinity".to_owned(),
         (None, Some(median_px)) => format!("{median_px:.1} px"),
         (None, None) => "nothing".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::depth;
+
+    #[test]
+    fn no_disparity_is_infinitely_far() {
+        let words = [
+            (Some(4.96), Some(2.0)),
+            (None, Some(0.0)),
+            (None, Some(2.0)),
+        ];
+        let words = words.map(|(distance_m, px)| depth(distance_m, px));
+        assert_eq!(words, ["4.96 m", "at infinity", "2.0 px"]);
     }
 }

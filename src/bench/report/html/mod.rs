@@ -79,6 +79,8 @@ pub struct FrameShot {
     pub cells: Vec<CellRow>,
     /// True if the checkpoint passes in this frame; absent without a checkpoint.
     pub passed: Option<bool>,
+    /// Reasons why the checkpoint fails, besides the findings.
+    pub failures: Vec<String>,
     /// Cells that fail the checkpoint.
     pub findings: Vec<CellFinding>,
     /// The left image as a PNG or JPEG file. The page holds it once, however many shots show it.

@@ -4,7 +4,7 @@ const root = document.documentElement;
 const chooser = document.querySelector(".chooser");
 const labels = all("[data-toggle]").map((button) => button.dataset.toggle);
 const state = {
-  figure: document.querySelector(".figure:has(.shot)")?.id,
+  figure: chooser?.dataset.first || document.querySelector(".figure:has(.shot)")?.id,
   algorithms: new Set(labels.slice(0, Number(chooser?.dataset.shown))),
   rank: "worst",
 };
@@ -34,12 +34,14 @@ function value(cell) {
 
 function sort(head) {
   const rows = all("#headline tbody tr"), column = head.cellIndex;
-  const isDown = head.getAttribute("aria-sort") !== "descending";
+  const order = head.getAttribute("aria-sort"), { first } = head.firstElementChild.dataset;
+  // The best first, at the second click the worst.
+  const isDown = order ? order === "ascending" : first !== "ascending";
   for (const other of all("#headline th")) other.removeAttribute("aria-sort");
   head.setAttribute("aria-sort", isDown ? "descending" : "ascending");
   const compare = (a, b) => {
     const [x, y] = [a, b].map((row) => value(row.cells[column]));
-    if (column === 0) return b.textContent.localeCompare(a.textContent, "en", { numeric: true });
+    if (column === 0) return b.cells[0].textContent.localeCompare(a.cells[0].textContent, "en", { numeric: true });
     return Number.isNaN(x) || Number.isNaN(y) ? 0 : y - x;
   };
   const isNone = (row) => column > 0 && Number.isNaN(value(row.cells[column]));
@@ -48,22 +50,38 @@ function sort(head) {
   rows[0].parentNode.append(...sorted, ...rows.filter(isNone));
 }
 
+// Opens what a fragment names: the frame of a square, a figure or a folded part.
+function go(fragment) {
+  const target = document.getElementById(fragment.slice(1));
+  const square = all("a.cp").find((a) => a.hash === fragment);
+  if (square) {
+    const { figure, algorithm } = square.dataset;
+    Object.assign(state, { figure, algorithms: new Set([algorithm]), rank: "worst" });
+  } else if (target?.matches(".figure")) state.figure = target.id;
+  target?.closest("details")?.setAttribute("open", "");
+  if (chooser) show();
+  (square ? document.getElementById("frames") : target)?.scrollIntoView();
+}
+
 document.addEventListener("click", (event) => {
   const button = event.target.closest("button, a");
   if (!button) return;
-  const { choose, toggle, rank, figure, algorithm } = button.dataset;
-  if (choose) state.figure = choose;
-  else if (toggle) state.algorithms[state.algorithms.has(toggle) ? "delete" : "add"](toggle);
+  const { choose, toggle, rank, figure } = button.dataset;
+  if (choose) {
+    state.figure = choose;
+    history.replaceState(null, "", `#${choose}`);
+  } else if (toggle) state.algorithms[state.algorithms.has(toggle) ? "delete" : "add"](toggle);
   else if (rank) state.rank = rank;
   else if (figure) {
-    Object.assign(state, { figure, algorithms: new Set([algorithm]), rank: "worst" });
-    document.getElementById("frames").scrollIntoView();
+    history.replaceState(null, "", button.hash);
+    go(button.hash);
     event.preventDefault();
   } else if (button.id === "all") {
     document.getElementById("headline").classList.remove("long");
     button.parentNode.remove();
   } else if (button.closest("#headline thead")) sort(button.closest("th"));
-  else if (button.hash) document.querySelector(`details${button.hash}`)?.setAttribute("open", "");
-  show();
+  else if (button.hash) go(button.hash);
+  if (chooser) show();
 });
-if (chooser) show();
+window.addEventListener("hashchange", () => go(location.hash));
+go(location.hash);

@@ -400,10 +400,15 @@ pub(super) fn speed(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<V
     if page.times_ms.is_empty() {
         return Ok(Vec::new());
     }
+    let ranked = page.summary.ranked_algorithms();
+    let times = |a: &&AlgorithmSummary| {
+        let mut times = page.times_ms.iter();
+        times.find(|(label, _)| *label == a.algorithm).cloned()
+    };
     let latency = Strips {
         title: String::new(),
         label: "ms per pair".into(),
-        strips: page.times_ms.clone(),
+        strips: ranked.iter().filter_map(times).collect(),
     };
     let stages: [(&str, StageTime); 6] = [
         ("smoothing", |a| a.smoothing_ms),
@@ -421,7 +426,7 @@ pub(super) fn speed(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<V
             .any(|a| of(a) > a.p50_ms.map(|ms| 0.01 * ms))
     };
     let counted = stages.map(|(_, of)| counts(of));
-    let times = |a: &AlgorithmSummary| {
+    let times = |a: &&AlgorithmSummary| {
         let times = stages.iter().zip(counted);
         let times = times.map(|((_, of), counts)| if counts { of(a) } else { Some(0.0) });
         Some((a.algorithm.clone(), times.collect::<Option<_>>()?))
@@ -430,7 +435,7 @@ pub(super) fn speed(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<V
         title: String::new(),
         label: "ms per pair".into(),
         parts: stages.iter().map(|(name, _)| (*name).to_owned()).collect(),
-        bars: page.summary.algorithms.iter().filter_map(times).collect(),
+        bars: ranked.iter().filter_map(times).collect(),
     };
     let shares = Bars {
         label: "fractions; the number: ms per pair".into(),

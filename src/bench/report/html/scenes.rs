@@ -27,7 +27,8 @@ struct SceneShotView<'a> {
 }
 
 impl<'a> SceneView<'a> {
-    pub(super) fn new(scene: &'a SceneFigure) -> Self {
+    /// `place`: that of an algorithm among all.
+    pub(super) fn new(scene: &'a SceneFigure, place: impl Fn(&str) -> usize) -> Self {
         let shot = |shot: &'a SceneResult| SceneShotView {
             algorithm: &shot.row.algorithm,
             disparities: data_url(&shot.disparities),
@@ -36,6 +37,8 @@ impl<'a> SceneView<'a> {
             numbers: numbers(&shot.row),
         };
         let (width, height) = scene.size;
+        let mut shots: Vec<_> = scene.shots.iter().map(shot).collect();
+        shots.sort_by_key(|shot| place(shot.algorithm));
         Self {
             title: &scene.title,
             width,
@@ -43,7 +46,7 @@ impl<'a> SceneView<'a> {
             left: data_url(&scene.left),
             truth: scene.truth.as_deref().map(data_url),
             max_px: format!("{:.0}", scene.max_px),
-            shots: scene.shots.iter().map(shot).collect(),
+            shots,
         }
     }
 }

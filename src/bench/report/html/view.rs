@@ -10,8 +10,9 @@ use super::scenes::{ErrorKey, SceneView};
 use super::{PartLink, ReportPage};
 use crate::report::page::{ImageView, PageImages, PlotView, css_color};
 use serde::Serialize;
+use std::cmp::Ordering::Equal;
 use std::collections::BTreeMap;
-use svl_core::Result;
+use svl_core::{Result, matcher};
 use svl_data::manifest::Manifest;
 use svl_data::overlay::{algorithm_color, viridis};
 use svl_data::score::ColumnChoice;
@@ -22,6 +23,7 @@ pub(super) struct ReportPageView<'a> {
     summary: &'a Summary,
     scope: String,
     answer: Vec<String>,
+    order: Option<String>,
     cautions: Vec<String>,
     paragraphs: Vec<&'a str>,
     identity: Vec<(String, String)>,
@@ -44,6 +46,10 @@ pub(super) struct ReportPageView<'a> {
     gate: Vec<(GateState, &'static str, &'a str)>,
     /// Ids and titles of the figures, or of the scenes.
     entries: Vec<(String, &'a str)>,
+    /// The id of the figure that is shown first: the first algorithm's worst checkpoint.
+    first: Option<String>,
+    /// Columns and rows of the grid of cells, where a frame is shown.
+    grid: Option<(usize, usize)>,
     /// Figures have worst and best frames.
     is_ranked: bool,
     /// Some figure shows several algorithms.
@@ -64,6 +70,10 @@ struct HeadlineView<'a> {
     algorithms: BTreeMap<&'a str, AlgorithmView>,
     /// Number and name.
     checkpoints: Vec<(u32, &'a str)>,
+    /// Names of algorithms without parameters, and their descriptions.
+    about: Vec<(&'a str, &'static str)>,
+    /// Number of near obstacles in the truth.
+    near: Option<f64>,
     /// The labels of algorithms with pictures, in the order of the table.
     pictured: Vec<&'a str>,
     /// The least and the greatest time, ms.
@@ -79,6 +89,8 @@ struct AlgorithmView {
     place: usize,
     color: String,
     is_on_front: bool,
+    /// Per checkpoint the frames that pass, of all that show it.
+    passes: BTreeMap<u32, (u64, u64)>,
 }
 
 /// The algorithms that no other one dominates.
@@ -96,10 +108,14 @@ impl<'a> ReportPageView<'a> {
         } = page;
         let colors = AlgorithmColors::new(manifest.labels());
         let mut images = PageImages::default();
+        let ranked = summary.ranked_algorithms();
+        let place = |label: &str| ranked.iter().position(|a| a.algorithm == label);
+        let place = |label: &str| place(label).unwrap_or(ranked.len());
         let figures = page.figures.iter();
-        let figures = figures.map(|figure| FigureView::new(figure, &mut images));
+        let figures = figures.map(|figure| FigureView::new(figure, &mut images, place));
         let figures: Vec<_> = figures.collect();
-        let scenes: Vec<_> = page.scenes.iter().map(SceneView::new).collect();
+        let scenes = page.scenes.iter();
+        let scenes: Vec<_> = scenes.map(|scene| SceneView::new(scene, place)).collect();
         let titles = figures
             .iter()
             .map(|figure| (figure.checkpoint, figure.title));
@@ -109,6 +125,9 @@ impl<'a> ReportPageView<'a> {
             (id, title)
         };
         let entries = titles.enumerate().map(entry).collect();
+        let shots = page.figures.iter().flat_map(|figure| &figure.shots);
+        let marks = shots.flat_map(|(_, shot)| &shot.estimate);
+        let grid = marks.map(|mark| (mark.column + 1, mark.row + 1)).max();
         let has_choice = page.figures.iter().any(|figure| {
             let first = figure.shots.first().map(|(_, shot)| &shot.row.algorithm);
             (figure.shots.iter()).any(|(_, shot)| Some(&shot.row.algorithm) != first)
@@ -123,12 +142,14 @@ impl<'a> ReportPageView<'a> {
             algorithms,
         };
         let headline = headline(page);
+        let of = HeadlineView::new(page, &headline, &colors, &front.algorithms);
         let gate = page.gate.iter();
         Ok(Self {
             manifest,
             summary,
             scope: summary.scope_words(),
             answer: summary.answer(),
+            order: summary.order_words(),
             cautions: summary.cautions(),
             // An empty line ends a paragraph, as in Markdown.
             paragraphs: (page.description.split("\n\n").map(str::trim))
@@ -136,7 +157,9 @@ impl<'a> ReportPageView<'a> {
                 .collect(),
             identity,
             incomplete: (),
-            of: HeadlineView::new(page, &headline, &colors, &front.algorithms),
+            first: of.first_figure(&figures),
+            grid,
+            of,
             headline,
             metrics: summary.all_metrics(),
             checkpoints: summary.checkpoint_table(),
@@ -181,6 +204,10 @@ impl<'a> HeadlineView<'a> {
                 place,
                 color: css_color(algorithm_color(colors.place(label).unwrap_or(place))),
                 is_on_front: front.contains(&label),
+                passes: (page.summary.checkpoints.iter())
+                    .filter(|c| c.algorithm == label)
+                    .map(|c| (c.checkpoint, (c.passed, c.frames)))
+                    .collect(),
             };
             (label, view)
         };
@@ -192,6 +219,16 @@ impl<'a> HeadlineView<'a> {
                 .filter(|ms| *ms > 0.0)
         };
         let labels = ranked.iter().map(|a| a.algorithm.as_str());
+        let mut about: Vec<(&str, &str)> = Vec::new();
+        for label in labels.clone() {
+            let records = &page.manifest.algorithms;
+            let name = records.iter().find(|a| a.label == label).map(|a| &*a.name);
+            let spec = name.and_then(|name| matcher::find(name).ok());
+            if let Some(spec) = spec.filter(|spec| about.iter().all(|(name, _)| *name != spec.name))
+            {
+                about.push((spec.name, spec.summary));
+            }
+        }
         let is_pictured = |label: &&str| {
             let figures = page.figures.iter().flat_map(|f| &f.shots);
             let mut rows = figures.map(|(_, shot)| &shot.row).chain(
@@ -204,6 +241,8 @@ impl<'a> HeadlineView<'a> {
         Self {
             algorithms: page.manifest.labels().enumerate().map(view).collect(),
             checkpoints: page.summary.checkpoint_names(),
+            about,
+            near: ranked.iter().find_map(|a| a.totals.get("near25")),
             pictured: labels.filter(is_pictured).collect(),
             times: (
                 times().fold(f64::INFINITY, f64::min),
@@ -213,6 +252,22 @@ impl<'a> HeadlineView<'a> {
             has_bars: (table.rows.iter().flatten())
                 .any(|cell| matches!(cell, TableCell::Bar { .. })),
         }
+    }
+}
+
+impl HeadlineView<'_> {
+    /// The id of the checkpoint that the first algorithm fails most.
+    fn first_figure(&self, figures: &[FigureView<'_>]) -> Option<String> {
+        let label = self.pictured.first()?;
+        let passes = &self.algorithms.get(label)?.passes;
+        let share = |number: &u32| {
+            let (passed, frames) = passes.get(number)?;
+            Some(*passed as f64 / *frames as f64)
+        };
+        let failed = figures.iter().filter(|figure| figure.fails(label));
+        let failed = failed.filter_map(|figure| figure.checkpoint);
+        let worst = failed.min_by(|a, b| share(a).partial_cmp(&share(b)).unwrap_or(Equal));
+        worst.map(|number| format!("cp{number}"))
     }
 }
 

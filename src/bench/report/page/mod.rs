@@ -9,6 +9,7 @@ pub use plot_view::PlotView;
 
 use super::words::{ms, percent};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
+use minijinja::{HtmlEscape, Value};
 use serde::Serialize;
 use svl_core::{Error, Result};
 use svl_data::overlay::Mark;
@@ -48,6 +49,8 @@ pub(crate) fn fill_with(
         templates.add_filter("ms", ms);
         templates.add_filter("percent", |share: f64| percent(Some(share)));
         templates.add_filter("log_place", log_place);
+        templates.add_filter("prose", prose);
+        templates.add_filter("breaks", breaks);
         // The extension .html makes the engine escape texts.
         for (name, part) in PARTS
             .into_iter()
@@ -59,6 +62,24 @@ pub(crate) fn fill_with(
         templates.get_template("page.html")?.render(view)
     };
     filled().map_err(|e: minijinja::Error| Error::Invalid(format!("HTML page: {e:#}")))
+}
+
+/// A text with code in backticks.
+fn prose(text: &str) -> Value {
+    let parts = text.split('`').enumerate().map(|(i, part)| {
+        let part = HtmlEscape(part);
+        match i % 2 {
+            0 => part.to_string(),
+            _ => format!("<code>{part}</code>"),
+        }
+    });
+    Value::from_safe_string(parts.collect())
+}
+
+/// A list that breaks behind its commas, also where no space follows.
+fn breaks(text: &str) -> Value {
+    let broken = HtmlEscape(text).to_string().replace(',', ",<wbr>");
+    Value::from_safe_string(broken.replace("<wbr> ", " "))
 }
 
 /// The place of a value between the ends of a logarithmic scale, percent of its length.
@@ -167,5 +188,17 @@ impl MarkView {
             words,
             wrong,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{breaks, prose};
+
+    #[test]
+    fn texts_are_escaped_once() {
+        let code = prose("a < b: `svl & co`");
+        assert_eq!(code.to_string(), "a &lt; b: <code>svl &amp; co</code>");
+        assert_eq!(breaks("a=1,b=<, c").to_string(), "a=1,<wbr>b=&lt;, c");
     }
 }

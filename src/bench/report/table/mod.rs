@@ -36,6 +36,8 @@ pub struct TableColumn {
     pub head: String,
     /// Aligned to the left.
     pub is_text: bool,
+    /// The least of its numbers is the best.
+    pub is_less_better: bool,
     /// Omitted where a terminal is too narrow for all columns.
     pub is_optional: bool,
 }

@@ -313,6 +313,32 @@ impl Checkpoint {
         self.expected.iter().filter_map(finding).collect()
     }
 
+    /// The reasons why a frame fails that are not among the findings, with their cells.
+    pub fn failures(&self, grid: &DepthGrid, judgements: Option<&[CellJudgement]>) -> Vec<String> {
+        let verdict = |[column, row]: [usize; 2]| {
+            let place = row * grid.shape().columns + column;
+            judgements.map_or(Verdict::NoTruth, |judgements| judgements[place].verdict)
+        };
+        let name = |[column, row]: &[usize; 2]| format!("({column}, {row})");
+        let of_cell = |cell: &[usize; 2]| match verdict(*cell) {
+            Verdict::Wrong if self.cells.contains(cell) => Some(format!("{} is wrong", name(cell))),
+            Verdict::Right => None,
+            _ if self.must.contains(cell) => Some(format!("{} is not right", name(cell))),
+            _ => None,
+        };
+        let others = self.must.iter().filter(|cell| !self.cells.contains(cell));
+        let cells = self.cells.iter().chain(others).filter_map(of_cell);
+        let orders = self.order.iter().filter(|cells| !is_ordered(cells, grid));
+        let orders = orders.map(|cells| {
+            let names: Vec<_> = cells.iter().map(name).collect();
+            format!(
+                "{} are not in this order, from near to far",
+                names.join(", ")
+            )
+        });
+        cells.chain(orders).collect()
+    }
+
     /// Scores one of its frames from the reported grid and the cells' scores, in raster order;
     /// without scores no cell of `must` is right.
     pub fn judge(
@@ -340,12 +366,7 @@ impl Checkpoint {
         let missing = self.must.len() - must_right + expected(Verdict::Unknown);
         let wrong = count(&self.cells, Verdict::Wrong) + expected(Verdict::Wrong);
         let distance = |cell: &[usize; 2]| depth(*cell).and_then(|d| d.distance_m);
-        let order_holds = self.order.iter().all(|cells| {
-            let distances: Vec<_> = cells.iter().map(distance).collect();
-            // An unknown cell has no position in an order.
-            distances.iter().all(Option::is_some)
-                && distances.is_sorted_by(|nearer, farther| nearer < farther)
-        });
+        let order_holds = self.order.iter().all(|cells| is_ordered(cells, grid));
         let error = |true_m: Option<f64>, cell: &[usize; 2]| match (true_m, distance(cell)) {
             (Some(z_true), Some(z)) => (z - z_true).abs() / z_true,
             _ => f64::INFINITY,
@@ -367,6 +388,14 @@ impl Checkpoint {
             error: must.chain(measured).fold(0.0, f64::max),
         }
     }
+}
+
+/// True if all of the cells are known and each is farther than the one before it.
+fn is_ordered(cells: &[[usize; 2]], grid: &DepthGrid) -> bool {
+    let distance = |&[column, row]: &[usize; 2]| grid.cell(column, row).depth?.distance_m;
+    let distances: Vec<_> = cells.iter().map(distance).collect();
+    distances.iter().all(Option::is_some)
+        && distances.is_sorted_by(|nearer, farther| nearer < farther)
 }
 
 /// An expected cell that fails.
@@ -448,7 +477,7 @@ mod tests {
         }
     }
 
-    fn judged(cells: [(Option<f64>, Verdict); 3]) -> CheckpointFrame {
+    fn grid_of(distances: [Option<f64>; 3]) -> DepthGrid {
         let cell = |distance_m: Option<f64>| Cell {
             valid_share: 0.5,
             probability: None,
@@ -461,7 +490,11 @@ mod tests {
                 distance_m: Some(z),
             }),
         };
-        let grid = DepthGrid::new(SHAPE, cells.iter().map(|(z, _)| cell(*z)).collect()).unwrap();
+        DepthGrid::new(SHAPE, distances.map(cell).to_vec()).unwrap()
+    }
+
+    fn judged(cells: [(Option<f64>, Verdict); 3]) -> CheckpointFrame {
+        let grid = grid_of(cells.map(|(distance_m, _)| distance_m));
         let judgement = |verdict| CellJudgement {
             verdict,
             true_px: Some(9.0),
@@ -485,6 +518,28 @@ mod tests {
     }
 
     #[test]
+    fn failures_name_their_cells() {
+        let failures = |distances: [Option<f64>; 3], verdicts: [Verdict; 3]| {
+            let judgements = verdicts.map(|verdict| CellJudgement {
+                verdict,
+                ..CellJudgement::NO_TRUTH
+            });
+            opening().failures(&grid_of(distances), Some(&judgements))
+        };
+        use Verdict::{Right, Unknown, Wrong};
+        let seen = [Some(0.5), Some(1.5), Some(0.5)];
+        assert!(failures(seen, [Right; 3]).is_empty());
+        assert_eq!(failures(seen, [Wrong, Right, Right]), ["(0, 0) is wrong"]);
+        let hidden = [Some(0.5), None, Some(0.5)];
+        let expected = [
+            "(1, 0) is not right",
+            "(0, 0), (1, 0) are not in this order, from near to far",
+            "(2, 0), (1, 0) are not in this order, from near to far",
+        ];
+        assert_eq!(failures(hidden, [Right, Unknown, Right]), expected);
+    }
+
+    #[test]
     fn what_was_measured_needs_no_truth() {
         let checkpoint: Checkpoint = toml::from_str(
             "number = 2\nname = \"shelf\"\nframes = [3, 5]\nfile = \"day/own.mcap\"\n\
@@ -494,19 +549,7 @@ mod tests {
         checkpoint.validate(SHAPE).unwrap();
         assert!(checkpoint.needs_rig() && !checkpoint.needs_truth());
         let judged = |distances: [Option<f64>; 3]| {
-            let cell = |distance_m: Option<f64>| Cell {
-                valid_share: 1.0,
-                probability: None,
-                evidence: None,
-                too_close: false,
-                depth: distance_m.map(|z| CellDepth {
-                    median_px: 1.0,
-                    p20_px: 1.0,
-                    p80_px: 1.0,
-                    distance_m: Some(z),
-                }),
-            };
-            let grid = DepthGrid::new(SHAPE, distances.map(cell).to_vec()).unwrap();
+            let grid = grid_of(distances);
             let findings = checkpoint.findings(&grid, CellRule::default());
             (checkpoint.judge(&grid, None, CellRule::default()), findings)
         };
