@@ -83,20 +83,34 @@ impl Summary {
         timed.sort_by(|a, b| a.0.total_cmp(&b.0));
         let &(value, fastest) = timed.first()?;
         let own = *timed.iter().find(|(_, a)| a.algorithm == best)?;
-        let second = if fastest.algorithm == best {
+        let is_best = fastest.algorithm == best;
+        let second = if is_best {
             timed.get(1).copied()
         } else {
             Some(own)
         };
-        let second = second.map(|(value, a)| RunnerUp {
-            algorithm: a.algorithm.clone(),
-            value,
-            certainty: of_pairs(metric, [&fastest.algorithm, &a.algorithm], rows),
-        });
+        let certainty = |(_, a): (f64, &AlgorithmSummary)| {
+            of_pairs(metric, [&fastest.algorithm, &a.algorithm], rows)
+        };
+        let certainty = second.map(certainty);
+        // Without a difference the best one is named, whichever happened to be faster.
+        let is_equal = certainty == Some(Certainty::NoDifference) && !is_best;
+        let (lead, second) = if is_equal {
+            (own, Some((value, fastest)))
+        } else {
+            ((value, fastest), second)
+        };
+        let second = second
+            .zip(certainty)
+            .map(|((value, a), certainty)| RunnerUp {
+                algorithm: a.algorithm.clone(),
+                value,
+                certainty,
+            });
         Some(Lead {
             metric,
-            algorithm: fastest.algorithm.clone(),
-            value,
+            algorithm: lead.1.algorithm.clone(),
+            value: lead.0,
             is_outdone: candidates().any(|a| of(a).is_some_and(|ms| ms < value)),
             second,
         })

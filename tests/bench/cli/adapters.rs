@@ -342,7 +342,7 @@ fn examples_are_the_files_of_adapters() {
         assert_eq!(printed.trim_end(), text.trim_end(), "{kind}");
     }
     fixture.fails(
-        "algos v3 --example cpp => 2: --example is of programs | svl algos exec --example KIND\n\
+        "algos v3 --example cpp => 2: --example needs | svl algos exec --example KIND\n\
          algos exec --example java => 2: java | python",
     );
     // It is a slow matcher, too.

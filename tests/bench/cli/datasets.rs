@@ -270,7 +270,7 @@ fn what_cannot_be_had_is_one_line_with_the_cure() {
     );
     from(
         &server.url,
-        &["cones-png-2.zip: is a web page", "is the address right"],
+        &["cones-png-2.zip: is a web page", "check the address"],
     );
     assert!(
         !fixture

@@ -237,7 +237,7 @@ fn a_person_labels_windows_and_frames() {
     // It resumes where it ended; Ctrl-C keeps the labels.
     let stopped = label("windows --kind floor", "screen a backspace u b ctrl-c");
     assert_says(&stopped.stdout, &["resumed at frame 0 with 4 labels"]);
-    stopped.failed(1, &["what was labelled is kept"]);
+    stopped.failed(1, &["the labels are kept"]);
     assert_eq!(labels_of(&fixture, "run.floor.csv"), table);
 
     label("frames --kind too-close", "b b a s a u q").done();

@@ -255,7 +255,7 @@ fn a_search_finds_writes_and_goes_on() {
     assert_says(
         &fixture.text("best.md"),
         &[
-            "Settings that no other is as good as",
+            "The Pareto front on the training pairs",
             "## How it was made",
             "- processor",
         ],
