@@ -84,7 +84,7 @@ fn fetches_and_scores() {
     let said = fetch_from(&fixture, &server.url).done();
     assert_says(&said, &["Please cite: D. Scharstein", "Terms: free to use"]);
     assert!(
-        said.ends_with("d/middlebury2003: 8 files written, 0 there already\n"),
+        said.ends_with("d/middlebury2003: 8 files written, 0 existed already\n"),
         "{said}"
     );
     assert!(
@@ -104,7 +104,7 @@ fn fetches_and_scores() {
     // Again: nothing is requested, nothing written.
     let said = fetch_from(&fixture, &server.url).done();
     assert!(
-        said.ends_with("0 files written, 2 there already\n"),
+        said.ends_with("0 files written, 2 existed already\n"),
         "{said}"
     );
     assert_eq!(
@@ -191,7 +191,7 @@ fn another_checksum_than_the_first_is_refused() {
     // The same archive is accepted again.
     let said = fetch_from(&fixture, &server.url).done();
     assert!(
-        said.ends_with("4 files written, 1 there already\n"),
+        said.ends_with("4 files written, 1 existed already\n"),
         "{said}"
     );
     std::fs::remove_dir_all(fixture.path("d/middlebury2003/cones")).unwrap();
@@ -244,7 +244,7 @@ fn single_files_go_where_the_archive_would_have_put_them() {
     let said = fetch(&fixture, "middlebury2001 --from mirror --data d").done();
     assert!(
         said.ends_with(&format!(
-            "1 file written, {} there already\n",
+            "1 file written, {} existed already\n",
             urls.len() - 1
         )),
         "{said}"

@@ -54,9 +54,9 @@ fn every_plot_of_the_page_is_a_file() {
     fixture.run(&format!("{SCORE} -o r --figures out/figures"));
     let names = figures(&fixture, "out/figures");
     let expected = [
+        "fraction-of-each-stage.svg",
         "latency.svg",
         "noise-known-cells.svg",
-        "share-of-each-stage.svg",
         "time-by-stage.svg",
         "unrivalled-cells-against-time.svg",
     ];

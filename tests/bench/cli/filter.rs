@@ -380,7 +380,7 @@ fn what_cannot_be_trained_or_run_is_refused_in_one_line() {
         label frames v4l2:/dev/video0,/dev/video2 --kind floor => 1: record them first
         label windows a.mcap --kind floor --from-truth => 1: a.floor.csv
         replay run.mcap --filter mine.safetensors => 1: mine.safetensors | not a safetensors file
-        replay run.mcap --filter cut.safetensors => 1: cut.safetensors | damaged
+        replay run.mcap --filter cut.safetensors => 1: cut.safetensors | corrupt
         replay run.mcap --filter floor.safetensors --filter floor.safetensors => 2: both are of",
     );
     assert!(!fixture.path("t.safetensors").exists());
