@@ -224,7 +224,7 @@ fn another_program_behind_the_same_command_does_not_go_on() {
     let again = [&line[..], &["--resume"]].concat();
     program("1");
     let ran = fixture.svl(&again);
-    ran.failed(1, &["its result of pair 0 is another", "without --resume"]);
+    ran.failed(1, &["its result of pair 0 differs", "without --resume"]);
 }
 
 /// Answers pairs of 40x20 pixels with 2.0, out of its range; in a folder named `dark`, those whose

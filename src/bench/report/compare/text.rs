@@ -112,7 +112,7 @@ impl Comparison {
                 1 => String::new(),
                 _ => format!(" ({})", words.join(", ")),
             };
-            (count > 0).then(|| format!("{word} in {count} {of_all}{listed}"))
+            (count > 0).then(|| format!("{word} in {count}{listed}"))
         };
         let parts = [(Judgement::Worse, "worse"), (Judgement::Better, "better")];
         let parts: Vec<_> = parts.into_iter().filter_map(listed).collect();
@@ -122,7 +122,7 @@ impl Comparison {
             .filter(|(_, of)| of.judgement != Judgement::Equal)
             .peekable();
         Some(if !parts.is_empty() {
-            format!("{other} is {}.", parts.join(" and "))
+            format!("{other} is {} {of_all}.", parts.join(" and "))
         } else if unequal.peek().is_none() {
             format!("{other} equals {base} in each {of_all}.")
         } else if unequal.all(|(_, of)| of.interval.is_none()) {
