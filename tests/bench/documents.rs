@@ -127,8 +127,13 @@ const SHORTER: [(&str, &str); 5] = [
 ];
 
 /// Other programs of the examples.
-const OTHERS: [&str; 12] = [
+const OTHERS: [&str; 17] = [
     "cargo",
+    "rustup",
+    "export",
+    "cc",
+    "tests/aarch64.sh",
+    "tests/aarch64/instructions.sh",
     "apt-get",
     "sysctl",
     "make",

@@ -231,8 +231,8 @@ mod tests {
         assert!(refused("wrong=3%").contains("neither <= nor >="));
         assert!(refused("wrnog<=3%").contains("did you mean 'wrong'"));
         assert!(refused("wrong<=3").contains("at most 1, or in per cent"));
-        assert!(refused("time<=3%").contains("only shares"));
-        assert!(refused("wrong<=much").contains("no number"));
+        assert!(refused("time<=3%").contains("only fractions"));
+        assert!(refused("wrong<=much").contains("not a number"));
         assert!(refused("passed>=1").contains("not a metric to search by"));
     }
 

@@ -56,7 +56,7 @@ fn as_laid_out(folder: &Path) -> Result<FoundPairs> {
     Err(Error::format(
         folder,
         format!(
-            "contains no stereo pair, only {}; svl looks for im0.png and im1.png, or {}; {cure}",
+            "contains no stereo pair; it has {}; svl looks for im0.png and im1.png, or {}; {cure}",
             contents(folder)?,
             known()
         ),
