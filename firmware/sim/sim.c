@@ -46,7 +46,7 @@ static void pins_changed(struct board *b, uint8_t before, uint8_t after) {
     noise |= after == IDLE && pulses == noise_after;
 }
 
-// Bytes that nobody reads are lost, as on a real line.
+// Unread bytes are lost, as on a real line.
 static void byte_sent(struct board *b, uint8_t byte) {
     (void)b;
     if (opened && unsent_count < sizeof unsent) unsent[unsent_count++] = byte;

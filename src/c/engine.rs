@@ -11,7 +11,7 @@ use svl_core::stereo::{
 };
 use svl_core::{Error, Result};
 
-/// Most columns and rows of a grid, as svl's scenarios allow.
+/// Limit of the columns and the rows of a grid, as in scenarios.
 const MAX_CELLS: u32 = 64;
 
 /// An image of the caller, of which nothing was read yet.
@@ -196,11 +196,10 @@ impl Engine {
             filters.mark_cells(grid, self.rig.as_ref());
         }
         for (place, cell) in grid.iter() {
-            let few = cell.valid_share < context.grid.min_valid;
-            let reason = if cell.depth.is_none() && few {
-                self.output.disparity.main_reason(self.shape, place)
-            } else {
-                Reason::Valid
+            let map = &self.output.disparity;
+            let reason = match cell.depth {
+                Some(_) => Reason::Valid,
+                None => map.cell_reason(self.shape, place, context.grid.min_valid),
             };
             self.cells
                 .push(CCell::new(cell, reason, self.rig.is_some()));

@@ -13,8 +13,9 @@ pub use errors::Status;
 
 use engine::{Engine, Image};
 use errors::guarded;
-use std::ffi::{CStr, c_char};
+use std::ffi::{CStr, CString, c_char};
 use std::path::PathBuf;
+use std::sync::LazyLock;
 use svl_core::Error;
 use svl_core::stereo::{Reason, Rig};
 use worker::PairWorker;
@@ -61,7 +62,8 @@ impl Default for Options {
     }
 }
 
-/// Largest number of filters of a handle; one of each kind suffices.
+const MAX_THREADS: u32 = 1024;
+/// Limit of filters per handle: one of each kind would do.
 const MAX_FILTERS: usize = 16;
 
 /// The text at `text`; none for a null pointer.
@@ -139,6 +141,11 @@ pub unsafe extern "C" fn svl_open(options: *const Options, out: *mut *mut Handle
         let options = unsafe { options.as_ref() }.unwrap_or(&defaults);
         // SAFETY: as the caller promised.
         let engine = unsafe { options.engine()? };
+        if options.threads > MAX_THREADS {
+            let count = options.threads;
+            let words = format!("{count} threads: expected at most {MAX_THREADS}, or 0 for all");
+            return Err(Error::Invalid(words).into());
+        }
         let worker = PairWorker::start(engine, options.threads as usize)?;
         *out = Box::into_raw(Box::new(Handle { worker }));
         Ok(())
@@ -236,31 +243,27 @@ pub extern "C" fn svl_error() -> *const c_char {
 
 #[unsafe(no_mangle)]
 pub extern "C" fn svl_reason_name(reason: u8) -> *const c_char {
-    const NAMES: [&CStr; Reason::ALL.len()] = [
-        c"valid",
-        c"border",
-        c"untextured",
-        c"ambiguous",
-        c"inconsistent",
-        c"self-check",
-        c"unmatched",
-        c"floor",
-    ];
-    NAMES.get(usize::from(reason)).unwrap_or(&c"").as_ptr()
+    static NAMES: LazyLock<Vec<CString>> =
+        LazyLock::new(|| Reason::ALL.map(|reason| owned(reason.name())).into());
+    let name = NAMES.get(usize::from(reason)).map(CString::as_c_str);
+    name.unwrap_or_default().as_ptr()
 }
 
 #[unsafe(no_mangle)]
 pub extern "C" fn svl_version() -> *const c_char {
-    const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");
-    VERSION.as_ptr().cast()
+    static VERSION: LazyLock<CString> = LazyLock::new(|| owned(env!("CARGO_PKG_VERSION")));
+    VERSION.as_ptr()
 }
 
 #[unsafe(no_mangle)]
 pub extern "C" fn svl_instruction_set() -> *const c_char {
-    const NAMES: [&CStr; 4] = [c"avx512", c"avx2", c"neon", c"portable"];
-    let name = svl_core::kernel::isa().map_or("", |isa| isa.name());
-    let known = NAMES.iter().find(|n| n.to_bytes() == name.as_bytes());
-    known.unwrap_or(&c"").as_ptr()
+    static NAME: LazyLock<CString> =
+        LazyLock::new(|| owned(svl_core::kernel::isa().map_or("", |isa| isa.name())));
+    NAME.as_ptr()
+}
+
+fn owned(text: &str) -> CString {
+    CString::new(text).unwrap_or_default()
 }
 
 /// # Safety

@@ -109,6 +109,19 @@ struct Rates {
     steady: bool,
 }
 
+impl Rates {
+    fn from_times<'a>(all: impl Iterator<Item = &'a mut Vec<Duration>>) -> Self {
+        let (mut per_second, mut steady) = ([f64::NAN; 2], true);
+        for (rate, times) in per_second.iter_mut().zip(all) {
+            times.sort_unstable();
+            let rank = |share| nearest_rank(times, share).map_or(f64::NAN, |t| t.as_secs_f64());
+            *rate = 1.0 / rank(0.5);
+            steady &= rank(0.9) <= STEADY * rank(0.5);
+        }
+        Self { per_second, steady }
+    }
+}
+
 fn conclude([v3, svs]: [f64; 2], finding: &mut Finding) {
     finding.condition(
         v3 >= NEEDED,
@@ -153,20 +166,9 @@ fn frames_per_second(isa: Isa, pair: &StereoPair) -> Result<Rates> {
             times.push(time(&mut **matcher)?);
         }
     }
-    let [medians, slow]: [[f64; 2]; 2] = [0.5, 0.9].map(|share| {
-        std::array::from_fn(|i| {
-            let times = &mut matchers[i].1;
-            times.sort_unstable();
-            nearest_rank(times, share).map_or(f64::NAN, |time| time.as_secs_f64())
-        })
-    });
-    Ok(Rates {
-        per_second: medians.map(|median| 1.0 / median),
-        steady: medians
-            .iter()
-            .zip(slow)
-            .all(|(median, slow)| slow <= STEADY * median),
-    })
+    Ok(Rates::from_times(
+        matchers.iter_mut().map(|(_, times)| times),
+    ))
 }
 
 #[cfg(test)]
@@ -182,5 +184,21 @@ mod tests {
         };
         assert_eq!(met([7.0, 8.5]), [true, true, true]);
         assert_eq!(met([500.0, 200.0]), [true, false, false]);
+    }
+
+    #[test]
+    fn a_busy_machine_is_noticed() {
+        let rates = |slow_ms: &[u64]| {
+            let times = |slow: &[u64]| {
+                let fast = std::iter::repeat_n(4, 16);
+                let all = fast.chain(slow.iter().copied());
+                all.map(Duration::from_millis).collect::<Vec<_>>()
+            };
+            Rates::from_times([times(&[]), times(slow_ms)].iter_mut())
+        };
+        assert_eq!(rates(&[]).per_second, [250.0; 2]);
+        assert!(rates(&[4, 5, 5]).steady);
+        assert!(rates(&[50]).steady, "a single outlier");
+        assert!(!rates(&[5, 9, 9]).steady);
     }
 }

@@ -1,14 +1,18 @@
 //! The C interface: header, errors, examples in C and C++.
 
+mod filters;
+
 use std::ffi::{CStr, CString};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::ptr::{null, null_mut};
+use std::sync::Arc;
 use svl_c::{
-    CCell, Handle, Options, Status, svl_cells, svl_close, svl_disparities, svl_error, svl_match,
-    svl_open, svl_reason_name,
+    CCell, Handle, Options, Status, svl_cells, svl_close, svl_disparities, svl_error,
+    svl_instruction_set, svl_match, svl_open, svl_reason_name, svl_version,
 };
 use svl_core::depth::{self, GridSettings};
+use svl_core::filter::FilterKind;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl_core::stereo::{Gray, Reason, RectifiedPair, Rig, StereoPair};
 
@@ -61,7 +65,7 @@ fn cells<'a>(handle: *mut Handle) -> Result<&'a [CCell], Status> {
     let (mut cells, mut columns, mut rows) = (null(), 0, 0);
     // SAFETY: the handle is open.
     match unsafe { svl_cells(handle, &mut cells, &mut columns, &mut rows) } {
-        // SAFETY: so many cells are there, until the next call.
+        // SAFETY: the cells are valid until the next call.
         Status::Ok => Ok(unsafe { std::slice::from_raw_parts(cells, (columns * rows) as usize) }),
         failed => Err(failed),
     }
@@ -115,8 +119,11 @@ fn results_are_those_of_the_rust_library() {
         }
         // The plain wall has no texture.
         assert_eq!(found[4].state, 0);
+        if algorithm.starts_with("v3") {
+            assert_eq!(found[4].reason, Reason::Untextured as u8);
+        }
         let (mut disparities, mut reasons, mut width, mut height) = (null(), null(), 0, 0);
-        // SAFETY: the handle is open; so many pixels are there.
+        // SAFETY: the handle is open; the planes have that size.
         let (disparities, reasons) = unsafe {
             let status = svl_disparities(
                 handle,
@@ -142,6 +149,69 @@ fn results_are_those_of_the_rust_library() {
 }
 
 #[test]
+fn filters_do_what_they_do_in_the_bench() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = Rig::new(328.0, (160.0, 120.0), 0.044, 0.0).unwrap();
+    for (algorithm, (model, path)) in [c"v3:max_disparity=64", c"v5:max_disparity=64"]
+        .into_iter()
+        .flat_map(|algorithm| filters::files(folder.path()).map(|filter| (algorithm, filter)))
+    {
+        let files = [path.as_ptr()];
+        let options = Options {
+            algorithm: algorithm.as_ptr(),
+            filters: files.as_ptr(),
+            filter_count: 1,
+            focal_px: 328.0,
+            baseline_m: 0.044,
+            cx_px: 160.0,
+            cy_px: 120.0,
+            ..Options::default()
+        };
+        let (status, handle) = open(&options);
+        assert_eq!(status, Status::Ok, "{}", last_error());
+        assert_eq!(match_pair(handle, &pair(), SIZE.0), Status::Ok);
+        let kind = model.kind;
+        let expected: Algorithm = algorithm.to_str().unwrap().parse().unwrap();
+        let mut matcher = expected.filtered(&[Arc::new(model)]).build().unwrap();
+        let (pair, mut output) = (pair(), MatchOutput::new().unwrap());
+        let context = MatchContext {
+            rig: Some(rig),
+            ..MatchContext::default()
+        };
+        matcher
+            .compute(RectifiedPair::assume(&pair), &context, &mut output)
+            .unwrap();
+        let found = cells(handle).unwrap();
+        for ((_, expected), cell) in output.grid.unwrap().iter().zip(found) {
+            let state = match (expected.depth, expected.too_close) {
+                (None, _) => 0,
+                (Some(_), false) => 1,
+                (Some(_), true) => 2,
+            };
+            assert_eq!(cell.state, state, "{algorithm:?} {kind}");
+            let distance = expected.depth.and_then(|depth| depth.distance_m);
+            assert!(distance.is_none_or(|m| m as f32 == cell.distance_m));
+        }
+        // The textured wall was known before.
+        match kind {
+            FilterKind::Floor => assert_eq!((found[0].state, found[0].reason), (0, 7)),
+            FilterKind::TooClose => assert_eq!(found[0].state, 2),
+        }
+        // SAFETY: the handle is open and not used again.
+        unsafe { svl_close(handle) };
+    }
+}
+
+#[test]
+fn version_and_instruction_set_are_named() {
+    // SAFETY: the texts are static.
+    let [version, isa] = [svl_version(), svl_instruction_set()]
+        .map(|text| unsafe { CStr::from_ptr(text) }.to_str().unwrap());
+    assert_eq!(version, env!("CARGO_PKG_VERSION"));
+    assert_eq!(isa, svl_core::kernel::isa().unwrap().name());
+}
+
+#[test]
 fn reasons_have_the_names_of_the_rust_library() {
     for reason in Reason::ALL {
         // SAFETY: the text is static.
@@ -152,7 +222,25 @@ fn reasons_have_the_names_of_the_rust_library() {
 
 #[test]
 fn bad_input_is_a_code_and_a_line() {
-    let cases: [(&str, Options, Status, &str); 6] = [
+    let cases: [(&str, Options, Status, &str); 8] = [
+        (
+            "v3",
+            Options {
+                threads: u32::MAX,
+                ..Options::default()
+            },
+            Status::Invalid,
+            "threads",
+        ),
+        (
+            "v3",
+            Options {
+                filter_count: 1,
+                ..Options::default()
+            },
+            Status::Invalid,
+            "null pointer",
+        ),
         ("v9", Options::default(), Status::Invalid, "v9"),
         ("exec", Options::default(), Status::Invalid, "exec"),
         ("truth", Options::default(), Status::Invalid, "truth"),

@@ -73,9 +73,10 @@ impl Summary {
     }
 
     /// The fastest of the algorithms that may be called best. Its second is the best one, or, if
-    /// it is that itself, the next fastest.
+    /// it is that itself, the next fastest. None for drives: each runs beside others, and their
+    /// pairs differ.
     fn fastest(&self, best: &str, rows: &[&Row]) -> Option<Lead> {
-        let metric = Metric::find("time")?;
+        let metric = Metric::find("time").filter(|_| self.kind() != RunKind::Courses)?;
         let of = |a: &AlgorithmSummary| self.ranked(a, metric);
         let candidates = || self.algorithms.iter().filter(|a| self.is_candidate(a));
         let usable = candidates().filter(|a| self.is_usable(a));
@@ -204,11 +205,7 @@ impl Summary {
         } else {
             ""
         };
-        let beside = match self.kind() {
-            RunKind::Courses => " beside other drives",
-            _ => "",
-        };
-        let time = format!("{} per pair{beside}", value(fastest.metric, fastest.value));
+        let time = format!("{} per pair", value(fastest.metric, fastest.value));
         let second = fastest.second.as_ref();
         let second_words =
             second.map_or_else(String::new, |s| self.second_words(fastest.metric, s));

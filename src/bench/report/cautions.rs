@@ -35,7 +35,7 @@ impl Summary {
 
     /// Caution about times that the machine disturbed.
     fn outliers(&self) -> Option<String> {
-        // Otherwise svl's own reading and writing causes them, or nobody relies on the times.
+        // Otherwise svl's own reading and writing causes them, or the times are not used.
         let counts = self.measured && self.slow_profile.is_none();
         let is_disturbed = self.algorithms.iter().any(|a| a.outliers > Some(0));
         (counts && is_disturbed).then(|| {

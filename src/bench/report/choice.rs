@@ -44,7 +44,8 @@ impl Summary {
         let objectives: &[_] = match self.kind() {
             RunKind::Distances | RunKind::NoTruth => &OBJECTIVES,
             RunKind::Disparities => &["bad2", "coverage", "time"],
-            RunKind::Courses => &["finished", "collisions", "time"],
+            // Drives run beside each other, so their times decide nothing.
+            RunKind::Courses => &["finished", "collisions"],
         };
         let candidates = self.candidates();
         let value = |a: &&AlgorithmSummary, metric: &Metric| self.ranked(a, metric);

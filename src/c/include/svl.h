@@ -68,7 +68,7 @@ typedef struct svl_options {
     double cx_px, cy_px;
     double doffs_px; /* cx of the right image minus cx of the left one */
     uint32_t columns, rows;
-    uint32_t threads;
+    uint32_t threads; /* at most 1024 */
 } svl_options;
 
 typedef struct svl_handle svl_handle;

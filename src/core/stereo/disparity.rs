@@ -208,22 +208,28 @@ impl DisparityMap {
         tally
     }
 
-    /// The most frequent reason of the invalid pixels of a cell, the lower code if equal;
-    /// [`Reason::Valid`] if all are valid.
-    pub fn main_reason(&self, shape: GridShape, place: (usize, usize)) -> Reason {
+    /// The reason why a cell has too few disparities: the most frequent one of its invalid pixels,
+    /// the lower code if equal. [`Reason::Valid`] if at least the fraction `min_valid`, 0..=1, is
+    /// valid.
+    pub fn cell_reason(&self, shape: GridShape, place: (usize, usize), min_valid: f64) -> Reason {
         let (columns, rows) = shape.pixels(place, self.size());
+        let pixels = columns.len() * rows.len();
         let mut counts = [0u32; Reason::ALL.len()];
         for y in rows {
             for &why in &self.why.row(y)[columns.clone()] {
                 counts[why as usize] += 1;
             }
         }
-        counts[Reason::Valid as usize] = 0;
-        let most = counts.iter().max().copied().unwrap_or_default();
-        let first = Reason::ALL
-            .into_iter()
-            .find(|&why| most > 0 && counts[why as usize] == most);
-        first.unwrap_or(Reason::Valid)
+        let [valid, invalid @ ..] = counts;
+        if f64::from(valid) >= min_valid * pixels as f64 {
+            return Reason::Valid;
+        }
+        let most = invalid.iter().max();
+        let reasons = Reason::ALL[1..].iter().zip(&invalid);
+        let mut most_frequent = reasons.filter(|(_, count)| Some(*count) == most);
+        most_frequent
+            .next()
+            .map_or(Reason::Valid, |(reason, _)| *reason)
     }
 
     /// Hash of size, disparities, reasons and row offsets: equal results have equal hashes on every
@@ -303,6 +309,32 @@ fn repeat(helpers: usize, work: &(impl Fn() + Sync)) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_cell_has_the_most_frequent_reason() {
+        let shape = GridShape {
+            columns: 2,
+            rows: 1,
+        };
+        let mut map = DisparityMap::new(10, 1).unwrap();
+        let mut row = map.rows_mut().next().unwrap();
+        for (x, reason) in [
+            (0, Reason::Unmatched),
+            (1, Reason::Unmatched),
+            (2, Reason::Floor),
+            (3, Reason::Floor),
+        ] {
+            row.reject(x, reason);
+        }
+        row.accept(4, 7.0);
+        row.accept(5, 7.0);
+        let reason = |cell, min_valid| map.cell_reason(shape, (cell, 0), min_valid);
+        assert_eq!(
+            [0.21, 0.2].map(|m| reason(0, m)),
+            [Reason::Unmatched, Reason::Valid]
+        );
+        assert_eq!(reason(1, 0.5), Reason::Border);
+    }
 
     #[test]
     fn a_pixel_is_finite_exactly_when_valid() {

@@ -179,7 +179,7 @@ mod tests {
         assert_eq!((tally(0, 0.4).falsely, tally(1, 0.4).falsely), (1, 0));
         let near = |cells: SurfaceTally| (cells.near, cells.near_unknown);
         assert_eq!(near(tally(3, 2.0)), (1, 0));
-        // An infinite disparity is none.
+        // An infinite disparity is invalid.
         assert_eq!(near(tally(3, 0.0)), (1, 1));
         assert_eq!(near(tally(2, 2.0)), (0, 0));
     }

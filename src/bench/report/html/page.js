@@ -48,6 +48,7 @@ function sort(head) {
   const sorted = rows.filter((row) => !isNone(row));
   sorted.sort((a, b) => (isDown ? compare(a, b) : compare(b, a)));
   rows[0].parentNode.append(...sorted, ...rows.filter(isNone));
+  document.getElementById("order")?.remove();
 }
 
 // Opens what a fragment names: the frame of a square, a figure or a folded part.

@@ -257,10 +257,11 @@ fn scatter(
         form,
         points: vec![point],
     };
+    let candidates = algorithms.iter().filter(|a| page.summary.is_candidate(a));
     let mut series = vec![Series {
         name: String::new(),
         form: SeriesStyle::Front,
-        points: front(of, algorithms.iter().filter_map(place).collect()),
+        points: front(of, candidates.filter_map(place).collect()),
     }];
     let radius = |a: &AlgorithmSummary| {
         let area = of.area.and_then(|area| area(&page.summary, a));

@@ -74,6 +74,8 @@ struct HeadlineView<'a> {
     about: Vec<(&'a str, &'static str)>,
     /// Number of near obstacles in the truth.
     near: Option<f64>,
+    /// The algorithm of the example citation: the first one that may be called best.
+    cited: Option<&'a str>,
     /// The labels of algorithms with pictures, in the order of the table.
     pictured: Vec<&'a str>,
     /// The least and the greatest time, ms.
@@ -242,6 +244,11 @@ impl<'a> HeadlineView<'a> {
             algorithms: page.manifest.labels().enumerate().map(view).collect(),
             checkpoints: page.summary.checkpoint_names(),
             about,
+            cited: ranked
+                .iter()
+                .find(|a| page.summary.is_candidate(a))
+                .or(ranked.first())
+                .map(|a| a.algorithm.as_str()),
             near: ranked.iter().find_map(|a| a.totals.get("near25")),
             pictured: labels.filter(is_pictured).collect(),
             times: (
