@@ -123,6 +123,7 @@ impl ReportContent {
                 1 => times_ms(&self.rows),
                 _ => Vec::new(),
             },
+            cases: summary.case_table(&self.rows, &self.drives),
             summary: summary.clone(),
             sweeps: sweeps(head.algorithms),
             figures,

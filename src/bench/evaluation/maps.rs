@@ -15,7 +15,11 @@ pub fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Ve
         plain.filter(move |row| row.seed == seed)
     };
     let hits = |plan: &CoursePlan| of(plan).map(|row| row.collisions).sum::<u64>();
-    let mut shown: Vec<_> = plans.iter().collect();
+    // The last course of an interrupted run may have no drive.
+    let mut shown: Vec<_> = plans
+        .iter()
+        .filter(|plan| of(plan).next().is_some())
+        .collect();
     if shown.len() > MAPS {
         shown.sort_by_key(|plan| std::cmp::Reverse(hits(plan)));
         shown.truncate(MAPS);

@@ -15,12 +15,15 @@ use svl_data::score::{Better, Metric, MetricUnit, RunKind};
 /// Fraction of wrong cells above which an algorithm is not called best by any metric.
 pub(super) const MOST_WRONG: f64 = 0.1;
 
+/// The same of pixels off by more than 2 px.
+const MOST_BAD: f64 = 0.2;
+
 /// Fraction of right cells, or of pixels with a disparity, below which it is not, either: an
 /// algorithm that answers nothing misses nothing.
 const LEAST: f64 = 0.1;
 
 /// The metrics by which algorithms are called best.
-fn answer_metrics(kind: RunKind) -> Vec<&'static Metric> {
+pub(super) fn answer_metrics(kind: RunKind) -> Vec<&'static Metric> {
     let names: &[&str] = match kind {
         RunKind::Distances => &["right", "wrong", "missed25"],
         RunKind::Disparities => &["bad2"],
@@ -122,11 +125,10 @@ impl Summary {
     fn is_usable(&self, algorithm: &AlgorithmSummary) -> bool {
         let share = |name| algorithm.value(Metric::find(name)?);
         let has = |name| share(name).is_none_or(|share| share >= LEAST);
+        let is_within = |name, most| share(name).is_none_or(|share| share <= most);
         match self.kind() {
-            RunKind::Distances => {
-                has("right") && share("wrong").is_none_or(|wrong| wrong <= MOST_WRONG)
-            }
-            RunKind::Disparities => has("coverage"),
+            RunKind::Distances => has("right") && is_within("wrong", MOST_WRONG),
+            RunKind::Disparities => has("coverage") && is_within("bad2", MOST_BAD),
             RunKind::Courses | RunKind::NoTruth => true,
         }
     }
@@ -134,7 +136,7 @@ impl Summary {
     /// The same rule in words.
     fn usable_words(&self) -> &'static str {
         match self.kind() {
-            RunKind::Disparities => "at least 10 % coverage",
+            RunKind::Disparities => "at most 20 % pixels off > 2 px and at least 10 % coverage",
             _ => "at most 10 % wrong and at least 10 % right cells",
         }
     }
@@ -205,7 +207,11 @@ impl Summary {
         } else {
             ""
         };
-        let time = format!("{} per pair", value(fastest.metric, fastest.value));
+        let sizes = match self.scope.sizes.len() {
+            0 | 1 => String::new(),
+            count => format!(", the median over {count} sizes"),
+        };
+        let time = format!("{} per pair{sizes}", value(fastest.metric, fastest.value));
         let second = fastest.second.as_ref();
         let second_words =
             second.map_or_else(String::new, |s| self.second_words(fastest.metric, s));
@@ -253,8 +259,14 @@ impl Summary {
             _ => "the most",
         };
         let second = lead.second.as_ref();
-        let second = second.map_or_else(String::new, |s| self.second_words(lead.metric, s));
         let value = self.value_words(lead.metric, &lead.algorithm, lead.value);
+        let second = second.map_or_else(String::new, |s| {
+            if self.value_words(lead.metric, &s.algorithm, s.value) == value {
+                format!(", {} the same", s.algorithm)
+            } else {
+                self.second_words(lead.metric, s)
+            }
+        });
         let usable = if lead.is_outdone {
             " of the usable"
         } else {

@@ -19,8 +19,13 @@ impl Summary {
     /// reference at an end of the scale, the truth or `blind`.
     pub(super) fn is_candidate(&self, algorithm: &AlgorithmSummary) -> bool {
         let label = &algorithm.algorithm;
-        let is_end = self.perfect.contains(label) || label == "blind";
-        !is_end && self.failed.iter().all(|f| f.algorithm != *label)
+        !self.is_reference(algorithm) && self.failed.iter().all(|f| f.algorithm != *label)
+    }
+
+    /// True for the truth and for `blind`.
+    pub(super) fn is_reference(&self, algorithm: &AlgorithmSummary) -> bool {
+        let label = &algorithm.algorithm;
+        self.perfect.contains(label) || label == "blind"
     }
 
     fn candidates(&self) -> Vec<&AlgorithmSummary> {

@@ -10,6 +10,7 @@
 mod algorithm_parameters;
 mod answer;
 pub mod calibration;
+mod cases;
 mod cautions;
 mod choice;
 mod columns;

@@ -12,6 +12,11 @@ pub(super) fn run_key(row: &Row) -> RunKey<'_> {
     (row.seed, row.run.as_deref())
 }
 
+/// True for a frame of a data set.
+pub(super) fn is_scene(row: &Row) -> bool {
+    !row.name.is_empty() && row.run.is_none()
+}
+
 /// The values of a metric; absent if no pair has it.
 pub(super) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
     let values = || rows.iter().map(|row| row.metrics.get(metric.name));
@@ -54,7 +59,6 @@ pub(super) fn resamples(base: &[&Row]) -> Resamples {
         .collect();
     // Scenes of a data set are independent of each other; frames of a recording are not, also where
     // their files have names.
-    let is_scene = |row: &&Row| !row.name.is_empty() && row.run.is_none();
-    let independent = base.iter().all(is_scene);
+    let independent = base.iter().all(|row| is_scene(row));
     Resamples::draw(&stretches, independent)
 }

@@ -5,7 +5,7 @@ use super::summary::Summary;
 use super::table::{TableCell, TerminalStyle, wrapped};
 use svl_core::counted;
 use svl_core::stereo::TruthOrigin;
-use svl_data::score::{ColumnChoice, Metric};
+use svl_data::score::{ColumnChoice, Metric, RunKind};
 
 /// Largest number of algorithms that are all shown, and the number shown of more.
 const MANY: usize = 15;
@@ -106,6 +106,9 @@ impl Summary {
         let exact = TruthOrigin::Exact.to_string();
         let truth = match &self.truth[..] {
             [] => "no ground truth".to_owned(),
+            [one] if *one == exact && self.kind() == RunKind::Disparities => {
+                "truth of the data set".to_owned()
+            }
             [one] if *one == exact => "exact truth".to_owned(),
             _ => self.caution().unwrap_or_default(),
         };

@@ -203,20 +203,12 @@ impl RunMatcher {
         self.ahead.extend(ahead);
     }
 
-    /// Warns once if its range of disparities ends before obstacles do.
-    pub(super) fn warn_of_range(&mut self, rig: &Rig, obstacle_m: f64) {
-        let nearest_m = |px: i32| rig.depth_m(f64::from(px));
-        let Some(nearest_m) = self.max_disparity.and_then(nearest_m) else {
-            return;
-        };
-        if nearest_m >= obstacle_m && !std::mem::replace(&mut self.warned_of_range, true) {
-            let px = rig.disparity_px(obstacle_m).ceil();
-            tracing::warn!(
-                "{}: max_disparity sees nothing nearer than {nearest_m:.2} m, but obstacles are \
-                 what is nearer than {obstacle_m} m: it takes more than {px} px",
-                self.label
-            );
-        }
+    /// The nearest distance that it sees, if obstacles are nearer; each time but the first none.
+    pub(super) fn short_range(&mut self, rig: &Rig, obstacle_m: f64) -> Option<f64> {
+        let nearest_m = rig.depth_m(f64::from(self.max_disparity?))?;
+        let is_short = nearest_m >= obstacle_m;
+        let is_first = is_short && !std::mem::replace(&mut self.warned_of_range, true);
+        is_first.then_some(nearest_m)
     }
 
     /// Compares its result of a pair with that of an earlier part of the run.

@@ -7,7 +7,7 @@ use crate::sink::{RunStart, Sink};
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 use svl_core::matcher::MatchContext;
-use svl_core::stereo::{Estimate, Frame};
+use svl_core::stereo::{Estimate, Frame, Rig};
 use svl_core::{Error, Result, depth};
 use svl_data::score::{Judge, Judged, MatchFailure};
 
@@ -135,14 +135,19 @@ impl<'a> Matching<'a> {
         let context = MatchContext::of(frame, self.judge.grid, self.judge.cells);
         if self.rounds.is_some() {
             let (obstacle_m, _) = self.judge.cells.obstacle_and_clear_m();
+            let mut short: Vec<(String, f64)> = Vec::new();
             for entry in &mut self.matchers.0 {
                 if entry.warm_for.replace(pair.size()) == Some(pair.size()) {
                     continue;
                 }
                 entry.warm_up(pair, &context);
                 if let Some(rig) = frame.rig() {
-                    entry.warn_of_range(rig, obstacle_m);
+                    let nearest_m = entry.short_range(rig, obstacle_m);
+                    short.extend(nearest_m.map(|nearest_m| (entry.label.clone(), nearest_m)));
                 }
+            }
+            if let Some(rig) = frame.rig() {
+                warn_of_ranges(short, rig, obstacle_m);
             }
         }
         let logged = self.logged(frame);
@@ -266,5 +271,21 @@ impl Pacer {
         let due =
             Duration::from_nanos((frame.stamp_ns.saturating_sub(first_ns) as f64 / factor) as u64);
         std::thread::sleep(due.saturating_sub(began.elapsed()));
+    }
+}
+
+/// Warns of algorithms whose ranges of disparities end before obstacles do: their labels, and the
+/// nearest distances that they see.
+fn warn_of_ranges(mut short: Vec<(String, f64)>, rig: &Rig, obstacle_m: f64) {
+    let px = rig.disparity_px(obstacle_m).ceil();
+    short.sort_by(|a, b| a.1.total_cmp(&b.1));
+    for equal in short.chunk_by(|a, b| a.1.total_cmp(&b.1).is_eq()) {
+        let labels: Vec<_> = equal.iter().map(|(label, _)| label.as_str()).collect();
+        tracing::warn!(
+            "{}: max_disparity sees nothing nearer than {:.2} m, but obstacles are what is nearer \
+             than {obstacle_m} m: it takes more than {px} px",
+            labels.join(", "),
+            equal[0].1
+        );
     }
 }

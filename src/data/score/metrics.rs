@@ -734,6 +734,10 @@ pub const METRICS: &[Metric] = &[
         better: Better::More,
         against_truth: false,
         origin: MetricOrigin::Drives(DriveNumber::Finished),
+        note: Some(|_| {
+            let words = "courses whose goal was reached without a collision and without help";
+            ("finished", words.into())
+        }),
         level: MetricLevel::Headline(&[RunKind::Courses]),
         ..DETAIL
     },
@@ -745,6 +749,10 @@ pub const METRICS: &[Metric] = &[
         better: Better::Less,
         against_truth: false,
         origin: MetricOrigin::Drives(DriveNumber::Collisions),
+        note: Some(|_| {
+            let words = "collisions per 100 m driven; after one the robot is set back on the route";
+            ("hits/100 m", words.into())
+        }),
         level: MetricLevel::Headline(&[RunKind::Courses]),
         ..DETAIL
     },
@@ -756,6 +764,11 @@ pub const METRICS: &[Metric] = &[
         better: Better::Less,
         against_truth: false,
         origin: MetricOrigin::Drives(DriveNumber::NearMisses),
+        note: Some(|_| {
+            let words =
+                "clearances below the scenario's near_miss_m without a collision, per 100 m driven";
+            ("near/100 m", words.into())
+        }),
         level: MetricLevel::Headline(&[RunKind::Courses]),
         ..DETAIL
     },

@@ -40,6 +40,7 @@ fn page(summary: Summary) -> ReportPage {
         sweeps: Vec::new(),
         figures: Vec::new(),
         scenes: Vec::new(),
+        cases: None,
         maps: Vec::new(),
         parts: Vec::new(),
     }

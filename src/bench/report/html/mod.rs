@@ -11,6 +11,7 @@ use super::page::fill_with;
 use super::plot::{AlgorithmColors, CourseMap};
 use super::rows::{CellRow, Row};
 use super::summary::Summary;
+use super::table::Table;
 use serde::Serialize;
 use std::path::Path;
 use svl_core::{Error, Result};
@@ -34,6 +35,8 @@ pub struct ReportPage {
     pub figures: Vec<CheckpointFigure>,
     /// Scenes, if the frames are those of a data set.
     pub scenes: Vec<SceneFigure>,
+    /// The results per scene or course.
+    pub cases: Option<Table>,
     /// Courses that algorithms drove through.
     pub maps: Vec<CourseMap>,
     /// The parts that it was merged from.

@@ -87,6 +87,15 @@ const COVERED: PlotAxis = PlotAxis {
             .map(|invalid| percent(1.0 - invalid))
     },
 };
+const FINISHED: PlotAxis = PlotAxis {
+    label: "courses finished, %",
+    is_log: false,
+    is_cost: false,
+    number: |summary, a| {
+        let finished = summary.value(&a.algorithm, Metric::find("finished")?, None);
+        finished.map(percent)
+    },
+};
 const COLLISIONS: PlotAxis = PlotAxis {
     label: "collisions per 100 m",
     is_log: false,
@@ -120,9 +129,9 @@ const TRADE_OFFS: [TradeOff; 6] = [
         leads: Some(RunKind::Disparities),
     },
     TradeOff {
-        title: "Collisions against time",
-        about: "Down and left is better.",
-        x: TIME,
+        title: "Collisions against courses finished",
+        about: "Down and right is better.",
+        x: FINISHED,
         y: COLLISIONS,
         area: None,
         leads: Some(RunKind::Courses),
@@ -230,14 +239,17 @@ pub(super) fn maps(page: &ReportPage, colors: &AlgorithmColors<'_>) -> Result<Ve
     page.maps.iter().map(map).collect()
 }
 
-/// The algorithms as discs, those of a sweep joined, and the front of those that no other beats in
-/// both numbers; absent where no algorithm has both.
+/// The algorithms but the references as discs, those of a sweep joined, and the front of those that
+/// no other beats in both numbers; absent where no algorithm has both.
 fn scatter(
     page: &ReportPage,
     of: &TradeOff,
     colors: &AlgorithmColors<'_>,
 ) -> Result<Option<PlotView>> {
-    let algorithms = &page.summary.algorithms;
+    let algorithms = page.summary.algorithms.iter();
+    let algorithms: Vec<_> = algorithms
+        .filter(|a| !page.summary.is_reference(a))
+        .collect();
     let place = |a: &AlgorithmSummary| {
         let [x, y] = [&of.x, &of.y].map(|axis| (axis.number)(&page.summary, a));
         x.zip(y)
@@ -246,7 +258,7 @@ fn scatter(
         algorithms
             .iter()
             .find(|a| a.algorithm == label)
-            .and_then(place)
+            .and_then(|a| place(a))
     };
     let is_swept = |label: &str| {
         let mut points = page.sweeps.iter().flat_map(|sweep| &sweep.points);
@@ -261,7 +273,7 @@ fn scatter(
     let mut series = vec![Series {
         name: String::new(),
         form: SeriesStyle::Front,
-        points: front(of, candidates.filter_map(place).collect()),
+        points: front(of, candidates.filter_map(|a| place(a)).collect()),
     }];
     let radius = |a: &AlgorithmSummary| {
         let area = of.area.and_then(|area| area(&page.summary, a));

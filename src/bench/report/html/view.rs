@@ -35,6 +35,7 @@ pub(super) struct ReportPageView<'a> {
     checkpoints: Option<Table>,
     speed: Option<Table>,
     drives: Option<Table>,
+    cases: Option<&'a Table>,
     stress_tables: Vec<Table>,
     /// The first is shown, the others are folded.
     trade_offs: Vec<PlotView>,
@@ -117,7 +118,13 @@ impl<'a> ReportPageView<'a> {
         let figures = figures.map(|figure| FigureView::new(figure, &mut images, place));
         let figures: Vec<_> = figures.collect();
         let scenes = page.scenes.iter();
-        let scenes: Vec<_> = scenes.map(|scene| SceneView::new(scene, place)).collect();
+        let mut scenes: Vec<_> = scenes.map(|scene| SceneView::new(scene, place)).collect();
+        let case = |scene: &SceneView<'_>| {
+            let mut rows = page.cases.iter().flat_map(|cases| &cases.rows);
+            rows.position(|row| row[0] == TableCell::Text(scene.title.to_owned()))
+        };
+        // The worst first; those beyond the table's limit last.
+        scenes.sort_by_key(|scene| case(scene).unwrap_or(usize::MAX));
         let titles = figures
             .iter()
             .map(|figure| (figure.checkpoint, figure.title));
@@ -167,6 +174,7 @@ impl<'a> ReportPageView<'a> {
             checkpoints: summary.checkpoint_table(),
             speed: summary.speed_table(),
             drives: summary.drive_table(),
+            cases: page.cases.as_ref(),
             stress_tables: summary.stress_tables(),
             trade_offs: trade_offs(page, &colors)?,
             speed_plots: speed(page, &colors)?,
