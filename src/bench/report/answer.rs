@@ -15,6 +15,9 @@ use svl_data::score::{Better, Metric, MetricUnit, RunKind};
 /// Fraction of wrong cells above which an algorithm is not called best by any metric.
 pub(super) const MOST_WRONG: f64 = 0.1;
 
+/// Fraction of unknown near obstacles above which its number of missed ones says nothing.
+const MOST_UNKNOWN: f64 = 0.5;
+
 /// The same of pixels off by more than 2 px.
 const MOST_BAD: f64 = 0.2;
 
@@ -51,6 +54,9 @@ impl Summary {
         // The best of all is the first of equal ones.
         let mut ranked = self.ranked_algorithms();
         ranked.retain(|a| self.is_candidate(a) && value(a).is_some());
+        if metric.name == "missed25" {
+            ranked.retain(|a| self.sees_near_obstacles(a));
+        }
         ranked.sort_by(|a, b| better_first(metric, value(a), value(b)));
         let place = ranked.iter().position(|a| self.is_usable(a))?;
         let best = ranked[place];
@@ -133,7 +139,13 @@ impl Summary {
         }
     }
 
-    /// The same rule in words.
+    /// False if most near obstacles are unknown: they are not missed, but not seen, either.
+    fn sees_near_obstacles(&self, algorithm: &AlgorithmSummary) -> bool {
+        let unknown = Metric::find("unknown25").and_then(|metric| algorithm.value(metric));
+        unknown.is_none_or(|unknown| unknown <= MOST_UNKNOWN)
+    }
+
+    /// [`Self::is_usable`] in words.
     fn usable_words(&self) -> &'static str {
         match self.kind() {
             RunKind::Disparities => "at most 20 % pixels off > 2 px and at least 10 % coverage",
@@ -194,9 +206,20 @@ impl Summary {
         ranked.retain(|a| self.is_candidate(a) && self.is_usable(a));
         ranked.sort_by(|a, b| better_first(metric, passed(&a.algorithm), passed(&b.algorithm)));
         let best = &ranked.first()?.algorithm;
-        let [most, own] = [passed(best).filter(|most| *most > own)?, own].map(|v| value(metric, v));
-        let words = format!("{best} passes more checkpoint frames ({most}, {first} {own}).");
-        Some(words)
+        passed(best).filter(|most| *most > own)?;
+        let [(most, frames), (own, _)] = [best, first].map(|label| self.passes(label));
+        let words = "passes more checkpoint frames";
+        Some(format!(
+            "{best} {words} ({most} of {frames}, {first} {own})."
+        ))
+    }
+
+    /// Frames in which checkpoints pass, and those that show one.
+    fn passes(&self, label: &str) -> (u64, u64) {
+        let own = self.checkpoints.iter().filter(|c| c.algorithm == label);
+        own.fold((0, 0), |(passed, frames), c| {
+            (passed + c.passed, frames + c.frames)
+        })
     }
 
     /// The fastest algorithm with its cost, in words.

@@ -62,10 +62,8 @@ impl Summary {
                 "✓",
                 "the goal was reached without a collision and without help",
             );
-            table.note(
-                "stuck, late",
-                "the robot was set back on the route; it did not reach the goal in time",
-            );
+            table.note("stuck", "the robot got stuck and was set back on the route");
+            table.note("late", "the goal was not reached in time");
         }
         (cases.len() > 1).then_some(table)
     }

@@ -44,7 +44,7 @@ impl Certainty {
             Self::Clear => "",
             Self::NoDifference => "no difference",
             Self::TooFewPairs => "too few pairs to tell",
-            Self::TooFewCourses => "too few courses to tell, score more seeds",
+            Self::TooFewCourses => "too few courses to tell, run more seeds",
         }
     }
 }

@@ -40,7 +40,7 @@ const SPEED: [NumberColumn; 13] = [
 const TIME_NOTES: [(&str, &str); 5] = [
     (
         "p50, p99",
-        "median and 99th percentile by nearest rank: the slowest of fewer than 100 pairs",
+        "median and 99th percentile; with fewer than 100 pairs p99 is the slowest pair",
     ),
     (
         "s/MP, s/GD",
@@ -415,7 +415,7 @@ fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
     table.note(
         "finished",
         "courses whose goal was reached without a collision and without help; in brackets the \
-         95 % interval over the courses",
+         95 % interval over the courses, if there are eight or more",
     );
     table.note(
         "hits, near",

@@ -282,8 +282,8 @@ fn warn_of_ranges(mut short: Vec<(String, f64)>, rig: &Rig, obstacle_m: f64) {
     for equal in short.chunk_by(|a, b| a.1.total_cmp(&b.1).is_eq()) {
         let labels: Vec<_> = equal.iter().map(|(label, _)| label.as_str()).collect();
         tracing::warn!(
-            "{}: max_disparity sees nothing nearer than {:.2} m, but obstacles are what is nearer \
-             than {obstacle_m} m: it takes more than {px} px",
+            "{}: max_disparity sees nothing nearer than {:.2} m; obstacles at {obstacle_m} m need \
+             about {px} px",
             labels.join(", "),
             equal[0].1
         );

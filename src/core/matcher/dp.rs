@@ -30,8 +30,8 @@ use crate::timing::{Clock, Stage};
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "dp",
     aliases: &[],
-    summary: "dynamic programming along rows: dense and often wrong, the baseline that the thesis \
-              abandoned",
+    summary: "dynamic programming along rows: dense and often wrong; the first matcher of the \
+              2007 thesis",
     about: "",
     paper: "Birchfield and Tomasi, Depth Discontinuities by Pixel-to-Pixel Stereo, ICCV 1998; \
             OpenCV 1.0, cvaux",

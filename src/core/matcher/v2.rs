@@ -19,7 +19,7 @@ use crate::kernel::{Doubt, Isa, Lanes, Match, SsdSearch, matches_and_spread};
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v2",
     aliases: &[],
-    summary: "block matching of contrasty pixels with a spread filter and a symmetric check: \
+    summary: "block matching of high-contrast pixels with a spread filter and a symmetric check: \
               sparse and careful",
     about: "",
     paper: "Palme, Stereo Vision Library for Obstacle Avoidance Applications, Fribourg and EPFL \

@@ -4,7 +4,7 @@ use super::config::{ArenaConfig, WorldConfig};
 use svl_core::{Error, Result};
 
 /// Most blocks and balls, so that a set of them and the four walls fits 64 bits.
-const MAX_OBJECTS: usize = 60;
+pub(super) const MAX_OBJECTS: usize = 60;
 
 impl ArenaConfig {
     /// # Errors
@@ -12,6 +12,7 @@ impl ArenaConfig {
     pub(super) fn check(&self) -> Result<()> {
         let Self {
             frames,
+            random: _,
             rate_hz,
             rig,
             sensor,

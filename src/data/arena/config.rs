@@ -8,6 +8,10 @@ use serde::{Deserialize, Serialize};
 pub struct ArenaConfig {
     /// Pairs in one run, evenly spread over the robot's path.
     pub frames: u64,
+    /// True for a random world, path and head for each seed, of which this table has only
+    /// `frames`, `rate_hz`, `rig.width_px` and `rig.height_px`.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub random: bool,
     /// Pairs per second. Path length x rate / frames is the robot's speed, hence the motion blur.
     pub rate_hz: f64,
     pub rig: RigConfig,

@@ -26,6 +26,7 @@ mod solid;
 mod texture;
 mod view;
 mod wireframe;
+mod worlds;
 
 pub use config::{
     ArenaConfig, Ball, Block, FloorPattern, RigConfig, RobotConfig, SensorConfig, Waypoint,
@@ -73,6 +74,7 @@ impl Arena {
     /// [`Error::Invalid`] with the key of a number out of range, or with the position at which the
     /// robot would touch something.
     pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
+        let config = &*config.of_seed(seed)?;
         let (walk, _) = Self::way(config, seed)?;
         let world = ArenaWorld::new(config, seed)?;
         Ok(Self { world, walk })
@@ -118,6 +120,7 @@ impl Arena {
     /// # Errors
     /// As [`Arena::new`].
     pub fn wireframe(config: &ArenaConfig, seed: u64) -> Result<Vec<WireObject>> {
+        let config = &*config.of_seed(seed)?;
         let (walk, objects) = Self::way(config, seed)?;
         Ok(wireframe::wires(&objects, &walk, &config.world))
     }

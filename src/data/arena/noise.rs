@@ -29,6 +29,7 @@ pub(super) enum NoiseStream {
     Floor,
     Room,
     Sheets,
+    World,
     /// One of the sheets of forest.
     Sheet(usize),
 }
@@ -41,6 +42,7 @@ impl Dice {
             NoiseStream::Floor => 2,
             NoiseStream::Room => 3,
             NoiseStream::Sheets => 4,
+            NoiseStream::World => 1 << 32,
             NoiseStream::Sheet(i) => 5 + i as u64,
         };
         Self(mix(mix(seed) ^ number))

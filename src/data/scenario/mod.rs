@@ -444,6 +444,9 @@ fn source(
         },
         Drive => {
             let (config, drive) = (arena.unwrap_or_default(), drive.unwrap_or_default());
+            if config.random {
+                return invalid("arena.random belongs to kind = \"arena\"".into());
+            }
             drive.validate(grid, config.frames, config.rate_hz)?;
             ScenarioSource::Drive {
                 config: Box::new(config),

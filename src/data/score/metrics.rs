@@ -474,6 +474,7 @@ pub const METRICS: &[Metric] = &[
             of: |facts| facts.near_obstacles(|cells| cells.near_unknown),
             total: MetricTotal::ShareOf(&["near25"]),
         },
+        better: Better::Less,
         ..DETAIL
     },
     Metric {

@@ -185,7 +185,7 @@ fn the_page_shows_every_figure_and_holds_every_image_once() {
     assert!(
         html.contains("seed 7, frame 143") && html.contains("cells: 12 right, 1 wrong, 2 unknown")
     );
-    assert!(html.contains("wrong: (0, 0) 0.80 m, truly 0.40 m, obstacle missed"));
+    assert!(html.contains("wrong: (0, 0) 0.80 m, true 0.40 m, obstacle missed"));
     assert!(html.contains("(0, 0) is wrong"));
     assert_eq!(count("passes in 4 of 4 frames"), 3, "a square, two frames");
     // The checkpoint that the first algorithm fails.

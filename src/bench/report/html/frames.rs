@@ -160,7 +160,7 @@ fn wrong(cell: &CellRow) -> String {
     };
     let truth = depth(cell.true_distance_m, cell.true_median_px);
     format!(
-        "({}, {}) {}, truly {truth}{obstacle}",
+        "({}, {}) {}, true {truth}{obstacle}",
         cell.column,
         cell.row,
         estimated(cell)
@@ -177,7 +177,11 @@ fn estimated(cell: &CellRow) -> String {
 }
 
 fn probability(cell: &CellRow) -> String {
-    let words = |p: f64| format!(" ({}: {:.0} %)", cell.algorithm, 100.0 * p);
+    let words = |p: f64| match 100.0 * p {
+        // Never certain.
+        percent if percent > 99.0 => format!(" ({}: > 99 %)", cell.algorithm),
+        percent => format!(" ({}: {percent:.0} %)", cell.algorithm),
+    };
     cell.probability.map_or_else(String::new, words)
 }
 

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use svl_core::{Result, matcher};
 use svl_data::manifest::Manifest;
 use svl_data::overlay::{algorithm_color, viridis};
-use svl_data::score::ColumnChoice;
+use svl_data::score::{ColumnChoice, Metric};
 
 #[derive(Serialize)]
 pub(super) struct ReportPageView<'a> {
@@ -288,10 +288,24 @@ impl HeadlineView<'_> {
 
 /// The headline table, with a column for each parameter that is swept.
 fn headline(page: &ReportPage) -> Table {
-    let mut table = page.summary.headline();
-    if page.summary.columns == ColumnChoice::Headline {
-        table.remove_optional_columns();
-    }
+    let mut table = match page.summary.columns {
+        ColumnChoice::Headline => {
+            let mut metrics = ColumnChoice::Headline.metrics(page.summary.kind());
+            // The page has room for it: obstacles that an algorithm does not see are not missed.
+            let unknown = Metric::find("unknown25");
+            if let Some(place) = metrics.iter().position(|metric| metric.name == "missed25") {
+                metrics.splice(place..place, unknown);
+            }
+            let mut wide = Summary {
+                columns: ColumnChoice::Named(metrics),
+                ..page.summary.clone()
+            }
+            .headline();
+            wide.remove_optional_columns();
+            wide
+        }
+        _ => page.summary.headline(),
+    };
     for parameter in swept(page).into_iter().rev() {
         let value = |label: &str| {
             let sweeps = page.sweeps.iter().filter(|s| s.parameter == parameter);
