@@ -42,4 +42,4 @@ svl score arena --quiet >/dev/null
 page report.png 1200,980 reports/arena/index.html
 cp "$datasets/middlebury2014q/Playroom"/{im0.png,im1.png,calib.txt} .
 svl match im0.png im1.png --algo v5 --calib calib.txt -o d.pfm --evidence evidence.html >/dev/null
-page evidence.png 1000,640 evidence.html
+page evidence.png 1000,760 evidence.html
