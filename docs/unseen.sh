@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # v5 on scenes that its table was not fitted to (docs/results/v5.md): bash docs/unseen.sh DATASETS
-# Prints, for each set of scenes, right and wrong cells of v5, v3, bm and sgm (of the faults: v5 alone, as they are 16 240
+# Prints, for each set of scenes, right and wrong cells of v5, v3, bm and sgm (of the faults: v5 alone, as they are 16 234
 # pairs), and the fraction of right cells by v5's probability. The reports stay in reports/unseen-*.
 set -euo pipefail
 datasets="$(realpath "${1:?the folder of the data sets}")"
