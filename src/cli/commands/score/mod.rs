@@ -167,7 +167,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     if args.gate && scenario.gate.is_empty() {
         return Err(usage::wrong(format!(
-            "{named}: has no [[gate]], so there is nothing to fail; add one, as `svl score arena --print-scenario` shows"
+            "{named}: has no [[gate]], so there is nothing to fail; add one, as `svl score arena \
+             --print-scenario` shows"
         )));
     }
     let folder = args.output.clone().unwrap_or_else(|| {
