@@ -48,7 +48,7 @@ pub(crate) struct Cli {
 
 const EXAMPLES: &str = "\
 Examples:
-  svl score scenarios/arena.toml     score the arena, write reports/arena
+  svl score arena                    score the arena, write reports/arena
   svl record -o run.mcap             record the simulated arena
   svl replay run.mcap --algo v3 --rerun spawn
   svl match left.png right.png --algo v3:max_disparity=64 -o disparity.pfm

@@ -71,10 +71,7 @@ const PARSED: &[(&str, &str)] = &[
         "svl replay run.mcap --algo v3 --rerun spawn",
         "opens a window",
     ),
-    (
-        "svl score scenarios/arena.toml --gate",
-        "the short arena breaks limits",
-    ),
+    ("svl score arena --gate", "the short arena breaks limits"),
     (
         "svl score scenarios/middeval3.toml",
         "needs a data set that is fetched",
@@ -114,7 +111,7 @@ const PARSED: &[(&str, &str)] = &[
 /// Replacements that make a line fast.
 const SHORTER: [(&str, &str); 5] = [
     (" --duration 60", ""),
-    ("svl score arena ", "svl score scenarios/arena.toml "),
+    ("svl score arena", "svl score scenarios/arena.toml"),
     ("svl record arena", "svl record --frames 4 arena"),
     (
         "svl record sim:",

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use svl_core::{Error, Result};
 use svl_data::losses::{Missing, RunEnding};
 use svl_data::manifest::Manifest;
-use svl_data::scenario::ScenarioSource;
+use svl_data::scenario::{PairRange, ScenarioSource};
 use svl_data::score::Judge;
 use svl_data::stress::Stress;
 
@@ -194,6 +194,9 @@ pub(super) fn evaluate(
                  it"
                 .to_owned(),
             ));
+        }
+        if scenario.options.range() == PairRange::default() {
+            run.0.warn_beyond(&run.1);
         }
         Ok(())
     });

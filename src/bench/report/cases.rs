@@ -141,10 +141,12 @@ mod tests {
     use crate::report::table::TableCell;
 
     fn texts(table: &Table) -> Vec<Vec<&str>> {
-        let text = |cell| match cell {
-            &TableCell::Text(ref text) => text.as_str(),
-            _ => "",
-        };
+        fn text(cell: &TableCell) -> &str {
+            match cell {
+                TableCell::Text(text) => text,
+                _ => "",
+            }
+        }
         let rows = table.rows.iter();
         rows.map(|row| row.iter().map(text).collect()).collect()
     }

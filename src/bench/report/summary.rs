@@ -409,7 +409,7 @@ fn truths(rows: &DataFrame) -> PolarsResult<Vec<String>> {
     Ok(truths)
 }
 
-/// The groups in order of appearance, none empty.
+/// Non-empty groups, in order of appearance.
 fn groups(frame: &DataFrame, by: &[&str]) -> PolarsResult<Vec<DataFrame>> {
     if frame.height() == 0 {
         Ok(Vec::new())

@@ -3,8 +3,8 @@
 use super::lead::Lead;
 use super::summary::Summary;
 use super::table::{TableCell, TerminalStyle, wrapped};
-use svl_core::counted;
 use svl_core::stereo::TruthOrigin;
+use svl_core::{counted, joined};
 use svl_data::score::{ColumnChoice, Metric, RunKind};
 
 /// Largest number of algorithms that are all shown, and the number shown of more.
@@ -44,7 +44,15 @@ impl Summary {
         }
         let absent = self.absent_columns();
         if !absent.is_empty() {
-            let words = format!("not measured in this run: {}", absent.join(", "));
+            let names = joined(absent.iter().map(|metric| metric.name));
+            // A source of the truth is named once, for all of them.
+            let cure = if self.truth.is_empty() && absent.iter().any(|m| m.against_truth) {
+                "; to compare with ground truth, name a sensor by --truth TOPIC, or an algorithm \
+                 by --reference"
+            } else {
+                ""
+            };
+            let words = format!("not measured in this run: {names}{cure}");
             text.push_str(&wrapped(&words, 2, style.width));
         }
         let mut tables = vec![table];
@@ -80,7 +88,7 @@ impl Summary {
     }
 
     /// The columns that were asked for and that no algorithm has.
-    fn absent_columns(&self) -> Vec<&'static str> {
+    fn absent_columns(&self) -> Vec<&'static Metric> {
         let ColumnChoice::Named(metrics) = &self.columns else {
             return Vec::new();
         };
@@ -88,8 +96,7 @@ impl Summary {
             let mut algorithms = self.algorithms.iter();
             algorithms.any(|a| self.value(&a.algorithm, metric, None).is_some())
         };
-        let absent = metrics.iter().filter(|metric| !has(metric));
-        absent.map(|metric| metric.name).collect()
+        metrics.iter().filter(|m| !has(m)).copied().collect()
     }
 
     /// The extent of the run in words: pairs, size, runs, origin of the truth.

@@ -41,7 +41,7 @@ pub const SOURCES: &[SourceKind] = &[
     SourceKind {
         name: "arena",
         noun: "the arena",
-        help: "the simulated arena of scenarios/arena.toml",
+        help: "the simulated arena, the thesis's test",
         options: &["seed"],
         is_path: false,
         recognizes: |name| name == "arena",

@@ -49,6 +49,8 @@ pub struct RunSource {
     start_ns: u64,
     stress: Option<Stress>,
     digest: Option<Digest>,
+    /// Number and stamp of the last pair that was read.
+    last: Option<(u64, u64)>,
 }
 
 /// Digest of the input hashes of the frames given so far.
@@ -108,6 +110,7 @@ impl RunSource {
             start_ns: start_ns.unwrap_or(first_ns),
             stress: None,
             digest: None,
+            last: None,
         }
     }
 
@@ -136,6 +139,14 @@ impl RunSource {
             (None, None) => "the scenes".to_owned(),
         };
         Some((name, format!("{:032x}", digest.digest128())))
+    }
+
+    /// Warns of checkpoints that end after the last pair, once all pairs were read.
+    pub fn warn_beyond(&self, judge: &Judge) {
+        if let Some(last) = self.last.filter(|_| self.stress.is_none()) {
+            let checkpoints = judge.checkpoints.iter();
+            checkpoints.for_each(|checkpoint| checkpoint.warn_beyond(last, &judge.run));
+        }
     }
 
     /// The run with perturbed pairs.
@@ -191,6 +202,9 @@ impl Source for RunSource {
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        self.source.next()
+        let frame = self.source.next()?;
+        let pair = frame.as_ref().map(|frame| (frame.sequence, frame.stamp_ns));
+        self.last = pair.or(self.last);
+        Ok(frame)
     }
 }

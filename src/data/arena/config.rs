@@ -63,8 +63,8 @@ pub struct SensorConfig {
     pub focus_m: f64,
 }
 
-/// Motion of the robot: the path is the same in each run up to `deviation_m`; the seed sets the
-/// phases of its gait.
+/// Motion of the robot. All runs follow one path to within `deviation_m`; the seed sets the phases
+/// of the gait.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RobotConfig {

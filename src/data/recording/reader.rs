@@ -158,8 +158,8 @@ impl Reader {
     /// # Errors
     /// [`Error::Format`] for a topic that cannot be the truth; [`Error::Io`].
     pub fn truth(&self, selection: &TruthSelection) -> Result<TruthTopic> {
-        let ([left, _], pairs) = (self.source.topics(), self.source.stamps());
-        TruthTopic::open(&self.recording, left, pairs, selection)
+        let (topics, pairs) = (self.source.topics(), self.source.stamps());
+        TruthTopic::open(&self.recording, topics, pairs, selection)
     }
 
     /// The topics that measure distances, decided by the first message of each: those that

@@ -126,7 +126,16 @@ impl Scenario {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] with line and column, or with the contradiction.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = read_text(path, MAX_BYTES)?;
+        let text = read_text(path, MAX_BYTES).map_err(|error| match path.parent() {
+            Some(folder) if folder.ends_with("scenarios") && !folder.exists() => {
+                let cure = "svl's repository has the folder scenarios/: run this in a checkout";
+                Error::format(
+                    path,
+                    format!("no such file; {cure}, or use `arena`, built in"),
+                )
+            }
+            _ => error,
+        })?;
         Self::parse(&text, path)
     }
 

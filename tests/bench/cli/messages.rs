@@ -153,6 +153,7 @@ const COMMANDS: &str = "
     replay a.mcap --rows no/rows.csv
     replay a.mcap -o a.mcap
     replay a.mcap --rerun spwan
+    replay a.mcap --truth /truth/dept
     replay a.mcap --algo v3:min_disparity=9,max_disparity=3
     # match
     match l.pgm small.pgm -o o.pfm
@@ -231,6 +232,7 @@ const COMMANDS: &str = "
     score algorithm.toml
     score binary.toml
     score missing.toml
+    score scenarios/drive.toml
     score middlebury.toml
     score middlebury.toml --data .
     score short.toml --stress fog

@@ -78,8 +78,8 @@ fn a_source_without_topics_has_no_truth_of_a_sensor() {
     fixture.write_short_arena("short.toml", 2);
     fixture.run("record short.toml -o run.mcap");
     fixture.fails(
-        "replay run.mcap --truth /points => 1: --truth /points: no such topic | /truth/depth \
-         (sensor_msgs/msg/Image)",
+        "replay run.mcap --truth /truth/dept => 1: --truth /truth/dept: no such topic | did you \
+         mean '/truth/depth'",
     );
 }
 

@@ -286,11 +286,35 @@ fn what_a_source_lacks_is_said_with_its_cure() {
         .svl(&["score", "nothing.mcap"])
         .failed(1, &["nothing.mcap: no such file"]);
     fixture
+        .svl(&["score", "scenarios/drive.toml"])
+        .failed(1, &["scenarios/drive.toml: no such file", "checkout"]);
+    let text = fixture.run("score pairs --algo v3 --columns right -q");
+    assert!(text.contains("right") && text.contains("--truth"), "{text}");
+    fixture
         .svl(&["score", "own.toml", "pairs"])
         .failed(2, &["own.toml: is a scenario"]);
     fixture
         .svl(&["score", "arena", "--calib", "none"])
         .failed(2, &["--calib is for recordings"]);
+}
+
+#[test]
+fn a_checkpoint_that_ends_after_the_recording_is_named() {
+    let fixture = arena();
+    let warned = |frames: &str, options: &str| {
+        let checkpoint = format!(
+            "[[checkpoint]]\nnumber = 1\nname = \"box\"\nframes = {frames}\n\
+             [[checkpoint.cell]]\nat = [0, 0]\nfree = true\n"
+        );
+        let text = scenario("ends", "files = [\"bag2.mcap\"]", &checkpoint);
+        fixture.write("ends.toml", text);
+        let ran = fixture.svl(&format!("score ends.toml --algo v3 --rerun none{options}"));
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        ran.stderr.contains("checkpoint 1 (box)")
+    };
+    assert!(warned("[0, 300]", ""));
+    assert!(!warned("[0, 11]", ""));
+    assert!(!warned("[0, 300]", " --every 2"), "the range is the user's");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::stage::{MS, PERIOD_NS, Stage, Triggered, adds_up, slow};
 use svl::Error;
 use svl::grab::simulated::CameraBehavior;
-use svl::grab::{Rule, Unpaired};
+use svl::grab::{self, GrabRequest, Host, Rule, TriggerSource, Unpaired};
 
 const NEAR: Rule = Rule::Stamp {
     max_skew_ns: PERIOD_NS / 4,
@@ -272,4 +272,18 @@ fn a_grabber_without_a_reader_ends() {
         ..Stage::new(slow(1.0, 0.0), slow(1.0, 0.0))
     };
     drop(stage.start(Triggered::AtFixedRate, Rule::Trigger));
+}
+
+#[test]
+fn a_missing_controller_is_reported_before_pictures_are_rendered() {
+    let request = GrabRequest {
+        trigger: Some(TriggerSource::Serial("/dev/nowhere".into())),
+        ..GrabRequest::default()
+    };
+    let host = Host {
+        progress: &|_| panic!("renders first"),
+        ..Host::default()
+    };
+    let error = grab::open("sim", &request, host).map(drop).unwrap_err();
+    assert!(matches!(error, Error::Camera { .. }), "{error}");
 }

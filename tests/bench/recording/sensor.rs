@@ -350,7 +350,7 @@ fn what_cannot_be_a_truth_is_refused_in_one_line() {
     refused(
         with(depth32(0, SIZE, flat)),
         "/elsewhere",
-        &["no such topic", "/depth (sensor_msgs"],
+        &["no such topic", "distances are in /depth"],
     );
     refused(
         with(tf("/tf_static", &[])),

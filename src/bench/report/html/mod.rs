@@ -126,7 +126,7 @@ pub enum Rank {
 }
 
 impl ReportPage {
-    /// The page as a file.
+    /// Writes the page to a file.
     ///
     /// # Errors
     /// [`Error::Io`] with the file.

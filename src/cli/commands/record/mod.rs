@@ -21,10 +21,10 @@ use svl::source::{Limited, Request};
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
     /// Source to record, as `svl help sources` lists them
-    #[arg(
-        default_value = "arena", value_parser = source::SourceParser, hide_possible_values = true
-    )]
-    source: String,
+    ///
+    /// [default: arena].
+    #[arg(value_parser = source::SourceParser, hide_possible_values = true)]
+    source: Option<String>,
     /// File to write [default: recordings/SOURCE-N.mcap]
     #[arg(short, long, value_name = "FILE.mcap", value_parser = usage::ending(&["mcap"]))]
     output: Option<PathBuf>,
@@ -85,7 +85,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if args.list {
         return source::list();
     }
-    let inputs = source::inputs(&args.source);
+    let source = args.source.as_deref().unwrap_or("arena");
+    let inputs = source::inputs(source);
     let claim =
         |path: &Path| Outputs::claim(args.force, inputs.iter().map(PathBuf::as_path), [path]);
     let claimed = args.output.as_deref().map(claim).transpose()?;
@@ -94,7 +95,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut request = Request {
         seed: args.seed,
         options: args.options.clone(),
-        ..Request::new(&args.source)
+        ..Request::new(source)
     };
     args.cameras.fill(&mut request);
     let mut opened = source::open(request, quiet)?;
@@ -113,6 +114,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ..PairRange::default()
     };
     opened.source = Box::new(Limited::new(opened.source, duration, args.frames));
+    if args.source.is_none() && !quiet {
+        let pairs = opened.source.pairs().map(|pairs| counted(pairs, "pair"));
+        let pairs = pairs.map_or_else(String::new, |pairs| format!(", {pairs}"));
+        let others = "`svl help sources` lists other sources";
+        print_error(format_args!(
+            "no SOURCE is named: records the arena{pairs}; {others}"
+        ));
+    }
     let format = RecordingFormat {
         dialect: if args.ros2 {
             Dialect::Ros2
@@ -140,7 +149,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let whose = if is_kept {
             output.display().to_string()
         } else {
-            args.source.clone()
+            source.to_owned()
         };
         printed = print(&format!("{whose}: {}\n", grabber.text));
     }
@@ -149,11 +158,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let ending = RunEnding::new(outcome.missing(), args.options.allow_loss);
     if !quiet {
         if let Some(note) = ending.note() {
-            print_error(format_args!("{}: not recorded: {note}", args.source));
+            print_error(format_args!("{source}: not recorded: {note}"));
         }
         report(&output, &outcome, began.elapsed().as_secs_f64())?;
         if let Some(note) = stamps.as_ref().and_then(StampOrigin::note) {
-            print_error(format_args!("{}: {note}", args.source));
+            print_error(format_args!("{source}: {note}"));
         }
     }
     Ok(complete(&ending)?)

@@ -30,12 +30,12 @@ Examples:
   svl score own.mcap --algo v3 --algo sgm        without truth: known cells
   svl score bags/*.mcap --every 10 --from 5
   svl score own.toml                             with checkpoints of your own
-  svl score scenarios/arena.toml --algo v3 --algo v3:max_disparity=64
-  svl score scenarios/arena.toml --algo v3 --algo bm:uniqueness=0..60/10
+  svl score arena --algo v3 --algo v3:max_disparity=64
+  svl score arena --algo v3 --algo bm:uniqueness=0..60/10
   svl score scenarios/middlebury.toml --data DATASETS -o reports/mine
   svl score scenarios/kitti2015.toml --data ~/kitti --scenes 'training/*'
   svl score arena --algo sgm:p1=5..20/5 --resume   resumes a killed run
-  svl score scenarios/arena.toml --gate
+  svl score arena --gate
       for CI: exit status 3 if a limit of the scenario fails
 
 A number written FROM..TO/STEP is swept: bm:uniqueness=0..60/10 means
@@ -47,7 +47,8 @@ algorithms, Rerun shows up to 32.
 
   svl score arena --algo fast=v3:max_disparity=48 --algo net=exec:command=./n
 
-NAME= before an algorithm is its name in tables, gates, files and plots.")]
+NAME= before an algorithm is its name in tables, gates, files and plots.
+The folder scenarios/ is in svl's repository.")]
 pub(crate) struct Args {
     /// A scenario, the arena, or recordings, bags and folders of pairs
     #[arg(
@@ -166,7 +167,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     if args.gate && scenario.gate.is_empty() {
         return Err(usage::wrong(format!(
-            "{named}: has no [[gate]], so there is nothing to fail; scenarios/arena.toml shows some"
+            "{named}: has no [[gate]], so there is nothing to fail; add one, as `svl score arena \
+             --print-scenario` shows"
         )));
     }
     let folder = args.output.clone().unwrap_or_else(|| {

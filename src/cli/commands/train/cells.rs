@@ -59,7 +59,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Least probability of a known cell in the figures: v5's default.
+/// Least probability of a known cell in the figures: that of revision 1, with which they compare.
 const CONFIDENCE: f64 = 0.75;
 
 /// Fewest cells of either kind that are worth a fit.

@@ -18,7 +18,7 @@ pub(crate) type Open<'a> = Box<dyn Fn() -> anyhow::Result<Box<dyn Source>> + 'a>
 /// it are there as long as they are kept.
 pub(crate) struct FrameStore<'a> {
     reads: Reads<'a>,
-    /// Index of the frame that the source gives next; unknown after an error.
+    /// Index of the source's next frame; `None` after an error.
     next: Option<u64>,
     /// Number of frames, where that is known.
     count: Option<u64>,

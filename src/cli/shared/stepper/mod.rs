@@ -96,9 +96,9 @@ pub(crate) struct Stepper<'a> {
     store: FrameStore<'a>,
     index: u64,
     frame: Arc<Frame>,
-    /// Time for which a frame is shown when they are played.
+    /// Display time of a frame during playback.
     period: Duration,
-    /// When the next frame is due; none unless playing.
+    /// Time of the next frame; `None` unless playing.
     due: Option<Instant>,
     jump: Option<LineEdit>,
     help: bool,

@@ -1,6 +1,6 @@
 //! v5: svl's own algorithm, which decides on cells instead of pixels.
 //!
-//! It estimates the distance of each cell of the depth grid, and decides if that may be reported.
+//! It estimates the distance of each cell of the depth grid, and decides whether to report it.
 //! SGM (Hirschmüller 2008) of small censuses at half size along four paths; then gaps are filled
 //! like occluded surfaces, and each cell reports a value that is right whatever the disparities of
 //! its uncertain pixels ([`crate::depth::decision`]).

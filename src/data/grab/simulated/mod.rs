@@ -31,6 +31,8 @@ pub const DRIVER: Driver = Driver {
 
 fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     let config = SimulatedConfig::parse(request.driver, request.text)?;
+    // A missing controller is reported before the pictures are rendered, which takes seconds.
+    let controller = request.controller()?;
     // The number of the board's pictures is fixed.
     let count = (!config.board).then_some(config.pictures as u64);
     let (rate_hz, seed, host) = (request.rate_hz, request.seed, request.host);
@@ -51,8 +53,7 @@ fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
         TriggerSource::Software | TriggerSource::FixedRate(_) => {
             Some(Box::new(SimulatedTrigger::new(&cable)))
         }
-        TriggerSource::Serial(_) => request
-            .controller()?
+        TriggerSource::Serial(_) => controller
             .map(|controller| Box::new(CabledTrigger::new(Box::new(controller), &cable)) as _),
     };
     let camera = |side: Side| -> Box<dyn Camera> {

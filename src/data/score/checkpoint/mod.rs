@@ -253,6 +253,16 @@ impl Checkpoint {
         Ok(())
     }
 
+    /// Warns if it ends after the run's last pair, of that number and stamp: a typing error, or a
+    /// recording that is shorter than expected.
+    pub fn warn_beyond(&self, last: (u64, u64), run: &RunPart) {
+        let Self { number, name, .. } = self;
+        let here = run.is_in(self.file.as_deref());
+        if let Some(range) = self.place.beyond(last, run).filter(|_| here) {
+            tracing::warn!("checkpoint {number} ({name}): {range}");
+        }
+    }
+
     /// Rejects a frame that was another pair when it was labelled. `hash`: that of its pair.
     ///
     /// # Errors

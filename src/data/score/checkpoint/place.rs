@@ -151,6 +151,20 @@ impl CheckpointPlace {
         }
     }
 
+    /// The range in words, if it ends after the run's last pair, of that number and stamp.
+    pub(super) fn beyond(&self, (sequence, stamp_ns): (u64, u64), run: &RunPart) -> Option<String> {
+        let seconds = stamp_ns.saturating_sub(run.start_ns) as f64 / 1e9;
+        match *self {
+            Self::Frames([a, b]) if b > sequence => Some(format!(
+                "frames = [{a}, {b}], and the last pair is {sequence}"
+            )),
+            Self::Seconds([a, b]) if b > seconds => Some(format!(
+                "seconds = [{a}, {b}], and the last pair is at {seconds:.2} s"
+            )),
+            _ => None,
+        }
+    }
+
     fn is_near(&self, pose: &Pose) -> bool {
         let Self::Pose {
             at_m,
@@ -240,6 +254,9 @@ mod tests {
         let shows = [7_499_999_999, 7_500_000_000, 8_000_000_000, 8_000_000_001]
             .map(|stamp_ns| seconds.covers(&frame(0, stamp_ns), &run));
         assert_eq!(shows, [false, true, true, false]);
+        let is_beyond = |place: CheckpointPlace, last| place.beyond(last, &run).is_some();
+        assert!(is_beyond(frames, (4, 0)) && !is_beyond(frames, (5, 0)));
+        assert!(is_beyond(seconds, (0, 7_999_999_999)) && !is_beyond(seconds, (0, 8_000_000_000)));
     }
 
     #[test]

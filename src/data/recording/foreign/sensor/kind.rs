@@ -5,6 +5,7 @@ use crate::recording::foreign::{image, json};
 use crate::recording::{decode_protobuf, ros};
 use foxglove::messages;
 use nalgebra::Point3;
+use svl_core::joined;
 
 /// Measurement in a message.
 pub(super) enum Measured {
@@ -81,33 +82,15 @@ const fn cloud(
     }
 }
 
-/// The kind of a topic's messages.
+/// The kind of a channel's messages.
 ///
 /// # Errors
-/// The topic's type, or the topics there are.
-pub(super) fn of(
-    channels: &[&Channel],
-    topic: &str,
-    left: &str,
-) -> Result<&'static MeasuredKind, String> {
-    let is_of = |channel: &Channel| KINDS.iter().find(|kind| kind.schema == channel.schema);
-    let Some(channel) = channels.iter().find(|channel| channel.topic == topic) else {
-        let known = channels
-            .iter()
-            .filter(|c| is_of(c).is_some() && c.topic != left);
-        let mut known: Vec<_> = known
-            .map(|c| format!("{} ({})", c.topic, c.schema))
-            .collect();
-        known.sort_unstable();
-        known.dedup();
-        return Err(match &known[..] {
-            [] => "no such topic, and none that measures distances".to_owned(),
-            known => format!("no such topic; it has {}", known.join(", ")),
-        });
-    };
-    let schemas: Vec<_> = KINDS.iter().map(|kind| kind.schema).collect();
-    let kind = is_of(channel).ok_or_else(|| {
-        let (schema, known) = (&channel.schema, schemas.join(", "));
+/// The type of the messages, if it is none that measures distances.
+pub(super) fn of(channel: &Channel) -> Result<&'static MeasuredKind, String> {
+    let kind = KINDS.iter().find(|kind| kind.schema == channel.schema);
+    let kind = kind.ok_or_else(|| {
+        let known = joined(KINDS.iter().map(|kind| kind.schema));
+        let schema = &channel.schema;
         format!("has messages of {schema}; distances are read from {known}")
     })?;
     if kind.encoding == channel.encoding {

@@ -14,7 +14,7 @@ pub(in crate::recording) use kind::head;
 use measurements::Measurements;
 use std::collections::BTreeSet;
 use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity, TruthKind, TruthOrigin};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, did_you_mean, joined};
 pub use view::RawCamera;
 use view::{Setup, View};
 
@@ -56,7 +56,7 @@ pub(in crate::recording) fn truth_topics(
         !pairs.contains(&channel.topic.as_str())
             // A disparity map has the same pixel format as a depth image.
             && !channel.topic.contains("disparity")
-            && kind::of(&channels, &channel.topic, pairs[0]).is_ok()
+            && kind::of(channel).is_ok()
     };
     let candidates = channels.iter().filter(is_candidate);
     let mut unknown: BTreeSet<_> = candidates.map(|channel| channel.topic.clone()).collect();
@@ -73,7 +73,7 @@ pub(in crate::recording) fn truth_topics(
                 data,
             } = event
                 && unknown.remove(&channel.topic)
-                && let Ok(kind) = kind::of(&channels, &channel.topic, pairs[0])
+                && let Ok(kind) = kind::of(channel)
                 && kind.read(channel, log_time, &data).is_ok()
             {
                 found.insert(channel.topic.clone());
@@ -85,7 +85,7 @@ pub(in crate::recording) fn truth_topics(
 
 impl TruthTopic {
     /// Finds the topic, the left camera, the transform between the two, and the measurement of each
-    /// pair. `left`: the topic of the left images.
+    /// pair. `topics`: those of the left and the right images.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] if the topic is missing or of another type, its first
@@ -93,7 +93,7 @@ impl TruthTopic {
     /// clock, or several pairs or measurements share one.
     pub(in crate::recording) fn open(
         recording: &Recording,
-        left: &str,
+        topics: [&str; 2],
         pairs: PairStamps,
         selection: &TruthSelection,
     ) -> Result<Self> {
@@ -103,8 +103,16 @@ impl TruthTopic {
             let reason = format!("--truth {topic}: {reason}");
             Error::format(recording.path(), reason)
         };
-        let kind = kind::of(&channels, topic, left).map_err(wrong)?;
-        let setup = Setup::find(recording, &channels, left, topic, kind)?.map_err(wrong)?;
+        let Some(channel) = channels.iter().find(|channel| channel.topic == *topic) else {
+            let known = truth_topics(recording, topics)?;
+            let meant = did_you_mean(topic, known.iter().map(String::as_str));
+            return Err(wrong(match &known[..] {
+                [] => "no such topic, and none that measures distances".to_owned(),
+                known => format!("no such topic{meant}; distances are in {}", joined(known)),
+            }));
+        };
+        let kind = kind::of(channel).map_err(wrong)?;
+        let setup = Setup::find(recording, &channels, topics[0], topic, kind)?.map_err(wrong)?;
         let mut conflict = None;
         let mut look = |channel: &Channel, data: &[u8]| {
             if conflict.is_none() {

@@ -191,7 +191,7 @@ impl Transforms {
         above
     }
 
-    /// The known frames, for an error.
+    /// Names of the known frames, for error messages.
     pub(super) fn listed(&self) -> String {
         let links = self
             .0

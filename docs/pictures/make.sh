@@ -1,0 +1,45 @@
+#!/usr/bin/env bash
+# Makes the pictures of commands and pages: bash docs/pictures/make.sh DATASETS
+# Needs python3, `script` of util-linux, and the browser chromium-headless-shell, or another that BROWSER names. SVL names
+# a program in place of the release build. docs/rerun.png is a screenshot of `svl view reports/arena`.
+set -euo pipefail
+datasets="$(realpath "${1:?the folder of the data sets}")"
+cd "$(dirname "$0")/../.."
+root="$PWD"
+if [ -z "${SVL:-}" ]; then
+  cargo build --release --locked
+  SVL="$root/target/release/svl"
+fi
+work="$(mktemp -d)"
+trap 'rm -rf "$work"' EXIT
+mkdir "$work/bin"
+ln -s "$(realpath "$SVL")" "$work/bin/svl"
+export PATH="$work/bin:$PATH"
+cd "$work"
+
+# Lines that a command prints on a terminal of 80 columns, up to the one before the pattern.
+terminal() {
+  script -qec "stty cols 80 rows 50; $3 2>/dev/null" /dev/null </dev/null | tr -d '\r' | sed "/$2/,\$d" |
+    python3 "$root/docs/pictures/terminal.py" "$3" >"$root/docs/pictures/$1"
+}
+page() {
+  "${BROWSER:-chromium-headless-shell}" --no-sandbox --disable-gpu --hide-scrollbars --window-size="$2" \
+    --screenshot="$root/docs/pictures/$1" "file://$work/$3"
+}
+
+svl record arena --frames 60 --seed 7 --ros2 --quiet -o bag.mcap
+# The sentences below the table name times, which are those of the machine.
+terminal terminal.svg '^v5 has' \
+  "svl score bag.mcap --truth /truth/depth --algo v5 --algo sgm --algo v3 --columns right,wrong,unknown,missed25"
+echo 'resize:100x34 down down down down right right right wait screen q' >keys
+terminal tune.svg '^v3:texture_delta' 'svl tune bag.mcap --truth /truth/depth --algo v3 --rerun none --script keys'
+
+svl score "$root/scenarios/drive.toml" --seeds 3 --algo v5 --algo v3 --algo bm --algo truth --drives none --quiet \
+  --figures drive >/dev/null
+cp drive/course-3.svg "$root/docs/pictures/drive.svg"
+
+svl score arena --quiet >/dev/null
+page report.png 1200,980 reports/arena/index.html
+cp "$datasets/middlebury2014q/Playroom"/{im0.png,im1.png,calib.txt} .
+svl match im0.png im1.png --algo v5 --calib calib.txt -o d.pfm --evidence evidence.html >/dev/null
+page evidence.png 1000,760 evidence.html
