@@ -25,7 +25,7 @@ use crate::timing::{Clock, Stage};
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "sgm",
     aliases: &[],
-    summary: "semi-global matching of census transforms along eight paths: dense and exact, but slow",
+    summary: "semi-global matching of census transforms along eight paths: dense, exact, slow",
     about: "",
     paper: "Hirschmüller, Stereo Processing by Semiglobal Matching and Mutual Information, PAMI \
             30(2), 2008",

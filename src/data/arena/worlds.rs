@@ -124,7 +124,7 @@ impl ArenaConfig {
         let walk = Walk::new(&config, seed)?;
         let tries = dice.between(TRIES.0, TRIES.1) as usize;
         for place in 1..=tries {
-            let group = Group::draw(&config.world, place, &mut dice);
+            let group = ObjectGroup::draw(&config.world, place, &mut dice);
             let fits = config.world.blocks.len() + group.0.len() <= check::MAX_OBJECTS;
             if fits && group.is_clear(&config.rig, &walk) {
                 config.world.blocks.extend(group.0);
@@ -178,9 +178,9 @@ fn path(world: &WorldConfig, dice: &mut Dice) -> Vec<Waypoint> {
 }
 
 /// Blocks that belong together.
-struct Group(Vec<Block>);
+struct ObjectGroup(Vec<Block>);
 
-impl Group {
+impl ObjectGroup {
     fn draw(world: &WorldConfig, place: usize, dice: &mut Dice) -> Self {
         let at_m = [
             number(dice, 0.1, world.width_m - 0.1),
