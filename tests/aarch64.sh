@@ -10,7 +10,7 @@ if [ "$(uname -sm)" != "Linux x86_64" ]; then
   echo "skipped: these tests run on Linux x86_64"
   exit 0
 fi
-if ! command -v qemu-aarch64-static aarch64-linux-gnu-g++ > /dev/null; then
+if ! { command -v qemu-aarch64-static && command -v aarch64-linux-gnu-g++; } > /dev/null; then
   as_root=""
   [ "$(id -u)" = 0 ] || as_root="sudo -n"
   install="$as_root apt-get install -qq -y --no-install-recommends $packages"
