@@ -16,7 +16,10 @@ else
   how=unpack frames=6 emulator=("/usr/bin/qemu-$machine-static") debian=(--foreign "--arch=$architecture")
 fi
 debootstrap --variant=minbase "${debian[@]}" bullseye "$root/clean" > "$root/log" || { tail "$root/log"; exit 1; }
-[ "$how" = install ] || cp "${emulator[0]}" "$root/clean/usr/bin/"
+if [ "$how" = unpack ]; then
+  cp "${emulator[0]}" "$root/clean/usr/bin/"
+  mkdir -p "$root/clean/usr/local/bin"
+fi
 
 inside() { env -i PATH=/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin HOME=/root LANG=C.UTF-8 chroot "$place" "$@"; }
 svl() { inside "${emulator[@]}" "$program" "$@"; }
