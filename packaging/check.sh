@@ -1,33 +1,65 @@
 #!/usr/bin/env bash
 # Installs each package of the folder $1 into a clean Debian 11 (glibc 2.31) and runs the main job there. As root, or by
-# sudo, with debootstrap (Debian: apt-get install debootstrap).
+# sudo, with debootstrap and binutils. Packages for another processor are unpacked into a Debian 11 for that one, whose
+# installers do not run here, and svl runs in it under qemu: that needs qemu-user-static and python3-pip, too.
 set -euo pipefail
 [ "$(id -u)" = 0 ] || exec sudo "$0" "$@"
 packages="$(realpath "$1")"
+deb="$(echo "$packages"/svl_*.deb)" tar="$(echo "$packages"/svl-*.tar.gz)" wheel="$(echo "$packages"/svl_bench-*.whl)"
 root="$(mktemp -d)"
 trap 'rm -rf "$root"' EXIT
-debootstrap --variant=minbase --include=python3-pip,python3-numpy,man-db bullseye "$root/clean" > "$root/log" || { tail "$root/log"; exit 1; }
+architecture="$(dpkg-deb -f "$deb" Architecture)"
+machine="$(basename "$tar" -linux.tar.gz)" && machine="${machine##*-}"
+if [ "$architecture" = "$(dpkg --print-architecture)" ]; then
+  how=install frames=40 emulator=() debian=(--include=python3-pip,python3-numpy,man-db)
+else
+  how=unpack frames=6 emulator=("/usr/bin/qemu-$machine-static") debian=(--foreign "--arch=$architecture")
+fi
+debootstrap --variant=minbase "${debian[@]}" bullseye "$root/clean" > "$root/log" || { tail "$root/log"; exit 1; }
+if [ "$how" = unpack ]; then
+  cp "${emulator[0]}" "$root/clean/usr/bin/"
+  mkdir -p "$root/clean/usr/local/bin"
+fi
 
-# In a fresh copy: $1 is its name, $2 what installs svl.
-try() {
-  cp -a "$root/clean" "$root/$1"
-  cp "$packages"/* "$root/$1/tmp/"
-  chroot "$root/$1" env -i PATH=/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin HOME=/root LANG=C.UTF-8 bash -euc "
-    cd /tmp
-    $2
-    svl --version
-    man -w svl
-    ls /usr/share/bash-completion/completions/svl /usr/local/share/bash-completion/completions/svl 2> /dev/null || true
-    cd /root
-    svl -q record --frames 40 -o run.mcap
-    svl -q replay run.mcap --algo v5 --rerun run.rrd
-    svl -q score run.mcap --algo v3 --algo v5 -o report
-    test -s report/index.html -a -s run.rrd
-    svl algos exec --example cpp > svl_matcher.hpp
-  "
-  echo "== $1: well"
-  rm -rf "${root:?}/$1"
+inside() { env -i PATH=/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin HOME=/root LANG=C.UTF-8 chroot "$place" "$@"; }
+svl() { inside "${emulator[@]}" "$program" "$@"; }
+
+install_wheel() { inside bash -euc 'pip3 -q install --no-index /tmp/svl_bench-*.whl && python3 -c "import svl_matcher"'; }
+install_deb() { inside bash -euc 'dpkg -i /tmp/svl_*.deb'; }
+install_tar() { inside bash -euc 'tar -C /usr/local --strip-components 1 -xzf /tmp/svl-*.tar.gz'; }
+unpack_wheel() {
+  python3 -m pip -q install --no-index --no-deps --only-binary :all: --platform "manylinux_2_31_$machine" \
+    --target "$place/opt" "$wheel"
+  test -s "$place/opt/svl_matcher.py"
+  mv "$place/opt/bin/svl" "$place/usr/local/bin/"
 }
-try wheel 'pip3 -q install --no-index svl_bench-*.whl && python3 -c "import svl_matcher"'
-try deb 'dpkg -i svl_*.deb'
-try tar 'tar -C /usr/local --strip-components 1 -xzf svl-*.tar.gz'
+unpack_deb() { dpkg-deb -x "$deb" "$place"; }
+unpack_tar() { tar -C "$place/usr/local" --strip-components 1 -xzf "$tar"; }
+
+depends="$(dpkg-deb -f "$deb" Depends)"
+[ "$depends" = "libc6 (>= 2.31)" ] || { echo "the Debian package depends on $depends" >&2; exit 1; }
+# In a fresh copy.
+for package in wheel deb tar; do
+  place="$root/$package"
+  cp -a "$root/clean" "$place"
+  cp "$packages"/* "$place/tmp/"
+  "${how}_$package"
+  program=/usr/bin/svl
+  [ -e "$place$program" ] || program=/usr/local/bin/svl
+  glibc="$(readelf -W --version-info "$place$program" | grep -o 'GLIBC_[0-9.]*' | sort -Vu | tail -1)"
+  [ "$(printf '%s\n' "$glibc" GLIBC_2.31 | sort -V | tail -1)" = GLIBC_2.31 ] || { echo "it needs $glibc" >&2; exit 1; }
+  svl --version
+  if [ "$how" = install ]; then
+    inside man -w svl
+    inside sh -c 'ls /usr/share/bash-completion/completions/svl /usr/local/share/bash-completion/completions/svl 2> /dev/null || true'
+  fi
+  svl -q record --frames "$frames" -o /root/run.mcap
+  svl info /root/run.mcap
+  svl -q replay /root/run.mcap --algo v5 --rerun /root/run.rrd --rows /root/rows.csv
+  svl replay /root/run.mcap --algo v5 --verify=/root/rows.csv
+  svl -q score /root/run.mcap --algo v3 --algo v5 -o /root/report
+  test -s "$place/root/report/index.html" -a -s "$place/root/run.rrd"
+  svl algos exec --example cpp > "$place/root/svl_matcher.hpp"
+  echo "== $package for $architecture: well, with $glibc"
+  rm -rf "$place"
+done

@@ -10,7 +10,7 @@ if [ "$(uname -sm)" != "Linux x86_64" ]; then
   echo "skipped: these tests run on Linux x86_64"
   exit 0
 fi
-if ! command -v qemu-aarch64-static aarch64-linux-gnu-g++ > /dev/null; then
+if ! { command -v qemu-aarch64-static && command -v aarch64-linux-gnu-g++; } > /dev/null; then
   as_root=""
   [ "$(id -u)" = 0 ] || as_root="sudo -n"
   install="$as_root apt-get install -qq -y --no-install-recommends $packages"
@@ -43,8 +43,11 @@ step cargo test --release --locked --target "$triple" -p svl-core -p svl-c --lib
 examples() { # compiler prefix, folder of the library, command to run
   local prefix="$1" library="$2/libsvl_c.a" out="$work/${1:-x86-}"
   shift 2
-  "${prefix}gcc" -std=c99 -Wall -Werror -I src/c/include src/c/examples/stop.c "$library" -lpthread -ldl -lm -o "${out}c"
-  "${prefix}g++" -std=c++11 -Wall -Werror -I src/c/include src/c/examples/stop.cpp "$library" -lpthread -ldl -lm -o "${out}cpp"
+  local flags="-Wall -Werror -I src/c/include" libraries="$library -lpthread -ldl -lm -Wl,--gc-sections"
+  # shellcheck disable=SC2086
+  "${prefix}gcc" -std=c99 $flags src/c/examples/stop.c $libraries -o "${out}c"
+  # shellcheck disable=SC2086
+  "${prefix}g++" -std=c++11 $flags src/c/examples/stop.cpp $libraries -o "${out}cpp"
   "$@" "${out}c" "$work/left.pgm" "$work/right.pgm"
   "$@" "${out}cpp"
 }
