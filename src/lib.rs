@@ -27,6 +27,8 @@
 //! # Ok::<(), svl::Error>(())
 //! ```
 
+#[cfg(feature = "ros2")]
+pub use svl_bench::dds;
 pub use svl_bench::{
     console, drive, evaluation, outputs, record, report, run, runs, sink, source, train, tune,
 };

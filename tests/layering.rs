@@ -62,7 +62,7 @@ const PACKAGES: [Package; 8] = [
     Package {
         root: "bench/lib.rs",
         layers: &[
-            &["outputs"],
+            &["outputs", "dds"],
             &["source", "report"],
             &["sink"],
             &["run"],
@@ -175,6 +175,7 @@ fn heavy_crates_have_one_user() {
     // command line.
     for (heavy, package) in [
         ("polars", "svl-bench"),
+        ("rustdds", "svl-bench"),
         ("rerun", "svl-viewer"),
         ("svl-thesis", "svl"),
         ("svl-viewer", "svl"),

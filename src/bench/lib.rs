@@ -3,6 +3,8 @@
 //! `svl` re-exports its modules.
 
 pub mod console;
+#[cfg(feature = "ros2")]
+pub mod dds;
 pub mod drive;
 pub mod evaluation;
 pub mod outputs;

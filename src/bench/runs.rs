@@ -45,6 +45,10 @@ pub fn named(what: &[String]) -> Result<Scenario> {
         [name] if name == "arena" => Scenario::arena(),
         [path] if is_scenario(path) => Scenario::read(Path::new(path)),
         recordings => {
+            if let Some(name) = recordings.iter().find(|name| source::is_ros2(name)) {
+                let cure = format!("record them first, svl record {name} -o run.mcap");
+                return Err(Error::Usage(format!("{name}: are live topics; {cure}")));
+            }
             if let Some(name) = recordings.iter().find(|name| is_scenario(name)) {
                 let cure = "name one scenario, or recordings";
                 return Err(Error::Usage(format!("{name}: is a scenario; {cure}")));
@@ -211,7 +215,14 @@ pub fn open(request: Request<'_>, console: &dyn Console) -> Result<Opened> {
 /// # Errors
 /// As [`source::open_recording`].
 pub fn open_recording(request: &Request<'_>, console: &dyn Console) -> Result<Opened> {
-    noted(source::open_recording(request)?, console)
+    let request = Request {
+        host: Host {
+            stopped: interrupt::requested,
+            ..request.host
+        },
+        ..request.clone()
+    };
+    noted(source::open_recording(&request)?, console)
 }
 
 fn noted(opened: Opened, console: &dyn Console) -> Result<Opened> {

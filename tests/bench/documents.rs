@@ -28,6 +28,17 @@ const PARSED: &[(&str, &str)] = &[
         "svl record . --left left.mp4",
         "needs videos; cli::own_data has them",
     ),
+    ("svl record ros2:", "needs live topics; ros2:: has some"),
+    ("svl replay ros2:", "needs live topics; ros2:: has some"),
+    ("svl info ros2:", "needs live topics; ros2:: has some"),
+    (
+        "svl replay run.mcap --publish",
+        "needs a feature that is off; ros2:: has it",
+    ),
+    (
+        "svl replay run.mcap --verify=live.csv",
+        "cli::replay has such rows",
+    ),
     ("svl datasets fetch", "needs the network"),
     (
         "svl train cells scenarios/arena.toml scenarios/arena-row.toml",

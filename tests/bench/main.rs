@@ -16,3 +16,5 @@ mod release;
 mod report;
 #[cfg(feature = "rerun")]
 mod rerun;
+#[cfg(feature = "ros2")]
+mod ros2;

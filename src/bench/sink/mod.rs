@@ -4,6 +4,8 @@ mod checkpoints;
 mod collect;
 mod live;
 mod pictures;
+#[cfg(feature = "ros2")]
+mod publish;
 mod recording;
 mod scale;
 mod table;
@@ -120,6 +122,8 @@ pub struct SinkRequest<'a> {
     /// A folder for all tables; the pictures of a report page are collected too.
     pub report: Option<&'a Path>,
     pub viewer: Option<ViewerRequest>,
+    /// Live topics for the results of the first algorithm.
+    pub publish: Option<PublishRequest<'a>>,
     /// A recording of the pairs and of every algorithm's disparities.
     pub recording: Option<Writer>,
 }
@@ -130,6 +134,31 @@ pub struct ViewerRequest {
     pub target: RerunTarget,
     pub detail: RerunDetail,
     pub info: RunInfo,
+}
+
+/// Live topics for results.
+pub struct PublishRequest<'a> {
+    /// As `ros2:/PREFIX`.
+    pub address: &'a str,
+    /// The coordinate frame of the left images.
+    pub frame_id: &'a str,
+}
+
+impl PublishRequest<'_> {
+    #[cfg(feature = "ros2")]
+    fn sink(&self) -> Result<Box<dyn Sink>> {
+        let sink = publish::PublishSink::new(self.address, self.frame_id)?;
+        Ok(Box::new(sink))
+    }
+
+    #[cfg(not(feature = "ros2"))]
+    fn sink(&self) -> Result<Box<dyn Sink>> {
+        let Self {
+            address,
+            frame_id: _,
+        } = self;
+        Err(crate::source::without_ros2(address))
+    }
 }
 
 /// The sinks of one or several runs.
@@ -196,6 +225,9 @@ impl Sinks {
             });
             let verdicts = request.report.map(|_| verdicts);
             sinks.push(viewer.run(target, detail, &info, verdicts)?);
+        }
+        if let Some(publish) = &request.publish {
+            sinks.push(publish.sink()?);
         }
         if let Some(writer) = request.recording {
             sinks.push(Box::new(RecordingSink::new(writer)));

@@ -59,16 +59,16 @@ pub struct TruthFacts {
 }
 
 impl SourceFacts {
-    /// Reads the first pairs of the source `name`; `is_recording`: as a recording.
+    /// Reads the first pairs of a source; `is_recording`: as a recording.
     ///
     /// # Errors
     /// Those of [`open`] and [`open_recording`]; the error of the first pair.
-    pub fn read(name: &str, is_recording: bool) -> Result<Self> {
-        let request = Request::new(name);
+    pub fn read(request: &Request<'_>, is_recording: bool) -> Result<Self> {
+        let name = request.name;
         let mut opened = if is_recording {
-            open_recording(&request)?
+            open_recording(request)?
         } else {
-            open(&request)?
+            open(request)?
         };
         let (mut own, mut has_truth) = (TruthFacts::default(), false);
         let mut first: Option<(Frame, bool)> = None;

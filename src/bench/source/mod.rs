@@ -17,6 +17,8 @@ mod rectified;
 mod reference;
 mod request;
 mod resized;
+#[cfg(feature = "ros2")]
+mod ros2;
 mod runs;
 mod stressed;
 mod video;
@@ -30,8 +32,12 @@ pub use folder::{FolderRequest, FolderSource};
 pub use limited::Limited;
 pub use live::LiveSource;
 pub use measured::MeasuredSource;
-pub use open::{CAMERAS, SOURCES, SourceKind, expected, open, open_arena, open_recording};
-pub use opened::Opened;
+#[cfg(not(feature = "ros2"))]
+pub(crate) use open::without_ros2;
+pub use open::{
+    CAMERAS, ROS2, SOURCES, SourceKind, expected, is_ros2, listen, open, open_arena, open_recording,
+};
+pub use opened::{Heard, Opened};
 pub use recording::RecordingSource;
 pub use rectified::{AssumeRectified, RectifiedSource};
 pub use reference::ReferenceSource;

@@ -5,7 +5,9 @@ use super::dataset::{Scene, SceneSource};
 use super::opened::Opened;
 use super::request::Request;
 use super::video::is_video;
-use super::{ArenaSource, BoardSource, FolderSource, LiveSource, RecordingSource, VideoSource};
+use super::{
+    ArenaSource, BoardSource, FolderSource, Heard, LiveSource, RecordingSource, VideoSource,
+};
 use std::path::Path;
 use svl_core::{Error, Result, joined};
 use svl_data::arena::Arena;
@@ -32,7 +34,7 @@ pub struct SourceKind {
 impl SourceKind {
     /// True if it needs neither file nor camera.
     pub fn is_simulated(&self) -> bool {
-        !self.is_path && self.name != CAMERAS
+        !self.is_path && ![CAMERAS, ROS2].contains(&self.name)
     }
 }
 
@@ -75,6 +77,17 @@ pub const SOURCES: &[SourceKind] = &[
         is_path: false,
         recognizes: |name| grab::driver(name).is_some(),
         open: cameras,
+    },
+    SourceKind {
+        name: ROS2,
+        noun: "topics of ROS 2",
+        help: "live topics of ROS 2, found by type and name, or the two that are named; options: \
+               domain=N [default: ROS_DOMAIN_ID, else 0], interface=ADDRESS of the network to use \
+               [default: all]",
+        options: &["left", "right", "bits", "max_skew_ms", "queue", "when_full"],
+        is_path: false,
+        recognizes: is_ros2,
+        open: ros2,
     },
     SourceKind {
         name: "SCENARIO.toml",
@@ -131,6 +144,9 @@ pub const SOURCES: &[SourceKind] = &[
 /// The row of [`SOURCES`] that represents all [`DRIVERS`].
 pub const CAMERAS: &str = "cameras";
 
+/// The row of [`SOURCES`] for live topics.
+pub const ROS2: &str = "ros2:[LEFT,RIGHT]";
+
 /// The row of [`SOURCES`] that recordings are opened by.
 const RECORDING: &str = "FILE.mcap, BAG";
 const FOLDER: &str = "FOLDER";
@@ -176,7 +192,7 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
     (kind.open)(request)?.prepared(request)
 }
 
-/// Opens a recording; its pairs are rectified as requested.
+/// Opens a recording, or live topics; the pairs are rectified as requested.
 ///
 /// # Errors
 /// As [`open`].
@@ -184,6 +200,9 @@ pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
     let name = request.name;
     let exists = Path::new(name).exists();
     let kind = SOURCES.iter().find(|kind| (kind.recognizes)(name));
+    if kind.is_some_and(|kind| kind.name == ROS2) {
+        return open(request);
+    }
     // A folder may have no images either; then its error as a bag is reported.
     let is_other = kind.is_some_and(|kind| match kind.name {
         RECORDING => false,
@@ -383,6 +402,43 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         notes: note.into_iter().collect(),
         ..Opened::new(source, header, stem)
     })
+}
+
+/// True if `name` names live topics of ROS 2.
+pub fn is_ros2(name: &str) -> bool {
+    name.starts_with("ros2:")
+}
+
+fn ros2(request: &Request<'_>) -> Result<Opened> {
+    #[cfg(feature = "ros2")]
+    {
+        super::ros2::open(request)
+    }
+    #[cfg(not(feature = "ros2"))]
+    Err(without_ros2(request.name))
+}
+
+/// Listens to live topics for some seconds, to say what there is.
+///
+/// # Errors
+/// [`Error::Camera`] if nothing is published, and those of the network.
+pub fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
+    #[cfg(feature = "ros2")]
+    {
+        super::ros2::listen(name, stopped)
+    }
+    #[cfg(not(feature = "ros2"))]
+    {
+        let _ = stopped;
+        Err(without_ros2(name))
+    }
+}
+
+/// The error of an svl that was built without ROS 2.
+#[cfg(not(feature = "ros2"))]
+pub(crate) fn without_ros2(name: &str) -> Error {
+    let cure = "`cargo install --path . --features ros2` adds it";
+    Error::Invalid(format!("{name}: this svl was built without ROS 2; {cure}"))
 }
 
 fn is_file(name: &str, extensions: &[&str]) -> bool {

@@ -3,7 +3,9 @@
 use super::calibration::{self, Calib, CalibrationFiles};
 use super::request::Request;
 use super::{Limited, MeasuredSource, RectifiedSource, ReferenceSource, Resized, Source};
-use std::path::Path;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use svl_core::rectify::Rectifier;
 use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result};
@@ -12,6 +14,7 @@ use svl_data::recording::{
     CALIBRATION, Header, RawCamera, Recording, RecordingFormat, SCENARIO, TruthTopic, Writer,
 };
 use svl_data::scenario::{CropScale, PairRange};
+use tempfile::TempDir;
 
 /// A source, and the contents of a recording of it besides its pairs.
 pub struct Opened {
@@ -25,6 +28,8 @@ pub struct Opened {
     pub stem: String,
     /// True if frames come in real time.
     pub is_live: bool,
+    /// The coordinate frame of the left images, if they name one.
+    pub frame_id: Option<String>,
     /// The recording that it reads.
     pub recording: Option<Recording>,
     /// Stamp of the first pair, if pairs before the first frame were left out.
@@ -41,6 +46,31 @@ pub struct Opened {
     pub(super) remarks: Vec<String>,
 }
 
+/// What was heard of live topics in some seconds.
+#[derive(Serialize)]
+pub struct Heard {
+    /// Seconds of listening.
+    pub seconds: f64,
+    /// Topics without a message, each with the number of its publishers.
+    pub silent: BTreeMap<String, usize>,
+    /// Messages lost, by topic.
+    pub lost: BTreeMap<String, u64>,
+    /// Type of each other topic, of which no message was requested.
+    pub others: BTreeMap<String, String>,
+    /// The two topics that the user named.
+    #[serde(skip)]
+    pub named: Option<[String; 2]>,
+    #[serde(skip)]
+    pub(super) folder: TempDir,
+}
+
+impl Heard {
+    /// The bag of the messages.
+    pub fn bag(&self) -> PathBuf {
+        self.folder.path().join("heard.mcap")
+    }
+}
+
 impl Opened {
     pub(super) fn new(
         source: impl Source + 'static,
@@ -54,6 +84,7 @@ impl Opened {
             calibration: CalibrationFiles::new(),
             stem: stem.into(),
             is_live: false,
+            frame_id: None,
             recording: None,
             start_ns: None,
             notes: Vec::new(),

@@ -94,6 +94,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "samples",
             "compress",
             "ros2",
+            "publish",
             "rerun",
             "rerun_detail",
             "drives",
@@ -125,6 +126,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
 const LONG_OPTIONS: &[&str] = &[
     "sample",
     "rerun_detail",
+    "publish",
     "drives",
     "junit",
     "print_scenario",

@@ -9,7 +9,7 @@ use std::time::Duration;
 use svl::grab::{self, DRIVERS, Driver, GrabRequest, PairBy, RATES_HZ, TriggerSource, WhenFull};
 use svl::matcher::{Range, Value};
 use svl::recording::files;
-use svl::source::{CAMERAS, Opened, Request, SOURCES};
+use svl::source::{CAMERAS, Opened, Request, SOURCES, is_ros2};
 
 /// Options of a scenario's source, which commands that open one source refuse.
 pub(crate) const OF_SCENARIOS: &[&str] = &["data", "scenes", "seeds", "reference"];
@@ -100,7 +100,7 @@ impl CameraArgs {
 
 /// Opens a source, with a progress bar where that takes long.
 pub(crate) fn open(request: Request<'_>, quiet: bool) -> svl::Result<Opened> {
-    if grab::driver(request.name).is_some() {
+    if grab::driver(request.name).is_some() || is_ros2(request.name) {
         listen_for_interrupt();
     }
     svl::runs::open(request, &Terminal { quiet })
@@ -115,7 +115,10 @@ pub(crate) fn inputs(name: &str) -> Vec<PathBuf> {
 pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     let cameras = DRIVERS.iter().map(|driver| driver.name);
     let simulated = SOURCES.iter().filter(|kind| kind.is_simulated());
-    simulated.map(|kind| kind.name).chain(cameras)
+    simulated
+        .map(|kind| kind.name)
+        .chain(cameras)
+        .chain(["ros2:"])
 }
 
 /// The name of a source: any text, for which completion scripts offer [`names`].

@@ -62,23 +62,28 @@ mod sqlite;
 mod summary;
 mod sync;
 mod synced_file;
+mod topic_file;
 mod truth;
 mod writer;
 
 pub use bag::{files, is_bag, only_file};
 pub use cells::{AlgorithmCells, CellReport};
 pub use dialect::{Dialect, RecordingFormat};
-pub use foreign::{RawCamera, Selection, TruthSelection, TruthTopic, UnpairedImages};
+pub use foreign::{
+    LiveTopic, RawCamera, Selection, TopicPairs, TruthSelection, TruthTopic, UnpairedImages,
+};
 pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;
 pub use opened::Recording;
 pub use reader::Reader;
 pub use recovery::Recovery;
 pub use result::AlgorithmResult;
+pub use ros::{LiveMessage, diagnostics, result_messages};
 pub use salvage::DamagedPart;
 pub use skew::{SkewBin, SkewSummary};
 pub use summary::{Gap, Misalignment, RecordingSummary, Topic};
 pub use sync::PairGeometry;
+pub use topic_file::TopicFile;
 pub use writer::Writer;
 
 use crate::files::BitDepth;
@@ -106,10 +111,13 @@ const PROFILE: &str = "svl";
 /// The library named in MCAP files that svl writes.
 const LIBRARY: &str = concat!("svl ", env!("CARGO_PKG_VERSION"));
 
+/// The left camera's optical frame, unless a source names another.
+pub const LEFT_FRAME: &str = "stereo_left";
+
 /// The camera's optical frame. Two frames, because Rerun ties an image plane to each.
 fn frame_id(side: Side) -> &'static str {
     match side {
-        Side::Left => "stereo_left",
+        Side::Left => LEFT_FRAME,
         Side::Right => "stereo_right",
     }
 }

@@ -208,6 +208,59 @@ fn verify_tells_what_differs() {
 }
 
 #[test]
+fn live_results_are_joined_by_stamp_and_pair() {
+    let fixture = recorded("120");
+    fixture.run("replay a.mcap --algo bm --rows rows.csv");
+    let rows = fixture.text("rows.csv");
+    let mut lines = rows.lines();
+    let names: Vec<_> = lines.next().unwrap().split(',').collect();
+    let place = |name: &str| names.iter().position(|known| *known == name).unwrap();
+    let (sequence, run, pair) = (place("sequence"), place("run"), place("pair_hash"));
+    let result = place("result_hash");
+    // A program that began 10 pairs later, and numbers them from its own first one.
+    let live: Vec<Vec<String>> = lines
+        .skip(10)
+        .enumerate()
+        .map(|(i, line)| {
+            let mut cells: Vec<_> = line.split(',').map(str::to_owned).collect();
+            (cells[sequence], cells[run]) = (i.to_string(), "ros2:".to_owned());
+            cells
+        })
+        .collect();
+    let write = |name: &str, rows: &[Vec<String>]| {
+        let rows = rows.iter().map(|cells| cells.join(","));
+        let lines: Vec<_> = std::iter::once(names.join(",")).chain(rows).collect();
+        fixture.write(name, lines.join("\n") + "\n");
+    };
+    write("live.csv", &live);
+    let text = fixture.run("replay a.mcap --verify=live.csv");
+    let expected = "verified: 110 results equal; 110 common pairs; while both were running 0 only \
+                    here and 0 only in live.csv; 10 before or after that\n";
+    assert!(text.ends_with(expected), "{text}");
+    // One pair is lost, and one has another partner: 108 of 111.
+    let mut lossy = live.clone();
+    lossy[50][pair] = "0".to_owned();
+    lossy.remove(20);
+    write("lossy.csv", &lossy);
+    let ran = fixture.svl("replay a.mcap --verify=lossy.csv");
+    ran.failed(
+        4,
+        &[
+            "108 common pairs",
+            "2 only here, the first at",
+            "1 only in lossy.csv",
+        ],
+    );
+    write("one.csv", &[&live[..20], &live[21..]].concat());
+    fixture.run("replay a.mcap --verify=one.csv");
+    let mut other = live.clone();
+    other[50][result] = "0".to_owned();
+    write("other.csv", &other);
+    let ran = fixture.svl("replay a.mcap --verify=other.csv");
+    ran.failed(1, &["bm: 1 results differ from those of other.csv"]);
+}
+
+#[test]
 fn pairs_that_cannot_be_read_are_left_out_and_counted() {
     let fixture = Fixture::new();
     fixture.run("record --frames 12 -o a.mcap");

@@ -2,18 +2,19 @@
 
 mod first_pairs;
 
+use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::terminal::{
     LISTED, losses, missing, print, print_json, size, width, wrapped,
 };
 use std::path::PathBuf;
-use svl::counted;
 use svl::manifest::Manifest;
 use svl::recording::{
     Misalignment, Recording, RecordingSummary, SkewSummary, StampOrigin, Topic, UnpairedImages,
     is_bag,
 };
 use svl::report::table::{Table, TerminalStyle};
-use svl::source::SourceFacts;
+use svl::source::{Heard, Request, SourceFacts, is_ros2, listen};
+use svl::{counted, interrupt};
 
 /// Show the contents of a recording, and check its integrity
 ///
@@ -25,11 +26,12 @@ use svl::source::SourceFacts;
 Examples:
   svl info recordings/arena.mcap
   svl info bag.mcap     which topics of a ROS 2 bag svl would take
+  svl info ros2:        which topics are published, and what they lack to be pairs
   svl info pictures/    image size, focal length, baseline, truth
   svl info recordings/arena.mcap --json | jq '.gaps | length'")]
 pub(crate) struct Args {
-    /// The recording; any other MCAP file will do, the folder of a ROS 2 bag of one file, or a
-    /// folder of images
+    /// The recording; any other MCAP file will do, the folder of a ROS 2 bag of one file, a folder
+    /// of images, or live topics: ros2:[LEFT,RIGHT]
     file: PathBuf,
     /// Print JSON
     #[arg(long)]
@@ -38,20 +40,33 @@ pub(crate) struct Args {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let name = args.file.to_string_lossy();
-    let is_recording = !args.file.is_dir() || is_bag(&args.file);
-    let summary = if is_recording {
-        Some(Recording::open(&args.file)?.summary()?)
+    let live = if is_ros2(&name) {
+        listen_for_interrupt();
+        Some(listen(&name, interrupt::requested)?)
     } else {
         None
     };
+    let file = live.as_ref().map_or_else(|| args.file.clone(), Heard::bag);
+    let is_recording = !file.is_dir() || is_bag(&file);
+    let summary = if is_recording {
+        Some(Recording::open(&file)?.summary()?)
+    } else {
+        None
+    };
+    let path = file.to_string_lossy();
+    let mut request = Request::new(&path);
+    if let Some([left, right]) = live.as_ref().and_then(|heard| heard.named.clone()) {
+        (request.options.left, request.options.right) = (Some(left), Some(right));
+    }
     // A recording without pairs has a summary all the same.
-    let (first_pairs, no_pairs) = match (SourceFacts::read(&name, is_recording), &summary) {
+    let (first_pairs, no_pairs) = match (SourceFacts::read(&request, is_recording), &summary) {
         (Ok(facts), _) => (Some(facts), None),
         (Err(error), Some(_)) => (None, Some(error.to_string())),
         (Err(error), None) => return Err(error.into()),
     };
     let info = Info {
         summary,
+        live,
         first_pairs,
         no_pairs,
     };
@@ -67,6 +82,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 struct Info {
     #[serde(flatten)]
     summary: Option<RecordingSummary>,
+    /// In place of a file, what was heard of live topics.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    live: Option<Heard>,
     first_pairs: Option<SourceFacts>,
     #[serde(skip_serializing_if = "Option::is_none")]
     no_pairs: Option<String>,
@@ -79,7 +97,13 @@ impl Info {
         let why_none = why_none.map(|reason| format!("images     {reason}"));
         let facts = facts.unwrap_or_else(|| why_none.collect());
         match (&self.summary, &self.first_pairs) {
-            (Some(summary), _) => table(summary, facts),
+            (Some(summary), _) => {
+                let begin = match &self.live {
+                    Some(heard) => heard_lines(name, heard),
+                    None => file_lines(summary),
+                };
+                table(summary, begin, facts)
+            }
             (None, Some(SourceFacts { geometry, .. })) => {
                 let lines = [&[format!("geometry   {}", geometry.name())], &facts[..]].concat();
                 format!("{name}\n{}", aligned(&lines, width()))
@@ -99,7 +123,34 @@ fn aligned(lines: &[String], last: usize) -> String {
     lines.iter().map(line).collect()
 }
 
-fn table(summary: &RecordingSummary, facts: Vec<String>) -> String {
+/// What was heard of the topics `name`, and what was not.
+fn heard_lines(name: &str, heard: &Heard) -> Vec<String> {
+    let Heard {
+        seconds,
+        silent,
+        lost,
+        others,
+        ..
+    } = heard;
+    let mut lines = vec![format!("{name}: {seconds:.1} s")];
+    lines.extend(silent.iter().map(|(topic, publishers)| {
+        let publishers = counted(*publishers as u64, "publisher");
+        format!("silent     {topic}: {publishers}, nothing received")
+    }));
+    let lost = lost.iter();
+    lines
+        .extend(lost.map(|(topic, n)| format!("lost       {} of {topic}", counted(*n, "message"))));
+    let listed = others.iter().take(LISTED);
+    lines.extend(listed.map(|(topic, schema)| format!("other      {topic}, {schema}")));
+    if others.len() > LISTED {
+        let more = others.len() - LISTED;
+        lines.push(format!("           and {more} more; --json lists them"));
+    }
+    lines
+}
+
+/// The file with its integrity and its writer.
+fn file_lines(summary: &RecordingSummary) -> Vec<String> {
     let mut lines = vec![
         format!(
             "{}: {}, {}",
@@ -132,7 +183,6 @@ fn table(summary: &RecordingSummary, facts: Vec<String>) -> String {
                 )
             }
         },
-        pairs(summary),
     ];
     if let Some(Manifest {
         run_id,
@@ -141,15 +191,16 @@ fn table(summary: &RecordingSummary, facts: Vec<String>) -> String {
         ..
     }) = &summary.manifest
     {
-        // Behind the writer, before the pairs.
-        lines.insert(
-            3,
-            format!(
-                "run        {run_id}, began {began} on {}",
-                machine.processor
-            ),
-        );
+        lines.push(format!(
+            "run        {run_id}, began {began} on {}",
+            machine.processor
+        ));
     }
+    lines
+}
+
+fn table(summary: &RecordingSummary, mut lines: Vec<String>, facts: Vec<String>) -> String {
+    lines.push(pairs(summary));
     lines.extend(unpaired(summary));
     lines.extend(geometry(summary));
     lines.extend(facts);

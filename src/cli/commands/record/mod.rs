@@ -75,6 +75,7 @@ Examples:
   svl record run.mcap --ros2 -o bag.mcap     a recording as a ROS 2 bag
   svl record --list                          cameras and serial ports
   svl record sim --rate 60 --duration 60     triggered when both are armed
+  svl record ros2:                           live topics, until Ctrl-C
   svl record v4l2:/dev/video0,/dev/video2    free-running webcams
   svl record genicam:LEFT,RIGHT --trigger serial:/dev/ttyACM0
       triggered by the trigger controller

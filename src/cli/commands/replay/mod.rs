@@ -11,21 +11,24 @@ use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::console::Watch;
+use svl::grab::GrabRequest;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::Outputs;
-use svl::recording::{AlgorithmCells, ImageFormat};
+use svl::recording::{AlgorithmCells, ImageFormat, LEFT_FRAME};
 use svl::report::Summary;
 use svl::run::{Matchers, Pace, complete, ending, run_through};
 use svl::runs::{RECORDINGS, cached_run, open_recording, warn_of_own_reference};
 use svl::scenario::{Scenario, SourceOptions};
 use svl::score::{Judge, Judged};
 use svl::sink::{
-    CollectSink, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks, ViewerRequest,
+    CollectSink, PublishRequest, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks,
+    ViewerRequest,
 };
-use svl::source::Request;
+use svl::source::{Request, is_ros2};
 use svl::train::with_filters;
 use svl::{Error, counted};
 use verify::{Earlier, Verification};
@@ -43,6 +46,7 @@ Examples:
   svl replay raw.mcap --calib calibration.xml
       pairs of raw cameras, rectified on the fly
   svl replay BAG                                 the folder of a ROS 2 bag
+  svl replay ros2: --publish ros2:/svl           live topics, until Ctrl-C
   svl replay run.mcap --rerun spawn              watch it in the Rerun viewer
   svl replay run.mcap --rerun run.rrd --rate 1   at the speed it was recorded
   svl replay run.mcap --algo v3 -o result.mcap
@@ -52,8 +56,8 @@ Examples:
 pub(crate) struct Args {
     /// Recording, or the folder of a ROS 2 bag [default: the newest]
     ///
-    /// svl's or another program's [default: the newest of recordings/, else the arena, recorded
-    /// first].
+    /// svl's or another program's, or live topics: ros2:[LEFT,RIGHT] [default: the newest of
+    /// recordings/, else the arena, recorded first].
     #[arg(value_parser = NonEmptyStringValueParser::new())]
     recording: Option<String>,
     /// Algorithm, as NAME[:key=value,…]; repeatable [default: v5]
@@ -100,6 +104,12 @@ pub(crate) struct Args {
         requires = "rerun"
     )]
     rerun_detail: RerunDetail,
+    /// Publish the results to ROS 2 topics below a prefix
+    ///
+    /// PREFIX/points, sensor_msgs/msg/PointCloud2 with a point and its probability per known cell;
+    /// PREFIX/disparity, stereo_msgs/msg/DisparityImage; and /diagnostics once a second.
+    #[arg(long, value_name = "ros2:/PREFIX", value_parser = publish_address)]
+    publish: Option<String>,
     /// Compare the results with those of an earlier run
     ///
     /// By default with those in the recording itself.
@@ -117,6 +127,17 @@ pub(crate) struct Args {
 
 /// Options that only scenarios accept.
 pub(crate) const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds"];
+
+/// Pairs that may wait for matching while results are published.
+const LIVE_QUEUE: usize = 4;
+
+fn publish_address(text: &str) -> Result<String, String> {
+    if is_ros2(text) {
+        Ok(text.to_owned())
+    } else {
+        Err("expected ros2:/PREFIX".to_owned())
+    }
+}
 
 fn pace(text: &str) -> Result<Pace, String> {
     if text == "asap" {
@@ -155,9 +176,18 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         .refuse(NOT_TAKEN, "is for scenarios; `svl score` accepts them")?;
     let request = Request {
         options: args.options.clone(),
+        grab: GrabRequest {
+            // A robot needs the newest pair: few may wait.
+            queue: (args.publish.is_some() && is_ros2(&name)).then_some(LIVE_QUEUE),
+            ..GrabRequest::default()
+        },
         ..Request::new(&name)
     };
     let terminal = Terminal { quiet };
+    if args.publish.is_some() && args.algo.len() > 1 {
+        let wrong = "--publish is for the results of one algorithm; name one with --algo";
+        return Err(Error::Usage(wrong.into()).into());
+    }
     let mut opened = open_recording(&request, &terminal)?;
     let seed = opened.header.seed;
     let verify = args.verify.as_ref();
@@ -207,6 +237,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         rows: args.rows.as_deref(),
         cells: args.cells.as_deref(),
         viewer: shown.transpose()?,
+        publish: args.publish.as_deref().map(|address| PublishRequest {
+            address,
+            frame_id: opened.frame_id.as_deref().unwrap_or(LEFT_FRAME),
+        }),
         recording: args.output.as_ref().map(result).transpose()?,
         ..SinkRequest::default()
     })?;
@@ -223,7 +257,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             sinks.push(cells);
             outbox
         });
-    let judge = Judge::default();
+    let mut judge = Judge::default();
+    // Its rows are known as those of live topics.
+    if opened.is_live {
+        judge.run.name.clone_from(&name);
+    }
     let start = RunStart::new(&manifest, seed, &judge);
     let title = opened.source.name();
     let watch = Watch::new(
@@ -245,14 +283,16 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let rows = results.rows;
     let pairs = outcome.frames;
     let mut verification = None;
-    let stopped = outcome.interrupted.then(|| {
+    // Live topics have no other end.
+    let interrupted = outcome.interrupted && !opened.is_live;
+    let stopped = interrupted.then(|| {
         let done = counted(pairs, "pair");
         Err(Error::Invalid(format!("interrupted after {done}")))
     });
     let ran_to_end = stopped.as_ref().unwrap_or(&ran);
     let ending = ending(ran_to_end, outcome.missing(), args.options.allow_loss);
     if pairs > 0 || ran.is_ok() {
-        if ran.is_ok() && finished.is_ok() && !outcome.interrupted {
+        if ran.is_ok() && finished.is_ok() && !interrupted {
             outputs.commit();
         } else {
             outputs.keep_both();
@@ -272,9 +312,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
                 before.compare(&rows, &cells, &algorithms)
             })
             .transpose()?;
+        let grabber = outcome.losses.grabber.as_ref();
         if args.json {
             print_json(&Answer {
                 summary: &summary,
+                received: grabber.map(|grabber| &grabber.facts),
                 verification: &verification,
             })?
         } else {
@@ -286,12 +328,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
                 0 => String::new(),
                 _ => format!("\nwritten  {}\n", files.join(", ")),
             };
-            print(&(summary.terminal(&title, style(), false) + &written))?
+            let received = grabber.map(|grabber| format!("\nreceived {}\n", grabber.text));
+            let received = received.unwrap_or_default();
+            print(&(summary.terminal(&title, style(), false) + &received + &written))?
         }
     }
     ran?;
     finished?;
-    if let (true, Some(why)) = (outcome.interrupted, &ending.incomplete) {
+    if let (true, Some(why)) = (interrupted, &ending.incomplete) {
         bail!("{why}; what was written is kept");
     }
     if let Some(verification) = verification {
@@ -308,6 +352,9 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 struct Answer<'a> {
     #[serde(flatten)]
     summary: &'a Summary,
+    /// The counts of live topics.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    received: Option<&'a BTreeMap<String, String>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     verification: &'a Option<Verification>,
 }

@@ -2,25 +2,30 @@
 
 use anyhow::{Context, bail};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use svl::counted;
 use svl::filter::without_filters;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::recording::{AlgorithmCells, MANIFEST, Recording};
 use svl::report::Row;
+use svl::source::is_ros2;
 
 /// The results of an earlier run.
 pub(super) struct Earlier {
     path: PathBuf,
     /// Labels in the order of the run.
     labels: Vec<String>,
-    /// Hashes of each result and of its pair, by label and number of the pair.
+    /// Hashes of each result and of its pair, by label and number of the pair, or its stamp.
     hashes: BTreeMap<(String, u64), (String, String)>,
     /// Likewise the cells, if a recording has them.
     cells: BTreeMap<(String, u64), AlgorithmCells>,
     /// Hash of each algorithm's parameters, by label.
     parameters: BTreeMap<String, String>,
+    /// True for results of live topics: a pair is known by its stamp, which then takes the place of
+    /// its number, as each program numbers the pairs from its own first one.
+    by_stamp: bool,
 }
 
 /// Comparison of a replay with the earlier run.
@@ -35,7 +40,24 @@ pub(super) struct Verification {
     /// without one of the replay.
     only_now: usize,
     only_then: usize,
+    /// Of live topics, the pairs that both have.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    live: Option<CommonPairs>,
 }
+
+/// The pairs of two programs that received the same live topics.
+#[derive(Serialize)]
+struct CommonPairs {
+    common: usize,
+    /// Stamps in nanoseconds of the pairs that one of both has, while both were running.
+    only_now: Vec<u64>,
+    only_then: Vec<u64>,
+    /// Pairs from before or after one of both was running.
+    outside: usize,
+}
+
+/// Fraction of common pairs, of all while both were running, above which results are proved.
+const COMMON: f64 = 0.99;
 
 impl Earlier {
     /// Reads the results in a result recording, a table of rows (CSV) or the folder of a report; of
@@ -53,6 +75,7 @@ impl Earlier {
             hashes: BTreeMap::new(),
             cells: BTreeMap::new(),
             parameters: BTreeMap::new(),
+            by_stamp: false,
         };
         match path.extension().and_then(|e| e.to_str()) {
             _ if path.is_dir() => earlier.read_rows(&path.join("rows.csv"), name, seed)?,
@@ -79,16 +102,17 @@ impl Earlier {
 
     fn read_rows(&mut self, path: &Path, name: &str, seed: Option<u64>) -> anyhow::Result<()> {
         let is_of = |row: &Row| match &row.run {
-            Some(run) => Path::new(name).ends_with(run),
+            Some(run) => is_ros2(run) || Path::new(name).ends_with(run),
             None => row.seed.is_none() || row.seed == seed,
         };
-        for row in svl::report::read_rows::<Row>(path)?
-            .into_iter()
-            .filter(is_of)
-        {
+        let rows = svl::report::read_rows::<Row>(path)?;
+        self.by_stamp = rows
+            .iter()
+            .any(|row| row.run.as_deref().is_some_and(is_ros2));
+        for row in rows.into_iter().filter(is_of) {
             self.add(
                 row.algorithm.clone(),
-                row.sequence,
+                self.key(&row),
                 (row.result_hash, row.pair_hash),
             );
             self.parameters.insert(row.algorithm, row.parameters_hash);
@@ -121,11 +145,20 @@ impl Earlier {
         Ok(())
     }
 
-    fn add(&mut self, label: String, sequence: u64, hashes: (String, String)) {
+    /// The number by which a pair is known.
+    fn key(&self, row: &Row) -> u64 {
+        if self.by_stamp {
+            row.stamp_ns
+        } else {
+            row.sequence
+        }
+    }
+
+    fn add(&mut self, label: String, key: u64, hashes: (String, String)) {
         if !self.labels.contains(&label) {
             self.labels.push(label.clone());
         }
-        self.hashes.insert((label, sequence), hashes);
+        self.hashes.insert((label, key), hashes);
     }
 
     pub(super) fn has_cells(&self) -> bool {
@@ -171,6 +204,7 @@ impl Earlier {
             differing: BTreeMap::new(),
             only_now: 0,
             only_then: 0,
+            live: None,
         };
         // An algorithm that answers cells itself may differ in them alone.
         let keyed = cells
@@ -195,8 +229,10 @@ impl Earlier {
                     self.path.display()
                 );
             }
-            match self.hashes.get(&(row.algorithm.clone(), row.sequence)) {
+            match self.hashes.get(&(row.algorithm.clone(), self.key(row))) {
                 None => found.only_now += 1,
+                // Another image was the partner, as one was lost.
+                Some((_, pair)) if *pair != row.pair_hash && self.by_stamp => found.only_now += 1,
                 Some((_, pair)) if *pair != row.pair_hash => {
                     bail!(
                         "{}: is of other pairs than these; pair {} differs",
@@ -223,7 +259,63 @@ impl Earlier {
         let then = self.hashes.keys().filter(|(label, _)| ran(label)).count();
         let compared = found.equal + found.differing.values().map(Vec::len).sum::<usize>();
         found.only_then = then.saturating_sub(compared);
+        if self.by_stamp {
+            let now = rows
+                .iter()
+                .map(|row| (row.stamp_ns, row.pair_hash.as_str()));
+            let then = self.hashes.iter().filter(|((label, _), _)| ran(label));
+            let then = then.map(|((_, stamp), (_, pair))| (*stamp, pair.as_str()));
+            found.live = Some(CommonPairs::new(now.collect(), then.collect()));
+        }
         Ok(found)
+    }
+}
+
+impl CommonPairs {
+    /// Compares pairs, each with its stamp and its hash.
+    fn new(now: BTreeSet<(u64, &str)>, then: BTreeSet<(u64, &str)>) -> Self {
+        let ends = |pairs: &BTreeSet<(u64, &str)>| Some((pairs.first()?.0, pairs.last()?.0));
+        // While both were running.
+        let both = ends(&now).zip(ends(&then));
+        let both = both.map(|((a, b), (c, d))| a.max(c)..=b.min(d));
+        let is_inside = |stamp: &u64| both.as_ref().is_some_and(|both| both.contains(stamp));
+        let only = |of: &BTreeSet<(u64, &str)>, other: &BTreeSet<(u64, &str)>| -> Vec<u64> {
+            of.difference(other).map(|(stamp, _)| *stamp).collect()
+        };
+        let (mut only_now, mut only_then) = (only(&now, &then), only(&then, &now));
+        let alone = only_now.len() + only_then.len();
+        only_now.retain(is_inside);
+        only_then.retain(is_inside);
+        Self {
+            common: now.intersection(&then).count(),
+            outside: alone - only_now.len() - only_then.len(),
+            only_now,
+            only_then,
+        }
+    }
+
+    fn are_enough(&self) -> bool {
+        let alone = self.only_now.len() + self.only_then.len();
+        let share = self.common as f64 / (self.common + alone) as f64;
+        // Not a number without any pair.
+        share >= COMMON
+    }
+
+    fn words(&self, against: &str) -> String {
+        let pairs = counted(self.common as u64, "common pair");
+        let named = |stamps: &[u64]| match stamps {
+            [] => String::new(),
+            [first, ..] => format!(", the first at {:.3} s", *first as f64 / 1e9),
+        };
+        format!(
+            "{pairs}; while both were running {} only here{} and {} only in {against}{}; {} before \
+             or after that",
+            self.only_now.len(),
+            named(&self.only_now),
+            self.only_then.len(),
+            named(&self.only_then),
+            self.outside
+        )
     }
 }
 
@@ -245,6 +337,16 @@ impl Verification {
                 pairs.len(),
                 pairs[0]
             );
+        }
+        if let Some(pairs) = &self.live {
+            let words = pairs.words(&against.to_string());
+            if pairs.are_enough() {
+                let equal = counted(self.equal as u64, "result");
+                return Ok(format!("verified: {equal} equal; {words}\n"));
+            }
+            let share = 100.0 * COMMON;
+            let why = format!("fewer than {share} % of the pairs are common: {words}");
+            return Err(svl::Error::Incomplete(why).into());
         }
         if self.only_now + self.only_then > 0 {
             let (now, then, equal) = (self.only_now, self.only_then, self.equal);

@@ -4,12 +4,14 @@ mod bayer;
 mod camera;
 mod image;
 mod json;
+mod live;
 mod pair_stamps;
 mod pixels;
 mod sensor;
 mod stamp_pairing;
 mod topics;
 
+pub use live::{LiveTopic, TopicPairs};
 pub(super) use pair_stamps::PairStamps;
 pub use sensor::{RawCamera, TruthSelection, TruthTopic};
 pub(super) use sensor::{head, truth_topics};
@@ -61,29 +63,9 @@ impl Foreign {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] if no two topics can be the cameras, or more than two can.
     pub(super) fn open(recording: &Recording, selection: &Selection) -> Result<Self> {
-        let channels = recording.channels()?;
-        let images = choose(&channels, selection)
+        let name = recording.path().display().to_string();
+        let mut foreign = Self::new(name, &recording.channels()?, selection)
             .map_err(|reason| Error::format(recording.path(), reason))?;
-        let calibrations = images
-            .each_ref()
-            .map(|topic| topics::calibration(&channels, topic));
-        let mut foreign = Self {
-            images,
-            calibrations,
-            cameras: [None, None],
-            partners: StampPairing::new(selection.max_skew_ns),
-            depth: BitDepth::FULL,
-            max_skew_ns: selection.max_skew_ns,
-            counts: [0, 0],
-            sequence: 0,
-            pairs: 0,
-            size: (0, 0),
-            name: recording.path().display().to_string(),
-            warned_of_change: false,
-            warned_of_stamps: false,
-            warned_of_order: false,
-            last_ns: [None; 2],
-        };
         let mut first = FirstImages::default();
         for file in recording.files() {
             let mut messages = file.messages()?;
@@ -105,6 +87,38 @@ impl Foreign {
         }
         foreign.depth = BitDepth::decide(selection.bits, first.largest())?;
         Ok(foreign)
+    }
+
+    /// Chooses the topics of a source called `name`. Calibrations and bit depth are still unknown.
+    ///
+    /// # Errors
+    /// The reason why no two topics can be the cameras, or why more than two can.
+    fn new(
+        name: String,
+        channels: &[&Channel],
+        selection: &Selection,
+    ) -> std::result::Result<Self, String> {
+        let images = choose(channels, selection)?;
+        let calibrations = images
+            .each_ref()
+            .map(|topic| topics::calibration(channels, topic));
+        Ok(Self {
+            images,
+            calibrations,
+            cameras: [None, None],
+            partners: StampPairing::new(selection.max_skew_ns),
+            depth: BitDepth::FULL,
+            max_skew_ns: selection.max_skew_ns,
+            counts: [0, 0],
+            sequence: 0,
+            pairs: 0,
+            size: (0, 0),
+            name,
+            warned_of_change: false,
+            warned_of_stamps: false,
+            warned_of_order: false,
+            last_ns: [None; 2],
+        })
     }
 
     /// True if the images are raw according to the calibration. Distortion is ignored on a

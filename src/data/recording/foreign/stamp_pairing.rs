@@ -36,6 +36,8 @@ impl UnpairedImages {
 /// Images of two cameras waiting for their partners.
 pub(in crate::recording) struct StampPairing<T> {
     max_skew_ns: u64,
+    /// Limit on the bytes of waiting images.
+    limit: usize,
     waiting: [BTreeMap<u64, (T, usize)>; 2],
     /// Number of later images of each camera after which no earlier one can arrive: 0 if all
     /// arrived in order.
@@ -58,6 +60,7 @@ impl<T> StampPairing<T> {
     pub(super) fn new(max_skew_ns: u64) -> Self {
         Self {
             max_skew_ns,
+            limit: WAITING_BYTES,
             waiting: [BTreeMap::new(), BTreeMap::new()],
             slack: [0; 2],
             bytes: 0,
@@ -69,6 +72,11 @@ impl<T> StampPairing<T> {
             crowded_out: [None; 2],
             late: 0,
         }
+    }
+
+    /// The same with another limit on the bytes of waiting images.
+    pub(super) fn with_limit(self, limit: usize) -> Self {
+        Self { limit, ..self }
     }
 
     /// Images without a partner so far, by position.
@@ -146,7 +154,7 @@ impl<T> StampPairing<T> {
         loop {
             let (camera, stamp) = self.earliest()?;
             let (own, other) = (&self.waiting[camera], &self.waiting[1 - camera]);
-            let forced = self.ended || self.bytes > WAITING_BYTES;
+            let forced = self.ended || self.bytes > self.limit;
             let Some(&partner) = other.keys().next() else {
                 if !forced {
                     return None;
@@ -210,7 +218,7 @@ impl<T> StampPairing<T> {
 
     fn give_up(&mut self, camera: usize, stamp: u64) {
         // At the end of a file images are unpaired, not dropped for lack of memory.
-        if !self.ended && self.bytes > WAITING_BYTES {
+        if !self.ended && self.bytes > self.limit {
             self.crowded_out[camera] = self.crowded_out[camera].max(Some(stamp));
         }
         if self.take(camera, stamp).is_none() {

@@ -6,7 +6,7 @@ use re_cdr::{CdrWriter, LittleEndian};
 use std::borrow::Cow;
 use svl_core::stereo::{Plane, Pose, Rig, Side};
 
-type Cdr<'a> = CdrWriter<'a, LittleEndian>;
+pub(super) type Cdr<'a> = CdrWriter<'a, LittleEndian>;
 
 /// A sensor_msgs/msg/Image of grey pixels.
 pub(in crate::recording) fn encode_8bit<P: images::Pixel>(
@@ -39,28 +39,37 @@ pub(in crate::recording) fn encode_32fc1(
 }
 
 fn encode_image(
-    (width, height): (usize, usize),
+    size: (usize, usize),
     encoding: &str,
     pixels: &[u8],
     stamp: RosStamp,
     frame_id: &str,
 ) -> Encoded {
-    let body = |cdr: &mut Cdr| {
-        header(cdr, stamp, frame_id);
-        // Sides of a plane are 1 ..= MAX_SIDE, so sizes in bytes fit 32 bits.
-        cdr.write_u32(height as u32);
-        cdr.write_u32(width as u32);
-        cdr.write_string(encoding);
-        cdr.write_u8(0);
-        cdr.write_u32((pixels.len() / height) as u32);
-        cdr.write_bytes(pixels);
-    };
     encode(
         "sensor_msgs/msg/Image",
         include_str!("Image.msg"),
         pixels.len(),
-        body,
+        |cdr| {
+            header_fields(cdr, stamp, frame_id);
+            image_fields(cdr, size, encoding, pixels);
+        },
     )
+}
+
+/// The fields of a sensor_msgs/msg/Image after its header.
+pub(super) fn image_fields(
+    cdr: &mut Cdr,
+    (width, height): (usize, usize),
+    encoding: &str,
+    pixels: &[u8],
+) {
+    // Sides of a plane are 1 ..= MAX_SIDE, so sizes in bytes fit 32 bits.
+    cdr.write_u32(height as u32);
+    cdr.write_u32(width as u32);
+    cdr.write_string(encoding);
+    cdr.write_u8(0);
+    cdr.write_u32((pixels.len() / height) as u32);
+    cdr.write_bytes(pixels);
 }
 
 /// A sensor_msgs/msg/CompressedImage of pixels in that encoding, with the format string of
@@ -72,7 +81,7 @@ pub(in crate::recording) fn encode_png(
     frame_id: &str,
 ) -> Encoded {
     let body = |cdr: &mut Cdr| {
-        header(cdr, stamp, frame_id);
+        header_fields(cdr, stamp, frame_id);
         cdr.write_string(&format!("{encoding}; png compressed "));
         cdr.write_bytes(png);
     };
@@ -93,7 +102,7 @@ pub(in crate::recording) fn encode_camera_info(
     stamp: RosStamp,
 ) -> Encoded {
     let body = |cdr: &mut Cdr| {
-        header(cdr, stamp, frame_id(Side::Left));
+        header_fields(cdr, stamp, frame_id(Side::Left));
         cdr.write_u32(height as u32);
         cdr.write_u32(width as u32);
         cdr.write_string("plumb_bob");
@@ -131,7 +140,7 @@ pub(in crate::recording) fn encode_transform(
     let (t, q) = (pose.translation.vector, pose.rotation.coords);
     let body = |cdr: &mut Cdr| {
         cdr.write_sequence_length(1);
-        header(cdr, stamp, parent);
+        header_fields(cdr, stamp, parent);
         cdr.write_string(child);
         [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
             .into_iter()
@@ -162,21 +171,26 @@ fn encode(
     bytes: usize,
     body: impl FnOnce(&mut Cdr),
 ) -> Encoded {
-    // 128 bytes for the header and the fixed fields.
-    let mut data = Vec::with_capacity(bytes + 128);
-    data.extend_from_slice(&CDR_LE);
-    body(&mut CdrWriter::new(&mut data));
     let definition = Cow::Borrowed(definition.as_bytes());
     Encoded {
         schema,
         schema_encoding: "ros2msg",
         definition,
         encoding: "cdr",
-        data,
+        // 128 bytes for the header and the fixed fields.
+        data: encode_body(bytes + 128, body),
     }
 }
 
-fn header(cdr: &mut Cdr, stamp: RosStamp, frame_id: &str) {
+/// A message with its encapsulation header. `bytes`: its approximate length.
+pub(super) fn encode_body(bytes: usize, body: impl FnOnce(&mut Cdr)) -> Vec<u8> {
+    let mut data = Vec::with_capacity(bytes);
+    data.extend_from_slice(&CDR_LE);
+    body(&mut CdrWriter::new(&mut data));
+    data
+}
+
+pub(super) fn header_fields(cdr: &mut Cdr, stamp: RosStamp, frame_id: &str) {
     let (seconds, nanoseconds) = stamp.parts();
     // Stamps end before 2038, so the signed field stays positive.
     cdr.write_u32(seconds);

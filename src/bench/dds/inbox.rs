@@ -1,0 +1,136 @@
+//! Receives the messages of topics, and counts those that were lost.
+
+use super::cdr::RawCdr;
+use super::{Domain, FoundTopic, qos};
+use rustdds::mio1::{Events, Interest, Poll, Token};
+use rustdds::no_key::SimpleDataReader;
+use rustdds::{GUID, Subscriber};
+use std::collections::HashMap;
+use std::time::Duration;
+use svl_core::Result;
+
+/// The messages of some topics.
+pub struct TopicInbox {
+    readers: Vec<TopicReader>,
+    poll: Poll,
+    events: Events,
+    /// Readers belong to it.
+    _subscriber: Subscriber,
+    domain: Domain,
+}
+
+struct TopicReader {
+    reader: SimpleDataReader<Vec<u8>, RawCdr>,
+    name: String,
+    /// Number of the last message of each publisher.
+    last: HashMap<GUID, i64>,
+    lost: u64,
+    warned: bool,
+}
+
+impl TopicInbox {
+    /// Subscribes to topics. Images arrive without confirmation (best effort); other messages as
+    /// reliably as their publishers send them.
+    ///
+    /// # Errors
+    /// Those of DDS.
+    pub fn new(domain: Domain, topics: &[FoundTopic]) -> Result<Self> {
+        let subscriber = domain.participant.create_subscriber(&qos(false, false));
+        let subscriber = subscriber.map_err(|e| domain.failed(e))?;
+        let poll = Poll::new().map_err(|e| domain.failed(e))?;
+        let mut readers = Vec::new();
+        for (place, found) in topics.iter().enumerate() {
+            let is_image = found.topic.is_image();
+            let qos = qos(found.reliable && !is_image, found.latched && !is_image);
+            let topic = domain.dds_topic(&found.topic, &qos)?;
+            let mut reader = subscriber
+                .create_simple_datareader_no_key(&topic, Some(qos))
+                .map_err(|e| domain.failed(e))?;
+            poll.registry()
+                .register(&mut reader, Token(place), Interest::READABLE)
+                .map_err(|e| domain.failed(e))?;
+            readers.push(TopicReader {
+                reader,
+                name: found.topic.name.clone(),
+                last: HashMap::new(),
+                lost: 0,
+                warned: false,
+            });
+        }
+        Ok(Self {
+            readers,
+            poll,
+            events: Events::with_capacity(topics.len().max(1)),
+            _subscriber: subscriber,
+            domain,
+        })
+    }
+
+    /// Waits for messages and gives all that came to `take`, with the index of their topic.
+    ///
+    /// # Errors
+    /// Those of DDS.
+    pub fn receive(
+        &mut self,
+        timeout: Duration,
+        mut take: impl FnMut(usize, Vec<u8>),
+    ) -> Result<()> {
+        match self.poll.poll(&mut self.events, Some(timeout)) {
+            // Ctrl-C.
+            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => return Ok(()),
+            polled => polled.map_err(|e| self.domain.failed(e))?,
+        }
+        for (place, of_topic) in self.readers.iter_mut().enumerate() {
+            of_topic.reader.drain_read_notifications();
+            while let Some(message) = of_topic.next() {
+                take(place, message);
+            }
+        }
+        Ok(())
+    }
+
+    /// Names of the topics, each with the number of messages lost so far.
+    pub fn lost(&self) -> impl Iterator<Item = (&str, u64)> {
+        let readers = self.readers.iter();
+        readers.map(|of_topic| (of_topic.name.as_str(), of_topic.lost))
+    }
+}
+
+impl TopicReader {
+    /// The next message that has arrived.
+    fn next(&mut self) -> Option<Vec<u8>> {
+        loop {
+            match self.reader.try_take_one() {
+                Ok(Some(sample)) => {
+                    let number = i64::from(sample.sequence_number);
+                    let last = self.last.insert(sample.writer_guid, number);
+                    self.lost += last.map_or(0, |last| gap(last, number));
+                    return Some(sample.into_value());
+                }
+                Ok(None) => return None,
+                // It counts as lost with the next message.
+                Err(error) => {
+                    if !std::mem::replace(&mut self.warned, true) {
+                        tracing::warn!("{}: a message cannot be read: {error}", self.name);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Messages between two of the same publisher.
+fn gap(last: i64, next: i64) -> u64 {
+    u64::try_from(next.saturating_sub(last).saturating_sub(1)).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_is_what_lies_between_two_numbers() {
+        assert_eq!([gap(1, 2), gap(1, 5), gap(5, 5), gap(5, 1)], [0, 3, 0, 0]);
+        assert_eq!(gap(i64::MIN, i64::MAX), i64::MAX as u64 - 1);
+    }
+}

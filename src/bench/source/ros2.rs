@@ -1,0 +1,452 @@
+//! Live ROS 2 topics as a source: pairs formed as those of a bag, by a thread of its own.
+
+use super::opened::Opened;
+use super::request::Request;
+use super::{Heard, Source};
+use crate::dds::{Address, Domain, FoundTopic, TopicInbox};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime};
+use svl_core::stereo::{Frame, GrabberReport, Losses};
+use svl_core::{Error, Result, counted};
+use svl_data::grab::{Pushed, Queue, WhenFull};
+use svl_data::recording::{Header, LiveTopic, Selection, TopicFile, TopicPairs};
+
+/// Longest wait for publishers of the topics, and for the first pair of their messages.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Time without a new topic after which all are found.
+const SETTLED: Duration = Duration::from_secs(1);
+/// Longest wait for calibrations after the first message.
+const FOR_CALIBRATION: Duration = Duration::from_secs(2);
+/// Silence of a topic that is reported.
+const SILENCE: Duration = Duration::from_secs(2);
+/// Interval at which waiting threads look whether to stop.
+const STEP: Duration = Duration::from_millis(50);
+/// Pairs that may wait to be used.
+const QUEUE: usize = 64;
+
+/// The pairs of two topics, until `stopped`.
+struct TopicSource {
+    name: String,
+    queue: Arc<Queue<Frame>>,
+    receiver: Option<JoinHandle<Receiver>>,
+    ended: Arc<AtomicBool>,
+    stopped: fn() -> bool,
+}
+
+/// Receives messages and forms pairs.
+struct Receiver {
+    name: String,
+    inbox: TopicInbox,
+    pairs: TopicPairs,
+    /// Images that cannot be read, or pairs of different sizes.
+    unreadable: u64,
+    /// Unreadable messages other than images, by topic.
+    broken: BTreeMap<String, u64>,
+    /// Pairs so far, and those that found the queue full.
+    formed: u64,
+    dropped: u64,
+    /// The last image of each camera; none once its silence was reported.
+    heard: [Option<Instant>; 2],
+}
+
+/// Opens the topics that a request names, or those found by type and name.
+pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
+    let address: Address = request.name.parse()?;
+    let mut selection = request.selection();
+    if let Some([left, right]) = pair_named(&address)? {
+        (selection.left, selection.right) = (Some(left), Some(right));
+    }
+    let stopped = request.host.stopped;
+    let domain = Domain::join(&address)?;
+    let (pairs, topics) = find(&domain, request.name, &selection, stopped)?;
+    let mut receiver = Receiver {
+        name: request.name.to_owned(),
+        inbox: TopicInbox::new(domain, &topics)?,
+        pairs,
+        unreadable: 0,
+        broken: BTreeMap::new(),
+        formed: 0,
+        dropped: 0,
+        heard: [None; 2],
+    };
+    let first = receiver.begin(stopped)?;
+    let pairs = &receiver.pairs;
+    let note = pairs.note();
+    let header = Header {
+        bits: pairs.bits(),
+        ..Header::new(request.name)
+    };
+    let opened = Opened {
+        is_live: true,
+        frame_id: pairs.frame_id().map(str::to_owned),
+        own_calibration: pairs.calibration(),
+        remarks: pairs.remarks(),
+        notes: note
+            .iter()
+            .map(|note| format!("{}: {note}", request.name))
+            .collect(),
+        ..Opened::new(TopicSource::start(receiver, first, request), header, "ros2")
+    };
+    Ok(opened)
+}
+
+/// The two topics that an address names, if any.
+fn pair_named(address: &Address) -> Result<Option<[String; 2]>> {
+    match &address.topics[..] {
+        [] => Ok(None),
+        [left, right] => Ok(Some([left.clone(), right.clone()])),
+        _ => {
+            let cure = "name two topics, left and right, or none";
+            Err(Error::Usage(format!("{address}: {cure}")))
+        }
+    }
+}
+
+/// The topics, once `is_enough` and no further one was found for a while, or after a long wait.
+fn settled(
+    domain: &Domain,
+    stopped: fn() -> bool,
+    is_enough: impl Fn(&[FoundTopic]) -> bool,
+) -> Result<Vec<FoundTopic>> {
+    let (began, mut changed) = (Instant::now(), Instant::now());
+    let mut known = Vec::new();
+    loop {
+        let found = domain.topics();
+        if found != known {
+            (known, changed) = (found, Instant::now());
+        }
+        let is_settled = changed.elapsed() >= SETTLED && is_enough(&known);
+        if is_settled || began.elapsed() >= PATIENCE {
+            return Ok(known);
+        }
+        if stopped() {
+            return Err(Error::Interrupted);
+        }
+        std::thread::sleep(STEP);
+    }
+}
+
+/// Waits for the topics of both cameras and of their calibrations.
+fn find(
+    domain: &Domain,
+    name: &str,
+    selection: &Selection,
+    stopped: fn() -> bool,
+) -> Result<(TopicPairs, Vec<FoundTopic>)> {
+    let topics = |known: &[FoundTopic]| -> Vec<LiveTopic> {
+        known.iter().map(|found| found.topic.clone()).collect()
+    };
+    let choose = |known: &[FoundTopic]| TopicPairs::new(name, &topics(known), selection);
+    let known = settled(domain, stopped, |known| choose(known).is_ok())?;
+    let pairs = choose(&known).map_err(|reason| {
+        let found = counted(known.len() as u64, "topic");
+        let cure = format!("`svl info {name}` lists what is published");
+        Error::camera(
+            name,
+            format!("{reason}; {found} found in {PATIENCE:?}; {cure}"),
+        )
+    })?;
+    let named = |name| known.iter().find(|found| found.topic.name == name).cloned();
+    let needed = pairs.topics().filter_map(named).collect();
+    Ok((pairs, needed))
+}
+
+impl Receiver {
+    /// Decides calibrations and bit depth by the first messages, and returns the first pair.
+    fn begin(&mut self, stopped: fn() -> bool) -> Result<Frame> {
+        let began = Instant::now();
+        let mut first = None;
+        let mut ahead = Vec::new();
+        let mut is_ready = false;
+        while !is_ready && first.is_none_or(|first: Instant| first.elapsed() < FOR_CALIBRATION) {
+            self.check_patience(began, stopped)?;
+            let pairs = &mut self.pairs;
+            self.inbox.receive(STEP, |topic, data| {
+                first.get_or_insert_with(Instant::now);
+                is_ready |= pairs.look_at(topic, &data);
+                ahead.push((topic, now_ns(), data));
+            })?;
+        }
+        self.pairs.begin()?;
+        for (topic, at_ns, data) in ahead {
+            self.take_in(topic, at_ns, &data);
+        }
+        loop {
+            if let Some(frame) = self.pop() {
+                return Ok(frame);
+            }
+            self.check_patience(began, stopped)?;
+            self.receive()?;
+        }
+    }
+
+    fn check_patience(&self, began: Instant, stopped: fn() -> bool) -> Result<()> {
+        if stopped() {
+            return Err(Error::Interrupted);
+        }
+        if began.elapsed() < PATIENCE {
+            return Ok(());
+        }
+        let why = self.pairs.why_none();
+        Err(Error::camera(&self.name, format!("{why}, in {PATIENCE:?}")))
+    }
+
+    /// Takes in the messages that came.
+    fn receive(&mut self) -> Result<()> {
+        let mut came = Vec::new();
+        self.inbox
+            .receive(STEP, |topic, data| came.push((topic, now_ns(), data)))?;
+        for (topic, at_ns, data) in came {
+            self.take_in(topic, at_ns, &data);
+        }
+        let topics = self.pairs.topics().zip(&mut self.heard);
+        for (topic, heard) in topics {
+            if heard.is_some_and(|heard| heard.elapsed() >= SILENCE) {
+                *heard = None;
+                tracing::warn!("{}: {topic}: nothing received for {SILENCE:?}", self.name);
+            }
+        }
+        Ok(())
+    }
+
+    fn take_in(&mut self, topic: usize, at_ns: u64, data: &[u8]) {
+        if let Some(heard) = self.heard.get_mut(topic) {
+            *heard = Some(Instant::now());
+        }
+        let Err(reason) = self.pairs.take_in(topic, at_ns, data) else {
+            return;
+        };
+        if topic < self.heard.len() {
+            self.report_unreadable(&reason);
+            return;
+        }
+        let name = self.pairs.topics().nth(topic).unwrap_or_default();
+        let broken = self.broken.entry(name.to_owned()).or_default();
+        *broken += 1;
+        if *broken == 1 {
+            tracing::warn!("{}: {reason}; dropped", self.name);
+        }
+    }
+
+    fn report_unreadable(&mut self, reason: &str) {
+        if self.unreadable == 0 {
+            tracing::warn!("{}: {reason}; this pair is dropped", self.name);
+        }
+        self.unreadable += 1;
+    }
+
+    /// The next pair that can be read.
+    fn pop(&mut self) -> Option<Frame> {
+        loop {
+            match self.pairs.pop()? {
+                Err(reason) => self.report_unreadable(&reason),
+                Ok(mut frame) => {
+                    self.formed += 1;
+                    frame.exposure.drops += self.lost() + 2 * self.dropped;
+                    return Some(frame);
+                }
+            }
+        }
+    }
+
+    /// Messages lost of both cameras.
+    fn lost(&self) -> u64 {
+        let images = self.inbox.lost().take(self.heard.len());
+        images.map(|(_, lost)| lost).sum()
+    }
+
+    /// Passes pairs on until it is told to end, or the network fails.
+    fn run(&mut self, queue: &Queue<Frame>, ended: &AtomicBool) -> Result<()> {
+        while !ended.load(Ordering::Relaxed) {
+            self.receive()?;
+            while let Some(frame) = self.pop() {
+                match queue.push(frame) {
+                    Pushed::Taken | Pushed::Late => {}
+                    Pushed::Dropped => self.dropped += 1,
+                    Pushed::Abandoned => return Ok(()),
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The counts, by name and in a line.
+    fn report(&self, taken: u64) -> GrabberReport {
+        let [left, right] = self.pairs.counts();
+        let (pairs, dropped) = (self.formed, self.dropped);
+        let unread = pairs.saturating_sub(dropped + taken);
+        let counts = [
+            ("left_images", left),
+            ("right_images", right),
+            ("pairs", pairs),
+            ("dropped_pairs", dropped),
+            ("unread_pairs", unread),
+        ];
+        let lost = self.inbox.lost();
+        let lost: Vec<_> = lost.filter(|(_, lost)| *lost > 0).collect();
+        let words = lost
+            .iter()
+            .map(|(topic, lost)| format!("{lost} of {topic}"));
+        let words: Vec<_> = words.collect();
+        let words = match &words[..] {
+            [] => "no message lost".to_owned(),
+            words => format!("messages lost: {}", words.join(", ")),
+        };
+        let mut text = format!(
+            "{left} left and {}, {}; {words}; {} dropped by a full queue",
+            counted(right, "right image"),
+            counted(pairs, "pair"),
+            counted(dropped, "pair")
+        );
+        if unread > 0 {
+            text += &format!(", {unread} received beyond the end");
+        }
+        let counts = counts.map(|(name, n)| (name.to_owned(), n.to_string()));
+        let lost = lost
+            .iter()
+            .map(|(topic, n)| (format!("lost {topic}"), n.to_string()));
+        let facts = counts.into_iter().chain(lost);
+        let facts = facts.chain([("counts".to_owned(), text.clone())]).collect();
+        GrabberReport { facts, text }
+    }
+}
+
+impl TopicSource {
+    fn start(mut receiver: Receiver, first: Frame, request: &Request<'_>) -> Self {
+        let length = request.grab.queue.unwrap_or(QUEUE);
+        let when_full = request.grab.when_full.unwrap_or(WhenFull::Drop);
+        let queue = Arc::new(Queue::new(length, when_full));
+        queue.push(first);
+        let ended = Arc::new(AtomicBool::new(false));
+        let (of_thread, told) = (Arc::clone(&queue), Arc::clone(&ended));
+        let run = move || {
+            let ran = receiver.run(&of_thread, &told);
+            of_thread.close(ran);
+            receiver
+        };
+        Self {
+            name: request.name.to_owned(),
+            queue,
+            receiver: Some(std::thread::spawn(run)),
+            ended,
+            stopped: request.host.stopped,
+        }
+    }
+}
+
+impl Source for TopicSource {
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        self.queue.pop_unless(self.stopped)
+    }
+
+    fn finish(&mut self, taken: u64) -> Losses {
+        self.ended.store(true, Ordering::Relaxed);
+        self.queue.abandon();
+        let Some(Ok(mut receiver)) = self.receiver.take().map(JoinHandle::join) else {
+            return Losses::default();
+        };
+        receiver.pairs.end();
+        let (lost, dropped) = (receiver.lost(), receiver.dropped);
+        if lost + dropped > 0 {
+            let (lost, dropped) = (counted(lost, "image"), counted(dropped, "pair"));
+            tracing::warn!(
+                "{}: {lost} lost, {dropped} dropped by a full queue",
+                self.name
+            );
+        }
+        // Images that waited for a partner as svl stopped are no losses.
+        let (unpaired, outside) = (receiver.pairs.unpaired(), receiver.pairs.outside());
+        Losses {
+            // The partner of an unreadable image is reported with it.
+            unpaired: unpaired.saturating_sub(receiver.unreadable),
+            outside,
+            unreadable: receiver.unreadable,
+            broken: std::mem::take(&mut receiver.broken),
+            grabber: Some(receiver.report(taken)),
+            ..Losses::default()
+        }
+    }
+}
+
+impl Drop for TopicSource {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Relaxed);
+    }
+}
+
+fn now_ns() -> u64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    since.map_or(0, |since| since.as_nanos() as u64)
+}
+
+/// Duration of [`listen`], after all topics were found.
+const LISTEN: Duration = Duration::from_secs(3);
+/// Limit on the bytes of its messages.
+const LISTEN_BYTES: usize = 512 << 20;
+
+/// Listens to images, calibrations and static transforms, to say what there is.
+///
+/// # Errors
+/// [`Error::Camera`] if nothing is published; those of the network and of the temporary bag.
+pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
+    let address: Address = name.parse()?;
+    let named = pair_named(&address)?;
+    let domain = Domain::join(&address)?;
+    let known = settled(&domain, stopped, |known| !known.is_empty())?;
+    if known.is_empty() {
+        let domain = address.domain;
+        let why = format!(
+            "no topic in domain {domain} within {PATIENCE:?}: publishers need the same \
+             ROS_DOMAIN_ID and a network with multicast, or the same host"
+        );
+        return Err(Error::camera(name, why));
+    }
+    let is_wanted = |found: &FoundTopic| {
+        let LiveTopic { name, .. } = &found.topic;
+        let is_named = named.as_ref().is_none_or(|named| named.contains(name));
+        found.topic.is_image() && is_named || found.topic.is_calibration() || name == "/tf_static"
+    };
+    let (wanted, others): (Vec<_>, Vec<_>) = known.into_iter().partition(is_wanted);
+    let mut inbox = TopicInbox::new(domain, &wanted)?;
+    let (mut messages, mut bytes, began) = (Vec::new(), 0, Instant::now());
+    while began.elapsed() < LISTEN && bytes < LISTEN_BYTES && !stopped() {
+        inbox.receive(STEP, |topic, data| {
+            bytes += data.len();
+            messages.push((topic, now_ns(), data));
+        })?;
+    }
+    let seconds = began.elapsed().as_secs_f64();
+    let temporary = |e| Error::io(std::env::temp_dir(), e);
+    let lost = inbox.lost().filter(|(_, lost)| *lost > 0);
+    let is_silent = |place: &usize| messages.iter().all(|(topic, ..)| topic != place);
+    let silent = (0..wanted.len())
+        .filter(is_silent)
+        .map(|place| &wanted[place]);
+    let heard = Heard {
+        seconds,
+        silent: silent
+            .map(|found| (found.topic.name.clone(), found.publishers))
+            .collect(),
+        lost: lost.map(|(name, lost)| (name.to_owned(), lost)).collect(),
+        others: others
+            .into_iter()
+            .map(|found| (found.topic.name, found.topic.schema))
+            .collect(),
+        named,
+        folder: tempfile::tempdir().map_err(temporary)?,
+    };
+    let topics: Vec<_> = wanted.into_iter().map(|found| found.topic).collect();
+    let mut file = TopicFile::create(&heard.bag(), &topics)?;
+    for (topic, at_ns, data) in messages {
+        file.write(topic, at_ns, &data)?;
+    }
+    file.finish()?;
+    Ok(heard)
+}

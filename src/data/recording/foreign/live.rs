@@ -1,0 +1,183 @@
+//! Pairs of live ROS 2 topics, formed as those of a bag: the same topics, readers and pairing.
+
+use super::stamp_pairing::StampPairing;
+use super::{FirstImages, Foreign, Selection, camera, image};
+use crate::files::BitDepth;
+use crate::recording::messages::Channel;
+use crate::recording::{PairSource, ros};
+use svl_core::Result;
+use svl_core::stereo::{Frame, StereoCalibration};
+
+/// Limit on the bytes of images that wait for their partners: while one camera is silent, those of
+/// the other wait.
+const WAITING_BYTES: usize = 128 << 20;
+
+/// A topic and the type of its messages.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LiveTopic {
+    pub name: String,
+    /// As in a bag: `sensor_msgs/msg/Image`.
+    pub schema: String,
+}
+
+impl LiveTopic {
+    /// True if its messages are images that svl reads.
+    pub fn is_image(&self) -> bool {
+        image::SCHEMAS.contains(&self.schema.as_str())
+    }
+
+    /// True if its messages are calibrations that svl reads.
+    pub fn is_calibration(&self) -> bool {
+        camera::SCHEMAS.contains(&self.schema.as_str())
+    }
+}
+
+/// Forms pairs of the messages of live topics, in CDR as a bag stores them.
+pub struct TopicPairs {
+    foreign: Foreign,
+    /// The topics that it needs: images left and right, then their calibrations.
+    channels: Vec<Channel>,
+    bits: Option<u8>,
+    first: FirstImages,
+    frame_id: Option<String>,
+}
+
+impl TopicPairs {
+    /// Chooses among `topics`. `source`: its name in warnings.
+    ///
+    /// # Errors
+    /// The reason why no two topics can be the cameras, or why more than two can.
+    pub fn new(
+        source: &str,
+        topics: &[LiveTopic],
+        selection: &Selection,
+    ) -> std::result::Result<Self, String> {
+        let channel = |topic: &LiveTopic| Channel {
+            topic: topic.name.clone(),
+            schema: topic.schema.clone(),
+            encoding: "cdr".to_owned(),
+        };
+        let channels: Vec<_> = topics.iter().map(channel).collect();
+        let all: Vec<_> = channels.iter().collect();
+        let mut foreign = Foreign::new(source.to_owned(), &all, selection)?;
+        foreign.partners = StampPairing::new(selection.max_skew_ns).with_limit(WAITING_BYTES);
+        let mut needed: Vec<Channel> = Vec::new();
+        let names = foreign.images.iter();
+        for name in names.chain(foreign.calibrations.iter().flatten()) {
+            let found = channels.iter().find(|channel| channel.topic == *name);
+            // One calibration may be that of both.
+            needed.extend(found.filter(|found| !needed.contains(found)).cloned());
+        }
+        Ok(Self {
+            foreign,
+            channels: needed,
+            bits: selection.bits,
+            first: FirstImages::default(),
+            frame_id: None,
+        })
+    }
+
+    /// Names of the topics that it needs: images left and right, then their calibrations.
+    pub fn topics(&self) -> impl Iterator<Item = &str> {
+        self.channels.iter().map(|channel| channel.topic.as_str())
+    }
+
+    /// Looks at a message of the topic at that index before the first pair. True once calibrations
+    /// and bit depth can be decided.
+    pub fn look_at(&mut self, topic: usize, data: &[u8]) -> bool {
+        let channel = &self.channels[topic];
+        // An unreadable one is reported when its turn comes.
+        drop(self.foreign.calibrate_first(channel, data));
+        self.first.take_in(&self.foreign.images, channel, data);
+        if topic == 0 && self.frame_id.is_none() {
+            let header = ros::read(data, ros::header).ok();
+            self.frame_id = header.map(|header| header.frame_id.to_owned());
+        }
+        !self.foreign.lacks_calibration() && self.first.are_enough()
+    }
+
+    /// Decides the bit depth by the messages that it looked at.
+    ///
+    /// # Errors
+    /// Those of [`BitDepth::decide`].
+    pub fn begin(&mut self) -> Result<()> {
+        let largest = std::mem::take(&mut self.first).largest();
+        self.foreign.depth = BitDepth::decide(self.bits, largest)?;
+        Ok(())
+    }
+
+    /// Adds a message of the topic at that index, received at `received_ns`.
+    ///
+    /// # Errors
+    /// The reason why it cannot be read.
+    pub fn take_in(
+        &mut self,
+        topic: usize,
+        received_ns: u64,
+        data: &[u8],
+    ) -> std::result::Result<(), String> {
+        let channel = &self.channels[topic];
+        let taken = self.foreign.take_in(channel, received_ns, data);
+        taken
+            .map(drop)
+            .map_err(|why| format!("{}: {why}", channel.topic))
+    }
+
+    /// The next pair that is ready.
+    ///
+    /// # Errors
+    /// The reason why two images that belong together cannot be a pair.
+    pub fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
+        self.foreign.pop()
+    }
+
+    /// Ends the source: there are no more messages.
+    pub fn end(&mut self) {
+        self.foreign.end();
+    }
+
+    /// Images without a partner, while both cameras had images.
+    pub fn unpaired(&self) -> u64 {
+        self.foreign.unpaired()
+    }
+
+    /// Images before the other camera's first or after its last.
+    pub fn outside(&self) -> u64 {
+        self.foreign.outside()
+    }
+
+    /// Images left and right.
+    pub fn counts(&self) -> [u64; 2] {
+        self.foreign.counts
+    }
+
+    /// The reason why there was no pair.
+    pub fn why_none(&self) -> String {
+        self.foreign.why_none()
+    }
+
+    /// Warnings about the pairs, a line each.
+    pub fn remarks(&self) -> Vec<String> {
+        self.foreign.remarks()
+    }
+
+    /// The calibration that rectifies raw pairs, if the topics have one.
+    pub fn calibration(&self) -> Option<StereoCalibration> {
+        self.foreign.calibration()?.ok()
+    }
+
+    /// Number of bits that 16-bit images use.
+    pub fn bits(&self) -> Option<u8> {
+        self.foreign.depth.bits()
+    }
+
+    /// Note on the images that is not a warning.
+    pub fn note(&self) -> Option<String> {
+        self.foreign.depth.note()
+    }
+
+    /// The coordinate frame of the left images.
+    pub fn frame_id(&self) -> Option<&str> {
+        self.frame_id.as_deref()
+    }
+}

@@ -1,0 +1,122 @@
+//! Live topics without a network: pairs of the messages that a bag would hold.
+
+use super::bag::{Message, camera_info, ros_compressed, ros_image};
+use super::frames::{PERIOD_NS, image};
+use svl::recording::{LiveTopic, Selection, TopicPairs};
+use svl::stereo::Frame;
+
+const SIZE: (usize, usize) = (24, 16);
+const START_NS: u64 = 1_700_000_000_000_000_000;
+
+/// Pair `i` with its calibrations.
+fn messages(i: u64) -> Vec<Message> {
+    let stamp = START_NS + i * PERIOD_NS;
+    let pixels = |seed| image(SIZE, seed).pixels().collect::<Vec<u8>>();
+    vec![
+        ros_image("/cam0/image_rect", stamp, SIZE, "mono8", &pixels(2 * i)),
+        ros_image("/cam1/image_rect", stamp, SIZE, "mono8", &pixels(2 * i + 1)),
+        camera_info("/cam0/camera_info", stamp, &[], 0.0),
+        camera_info("/cam1/camera_info", stamp, &[], -32.8),
+    ]
+}
+
+fn topics(messages: &[Message]) -> Vec<LiveTopic> {
+    let topic = |message: &Message| LiveTopic {
+        name: message.topic.to_owned(),
+        schema: message.schema.to_owned(),
+    };
+    messages.iter().map(topic).collect()
+}
+
+fn pairs() -> TopicPairs {
+    TopicPairs::new("ros2:", &topics(&messages(0)), &Selection::default()).unwrap()
+}
+
+fn drain(pairs: &mut TopicPairs) -> Vec<Frame> {
+    let frames = std::iter::from_fn(|| pairs.pop());
+    frames.map(|frame| frame.unwrap()).collect()
+}
+
+#[test]
+fn pairs_have_the_calibration_that_comes_after_them() {
+    let mut pairs = pairs();
+    let needed: Vec<_> = pairs.topics().map(str::to_owned).collect();
+    let first = messages(0);
+    assert_eq!(
+        needed,
+        topics(&first)
+            .into_iter()
+            .map(|topic| topic.name)
+            .collect::<Vec<_>>()
+    );
+    let ready = first.iter().enumerate();
+    let ready: Vec<_> = ready
+        .map(|(i, message)| pairs.look_at(i, &message.data))
+        .collect();
+    assert_eq!(ready, [false, false, false, true]);
+    pairs.begin().unwrap();
+    for message in first
+        .iter()
+        .enumerate()
+        .chain(messages(1).iter().enumerate())
+    {
+        pairs.take_in(message.0, 0, &message.1.data).unwrap();
+    }
+    // A third left image has no partner.
+    pairs.take_in(0, 0, &messages(2)[0].data).unwrap();
+    pairs.end();
+    let frames = drain(&mut pairs);
+    assert_eq!(frames.len(), 2);
+    for (i, frame) in (0..).zip(&frames) {
+        assert_eq!(frame.stamp_ns, START_NS + i * PERIOD_NS);
+        assert_eq!(frame.pair.left(), &image(SIZE, 2 * i));
+        assert!((frame.rig().unwrap().baseline_m() - 0.1).abs() < 1e-9);
+    }
+    assert_eq!(
+        (pairs.counts(), pairs.unpaired(), pairs.outside()),
+        ([3, 2], 0, 1)
+    );
+}
+
+#[test]
+fn a_silent_camera_does_not_fill_the_memory() {
+    let mut pairs = pairs();
+    pairs.begin().unwrap();
+    let size = (2048, 2048);
+    let pixels = vec![0; size.0 * size.1];
+    for i in 0..100 {
+        let stamp = START_NS + i * PERIOD_NS;
+        let image = ros_image("/cam0/image_rect", stamp, size, "mono8", &pixels);
+        pairs.take_in(0, 0, &image.data).unwrap();
+        assert!(drain(&mut pairs).is_empty());
+    }
+    // Of 400 MB, at most 128 wait; the others were before any image of the right camera.
+    let dropped = pairs.outside();
+    assert!((68..80).contains(&dropped), "{dropped}");
+}
+
+#[test]
+fn cut_messages_are_errors_of_a_line() {
+    let first = messages(0);
+    for (topic, message) in first.iter().enumerate() {
+        // The last byte of a calibration, do_rectify, is not read.
+        for length in 0..message.data.len() - 1 {
+            let mut pairs = pairs();
+            let cut = &message.data[..length];
+            pairs.look_at(topic, cut);
+            pairs.begin().unwrap();
+            // Pixels that are missing are reported with the pair.
+            let taken = pairs.take_in(topic, 0, cut);
+            assert!(
+                taken.as_ref().is_err_and(|why| !why.contains('\n')),
+                "{length} {taken:?}"
+            );
+        }
+    }
+    let format = "mono8; png compressed ";
+    let compressed = ros_compressed("/cam0/image_rect", START_NS, format, b"no png");
+    assert!(
+        pairs().take_in(0, 0, &compressed.data).is_err(),
+        "a topic that changes its type"
+    );
+}

@@ -1,0 +1,95 @@
+//! CycloneDDS, which is ROS 2's default, at the other end.
+
+use super::robot::address;
+use crate::cli::fixture::Fixture;
+use crate::common::python;
+use std::collections::BTreeSet;
+use svl::source::{RecordingSource, Source};
+
+const SCRIPT: &str = "ros2_topics.py";
+const MODULES: &str = "cyclonedds, numpy";
+
+/// The domain's number in an address.
+fn domain(address: &str) -> String {
+    let number = address.split("domain=").nth(1).unwrap();
+    number.split(',').next().unwrap().to_owned()
+}
+
+#[test]
+fn cyclone_s_images_arrive_and_it_reads_the_results() {
+    let (source, prefix) = (address(8, ""), address(8, "/svl"));
+    let domain = domain(&source);
+    let fixture = Fixture::new();
+    let publish = ["publish", &domain, "120", "10", "320", "240", "latched"].map(str::to_owned);
+    let read = |what: &str| ["read", &domain, what, "1", "30"].map(str::to_owned);
+    let (sent, points, disparity, status) = std::thread::scope(|scope| {
+        let sent = scope.spawn(|| python(SCRIPT, MODULES, publish));
+        let read = |what: &str| {
+            let args = read(what);
+            scope.spawn(move || python(SCRIPT, MODULES, args))
+        };
+        let [points, disparity] = ["/svl/points", "/svl/disparity"].map(read);
+        let status = read("/diagnostics");
+        let line = format!("replay {source} --to 6 --publish {prefix} -o live.mcap");
+        let replayed = fixture.svl(&line);
+        let output = [sent, points, disparity, status].map(|thread| thread.join().unwrap());
+        if output.iter().all(Option::is_some) {
+            assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
+        }
+        output.into()
+    });
+    // Without CycloneDDS it was skipped aloud.
+    let (Some(sent), Some(points)) = (sent, points) else {
+        return;
+    };
+    let (disparity, status) = (disparity.unwrap(), status.unwrap());
+    let lines = |text: &[u8]| -> Vec<serde_json::Value> {
+        let text = std::str::from_utf8(text).unwrap();
+        text.lines()
+            .map(|line| serde_json::from_str(line).unwrap())
+            .collect()
+    };
+    let sent: BTreeSet<(u64, Vec<u64>)> = lines(&sent)
+        .iter()
+        .map(|line| {
+            serde_json::from_value(line.clone()).map(|Sent { stamp_ns, crc }| (stamp_ns, crc))
+        })
+        .collect::<Result<_, _>>()
+        .unwrap();
+    let mut recorded = RecordingSource::open(fixture.path("live.mcap")).unwrap();
+    let mut pairs = 0;
+    while let Some(frame) = recorded.next().unwrap() {
+        let crc = |image: &svl::stereo::Gray| {
+            u64::from(crc32fast::hash(&image.pixels().collect::<Vec<u8>>()))
+        };
+        let crc = vec![crc(frame.pair.left()), crc(frame.pair.right())];
+        assert!(sent.contains(&(frame.stamp_ns, crc)), "{}", frame.stamp_ns);
+        pairs += 1;
+    }
+    assert!(pairs > 5, "{pairs} pairs");
+    // The wall is 400 px · 0.1 m / 16 px away.
+    let cloud = &lines(&points)[0];
+    assert_eq!(cloud["frame_id"], "cam_left_optical_frame");
+    assert_eq!(
+        cloud["fields"],
+        serde_json::json!(["x", "y", "z", "probability"])
+    );
+    let z = |point: &serde_json::Value| point[2].as_f64().unwrap();
+    let points = cloud["points"].as_array().unwrap();
+    assert!(!points.is_empty() && points.iter().all(|point| (z(point) - 2.5).abs() < 0.05));
+    let image = &lines(&disparity)[0];
+    assert_eq!(image["size"], serde_json::json!([320, 240]));
+    assert_eq!(
+        (image["f"].as_f64(), image["median"].as_f64()),
+        (Some(400.0), Some(16.0))
+    );
+    let status = &lines(&status)[0];
+    assert_eq!(status["name"], "svl /svl: v5");
+    assert!(status["values"]["latency ms, longest"].is_string());
+}
+
+#[derive(serde::Deserialize)]
+struct Sent {
+    stamp_ns: u64,
+    crc: Vec<u64>,
+}

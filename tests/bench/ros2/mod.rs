@@ -1,0 +1,163 @@
+//! Live ROS 2 topics on the loopback interface: pairs in, results out.
+
+mod foreign;
+mod robot;
+
+use crate::cli::fixture::{Fixture, assert_says};
+use crate::recording::frames::{PERIOD_NS, image};
+use robot::{BASELINE_M, Fault, Robot, START_NS};
+use std::time::{Duration, Instant};
+use svl::dds::{Domain, TopicInbox};
+use svl::recording::Recording;
+use svl::source::{RecordingSource, Source};
+
+#[test]
+fn topics_are_recorded_pixel_by_pixel() {
+    let robot = Robot::start(0, Fault::None);
+    let fixture = Fixture::new();
+    let source = robot.source("");
+    let text = fixture.run(&format!("record {source} --frames 12 -o run.mcap"));
+    assert_says(&text, &["no message lost", "run.mcap: 12 pairs"]);
+    let mut source = RecordingSource::open(fixture.path("run.mcap")).unwrap();
+    let mut last = None;
+    while let Some(frame) = source.next().unwrap() {
+        // The number of the pair, by its stamp.
+        let i = (frame.stamp_ns - START_NS) / PERIOD_NS;
+        assert_eq!(frame.stamp_ns, START_NS + i * PERIOD_NS);
+        let sent = [2 * i, 2 * i + 1].map(|seed| image(robot::SIZE, seed));
+        assert_eq!(frame.pair.clone().into_images(), sent, "pair {i}");
+        assert!(last.is_none_or(|last| i > last));
+        last = Some(i);
+        let rig = frame.rig().expect("its calibrations make a rig");
+        assert!((rig.baseline_m() - BASELINE_M).abs() < 1e-12);
+    }
+    let summary = Recording::open(fixture.path("run.mcap")).unwrap().summary();
+    let facts = summary.unwrap().grabber;
+    assert_eq!(facts["dropped_pairs"], "0");
+    assert!(facts.contains_key("counts") && facts["left_images"].parse::<u64>().unwrap() >= 12);
+}
+
+#[test]
+fn live_results_are_published_and_proved_by_a_recording() {
+    let robot = Robot::start(1, Fault::None);
+    let fixture = Fixture::new();
+    let (source, publish) = (robot.source(""), robot.source("/svl"));
+    let line = format!("replay {source} --to 4 --publish {publish} --rows live.csv");
+    std::thread::scope(|scope| {
+        scope.spawn(|| fixture.run(&format!("record {source} --duration 5 -o run.mcap")));
+        let replayed = scope.spawn(|| fixture.run(&line));
+        let (topics, messages) = heard(&publish, "/svl/points");
+        assert!(replayed.join().unwrap().contains("received "));
+        let schema = |name: &str| {
+            let found = topics.iter().find(|topic| topic.topic.name == name);
+            found.map(|found| found.topic.schema.clone())
+        };
+        let expected = [
+            "sensor_msgs/msg/PointCloud2",
+            "stereo_msgs/msg/DisparityImage",
+        ];
+        let topics = ["/svl/points", "/svl/disparity"].map(schema);
+        assert_eq!(topics, expected.map(|schema| Some(schema.to_owned())));
+        // The stamp of the images.
+        let [sec, nanosec] =
+            [4, 8].map(|at| u32::from_le_bytes(*messages[at..].first_chunk().unwrap()));
+        let stamp = u64::from(sec) * 1_000_000_000 + u64::from(nanosec);
+        assert!((stamp - START_NS).is_multiple_of(PERIOD_NS), "{stamp}");
+    });
+    // A machine under load drops pairs of the live run, and says so with 4.
+    let ran = fixture.svl("replay run.mcap --verify=live.csv --json");
+    let json: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    let verification = &json["verification"];
+    assert_eq!(verification["differing"], serde_json::json!({}));
+    let common = verification["live"]["common"].as_u64().unwrap();
+    assert!(common > 3, "{verification}");
+    let alone =
+        ["only_now", "only_then"].map(|key| verification["live"][key].as_array().unwrap().len());
+    let is_enough = alone.iter().sum::<usize>() as u64 * 99 <= common;
+    assert_eq!(
+        ran.code,
+        Some(if is_enough { 0 } else { 4 }),
+        "{verification}"
+    );
+}
+
+/// The published topics, and the first message of one of them.
+fn heard(address: &str, name: &str) -> (Vec<svl::dds::FoundTopic>, Vec<u8>) {
+    let end = Instant::now() + Duration::from_secs(20);
+    let domain = Domain::join(&address.parse().unwrap()).unwrap();
+    let topics = loop {
+        assert!(Instant::now() < end, "nothing is published");
+        let topics = domain.topics();
+        if topics.iter().any(|found| found.topic.name == name) {
+            break topics;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    let wanted: Vec<_> = topics
+        .iter()
+        .filter(|found| found.topic.name == name)
+        .cloned()
+        .collect();
+    let mut inbox = TopicInbox::new(domain, &wanted).unwrap();
+    let mut first = None;
+    while first.is_none() {
+        assert!(Instant::now() < end, "no message came");
+        let step = Duration::from_millis(50);
+        inbox
+            .receive(step, |_, message| {
+                first.get_or_insert(message);
+            })
+            .unwrap();
+    }
+    (topics, first.unwrap())
+}
+
+#[test]
+fn info_says_what_is_published_and_why_there_are_no_pairs() {
+    let fixture = Fixture::new();
+    for (n, fault, words) in [
+        (
+            2,
+            Fault::None,
+            &["pairs      ", "baseline   0.1000 m", "24x16 px"][..],
+        ),
+        (
+            3,
+            Fault::Silent,
+            &["silent     /cam1/image_rect: 1 publisher"],
+        ),
+        (4, Fault::OtherClock, &["are within 5 ms of each other"]),
+        (5, Fault::OtherSize, &["24x16", "12x16"]),
+    ] {
+        let robot = Robot::start(n, fault);
+        let ran = fixture.svl(&format!("info {}", robot.source("")));
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        assert_says(&ran.stdout, words);
+    }
+    let robot = Robot::start(6, Fault::Swapped);
+    let ran = fixture.svl(&format!("info {}", robot.source("")));
+    assert_says(&ran.stderr, &["swap the two"]);
+}
+
+#[test]
+fn what_cannot_be_opened_is_told_in_a_line() {
+    let fixture = Fixture::new();
+    fixture.fails(
+        "record ros2:/left -o a.mcap => 2: name two topics
+        record ros2:left,right -o a.mcap => 2: 'left' is no topic
+        record ros2:domain=300 -o a.mcap => 2: '300'
+        record ros2: --rate 5 -o a.mcap => 2: --rate is for
+        score ros2: => 2: record them first
+        replay ros2: --publish /svl => 2: expected ros2:/PREFIX
+        replay ros2: --publish ros2:/svl --algo v5 --algo bm => 2: one algorithm",
+    );
+    let empty = robot::address(7, "");
+    for (command, words) in [
+        ("replay", &["it has no images", "0 topics found"][..]),
+        ("info", &["no topic in domain"]),
+    ] {
+        let ran = fixture.svl(&format!("{command} {empty}"));
+        assert_eq!(ran.code, Some(1), "{}", ran.stderr);
+        assert_says(&ran.stderr, words);
+    }
+}

@@ -1,0 +1,125 @@
+//! A robot that publishes two rectified cameras, for as long as it lives.
+
+use crate::recording::bag::{Message, camera_info, ros_image};
+use crate::recording::frames::{PERIOD_NS, image};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+use svl::dds::{Domain, TopicOutbox};
+use svl::recording::LiveTopic;
+
+pub(super) const SIZE: (usize, usize) = (24, 16);
+pub(super) const START_NS: u64 = 1_700_000_000_000_000_000;
+pub(super) const BASELINE_M: f64 = 0.1;
+/// Focal length of [`camera_info`].
+const FOCAL_PX: f64 = 328.0;
+
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Fault {
+    None,
+    /// The right camera has a publisher and no images.
+    Silent,
+    /// The stamps of the right camera are an hour late.
+    OtherClock,
+    /// The right images are narrower.
+    OtherSize,
+    /// Each camera has the calibration of the other.
+    Swapped,
+}
+
+pub(super) struct Robot {
+    n: u16,
+    ended: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Topics in the `n`-th domain of this test program.
+pub(super) fn address(n: u16, topics: &str) -> String {
+    // Another test program on this machine has other domains.
+    let domain = 30 + 10 * (std::process::id() % 20) as u16 + n;
+    format!("ros2:{topics},domain={domain},interface=127.0.0.1").replace(":,", ":")
+}
+
+impl Robot {
+    /// Publishes 15 pairs a second, at most for a minute.
+    pub(super) fn start(n: u16, fault: Fault) -> Self {
+        let ended = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&ended);
+        let publish = move || {
+            let mut outbox =
+                TopicOutbox::new(Domain::join(&address(n, "").parse().unwrap()).unwrap()).unwrap();
+            for message in messages(0, Fault::None) {
+                let topic = LiveTopic {
+                    name: message.topic.to_owned(),
+                    schema: message.schema.to_owned(),
+                };
+                outbox.declare(&topic, false).unwrap();
+            }
+            for i in 0..900 {
+                if told.load(Ordering::Relaxed) {
+                    break;
+                }
+                for message in messages(i, fault) {
+                    outbox.send(message.topic, message.data).unwrap();
+                }
+                std::thread::sleep(Duration::from_nanos(PERIOD_NS));
+            }
+        };
+        let thread = Some(std::thread::spawn(publish));
+        Self { n, ended, thread }
+    }
+
+    /// Its topics, as a source or as a prefix.
+    pub(super) fn source(&self, topics: &str) -> String {
+        address(self.n, topics)
+    }
+}
+
+impl Drop for Robot {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Relaxed);
+        let ended = self.thread.take().map(JoinHandle::join);
+        assert!(std::thread::panicking() || ended.is_some_and(|ended| ended.is_ok()));
+    }
+}
+
+/// The messages of pair `i`.
+fn messages(i: u64, fault: Fault) -> Vec<Message> {
+    let stamp = START_NS + i * PERIOD_NS;
+    let right_stamp = match fault {
+        Fault::OtherClock => stamp + 3_600_000_000_000,
+        _ => stamp,
+    };
+    let right_size = match fault {
+        Fault::OtherSize => (12, 16),
+        _ => SIZE,
+    };
+    let pixels = |size, seed| image(size, seed).pixels().collect::<Vec<u8>>();
+    let mut tx = [0.0, -FOCAL_PX * BASELINE_M];
+    if fault == Fault::Swapped {
+        tx.reverse();
+    }
+    let mut messages = vec![
+        camera_info("/cam0/camera_info", stamp, &[], tx[0]),
+        camera_info("/cam1/camera_info", right_stamp, &[], tx[1]),
+        ros_image(
+            "/cam0/image_rect",
+            stamp,
+            SIZE,
+            "mono8",
+            &pixels(SIZE, 2 * i),
+        ),
+    ];
+    if fault != Fault::Silent {
+        let right = pixels(right_size, 2 * i + 1);
+        messages.push(ros_image(
+            "/cam1/image_rect",
+            right_stamp,
+            right_size,
+            "mono8",
+            &right,
+        ));
+    }
+    messages
+}

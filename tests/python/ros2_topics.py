@@ -1,0 +1,230 @@
+"""The other end of svl's ROS 2 topics: CycloneDDS, as ROS has it, on the loopback interface.
+
+    ros2_topics.py publish DOMAIN PAIRS HZ WIDTH HEIGHT [raw] [latched]
+    ros2_topics.py read DOMAIN TOPIC MESSAGES SECONDS
+
+`latched`: the calibrations are sent once, for late subscribers too. `publish` prints, when it is done, a JSON line per pair: stamp and CRC-32 of left and right. `read` prints a JSON line per
+message of sensor_msgs/PointCloud2 (`…/points`), stereo_msgs/DisparityImage or diagnostic_msgs/DiagnosticArray.
+"""
+
+import json
+import os
+import sys
+import time
+import zlib
+from dataclasses import dataclass
+
+os.environ["CYCLONEDDS_URI"] = """<CycloneDDS><Domain id="any"><General><Interfaces>
+<NetworkInterface address="127.0.0.1"/></Interfaces><AllowMulticast>false</AllowMulticast></General>
+<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>50</MaxAutoParticipantIndex>
+<Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
+
+import numpy
+from cyclonedds.core import Policy, Qos
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint8, uint32
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+
+def ros(package):
+    """The name that ROS gives a type in DDS."""
+    return lambda cls: f"{package}::msg::dds_::{cls}_"
+
+
+@dataclass
+class Time(IdlStruct, typename=ros("builtin_interfaces")("Time")):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Header(IdlStruct, typename=ros("std_msgs")("Header")):
+    stamp: Time
+    frame_id: str
+
+
+@dataclass
+class Image(IdlStruct, typename=ros("sensor_msgs")("Image")):
+    header: Header
+    height: uint32
+    width: uint32
+    encoding: str
+    is_bigendian: uint8
+    step: uint32
+    data: sequence[uint8]
+
+
+def image_of(size):
+    """Image with `size` bytes: a length and an array are sent as a sequence is, and packed ten times as fast."""
+
+    @dataclass
+    class FixedImage(IdlStruct, typename=ros("sensor_msgs")("Image")):
+        header: Header
+        height: uint32
+        width: uint32
+        encoding: str
+        is_bigendian: uint8
+        step: uint32
+        length: uint32
+        data: array[uint8, size]
+
+    return FixedImage
+
+
+@dataclass
+class RegionOfInterest(IdlStruct, typename=ros("sensor_msgs")("RegionOfInterest")):
+    x_offset: uint32
+    y_offset: uint32
+    height: uint32
+    width: uint32
+    do_rectify: bool
+
+
+@dataclass
+class CameraInfo(IdlStruct, typename=ros("sensor_msgs")("CameraInfo")):
+    header: Header
+    height: uint32
+    width: uint32
+    distortion_model: str
+    d: sequence[float64]
+    k: array[float64, 9]
+    r: array[float64, 9]
+    p: array[float64, 12]
+    binning_x: uint32
+    binning_y: uint32
+    roi: RegionOfInterest
+
+
+@dataclass
+class PointField(IdlStruct, typename=ros("sensor_msgs")("PointField")):
+    name: str
+    offset: uint32
+    datatype: uint8
+    count: uint32
+
+
+@dataclass
+class PointCloud2(IdlStruct, typename=ros("sensor_msgs")("PointCloud2")):
+    header: Header
+    height: uint32
+    width: uint32
+    fields: sequence[PointField]
+    is_bigendian: bool
+    point_step: uint32
+    row_step: uint32
+    data: sequence[uint8]
+    is_dense: bool
+
+
+@dataclass
+class DisparityImage(IdlStruct, typename=ros("stereo_msgs")("DisparityImage")):
+    header: Header
+    image: Image
+    f: float32
+    t: float32
+    valid_window: RegionOfInterest
+    min_disparity: float32
+    max_disparity: float32
+    delta_d: float32
+
+
+@dataclass
+class KeyValue(IdlStruct, typename=ros("diagnostic_msgs")("KeyValue")):
+    key: str
+    value: str
+
+
+@dataclass
+class DiagnosticStatus(IdlStruct, typename=ros("diagnostic_msgs")("DiagnosticStatus")):
+    level: uint8
+    name: str
+    message: str
+    hardware_id: str
+    values: sequence[KeyValue]
+
+
+@dataclass
+class DiagnosticArray(IdlStruct, typename=ros("diagnostic_msgs")("DiagnosticArray")):
+    header: Header
+    status: sequence[DiagnosticStatus]
+
+
+BEST_EFFORT = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(10))
+LATCHED = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.Durability.TransientLocal,
+              Policy.History.KeepLast(1))
+RELIABLE = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(10))
+FOCAL, BASELINE, DISPARITY = 400.0, 0.1, 16
+
+
+def publish(domain, pairs, hz, width, height, *options):
+    topics = ["/cam/left/", "/cam/right/"]
+    name = "image_raw" if "raw" in options else "image_rect"
+    width, height, hz = int(width), int(height), float(hz)
+    Image = image_of(width * height)
+    participant = DomainParticipant(int(domain))
+    images = [DataWriter(participant, Topic(participant, f"rt{t}{name}", Image), qos=BEST_EFFORT) for t in topics]
+    qos, latched = (LATCHED, True) if "latched" in options else (RELIABLE, False)
+    infos = [DataWriter(participant, Topic(participant, f"rt{t}camera_info", CameraInfo), qos=qos) for t in topics]
+    # A textured wall, moved a little from pair to pair, on images of the same scene.
+    texture = numpy.random.default_rng(1).integers(0, 256, (height, width + 256), dtype=numpy.uint8)
+    begin, lines = time.time(), []
+    for i in range(int(pairs)):
+        time.sleep(max(0, begin + i / hz - time.time()))
+        now = time.time_ns()
+        stamp = Time(now // 10**9, now % 10**9)
+        sent = []
+        for side in range(2):
+            header = Header(stamp, "cam_left_optical_frame")
+            shift = i % 64 + DISPARITY * side
+            pixels = numpy.ascontiguousarray(texture[:, shift : shift + width]).tobytes()
+            k = [FOCAL, 0, (width - 1) / 2, 0, FOCAL, (height - 1) / 2, 0, 0, 1]
+            p = [*k[:3], -FOCAL * BASELINE * side, *k[3:6], 0, *k[6:], 0]
+            info = CameraInfo(header, height, width, "plumb_bob", [0.0] * 5, [float(v) for v in k],
+                              [1.0, 0, 0, 0, 1, 0, 0, 0, 1], [float(v) for v in p], 0, 0,
+                              RegionOfInterest(0, 0, 0, 0, False))
+            if i == 0 or not latched:
+                infos[side].write(info)
+            images[side].write(Image(header, height, width, "mono8", 0, width, len(pixels), pixels))
+            sent.append(zlib.crc32(pixels))
+        lines.append({"stamp_ns": now, "crc": sent})
+    for line in lines:
+        print(json.dumps(line))
+
+
+def described(message):
+    fields = {"frame_id": message.header.frame_id,
+              "stamp_ns": message.header.stamp.sec * 10**9 + message.header.stamp.nanosec}
+    if isinstance(message, PointCloud2):
+        names = [field.name for field in message.fields]
+        assert [f.datatype for f in message.fields] == [7] * len(names) and message.row_step == len(message.data)
+        points = numpy.frombuffer(bytes(message.data), "<f4").reshape(message.height * message.width, len(names))
+        return fields | {"fields": names, "dense": message.is_dense, "points": points.tolist()}
+    if isinstance(message, DisparityImage):
+        pixels = numpy.frombuffer(bytes(message.image.data), "<f4").reshape(message.image.height, message.image.width)
+        return fields | {"size": pixels.shape[::-1], "encoding": message.image.encoding, "f": message.f, "t": message.t,
+                         "median": float(numpy.median(pixels[pixels >= message.min_disparity])),
+                         "max_disparity": message.max_disparity}
+    status = message.status[0]
+    return fields | {"level": status.level, "name": status.name, "message": status.message,
+                     "values": {pair.key: pair.value for pair in status.values}}
+
+
+def read(domain, name, messages, seconds):
+    kinds = {"points": PointCloud2, "disparity": DisparityImage, "diagnostics": DiagnosticArray}
+    participant = DomainParticipant(int(domain))
+    topic = Topic(participant, f"rt{name}", kinds[name.rsplit("/")[-1]])
+    # Readers of the status ask for reliability, as ROS's aggregator of diagnostics does.
+    qos = RELIABLE if name == "/diagnostics" else BEST_EFFORT
+    reader, end, left = DataReader(participant, topic, qos=qos), time.time() + float(seconds), int(messages)
+    while left and time.time() < end:
+        for message in reader.take(N=left):
+            print(json.dumps(described(message)), flush=True)
+            left -= 1
+        time.sleep(0.01)
+
+
+{"publish": publish, "read": read}[sys.argv[1]](*sys.argv[2:])
