@@ -26,7 +26,7 @@ use svl::{counted, interrupt};
 Examples:
   svl info recordings/arena.mcap
   svl info bag.mcap     which topics of a ROS 2 bag svl would take
-  svl info ros2:        which topics are published, and what they lack to be pairs
+  svl info ros2:        the published topics, and why they form no pairs
   svl info pictures/    image size, focal length, baseline, truth
   svl info recordings/arena.mcap --json | jq '.gaps | length'")]
 pub(crate) struct Args {
