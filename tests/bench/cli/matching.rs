@@ -134,9 +134,13 @@ fn the_page_of_cells_shows_what_each_rests_on() {
             "<svg",
         ],
     );
-    assert!(page.contains("level line (50 %)"));
+    assert!(page.contains("below 50 % at the left line"));
     fixture.run("match l.pgm r.pgm --algo v5:target=near -o n.pfm --evidence n.html");
-    assert!(fixture.text("n.html").contains("level line (75 %)"));
+    assert!(
+        fixture
+            .text("n.html")
+            .contains("below 75 % at the left line")
+    );
     fixture
         .fails("match l.pgm r.pgm --algo v3 -o e.pfm --evidence e.html => 2: --evidence | v3 | v5");
     assert!(!fixture.path("e.pfm").exists());

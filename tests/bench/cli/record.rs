@@ -114,7 +114,7 @@ fn topics_of_another_programs_recording_are_named() {
         replay a.mcap --left /stereo/sync --right /stereo/right/image => \
             1: a.mcap | --left /stereo/sync has messages of svl.StereoSync
         record --left /x -o c.mcap => \
-            2: --left is for a recording, a folder, and 'arena' is the arena
+            2: a recording, a folder, and 'arena' is the arena
         replay a.mcap --max-skew-ms -1 => 2: --max-skew-ms
     ";
     fixture.fails(wrong);
