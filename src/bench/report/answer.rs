@@ -207,19 +207,11 @@ impl Summary {
         ranked.sort_by(|a, b| better_first(metric, passed(&a.algorithm), passed(&b.algorithm)));
         let best = &ranked.first()?.algorithm;
         passed(best).filter(|most| *most > own)?;
-        let [(most, frames), (own, _)] = [best, first].map(|label| self.passes(label));
+        let [(most, frames), (own, _)] = [best, first].map(|label| self.passes(label, None));
         let words = "passes more checkpoint frames";
         Some(format!(
             "{best} {words} ({most} of {frames}, {first} {own})."
         ))
-    }
-
-    /// Frames in which checkpoints pass, and those that show one.
-    fn passes(&self, label: &str) -> (u64, u64) {
-        let own = self.checkpoints.iter().filter(|c| c.algorithm == label);
-        own.fold((0, 0), |(passed, frames), c| {
-            (passed + c.passed, frames + c.frames)
-        })
     }
 
     /// The fastest algorithm with its cost, in words.

@@ -43,9 +43,10 @@ impl Summary {
         let of_best = |case: &Case| case.find(best)?.value;
         // Stable: equal cases keep their order.
         cases.sort_by(|a, b| better_first(metric, of_best(b), of_best(a)));
-        let (title, head) = match is_driven {
-            true => ("Outcome of each drive".to_owned(), "course"),
-            false => (format!("Scenes: {}, %", metric.words), "scene"),
+        let (title, head) = if is_driven {
+            ("Outcome of each drive".to_owned(), "course")
+        } else {
+            (format!("Scenes: {}, %", metric.words), "scene")
         };
         let labels = || ranked.iter().map(|a| a.algorithm.as_str());
         let mut table = Table::new(title, head).with_columns(labels());

@@ -308,12 +308,7 @@ impl Summary {
                 own.value(metric)
             }
             MetricOrigin::Checkpoints => {
-                let own = self.checkpoints.iter().filter(|c| {
-                    c.algorithm == label && checkpoint.is_none_or(|number| c.checkpoint == number)
-                });
-                let (frames, passed) = own.fold((0, 0), |(frames, passed), c| {
-                    (frames + c.frames, passed + c.passed)
-                });
+                let (passed, frames) = self.passes(label, checkpoint);
                 (frames > 0).then(|| passed as f64 / frames as f64)
             }
             MetricOrigin::Drives(number) => {
@@ -325,6 +320,17 @@ impl Summary {
                 })
             }
         }
+    }
+
+    /// Number of frames in which checkpoints pass, and of those that show one. `checkpoint`: the
+    /// only one that counts, in place of all.
+    pub(super) fn passes(&self, label: &str, checkpoint: Option<u32>) -> (u64, u64) {
+        let own = self.checkpoints.iter().filter(|c| {
+            c.algorithm == label && checkpoint.is_none_or(|number| c.checkpoint == number)
+        });
+        own.fold((0, 0), |(passed, frames), c| {
+            (passed + c.passed, frames + c.frames)
+        })
     }
 
     /// Adds the results of drives.

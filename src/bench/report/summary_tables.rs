@@ -130,7 +130,8 @@ impl Summary {
         ranked.filter(|a| a.pairs > 0)
     }
 
-    fn metric_table(&self, choice: &ColumnChoice) -> Table {
+    /// The metrics of a choice per algorithm, the best first.
+    pub(super) fn metric_table(&self, choice: &ColumnChoice) -> Table {
         let kind = self.kind();
         let is_all = *choice == ColumnChoice::All;
         let metrics = choice.metrics(kind);

@@ -8,7 +8,7 @@ use svl_core::{Error, Result};
 use svl_data::recording::{LiveMessage, LiveTopic, diagnostics, result_messages};
 use svl_data::score::Judged;
 
-/// StatusInterval of the status.
+/// Interval of the status.
 const STATUS_EVERY: Duration = Duration::from_secs(1);
 /// Level of a status, as in diagnostic_msgs/msg/DiagnosticStatus.
 const FINE: u8 = 0;
@@ -36,7 +36,7 @@ struct StatusInterval {
     latency: Duration,
     skew_ns: u64,
     cells: f64,
-    /// Of the source, so far.
+    /// Images that the source lost so far.
     drops: u64,
 }
 

@@ -46,7 +46,7 @@ pub struct Opened {
     pub(super) remarks: Vec<String>,
 }
 
-/// What was heard of live topics in some seconds.
+/// Messages of live topics, received within some seconds.
 #[derive(Serialize)]
 pub struct Heard {
     /// Seconds of listening.

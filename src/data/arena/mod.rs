@@ -35,7 +35,7 @@ pub use config::{
 pub use path::{Gait, Twist};
 pub use wireframe::WireObject;
 
-use nalgebra::{Translation3, Vector3};
+use nalgebra::{Translation3, Vector2, Vector3};
 use noise::{Dice, NoiseStream, mix};
 use objects::Objects;
 use path::Walk;
@@ -76,6 +76,7 @@ impl Arena {
     pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
         let config = &*config.of_seed(seed)?;
         let (walk, _) = Self::way(config, seed)?;
+        // It is no longer random.
         let world = ArenaWorld::new(config, seed)?;
         Ok(Self { world, walk })
     }
@@ -150,6 +151,7 @@ impl ArenaWorld {
     /// # Errors
     /// As [`ArenaWorld::new`].
     pub fn unpainted(config: &ArenaConfig, seed: u64) -> Result<Self> {
+        let config = &*config.of_seed(seed)?;
         config.check()?;
         let (width, height) = (config.rig.width_px as f64, config.rig.height_px as f64);
         let focal_px = 0.5 * width / (0.5 * config.rig.field_of_view_deg.to_radians()).tan();
@@ -292,14 +294,21 @@ impl ArenaWorld {
     }
 }
 
+/// The points of the robot's way on the floor, and the head's centre there.
+fn heads(walk: &Walk, rig: &RigConfig) -> impl Iterator<Item = (Vector2<f64>, Vector3<f32>)> {
+    // Every centimetre: half-widths are several centimetres.
+    let steps = (walk.length_m() / 0.01).ceil() as u64;
+    (0..=steps).map(move |step| {
+        let middle = walk.middle(walk.length_m() * step as f64 / steps as f64);
+        let head = Vector3::new(middle.x, middle.y, rig.above_floor_m);
+        (middle, head.cast())
+    })
+}
+
 /// The robot's head keeps half its width from every object and stays inside the arena.
 fn check_clearance(config: &ArenaConfig, walk: &Walk, objects: &Objects) -> Result<()> {
     let half_width_m = config.robot.half_width_m;
-    // Every centimetre: half-widths are several centimetres.
-    let steps = (walk.length_m() / 0.01).ceil() as u64;
-    for step in 0..=steps {
-        let middle = walk.middle(walk.length_m() * step as f64 / steps as f64);
-        let head = Vector3::new(middle.x, middle.y, config.rig.above_floor_m).cast();
+    for (middle, head) in heads(walk, &config.rig) {
         let place = format!("({:.2}, {:.2})", middle.x, middle.y);
         if let Some((name, _)) = objects
             .named()

@@ -11,8 +11,8 @@ use super::noise::{Dice, NoiseStream};
 use super::objects::Objects;
 use super::path::Walk;
 use super::solid::Solid;
-use super::{check, check_clearance};
-use nalgebra::{Rotation2, Vector2, Vector3};
+use super::{check, check_clearance, heads};
+use nalgebra::{Rotation2, Vector2};
 use std::borrow::Cow;
 use svl_core::{Error, Result};
 
@@ -41,7 +41,7 @@ impl ArenaConfig {
     ///
     /// # Errors
     /// [`Error::Invalid`] with the first key that has no meaning for random worlds.
-    pub fn of_seed(&self, seed: u64) -> Result<Cow<'_, Self>> {
+    pub(super) fn of_seed(&self, seed: u64) -> Result<Cow<'_, Self>> {
         if self.random {
             self.check_random()?;
             Ok(Cow::Owned(self.random_world(seed)?))
@@ -54,7 +54,7 @@ impl ArenaConfig {
     ///
     /// # Errors
     /// [`Error::Invalid`] with the first table that is not the default.
-    pub(super) fn check_random(&self) -> Result<()> {
+    pub(crate) fn check_random(&self) -> Result<()> {
         let default = Self::default();
         let size = RigConfig {
             width_px: self.rig.width_px,
@@ -215,10 +215,7 @@ impl ObjectGroup {
     /// True if all of it keeps clear of the path.
     fn is_clear(&self, rig: &RigConfig, walk: &Walk) -> bool {
         let solids: Vec<_> = self.0.iter().map(Solid::block).collect();
-        let steps = (walk.length_m() / 0.01).ceil() as u64;
-        (0..=steps).all(|step| {
-            let middle = walk.middle(walk.length_m() * step as f64 / steps as f64);
-            let head = Vector3::new(middle.x, middle.y, rig.above_floor_m).cast();
+        heads(walk, rig).all(|(_, head)| {
             let mut distances = solids.iter().map(|solid| f64::from(solid.distance(&head)));
             distances.all(|distance_m| distance_m > CLEAR_M)
         })
@@ -274,7 +271,7 @@ fn one_of(dice: &mut Dice, numbers: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arena::Arena;
+    use crate::arena::{Arena, ArenaWorld};
 
     fn random() -> ArenaConfig {
         ArenaConfig {
@@ -292,6 +289,8 @@ mod tests {
         for (world, seed) in worlds.iter().zip(1..) {
             // Also that the path is possible.
             assert!(!Arena::wireframe(world, seed).unwrap().is_empty());
+            let drawn = ArenaWorld::unpainted(&random(), seed).unwrap();
+            assert_eq!(drawn.config(), world);
             assert_eq!(*world, *random().of_seed(seed).unwrap());
         }
         for (a, b) in worlds.iter().zip(&worlds[1..]) {

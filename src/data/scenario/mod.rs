@@ -447,10 +447,16 @@ fn source(
         return invalid("[drive] belongs to kind = \"drive\"".into());
     }
     Ok(match options.kind {
-        Arena => ScenarioSource::Arena {
-            config: Box::new(arena.unwrap_or_default()),
-            seeds: options.seeds(),
-        },
+        Arena => {
+            let config = arena.unwrap_or_default();
+            if config.random {
+                config.check_random()?;
+            }
+            ScenarioSource::Arena {
+                config: Box::new(config),
+                seeds: options.seeds(),
+            }
+        }
         Drive => {
             let (config, drive) = (arena.unwrap_or_default(), drive.unwrap_or_default());
             if config.random {
@@ -603,6 +609,18 @@ mod tests {
                 .to_string();
             assert!(error.contains(words), "{line}: {error}");
         }
+    }
+
+    #[test]
+    fn random_worlds_have_no_keys_of_their_own_and_no_drives() {
+        let error = |text: &str| parse(text).unwrap_err().to_string();
+        let own = error(&format!(
+            "{MINIMAL}[arena]\nrandom = true\nsensor.gain_db = 1.0\n"
+        ));
+        assert!(own.contains("arena.sensor"), "{own}");
+        let drive = MINIMAL.replace("\"arena\"", "\"drive\"");
+        let driven = error(&format!("{drive}[arena]\nrandom = true\n"));
+        assert!(driven.contains("arena.random belongs to"), "{driven}");
     }
 
     #[test]

@@ -247,13 +247,18 @@ fn truth_is_the_best_line_and_checks_the_checkpoints() {
     let json = fixture.json("score short.toml -q --json --algo truth --algo v3 -o both");
     let right = |i: usize| json["algorithms"][i]["cells_right"].as_u64().unwrap();
     assert!(right(0) > 1790 && right(1) < right(0), "{json}");
+    // An algorithm that does not see an obstacle does not miss it.
+    assert_says(
+        &fixture.text("both/index.html"),
+        &["near unknown, %", "near missed"],
+    );
     fixture.run("score short.toml -q --check");
     assert!(fixture.path("reports/arena-check/index.html").exists());
     // A range in which no obstacle is visible.
-    let near = "score short.toml --algo truth:max_disparity=8 -o near";
+    let near = "score short.toml --algo truth:max_disparity=8 --algo bm:max_disparity=8 -o near";
     assert_says(
         &fixture.svl(near).stderr,
-        &["max_disparity sees nothing nearer than"],
+        &["truth:max_disparity=8, bm:max_disparity=8: max_disparity sees nothing nearer than"],
     );
     // Nothing is that near.
     let impossible = "[[checkpoint]]\nnumber = 7\nname = \"impossible\"\nframes = [0, 3]\n\

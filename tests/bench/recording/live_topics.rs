@@ -90,7 +90,7 @@ fn a_silent_camera_does_not_fill_the_memory() {
         pairs.take_in(0, 0, &image.data).unwrap();
         assert!(drain(&mut pairs).is_empty());
     }
-    // Of 400 MB, at most 128 wait; the others were before any image of the right camera.
+    // At most 128 MB of the 400 wait; the others were before any image of the right camera.
     let dropped = pairs.outside();
     assert!((68..80).contains(&dropped), "{dropped}");
 }

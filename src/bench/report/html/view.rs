@@ -296,11 +296,7 @@ fn headline(page: &ReportPage) -> Table {
             if let Some(place) = metrics.iter().position(|metric| metric.name == "missed25") {
                 metrics.splice(place..place, unknown);
             }
-            let mut wide = Summary {
-                columns: ColumnChoice::Named(metrics),
-                ..page.summary.clone()
-            }
-            .headline();
+            let mut wide = page.summary.metric_table(&ColumnChoice::Named(metrics));
             wide.remove_optional_columns();
             wide
         }

@@ -123,7 +123,7 @@ fn aligned(lines: &[String], last: usize) -> String {
     lines.iter().map(line).collect()
 }
 
-/// What was heard of the topics `name`, and what was not.
+/// Received and silent topics of the source `name`.
 fn heard_lines(name: &str, heard: &Heard) -> Vec<String> {
     let Heard {
         seconds,

@@ -40,7 +40,7 @@ pub(super) struct Verification {
     /// without one of the replay.
     only_now: usize,
     only_then: usize,
-    /// Of live topics, the pairs that both have.
+    /// The pairs that both have, for live topics.
     #[serde(skip_serializing_if = "Option::is_none")]
     live: Option<CommonPairs>,
 }

@@ -253,8 +253,8 @@ mod tests {
     use super::*;
     use std::mem::offset_of;
 
-    /// What gcc gives for linux/videodev2.h on x86-64 and on AArch64. The number of a request
-    /// contains the size of its structure.
+    /// Sizes and offsets that gcc has for linux/videodev2.h on x86-64 and on AArch64. The number of
+    /// a request contains the size of its structure.
     #[test]
     #[cfg(target_pointer_width = "64")]
     fn structures_are_the_kernels() {
