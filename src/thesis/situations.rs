@@ -262,7 +262,12 @@ fn most_tilted(context: &mut Context<'_>, config: &ArenaConfig) -> Result<Frame>
     }
     let arena = Arena::new(config, stage::SEED)?;
     // The roll of the head is the height of its x axis above the floor.
-    let roll = |i: &u64| (arena.pose(*i).rotation * nalgebra::Vector3::x()).z.abs();
+    let axis = |i: &u64| {
+        arena
+            .pose(*i)
+            .map(|pose| pose.rotation * nalgebra::Vector3::x())
+    };
+    let roll = |i: &u64| axis(i).map_or(0.0, |axis| axis.z.abs());
     let frame = (0..arena.frames())
         .max_by(|a, b| roll(a).total_cmp(&roll(b)))
         .unwrap_or(0);

@@ -1,10 +1,14 @@
 //! Results of a training, for people.
 
+use super::kinds::KindCells;
+use super::learned_cells::{LearnedCells, LearnedScenario};
 use crate::report::page::{PlotView, fill};
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::report::table::{Table, TableColumn, TerminalStyle};
 use serde::Serialize;
 use svl_core::Result;
+use svl_core::depth::decision::{Decision, VerdictTable};
+use svl_core::matcher::Algorithm;
 use svl_data::fit::{CellFit, CellSample};
 
 /// Figures of a fit, per scenario, and the calibration of its probabilities.
@@ -15,6 +19,8 @@ pub struct CellTraining {
     /// Least probability of a cell that counts as known.
     pub confidence: f64,
     pub scenarios: Vec<ScenarioCells>,
+    /// Results of kinds of scenes, each held out of the fit.
+    pub kinds: Vec<KindCells>,
     /// Results of cells whose fold was held out of the fit.
     pub reliability: Vec<ReliabilityBin>,
     /// Mean logistic loss of held-out cells by the number of steps.
@@ -25,6 +31,8 @@ pub struct CellTraining {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ScenarioCells {
     pub name: String,
+    /// True if it was no part of the fit.
+    pub tested: bool,
     /// Runs and scenes.
     pub groups: usize,
     /// With a truth.
@@ -59,24 +67,81 @@ pub struct ReliabilityBin {
 /// Ends of the ranges of probability.
 const ENDS: [f64; 10] = [0.0, 0.2, 0.4, 0.6, 0.75, 0.85, 0.9, 0.95, 0.98, 1.0];
 
+/// Least probability of a known cell of algorithms without one of their own: that of v5.
+const CONFIDENCE: f64 = 0.85;
+
+/// Probability of a score in log odds, in thousandths.
+fn probability(score: i64) -> f64 {
+    1.0 / (1.0 + (-score as f64 / 1000.0).exp())
+}
+
+/// The samples `of` by ranges of the probability of their scores.
+pub(super) fn reliability(
+    samples: &[CellSample],
+    of: &[usize],
+    scores: &[i64],
+) -> Vec<ReliabilityBin> {
+    let bin = |ends: &[f64]| {
+        let inside = of.iter().copied().filter(|&i| {
+            let said = probability(scores[i]);
+            said >= ends[0] && (said < ends[1] || ends[1] == 1.0)
+        });
+        let inside: Vec<_> = inside.collect();
+        let mean = |of: &dyn Fn(usize) -> f64| {
+            inside.iter().map(|&i| of(i)).sum::<f64>() / inside.len().max(1) as f64
+        };
+        ReliabilityBin {
+            from: ends[0],
+            to: ends[1],
+            cells: inside.len(),
+            said: mean(&|i| probability(scores[i])),
+            right: mean(&|i| f64::from(u8::from(samples[i].right))),
+        }
+    };
+    ENDS.windows(2).map(bin).collect()
+}
+
 impl CellTraining {
-    /// Figures of a fit to `samples`, which are in the order of `scenarios`: names and numbers of
-    /// samples.
-    pub fn new(
-        algorithm: String,
-        confidence: f64,
-        samples: &[CellSample],
-        fit: &CellFit,
-        scenarios: &[(String, usize)],
-    ) -> Self {
-        let probability = |score: i64| 1.0 / (1.0 + (-score as f64 / 1000.0).exp());
-        let said: Vec<_> = fit.held_out.iter().map(|s| probability(*s)).collect();
+    /// Figures of a fit of the table of `algorithm` to the first of the samples; the others, of
+    /// scenarios that are only tested, were no part of it.
+    ///
+    /// # Errors
+    /// Those of [`Algorithm::safe_choice`].
+    pub fn new(algorithm: &Algorithm, learned: &LearnedCells, fit: &CellFit) -> Result<Self> {
+        let LearnedCells {
+            samples, scenarios, ..
+        } = learned;
+        let choice = algorithm.safe_choice()?;
+        let least_score = choice
+            .as_ref()
+            .map_or(Decision::least_score(CONFIDENCE), |choice| {
+                choice.decision.least_score
+            });
+        let score = |table: &VerdictTable, sample: &CellSample| {
+            table.score(&sample.evidence.unwrap_or_default())
+        };
+        let tested = samples[fit.held_out.len()..].iter();
+        let tested: Vec<_> = tested.map(|sample| score(&fit.table, sample)).collect();
+        let with_tested = |fitted: &[i64]| [fitted, &tested].concat();
+        let scores = with_tested(&fit.held_out);
+        let by_kind = if fit.held_out_kind.is_empty() {
+            scores.clone()
+        } else {
+            with_tested(&fit.held_out_kind)
+        };
+        let present: Vec<_> = match &choice {
+            Some(choice) => samples
+                .iter()
+                .map(|sample| score(&choice.decision.table, sample))
+                .collect(),
+            None => by_kind.clone(),
+        };
         let mut first = 0;
-        let scenario = |(name, cells): &(String, usize)| {
-            let range = first..first + cells;
-            first += cells;
-            let of = &samples[range.clone()];
-            let share = |count: usize| count as f64 / (*cells).max(1) as f64;
+        let scenario = |of: &LearnedScenario| {
+            let range = first..first + of.cells;
+            first = range.end;
+            let own = &samples[range.clone()];
+            let share = |count: usize| count as f64 / of.cells.max(1) as f64;
             let reported = |is_known: &dyn Fn(usize) -> bool| {
                 let known = range
                     .clone()
@@ -87,41 +152,30 @@ impl CellTraining {
                     wrong: share(wrong.len()),
                 }
             };
-            let mut groups: Vec<_> = of.iter().map(|sample| sample.group).collect();
+            let mut groups: Vec<_> = own.iter().map(|sample| sample.group).collect();
             groups.dedup();
             ScenarioCells {
-                name: name.clone(),
+                name: of.name.clone(),
+                tested: of.tested,
                 groups: groups.len(),
-                cells: *cells,
-                right_of_all: share(of.iter().filter(|sample| sample.right).count()),
-                fitted: reported(&|i| said[i] >= confidence),
+                cells: of.cells,
+                right_of_all: share(own.iter().filter(|sample| sample.right).count()),
+                fitted: reported(&|i| scores[i] >= least_score),
                 present: reported(&|i| samples[i].known),
             }
         };
-        let scenarios = scenarios.iter().map(scenario).collect();
-        let bin = |ends: &[f64]| {
-            let inside = |i: &usize| said[*i] >= ends[0] && (said[*i] < ends[1] || ends[1] == 1.0);
-            let reportable = (0..samples.len()).filter(|&i| samples[i].is_reportable());
-            let inside: Vec<_> = reportable.filter(inside).collect();
-            let mean = |of: &dyn Fn(usize) -> f64| {
-                inside.iter().map(|&i| of(i)).sum::<f64>() / inside.len().max(1) as f64
-            };
-            ReliabilityBin {
-                from: ends[0],
-                to: ends[1],
-                cells: inside.len(),
-                said: mean(&|i| said[i]),
-                right: mean(&|i| f64::from(u8::from(samples[i].right))),
-            }
-        };
-        Self {
-            algorithm,
+        let reportable: Vec<_> = (0..fit.held_out.len())
+            .filter(|&i| samples[i].is_reportable())
+            .collect();
+        Ok(Self {
+            algorithm: algorithm.label().to_owned(),
             steps: fit.table.steps.iter().map(|steps| steps.len()).sum(),
-            confidence,
-            scenarios,
-            reliability: ENDS.windows(2).map(bin).collect(),
+            confidence: probability(least_score),
+            scenarios: scenarios.iter().map(scenario).collect(),
+            kinds: KindCells::all(samples, [&by_kind, &present], least_score, scenarios),
+            reliability: reliability(samples, &reportable, &scores),
             losses: fit.losses.clone(),
-        }
+        })
     }
 
     /// The page: one file without scripts, all texts escaped.
@@ -165,6 +219,7 @@ impl CellTraining {
         let view = TrainingView {
             training: self,
             scenarios: self.scenario_table(),
+            kinds: KindCells::table(&self.kinds),
             charts: [
                 PlotView {
                     title: "Reliability".into(),
@@ -177,6 +232,7 @@ impl CellTraining {
                     about: "Loss on held-out runs by the number of steps.",
                     svg: losses.svg()?,
                 },
+                KindCells::curves(&self.kinds)?,
             ],
             images: [],
             identity,
@@ -204,8 +260,10 @@ impl CellTraining {
             );
         }
         format!(
-            "{steps} steps; % of cells, known from {confidence} on\n{}\n{}",
+            "{steps} steps; % of cells, known from {confidence:.2} on\n{}\n% of cells known, % of \
+             these wrong, calibration error in points, area of the ROC\n{}\n{}",
             self.scenario_table().terminal(style),
+            KindCells::table(&self.kinds).terminal(style),
             bins.terminal(style)
         )
     }
@@ -231,7 +289,8 @@ impl CellTraining {
                 percent(of.present.right, 1),
                 percent(of.present.wrong, 2),
             ];
-            table.push(&of.name, cells);
+            let tested = if of.tested { ", tested" } else { "" };
+            table.push(format!("{}{tested}", of.name), cells);
         }
         table
     }
@@ -245,7 +304,8 @@ fn percent(share: f64, digits: usize) -> String {
 struct TrainingView<'a> {
     training: &'a CellTraining,
     scenarios: Table,
-    charts: [PlotView; 2],
+    kinds: Table,
+    charts: [PlotView; 3],
     images: [(); 0],
     identity: Vec<(String, String)>,
     incomplete: Option<String>,

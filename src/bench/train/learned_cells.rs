@@ -10,7 +10,7 @@ use svl_core::depth::decision::Feature;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::CellEvidence;
 use svl_core::{Error, Result};
-use svl_data::fit::{CellSample, CellTarget, cell_samples};
+use svl_data::fit::{CellFit, CellSample, CellTarget, FOLDS, cell_samples, fit_cells};
 use svl_data::manifest::Manifest;
 use svl_data::scenario::Scenario;
 
@@ -20,8 +20,19 @@ pub struct LearnedCells {
     pub samples: Vec<CellSample>,
     /// Runs and scenes.
     pub groups: Vec<String>,
-    /// With the number of their cells.
-    pub scenarios: Vec<(String, usize)>,
+    pub scenarios: Vec<LearnedScenario>,
+}
+
+/// A scenario's part of the samples.
+#[derive(Clone, Debug)]
+pub struct LearnedScenario {
+    pub name: String,
+    /// That of [`Scenario::kind`].
+    pub kind: String,
+    /// Number of its samples.
+    pub cells: usize,
+    /// True if they are no part of the fit.
+    pub tested: bool,
 }
 
 impl LearnedCells {
@@ -35,6 +46,7 @@ impl LearnedCells {
         path: &Path,
         algorithm: &Algorithm,
         target: CellTarget,
+        tested: bool,
         console: &dyn Console,
     ) -> Result<()> {
         scenario.algorithms = vec![algorithm.clone()];
@@ -52,7 +64,9 @@ impl LearnedCells {
             };
             let start = RunStart::new(&manifest, run.seed, &judge);
             // The same walk in another arena is not another scene.
-            let of_seed = run.seed.map(|seed| format!("arena seed {seed}"));
+            let of_seed = run
+                .seed
+                .map(|seed| format!("{} seed {seed}", scenario.kind()));
             let name = of_seed.unwrap_or_else(|| run.name());
             let title = format!("learn {}, {name}", scenario.name);
             let watch = Watch::new(console, &title, run.pairs(), None);
@@ -73,8 +87,53 @@ impl LearnedCells {
                 path.display()
             )));
         }
-        self.scenarios.push((scenario.name, cells));
+        self.scenarios.push(LearnedScenario {
+            kind: scenario.kind().to_owned(),
+            name: scenario.name,
+            cells,
+            tested,
+        });
         Ok(())
+    }
+
+    /// Number of samples to fit to: those of scenarios that are only tested come after them.
+    pub fn fitted(&self) -> usize {
+        let fitted = self.scenarios.iter().filter(|scenario| !scenario.tested);
+        fitted.map(|scenario| scenario.cells).sum()
+    }
+
+    /// Fits a table to them.
+    ///
+    /// The weight of a scenario is the square root of its number of cells, so that few real scenes
+    /// count beside many simulated ones. `None` and `progress` as of [`fit_cells`].
+    pub fn fit(&self, rank: i64, progress: impl Fn() -> bool + Sync) -> Option<CellFit> {
+        let fitted = self.fitted();
+        let mut kinds: Vec<&str> = Vec::new();
+        let mut kind_of = Vec::with_capacity(fitted);
+        let mut weights = Vec::with_capacity(fitted);
+        for scenario in self.scenarios.iter().filter(|scenario| !scenario.tested) {
+            let known = kinds.iter().position(|kind| *kind == scenario.kind);
+            let kind = known.unwrap_or_else(|| {
+                kinds.push(&scenario.kind);
+                kinds.len() - 1
+            });
+            kind_of.extend(std::iter::repeat_n(kind, scenario.cells));
+            let weight = 1.0 / (scenario.cells as f64).sqrt();
+            weights.extend(std::iter::repeat_n(weight, scenario.cells));
+        }
+        // The weights sum to the number of samples, so that the ridge's influence stays small.
+        let scale = fitted as f64 / weights.iter().sum::<f64>();
+        weights.iter_mut().for_each(|weight| *weight *= scale);
+        fit_cells(&self.samples[..fitted], &kind_of, &weights, rank, progress)
+    }
+
+    /// Number of fits that [`LearnedCells::fit`] reports.
+    pub fn fits(&self) -> usize {
+        let fitted = self.scenarios.iter().filter(|scenario| !scenario.tested);
+        let mut kinds: Vec<_> = fitted.map(|scenario| &scenario.kind).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        FOLDS + 1 + if kinds.len() > 1 { kinds.len() } else { 0 }
     }
 
     fn group(&mut self, name: String) -> usize {

@@ -3,6 +3,7 @@
 
 mod cells;
 mod filter;
+mod kinds;
 mod learned_cells;
 mod report;
 mod scenario_filters;
@@ -10,7 +11,8 @@ mod windows;
 
 pub use cells::{CellTraining, ReliabilityBin, ReportedCells, ScenarioCells};
 pub use filter::{EpochProgress, REVISION, TrainSettings, train_filter};
-pub use learned_cells::{LearnedCells, samples_csv};
+pub use kinds::{KindCells, TableFigures};
+pub use learned_cells::{LearnedCells, LearnedScenario, samples_csv};
 pub use report::{FilterTraining, HiddenTrial};
 pub use scenario_filters::{of_scenario, with_filters};
 pub use windows::{LabelledRuns, train, windows};

@@ -8,16 +8,26 @@ use serde::{Deserialize, Serialize};
 pub struct ArenaConfig {
     /// Pairs in one run, evenly spread over the robot's path.
     pub frames: u64,
-    /// True for a random world, path and head for each seed, of which this table has only
-    /// `frames`, `rate_hz`, `rig.width_px` and `rig.height_px`.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub random: bool,
+    /// Scenes drawn by each seed, of which this table has only `frames`, `rate_hz`,
+    /// `rig.width_px` and `rig.height_px`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub random: Option<RandomScenes>,
     /// Pairs per second. Path length x rate / frames is the robot's speed, hence the motion blur.
     pub rate_hz: f64,
     pub rig: RigConfig,
     pub sensor: SensorConfig,
     pub robot: RobotConfig,
     pub world: WorldConfig,
+}
+
+/// Scenes other than the thesis's, drawn by a run's seed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RandomScenes {
+    /// A room with objects, a head and a path through it.
+    Worlds,
+    /// Layers of shapes, new ones in every frame; the head does not move.
+    Shapes,
 }
 
 /// The stereo head (thesis, sections 6.1 and 6.2).

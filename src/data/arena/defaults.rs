@@ -14,7 +14,7 @@ impl Default for ArenaConfig {
     fn default() -> Self {
         Self {
             frames: 280,
-            random: false,
+            random: None,
             rate_hz: 10.0,
             rig: RigConfig::default(),
             sensor: SensorConfig::default(),

@@ -22,6 +22,7 @@ mod path;
 mod render;
 mod scene;
 mod sensor;
+mod shapes;
 mod solid;
 mod texture;
 mod view;
@@ -29,8 +30,8 @@ mod wireframe;
 mod worlds;
 
 pub use config::{
-    ArenaConfig, Ball, Block, FloorPattern, RigConfig, RobotConfig, SensorConfig, Waypoint,
-    WorldConfig,
+    ArenaConfig, Ball, Block, FloorPattern, RandomScenes, RigConfig, RobotConfig, SensorConfig,
+    Waypoint, WorldConfig,
 };
 pub use path::{Gait, Twist};
 pub use wireframe::WireObject;
@@ -41,6 +42,7 @@ use objects::Objects;
 use path::Walk;
 use render::{Lens, SharpImage};
 use scene::ArenaScene;
+use shapes::Shapes;
 use svl_core::stereo::{Exposure, Frame, Geometry, Plane, Pose, Rig, StereoPair};
 use svl_core::{Error, Result};
 use view::{ImageSkew, PinholeView};
@@ -49,10 +51,12 @@ use view::{ImageSkew, PinholeView};
 /// cached recordings are regenerated.
 pub const REVISION: u32 = 3;
 
-/// One run of the robot through the arena.
-pub struct Arena {
-    world: ArenaWorld,
-    walk: Walk,
+/// One run of the robot through the arena, or of frames without a path.
+pub struct Arena(Scenes);
+
+enum Scenes {
+    Path { world: Box<ArenaWorld>, walk: Walk },
+    Shapes(Box<Shapes>),
 }
 
 /// The world of a run and its cameras, at any pose.
@@ -75,29 +79,39 @@ impl Arena {
     /// robot would touch something.
     pub fn new(config: &ArenaConfig, seed: u64) -> Result<Self> {
         let config = &*config.of_seed(seed)?;
+        if config.random == Some(RandomScenes::Shapes) {
+            let shapes = Shapes::new(config, seed)?;
+            return Ok(Self(Scenes::Shapes(Box::new(shapes))));
+        }
         let (walk, _) = Self::way(config, seed)?;
         // It is no longer random.
-        let world = ArenaWorld::new(config, seed)?;
-        Ok(Self { world, walk })
-    }
-
-    pub fn config(&self) -> &ArenaConfig {
-        &self.world.config
+        let world = Box::new(ArenaWorld::new(config, seed)?);
+        Ok(Self(Scenes::Path { world, walk }))
     }
 
     /// The rectified stereo head, as the truth assumes it.
     pub fn rig(&self) -> Rig {
-        self.world.rig
+        match &self.0 {
+            Scenes::Path { world, .. } => world.rig,
+            Scenes::Shapes(shapes) => shapes.rig(),
+        }
     }
 
     /// Number of frames in the run.
     pub fn frames(&self) -> u64 {
-        self.world.config.frames
+        match &self.0 {
+            Scenes::Path { world, .. } => world.config.frames,
+            Scenes::Shapes(shapes) => shapes.frames(),
+        }
     }
 
-    /// Pose of the left camera in the middle of the exposure of frame `index`.
-    pub fn pose(&self, index: u64) -> Pose {
-        self.walk.pose(self.world.time_s(index))
+    /// Pose of the left camera in the middle of the exposure of frame `index`; `None` without a
+    /// path.
+    pub fn pose(&self, index: u64) -> Option<Pose> {
+        match &self.0 {
+            Scenes::Path { world, walk } => Some(walk.pose(world.time_s(index))),
+            Scenes::Shapes(_) => None,
+        }
     }
 
     /// Renders frame `index`: pair, rig, pose, truth.
@@ -111,17 +125,22 @@ impl Arena {
                 self.frames()
             )));
         }
-        let twist = self.walk.twist(self.world.time_s(index));
-        self.world.frame(index, self.pose(index), &twist)
+        match &self.0 {
+            Scenes::Path { world, walk } => {
+                let time_s = world.time_s(index);
+                world.frame(index, walk.pose(time_s), &walk.twist(time_s))
+            }
+            Scenes::Shapes(shapes) => shapes.frame(index),
+        }
     }
 
     /// The true geometry of a run and the path of the robot's centre, as line strips for a 3D
     /// viewer; no textures are painted for it.
     ///
     /// # Errors
-    /// As [`Arena::new`].
+    /// As [`Arena::new`]; [`Error::Invalid`] for shapes, which are not in a world.
     pub fn wireframe(config: &ArenaConfig, seed: u64) -> Result<Vec<WireObject>> {
-        let config = &*config.of_seed(seed)?;
+        let config = &config.of_seed(seed)?.into_owned().in_a_world()?;
         let (walk, objects) = Self::way(config, seed)?;
         Ok(wireframe::wires(&objects, &walk, &config.world))
     }
@@ -151,19 +170,11 @@ impl ArenaWorld {
     /// # Errors
     /// As [`ArenaWorld::new`].
     pub fn unpainted(config: &ArenaConfig, seed: u64) -> Result<Self> {
-        let config = &*config.of_seed(seed)?;
+        let config = &config.of_seed(seed)?.into_owned().in_a_world()?;
         config.check()?;
-        let (width, height) = (config.rig.width_px as f64, config.rig.height_px as f64);
-        let focal_px = 0.5 * width / (0.5 * config.rig.field_of_view_deg.to_radians()).tan();
-        let rig = Rig::new(
-            focal_px,
-            (0.5 * (width - 1.0), 0.5 * (height - 1.0)),
-            config.rig.baseline_m,
-            0.0,
-        )?;
         Ok(Self {
+            rig: config.rig.rectified()?,
             config: config.clone(),
-            rig,
             scene: ArenaScene::new(&config.world, Objects::new(&config.world)),
             seed,
             noise: Dice::new(seed, NoiseStream::Sensor).bits(),
@@ -186,7 +197,7 @@ impl ArenaWorld {
 
     /// The middle of the exposure of frame `index`, seconds after the start.
     pub fn time_s(&self, index: u64) -> f64 {
-        index as f64 / self.config.rate_hz
+        self.config.time_s(index)
     }
 
     /// The true disparities of a left camera at `pose`; the images are not rendered.
@@ -222,10 +233,7 @@ impl ArenaWorld {
             linear_m_per_s: twist.linear_m_per_s + twist.angular_rad_per_s.cross(&beside),
             angular_rad_per_s: twist.angular_rad_per_s,
         };
-        let skew = ImageSkew {
-            sin_roll: rig.right_roll_deg.to_radians().sin() as f32,
-            row_offset_px: rig.right_row_offset_px as f32,
-        };
+        let skew = rig.right_skew();
         let left_view = PinholeView::new(&pose, &self.rig, ImageSkew::NONE);
         let right_view = PinholeView::new(&right_pose, &self.rig, skew);
 
@@ -257,20 +265,14 @@ impl ArenaWorld {
         let (left, truth) = left?;
         Ok(Frame {
             sequence: index,
-            stamp_ns: (self.time_s(index) * 1.0e9).round() as u64,
+            stamp_ns: self.config.stamp_ns(index),
             name: None,
             pair: StereoPair::new(left, right?)?,
             geometry: Geometry::Rectified(Some(self.rig)),
             pose: Some(pose),
             truth: Some(truth),
             color: None,
-            exposure: Exposure {
-                trigger_id: index,
-                skew_ns: Some(0),
-                shutter_us: sensor.shutter_us,
-                gain_mdb: (sensor.gain_db * 1.0e3).round() as i32,
-                drops: 0,
-            },
+            exposure: sensor.exposure(index),
         })
     }
 
@@ -291,6 +293,59 @@ impl ArenaWorld {
         solids
             .filter_map(|solid| solid.outline_below(height_m))
             .collect()
+    }
+}
+
+impl ArenaConfig {
+    fn time_s(&self, index: u64) -> f64 {
+        index as f64 / self.rate_hz
+    }
+
+    fn stamp_ns(&self, index: u64) -> u64 {
+        (self.time_s(index) * 1.0e9).round() as u64
+    }
+
+    /// # Errors
+    /// [`Error::Invalid`] for shapes.
+    fn in_a_world(self) -> Result<Self> {
+        match self.random {
+            Some(RandomScenes::Shapes) => Err(Error::Invalid(
+                "arena.random: shapes are not in a world; use \"worlds\"".into(),
+            )),
+            _ => Ok(self),
+        }
+    }
+}
+
+impl RigConfig {
+    /// The exactly rectified head.
+    fn rectified(&self) -> Result<Rig> {
+        let (width, height) = (self.width_px as f64, self.height_px as f64);
+        Rig::new(
+            0.5 * width / (0.5 * self.field_of_view_deg.to_radians()).tan(),
+            (0.5 * (width - 1.0), 0.5 * (height - 1.0)),
+            self.baseline_m,
+            0.0,
+        )
+    }
+
+    fn right_skew(&self) -> ImageSkew {
+        ImageSkew {
+            sin_roll: self.right_roll_deg.to_radians().sin() as f32,
+            row_offset_px: self.right_row_offset_px as f32,
+        }
+    }
+}
+
+impl SensorConfig {
+    fn exposure(&self, index: u64) -> Exposure {
+        Exposure {
+            trigger_id: index,
+            skew_ns: Some(0),
+            shutter_us: self.shutter_us,
+            gain_mdb: (self.gain_db * 1.0e3).round() as i32,
+            drops: 0,
+        }
     }
 }
 

@@ -30,6 +30,8 @@ pub(super) enum NoiseStream {
     Room,
     Sheets,
     World,
+    /// The layers of a frame of shapes.
+    Shapes(u64),
     /// One of the sheets of forest.
     Sheet(usize),
 }
@@ -43,6 +45,7 @@ impl Dice {
             NoiseStream::Room => 3,
             NoiseStream::Sheets => 4,
             NoiseStream::World => 1 << 32,
+            NoiseStream::Shapes(frame) => (2 << 32) + frame,
             NoiseStream::Sheet(i) => 5 + i as u64,
         };
         Self(mix(mix(seed) ^ number))

@@ -37,6 +37,13 @@ pub struct Twist {
     pub angular_rad_per_s: Vector3<f64>,
 }
 
+impl Twist {
+    pub(super) const STILL: Self = Self {
+        linear_m_per_s: Vector3::new(0.0, 0.0, 0.0),
+        angular_rad_per_s: Vector3::new(0.0, 0.0, 0.0),
+    };
+}
+
 /// Wavelengths of the deviation.
 const DEVIATION_M: [f64; 2] = [1.6, 2.5];
 /// Half the time over which velocities are measured.

@@ -31,7 +31,7 @@ impl Lens {
 }
 
 /// Offsets of the samples in a pixel crossed by an edge: a rotated grid.
-const SAMPLES_PX: [(f32, f32); 4] = [
+pub(super) const SAMPLES_PX: [(f32, f32); 4] = [
     (-0.125, -0.375),
     (0.375, -0.125),
     (0.125, 0.375),

@@ -5,7 +5,8 @@
 //! number is rounded to a thousandth, so that the platform's sine and logarithm cannot change one.
 
 use super::config::{
-    ArenaConfig, Block, FloorPattern, RigConfig, RobotConfig, SensorConfig, Waypoint, WorldConfig,
+    ArenaConfig, Block, FloorPattern, RandomScenes, RigConfig, RobotConfig, SensorConfig, Waypoint,
+    WorldConfig,
 };
 use super::noise::{Dice, NoiseStream};
 use super::objects::Objects;
@@ -40,21 +41,27 @@ impl ArenaConfig {
     /// The configuration of the run with that seed: itself, or a random one.
     ///
     /// # Errors
-    /// [`Error::Invalid`] with the first key that has no meaning for random worlds.
+    /// [`Error::Invalid`] with the first key that has no meaning for random scenes.
     pub(super) fn of_seed(&self, seed: u64) -> Result<Cow<'_, Self>> {
-        if self.random {
-            self.check_random()?;
-            Ok(Cow::Owned(self.random_world(seed)?))
-        } else {
-            Ok(Cow::Borrowed(self))
-        }
+        self.check_random()?;
+        Ok(match self.random {
+            None => Cow::Borrowed(self),
+            Some(RandomScenes::Worlds) => Cow::Owned(self.random_world(seed)?),
+            Some(RandomScenes::Shapes) => {
+                let mut dice = Dice::new(seed, NoiseStream::World);
+                Cow::Owned(self.random_head(&mut dice))
+            }
+        })
     }
 
-    /// Refuses keys that the random world would override.
+    /// Refuses keys that a random scene would override.
     ///
     /// # Errors
     /// [`Error::Invalid`] with the first table that is not the default.
     pub(crate) fn check_random(&self) -> Result<()> {
+        if self.random.is_none() {
+            return Ok(());
+        }
         let default = Self::default();
         let size = RigConfig {
             width_px: self.rig.width_px,
@@ -69,40 +76,46 @@ impl ArenaConfig {
         ];
         match tables.iter().find(|(_, differs)| *differs) {
             Some((table, _)) => Err(Error::Invalid(format!(
-                "arena.{table} is drawn by each seed with random = true; remove it"
+                "arena.{table} is drawn by each seed of random scenes; remove it"
             ))),
             None => Ok(()),
         }
     }
 
-    fn random_world(&self, seed: u64) -> Result<Self> {
-        let mut dice = Dice::new(seed, NoiseStream::World);
-        let white_e_per_ms = number(&mut dice, 400.0, 1700.0);
-        let empty = Self {
-            random: false,
-            frames: self.frames,
-            rate_hz: self.rate_hz,
+    /// This configuration with a random rig and sensor.
+    fn random_head(&self, dice: &mut Dice) -> Self {
+        let white_e_per_ms = number(dice, 400.0, 1700.0);
+        Self {
             rig: RigConfig {
                 width_px: self.rig.width_px,
                 height_px: self.rig.height_px,
-                field_of_view_deg: number(&mut dice, 42.0, 70.0),
-                baseline_m: number(&mut dice, 0.035, 0.08),
-                above_floor_m: number(&mut dice, 0.05, 0.18),
-                right_row_offset_px: number(&mut dice, -0.5, 0.5),
-                right_roll_deg: number(&mut dice, -0.1, 0.1),
+                field_of_view_deg: number(dice, 42.0, 70.0),
+                baseline_m: number(dice, 0.035, 0.08),
+                above_floor_m: number(dice, 0.05, 0.18),
+                right_row_offset_px: number(dice, -0.5, 0.5),
+                right_roll_deg: number(dice, -0.1, 0.1),
             },
             sensor: SensorConfig {
-                gain_db: number(&mut dice, -4.0, 3.0),
-                right_gain_db: number(&mut dice, -1.0, 1.0),
+                gain_db: number(dice, -4.0, 3.0),
+                right_gain_db: number(dice, -1.0, 1.0),
                 white_e_per_ms,
                 // White is half to all of the range at 0 dB.
-                full_scale_e: rounded(8.0 * white_e_per_ms * number(&mut dice, 1.0, 2.0)),
-                read_noise_e: number(&mut dice, 10.0, 40.0),
-                vignetting: number(&mut dice, 0.0, 0.5),
-                lens_blur_px: number(&mut dice, 0.3, 0.7),
-                aperture_mm: number(&mut dice, 0.5, 2.0),
+                full_scale_e: rounded(8.0 * white_e_per_ms * number(dice, 1.0, 2.0)),
+                read_noise_e: number(dice, 10.0, 40.0),
+                vignetting: number(dice, 0.0, 0.5),
+                lens_blur_px: number(dice, 0.3, 0.7),
+                aperture_mm: number(dice, 0.5, 2.0),
                 ..SensorConfig::default()
             },
+            ..self.clone()
+        }
+    }
+
+    fn random_world(&self, seed: u64) -> Result<Self> {
+        let mut dice = Dice::new(seed, NoiseStream::World);
+        let head = self.random_head(&mut dice);
+        let empty = Self {
+            random: None,
             robot: RobotConfig {
                 pitch_sway_deg: 2.0,
                 path: Vec::new(),
@@ -119,6 +132,7 @@ impl ArenaConfig {
                 blocks: Vec::new(),
                 balls: Vec::new(),
             },
+            ..head
         };
         let mut config = with_path(empty, seed, &mut dice)?;
         let walk = Walk::new(&config, seed)?;
@@ -275,7 +289,7 @@ mod tests {
 
     fn random() -> ArenaConfig {
         ArenaConfig {
-            random: true,
+            random: Some(RandomScenes::Worlds),
             frames: 4,
             ..ArenaConfig::default()
         }
@@ -314,6 +328,6 @@ mod tests {
         config.rig.baseline_m = 0.1;
         let words = config.of_seed(1).unwrap_err().to_string();
         assert!(words.contains("arena.rig"), "{words}");
-        assert!(words.contains("random = true"), "{words}");
+        assert!(words.contains("random scenes"), "{words}");
     }
 }

@@ -20,6 +20,8 @@ pub struct CellFit {
     /// Per sample, in order, the log odds in thousandths from a table fitted without the sample's
     /// fold; the least number if there is nothing to report.
     pub held_out: Vec<i64>,
+    /// The same, from tables fitted without the sample's kind; empty if there is only one.
+    pub held_out_kind: Vec<i64>,
     /// Mean logistic loss of held-out samples by the number of steps, from 0 on.
     pub losses: Vec<f64>,
 }
@@ -60,29 +62,29 @@ struct Data {
     weights: Vec<f64>,
 }
 
-/// Fits a table for reports of the `rank`th percentile to samples with those weights. Samples with
-/// nothing to report are ignored.
+/// Fits a table for reports of the `rank`th percentile to samples of those kinds with those weights.
+/// Samples with nothing to report are ignored.
 ///
 /// The result depends only on the samples and their order.
 ///
-/// `progress` is called after each of the [`FOLDS`] and the final fit; if it returns false, the
-/// result is `None`.
+/// `progress` is called after each of the [`FOLDS`], each of several kinds, and the final fit; if it
+/// returns false, the result is `None`.
 pub fn fit_cells(
     samples: &[CellSample],
+    kinds: &[usize],
     weights: &[f64],
     rank: i64,
     progress: impl Fn() -> bool + Sync,
 ) -> Option<CellFit> {
     let data = Data::new(samples, weights);
-    let fold = |group: usize| group % FOLDS;
     let reportable: Vec<_> = (0..samples.len())
         .filter(|&i| samples[i].is_reportable())
         .collect();
-    let folds: Vec<_> = (0..FOLDS)
-        .into_par_iter()
-        .map(|held_out| {
+    // Per fold, the models fitted without it and its samples.
+    let cross = |folds: usize, most: usize, fold: &(dyn Fn(usize) -> usize + Sync)| {
+        let fit = |held_out| {
             let part = |held| {
-                let is_held = |i: &usize| (fold(samples[*i].group) == held_out) == held;
+                let is_held = |i: &usize| (fold(*i) == held_out) == held;
                 reportable
                     .iter()
                     .copied()
@@ -91,13 +93,16 @@ pub fn fit_cells(
             };
             let (train, test) = (part(false), part(true));
             let path = if train.is_empty() || test.is_empty() {
-                vec![Model::default(); MOST_STEPS + 1]
+                vec![Model::default(); most + 1]
             } else {
-                data.path(&train, MOST_STEPS)
+                data.path(&train, most)
             };
             progress().then_some((path, test))
-        })
-        .collect::<Option<_>>()?;
+        };
+        let folds = (0..folds).into_par_iter().map(fit);
+        folds.collect::<Option<Vec<(Vec<Model>, Vec<usize>)>>>()
+    };
+    let folds = cross(FOLDS, MOST_STEPS, &|i| samples[i].group % FOLDS)?;
     let loss = |steps: usize| {
         let of_fold = |(path, test): &(Vec<Model>, Vec<usize>)| {
             let model = &path[steps.min(path.len() - 1)];
@@ -111,17 +116,25 @@ pub fn fit_cells(
     // The fewest steps whose loss is within a thousandth of the best.
     let steps = losses.iter().position(|loss| *loss <= 1.001 * best);
     let steps = steps.unwrap_or_default();
-    let mut held_out = vec![i64::MIN; samples.len()];
-    for (path, test) in &folds {
-        let table = data.table(&path[steps.min(path.len() - 1)], rank);
-        for &i in test {
-            held_out[i] = table.score(&samples[i].evidence.unwrap_or_default());
+    let scores = |folds: &[(Vec<Model>, Vec<usize>)]| {
+        let mut scores = vec![i64::MIN; samples.len()];
+        for (path, test) in folds {
+            let table = data.table(&path[steps.min(path.len() - 1)], rank);
+            for &i in test {
+                scores[i] = table.score(&samples[i].evidence.unwrap_or_default());
+            }
         }
-    }
+        scores
+    };
+    let held_out_kind = match kinds.iter().max() {
+        None | Some(0) => Vec::new(),
+        Some(last) => scores(&cross(last + 1, steps, &|i| kinds[i])?),
+    };
     let path = data.path(&reportable, steps);
     progress().then(|| CellFit {
         table: data.table(&path[path.len() - 1], rank),
-        held_out,
+        held_out: scores(&folds),
+        held_out_kind,
         losses,
     })
 }
@@ -368,7 +381,8 @@ mod tests {
     #[test]
     fn known_steps_are_found() {
         let samples = samples(20_000, 10);
-        let fit = fit_cells(&samples, &vec![1.0; samples.len()], 50, || true).unwrap();
+        let kinds: Vec<_> = (0..samples.len()).map(|i| i % 3).collect();
+        let fit = fit_cells(&samples, &kinds, &vec![1.0; samples.len()], 50, || true).unwrap();
         let steps = |feature: Feature| &fit.table.steps[feature as usize];
         let score_at = |feature, value: i64| {
             let reached = steps(feature)
@@ -384,15 +398,27 @@ mod tests {
         // A feature without influence has almost no steps.
         assert!(score_at(Feature::Shift, 999).abs() < 200, "{:?}", fit.table);
         assert!(fit.losses[2] < 0.9 * fit.losses[0]);
+        // Kinds that do not differ are predicted by each other.
+        let loss = |scores: &[i64]| {
+            let losses = scores.iter().zip(&samples).map(|(score, sample)| {
+                let odds = *score as f64 / if sample.right { -1000.0 } else { 1000.0 };
+                odds.exp().ln_1p()
+            });
+            losses.sum::<f64>()
+        };
+        let (run, kind) = (loss(&fit.held_out), loss(&fit.held_out_kind));
+        assert!((kind / run - 1.0).abs() < 0.01, "{run} {kind}");
     }
 
     #[test]
     fn it_is_repeatable_and_can_be_ended() {
         let samples = samples(2000, 3);
         let weights = vec![1.0; samples.len()];
-        let fit = || fit_cells(&samples, &weights, 75, || true).unwrap();
+        let one_kind = vec![0; samples.len()];
+        let fit = || fit_cells(&samples, &one_kind, &weights, 75, || true).unwrap();
+        assert!(fit().held_out_kind.is_empty());
         let (one, two) = (fit(), fit());
         assert_eq!((one.table, one.held_out), (two.table, two.held_out));
-        assert!(fit_cells(&samples, &weights, 75, || false).is_none());
+        assert!(fit_cells(&samples, &one_kind, &weights, 75, || false).is_none());
     }
 }

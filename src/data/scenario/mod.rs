@@ -19,7 +19,7 @@ pub use seeds::SeedList;
 pub use source::{ScenarioKind, SourceOptions, flag, within};
 pub use stress::{StressLevels, distinct_kinds};
 
-use crate::arena::{Arena, ArenaConfig, WireObject};
+use crate::arena::{Arena, ArenaConfig, RandomScenes, WireObject};
 use crate::files::read_text;
 use svl_core::depth::GridSettings;
 use svl_core::matcher::Algorithm;
@@ -287,6 +287,20 @@ impl Scenario {
         }
     }
 
+    /// Kind of its scenes: what is similar in all of them. The arena and its variants are one kind;
+    /// data sets and recordings have the name of their scenario.
+    pub fn kind(&self) -> &str {
+        match &self.source {
+            ScenarioSource::Arena { config, .. } => match config.random {
+                None => "arena",
+                Some(RandomScenes::Worlds) => "worlds",
+                Some(RandomScenes::Shapes) => "shapes",
+            },
+            ScenarioSource::Drive { .. } => "courses",
+            ScenarioSource::Dataset { .. } | ScenarioSource::Recording(_) => &self.name,
+        }
+    }
+
     /// Rules by which the frames are scored.
     pub fn judge(&self) -> Judge {
         Judge {
@@ -449,9 +463,7 @@ fn source(
     Ok(match options.kind {
         Arena => {
             let config = arena.unwrap_or_default();
-            if config.random {
-                config.check_random()?;
-            }
+            config.check_random()?;
             ScenarioSource::Arena {
                 config: Box::new(config),
                 seeds: options.seeds(),
@@ -459,7 +471,7 @@ fn source(
         }
         Drive => {
             let (config, drive) = (arena.unwrap_or_default(), drive.unwrap_or_default());
-            if config.random {
+            if config.random.is_some() {
                 return invalid("arena.random belongs to kind = \"arena\"".into());
             }
             drive.validate(grid, config.frames, config.rate_hz)?;
@@ -615,11 +627,11 @@ mod tests {
     fn random_worlds_have_no_keys_of_their_own_and_no_drives() {
         let error = |text: &str| parse(text).unwrap_err().to_string();
         let own = error(&format!(
-            "{MINIMAL}[arena]\nrandom = true\nsensor.gain_db = 1.0\n"
+            "{MINIMAL}[arena]\nrandom = \"worlds\"\nsensor.gain_db = 1.0\n"
         ));
         assert!(own.contains("arena.sensor"), "{own}");
         let drive = MINIMAL.replace("\"arena\"", "\"drive\"");
-        let driven = error(&format!("{drive}[arena]\nrandom = true\n"));
+        let driven = error(&format!("{drive}[arena]\nrandom = \"worlds\"\n"));
         assert!(driven.contains("arena.random belongs to"), "{driven}");
     }
 

@@ -6,7 +6,7 @@ use crate::cli::shared::usage;
 use anyhow::bail;
 use std::path::PathBuf;
 use svl::console::{Console, Unit};
-use svl::fit::{CellSample, CellTarget, FOLDS, fit_cells};
+use svl::fit::{CellSample, CellTarget};
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::{Outputs, write};
@@ -20,12 +20,15 @@ use svl::train::{CellTraining, LearnedCells, samples_csv};
 /// measured and whether its report would be right. Fits a logistic regression, whose steps turn the
 /// measurements into a probability, and writes it as a table that `--algo v5:table=FILE` reads,
 /// with a page of its results. Runs and scenes are held out in five parts, never single cells, and
-/// all figures are of held-out cells. Equal data give equal tables.
+/// all figures are of held-out cells. Each kind of scenes is held out as a whole, too: the arena and
+/// its variants, random worlds, shapes, each data set. Equal data give equal tables.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   svl train cells scenarios/arena.toml --seeds 4..10 -o table.toml
   svl train cells own.toml bag.toml -o own-table.toml
+  svl train cells scenarios/worlds.toml scenarios/shapes.toml --seeds 1..20 \
+      --test own.toml -o simulated.toml            own scenes only as a test
   svl replay run.mcap --algo v5:table=own-table.toml
 
 The weight of a scenario is the square root of its number of cells, so that
@@ -34,6 +37,9 @@ pub(crate) struct Args {
     /// Scenarios whose frames have ground truth
     #[arg(value_name = "SCENARIO.toml", required = true)]
     scenarios: Vec<PathBuf>,
+    /// Scenario that is no part of the fit, only of the figures; --seeds does not change it
+    #[arg(long, value_name = "SCENARIO.toml")]
+    test: Vec<PathBuf>,
     /// Table to write; a page of the same name, .html, is written beside it
     #[arg(
         short, long, value_name = "FILE.toml",
@@ -59,9 +65,6 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Least probability of a known cell in the figures: that of revision 1, with which they compare.
-const CONFIDENCE: f64 = 0.75;
-
 /// Fewest cells of either kind that are worth a fit.
 const FEWEST: usize = 20;
 
@@ -72,18 +75,25 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut outputs = Outputs::claim(args.force, [], paths.map(PathBuf::as_path))?;
     let terminal = &Terminal { quiet };
     let mut learned = LearnedCells::default();
-    let scenarios = args.scenarios.iter().map(|path| Scenario::read(path));
+    let paths: Vec<_> = args.scenarios.iter().chain(&args.test).collect();
+    let scenarios = paths.iter().map(|path| Scenario::read(path));
     let mut scenarios = scenarios.collect::<svl::Result<Vec<_>>>()?;
     let named = args.scenarios[0].display().to_string();
-    runs::change(&mut scenarios, &args.source, &named)?;
-    for (scenario, path) in scenarios.into_iter().zip(&args.scenarios) {
-        learned.learn(scenario, path, &args.algo, target, terminal)?;
+    let others = SourceOptions {
+        seeds: None,
+        ..args.source.clone()
+    };
+    runs::change(&mut scenarios, &others, &named)?;
+    let seeds = SourceOptions {
+        seeds: args.source.seeds.clone(),
+        ..SourceOptions::default()
+    };
+    let fitted = args.scenarios.len();
+    runs::change(&mut scenarios[..fitted], &seeds, &named)?;
+    for (i, (scenario, path)) in scenarios.into_iter().zip(paths).enumerate() {
+        learned.learn(scenario, path, &args.algo, target, i >= fitted, terminal)?;
     }
-    let LearnedCells {
-        samples,
-        groups,
-        scenarios,
-    } = learned;
+    let samples = &learned.samples[..learned.fitted()];
     let of_kind = |right: bool| {
         let of_kind = |sample: &&CellSample| sample.is_reportable() && sample.right == right;
         samples.iter().filter(of_kind).count()
@@ -95,18 +105,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
              more runs, scenes or scenarios"
         );
     }
-    if groups.len() < 2 {
+    if samples.iter().all(|sample| sample.group == 0) {
         bail!("one run cannot be held out of itself; take more seeds, scenes or recordings");
     }
-    let bar = terminal.bar("fit", Unit::Pairs, Some(FOLDS as u64 + 1));
-    let weights: Vec<_> = scenarios
-        .iter()
-        .flat_map(|(_, cells)| std::iter::repeat_n(1.0 / (*cells as f64).sqrt(), *cells))
-        .collect();
-    // The weights sum to the number of samples, so that the ridge's influence stays small.
-    let scale = samples.len() as f64 / weights.iter().sum::<f64>();
-    let weights: Vec<_> = weights.iter().map(|weight| weight * scale).collect();
-    let fit = fit_cells(&samples, &weights, target.rank(), || {
+    let bar = terminal.bar("fit", Unit::Pairs, Some(learned.fits() as u64));
+    let fit = learned.fit(target.rank(), || {
         bar.step();
         !interrupted()
     });
@@ -114,15 +117,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let Some(fit) = fit else {
         bail!("interrupted; nothing is written");
     };
-    let algorithm = args.algo.label().to_owned();
-    let training = CellTraining::new(algorithm, CONFIDENCE, &samples, &fit, &scenarios);
+    let training = CellTraining::new(&args.algo, &learned, &fit)?;
     let manifest = Manifest::new("train cells", std::slice::from_ref(&args.algo))?;
     outputs.set_aside()?;
-    let head = header(&manifest, &groups, &training);
+    let head = header(&manifest, &learned.groups, &training);
     write(&args.output, head + &fit.table.to_toml())?;
     write(&page, training.page(manifest.entries())?)?;
     if let Some(path) = &args.samples {
-        write(path, samples_csv(&samples, &groups)?)?;
+        write(path, samples_csv(&learned.samples, &learned.groups)?)?;
     }
     outputs.commit();
     if args.json {
@@ -138,7 +140,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 fn header(manifest: &Manifest, groups: &[String], training: &CellTraining) -> String {
     let revision = manifest.git_revision.as_deref().unwrap_or("unknown");
     let algorithm = &training.algorithm;
-    let scenarios = svl::joined(training.scenarios.iter().map(|of| &of.name));
+    let fitted = training.scenarios.iter().filter(|of| !of.tested);
+    let scenarios = svl::joined(fitted.map(|of| &of.name));
     format!(
         "# Table of cells, made by `svl train cells`, svl {} ({revision}), {}.\n# Of {algorithm}, \
          from: {scenarios}.\n# Runs and scenes: {}\n\n",

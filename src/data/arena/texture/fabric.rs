@@ -4,7 +4,12 @@ use crate::arena::noise::Dice;
 
 /// A picture of random clouds with about equal contrast in every octave, like natural images
 /// (Field, JOSA A 1987): variance about 1, mean 0, row-major.
-pub(super) fn clouds(width: usize, height: usize, octaves: u32, dice: &mut Dice) -> Vec<f32> {
+pub(in crate::arena) fn clouds(
+    width: usize,
+    height: usize,
+    octaves: u32,
+    dice: &mut Dice,
+) -> Vec<f32> {
     let coarse = |side: usize, octave: u32| (side >> octave).max(1) + 2;
     let (mut w, mut h) = (coarse(width, octaves), coarse(height, octaves));
     let mut plane: Vec<f32> = (0..w * h).map(|_| dice.between(-1.0, 1.0)).collect();

@@ -6,6 +6,7 @@ mod forest;
 mod pattern;
 mod room;
 
+pub(super) use fabric::clouds;
 pub(super) use floor::floor;
 pub(super) use forest::forest;
 pub(super) use room::room;

@@ -1,0 +1,176 @@
+//! Cells of each kind of scenes by a table that was fitted without that kind.
+
+use super::cells::reliability;
+use super::learned_cells::LearnedScenario;
+use crate::report::page::PlotView;
+use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
+use crate::report::table::{Table, TableColumn};
+use serde::Serialize;
+use svl_core::Result;
+use svl_data::fit::CellSample;
+use svl_data::fit::filter::RocCurve;
+
+/// The cells of a kind.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct KindCells {
+    pub name: String,
+    /// With a truth.
+    pub cells: usize,
+    /// By a table fitted without the kind.
+    pub held_out: TableFigures,
+    /// By the algorithm's table.
+    pub present: TableFigures,
+    /// Fraction of the known cells that are wrong if the first table knows as many as the second.
+    pub wrong_at_equal: f64,
+    /// Known fraction of all cells, and fraction of these that is wrong, of the first table.
+    pub curve: Vec<(f64, f64)>,
+}
+
+/// Figures of a table on one kind.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TableFigures {
+    /// Fraction of all cells.
+    pub known: f64,
+    /// Fraction of the known cells.
+    pub wrong: f64,
+    /// Mean difference of predicted and observed fraction, over ranges of probability, weighted by
+    /// their cells (expected calibration error).
+    pub calibration_error: f64,
+    /// Area under the ROC curve: probability that of a right and a wrong cell the right one has the
+    /// higher probability.
+    pub area: f64,
+}
+
+/// Points of a curve.
+const POINTS: usize = 50;
+
+impl KindCells {
+    /// The figures of each kind: `scores` in log odds, in thousandths, by both tables.
+    pub(super) fn all(
+        samples: &[CellSample],
+        [held_out, present]: [&[i64]; 2],
+        least_score: i64,
+        scenarios: &[LearnedScenario],
+    ) -> Vec<Self> {
+        let mut kinds: Vec<(&str, Vec<usize>)> = Vec::new();
+        let mut first = 0;
+        for scenario in scenarios {
+            let range = first..first + scenario.cells;
+            first = range.end;
+            match kinds.iter_mut().find(|(kind, _)| *kind == scenario.kind) {
+                Some((_, cells)) => cells.extend(range),
+                None => kinds.push((&scenario.kind, range.collect())),
+            }
+        }
+        let kind = |(name, cells): (&str, Vec<usize>)| {
+            let all = cells.len();
+            let mut ranked = cells;
+            ranked.retain(|&i| samples[i].is_reportable());
+            let [by_held_out, by_present] = [
+                TableFigures::new(samples, &ranked, all, held_out, &|i| {
+                    held_out[i] >= least_score
+                }),
+                TableFigures::new(samples, &ranked, all, present, &|i| samples[i].known),
+            ];
+            ranked.sort_by_key(|&i| std::cmp::Reverse(held_out[i]));
+            let wrong_of = |known: usize| {
+                let wrong = ranked[..known].iter().filter(|&&i| !samples[i].right);
+                wrong.count() as f64 / known.max(1) as f64
+            };
+            let equal = (by_present.known * all as f64).round() as usize;
+            let points = (1..=POINTS).map(|point| ranked.len() * point / POINTS);
+            Self {
+                name: name.to_owned(),
+                cells: all,
+                held_out: by_held_out,
+                present: by_present,
+                wrong_at_equal: wrong_of(equal.min(ranked.len())),
+                curve: points
+                    .map(|known| (known as f64 / all as f64, wrong_of(known)))
+                    .collect(),
+            }
+        };
+        kinds.into_iter().map(kind).collect()
+    }
+
+    /// The figures of all kinds.
+    pub(super) fn table(kinds: &[Self]) -> Table {
+        let mut table = Table::new("Kinds", "kind").with_columns(["cells"]);
+        let heads = ["known", "wrong", "error", "area"];
+        for group in ["without its kind", "table in use"] {
+            let columns = heads.map(|head| TableColumn::new(group, head));
+            table.columns.extend(columns);
+        }
+        let equal = TableColumn::new("equal known", "wrong");
+        table.columns.push(equal);
+        let percent = |share: f64| format!("{:.1}", 100.0 * share);
+        for kind in kinds {
+            let figures = |of: &TableFigures| {
+                [
+                    percent(of.known),
+                    format!("{:.2}", 100.0 * of.wrong),
+                    percent(of.calibration_error),
+                    format!("{:.3}", of.area),
+                ]
+            };
+            let cells = std::iter::once(kind.cells.to_string())
+                .chain(figures(&kind.held_out))
+                .chain(figures(&kind.present))
+                .chain([format!("{:.2}", 100.0 * kind.wrong_at_equal)]);
+            table.push(&kind.name, cells);
+        }
+        table
+    }
+
+    /// Wrong against known cells.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Invalid`] with the error of the plotting library.
+    pub(super) fn curves(kinds: &[Self]) -> Result<PlotView> {
+        let series = kinds.iter().map(|kind| Series {
+            name: kind.name.clone(),
+            form: SeriesStyle::Line,
+            points: (kind.curve.iter())
+                .map(|(known, wrong)| (100.0 * known, 100.0 * wrong))
+                .collect(),
+        });
+        let chart = Chart {
+            title: String::new(),
+            x: Axis::share("known, % of cells"),
+            y: Axis::share("wrong, % of known"),
+            series: series.collect(),
+        };
+        Ok(PlotView {
+            title: "Wrong against known cells".into(),
+            about: "By a table that was fitted without the kind, at every threshold.",
+            svg: chart.svg()?,
+        })
+    }
+}
+
+impl TableFigures {
+    fn new(
+        samples: &[CellSample],
+        reportable: &[usize],
+        all: usize,
+        scores: &[i64],
+        is_known: &dyn Fn(usize) -> bool,
+    ) -> Self {
+        let known = reportable.iter().copied().filter(|&i| is_known(i));
+        let (right, wrong): (Vec<_>, Vec<_>) = known.partition(|&i| samples[i].right);
+        let known = right.len() + wrong.len();
+        let bins = reliability(samples, reportable, scores);
+        let errors = bins
+            .iter()
+            .map(|bin| bin.cells as f64 * (bin.said - bin.right).abs());
+        let scored = reportable
+            .iter()
+            .map(|&i| (scores[i] as f32, samples[i].right));
+        Self {
+            known: known as f64 / all.max(1) as f64,
+            wrong: wrong.len() as f64 / known.max(1) as f64,
+            calibration_error: errors.sum::<f64>() / reportable.len().max(1) as f64,
+            area: RocCurve::new(&scored.collect::<Vec<_>>(), 1.0).area,
+        }
+    }
+}
