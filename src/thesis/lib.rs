@@ -124,7 +124,7 @@ pub struct Context<'a> {
 }
 
 /// The folders of the real scenes of experiments, below the folder of data sets:
-/// Middlebury 2001, 2003, 2006 and 2014 in quarter size.
+/// Middlebury 2001, 2003, 2005, 2006 and 2014 in quarter size.
 const SCENES: &[&str] = &[
     "tsukuba",
     "venus",

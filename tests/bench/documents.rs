@@ -44,6 +44,10 @@ const PARSED: &[(&str, &str)] = &[
         "svl train cells scenarios/arena.toml scenarios/arena-row.toml",
         "takes minutes; cli::train is a short one",
     ),
+    (
+        "svl train cells scenarios/arena-training.toml",
+        "takes minutes; cli::train is a short one",
+    ),
     ("svl view", "opens a window"),
     (
         "svl label checkpoints",

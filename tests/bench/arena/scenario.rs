@@ -128,7 +128,7 @@ fn visits(checkpoint: &Checkpoint) -> impl Iterator<Item = (&'static Arena, Vec<
         (
             arena,
             (0..arena.frames())
-                .filter(|&i| checkpoint.shows(&arena.pose(i)))
+                .filter(|&i| checkpoint.shows(&arena.pose(i).unwrap()))
                 .collect(),
         )
     })

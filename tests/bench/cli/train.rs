@@ -65,6 +65,49 @@ fn cells_are_learned_and_the_table_decides() {
     );
 }
 
+/// A scenario of small random scenes with that kind.
+fn random_scenes(kind: &str) -> String {
+    format!(
+        "name = \"{kind}\"\n[source]\nkind = \"arena\"\nseeds = [1, 2]\n[arena]\nrandom = \"{kind}\"\n\
+         frames = 6\n[arena.rig]\nwidth_px = 160\nheight_px = 120\n"
+    )
+}
+
+#[test]
+fn kinds_are_held_out_and_tests_are_not_fitted() {
+    let fixture = short_arena();
+    for kind in ["worlds", "shapes"] {
+        fixture.write(&format!("{kind}.toml"), random_scenes(kind));
+    }
+    let train = "-q train cells worlds.toml shapes.toml --seeds 1..4";
+    let json = fixture.json(&format!("{train} --test short.toml -o tested.toml --json"));
+    let kind = |i: usize| &json["kinds"][i];
+    assert_eq!(kind(0)["name"], "worlds");
+    assert_eq!(kind(0)["cells"], 4 * 6 * 15);
+    assert_eq!(kind(1)["name"], "shapes");
+    assert_eq!(kind(2)["name"], "arena");
+    // --seeds changes only what is fitted to.
+    assert_eq!(kind(2)["cells"], 2 * 12 * 15);
+    let tested = json["scenarios"].as_array().unwrap().iter();
+    let tested: Vec<_> = tested.map(|of| of["tested"].as_bool().unwrap()).collect();
+    assert_eq!(tested, [false, false, true]);
+    for i in 0..3 {
+        for of in ["held_out", "present"] {
+            let figure = |name: &str| kind(i)[of][name].as_f64().unwrap();
+            assert!((0.0..=1.0).contains(&figure("known")), "{json}");
+            assert!((0.5..=1.0).contains(&figure("area")), "{json}");
+            assert!((0.0..0.5).contains(&figure("calibration_error")), "{json}");
+        }
+    }
+    fixture.run(&format!("{train} -o alone.toml"));
+    let steps = |name: &str| {
+        let table = fixture.text(name);
+        table.split_once("rank").unwrap().1.to_owned()
+    };
+    assert_eq!(steps("tested.toml"), steps("alone.toml"));
+    assert!(fixture.text("tested.html").contains("Kinds of scenes"));
+}
+
 #[test]
 fn what_cannot_be_learned_is_refused_in_one_line() {
     let fixture = short_arena();
