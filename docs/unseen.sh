@@ -18,6 +18,7 @@ score street scenarios/kitti2012.toml "${others[@]}" --data "$datasets" --scenes
 svl score scenarios/drive.toml --algo truth --seeds 101..104 --quiet -o reports/unseen-drive >/dev/null
 score courses reports/unseen-drive/course-*-truth.mcap "${others[@]}"
 score worlds scenarios/worlds.toml "${others[@]}"
+score shapes scenarios/shapes.toml "${others[@]}"
 stress=()
 for kind in roll exposure dark low_light glare defocus defocus_both motion_blur dirt drop jpeg skew; do
   stress+=(--stress "$kind")
@@ -25,7 +26,7 @@ done
 score faults scenarios/arena.toml --seeds 11 "${stress[@]}"
 
 # Cells with truth; a cell of v5 is known from 0.85 on. Unperturbed pairs of the faults' seed are left out.
-for name in playground street courses worlds faults; do
+for name in playground street courses worlds shapes faults; do
   echo
   awk -F, -v name="$name" '
     NR == 1 { for (i = 1; i <= NF; i++) column[$i] = i; next }

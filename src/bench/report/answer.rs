@@ -218,7 +218,7 @@ impl Summary {
     fn speed_words(&self, fastest: &Lead) -> Option<String> {
         let name = &fastest.algorithm;
         let usable = if fastest.is_outdone {
-            " usable one"
+            " of the usable ones"
         } else {
             ""
         };
@@ -230,10 +230,15 @@ impl Summary {
         let second = fastest.second.as_ref();
         let second_words =
             second.map_or_else(String::new, |s| self.second_words(fastest.metric, s));
+        let fast = if second.is_some_and(|s| s.certainty == Certainty::NoDifference) {
+            "among the fastest"
+        } else {
+            "the fastest"
+        };
         let first = self.leads.first()?;
         if first.algorithm == *name {
             return Some(format!(
-                "{name} is also the fastest{usable} ({time}{second_words})."
+                "{name} is also {fast}{usable} ({time}{second_words})."
             ));
         }
         let best = &first.algorithm;
@@ -241,7 +246,7 @@ impl Summary {
         let cost = format!("{} {}", own(first.metric)?, first.metric.words);
         let most = self.coverage_words(name, best);
         Some(format!(
-            "{name} is the fastest{usable} ({time}{second_words}), with {cost}{most}."
+            "{name} is {fast}{usable} ({time}{second_words}), with {cost}{most}."
         ))
     }
 
