@@ -2,6 +2,7 @@
 
 use super::kinds::KindCells;
 use super::learned_cells::{LearnedCells, LearnedScenario};
+use super::reliability::{ReliabilityBin, probability, reliability};
 use crate::report::page::{PlotView, fill};
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::report::table::{Table, TableColumn, TerminalStyle};
@@ -52,54 +53,8 @@ pub struct ReportedCells {
     pub wrong: f64,
 }
 
-/// The cells whose probability lies in a range.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ReliabilityBin {
-    pub from: f64,
-    pub to: f64,
-    pub cells: usize,
-    /// Mean probability.
-    pub said: f64,
-    /// Fraction of them that is right.
-    pub right: f64,
-}
-
-/// Ends of the ranges of probability.
-const ENDS: [f64; 10] = [0.0, 0.2, 0.4, 0.6, 0.75, 0.85, 0.9, 0.95, 0.98, 1.0];
-
 /// Least probability of a known cell of algorithms without one of their own: that of v5.
 const CONFIDENCE: f64 = 0.85;
-
-/// Probability of a score in log odds, in thousandths.
-fn probability(score: i64) -> f64 {
-    1.0 / (1.0 + (-score as f64 / 1000.0).exp())
-}
-
-/// The samples `of` by ranges of the probability of their scores.
-pub(super) fn reliability(
-    samples: &[CellSample],
-    of: &[usize],
-    scores: &[i64],
-) -> Vec<ReliabilityBin> {
-    let bin = |ends: &[f64]| {
-        let inside = of.iter().copied().filter(|&i| {
-            let said = probability(scores[i]);
-            said >= ends[0] && (said < ends[1] || ends[1] == 1.0)
-        });
-        let inside: Vec<_> = inside.collect();
-        let mean = |of: &dyn Fn(usize) -> f64| {
-            inside.iter().map(|&i| of(i)).sum::<f64>() / inside.len().max(1) as f64
-        };
-        ReliabilityBin {
-            from: ends[0],
-            to: ends[1],
-            cells: inside.len(),
-            said: mean(&|i| probability(scores[i])),
-            right: mean(&|i| f64::from(u8::from(samples[i].right))),
-        }
-    };
-    ENDS.windows(2).map(bin).collect()
-}
 
 impl CellTraining {
     /// Figures of a fit of the table of `algorithm` to the first of the samples; the others, of

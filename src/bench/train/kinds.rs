@@ -1,7 +1,7 @@
 //! Cells of each kind of scenes by a table that was fitted without that kind.
 
-use super::cells::reliability;
 use super::learned_cells::LearnedScenario;
+use super::reliability::reliability;
 use crate::report::page::PlotView;
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::report::table::{Table, TableColumn};

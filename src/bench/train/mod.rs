@@ -5,14 +5,16 @@ mod cells;
 mod filter;
 mod kinds;
 mod learned_cells;
+mod reliability;
 mod report;
 mod scenario_filters;
 mod windows;
 
-pub use cells::{CellTraining, ReliabilityBin, ReportedCells, ScenarioCells};
+pub use cells::{CellTraining, ReportedCells, ScenarioCells};
 pub use filter::{EpochProgress, REVISION, TrainSettings, train_filter};
 pub use kinds::{KindCells, TableFigures};
 pub use learned_cells::{LearnedCells, LearnedScenario, samples_csv};
+pub use reliability::ReliabilityBin;
 pub use report::{FilterTraining, HiddenTrial};
 pub use scenario_filters::{of_scenario, with_filters};
 pub use windows::{LabelledRuns, train, windows};

@@ -62,13 +62,13 @@ struct Data {
     weights: Vec<f64>,
 }
 
-/// Fits a table for reports of the `rank`th percentile to samples of those kinds with those weights.
-/// Samples with nothing to report are ignored.
+/// Fits a table for reports of the `rank`th percentile to samples of those kinds with those
+/// weights. Samples with nothing to report are ignored.
 ///
 /// The result depends only on the samples and their order.
 ///
-/// `progress` is called after each of the [`FOLDS`], each of several kinds, and the final fit; if it
-/// returns false, the result is `None`.
+/// `progress` is called after each of the [`FOLDS`], each of several kinds, and the final fit; if
+/// it returns false, the result is `None`.
 pub fn fit_cells(
     samples: &[CellSample],
     kinds: &[usize],

@@ -68,8 +68,8 @@ fn cells_are_learned_and_the_table_decides() {
 /// A scenario of small random scenes with that kind.
 fn random_scenes(kind: &str) -> String {
     format!(
-        "name = \"{kind}\"\n[source]\nkind = \"arena\"\nseeds = [1, 2]\n[arena]\nrandom = \"{kind}\"\n\
-         frames = 6\n[arena.rig]\nwidth_px = 160\nheight_px = 120\n"
+        "name = \"{kind}\"\n[source]\nkind = \"arena\"\nseeds = [1, 2]\n[arena]\n\
+         random = \"{kind}\"\nframes = 6\n[arena.rig]\nwidth_px = 160\nheight_px = 120\n"
     )
 }
 

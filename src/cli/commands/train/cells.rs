@@ -20,8 +20,8 @@ use svl::train::{CellTraining, LearnedCells, samples_csv};
 /// measured and whether its report would be right. Fits a logistic regression, whose steps turn the
 /// measurements into a probability, and writes it as a table that `--algo v5:table=FILE` reads,
 /// with a page of its results. Runs and scenes are held out in five parts, never single cells, and
-/// all figures are of held-out cells. Each kind of scenes is held out as a whole, too: the arena and
-/// its variants, random worlds, shapes, each data set. Equal data give equal tables.
+/// all figures are of held-out cells. Each kind of scenes is held out as a whole, too: the arena
+/// and its variants, random worlds, shapes, each data set. Equal data give equal tables.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -227,8 +227,8 @@ mod tests {
                 for y in 0..height {
                     let [left, right] =
                         [frame.pair.left(), frame.pair.right()].map(|image| image.row(y));
-                    for x in 0..width {
-                        let at = x as f32 - truth.disparity.row(y)[x] - shift;
+                    for (x, disparity) in truth.disparity.row(y).iter().enumerate() {
+                        let at = x as f32 - disparity - shift;
                         let is_visible = visibility.row(y)[x] == Visibility::Visible;
                         if !is_visible || at < 0.0 || at as usize + 1 >= width {
                             continue;
