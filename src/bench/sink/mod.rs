@@ -30,7 +30,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use svl_core::stereo::{Frame, Losses};
 use svl_core::{Error, Result};
 use svl_data::manifest::Manifest;
-use svl_data::recording::Writer;
+use svl_data::recording::{ResultOptions, StoredResults, Writer};
 use svl_data::score::{Judge, Judged};
 
 /// The run for Rerun in the folder of a report.
@@ -126,6 +126,8 @@ pub struct SinkRequest<'a> {
     pub publish: Option<PublishRequest<'a>>,
     /// A recording of the pairs and of every algorithm's disparities.
     pub recording: Option<Writer>,
+    /// Results that the source has of its pairs, for the recording.
+    pub stored: Option<StoredResults>,
 }
 
 /// The viewer of a run, with its options.
@@ -140,14 +142,13 @@ pub struct ViewerRequest {
 pub struct PublishRequest<'a> {
     /// As `ros2:/PREFIX`.
     pub address: &'a str,
-    /// The coordinate frame of the left images.
-    pub frame_id: &'a str,
+    pub options: ResultOptions,
 }
 
 impl PublishRequest<'_> {
     #[cfg(feature = "ros2")]
     fn sink(&self) -> Result<Box<dyn Sink>> {
-        let sink = publish::PublishSink::new(self.address, self.frame_id)?;
+        let sink = publish::PublishSink::new(self.address, self.options.clone())?;
         Ok(Box::new(sink))
     }
 
@@ -155,7 +156,7 @@ impl PublishRequest<'_> {
     fn sink(&self) -> Result<Box<dyn Sink>> {
         let Self {
             address,
-            frame_id: _,
+            options: _,
         } = self;
         Err(crate::source::without_ros2(address))
     }
@@ -230,7 +231,7 @@ impl Sinks {
             sinks.push(publish.sink()?);
         }
         if let Some(writer) = request.recording {
-            sinks.push(Box::new(RecordingSink::new(writer)));
+            sinks.push(Box::new(RecordingSink::new(writer, request.stored)));
         }
         Ok(Self {
             sinks,

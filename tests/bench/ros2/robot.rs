@@ -54,7 +54,7 @@ impl Robot {
                     name: message.topic.to_owned(),
                     schema: message.schema.to_owned(),
                 };
-                outbox.declare(&topic, false).unwrap();
+                outbox.declare(&topic, false, false).unwrap();
             }
             for i in 0..900 {
                 if told.load(Ordering::Relaxed) {
