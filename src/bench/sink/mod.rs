@@ -119,6 +119,8 @@ pub struct SinkRequest<'a> {
     pub rows: Option<&'a Path>,
     /// A file for the cells, likewise.
     pub cells: Option<&'a Path>,
+    /// Limit on the rows for the summary, the newest of a run without end; files have all.
+    pub newest_rows: Option<usize>,
     /// A folder for all tables; the pictures of a report page are collected too.
     pub report: Option<&'a Path>,
     pub viewer: Option<ViewerRequest>,
@@ -191,11 +193,10 @@ impl Sinks {
         let pictures = Outbox::default();
         let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
         match request.report {
-            None => sinks.push(Box::new(TableSink::new(
-                request.rows,
-                request.cells,
-                &rows,
-            )?)),
+            None => {
+                let table = TableSink::new(request.rows, request.cells, &rows)?;
+                sinks.push(Box::new(table.with_newest(request.newest_rows)));
+            }
             Some(folder) => {
                 std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
                 sinks.push(Box::new(TableSink::in_folder(folder, &rows)?));

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, counted};
 use svl_data::recording::{
     LiveTopic, PairResult, ResultMessage, ResultOptions, diagnostics, result_messages,
     scan_transform,
@@ -18,6 +18,7 @@ use svl_data::score::Judged;
 const STATUS_EVERY: Duration = Duration::from_secs(1);
 /// Level of a status, as in diagnostic_msgs/msg/DiagnosticStatus.
 const FINE: u8 = 0;
+const WARNING: u8 = 1;
 const STALE: u8 = 3;
 
 /// The results of the run's algorithm, as messages below a prefix.
@@ -35,8 +36,9 @@ struct Publication {
     declared: BTreeSet<String>,
     /// Of the last pair.
     algorithm: String,
-    /// Since the last status: its time.
+    /// The last status and the last pair.
     since: Instant,
+    last_pair: Instant,
     interval: StatusInterval,
     /// Images that the source lost so far.
     drops: u64,
@@ -54,6 +56,8 @@ struct StatusInterval {
     latency: Duration,
     skew_ns: u64,
     cells: f64,
+    /// Pairs without a calibration.
+    without_rig: u32,
 }
 
 impl PublishSink {
@@ -73,6 +77,7 @@ impl PublishSink {
             declared: BTreeSet::new(),
             algorithm: String::new(),
             since: Instant::now(),
+            last_pair: Instant::now(),
             interval: StatusInterval::default(),
             drops: 0,
             unsent: 0,
@@ -166,7 +171,15 @@ impl Publication {
             ("messages not sent", self.unsent.to_string()),
         ];
         let (level, message) = match interval.pairs {
-            0 => (STALE, format!("no pairs for {seconds:.1} s")),
+            0 => {
+                let silence = self.last_pair.elapsed().as_secs();
+                (STALE, format!("no pairs for {silence} s"))
+            }
+            _ if interval.without_rig > 0 => {
+                let pairs = counted(interval.without_rig, "pair");
+                let why = "without a calibration, so nothing is published of them";
+                (WARNING, format!("{pairs} {why}"))
+            }
             _ => {
                 let message = format!("{rate} pairs a second, {known} % of cells known");
                 (FINE, message)
@@ -179,9 +192,11 @@ impl Publication {
 
     fn take(&mut self, judged: &Judged) -> Result<()> {
         let frame = &judged.frame;
+        self.last_pair = Instant::now();
         self.drops = frame.exposure.drops;
         let interval = &mut self.interval;
         interval.pairs += 1;
+        interval.without_rig += u32::from(frame.rig().is_none());
         let skew_ns = frame.exposure.skew_ns.unwrap_or(0).unsigned_abs();
         interval.skew_ns = interval.skew_ns.max(skew_ns);
         let Some(scored) = judged.estimates.first() else {

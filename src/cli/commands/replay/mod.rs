@@ -141,6 +141,8 @@ pub(crate) const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds"];
 
 /// Pairs that may wait for matching while results are published.
 const LIVE_QUEUE: usize = 4;
+/// The newest pairs of live topics, which the summary is of: their number has no limit.
+const LIVE_ROWS: usize = 3000;
 
 fn publish_address(text: &str) -> Result<String, String> {
     if is_ros2(text) {
@@ -247,6 +249,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut sinks = Sinks::open(SinkRequest {
         rows: args.rows.as_deref(),
         cells: args.cells.as_deref(),
+        newest_rows: opened.is_live.then_some(LIVE_ROWS),
         viewer: shown.transpose()?,
         publish: args.publish.as_deref().map(|address| PublishRequest {
             address,
@@ -345,6 +348,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             };
             let received = grabber.map(|grabber| format!("\nreceived {}\n", grabber.text));
             let received = received.unwrap_or_default();
+            let received = match opened.is_live && rows.len() >= LIVE_ROWS {
+                true => format!("\nsummary  of the last {LIVE_ROWS} results\n{received}"),
+                false => received,
+            };
             print(&(summary.terminal(&title, style(), false) + &received + &written))?
         }
     }
