@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 use svl_core::{Error, Result};
 use svl_data::manifest::Manifest;
-use svl_data::recording::{Header, Recording, RecordingFormat};
+use svl_data::recording::{Dialect, Header, Recording, RecordingFormat};
 use svl_data::scenario::Scenario;
 use svl_data::score::Judge;
 
@@ -32,8 +32,13 @@ pub fn record(
     };
     let judge = Judge::default();
     let start = RunStart::new(&manifest, opened.header.seed, &judge);
+    // Only a bag gets them: of svl's own recordings `svl replay` makes new ones.
+    let has_results =
+        |recording: &&Recording| format.dialect == Dialect::Ros2 && recording.header().is_ok();
+    let own = opened.recording.as_ref().filter(has_results);
     let request = SinkRequest {
         recording: Some(writer),
+        stored: own.and_then(|recording| recording.stored_results().ok()),
         ..SinkRequest::default()
     };
     let mut sinks = match Sinks::open(request) {

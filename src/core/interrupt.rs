@@ -4,9 +4,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// Asks all work of this process to end; returns true if that was requested before.
-pub fn request() -> bool {
-    REQUESTED.swap(true, Ordering::Relaxed)
+/// Asks all work of this process to end.
+pub fn request() {
+    REQUESTED.store(true, Ordering::Relaxed);
 }
 
 /// True if the work is to end. Long waits poll it: the wait for a matching program.

@@ -20,7 +20,7 @@ def value(schema, message):
         dtype = {"mono8": "u1", "32FC1": "<f4"}[message.encoding]
         assert not message.is_bigendian and message.step == np.dtype(dtype).itemsize * message.width
         pixels = np.frombuffer(bytes(message.data), dtype).reshape(message.height, message.width)
-        return float(np.nansum(pixels.astype(np.float64)))
+        return float(pixels[np.isfinite(pixels)].astype(np.float64).sum())
     if schema == "sensor_msgs/msg/CompressedImage":
         assert message.format == "mono8; png compressed "
         return float(np.asarray(Image.open(io.BytesIO(bytes(message.data)))).astype(np.int64).sum())
@@ -31,6 +31,14 @@ def value(schema, message):
         (transform,) = message.transforms
         t, q = transform.transform.translation, transform.transform.rotation
         return t.x + t.y + t.z + q.x + q.y + q.z + q.w
+    if schema == "sensor_msgs/msg/PointCloud2":
+        assert [field.name for field in message.fields] == ["x", "y", "z", "probability"] and message.point_step == 16
+        return float(np.frombuffer(bytes(message.data), "<f4").reshape(-1, 4)[:, 2].sum())
+    if schema == "sensor_msgs/msg/LaserScan":
+        assert message.header.frame_id == "stereo_left_scan" and len(message.ranges) == len(message.intensities)
+        return float(np.isfinite(message.ranges).sum())
+    if schema == "stereo_msgs/msg/DisparityImage":
+        return message.f * message.t
     if schema == "std_msgs/msg/String":
         return json.loads(message.data)["sequence"]
     raise ValueError(f"unexpected schema {schema}")
@@ -63,7 +71,7 @@ def main(path):
             if connection.topic.startswith("/stereo") and hasattr(message, "header"):
                 # image_geometry's StereoCameraModel: both in the left camera's frame.
                 assert message.header.frame_id == "stereo_left"
-            if hasattr(message, "width"):
+            if hasattr(message, "width") and not hasattr(message, "point_step"):
                 sizes.add((message.width, message.height))
             count, total = topics.get(connection.topic, (0, 0))
             topics[connection.topic] = (count + 1, total + number)

@@ -4,7 +4,7 @@
     ros2_topics.py read DOMAIN TOPIC MESSAGES SECONDS
 
 `latched`: the calibrations are sent once, for late subscribers too. `publish` prints, when it is done, a JSON line per pair: stamp and CRC-32 of left and right. `read` prints a JSON line per
-message of sensor_msgs/PointCloud2 (`…/points`), stereo_msgs/DisparityImage or diagnostic_msgs/DiagnosticArray.
+message that svl publishes.
 """
 
 import json
@@ -133,6 +133,20 @@ class DisparityImage(IdlStruct, typename=ros("stereo_msgs")("DisparityImage")):
 
 
 @dataclass
+class LaserScan(IdlStruct, typename=ros("sensor_msgs")("LaserScan")):
+    header: Header
+    angle_min: float32
+    angle_max: float32
+    angle_increment: float32
+    time_increment: float32
+    scan_time: float32
+    range_min: float32
+    range_max: float32
+    ranges: sequence[float32]
+    intensities: sequence[float32]
+
+
+@dataclass
 class KeyValue(IdlStruct, typename=ros("diagnostic_msgs")("KeyValue")):
     key: str
     value: str
@@ -208,13 +222,22 @@ def described(message):
         return fields | {"size": pixels.shape[::-1], "encoding": message.image.encoding, "f": message.f, "t": message.t,
                          "median": float(numpy.median(pixels[pixels >= message.min_disparity])),
                          "max_disparity": message.max_disparity}
+    if isinstance(message, LaserScan):
+        # JSON has no numbers for free and unknown.
+        numbers = {field: getattr(message, field) for field in message.__annotations__ if field != "header"}
+        return fields | numbers | {"ranges": [repr(r) if r != r or r == numpy.inf else r for r in message.ranges]}
+    if isinstance(message, Image):
+        pixels = numpy.frombuffer(bytes(message.data), "<f4").reshape(message.height, message.width)
+        return fields | {"size": pixels.shape[::-1], "encoding": message.encoding, "step": message.step,
+                         "median": float(numpy.nanmedian(pixels)), "unknown": int(numpy.isnan(pixels).sum())}
     status = message.status[0]
     return fields | {"level": status.level, "name": status.name, "message": status.message,
                      "values": {pair.key: pair.value for pair in status.values}}
 
 
 def read(domain, name, messages, seconds):
-    kinds = {"points": PointCloud2, "disparity": DisparityImage, "diagnostics": DiagnosticArray}
+    kinds = {"points": PointCloud2, "scan": LaserScan, "disparity": DisparityImage, "depth": Image,
+             "diagnostics": DiagnosticArray}
     participant = DomainParticipant(int(domain))
     topic = Topic(participant, f"rt{name}", kinds[name.rsplit("/")[-1]])
     # Readers of the status ask for reliability, as ROS's aggregator of diagnostics does.

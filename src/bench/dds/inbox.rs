@@ -5,9 +5,12 @@ use super::{Domain, FoundTopic, qos};
 use rustdds::mio1::{Events, Interest, Poll, Token};
 use rustdds::no_key::SimpleDataReader;
 use rustdds::{GUID, Subscriber};
-use std::collections::HashMap;
 use std::time::Duration;
 use svl_core::Result;
+use svl_data::recording::LiveTopic;
+
+/// Limit on the publishers of a topic whose messages are counted.
+const PUBLISHERS: usize = 16;
 
 /// The messages of some topics.
 pub struct TopicInbox {
@@ -21,9 +24,9 @@ pub struct TopicInbox {
 
 struct TopicReader {
     reader: SimpleDataReader<Vec<u8>, RawCdr>,
-    name: String,
-    /// Number of the last message of each publisher.
-    last: HashMap<GUID, i64>,
+    topic: LiveTopic,
+    /// Number of the last message of each publisher, those that were heard longest ago first.
+    last: Vec<(GUID, i64)>,
     lost: u64,
     warned: bool,
 }
@@ -51,8 +54,8 @@ impl TopicInbox {
                 .map_err(|e| domain.failed(e))?;
             readers.push(TopicReader {
                 reader,
-                name: found.topic.name.clone(),
-                last: HashMap::new(),
+                topic: found.topic.clone(),
+                last: Vec::new(),
                 lost: 0,
                 warned: false,
             });
@@ -89,10 +92,18 @@ impl TopicInbox {
         Ok(())
     }
 
+    /// Another type with which the topic at that index is published now, if there is any.
+    pub fn other_type(&self, topic: usize) -> Option<String> {
+        let own = &self.readers.get(topic)?.topic;
+        let mut published = self.domain.published();
+        let other = published.find(|(topic, ..)| topic.name == own.name && topic != own)?;
+        Some(other.0.schema)
+    }
+
     /// Names of the topics, each with the number of messages lost so far.
     pub fn lost(&self) -> impl Iterator<Item = (&str, u64)> {
         let readers = self.readers.iter();
-        readers.map(|of_topic| (of_topic.name.as_str(), of_topic.lost))
+        readers.map(|of_topic| (of_topic.topic.name.as_str(), of_topic.lost))
     }
 }
 
@@ -103,20 +114,32 @@ impl TopicReader {
             match self.reader.try_take_one() {
                 Ok(Some(sample)) => {
                     let number = i64::from(sample.sequence_number);
-                    let last = self.last.insert(sample.writer_guid, number);
-                    self.lost += last.map_or(0, |last| gap(last, number));
+                    self.lost += missed(&mut self.last, sample.writer_guid, number);
                     return Some(sample.into_value());
                 }
                 Ok(None) => return None,
                 // It counts as lost with the next message.
                 Err(error) => {
                     if !std::mem::replace(&mut self.warned, true) {
-                        tracing::warn!("{}: a message cannot be read: {error}", self.name);
+                        let name = &self.topic.name;
+                        tracing::warn!("{name}: a message cannot be read: {error}");
                     }
                 }
             }
         }
     }
+}
+
+/// Messages that were missed since the last one of the same publisher.
+fn missed<P: PartialEq>(last: &mut Vec<(P, i64)>, publisher: P, number: i64) -> u64 {
+    let known = last.iter().position(|(known, _)| *known == publisher);
+    let before = known.map(|place| last.remove(place).1);
+    // Publishers that die and return are new ones.
+    if last.len() == PUBLISHERS {
+        last.remove(0);
+    }
+    last.push((publisher, number));
+    before.map_or(0, |before| gap(before, number))
 }
 
 /// Messages between two of the same publisher.
@@ -132,5 +155,15 @@ mod tests {
     fn a_gap_is_what_lies_between_two_numbers() {
         assert_eq!([gap(1, 2), gap(1, 5), gap(5, 5), gap(5, 1)], [0, 3, 0, 0]);
         assert_eq!(gap(i64::MIN, i64::MAX), i64::MAX as u64 - 1);
+    }
+
+    #[test]
+    fn publishers_come_and_go_without_end() {
+        let mut last = Vec::new();
+        // A permanent one, and others of one message each.
+        let lost: u64 = (1..=100)
+            .map(|n| missed(&mut last, 0, 2 * n) + missed(&mut last, n, 1))
+            .sum();
+        assert_eq!((lost, last.len()), (99, PUBLISHERS));
     }
 }

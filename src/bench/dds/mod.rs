@@ -60,13 +60,7 @@ impl Domain {
     /// The topics of ROS that are published now, by name.
     pub fn topics(&self) -> Vec<FoundTopic> {
         let mut topics: BTreeMap<String, FoundTopic> = BTreeMap::new();
-        for writer in self.participant.discovered_writers() {
-            let writer = writer.publication_topic_data;
-            let Some(topic) = ros_topic(&writer.topic_name, &writer.type_name) else {
-                continue;
-            };
-            let reliable = matches!(writer.reliability, Some(Reliability::Reliable { .. }));
-            let latched = matches!(writer.durability, Some(Durability::TransientLocal));
+        for (topic, reliable, latched) in self.published() {
             let found = topics.entry(topic.name.clone()).or_insert(FoundTopic {
                 topic,
                 publishers: 0,
@@ -78,6 +72,18 @@ impl Domain {
             found.latched &= latched;
         }
         topics.into_values().collect()
+    }
+
+    /// The topic of each publisher, with true if it is reliable, and if it is latched.
+    fn published(&self) -> impl Iterator<Item = (LiveTopic, bool, bool)> {
+        let writers = self.participant.discovered_writers().into_iter();
+        writers.filter_map(|writer| {
+            let writer = writer.publication_topic_data;
+            let reliable = matches!(writer.reliability, Some(Reliability::Reliable { .. }));
+            let latched = matches!(writer.durability, Some(Durability::TransientLocal));
+            let topic = ros_topic(&writer.topic_name, &writer.type_name)?;
+            Some((topic, reliable, latched))
+        })
     }
 
     fn failed(&self, error: impl Display) -> Error {

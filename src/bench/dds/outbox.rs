@@ -31,12 +31,12 @@ impl TopicOutbox {
 
     /// Declares a topic. Reliable: what was lost is sent again, and while a subscriber confirms
     /// nothing, because it died, some further messages are refused; subscribers that ask for
-    /// reliability find no other publishers.
+    /// reliability find no other publishers. Latched: late subscribers receive the last message.
     ///
     /// # Errors
     /// Those of DDS.
-    pub fn declare(&mut self, topic: &LiveTopic, reliable: bool) -> Result<()> {
-        let qos = qos(reliable, false);
+    pub fn declare(&mut self, topic: &LiveTopic, reliable: bool, latched: bool) -> Result<()> {
+        let qos = qos(reliable, latched);
         let dds = self.domain.dds_topic(topic, &qos)?;
         let writer = self.publisher.create_datawriter_no_key(&dds, Some(qos));
         let writer = writer.map_err(|e| self.domain.failed(e))?;

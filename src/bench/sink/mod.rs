@@ -30,7 +30,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use svl_core::stereo::{Frame, Losses};
 use svl_core::{Error, Result};
 use svl_data::manifest::Manifest;
-use svl_data::recording::Writer;
+use svl_data::recording::{ResultOptions, StoredResults, Writer};
 use svl_data::score::{Judge, Judged};
 
 /// The run for Rerun in the folder of a report.
@@ -119,6 +119,8 @@ pub struct SinkRequest<'a> {
     pub rows: Option<&'a Path>,
     /// A file for the cells, likewise.
     pub cells: Option<&'a Path>,
+    /// Limit on the rows for the summary, the newest of a run without end; files have all.
+    pub newest_rows: Option<usize>,
     /// A folder for all tables; the pictures of a report page are collected too.
     pub report: Option<&'a Path>,
     pub viewer: Option<ViewerRequest>,
@@ -126,6 +128,8 @@ pub struct SinkRequest<'a> {
     pub publish: Option<PublishRequest<'a>>,
     /// A recording of the pairs and of every algorithm's disparities.
     pub recording: Option<Writer>,
+    /// Results that the source has of its pairs, for the recording.
+    pub stored: Option<StoredResults>,
 }
 
 /// The viewer of a run, with its options.
@@ -140,14 +144,13 @@ pub struct ViewerRequest {
 pub struct PublishRequest<'a> {
     /// As `ros2:/PREFIX`.
     pub address: &'a str,
-    /// The coordinate frame of the left images.
-    pub frame_id: &'a str,
+    pub options: ResultOptions,
 }
 
 impl PublishRequest<'_> {
     #[cfg(feature = "ros2")]
     fn sink(&self) -> Result<Box<dyn Sink>> {
-        let sink = publish::PublishSink::new(self.address, self.frame_id)?;
+        let sink = publish::PublishSink::new(self.address, self.options.clone())?;
         Ok(Box::new(sink))
     }
 
@@ -155,7 +158,7 @@ impl PublishRequest<'_> {
     fn sink(&self) -> Result<Box<dyn Sink>> {
         let Self {
             address,
-            frame_id: _,
+            options: _,
         } = self;
         Err(crate::source::without_ros2(address))
     }
@@ -190,11 +193,10 @@ impl Sinks {
         let pictures = Outbox::default();
         let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
         match request.report {
-            None => sinks.push(Box::new(TableSink::new(
-                request.rows,
-                request.cells,
-                &rows,
-            )?)),
+            None => {
+                let table = TableSink::new(request.rows, request.cells, &rows)?;
+                sinks.push(Box::new(table.with_newest(request.newest_rows)));
+            }
             Some(folder) => {
                 std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
                 sinks.push(Box::new(TableSink::in_folder(folder, &rows)?));
@@ -230,7 +232,7 @@ impl Sinks {
             sinks.push(publish.sink()?);
         }
         if let Some(writer) = request.recording {
-            sinks.push(Box::new(RecordingSink::new(writer)));
+            sinks.push(Box::new(RecordingSink::new(writer, request.stored)));
         }
         Ok(Self {
             sinks,

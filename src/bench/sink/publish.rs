@@ -1,11 +1,17 @@
-//! Results to live ROS 2 topics: cloud and disparities of each pair, and a status once a second.
+//! Results to live ROS 2 topics: cloud, scan and disparities of each pair, and a status once a
+//! second.
 
-use super::{RunEnd, Sink};
+use super::{RunEnd, RunStart, Sink};
 use crate::dds::{Address, Domain, TopicOutbox};
 use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
-use svl_core::{Error, Result};
-use svl_data::recording::{LiveMessage, LiveTopic, diagnostics, result_messages};
+use svl_core::{Error, Result, counted};
+use svl_data::recording::{
+    LiveTopic, PairResult, ResultMessage, ResultOptions, diagnostics, result_messages,
+    scan_transform,
+};
 use svl_data::score::Judged;
 
 /// Interval of the status.
@@ -13,18 +19,32 @@ const STATUS_EVERY: Duration = Duration::from_secs(1);
 /// Level of a status, as in diagnostic_msgs/msg/DiagnosticStatus.
 const FINE: u8 = 0;
 const WARNING: u8 = 1;
+const STALE: u8 = 3;
 
 /// The results of the run's algorithm, as messages below a prefix.
 pub(super) struct PublishSink {
+    state: Arc<Mutex<Publication>>,
+    /// Sends the status, also while there are no pairs, until the sink is gone.
+    status: Option<JoinHandle<()>>,
+}
+
+/// The topics, and what the next status will tell.
+struct Publication {
     outbox: TopicOutbox,
     prefix: String,
-    frame_id: String,
+    options: ResultOptions,
     declared: BTreeSet<String>,
-    /// Since the last status: its time, and what it will tell.
+    /// Of the last pair.
+    algorithm: String,
+    /// The last status and the last pair.
     since: Instant,
+    last_pair: Instant,
     interval: StatusInterval,
+    /// Images that the source lost so far.
+    drops: u64,
     /// Messages that could not be sent.
     unsent: u64,
+    ended: bool,
 }
 
 /// The pairs since the last status.
@@ -36,39 +56,76 @@ struct StatusInterval {
     latency: Duration,
     skew_ns: u64,
     cells: f64,
-    /// Images that the source lost so far.
-    drops: u64,
+    /// Pairs without a calibration.
+    without_rig: u32,
 }
 
 impl PublishSink {
     /// # Errors
     /// [`Error::Usage`] for an address without one prefix; those of DDS.
-    pub(super) fn new(address: &str, frame_id: &str) -> Result<Self> {
+    pub(super) fn new(address: &str, options: ResultOptions) -> Result<Self> {
         let address: Address = address.parse()?;
         let [prefix] = &address.topics[..] else {
             let expected = "expected one prefix of topics, as ros2:/svl";
             return Err(Error::Usage(format!("{address}: {expected}")));
         };
-        Ok(Self {
+        let transform = scan_transform(&options.frame_id, now().as_nanos() as u64)?;
+        let mut publication = Publication {
             prefix: prefix.trim_end_matches('/').to_owned(),
             outbox: TopicOutbox::new(Domain::join(&address)?)?,
-            frame_id: frame_id.to_owned(),
+            options,
             declared: BTreeSet::new(),
+            algorithm: String::new(),
             since: Instant::now(),
+            last_pair: Instant::now(),
             interval: StatusInterval::default(),
+            drops: 0,
             unsent: 0,
+            ended: false,
+        };
+        if let Some(transform) = transform {
+            publication.send(transform)?;
+        }
+        let state = Arc::new(Mutex::new(publication));
+        let of_thread = Arc::clone(&state);
+        let status = std::thread::spawn(move || report_until_ended(&of_thread));
+        Ok(Self {
+            state,
+            status: Some(status),
         })
     }
 
-    fn send(&mut self, message: LiveMessage) -> Result<()> {
-        let LiveMessage {
-            topic,
-            schema,
-            data,
-        } = message;
-        // ROS has all statuses on one topic.
-        let is_status = topic.starts_with('/');
-        let name = if is_status {
+    fn state(&self) -> MutexGuard<'_, Publication> {
+        lock(&self.state)
+    }
+}
+
+fn lock(state: &Mutex<Publication>) -> MutexGuard<'_, Publication> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Sends a status once a second.
+fn report_until_ended(state: &Mutex<Publication>) {
+    loop {
+        std::thread::park_timeout(STATUS_EVERY);
+        let mut state = lock(state);
+        if state.ended {
+            return;
+        }
+        if state.since.elapsed() >= STATUS_EVERY
+            && let Err(error) = state.report()
+        {
+            tracing::warn!("{}: no status: {error}", state.prefix);
+        }
+    }
+}
+
+impl Publication {
+    fn send(&mut self, message: ResultMessage) -> Result<()> {
+        let (topic, schema) = (message.topic, message.schema());
+        // ROS has all statuses on one topic, and all transforms.
+        let is_global = topic.starts_with('/');
+        let name = if is_global {
             topic.to_owned()
         } else {
             format!("{}/{topic}", self.prefix)
@@ -80,9 +137,10 @@ impl PublishSink {
             };
             // A subscriber that died must not hold up the results for the others. Readers of the
             // status ask for reliability.
-            self.outbox.declare(&live, is_status)?;
+            let latched = topic == "/tf_static";
+            self.outbox.declare(&live, is_global, latched)?;
         }
-        if let Err(error) = self.outbox.send(&name, data) {
+        if let Err(error) = self.outbox.send(&name, message.into_data()) {
             if self.unsent == 0 {
                 tracing::warn!("{error}; this message is dropped");
             }
@@ -92,7 +150,7 @@ impl PublishSink {
     }
 
     /// The status of the pairs since the last one.
-    fn report(&mut self, algorithm: &str) -> Result<()> {
+    fn report(&mut self) -> Result<()> {
         let interval = std::mem::take(&mut self.interval);
         let seconds = self.since.elapsed().as_secs_f64();
         self.since = Instant::now();
@@ -109,55 +167,90 @@ impl PublishSink {
                 ms(Duration::from_nanos(interval.skew_ns)),
             ),
             ("known cells %", known.clone()),
-            ("images lost", interval.drops.to_string()),
+            ("images lost", self.drops.to_string()),
             ("messages not sent", self.unsent.to_string()),
         ];
-        let level = if interval.pairs > 0 { FINE } else { WARNING };
-        let message = format!("{rate} pairs a second, {known} % of cells known");
-        let name = format!("svl {}: {algorithm}", self.prefix);
+        let (level, message) = match interval.pairs {
+            0 => {
+                let silence = self.last_pair.elapsed().as_secs();
+                (STALE, format!("no pairs for {silence} s"))
+            }
+            _ if interval.without_rig > 0 => {
+                let pairs = counted(interval.without_rig, "pair");
+                let why = "without a calibration, so nothing is published of them";
+                (WARNING, format!("{pairs} {why}"))
+            }
+            _ => {
+                let message = format!("{rate} pairs a second, {known} % of cells known");
+                (FINE, message)
+            }
+        };
+        let name = format!("svl {}: {}", self.prefix, self.algorithm);
         let now_ns = now().as_nanos() as u64;
         self.send(diagnostics(now_ns, level, &name, &message, &values)?)
     }
-}
 
-impl Sink for PublishSink {
     fn take(&mut self, judged: &Judged) -> Result<()> {
         let frame = &judged.frame;
+        self.last_pair = Instant::now();
+        self.drops = frame.exposure.drops;
         let interval = &mut self.interval;
         interval.pairs += 1;
-        interval.drops = frame.exposure.drops;
+        interval.without_rig += u32::from(frame.rig().is_none());
         let skew_ns = frame.exposure.skew_ns.unwrap_or(0).unsigned_abs();
         interval.skew_ns = interval.skew_ns.max(skew_ns);
         let Some(scored) = judged.estimates.first() else {
             return Ok(());
         };
         let estimate = &scored.estimate;
+        self.algorithm.clone_from(&estimate.algorithm);
         interval.cells += estimate.grid.known_share();
         interval.matching += estimate.times.total();
-        for message in result_messages(frame, estimate, &self.frame_id)? {
+        let result = PairResult::new(frame, estimate, [judged.pair_hash(), scored.hash]);
+        for message in result_messages(frame, &result, &self.options)? {
             self.send(message)?;
         }
         let latency = now().saturating_sub(Duration::from_nanos(frame.stamp_ns));
         self.interval.latency = self.interval.latency.max(latency);
-        if self.since.elapsed() >= STATUS_EVERY {
-            self.report(&estimate.algorithm)?;
+        Ok(())
+    }
+}
+
+impl Sink for PublishSink {
+    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
+        let mut state = self.state();
+        if let Some(algorithm) = start.manifest.algorithms.first() {
+            state.algorithm.clone_from(&algorithm.label);
         }
         Ok(())
     }
 
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        self.state().take(judged)
+    }
+
     fn end_run(&mut self, _: &RunEnd<'_>) -> Result<()> {
-        if self.unsent > 0 {
-            tracing::warn!(
-                "{}: {} messages could not be sent",
-                self.prefix,
-                self.unsent
-            );
+        let state = self.state();
+        if state.unsent > 0 {
+            let (prefix, unsent) = (&state.prefix, state.unsent);
+            tracing::warn!("{prefix}: {unsent} messages could not be sent");
         }
         Ok(())
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
         Ok(())
+    }
+}
+
+impl Drop for PublishSink {
+    fn drop(&mut self) {
+        self.state().ended = true;
+        if let Some(status) = self.status.take() {
+            status.thread().unpark();
+            // It holds nothing that its end could lose.
+            let _ = status.join();
+        }
     }
 }
 

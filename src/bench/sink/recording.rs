@@ -1,33 +1,61 @@
 //! Frames and estimates into a recording.
 
 use super::{RunEnd, Sink};
-use svl_core::Result;
-use svl_data::recording::{GRABBER, Writer};
+use svl_core::{Result, counted};
+use svl_data::recording::{GRABBER, PairResult, StoredResults, Writer};
 use svl_data::score::Judged;
 
 /// A recording as a sink: the pairs of the source, and beside them every algorithm's disparities.
 pub struct RecordingSink {
     writer: Writer,
+    stored: Option<StoredResults>,
+    /// Stored results of pairs that were changed since.
+    foreign: u64,
 }
 
 impl RecordingSink {
-    pub fn new(writer: Writer) -> Self {
-        Self { writer }
+    /// `stored`: results of the recording that the pairs are from, which are written too.
+    pub fn new(writer: Writer, stored: Option<StoredResults>) -> Self {
+        Self {
+            writer,
+            stored,
+            foreign: 0,
+        }
     }
 }
 
 impl Sink for RecordingSink {
     fn take(&mut self, judged: &Judged) -> Result<()> {
-        self.writer.write(&judged.frame)?;
-        judged.estimates.iter().try_for_each(|scored| {
+        let frame = &judged.frame;
+        self.writer.write(frame)?;
+        for scored in &judged.estimates {
             let hashes = [judged.pair_hash(), scored.hash];
-            self.writer
-                .write_estimate(&judged.frame, &scored.estimate, hashes)
-        })
+            let result = PairResult::new(frame, &scored.estimate, hashes);
+            self.writer.write_result(frame, &result)?;
+        }
+        let Some(stored) = &mut self.stored else {
+            return Ok(());
+        };
+        let pair_hash = format!("{:032x}", judged.pair_hash());
+        for result in stored.of_pair(frame.sequence)? {
+            if result.result.pair_hash == pair_hash {
+                self.writer.write_result(frame, &result)?;
+            } else {
+                self.foreign += 1;
+            }
+        }
+        Ok(())
     }
 
     /// Writes the grabber's counts, and the reason why a run ended early.
     fn end_run(&mut self, end: &RunEnd<'_>) -> Result<()> {
+        if self.foreign > 0 {
+            let results = counted(self.foreign, "result");
+            tracing::warn!(
+                "{results} not recorded: of pairs before they were rectified, resized or \
+                 perturbed; `svl replay` makes new ones"
+            );
+        }
         let Some(grabber) = &end.losses.grabber else {
             return Ok(());
         };

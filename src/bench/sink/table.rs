@@ -9,6 +9,9 @@ use svl_core::timing::Stage;
 use svl_data::manifest::AlgorithmRecord;
 use svl_data::score::{CellJudgement, Judged, JudgedEstimate, MatchFailure};
 
+/// Rows that are removed at once.
+const TRIMMED: usize = 500;
+
 /// Writes the rows of a run, and keeps them for its summary.
 pub struct TableSink {
     rows: TableWriter<Row>,
@@ -16,6 +19,8 @@ pub struct TableSink {
     failures: TableWriter<FailureRow>,
     identity: RunIdentity,
     kept: Vec<Row>,
+    /// Limit on the rows that are kept, if any: the newest.
+    newest: Option<usize>,
     outbox: Outbox<Vec<Row>>,
 }
 
@@ -64,7 +69,23 @@ impl TableSink {
             failures,
             identity: RunIdentity::default(),
             kept: Vec::new(),
+            newest: None,
             outbox: outbox.clone(),
+        }
+    }
+
+    /// The same, keeping only that many of the newest rows for the summary, if a limit is given.
+    pub fn with_newest(self, newest: Option<usize>) -> Self {
+        Self { newest, ..self }
+    }
+
+    /// Removes the oldest rows beyond the limit, once `slack` of them can go at once.
+    fn trim(&mut self, slack: usize) {
+        let surplus = self
+            .newest
+            .map(|newest| self.kept.len().saturating_sub(newest));
+        if let Some(surplus) = surplus.filter(|surplus| *surplus >= slack) {
+            self.kept.drain(..surplus);
         }
     }
 }
@@ -85,11 +106,13 @@ impl Sink for TableSink {
             let row = self.identity.row(judged, estimate);
             self.rows.push([row.clone()])?;
             self.kept.push(row);
+            self.trim(TRIMMED);
         }
         Ok(())
     }
 
-    fn finish(self: Box<Self>) -> Result<()> {
+    fn finish(mut self: Box<Self>) -> Result<()> {
+        self.trim(1);
         // The rows are known even if the table is incomplete.
         self.outbox.put(self.kept);
         let cells = self.cells.map_or(Ok(()), TableWriter::finish);

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
-use svl_core::stereo::{Frame, GrabberReport, Losses};
+use svl_core::stereo::{Frame, Geometry, GrabberReport, Losses};
 use svl_core::{Error, Result, counted};
 use svl_data::grab::{Pushed, Queue, WhenFull};
 use svl_data::recording::{Header, LiveTopic, Selection, TopicFile, TopicPairs};
@@ -50,6 +50,8 @@ struct Receiver {
     dropped: u64,
     /// The last image of each camera; none once its silence was reported.
     heard: [Option<Instant>; 2],
+    /// Size and geometry of the first pair.
+    first: Option<((usize, usize), Geometry)>,
 }
 
 /// Opens the topics that a request names, or those found by type and name.
@@ -71,9 +73,20 @@ pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
         formed: 0,
         dropped: 0,
         heard: [None; 2],
+        first: None,
     };
     let first = receiver.begin(stopped)?;
     let pairs = &receiver.pairs;
+    let mixed = topics.iter().filter(|found| found.publishers > 1);
+    let mixed = mixed.map(|found| {
+        let FoundTopic {
+            topic, publishers, ..
+        } = found;
+        format!(
+            "{}: {publishers} publishers, whose messages are mixed",
+            topic.name
+        )
+    });
     let note = pairs.note();
     let header = Header {
         bits: pairs.bits(),
@@ -83,7 +96,7 @@ pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
         is_live: true,
         frame_id: pairs.frame_id().map(str::to_owned),
         own_calibration: pairs.calibration(),
-        remarks: pairs.remarks(),
+        remarks: pairs.remarks().into_iter().chain(mixed).collect(),
         notes: note
             .iter()
             .map(|note| format!("{}: {note}", request.name))
@@ -216,9 +229,13 @@ impl Receiver {
         if let Some(heard) = self.heard.get_mut(topic) {
             *heard = Some(Instant::now());
         }
-        let Err(reason) = self.pairs.take_in(topic, at_ns, data) else {
+        let Err(mut reason) = self.pairs.take_in(topic, at_ns, data) else {
             return;
         };
+        // DDS of svl does not tell messages by their type.
+        if let Some(other) = self.inbox.other_type(topic) {
+            reason += &format!("; the topic is published as {other} too");
+        }
         if topic < self.heard.len() {
             self.report_unreadable(&reason);
             return;
@@ -243,6 +260,14 @@ impl Receiver {
         loop {
             match self.pairs.pop()? {
                 Err(reason) => self.report_unreadable(&reason),
+                Ok(frame) if self.cannot_be_rectified(&frame) => {
+                    let (width, height) = frame.pair.size();
+                    self.report_unreadable(&format!(
+                        "the pair at {} ns is {width}x{height} px, without a calibration of that \
+                         size, unlike the first ones; start svl again",
+                        frame.stamp_ns
+                    ));
+                }
                 Ok(mut frame) => {
                     self.formed += 1;
                     frame.exposure.drops += self.lost() + 2 * self.dropped;
@@ -250,6 +275,14 @@ impl Receiver {
                 }
             }
         }
+    }
+
+    /// True for a raw pair unlike the first one, by which svl chose the rectification.
+    fn cannot_be_rectified(&mut self, frame: &Frame) -> bool {
+        let own = (frame.pair.size(), frame.geometry);
+        let (size, geometry) = *self.first.get_or_insert(own);
+        let is_raw = |geometry| geometry == Geometry::Raw;
+        is_raw(frame.geometry) && (own.0 != size || !is_raw(geometry))
     }
 
     /// Messages lost of both cameras.
@@ -301,6 +334,11 @@ impl Receiver {
             counted(pairs, "pair"),
             counted(dropped, "pair")
         );
+        let jumps = self.pairs.jumps();
+        if jumps > 0 {
+            let jumps = counted(jumps, "jump");
+            text += &format!(", {jumps} of the clock");
+        }
         if unread > 0 {
             text += &format!(", {unread} received beyond the end");
         }

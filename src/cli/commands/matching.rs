@@ -26,10 +26,12 @@ Examples:
   svl match im0.png im1.png --algo v3:max_disparity=64 -o d.png \\
       --why why.png --preview p.png
   svl match im0.png im1.png -o d.pfm --calib calib.txt     distances too
+  svl match im0.png im1.png -o cloud.ply --calib calib.txt
   svl match im0.png im1.png --algo v5 -o d.pfm --evidence cells.html
 
 OUT.png is 16-bit, KITTI's form: 256·disparity, 0 = none. OUT.pfm has +inf
-for none. WHY.png holds reason codes: 0 valid, 1 border, 2 untextured,
+for none. CLOUD.ply has a point in metres and its grey value per pixel with
+a distance. WHY.png holds reason codes: 0 valid, 1 border, 2 untextured,
 3 ambiguous, 4 inconsistent, 5 self-check, 6 unmatched.")]
 pub(crate) struct Args {
     /// Left image, the reference (PNG, JPEG, PNM, TIFF, BMP, WebP; colour becomes grey)
@@ -42,10 +44,10 @@ pub(crate) struct Args {
         value_parser = usage::algorithm
     )]
     algo: Algorithm,
-    /// File of the disparities
+    /// File of the disparities, or of the point cloud
     #[arg(
-        short, long, value_name = "OUT.pfm|OUT.png",
-        value_parser = usage::ending(&["pfm", "png"])
+        short, long, value_name = "OUT.pfm|OUT.png|CLOUD.ply",
+        value_parser = usage::ending(&["pfm", "png", "ply"])
     )]
     output: PathBuf,
     /// File of the reason of each invalid pixel
@@ -99,6 +101,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         let words = format!("--evidence: {label} gives no evidence for its cells; --algo v5 does");
         return Err(usage::wrong(words));
     }
+    let is_cloud = files::has_ending(&args.output, "ply");
+    if is_cloud && args.calib.is_none() {
+        let cure = "a point cloud needs --calib calib.txt, for distances";
+        return Err(usage::wrong(format!("{}: {cure}", args.output.display())));
+    }
     let outputs = [
         Some(&args.output),
         args.why.as_ref(),
@@ -141,7 +148,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     } = output;
 
     outputs.set_aside()?;
-    files::write_disparity(&args.output, &map)?;
+    match rig.as_ref().filter(|_| is_cloud) {
+        Some(rig) => files::write_ply(&args.output, map.disparity(), pair.left(), rig)?,
+        None => files::write_disparity(&args.output, &map)?,
+    }
     if let Some(path) = &args.why {
         files::write_why(path, &map)?;
     }

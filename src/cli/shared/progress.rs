@@ -4,12 +4,17 @@ use super::terminal::{WarningLog, print_error};
 use indicatif::{ProgressBar, ProgressFinish, ProgressState, ProgressStyle};
 use std::fmt::Write;
 use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 use svl::console::{Bar, Console, Unit};
 
 static HANDLER: OnceLock<()> = OnceLock::new();
 
-/// True once Ctrl-C (or SIGTERM) came. The first asks the work to end orderly; the second ends the
-/// program at once.
+/// Time after the first interrupt within which others are the same one: `timeout` sends it to svl
+/// and to its group.
+const SAME_INTERRUPT: Duration = Duration::from_millis(200);
+
+/// True once Ctrl-C (or SIGTERM) came. The first asks the work to end orderly; the next one ends
+/// the program at once.
 pub(crate) fn interrupted() -> bool {
     svl::interrupt::requested()
 }
@@ -17,8 +22,10 @@ pub(crate) fn interrupted() -> bool {
 /// Begins to listen for Ctrl-C.
 pub(crate) fn listen_for_interrupt() {
     HANDLER.get_or_init(|| {
-        let handler = || {
-            if svl::interrupt::request() {
+        let mut first: Option<Instant> = None;
+        let handler = move || {
+            svl::interrupt::request();
+            if first.get_or_insert_with(Instant::now).elapsed() > SAME_INTERRUPT {
                 std::process::exit(130);
             }
         };

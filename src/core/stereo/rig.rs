@@ -112,6 +112,13 @@ impl Rig {
         self.focal_px * self.baseline_m / depth_m - self.doffs_px
     }
 
+    /// The point at a pixel of the left image with that depth, metres in the left camera's optical
+    /// frame: x to the right, y down, z forward.
+    pub fn point_m(&self, (x_px, y_px): (f64, f64), depth_m: f64) -> [f64; 3] {
+        let along = |from_center: f64| from_center / self.focal_px * depth_m;
+        [along(x_px - self.cx_px), along(y_px - self.cy_px), depth_m]
+    }
+
     /// K of a camera.
     pub fn intrinsics(&self, side: Side) -> Matrix3<f64> {
         let cx = match side {

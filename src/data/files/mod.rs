@@ -1,5 +1,6 @@
 //! Image and disparity files. Input is untrusted: sizes are checked before memory is allocated.
 
+mod cloud;
 mod columns;
 mod decoded;
 mod disparity;
@@ -10,6 +11,7 @@ mod pfm;
 mod picture;
 mod rvl;
 
+pub use cloud::{pixel_points, write_ply};
 pub use columns::ColumnPlaces;
 pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage};
 pub use disparity::{

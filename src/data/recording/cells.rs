@@ -2,10 +2,11 @@
 
 use super::{Encoded, Recording};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 use svl_core::Result;
-use svl_core::stereo::{Cell, CellState, DepthGrid, Estimate};
+use svl_core::stereo::{Cell, CellState, DepthGrid, Estimate, GridShape};
 
-const SCHEMA: &str = "svl.Cells";
+pub(super) const SCHEMA: &str = "svl.Cells";
 const DEFINITION: &str = include_str!("cells.schema.json");
 
 /// The message of `/algo/<name>/cells`.
@@ -69,6 +70,35 @@ impl AlgorithmCells {
         }
     }
 
+    pub(super) fn shape(&self) -> GridShape {
+        GridShape {
+            columns: self.columns,
+            rows: self.rows,
+        }
+    }
+
+    /// The centre of a cell in an image of `size`, pixels.
+    pub(super) fn center_px(&self, cell: &CellReport, size: (usize, usize)) -> (f64, f64) {
+        let (columns, rows) = self.shape().pixels((cell.column, cell.row), size);
+        let middle = |range: Range<usize>| (range.start + range.end) as f64 / 2.0 - 0.5;
+        (middle(columns), middle(rows))
+    }
+
+    /// The cells in a message.
+    pub(super) fn decode(data: &[u8]) -> std::result::Result<Self, String> {
+        let cells: Self = serde_json::from_slice(data).map_err(|e| e.to_string())?;
+        let is_inside = |cell: &CellReport| cell.column < cells.columns && cell.row < cells.rows;
+        let expected = cells.columns.checked_mul(cells.rows);
+        let is_complete = expected == Some(cells.cells.len()) && expected > Some(0);
+        if !is_complete || !cells.cells.iter().all(is_inside) {
+            let Self { columns, rows, .. } = cells;
+            return Err(format!(
+                "its cells are not those of a {columns}x{rows} grid"
+            ));
+        }
+        Ok(cells)
+    }
+
     pub(super) fn encode(&self) -> Encoded {
         Encoded::json(SCHEMA, DEFINITION, self)
     }
@@ -88,7 +118,7 @@ impl Recording {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_core::stereo::{CellDepth, GridShape};
+    use svl_core::stereo::CellDepth;
 
     #[test]
     fn cells_are_rounded_and_say_only_what_is_known() {

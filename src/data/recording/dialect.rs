@@ -21,7 +21,11 @@ pub enum Dialect {
     /// | the same with `/compressed` | sensor_msgs/msg/CompressedImage |
     /// | `/stereo/{left,right}/camera_info` | sensor_msgs/msg/CameraInfo: rectified K, R = I, P |
     /// | `/tf` | tf2_msgs/msg/TFMessage: world → left camera |
-    /// | `/truth/{depth,disparity}`, `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1 |
+    /// | `/tf_static` | TFMessage: left camera → frame of the scans, if there are results |
+    /// | `/truth/{depth,disparity}`, `/algo/<name>/depth` | sensor_msgs/msg/Image 32FC1 |
+    /// | `/algo/<name>/points` | sensor_msgs/msg/PointCloud2, a point per known cell |
+    /// | `/algo/<name>/scan` | sensor_msgs/msg/LaserScan |
+    /// | `/algo/<name>/disparity` | stereo_msgs/msg/DisparityImage; without a rig Image 32FC1 |
     /// | `/truth/{visibility,surface}` | sensor_msgs/msg/Image mono8 |
     /// | `/stereo/sync`, `/algo/<name>/{cells,result}` | std_msgs/msg/String: their JSON |
     ///

@@ -12,7 +12,7 @@ use svl_core::stereo::{Gray, Plane, Rgb, Side};
 
 const RAW: &str = "foxglove.RawImage";
 const COMPRESSED: &str = "foxglove.CompressedImage";
-const FLOATS: &str = "sensor_msgs/msg/Image";
+pub(super) const FLOATS: &str = "sensor_msgs/msg/Image";
 
 /// Compression of the camera images. Both are lossless.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

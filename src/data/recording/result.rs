@@ -1,10 +1,9 @@
-//! The result of an algorithm for one pair, as a hash.
+//! The result of an algorithm for one pair: as a hash, and as all that a recording has of it.
 
-use super::Encoded;
-use super::Recording;
-use super::messages::FileEvent;
+use super::messages::{EventReader, FileEvent};
+use super::{AlgorithmCells, Encoded, Recording, cells, images, truth};
 use serde::de::DeserializeOwned;
-use svl_core::stereo::{Estimate, Frame};
+use svl_core::stereo::{Estimate, Frame, Plane};
 use svl_core::{Error, Result};
 
 const SCHEMA: &str = "svl.Result";
@@ -64,6 +63,19 @@ impl Recording {
         self.json_messages(SCHEMA)
     }
 
+    /// Reads the results in the order of the recording, pair by pair.
+    ///
+    /// # Errors
+    /// As [`Recording::results`].
+    pub fn stored_results(&self) -> Result<StoredResults> {
+        Ok(StoredResults {
+            events: self.only_file()?.messages()?,
+            next: None,
+            disparity: None,
+            cells: None,
+        })
+    }
+
     /// The messages with a JSON schema.
     pub(super) fn json_messages<T: DeserializeOwned>(&self, schema: &str) -> Result<Vec<T>> {
         let file = self.only_file()?;
@@ -84,6 +96,99 @@ impl Recording {
             }
         }
         Ok(found)
+    }
+}
+
+/// The result of an algorithm for one pair, as a recording has it.
+#[derive(Clone, Debug)]
+pub struct PairResult {
+    /// `+∞` in invalid pixels.
+    pub disparity: Plane<f32>,
+    pub cells: AlgorithmCells,
+    /// The greatest disparity searched, pixels, if known.
+    pub range_px: Option<f64>,
+    pub result: AlgorithmResult,
+}
+
+impl PairResult {
+    /// `hashes`: those of the pair and of the estimate.
+    pub fn new(frame: &Frame, estimate: &Estimate, hashes: [u128; 2]) -> Self {
+        Self {
+            disparity: estimate.disparity.disparity().clone(),
+            cells: AlgorithmCells::new(frame.sequence, estimate),
+            range_px: estimate.range_px,
+            result: AlgorithmResult::new(frame, estimate, hashes),
+        }
+    }
+}
+
+/// Reads the results of a recording, pair by pair.
+pub struct StoredResults {
+    events: Box<dyn EventReader>,
+    /// The first result of a later pair.
+    next: Option<PairResult>,
+    /// The first messages of a result, which ends with its hash.
+    disparity: Option<Plane<f32>>,
+    cells: Option<AlgorithmCells>,
+}
+
+impl StoredResults {
+    /// The results of pair `sequence`, which is after the pair of the last call.
+    ///
+    /// # Errors
+    /// The reason why a result cannot be read; those of the file.
+    pub fn of_pair(&mut self, sequence: u64) -> Result<Vec<PairResult>> {
+        let mut found = Vec::new();
+        loop {
+            let next = match self.next.take() {
+                Some(next) => Some(next),
+                None => self.read()?,
+            };
+            match next {
+                None => return Ok(found),
+                Some(next) if next.result.sequence > sequence => {
+                    self.next = Some(next);
+                    return Ok(found);
+                }
+                Some(next) if next.result.sequence == sequence => found.push(next),
+                Some(_) => {}
+            }
+        }
+    }
+
+    /// The next result; one of several without its disparities or cells is passed over.
+    fn read(&mut self) -> Result<Option<PairResult>> {
+        loop {
+            let (channel, log_time, data) = match self.events.next() {
+                Ok(Some(FileEvent::Message {
+                    channel,
+                    log_time,
+                    data,
+                })) => (channel, log_time, data),
+                Ok(Some(_)) => continue,
+                // Damage is reported with the pairs.
+                Ok(None) | Err(Error::Damaged { .. }) => return Ok(None),
+                Err(error) => return Err(error),
+            };
+            let topic = &channel.topic;
+            let bad = |e: String| Error::Invalid(format!("{topic} at {log_time} ns: {e}"));
+            if let Some(result) = AlgorithmResult::decode(&channel.schema, &data) {
+                let result = result.map_err(|e| bad(e.to_string()))?;
+                if let (Some(disparity), Some(cells)) = (self.disparity.take(), self.cells.take()) {
+                    return Ok(Some(PairResult {
+                        disparity,
+                        cells,
+                        range_px: None,
+                        result,
+                    }));
+                }
+            } else if channel.schema == cells::SCHEMA {
+                self.cells = Some(AlgorithmCells::decode(&data).map_err(bad)?);
+            } else if channel.schema == images::FLOATS && topic.starts_with("/algo/") {
+                let floats = images::decode_floats(&channel.schema, &data).map_err(bad)?;
+                self.disparity = Some(truth::from_file(&floats));
+            }
+        }
     }
 }
 

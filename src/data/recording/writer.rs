@@ -4,8 +4,8 @@ use super::append_file::AppendFile;
 use super::sync::StereoSync;
 use super::synced_file::SyncedFile;
 use super::{
-    AlgorithmCells, AlgorithmResult, Encoded, Header, LIBRARY, MANIFEST, RecordingFormat, RosStamp,
-    TopicKind, frame_id, ros, truth,
+    Dialect, Encoded, Header, LIBRARY, MANIFEST, PairResult, RecordingFormat, ResultOptions,
+    RosStamp, TopicKind, frame_id, ros, truth,
 };
 use crate::manifest::Manifest;
 use mcap::Attachment;
@@ -13,8 +13,10 @@ use mcap::records::{MessageHeader, Metadata};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::path::PathBuf;
-use svl_core::stereo::{Estimate, Frame, Geometry, Side, Truth};
+use svl_core::stereo::{Frame, Geometry, Side, Truth};
 use svl_core::{Error, Result};
+
+const TF_STATIC: &str = "/tf_static";
 
 /// Writes one recording.
 ///
@@ -181,31 +183,37 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes an algorithm's disparities and cells of `frame`.
+    /// Writes the result of an algorithm for `frame`: disparities, cells, hash; in ROS 2 also what
+    /// live topics have.
     ///
     /// # Errors
     /// As [`Writer::write`].
-    pub fn write_estimate(
-        &mut self,
-        frame: &Frame,
-        estimate: &Estimate,
-        hashes: [u128; 2],
-    ) -> Result<()> {
+    pub fn write_result(&mut self, frame: &Frame, result: &PairResult) -> Result<()> {
         let stamp = RosStamp::new(frame.stamp_ns)?;
         // Labels may contain paths (exec), and slashes would create namespaces.
-        let topic = |what: &str| format!("/algo/{}/{what}", estimate.algorithm.replace('/', "_"));
-        let disparity = truth::to_file(estimate.disparity.disparity());
+        let algorithm = result.result.algorithm.replace('/', "_");
+        let topic = |what: &str| format!("/algo/{algorithm}/{what}");
         let sequence = frame.sequence as u32;
-        self.put(
-            (topic("disparity"), ros::encode_32fc1(&disparity, stamp, "")),
-            stamp,
-            sequence,
-        )?;
         let dialect = self.format.dialect;
-        let cells = dialect.json(AlgorithmCells::new(frame.sequence, estimate).encode());
+        if dialect == Dialect::Ros2 && frame.rig().is_some() {
+            let left = frame_id(Side::Left);
+            if !self.channels.contains_key(TF_STATIC) {
+                let transform = ros::scan_transform(left, stamp.ns())?;
+                let transform = transform.map(|said| (TF_STATIC, said.message));
+                transform.map_or(Ok(()), |said| self.put(said, stamp, sequence))?;
+            }
+            for said in ros::result_messages(frame, result, &ResultOptions::new(left))? {
+                self.put((topic(said.topic), said.message), stamp, sequence)?;
+            }
+        } else {
+            let disparity = truth::to_file(&result.disparity);
+            let disparity = ros::encode_32fc1(&disparity, stamp, "");
+            self.put((topic("disparity"), disparity), stamp, sequence)?;
+        }
+        let cells = dialect.json(result.cells.encode());
         self.put((topic("cells"), cells), stamp, sequence)?;
-        let result = dialect.json(AlgorithmResult::new(frame, estimate, hashes).encode());
-        self.put((topic("result"), result), stamp, sequence)
+        let hash = dialect.json(result.result.encode());
+        self.put((topic("result"), hash), stamp, sequence)
     }
 
     /// Closes the chunk and syncs the file (fsync).

@@ -14,6 +14,15 @@ pub fn interrupted(
     line: &str,
     ready: impl Fn() -> bool,
 ) -> (Option<i32>, String) {
+    interrupted_times(1, fixture, line, ready)
+}
+
+fn interrupted_times(
+    times: usize,
+    fixture: &Fixture,
+    line: &str,
+    ready: impl Fn() -> bool,
+) -> (Option<i32>, String) {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
     command
         .current_dir(fixture.path(""))
@@ -28,13 +37,11 @@ pub fn interrupted(
         assert!(began.elapsed() < Duration::from_secs(120), "it never began");
         std::thread::sleep(Duration::from_millis(20));
     }
-    assert!(
-        Command::new("kill")
-            .args(["-INT", &child.id().to_string()])
-            .status()
-            .unwrap()
-            .success()
-    );
+    for _ in 0..times {
+        let pid = child.id().to_string();
+        let killed = Command::new("kill").args(["-INT", &pid]).status();
+        assert!(killed.unwrap().success());
+    }
     let output = child.wait_with_output().unwrap();
     (
         output.status.code(),
@@ -59,6 +66,18 @@ fn a_recording_is_whole_after_ctrl_c() {
     assert!(
         (0..pairs).all(|_| source.next().unwrap().is_some()) && source.next().unwrap().is_none()
     );
+}
+
+#[test]
+fn an_interrupt_that_comes_twice_at_once_is_one() {
+    let fixture = Fixture::new();
+    // As from `timeout`, which sends it to its child and then to its group.
+    let (code, stderr) = interrupted_times(2, &fixture, "record -o a.mcap", || {
+        size(&fixture, "a.mcap") > 1_000_000
+    });
+    assert_eq!(code, Some(0), "{stderr}");
+    let source = RecordingSource::open(fixture.path("a.mcap")).unwrap();
+    assert!(source.pairs().is_some_and(|pairs| pairs < 280));
 }
 
 #[test]

@@ -28,6 +28,45 @@ fn finds_the_shift_and_writes_what_was_asked_for() {
 }
 
 #[test]
+fn a_cloud_has_the_points_of_the_disparities() {
+    let fixture = Fixture::new();
+    fixture.write_pair("l.pgm", "r.pgm", (64, 24), 7);
+    fixture.fails("match l.pgm r.pgm -o c.ply => 2: needs --calib");
+    let calib = "cam0=[50 0 31.5; 0 50 11.5; 0 0 1]\ncam1=[50 0 31.5; 0 50 11.5; 0 0 1]\n\
+                 doffs=0\nbaseline=140\nwidth=64\nheight=24\n";
+    fixture.write("calib.txt", calib);
+    let line = "match l.pgm r.pgm --algo v3 --calib calib.txt";
+    fixture.run(&format!("{line} -o d.pfm"));
+    fixture.run(&format!("{line} -o c.ply"));
+    let map = svl::files::read_pfm(&fixture.path("d.pfm")).unwrap();
+    let left = svl::files::read_gray(&fixture.path("l.pgm")).unwrap();
+    let bytes = std::fs::read(fixture.path("c.ply")).unwrap();
+    let end = b"end_header\n";
+    let start = bytes
+        .windows(end.len())
+        .position(|words| words == end)
+        .unwrap();
+    let (header, points) = bytes.split_at(start + end.len());
+    let header = std::str::from_utf8(header).unwrap();
+    let valid: Vec<_> = (0..24 * 64)
+        .map(|i| (i % 64, i / 64))
+        .filter(|&(x, y)| map.get(x, y).is_finite())
+        .collect();
+    assert_says(header, &["format binary_little_endian 1.0"]);
+    assert_says(header, &[&format!("element vertex {}\n", valid.len())]);
+    assert_eq!(points.len(), 15 * valid.len());
+    for (point, (x, y)) in points.chunks_exact(15).zip(valid) {
+        let [px, py, z] =
+            [0, 4, 8].map(|at| f32::from_le_bytes(*point[at..].first_chunk().unwrap()));
+        // 50 px · 0.14 m / disparity.
+        assert!((z - 7.0 / map.get(x, y)).abs() < 1e-5);
+        assert!((px - (x as f32 - 31.5) / 50.0 * z).abs() < 1e-5);
+        assert!((py - (y as f32 - 11.5) / 50.0 * z).abs() < 1e-5);
+        assert_eq!(point[12..], [left.get(x, y); 3]);
+    }
+}
+
+#[test]
 fn v4_reports_the_vertical_misalignment() {
     let fixture = Fixture::new();
     let (width, height) = (80, 40);

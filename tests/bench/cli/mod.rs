@@ -21,7 +21,7 @@ mod filter;
 mod firmware;
 mod help;
 mod info;
-mod interrupt;
+pub mod interrupt;
 mod label;
 mod live;
 mod losses;

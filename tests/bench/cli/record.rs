@@ -1,6 +1,8 @@
 //! `svl record` from every source but cameras.
 
 use super::fixture::{Fixture, assert_says, pgm};
+use crate::common::python;
+use svl::recording::Recording;
 use svl::source::{RecordingSource, Source};
 use svl::stereo::{Geometry, StereoPair};
 
@@ -14,6 +16,47 @@ fn records_the_arena_and_says_how_much() {
     let frame = source.next().unwrap().unwrap();
     assert_eq!(frame.pair.size(), (320, 240));
     assert!(frame.truth.is_some() && frame.rig().is_some() && frame.pose.is_some());
+}
+
+#[test]
+fn a_bag_has_the_results_of_its_recording() {
+    let fixture = Fixture::new();
+    fixture.run("record --frames 3 -o run.mcap");
+    fixture.run("replay run.mcap --algo bm -o result.mcap");
+    let ran = fixture.svl("record result.mcap --ros2 --from 0.05 -o bag.mcap");
+    assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""));
+    let bag = Recording::open(fixture.path("bag.mcap")).unwrap();
+    let topics = bag.summary().unwrap().topics;
+    for (name, schema) in [
+        ("points", "sensor_msgs/msg/PointCloud2"),
+        ("scan", "sensor_msgs/msg/LaserScan"),
+        ("disparity", "stereo_msgs/msg/DisparityImage"),
+        ("depth", "sensor_msgs/msg/Image"),
+        ("result", "std_msgs/msg/String"),
+    ] {
+        let name = format!("/algo/bm/{name}");
+        let found = topics.iter().find(|topic| topic.name == name).expect(&name);
+        assert_eq!((found.schema.as_str(), found.messages), (schema, 2));
+    }
+    // Results of other pixels are not those of the recorded pairs.
+    let ran = fixture.svl("record result.mcap --ros2 --scale 0.5 -o half.mcap");
+    assert_says(&ran.stderr, &["3 results not recorded"]);
+    let bag = Recording::open(fixture.path("half.mcap")).unwrap();
+    let topics = bag.summary().unwrap().topics;
+    assert!(!topics.iter().any(|topic| topic.name.starts_with("/algo/")));
+    // Foreign readers read every message by its definition, which is ROS's.
+    let modules = "mcap_ros2, numpy, PIL, rosbags";
+    let Some(printed) = python("read_bag.py", modules, [&fixture.path("bag.mcap")]) else {
+        return;
+    };
+    let found: serde_json::Value = serde_json::from_slice(&printed).unwrap();
+    let product = found["topics"]["/algo/bm/disparity"][1].as_f64().unwrap();
+    let rig = RecordingSource::open(fixture.path("run.mcap"))
+        .unwrap()
+        .next();
+    let rig = *rig.unwrap().unwrap().rig().unwrap();
+    assert!((product / 2.0 - rig.focal_px() * rig.baseline_m()).abs() < 1e-4);
+    assert!(found["topics"]["/algo/bm/scan"][1].as_f64().unwrap() > 0.0);
 }
 
 #[test]

@@ -250,6 +250,7 @@ fn results_stand_beside_the_pairs() {
     let estimates = [estimate("v3"), estimate("exec:command=/bin/elas")];
     let mut sink = Box::new(RecordingSink::new(
         Writer::create(&path, &Header::new("replay"), ImageFormat::Raw).unwrap(),
+        None,
     ));
     let judge = Judge {
         grid: grid.shape().into(),

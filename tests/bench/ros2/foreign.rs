@@ -22,27 +22,36 @@ fn cyclone_s_images_arrive_and_it_reads_the_results() {
     let fixture = Fixture::new();
     let publish = ["publish", &domain, "120", "10", "320", "240", "latched"].map(str::to_owned);
     let read = |what: &str| ["read", &domain, what, "1", "30"].map(str::to_owned);
-    let (sent, points, disparity, status) = std::thread::scope(|scope| {
+    let output = std::thread::scope(|scope| {
         let sent = scope.spawn(|| python(SCRIPT, MODULES, publish));
         let read = |what: &str| {
             let args = read(what);
             scope.spawn(move || python(SCRIPT, MODULES, args))
         };
-        let [points, disparity] = ["/svl/points", "/svl/disparity"].map(read);
+        let topics = ["points", "scan", "disparity", "depth"].map(|topic| format!("/svl/{topic}"));
+        let [points, scan, disparity, depth] = topics.each_ref().map(|topic| read(topic));
         let status = read("/diagnostics");
         let line = format!("replay {source} --to 6 --publish {prefix} -o live.mcap");
         let replayed = fixture.svl(&line);
-        let output = [sent, points, disparity, status].map(|thread| thread.join().unwrap());
+        let threads = [sent, points, scan, disparity, depth, status];
+        let output = threads.map(|thread| thread.join().unwrap());
         if output.iter().all(Option::is_some) {
             assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
         }
-        output.into()
+        output
     });
     // Without CycloneDDS it was skipped aloud.
-    let (Some(sent), Some(points)) = (sent, points) else {
+    let [
+        Some(sent),
+        Some(points),
+        Some(scan),
+        Some(disparity),
+        Some(depth),
+        Some(status),
+    ] = output
+    else {
         return;
     };
-    let (disparity, status) = (disparity.unwrap(), status.unwrap());
     let lines = |text: &[u8]| -> Vec<serde_json::Value> {
         let text = std::str::from_utf8(text).unwrap();
         text.lines()
@@ -83,6 +92,24 @@ fn cyclone_s_images_arrive_and_it_reads_the_results() {
         (image["f"].as_f64(), image["median"].as_f64()),
         (Some(400.0), Some(16.0))
     );
+    let image = &lines(&depth)[0];
+    assert_eq!(image["size"], serde_json::json!([320, 240]));
+    assert_eq!(
+        (image["encoding"].as_str(), image["step"].as_u64()),
+        (Some("32FC1"), Some(4 * 320))
+    );
+    assert_eq!(image["median"].as_f64(), Some(2.5));
+    let scan = &lines(&scan)[0];
+    assert_eq!(scan["frame_id"], "cam_left_frame");
+    let number = |field: &str| scan[field].as_f64().unwrap();
+    let ranges = scan["ranges"].as_array().unwrap();
+    let span = number("angle_max") - number("angle_min");
+    let beams = (span / number("angle_increment")).round() as usize + 1;
+    assert_eq!((ranges.len(), number("range_max")), (beams, 10.0));
+    assert_eq!(scan["intensities"].as_array().unwrap().len(), beams);
+    // The wall is perpendicular to the optical axis.
+    let middle = ranges[beams / 2].as_f64().unwrap();
+    assert!((middle - 2.5).abs() < 0.05, "{middle}");
     let status = &lines(&status)[0];
     assert_eq!(status["name"], "svl /svl: v5");
     assert!(status["values"]["latency ms, longest"].is_string());

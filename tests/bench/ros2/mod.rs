@@ -4,8 +4,10 @@ mod foreign;
 mod robot;
 
 use crate::cli::fixture::{Fixture, assert_says};
+use crate::cli::interrupt::interrupted;
 use crate::recording::frames::{PERIOD_NS, image};
 use robot::{BASELINE_M, Fault, Robot, START_NS};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use svl::dds::{Domain, TopicInbox};
 use svl::recording::Recording;
@@ -46,7 +48,7 @@ fn live_results_are_published_and_proved_by_a_recording() {
     std::thread::scope(|scope| {
         scope.spawn(|| fixture.run(&format!("record {source} --duration 5 -o run.mcap")));
         let replayed = scope.spawn(|| fixture.run(&line));
-        let (topics, messages) = heard(&publish, "/svl/points");
+        let (topics, messages) = heard(&publish, "/svl/points", |_| true);
         assert!(replayed.join().unwrap().contains("received "));
         let schema = |name: &str| {
             let found = topics.iter().find(|topic| topic.topic.name == name);
@@ -54,9 +56,12 @@ fn live_results_are_published_and_proved_by_a_recording() {
         };
         let expected = [
             "sensor_msgs/msg/PointCloud2",
+            "sensor_msgs/msg/LaserScan",
             "stereo_msgs/msg/DisparityImage",
+            "sensor_msgs/msg/Image",
         ];
-        let topics = ["/svl/points", "/svl/disparity"].map(schema);
+        let topics = ["points", "scan", "disparity", "depth"];
+        let topics = topics.map(|topic| schema(&format!("/svl/{topic}")));
         assert_eq!(topics, expected.map(|schema| Some(schema.to_owned())));
         // The stamp of the images.
         let [sec, nanosec] =
@@ -81,9 +86,13 @@ fn live_results_are_published_and_proved_by_a_recording() {
     );
 }
 
-/// The published topics, and the first message of one of them.
-fn heard(address: &str, name: &str) -> (Vec<svl::dds::FoundTopic>, Vec<u8>) {
-    let end = Instant::now() + Duration::from_secs(20);
+/// The published topics, and the first message of one of them that is wanted.
+fn heard(
+    address: &str,
+    name: &str,
+    is_wanted: impl Fn(&[u8]) -> bool,
+) -> (Vec<svl::dds::FoundTopic>, Vec<u8>) {
+    let end = Instant::now() + Duration::from_secs(40);
     let domain = Domain::join(&address.parse().unwrap()).unwrap();
     let topics = loop {
         assert!(Instant::now() < end, "nothing is published");
@@ -105,7 +114,9 @@ fn heard(address: &str, name: &str) -> (Vec<svl::dds::FoundTopic>, Vec<u8>) {
         let step = Duration::from_millis(50);
         inbox
             .receive(step, |_, message| {
-                first.get_or_insert(message);
+                if is_wanted(&message) {
+                    first.get_or_insert(message);
+                }
             })
             .unwrap();
     }
@@ -160,4 +171,74 @@ fn what_cannot_be_opened_is_told_in_a_line() {
         assert_eq!(ran.code, Some(1), "{}", ran.stderr);
         assert_says(&ran.stderr, words);
     }
+}
+
+#[test]
+fn a_recording_survives_what_robots_do() {
+    let fixture = Fixture::new();
+    let record = |n, fault, robots: usize| {
+        let robots: Vec<_> = (0..robots).map(|_| Robot::start(n, fault)).collect();
+        let line = format!("record {} --frames 110 -o {n}.mcap", robots[0].source(""));
+        let ran = fixture.svl(&line);
+        // Two clocks on one topic leave images without partners, which are losses.
+        let code = if robots.len() > 1 { 4 } else { 0 };
+        assert_eq!(ran.code, Some(code), "{}", ran.stderr);
+        let mut source = RecordingSource::open(fixture.path(&format!("{n}.mcap"))).unwrap();
+        let frames: Vec<_> = std::iter::from_fn(|| source.next().unwrap()).collect();
+        assert_eq!(frames.len(), 110);
+        (frames, ran)
+    };
+    let later_ns = START_NS + robot::LATER * PERIOD_NS;
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let (frames, ran) = record(9, Fault::Returns, 1);
+            assert!(frames[0].stamp_ns < later_ns && frames[109].stamp_ns >= later_ns);
+            assert_says(&ran.stdout, &["no message lost"]);
+        });
+        scope.spawn(|| {
+            let (frames, ran) = record(10, Fault::ClockBack, 1);
+            assert!(frames[0].stamp_ns >= START_NS && frames[109].stamp_ns < START_NS);
+            assert_says(&ran.stderr, &["jumped back by 3599.9"]);
+            assert_says(&ran.stdout, &["2 jumps of the clock"]);
+        });
+        scope.spawn(|| {
+            let (frames, _) = record(11, Fault::Grows, 1);
+            let (width, height) = robot::SIZE;
+            assert_eq!(frames[0].pair.size(), (width, height));
+            assert_eq!(frames[109].pair.size(), (2 * width, height));
+            // Its calibration is of the first size.
+            assert!(frames[0].rig().is_some() && frames[109].rig().is_none());
+        });
+        scope.spawn(|| {
+            let (_, ran) = record(12, Fault::None, 2);
+            assert_says(&ran.stderr, &["/cam0/image_rect: 2 publishers"]);
+        });
+    });
+}
+
+#[cfg(unix)]
+#[test]
+fn silence_is_published_and_has_a_reason() {
+    let fixture = Fixture::new();
+    let robot = Robot::start(13, Fault::OtherType);
+    let publish = robot.source("/svl");
+    let line = format!("replay {} --publish {publish}", robot.source(""));
+    let stale = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let words = b"no pairs for ";
+            let is_stale = |message: &[u8]| {
+                let mut places = message.windows(words.len() + 1);
+                places.any(|place| place.starts_with(words) && place[words.len()] >= b'4')
+            };
+            let (_, message) = heard(&publish, "/diagnostics", is_stale);
+            // The level follows header and count.
+            assert_eq!(message[4 + 8 + 8 + 4], 3, "{message:?}");
+            stale.store(true, Ordering::Relaxed);
+        });
+        let (code, stderr) = interrupted(&fixture, &line, || stale.load(Ordering::Relaxed));
+        assert_eq!(code, Some(4), "{stderr}");
+        let reason = "published as sensor_msgs/msg/CompressedImage too";
+        assert_says(&stderr, &["/cam0/image_rect: ", reason]);
+    });
 }

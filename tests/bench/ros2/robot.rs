@@ -26,7 +26,19 @@ pub(super) enum Fault {
     OtherSize,
     /// Each camera has the calibration of the other.
     Swapped,
+    /// From pair [`LATER`] on: a second without publishers, then new ones.
+    Returns,
+    /// From then on the publishers of the images have another type.
+    OtherType,
+    /// From then on the stamps are an hour earlier.
+    ClockBack,
+    /// From then on the images are wider.
+    Grows,
 }
+
+/// The pair before which a fault begins that is not there from the start.
+pub(super) const LATER: u64 = 90;
+pub(super) const HOUR_NS: u64 = 3_600_000_000_000;
 
 pub(super) struct Robot {
     n: u16,
@@ -37,7 +49,7 @@ pub(super) struct Robot {
 /// Topics in the `n`-th domain of this test program.
 pub(super) fn address(n: u16, topics: &str) -> String {
     // Another test program on this machine has other domains.
-    let domain = 30 + 10 * (std::process::id() % 20) as u16 + n;
+    let domain = 30 + 20 * (std::process::id() % 10) as u16 + n;
     format!("ros2:{topics},domain={domain},interface=127.0.0.1").replace(":,", ":")
 }
 
@@ -47,20 +59,22 @@ impl Robot {
         let ended = Arc::new(AtomicBool::new(false));
         let told = Arc::clone(&ended);
         let publish = move || {
-            let mut outbox =
-                TopicOutbox::new(Domain::join(&address(n, "").parse().unwrap()).unwrap()).unwrap();
-            for message in messages(0, Fault::None) {
-                let topic = LiveTopic {
-                    name: message.topic.to_owned(),
-                    schema: message.schema.to_owned(),
-                };
-                outbox.declare(&topic, false).unwrap();
-            }
+            let mut outbox = publishers(n, None);
             for i in 0..900 {
                 if told.load(Ordering::Relaxed) {
                     break;
                 }
-                for message in messages(i, fault) {
+                if i == LATER && [Fault::Returns, Fault::OtherType].contains(&fault) {
+                    drop(outbox);
+                    std::thread::sleep(Duration::from_secs(1));
+                    let other =
+                        (fault == Fault::OtherType).then_some("sensor_msgs/msg/CompressedImage");
+                    outbox = publishers(n, other);
+                }
+                for mut message in messages(i, fault) {
+                    if fault == Fault::OtherType && i >= LATER {
+                        message.data.truncate(24);
+                    }
                     outbox.send(message.topic, message.data).unwrap();
                 }
                 std::thread::sleep(Duration::from_nanos(PERIOD_NS));
@@ -84,16 +98,39 @@ impl Drop for Robot {
     }
 }
 
+/// Publishers of all topics, those of the images with another type, if any.
+fn publishers(n: u16, other: Option<&str>) -> TopicOutbox {
+    let domain = Domain::join(&address(n, "").parse().unwrap()).unwrap();
+    let mut outbox = TopicOutbox::new(domain).unwrap();
+    for message in messages(0, Fault::None) {
+        let other = other.filter(|_| message.topic.contains("image"));
+        let topic = LiveTopic {
+            name: message.topic.to_owned(),
+            schema: other.unwrap_or(message.schema).to_owned(),
+        };
+        outbox.declare(&topic, false, false).unwrap();
+    }
+    outbox
+}
+
 /// The messages of pair `i`.
 fn messages(i: u64, fault: Fault) -> Vec<Message> {
     let stamp = START_NS + i * PERIOD_NS;
-    let right_stamp = match fault {
-        Fault::OtherClock => stamp + 3_600_000_000_000,
+    let stamp = match fault {
+        Fault::ClockBack if i >= LATER => stamp - HOUR_NS,
         _ => stamp,
+    };
+    let right_stamp = match fault {
+        Fault::OtherClock => stamp + HOUR_NS,
+        _ => stamp,
+    };
+    let size = match fault {
+        Fault::Grows if i >= LATER => (2 * SIZE.0, SIZE.1),
+        _ => SIZE,
     };
     let right_size = match fault {
         Fault::OtherSize => (12, 16),
-        _ => SIZE,
+        _ => size,
     };
     let pixels = |size, seed| image(size, seed).pixels().collect::<Vec<u8>>();
     let mut tx = [0.0, -FOCAL_PX * BASELINE_M];
@@ -106,9 +143,9 @@ fn messages(i: u64, fault: Fault) -> Vec<Message> {
         ros_image(
             "/cam0/image_rect",
             stamp,
-            SIZE,
+            size,
             "mono8",
-            &pixels(SIZE, 2 * i),
+            &pixels(size, 2 * i),
         ),
     ];
     if fault != Fault::Silent {

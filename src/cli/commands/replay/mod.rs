@@ -18,7 +18,7 @@ use svl::grab::GrabRequest;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::Outputs;
-use svl::recording::{AlgorithmCells, ImageFormat, LEFT_FRAME};
+use svl::recording::{AlgorithmCells, ImageFormat, LEFT_FRAME, ResultOptions};
 use svl::report::Summary;
 use svl::run::{Matchers, Pace, complete, ending, run_through};
 use svl::runs::{RECORDINGS, cached_run, open_recording, warn_of_own_reference};
@@ -107,9 +107,20 @@ pub(crate) struct Args {
     /// Publish the results to ROS 2 topics below a prefix
     ///
     /// PREFIX/points, sensor_msgs/msg/PointCloud2 with a point and its probability per known cell;
-    /// PREFIX/disparity, stereo_msgs/msg/DisparityImage; and /diagnostics once a second.
+    /// PREFIX/scan, sensor_msgs/msg/LaserScan; PREFIX/disparity, stereo_msgs/msg/DisparityImage;
+    /// PREFIX/depth, sensor_msgs/msg/Image in metres; and /diagnostics once a second.
     #[arg(long, value_name = "ros2:/PREFIX", value_parser = publish_address)]
     publish: Option<String>,
+    /// Publish a point and its grey value per pixel with a distance, in place of cells
+    #[arg(long, requires = "publish")]
+    dense: bool,
+    /// Height of the camera above the floor, metres: the published scan then has obstacles below
+    /// the camera, too
+    #[arg(
+        long, value_name = "M", allow_negative_numbers = true, requires = "publish",
+        value_parser = usage::within(0.01..=100.0)
+    )]
+    camera_height: Option<f64>,
     /// Compare the results with those of an earlier run
     ///
     /// By default with those in the recording itself.
@@ -130,6 +141,8 @@ pub(crate) const NOT_TAKEN: &[&str] = &["data", "scenes", "seeds"];
 
 /// Pairs that may wait for matching while results are published.
 const LIVE_QUEUE: usize = 4;
+/// The newest pairs of live topics, which the summary is of: their number has no limit.
+const LIVE_ROWS: usize = 3000;
 
 fn publish_address(text: &str) -> Result<String, String> {
     if is_ros2(text) {
@@ -236,10 +249,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut sinks = Sinks::open(SinkRequest {
         rows: args.rows.as_deref(),
         cells: args.cells.as_deref(),
+        newest_rows: opened.is_live.then_some(LIVE_ROWS),
         viewer: shown.transpose()?,
         publish: args.publish.as_deref().map(|address| PublishRequest {
             address,
-            frame_id: opened.frame_id.as_deref().unwrap_or(LEFT_FRAME),
+            options: ResultOptions {
+                camera_height_m: args.camera_height,
+                dense: args.dense,
+                ..ResultOptions::new(opened.frame_id.as_deref().unwrap_or(LEFT_FRAME))
+            },
         }),
         recording: args.output.as_ref().map(result).transpose()?,
         ..SinkRequest::default()
@@ -330,6 +348,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             };
             let received = grabber.map(|grabber| format!("\nreceived {}\n", grabber.text));
             let received = received.unwrap_or_default();
+            let received = match opened.is_live && rows.len() >= LIVE_ROWS {
+                true => format!("\nsummary  of the last {LIVE_ROWS} results\n{received}"),
+                false => received,
+            };
             print(&(summary.terminal(&title, style(), false) + &received + &written))?
         }
     }

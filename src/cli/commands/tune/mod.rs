@@ -21,7 +21,7 @@ use svl::runs::{self, runs};
 use svl::scenario::{Scenario, SourceOptions};
 use svl::score::Judge;
 use svl::sink::RerunTarget;
-use svl::source::{Request, Source};
+use svl::source::{Request, Source, is_ros2};
 use svl::tune::{Constraint, Sampler, TunedSetting};
 use tool::Tuner;
 use worker::TuneWorker;
@@ -291,7 +291,7 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
 
 /// Opens what is tuned on; of a scenario of several runs the first.
 fn open<'a>(args: &'a Args, name: &'a str, quiet: bool) -> anyhow::Result<Tuned<'a>> {
-    let is_live = grab::driver(name).is_some();
+    let is_live = grab::driver(name).is_some() || is_ros2(name);
     if is_live || name == "board" {
         let mut request = Request::new(name);
         request.options.clone_from(&args.source);

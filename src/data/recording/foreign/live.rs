@@ -61,6 +61,7 @@ impl TopicPairs {
         let all: Vec<_> = channels.iter().collect();
         let mut foreign = Foreign::new(source.to_owned(), &all, selection)?;
         foreign.partners = StampPairing::new(selection.max_skew_ns).with_limit(WAITING_BYTES);
+        foreign.jumps = Some(0);
         let mut needed: Vec<Channel> = Vec::new();
         let names = foreign.images.iter();
         for name in names.chain(foreign.calibrations.iter().flatten()) {
@@ -151,6 +152,11 @@ impl TopicPairs {
         self.foreign.counts
     }
 
+    /// Jumps of the cameras' clocks back in time.
+    pub fn jumps(&self) -> u64 {
+        self.foreign.jumps.unwrap_or(0)
+    }
+
     /// The reason why there was no pair.
     pub fn why_none(&self) -> String {
         self.foreign.why_none()
@@ -179,5 +185,38 @@ impl TopicPairs {
     /// The coordinate frame of the left images.
     pub fn frame_id(&self) -> Option<&str> {
         self.frame_id.as_deref()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::RosStamp;
+    use svl_core::stereo::Gray;
+
+    #[test]
+    fn a_name_that_is_no_text_is_an_unreadable_message() {
+        let topics = ["/left/image_rect", "/right/image_rect"].map(|name| LiveTopic {
+            name: name.to_owned(),
+            schema: "sensor_msgs/msg/Image".to_owned(),
+        });
+        let mut pairs = TopicPairs::new("ros2:", &topics, &Selection::default()).unwrap();
+        let stamp = RosStamp::new(1_000_000_000).unwrap();
+        let image = Gray::filled(4, 2, 7).unwrap();
+        let mut data = ros::encode_8bit(&image, stamp, "left").data;
+        let name = data.windows(4).position(|bytes| bytes == b"left").unwrap();
+        data[name] = 0xff;
+        assert!(!pairs.look_at(0, &data) && pairs.frame_id().is_none());
+        let reason = pairs.take_in(0, 0, &data).unwrap_err();
+        assert!(reason.starts_with("/left/image_rect: "), "{reason}");
+        // Cut anywhere, it is unreadable too.
+        data[name] = b'l';
+        for end in 0..data.len() {
+            let taken = pairs.take_in(0, 0, &data[..end]);
+            assert!(taken.is_err() || pairs.pop().is_none(), "{end} bytes");
+        }
+        assert_eq!(pairs.take_in(0, 0, &data), Ok(()));
+        assert_eq!(pairs.take_in(1, 0, &data), Ok(()));
+        assert_eq!(pairs.pop().unwrap().unwrap().pair.left(), &image);
     }
 }

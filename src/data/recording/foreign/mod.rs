@@ -30,6 +30,9 @@ use svl_core::counted;
 use svl_core::stereo::{Exposure, Frame, Geometry, Rig, Side, StereoCalibration};
 use svl_core::{Error, Result};
 
+/// Live images are never that much out of order: their clock jumped.
+const JUMP_NS: u64 = 500_000_000;
+
 /// Pairs the images of two topics by stamp.
 pub(super) struct Foreign {
     images: [String; 2],
@@ -55,6 +58,8 @@ pub(super) struct Foreign {
     warned_of_order: bool,
     /// The last stamp of each camera.
     last_ns: [Option<u64>; 2],
+    /// Jumps of a live clock; `None` for files, which may have any order.
+    jumps: Option<u64>,
 }
 
 impl Foreign {
@@ -118,6 +123,7 @@ impl Foreign {
             warned_of_stamps: false,
             warned_of_order: false,
             last_ns: [None; 2],
+            jumps: None,
         })
     }
 
@@ -213,7 +219,8 @@ impl Foreign {
         Ok(())
     }
 
-    /// Warns once of images that have no stamp, and of images that share one.
+    /// Warns once of images that have no stamp, of images that share one, and of a live clock that
+    /// jumps back.
     fn check_stamp(&mut self, side: Side, stamp: Option<u64>, log_time: u64) {
         let topic = &self.images[side as usize];
         // A stamp of 0 counts as missing; if the log time is 0 too, it is a stamp.
@@ -225,7 +232,20 @@ impl Foreign {
             );
         }
         let stamp = stamp.unwrap_or(log_time);
-        let is_repeated = self.last_ns[side as usize].replace(stamp) == Some(stamp);
+        let last = self.last_ns[side as usize].replace(stamp);
+        let back = last.map_or(0, |last| last.saturating_sub(stamp));
+        if let Some(jumps) = self.jumps.as_mut().filter(|_| back > JUMP_NS) {
+            *jumps += 1;
+            if *jumps == 1 {
+                tracing::warn!(
+                    "{}: {topic}: the clock of its stamps jumped back by {:.3} s",
+                    self.name,
+                    back as f64 / 1e9
+                );
+            }
+            self.partners.forget_later(side, stamp);
+        }
+        let is_repeated = last == Some(stamp);
         if is_repeated && !std::mem::replace(&mut self.warned_of_order, true) {
             tracing::warn!(
                 "{}: {topic}: images share a stamp, {:.3} s; they are paired in the order of the \

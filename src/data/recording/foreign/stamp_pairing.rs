@@ -141,6 +141,16 @@ impl<T> StampPairing<T> {
         }
     }
 
+    /// Gives up the waiting images of a camera with later stamps than this one, as its clock jumped
+    /// back: none of them would have a partner before the old time comes again.
+    pub(super) fn forget_later(&mut self, camera: Side, stamp: u64) {
+        let camera = camera as usize;
+        let later = (Bound::Excluded(stamp), Bound::Unbounded);
+        while let Some((&later, _)) = self.waiting[camera].range(later).next() {
+            self.give_up(camera, later);
+        }
+    }
+
     /// Ends the recording: there are no more images.
     pub(super) fn end(&mut self) {
         self.ended = true;
@@ -285,6 +295,24 @@ mod tests {
             after: 1,
         };
         assert_eq!(partners.unpaired_images(), expected);
+    }
+
+    #[test]
+    fn a_clock_that_jumps_back_costs_what_waits_and_delays_nothing() {
+        let mut partners = StampPairing::new(5);
+        let mut paired = 0;
+        for at in [10_000, 10_100, 10_200, 100, 200, 300] {
+            for side in Side::BOTH {
+                // The right camera has no partner for the left one's last image of the old time.
+                if (side, at) != (Right, 10_200) {
+                    partners.forget_later(side, at);
+                    partners.push(side, at, (), 1);
+                }
+                paired += std::iter::from_fn(|| partners.pop()).count();
+            }
+        }
+        assert_eq!((paired, partners.bytes), (5, 0));
+        assert_eq!(partners.unpaired() + partners.outside(), 1);
     }
 
     #[test]

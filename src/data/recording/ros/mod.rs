@@ -1,11 +1,15 @@
 //! ROS 2 messages that svl reads and writes, in little-endian CDR.
 
+mod message;
 mod read;
 mod results;
+mod scan;
 mod write;
 
+pub use message::{ResultMessage, ResultOptions};
 pub(super) use read::*;
-pub use results::{LiveMessage, diagnostics, result_messages};
+pub use results::{diagnostics, result_messages};
+pub use scan::scan_transform;
 pub(super) use write::*;
 
 /// OMG encapsulation header of little-endian CDR.

@@ -1,106 +1,105 @@
-//! Results of an algorithm as ROS 2 messages in CDR, for live topics.
+//! Results of an algorithm as ROS 2 messages in CDR, for live topics and bags.
 
-use super::write::{Cdr, encode_body, header_fields, image_fields};
-use crate::recording::RosStamp;
+use super::message::{ResultMessage, ResultOptions};
+use super::scan::scan;
+use super::write::{Cdr, encode, encode_32fc1, header_fields, image_fields};
+use crate::files::pixel_points;
+use crate::recording::{AlgorithmCells, CellReport, Encoded, PairResult, RosStamp};
 use svl_core::Result;
-use svl_core::stereo::{DepthGrid, Estimate, Frame, Plane, Rig};
+use svl_core::stereo::{Frame, Plane, Rig};
 
-/// A message for a live topic.
-pub struct LiveMessage {
-    /// Last part of the topic's name.
-    pub topic: &'static str,
-    /// As in a bag: `sensor_msgs/msg/PointCloud2`.
-    pub schema: &'static str,
-    /// In CDR, with its encapsulation header.
-    pub data: Vec<u8>,
-}
-
-/// Fields of a point in [`cloud`], 32-bit floats.
-const FIELDS: [&str; 4] = ["x", "y", "z", "probability"];
+/// Fields of a point in [`cloud`].
+type CloudPoint = [f32; 4];
 /// `sensor_msgs/msg/PointField::FLOAT32`.
 const FLOAT32: u8 = 7;
 /// The value of pixels without a disparity: below the smallest disparity, as in image_pipeline.
 const NO_DISPARITY: f32 = -1.0;
 
-/// The messages of an estimate: cloud and disparities, in the optical frame `frame_id` of the left
-/// camera. Without a rig there are no distances, and so no messages.
+/// The messages of a result: cloud, scan, disparities and depths. Without a rig there are no
+/// distances, and so no messages.
 ///
 /// # Errors
 /// [`svl_core::Error::Invalid`] for stamps outside 1970 ..= 2038.
 pub fn result_messages(
     frame: &Frame,
-    estimate: &Estimate,
-    frame_id: &str,
-) -> Result<Vec<LiveMessage>> {
+    result: &PairResult,
+    options: &ResultOptions,
+) -> Result<Vec<ResultMessage>> {
     let stamp = RosStamp::new(frame.stamp_ns)?;
     let Some(rig) = frame.rig() else {
         return Ok(Vec::new());
     };
-    let points = points(&estimate.grid, rig, frame.pair.size());
-    let range_px = estimate.range_px.unwrap_or(0.0) as f32;
-    let map = estimate.disparity.disparity();
-    Ok(vec![
-        LiveMessage {
-            topic: "points",
-            schema: "sensor_msgs/msg/PointCloud2",
-            data: cloud(&points, stamp, frame_id),
-        },
-        LiveMessage {
-            topic: "disparity",
-            schema: "stereo_msgs/msg/DisparityImage",
-            data: disparity_image(map, rig, range_px, stamp, frame_id),
-        },
-    ])
+    let (map, frame_id) = (&result.disparity, &options.frame_id);
+    let (points, fourth) = if options.dense {
+        (pixel_points(map, frame.pair.left(), rig), "intensity")
+    } else {
+        let points = cell_points(&result.cells, rig, frame.pair.size());
+        (points, "probability")
+    };
+    let messages = [
+        ("points", cloud(&points, fourth, stamp, frame_id)),
+        ("scan", scan(result, rig, frame.pair.size(), stamp, options)),
+        ("disparity", disparity_image(result, rig, stamp, frame_id)),
+        ("depth", encode_32fc1(&depths(map, rig), stamp, frame_id)),
+    ];
+    let message = |(topic, message)| ResultMessage { topic, message };
+    Ok(messages.map(message).into())
 }
 
-/// A point per cell with a distance, at the centre of the cell: x to the right, y down, z forward,
-/// metres, and the probability, NaN if the algorithm reports none.
-fn points(grid: &DepthGrid, rig: &Rig, size: (usize, usize)) -> Vec<[f32; 4]> {
-    let (cx, cy) = rig.center_px();
-    let point = |(place, cell): ((usize, usize), &svl_core::stereo::Cell)| {
-        let z = cell.depth?.distance_m?;
-        let (columns, rows) = grid.shape().pixels(place, size);
-        let middle = |range: std::ops::Range<usize>| (range.start + range.end) as f64 / 2.0 - 0.5;
-        let along = |pixel: f64, center: f64| (pixel - center) / rig.focal_px() * z;
+/// A point per cell with a distance, at the centre of the cell, in the optical frame; and the
+/// probability, NaN if the algorithm reports none.
+fn cell_points(cells: &AlgorithmCells, rig: &Rig, size: (usize, usize)) -> Vec<CloudPoint> {
+    let point = |cell: &CellReport| {
+        let [x, y, z] = rig.point_m(cells.center_px(cell, size), cell.distance_m?);
         let probability = cell.probability.unwrap_or(f64::NAN);
-        let [x, y] = [along(middle(columns), cx), along(middle(rows), cy)];
         Some([x, y, z, probability].map(|value| value as f32))
     };
-    grid.iter().filter_map(point).collect()
+    cells.cells.iter().filter_map(point).collect()
 }
 
-/// A sensor_msgs/msg/PointCloud2.
-fn cloud(points: &[[f32; FIELDS.len()]], stamp: RosStamp, frame_id: &str) -> Vec<u8> {
+/// A sensor_msgs/msg/PointCloud2 of x, y, z and a fourth field.
+fn cloud(points: &[CloudPoint], fourth: &str, stamp: RosStamp, frame_id: &str) -> Encoded {
     let data = points.as_flattened();
     let data: Vec<u8> = data.iter().flat_map(|value| value.to_le_bytes()).collect();
-    encode_body(data.len() + 128, |cdr| {
+    let body = |cdr: &mut Cdr| {
         header_fields(cdr, stamp, frame_id);
         cdr.write_u32(1);
         cdr.write_u32(points.len() as u32);
-        cdr.write_sequence_length(FIELDS.len());
-        for (offset, name) in (0..).step_by(size_of::<f32>()).zip(FIELDS) {
+        let fields = ["x", "y", "z", fourth];
+        cdr.write_sequence_length(fields.len());
+        for (offset, name) in (0..).step_by(size_of::<f32>()).zip(fields) {
             cdr.write_string(name);
             cdr.write_u32(offset);
             cdr.write_u8(FLOAT32);
             cdr.write_u32(1);
         }
         cdr.write_bool(false);
-        cdr.write_u32(size_of::<[f32; FIELDS.len()]>() as u32);
+        cdr.write_u32(size_of::<CloudPoint>() as u32);
         cdr.write_u32(data.len() as u32);
         cdr.write_bytes(&data);
         // Dense: all points are finite, NaN probabilities apart.
         cdr.write_bool(true);
+    };
+    let definition = include_str!("PointCloud2.msg");
+    encode("sensor_msgs/msg/PointCloud2", definition, data.len(), body)
+}
+
+/// Depths in metres by REP 118: NaN for pixels without a disparity, `+∞` at or beyond infinity.
+fn depths(map: &Plane<f32>, rig: &Rig) -> Plane<f32> {
+    map.map(|d| {
+        if d.is_finite() {
+            rig.depth_m(d.into()).map_or(f32::INFINITY, |z| z as f32)
+        } else {
+            f32::NAN
+        }
     })
 }
 
 /// A stereo_msgs/msg/DisparityImage, whose depth is `f · t / d`.
-fn disparity_image(
-    map: &Plane<f32>,
-    rig: &Rig,
-    range_px: f32,
-    stamp: RosStamp,
-    frame_id: &str,
-) -> Vec<u8> {
+fn disparity_image(result: &PairResult, rig: &Rig, stamp: RosStamp, frame_id: &str) -> Encoded {
+    let map = &result.disparity;
+    let largest = map.pixels().filter(|d| d.is_finite()).fold(0.0, f32::max);
+    let range_px = result.range_px.map_or(largest, |range| range as f32);
     // The message has no offset of the principal points.
     let doffs = rig.doffs_px() as f32;
     let value = |d: f32| {
@@ -113,7 +112,7 @@ fn disparity_image(
     let (width, height) = map.size();
     let pixels = map.pixels().flat_map(|d| value(d).to_le_bytes());
     let pixels: Vec<u8> = pixels.collect();
-    encode_body(pixels.len() + 256, |cdr| {
+    let body = |cdr: &mut Cdr| {
         header_fields(cdr, stamp, frame_id);
         header_fields(cdr, stamp, frame_id);
         image_fields(cdr, (width, height), "32FC1", &pixels);
@@ -128,7 +127,14 @@ fn disparity_image(
         cdr.write_f32(range_px + doffs);
         // The step of a disparity: matchers interpolate between whole pixels.
         cdr.write_f32(1.0 / 16.0);
-    })
+    };
+    let definition = include_str!("DisparityImage.msg");
+    encode(
+        "stereo_msgs/msg/DisparityImage",
+        definition,
+        pixels.len(),
+        body,
+    )
 }
 
 /// A diagnostic_msgs/msg/DiagnosticArray of one status. `level`: 0 is fine, 1 a warning, 2 an
@@ -142,7 +148,7 @@ pub fn diagnostics(
     name: &str,
     message: &str,
     values: &[(&str, String)],
-) -> Result<LiveMessage> {
+) -> Result<ResultMessage> {
     let stamp = RosStamp::new(stamp_ns)?;
     let body = |cdr: &mut Cdr| {
         header_fields(cdr, stamp, "");
@@ -157,57 +163,75 @@ pub fn diagnostics(
             cdr.write_string(value);
         }
     };
-    Ok(LiveMessage {
+    // Live only, so that its definition has no reader.
+    Ok(ResultMessage {
         topic: "/diagnostics",
-        schema: "diagnostic_msgs/msg/DiagnosticArray",
-        data: encode_body(512, body),
+        message: encode("diagnostic_msgs/msg/DiagnosticArray", "", 512, body),
     })
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
-    use crate::recording::ros;
-    use svl_core::stereo::{Cell, CellDepth, GridShape};
+    use crate::recording::{AlgorithmResult, ros};
+    use svl_core::stereo::CellState;
 
-    fn rig() -> Rig {
+    pub(in super::super) fn rig() -> Rig {
         Rig::new(100.0, (31.5, 15.5), 0.1, 2.0).unwrap()
     }
 
-    fn grid() -> DepthGrid {
-        let known = |distance_m, probability| Cell {
-            valid_share: 1.0,
-            depth: Some(CellDepth {
-                median_px: 3.0,
-                p20_px: 3.0,
-                p80_px: 3.0,
-                distance_m,
-            }),
-            probability,
-            evidence: None,
-            too_close: false,
+    /// A result of cells by rows from the top: a distance, infinity, or NaN for an unknown cell.
+    pub(in super::super) fn result(rows: &[&[f64]], map: Plane<f32>) -> PairResult {
+        let cell = |row, (column, &z): (usize, &f64)| CellReport {
+            column,
+            row,
+            state: if z.is_nan() {
+                CellState::Unknown
+            } else {
+                CellState::Known
+            },
+            distance_m: z.is_finite().then_some(z),
+            disparity_px: None,
+            probability: (z == 2.0).then_some(0.75),
         };
-        let unknown = Cell {
-            depth: None,
-            ..known(None, None)
-        };
-        let shape = GridShape {
-            columns: 2,
-            rows: 2,
-        };
-        let cells = vec![known(Some(2.0), Some(0.75)), unknown, known(None, None)];
-        let cells = [cells, vec![known(Some(1.0), None)]].concat();
-        DepthGrid::new(shape, cells).unwrap()
+        let rows_of_cells = rows.iter().enumerate();
+        let cells = rows_of_cells.flat_map(|(row, cells)| {
+            let cells = cells.iter().enumerate();
+            cells.map(move |at| cell(row, at))
+        });
+        let algorithm = "bm".to_owned();
+        PairResult {
+            disparity: map,
+            cells: AlgorithmCells {
+                sequence: 0,
+                algorithm: algorithm.clone(),
+                columns: rows[0].len(),
+                rows: rows.len(),
+                cells: cells.collect(),
+            },
+            range_px: Some(64.0),
+            result: AlgorithmResult {
+                sequence: 0,
+                algorithm,
+                hash: String::new(),
+                pair_hash: String::new(),
+                coverage: 1.0,
+                row_offset_px: None,
+            },
+        }
     }
 
     #[test]
     fn a_cloud_has_a_point_per_cell_with_a_distance() {
-        let points = points(&grid(), &rig(), (64, 32));
+        let map = Plane::filled(1, 1, 0.0).unwrap();
+        let cells = result(&[&[2.0, f64::NAN], &[f64::INFINITY, 1.0]], map).cells;
+        let points = cell_points(&cells, &rig(), (64, 32));
         assert_eq!(points.len(), 2);
         assert_eq!(points[0], [-0.32, -0.16, 2.0, 0.75]);
         assert_eq!(points[1][..3], [0.16, 0.08, 1.0]);
         assert!(points[1][3].is_nan());
-        let data = cloud(&points, RosStamp::new(5_000_000_007).unwrap(), "left");
+        let stamp = RosStamp::new(5_000_000_007).unwrap();
+        let data = cloud(&points, "probability", stamp, "left").data;
         let read = ros::read(&data, ros::point_cloud).unwrap();
         let fields = [
             ("x", 0, 7),
@@ -225,7 +249,7 @@ mod tests {
     fn a_disparity_image_carries_the_offset_and_marks_what_is_unknown() {
         let map = Plane::from_vec(2, 1, vec![3.0, f32::INFINITY]).unwrap();
         let stamp = RosStamp::new(1).unwrap();
-        let data = disparity_image(&map, &rig(), 64.0, stamp, "left");
+        let data = disparity_image(&result(&[&[1.0]], map), &rig(), stamp, "left").data;
         let (image, f, t, max) = ros::read(&data, |cdr| {
             ros::header(cdr)?;
             let (_, image) = ros::image(cdr)?;
@@ -243,5 +267,13 @@ mod tests {
         assert_eq!((f, t, max), (100.0, 0.1, 66.0));
         // The depth of the message is that of the rig.
         assert_eq!(f * t / 5.0, rig().depth_m(3.0).unwrap() as f32);
+    }
+
+    #[test]
+    fn depths_tell_unknown_from_infinity() {
+        let map = Plane::from_vec(3, 1, vec![3.0, -2.0, f32::INFINITY]).unwrap();
+        let found: Vec<_> = depths(&map, &rig()).pixels().collect();
+        assert_eq!(found[..2], [2.0, f32::INFINITY]);
+        assert!(found[2].is_nan());
     }
 }

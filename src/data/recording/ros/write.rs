@@ -165,29 +165,23 @@ pub(in crate::recording) fn encode_string(text: &str) -> Encoded {
 }
 
 /// `bytes`: approximate length of the largest field.
-fn encode(
+pub(super) fn encode(
     schema: &'static str,
     definition: &'static str,
     bytes: usize,
     body: impl FnOnce(&mut Cdr),
 ) -> Encoded {
-    let definition = Cow::Borrowed(definition.as_bytes());
+    // 256 bytes for the headers and the fixed fields.
+    let mut data = Vec::with_capacity(bytes + 256);
+    data.extend_from_slice(&CDR_LE);
+    body(&mut CdrWriter::new(&mut data));
     Encoded {
         schema,
         schema_encoding: "ros2msg",
-        definition,
+        definition: Cow::Borrowed(definition.as_bytes()),
         encoding: "cdr",
-        // 128 bytes for the header and the fixed fields.
-        data: encode_body(bytes + 128, body),
+        data,
     }
-}
-
-/// A message with its encapsulation header. `bytes`: its approximate length.
-pub(super) fn encode_body(bytes: usize, body: impl FnOnce(&mut Cdr)) -> Vec<u8> {
-    let mut data = Vec::with_capacity(bytes);
-    data.extend_from_slice(&CDR_LE);
-    body(&mut CdrWriter::new(&mut data));
-    data
 }
 
 pub(super) fn header_fields(cdr: &mut Cdr, stamp: RosStamp, frame_id: &str) {

@@ -56,6 +56,8 @@ pub(in crate::recording) fn truth_topics(
         !pairs.contains(&channel.topic.as_str())
             // A disparity map has the same pixel format as a depth image.
             && !channel.topic.contains("disparity")
+            // A result in a bag of svl's.
+            && !channel.topic.starts_with("/algo/")
             && kind::of(channel).is_ok()
     };
     let candidates = channels.iter().filter(is_candidate);
