@@ -104,8 +104,8 @@ pub const SOURCES: &[SourceKind] = &[
     SourceKind {
         name: RECORDING,
         noun: "a recording",
-        help: "a recording: svl's, a ROS 2 bag (its folder or a file of it), Foxglove's; raw, \
-               compressed or Bayer images of two topics",
+        help: "a recording: svl's, a ROS 2 bag (its folder or a file of it), a ROS 1 bag, the \
+               RealSense SDK's, Foxglove's; raw, compressed or Bayer images of two topics",
         options: &["left", "right", "bits", "max_skew_ms", "truth"],
         is_path: true,
         // Bags in other containers are among them: their reader says which it reads.

@@ -43,10 +43,13 @@ impl Recording {
     pub fn recover(&self, to: &Path) -> Result<Recovery> {
         let from = match self.only_file()? {
             Container::Mcap(file) => file,
-            Container::Sqlite(file) => {
-                let cure = "`sqlite3 FILE .recover` does it for SQLite";
+            other => {
+                let cure = match other {
+                    Container::Ros1(_) => "`svl record FILE` keeps all pairs that can be read",
+                    _ => "`sqlite3 FILE .recover` does it for SQLite",
+                };
                 return Err(Error::format(
-                    file.path(),
+                    other.path(),
                     format!("is not an MCAP file; {cure}"),
                 ));
             }

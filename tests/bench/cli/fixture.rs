@@ -72,6 +72,20 @@ impl Fixture {
         }
     }
 
+    /// Two sources, each with its options, have the same results and scores, to the digit.
+    #[track_caller]
+    pub fn assert_same(&self, sources: [&str; 2]) {
+        let scores = sources.map(|source| {
+            self.run(&format!("record {source} -o same.mcap --force"));
+            self.run("replay same.mcap --algo v3 --algo sgm --cells cells.csv --force");
+            let metrics = self.json("replay same.mcap --algo v3 --algo sgm --json");
+            let algorithms = metrics["algorithms"].clone();
+            assert!(algorithms.is_array(), "{metrics}");
+            (self.text("cells.csv"), algorithms)
+        });
+        assert_eq!(scores[0], scores[1]);
+    }
+
     pub fn bytes(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.path(name)).unwrap()
     }

@@ -1,15 +1,19 @@
 //! Recordings that svl did not write: ROS 2 bags and Foxglove recordings in MCAP.
 
+mod baseline;
 mod bayer;
 mod camera;
+mod first_images;
 mod image;
 mod json;
 mod live;
 mod pair_stamps;
 mod pixels;
+mod realsense;
 mod sensor;
 mod stamp_pairing;
 mod topics;
+mod transforms;
 
 pub use live::{LiveTopic, TopicPairs};
 pub(super) use pair_stamps::PairStamps;
@@ -19,11 +23,12 @@ pub use stamp_pairing::UnpairedImages;
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
 
-use super::container::unpack_message;
 use super::messages::{Channel, FileEvent};
 use super::{PairSource, Recording};
-use crate::files::{BitDepth, DECIDING_PAIRS};
+use crate::files::BitDepth;
+use baseline::BaselineSearch;
 use camera::{Calibration, CalibrationChange};
+use first_images::FirstImages;
 use pixels::MessageImage;
 use stamp_pairing::StampPairing;
 use svl_core::counted;
@@ -36,6 +41,8 @@ pub(super) struct Foreign {
     calibrations: [Option<String>; 2],
     /// The last calibration of each camera so far; before any, the first in the recording.
     cameras: [Option<Calibration>; 2],
+    /// The baseline in the static transforms, if the calibrations have none.
+    baseline_m: Option<f64>,
     partners: StampPairing<std::result::Result<MessageImage, String>>,
     depth: BitDepth,
     max_skew_ns: u64,
@@ -64,21 +71,26 @@ impl Foreign {
     /// [`Error::Io`]; [`Error::Format`] if no two topics can be the cameras, or more than two can.
     pub(super) fn open(recording: &Recording, selection: &Selection) -> Result<Self> {
         let name = recording.path().display().to_string();
-        let mut foreign = Self::new(name, &recording.channels()?, selection)
+        let channels = recording.channels()?;
+        let mut foreign = Self::new(name, &channels, selection)
             .map_err(|reason| Error::format(recording.path(), reason))?;
         let mut first = FirstImages::default();
+        let mut baseline = BaselineSearch::new(&channels);
         for file in recording.files() {
             let mut messages = file.messages()?;
             // Pairs may come before the first CameraInfo; with it from the start, all of them get a
             // rig. The bit depth is also decided before the first pair.
-            while foreign.lacks_calibration() || !first.are_enough() {
+            while foreign.lacks_calibration()
+                || !first.are_enough()
+                || foreign.lacks_baseline() && baseline.may_be_found()
+            {
                 match messages.next() {
                     // An unreadable one is reported when its turn comes.
                     Ok(Some(FileEvent::Message { channel, data, .. })) => {
-                        let unpacked = unpack_message(&data).ok().flatten();
-                        let data = unpacked.as_deref().unwrap_or(&data);
-                        drop(foreign.calibrate_first(channel, data));
-                        first.take_in(&foreign.images, channel, data);
+                        drop(foreign.calibrate_first(channel, &data));
+                        first.take_in(&foreign.images, channel, &data);
+                        baseline.take_in(&foreign.images, channel, &data);
+                        foreign.baseline_m = baseline.found_m();
                     }
                     Ok(Some(_)) => {}
                     Ok(None) | Err(_) => break,
@@ -106,6 +118,7 @@ impl Foreign {
             images,
             calibrations,
             cameras: [None, None],
+            baseline_m: None,
             partners: StampPairing::new(selection.max_skew_ns),
             depth: BitDepth::FULL,
             max_skew_ns: selection.max_skew_ns,
@@ -150,7 +163,7 @@ impl Foreign {
             return Err("the images are not rectified".to_owned());
         }
         self.both()
-            .and_then(|[left, right]| camera::rig(left, right))
+            .and_then(|[left, right]| camera::rig(left, right, self.baseline_m))
     }
 
     /// The calibrations of both cameras, for images of the current size.
@@ -164,6 +177,13 @@ impl Foreign {
                 Ok([left, right])
             }
             _ => Err("it has no calibration of both cameras".to_owned()),
+        }
+    }
+
+    fn lacks_baseline(&self) -> bool {
+        match &self.cameras {
+            [Some(left), Some(right)] => left.lacks_baseline(right) && self.baseline_m.is_none(),
+            _ => false,
         }
     }
 
@@ -267,8 +287,6 @@ impl PairSource for Foreign {
         if !is_of_use {
             return Ok(None);
         }
-        let unpacked = unpack_message(data)?;
-        let data = unpacked.as_deref().unwrap_or(data);
         for side in Side::BOTH {
             if channel.topic == self.images[side as usize] {
                 self.counts[side as usize] += 1;
@@ -396,7 +414,7 @@ impl PairSource for Foreign {
     fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
         self.are_raw().then(|| {
             self.both()
-                .and_then(|[left, right]| camera::calibration(left, right))
+                .and_then(|[left, right]| camera::calibration(left, right, self.baseline_m))
         })
     }
 
@@ -435,44 +453,4 @@ pub(super) fn pair_stamps(images: [&[StampedImage]; 2]) -> (Vec<i64>, UnpairedIm
     partners.end();
     pop(&mut partners);
     (skews, partners.unpaired_images())
-}
-
-/// The largest values of the first 16-bit images of both cameras.
-#[derive(Default)]
-struct FirstImages {
-    largest: [Vec<u16>; 2],
-    /// True if they have 8 bits: then there is nothing to decide.
-    are_of_8_bits: bool,
-}
-
-impl FirstImages {
-    fn are_enough(&self) -> bool {
-        let enough = |largest: &Vec<u16>| largest.len() >= DECIDING_PAIRS;
-        self.are_of_8_bits || self.largest.iter().all(enough)
-    }
-
-    fn take_in(&mut self, topics: &[String; 2], channel: &Channel, data: &[u8]) {
-        let Some(side) = topics.iter().position(|topic| *topic == channel.topic) else {
-            return;
-        };
-        if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
-            return;
-        }
-        // An unreadable one is reported when its turn comes.
-        if let Ok((_, Ok(image))) = image::decode(channel, data) {
-            match image.image.largest() {
-                Some(largest) => self.largest[side].push(largest),
-                None => self.are_of_8_bits = true,
-            }
-        }
-    }
-
-    /// The largest of all; the inner value is `None` for 8 bits.
-    fn largest(self) -> Option<Option<u16>> {
-        if self.are_of_8_bits {
-            Some(None)
-        } else {
-            self.largest.into_iter().flatten().max().map(Some)
-        }
-    }
 }

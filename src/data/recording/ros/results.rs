@@ -208,7 +208,7 @@ mod tests {
         assert_eq!(points[1][..3], [0.16, 0.08, 1.0]);
         assert!(points[1][3].is_nan());
         let data = cloud(&points, RosStamp::new(5_000_000_007).unwrap(), "left");
-        let read = ros::read(&data, ros::point_cloud).unwrap();
+        let read = ros::read_cdr(&data, ros::point_cloud).unwrap();
         let fields = [
             ("x", 0, 7),
             ("y", 4, 7),
@@ -226,13 +226,13 @@ mod tests {
         let map = Plane::from_vec(2, 1, vec![3.0, f32::INFINITY]).unwrap();
         let stamp = RosStamp::new(1).unwrap();
         let data = disparity_image(&map, &rig(), 64.0, stamp, "left");
-        let (image, f, t, max) = ros::read(&data, |cdr| {
+        let (image, f, t, max) = ros::read_cdr(&data, |cdr| {
             ros::header(cdr)?;
             let (_, image) = ros::image(cdr)?;
-            let (f, t) = (cdr.read_f32()?, cdr.read_f32()?);
-            let window = [(); 4].map(|()| cdr.read_u32());
+            let (f, t) = (cdr.f32()?, cdr.f32()?);
+            let window = [(); 4].map(|()| cdr.u32());
             assert_eq!(window.map(|side| side.unwrap()), [0, 0, 1, 2]);
-            let (_, min, max) = (cdr.read_u8()?, cdr.read_f32()?, cdr.read_f32()?);
+            let (_, min, max) = (cdr.u8()?, cdr.f32()?, cdr.f32()?);
             assert_eq!(min, 0.0);
             Ok((image, f, t, max))
         })

@@ -12,8 +12,8 @@ const COMPRESSED_HEADER: usize = 12;
 
 /// Depths in metres; NaN for invalid pixels. 0 is invalid (REP 118), and so is anything too far
 /// (REP 117).
-pub(super) fn ros_image(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
-    depths(&ros::read(data, ros::image)?.1)
+pub(super) fn ros_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    depths(&ros::read(channel, data, ros::image)?.1)
 }
 
 pub(super) fn foxglove_image(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
@@ -30,8 +30,8 @@ pub(super) fn foxglove_image(_: &Channel, data: &[u8]) -> Result<Plane<f32>, Str
 
 /// compressed_depth_image_transport: `16UC1; compressedDepth png`, and quantized inverse depths for
 /// `32FC1`.
-pub(super) fn compressed(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
-    let message = ros::read(data, ros::compressed_image)?;
+pub(super) fn compressed(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    let message = ros::read(channel, data, ros::compressed_image)?;
     let format = message.format;
     let words: Vec<_> = format
         .split([';', ' '])

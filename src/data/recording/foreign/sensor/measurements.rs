@@ -72,6 +72,7 @@ pub(super) struct Measurements {
     unreadable: BTreeSet<u64>,
     /// The sensor's frame, whose transform is used; empty if not needed.
     frame: String,
+    unit_m: Option<f32>,
 }
 
 impl Measurements {
@@ -82,7 +83,7 @@ impl Measurements {
     pub(super) fn find(
         recording: &Recording,
         (topic, limit_ns): (&str, u64),
-        frame: &str,
+        (frame, unit_m): (&str, Option<f32>),
         kind: &'static MeasuredKind,
         mut of_pairs: PairStamps,
         look: &mut dyn FnMut(&Channel, &[u8]),
@@ -141,6 +142,7 @@ impl Measurements {
             held: BTreeMap::new(),
             unreadable: BTreeSet::new(),
             frame: frame.to_owned(),
+            unit_m,
         };
         Ok(found
             .check_clock()
@@ -261,7 +263,8 @@ impl Measurements {
                     let frame = head.map_or_else(String::new, |(_, frame)| frame);
                     let is_own = self.frame.is_empty() || plain(&frame) == self.frame;
                     let read = if is_own {
-                        self.kind.read(channel, log_time, &data)
+                        let read = self.kind.read(channel, log_time, &data);
+                        read.map(|(stamp, measured)| (stamp, measured.in_unit(self.unit_m)))
                     } else {
                         Err(format!(
                             "it is in '{frame}', not in '{}' as the first one",

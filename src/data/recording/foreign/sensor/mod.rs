@@ -4,10 +4,9 @@ mod depth_image;
 mod kind;
 mod measurements;
 mod points;
-mod transforms;
 mod view;
 
-use super::{PairStamps, topics};
+use super::{PairStamps, topics, transforms};
 use crate::recording::messages::{Channel, EventReader, FileEvent};
 use crate::recording::{Recording, truth};
 pub(in crate::recording) use kind::head;
@@ -121,8 +120,8 @@ impl TruthTopic {
             }
         };
         let of = (topic.as_str(), *max_skew_ns);
-        let measurements =
-            Measurements::find(recording, of, setup.sensor_frame(), kind, pairs, &mut look)?;
+        let sensor = (setup.sensor_frame(), setup.unit_m());
+        let measurements = Measurements::find(recording, of, sensor, kind, pairs, &mut look)?;
         if let Some(conflict) = conflict {
             let path = recording.path().display();
             tracing::warn!(

@@ -5,6 +5,8 @@ use super::transforms::{Conflict, Transforms, plain};
 use super::{Channel, FileEvent, Plane, Recording, Rig, TruthDensity};
 use super::{topics, truth};
 use crate::recording::foreign::camera::{self, Calibration};
+use crate::recording::foreign::realsense;
+use crate::recording::ros;
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 use svl_core::Result;
 use svl_core::depth::project;
@@ -32,6 +34,8 @@ pub(super) struct Setup {
     /// Calibration of a depth image.
     own: Option<Calibration>,
     transforms: Transforms,
+    /// Metres per step of the depth images, if the recording says so.
+    unit_m: Option<f32>,
     /// Names of the left camera's frame and of the sensor's.
     frames: [String; 2],
 }
@@ -43,6 +47,7 @@ struct Found {
     left: Option<Calibration>,
     frame: Option<std::result::Result<String, String>>,
     own: Option<Calibration>,
+    unit_m: Option<f32>,
     transforms: Transforms,
     /// All transforms including those that may move, which only an error names.
     with_moving: Transforms,
@@ -64,12 +69,15 @@ impl Setup {
         // The calibration nearest in the tree of topics may belong to another camera.
         let own_info = topics::calibration(channels, topic)
             .filter(|info| kind.is_depth() && Some(info) != left_info.as_ref());
+        let unit = realsense::unit_topic(topic)
+            .filter(|unit| channels.iter().any(|channel| channel.topic == *unit));
         let mut found = Found::default();
         for file in recording.files() {
             let mut messages = file.messages()?;
             let is_found = |found: &Found| {
                 (left_info.is_none() || found.left.is_some())
                     && (own_info.is_none() || found.own.is_some())
+                    && (unit.is_none() || found.unit_m.is_some())
                     && found.pose().is_ok()
             };
             // Damage is reported with the pairs.
@@ -98,6 +106,10 @@ impl Setup {
                 if of(&own_info) && found.own.is_none() {
                     found.own = camera::decode(channel, &data).ok();
                 }
+                if of(&unit) && found.unit_m.is_none() {
+                    let value = ros::read(channel, &data, ros::string);
+                    found.unit_m = value.ok().and_then(realsense::unit_m);
+                }
                 if Transforms::reads(channel)
                     && let Err(reason) = found.transforms.add(channel, &data)
                 {
@@ -114,6 +126,7 @@ impl Setup {
             left: found.left,
             own: found.own,
             transforms: found.transforms,
+            unit_m: found.unit_m,
             frames: [
                 found.left_frame,
                 found.frame.and_then(std::result::Result::ok),
@@ -125,6 +138,11 @@ impl Setup {
     /// The frame of the sensor, as its first message names it.
     pub(super) fn sensor_frame(&self) -> &str {
         plain(&self.frames[1])
+    }
+
+    /// Metres per step of the depth images, if the recording says so.
+    pub(super) fn unit_m(&self) -> Option<f32> {
+        self.unit_m
     }
 
     /// A transform between sensor and camera in a message that differs from the one used.

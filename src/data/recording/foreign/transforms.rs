@@ -1,5 +1,6 @@
-//! Static transforms between the frames of a robot: `/tf_static`, and Foxglove's.
+//! Static transforms between the frames of a robot: `/tf_static`, Foxglove's and RealSense's.
 
+use super::realsense;
 use crate::recording::messages::Channel;
 use crate::recording::{decode_protobuf, ros};
 use foxglove::messages::{FrameTransform, FrameTransforms};
@@ -19,7 +20,7 @@ const ROS: &str = "tf2_msgs/msg/TFMessage";
 pub(super) struct Transforms(BTreeMap<String, Placed>);
 
 /// The parent of a frame, and the frame's pose in it.
-type Placed = (String, Isometry3<f64>);
+pub(super) type Placed = (String, Isometry3<f64>);
 
 /// One transform: parent, child, translation, rotation as x, y, z, w.
 type Link = (String, String, [f64; 3], [f64; 4]);
@@ -68,7 +69,7 @@ impl Transforms {
             "foxglove.FrameTransform" | "foxglove.FrameTransforms" => {
                 channel.encoding == "protobuf"
             }
-            _ => false,
+            _ => realsense::is_transform(channel),
         }
     }
 
@@ -140,6 +141,10 @@ impl Transforms {
 
     /// The transforms of a message: child, and its parent with the child's pose in it.
     fn read(channel: &Channel, data: &[u8]) -> Result<Vec<(String, Placed)>, String> {
+        if realsense::is_transform(channel) {
+            let text = ros::read(channel, data, ros::string)?;
+            return Ok(vec![realsense::transform(&channel.topic, text)?]);
+        }
         let links: Vec<Link> = match channel.schema.as_str() {
             "foxglove.FrameTransform" => vec![link(decode_protobuf(data)?)?],
             "foxglove.FrameTransforms" => {
@@ -150,7 +155,7 @@ impl Transforms {
                     .map(link)
                     .collect::<Result<_, _>>()?
             }
-            _ => ros::read(data, ros::transforms)?,
+            _ => ros::read(channel, data, ros::transforms)?,
         };
         let placed = |(parent, child, [x, y, z], [qx, qy, qz, qw]): Link| {
             let rotation = Quaternion::new(qw, qx, qy, qz);
