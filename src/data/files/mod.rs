@@ -2,6 +2,7 @@
 
 mod columns;
 mod decoded;
+mod depth;
 mod disparity;
 mod image;
 mod jpeg;
@@ -12,6 +13,7 @@ mod rvl;
 
 pub use columns::ColumnPlaces;
 pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage};
+pub use depth::{read_depth, read_points};
 pub use disparity::{
     has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why,
 };

@@ -32,6 +32,9 @@ impl Container {
     /// unpacked.
     pub(super) fn open(path: &Path, keep: bool) -> Result<Self> {
         let file = McapFile::open(path, keep)?;
+        if let Some(cure) = closed_format(path) {
+            return Err(Error::format(path, cure));
+        }
         let start = start(&file)?;
         if !start.starts_with(&ZSTD) {
             return Ok(if start == sqlite::MAGIC {
@@ -88,6 +91,23 @@ impl<R: EventReader> EventReader for Unpacked<R> {
             *data = Cow::Owned(unpacked);
         }
         Ok(event)
+    }
+}
+
+/// Name of a recording that only its vendor's programs read, with the command that exports it.
+fn closed_format(path: &Path) -> Option<&'static str> {
+    match path.extension()?.to_str()? {
+        "svo" | "svo2" => Some(
+            "is a recording of ZED's SDK, which alone reads it: its `ZED_SVO_Export FILE FOLDER/ 2` \
+             writes left and right images, which `svl record FOLDER` reads; or record its ROS 2 \
+             topics, `ros2 bag record`",
+        ),
+        "tar" | "gz" => Some(
+            "is an archive; of an OAK's holistic recording, unpack it, `tar xf FILE -C FOLDER`, and \
+             name the videos of its two cameras: `svl record FOLDER --left LEFT.mp4 --right \
+             RIGHT.mp4`",
+        ),
+        _ => None,
     }
 }
 

@@ -85,6 +85,7 @@ pub use skew::{SkewBin, SkewSummary};
 pub use summary::{Gap, Misalignment, RecordingSummary, Topic};
 pub use sync::PairGeometry;
 pub use topic_file::TopicFile;
+pub use truth::disparities;
 pub use writer::Writer;
 
 use crate::files::BitDepth;

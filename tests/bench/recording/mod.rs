@@ -11,6 +11,7 @@ pub(crate) mod frames;
 mod hints;
 mod kill;
 mod live_topics;
+mod poses;
 mod realsense;
 mod recovery;
 mod ros1;

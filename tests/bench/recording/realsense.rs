@@ -238,5 +238,10 @@ fn info_and_scores_are_those_of_the_folder() {
         SIZE.1
     );
     fixture.write("scene/calib.txt", calib);
-    fixture.assert_same(["bag.db3", "scene"]);
+    std::fs::create_dir_all(fixture.path("scene/depth")).unwrap();
+    for i in 0..3 {
+        fixture.write(&format!("scene/depth/{i}.png"), bag::png(SIZE, &steps(i)));
+    }
+    let bag = format!("bag.db3 --truth {DEPTH}");
+    fixture.assert_same([&bag, "scene --truth depth/*.png"]);
 }

@@ -315,8 +315,20 @@ fn what_cannot_be_read_has_a_cure() {
     fixture.write("old.bag", "#ROSBAG V1.2\nrest");
     fixture.write("cut.bag", "#ROSBAG V2.0\nrest");
     fixture.write("whole.bag", bag(&messages(), "lz4", lz4).bytes);
+    for name in ["a.svo2", "a.svo", "a.tar", "a.tar.gz"] {
+        fixture.write(name, "anything");
+    }
+    fixture.write(
+        "calib.json",
+        r#"{"boardName": "OAK-D", "cameraData": [[0, {}]]}"#,
+    );
     fixture.fails(
-        "record secret.bag => 1: is an encrypted bag | rosbag decrypt
+        "record a.svo2 => 1: a.svo2: is a recording of ZED's SDK | ZED_SVO_Export FILE FOLDER/ 2
+         info a.svo => 1: ZED_SVO_Export
+         record a.tar => 1: a.tar: is an archive | holistic | --left LEFT.mp4
+         record a.tar.gz => 1: is an archive
+         record whole.bag --calib calib.json => 1: calib.json: is DepthAI's | K1 D1 K2 D2 R T
+         record secret.bag => 1: is an encrypted bag | rosbag decrypt
          record old.bag => 1: is a ROS 1 bag of another format | rosbag fix old.bag
          record cut.bag => 1: cut.bag: the recording is incomplete | its header is damaged
          recover whole.bag -o x.mcap => 1: is not an MCAP file | svl record FILE",

@@ -9,6 +9,7 @@ mod json;
 mod live;
 mod pair_stamps;
 mod pixels;
+mod poses;
 mod realsense;
 mod sensor;
 mod stamp_pairing;
@@ -29,10 +30,12 @@ use crate::files::BitDepth;
 use baseline::BaselineSearch;
 use camera::{Calibration, CalibrationChange};
 use first_images::FirstImages;
+use nalgebra::UnitQuaternion;
 use pixels::MessageImage;
+use poses::PoseReader;
 use stamp_pairing::StampPairing;
 use svl_core::counted;
-use svl_core::stereo::{Exposure, Frame, Geometry, Rig, Side, StereoCalibration};
+use svl_core::stereo::{Exposure, Frame, Geometry, Pose, Rig, Side, StereoCalibration};
 use svl_core::{Error, Result};
 
 /// Pairs the images of two topics by stamp.
@@ -43,6 +46,9 @@ pub(super) struct Foreign {
     cameras: [Option<Calibration>; 2],
     /// The baseline in the static transforms, if the calibrations have none.
     baseline_m: Option<f64>,
+    /// The poses of the recording, if it has any, and the left camera's frame.
+    poses: Option<PoseReader>,
+    left_frame: Option<String>,
     partners: StampPairing<std::result::Result<MessageImage, String>>,
     depth: BitDepth,
     max_skew_ns: u64,
@@ -98,7 +104,21 @@ impl Foreign {
             }
         }
         foreign.depth = BitDepth::decide(selection.bits, first.largest())?;
+        foreign.poses = PoseReader::open(recording, &channels)?;
         Ok(foreign)
+    }
+
+    /// The pose of the left camera at that time: of images that were rectified before they were
+    /// recorded, with the rotation of their rectification.
+    fn pose(&mut self, stamp_ns: u64) -> Option<Pose> {
+        let pose = self
+            .poses
+            .as_mut()?
+            .at(self.left_frame.as_ref()?, stamp_ns)?;
+        let rotation = self.cameras[0].as_ref().filter(|_| !self.are_raw());
+        let rotation = rotation.and_then(|camera| camera.rotation().ok());
+        let rotation = rotation.map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation));
+        Some(pose * rotation.unwrap_or_default().inverse())
     }
 
     /// Chooses the topics of a source called `name`. Calibrations and bit depth are still unknown.
@@ -119,6 +139,8 @@ impl Foreign {
             calibrations,
             cameras: [None, None],
             baseline_m: None,
+            poses: None,
+            left_frame: None,
             partners: StampPairing::new(selection.max_skew_ns),
             depth: BitDepth::FULL,
             max_skew_ns: selection.max_skew_ns,
@@ -290,6 +312,9 @@ impl PairSource for Foreign {
         for side in Side::BOTH {
             if channel.topic == self.images[side as usize] {
                 self.counts[side as usize] += 1;
+                if side == Side::Left && self.left_frame.is_none() {
+                    self.left_frame = head(channel, data).ok().map(|(_, frame)| frame);
+                }
                 let (stamp, image) = image::decode(channel, data)?;
                 let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
                 let bytes = image.as_ref().map_or(0, |image| image.image.bytes());
@@ -324,14 +349,14 @@ impl PairSource for Foreign {
             self.pairs += 1;
             self.size = pair.size();
         }
-        let geometry = self.geometry();
+        let (geometry, pose) = (self.geometry(), self.pose(left_ns));
         let frame = pair.map(|(pair, color)| Frame {
             sequence,
             stamp_ns: left_ns,
             name: None,
             pair,
             geometry,
-            pose: None,
+            pose,
             truth: None,
             color,
             exposure,

@@ -140,7 +140,15 @@ fn unread(channels: &[&Channel]) -> Option<String> {
             .unwrap_or_default()
             .to_owned()
     };
-    let kinds = ["Image", "RawImage", "CompressedImage", "CompressedVideo"];
+    let kinds = [
+        "Image",
+        "RawImage",
+        "CompressedImage",
+        "CompressedVideo",
+        "FFMPEGPacket",
+        "ImgFrame",
+        "EncodedFrame",
+    ];
     let seems = |channel: &&&Channel| kinds.contains(&name(channel).as_str());
     let first = channels
         .iter()
@@ -152,9 +160,13 @@ fn unread(channels: &[&Channel]) -> Option<String> {
     let topics = joined(alike.map(|channel| &channel.topic));
     let schema = &first.schema;
     Some(match name(first).as_str() {
-        "CompressedVideo" => {
+        "CompressedVideo" | "FFMPEGPacket" => {
             format!("{topics}: {schema}, a video; record images, raw or as PNG or JPEG")
         }
+        "ImgFrame" | "EncodedFrame" => format!(
+            "{topics}: {schema} of DepthAI, whose images are in the videos beside this file: `svl \
+             record FOLDER --left LEFT.mp4 --right RIGHT.mp4`"
+        ),
         _ => format!("{topics}: {schema}; it reads {}", image::SCHEMAS.join(", ")),
     })
 }
@@ -338,9 +350,12 @@ mod tests {
         };
         let named = complaint("foxglove.CompressedVideo", "cdr", Some("/cam0/image"));
         assert!(
-            named
-                .starts_with("--left: /cam0/image, /cam1/image: foxglove.CompressedVideo, a video"),
+            named.starts_with("--left: /cam0/image: foxglove.CompressedVideo, a video"),
             "{named}"
+        );
+        assert!(
+            complaint("dai.proto.img_frame.ImgFrame", "protobuf", None)
+                .contains("of DepthAI, whose images are in the videos")
         );
         assert!(
             complaint("foxglove.CompressedVideo", "protobuf", None)

@@ -191,6 +191,32 @@ pub(in crate::recording) struct RosScan {
     pub(in crate::recording) ranges: Vec<f64>,
 }
 
+/// stereo_msgs/msg/DisparityImage.
+pub(in crate::recording) struct RosDisparityImage<'a> {
+    pub(in crate::recording) image: RawPixels<'a>,
+    pub(in crate::recording) focal_px: f32,
+    pub(in crate::recording) baseline_m: f32,
+    pub(in crate::recording) min_disparity: f32,
+}
+
+pub(in crate::recording) fn disparity_image<'a>(
+    message: &mut MessageReader<'a>,
+) -> Result<RosDisparityImage<'a>> {
+    header(message)?;
+    let (_, image) = image(message)?;
+    let (focal_px, baseline_m) = (message.f32()?, message.f32()?);
+    for _side_of_window in 0..4 {
+        message.u32()?;
+    }
+    let _do_rectify = message.u8()?;
+    Ok(RosDisparityImage {
+        image,
+        focal_px,
+        baseline_m,
+        min_disparity: message.f32()?,
+    })
+}
+
 /// Limit on fields of a point: lidars have ten.
 const MAX_FIELDS: usize = 1000;
 
@@ -239,15 +265,26 @@ pub(in crate::recording) type RosTransform = (String, String, [f64; 3], [f64; 4]
 /// Limit on transforms in a message.
 const MAX_TRANSFORMS: usize = 10_000;
 
-/// tf2_msgs/msg/TFMessage.
+/// nav_msgs/msg/Odometry: the pose of the child frame, without its covariance and the twist.
+pub(in crate::recording) fn odometry(
+    message: &mut MessageReader<'_>,
+) -> Result<(RosTime, RosTransform)> {
+    let RosHeader { stamp, frame_id } = header(message)?;
+    let child = message.str()?.to_owned();
+    let pose = (floats(message)?, floats(message)?);
+    Ok((stamp, (frame_id.to_owned(), child, pose.0, pose.1)))
+}
+
+/// tf2_msgs/msg/TFMessage, each transform with its stamp.
 pub(in crate::recording) fn transforms(
     message: &mut MessageReader<'_>,
-) -> Result<Vec<RosTransform>> {
+) -> Result<Vec<(RosTime, RosTransform)>> {
     let count = limited(message.length(1)?, MAX_TRANSFORMS, "transforms")?;
     let transform = |_| {
-        let parent = header(message)?.frame_id.to_owned();
+        let RosHeader { stamp, frame_id } = header(message)?;
         let child = message.str()?.to_owned();
-        Ok((parent, child, floats(message)?, floats(message)?))
+        let pose = (floats(message)?, floats(message)?);
+        Ok((stamp, (frame_id.to_owned(), child, pose.0, pose.1)))
     };
     (0..count).map(transform).collect()
 }

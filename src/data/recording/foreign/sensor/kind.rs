@@ -58,6 +58,11 @@ const KINDS: &[MeasuredKind] = &[
         "cdr",
         depth_image::compressed,
     ),
+    depth(
+        "stereo_msgs/msg/DisparityImage",
+        "cdr",
+        depth_image::disparity_image,
+    ),
     depth("foxglove.RawImage", "protobuf", depth_image::foxglove_image),
     cloud("sensor_msgs/msg/PointCloud2", "cdr", points::ros_cloud),
     cloud("sensor_msgs/msg/LaserScan", "cdr", points::ros_scan),

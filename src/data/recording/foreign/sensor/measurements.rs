@@ -207,7 +207,7 @@ impl Measurements {
     ///
     /// # Errors
     /// [`svl_core::Error::Io`].
-    pub(super) fn of(&mut self, frame: &Frame) -> Result<Option<Arc<Measured>>> {
+    pub(super) fn of(&mut self, frame: &Frame) -> Result<Option<(u64, Arc<Measured>)>> {
         let (stamp_ns, limit_ns) = (frame.stamp_ns, self.limit_ns);
         self.held
             .retain(|_, (stamp, _)| stamp.saturating_add(limit_ns) >= stamp_ns);
@@ -234,9 +234,9 @@ impl Measurements {
 
     /// Reads on to a message, or again from the start of its file. Others on the way that later
     /// pairs may need are kept.
-    fn fetch(&mut self, number: u64, stamp_ns: u64) -> Result<Option<Arc<Measured>>> {
-        if let Some((_, held)) = self.held.get(&number) {
-            return Ok(Some(Arc::clone(held)));
+    fn fetch(&mut self, number: u64, stamp_ns: u64) -> Result<Option<(u64, Arc<Measured>)>> {
+        if let Some(held) = self.held.get(&number) {
+            return Ok(Some(held.clone()));
         }
         if self.unreadable.contains(&number) {
             return Ok(None);
@@ -298,7 +298,7 @@ impl Measurements {
                 }
             }
         }
-        let found = self.held.get(&number).map(|(_, held)| Arc::clone(held));
+        let found = self.held.get(&number).cloned();
         while self.held.len() > 1 && bytes(&self.held) > HELD_BYTES {
             self.held.pop_first();
         }

@@ -140,6 +140,25 @@ impl Setup {
         plain(&self.frames[1])
     }
 
+    /// The left camera's frame, as its first image names it.
+    pub(super) fn left_frame(&self) -> &str {
+        &self.frames[0]
+    }
+
+    /// The rotation of the rectification.
+    pub(super) fn rotation(&self, raw: Option<&RawCamera>) -> UnitQuaternion<f64> {
+        // Pairs rectified before they were recorded have the rotation in their CameraInfo; that of
+        // an uncalibrated camera is all zeros.
+        let own_rotation = || {
+            let rotation = self.left.as_ref()?.rotation().ok()?;
+            Some(UnitQuaternion::from_rotation_matrix(&rotation))
+        };
+        match raw {
+            Some(raw) => raw.rotation,
+            None => own_rotation().unwrap_or_else(UnitQuaternion::identity),
+        }
+    }
+
     /// Metres per step of the depth images, if the recording says so.
     pub(super) fn unit_m(&self) -> Option<f32> {
         self.unit_m
@@ -165,17 +184,7 @@ impl Setup {
         size: (usize, usize),
         raw: Option<&RawCamera>,
     ) -> std::result::Result<View, String> {
-        // Pairs rectified before they were recorded have the rotation in their CameraInfo; that of
-        // an uncalibrated camera is all zeros.
-        let own_rotation = || {
-            let rotation = self.left.as_ref()?.rotation().ok()?;
-            Some(UnitQuaternion::from_rotation_matrix(&rotation))
-        };
-        let rotation = match raw {
-            Some(raw) => raw.rotation,
-            None => own_rotation().unwrap_or_else(UnitQuaternion::identity),
-        };
-        let left_from_sensor = rotation * self.left_from_sensor;
+        let left_from_sensor = self.rotation(raw) * self.left_from_sensor;
         let Measured::Depth(depth) = measured else {
             return Ok(View::Points(left_from_sensor));
         };
@@ -310,21 +319,26 @@ pub(super) enum View {
 }
 
 impl View {
-    pub(super) fn density(&self) -> TruthDensity {
+    /// Density of measurements as they are, or after a motion.
+    pub(super) fn density(&self, is_moved: bool) -> TruthDensity {
         match self {
-            Self::Aligned => TruthDensity::Dense,
-            Self::Camera { .. } | Self::Points(_) => TruthDensity::Sparse,
+            Self::Aligned if !is_moved => TruthDensity::Dense,
+            _ => TruthDensity::Sparse,
         }
     }
 
+    /// `motion` moves the points to the left camera at the time of the pair.
+    ///
     /// # Errors
     /// For a depth image of another size than the first.
     pub(super) fn disparities(
         &self,
         measured: &Measured,
+        motion: Option<&Isometry3<f64>>,
         rig: &Rig,
         size: (usize, usize),
     ) -> std::result::Result<Plane<f32>, String> {
+        let moved = |point: Point3<f64>| motion.map_or(point, |motion| motion * point);
         let expected = match self {
             Self::Camera { size, .. } => *size,
             _ => size,
@@ -340,11 +354,21 @@ impl View {
                 let depths = depth.rows().flatten().zip(rays);
                 let point =
                     |(&z, ray): (&f32, &Vector3<f64>)| Point3::from(ray * f64::from(z) + origin);
-                Ok(project(depths.map(point), rig, size))
+                Ok(project(depths.map(point).map(moved), rig, size))
+            }
+            (Self::Aligned, Measured::Depth(depth)) if motion.is_some() => {
+                let (focal, (cx, cy)) = (rig.focal_px(), rig.center_px());
+                let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
+                let points = pixels.map(|(x, y)| {
+                    let z = f64::from(depth.get(x, y));
+                    Point3::new((x as f64 - cx) / focal * z, (y as f64 - cy) / focal * z, z)
+                });
+                Ok(project(points.map(moved), rig, size))
             }
             (_, Measured::Depth(depth)) => Ok(truth::disparities(depth, rig)),
             (Self::Points(pose), Measured::Points(points)) => {
-                Ok(project(points.iter().map(|point| pose * point), rig, size))
+                let points = points.iter().map(|point| moved(pose * point));
+                Ok(project(points, rig, size))
             }
             (_, Measured::Points(_)) => Err("points instead of depth images".to_owned()),
         }
