@@ -107,14 +107,7 @@ pub const SOURCES: &[SourceKind] = &[
         noun: "a recording",
         help: "a recording: svl's, a ROS 2 bag (its folder or a file of it), a ROS 1 bag, the \
                RealSense SDK's, Foxglove's; raw, compressed or Bayer images of two topics",
-        options: &[
-            "left",
-            "right",
-            "bits",
-            "max_skew_ms",
-            "truth",
-            "truth_skew_ms",
-        ],
+        options: &["left", "right", "bits", "max_skew_ms", "truth"],
         is_path: true,
         // Bags in other containers are among them: their reader says which it reads.
         recognizes: |name| {
@@ -146,15 +139,7 @@ pub const SOURCES: &[SourceKind] = &[
                KITTI's training/ (the pairs with truth), or many pairs: left/ and right/ with \
                images of equal names, EuRoC's and KITTI's sequences, 00_left.png and 00_right.png, \
                or the images that --left and --right name",
-        options: &[
-            "left",
-            "right",
-            "side_by_side",
-            "fps",
-            "bits",
-            "truth",
-            "truth_skew_ms",
-        ],
+        options: &["left", "right", "side_by_side", "fps", "bits", "truth"],
         is_path: true,
         recognizes: |name| Path::new(name).is_dir(),
         open: folder,

@@ -46,6 +46,8 @@ pub(super) struct Ros1Messages {
     /// Start of the index; 0 in a bag that was not closed.
     index: u64,
     channels: BTreeMap<u32, Channel>,
+    /// Definitions of their messages, by topic.
+    definitions: BTreeMap<String, String>,
     /// The unpacked chunk, and the start of its next record.
     chunk: Vec<u8>,
     within: usize,
@@ -89,12 +91,14 @@ impl<'a> Fields<'a> {
         Some(String::from_utf8_lossy(self.get(name)?).into_owned())
     }
 
-    /// The id and the channel of a connection record with this data.
-    fn connection(&self, data: &[u8]) -> Option<(u32, Channel)> {
+    /// The id and the channel of a connection record with this data, and the definition of its
+    /// messages.
+    fn connection(&self, data: &[u8]) -> Option<(u32, Channel, String)> {
         let inner = Fields(data);
         let topic = self.text("topic").or_else(|| inner.text("topic"))?;
         let channel = Channel::new(topic, inner.text("type")?, ROS1.to_owned());
-        Some((self.u32("conn")?, channel))
+        let definition = inner.text("message_definition").unwrap_or_default();
+        Some((self.u32("conn")?, channel, definition))
     }
 }
 
@@ -109,6 +113,7 @@ impl Ros1Messages {
             at: MAGIC.len() as u64 + 1,
             index: 0,
             channels: BTreeMap::new(),
+            definitions: BTreeMap::new(),
             chunk: Vec::new(),
             within: 0,
             chunk_at: 0,
@@ -135,6 +140,14 @@ impl Ros1Messages {
         channels.sort_unstable_by(|a, b| a.topic.cmp(&b.topic));
         channels.dedup();
         channels
+    }
+
+    /// The definitions of the messages by topic, found as [`Ros1Messages::channels`].
+    pub(super) fn definitions(mut self) -> BTreeMap<String, String> {
+        if self.channels.is_empty() {
+            while let Ok(Some(_)) = self.next() {}
+        }
+        self.definitions
     }
 
     /// The damaged parts so far.
@@ -176,9 +189,18 @@ impl Ros1Messages {
     fn declare(&mut self, header: &[u8], data: std::ops::Range<u64>) -> io::Result<()> {
         if data.end - data.start <= MAX_CONNECTION.into() {
             let bytes = self.read(data.start, data.end - data.start)?;
-            self.channels.extend(Fields(header).connection(&bytes));
+            self.connect(Fields(header).connection(&bytes));
         }
         Ok(())
+    }
+
+    fn connect(&mut self, connection: Option<(u32, Channel, String)>) {
+        if let Some((id, channel, definition)) = connection
+            && self.channels.len() < MAX_CONNECTIONS
+        {
+            self.definitions.insert(channel.topic.clone(), definition);
+            self.channels.insert(id, channel);
+        }
     }
 
     /// The header of the record at `at`, and the position of its data; `None` if it is damaged or
@@ -368,9 +390,7 @@ impl Ros1Messages {
             match fields.kind() {
                 Some(CONNECTION) => {
                     let connection = fields.connection(&self.chunk[data]);
-                    if self.channels.len() < MAX_CONNECTIONS {
-                        self.channels.extend(connection);
-                    }
+                    self.connect(connection);
                 }
                 Some(MESSAGE) => {
                     let id = fields.u32("conn");
