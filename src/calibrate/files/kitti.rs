@@ -59,8 +59,8 @@ pub fn read_projections(path: &Path, left: &str, right: &str) -> Result<Rig> {
     )
 }
 
-/// The pose of KITTI's laser scanner in the rectified camera with that projection: by `R` and `T` of
-/// `calib_velo_to_cam.txt`, or `Tr` of a sequence's `calib.txt`. `cameras` has the projection.
+/// The pose of KITTI's laser scanner in the rectified camera with that projection: by `R` and `T`
+/// of `calib_velo_to_cam.txt`, or `Tr` of a sequence's `calib.txt`. `cameras` has the projection.
 ///
 /// # Errors
 /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] with the missing or malformed matrix.

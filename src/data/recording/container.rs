@@ -98,13 +98,13 @@ impl<R: EventReader> EventReader for Unpacked<R> {
 fn closed_format(path: &Path) -> Option<&'static str> {
     match path.extension()?.to_str()? {
         "svo" | "svo2" => Some(
-            "is a recording of ZED's SDK, which alone reads it: its `ZED_SVO_Export FILE FOLDER/ 2` \
-             writes left and right images, which `svl record FOLDER` reads; or record its ROS 2 \
+            "is a recording of ZED's SDK, which alone reads it: its `ZED_SVO_Export FILE FOLDER/ \
+             2` writes left and right images, which `svl record FOLDER` reads; or record its ROS 2 \
              topics, `ros2 bag record`",
         ),
         "tar" | "gz" => Some(
-            "is an archive; of an OAK's holistic recording, unpack it, `tar xf FILE -C FOLDER`, and \
-             name the videos of its two cameras: `svl record FOLDER --left LEFT.mp4 --right \
+            "is an archive; of an OAK's holistic recording, unpack it, `tar xf FILE -C FOLDER`, \
+             and name the videos of its two cameras: `svl record FOLDER --left LEFT.mp4 --right \
              RIGHT.mp4`",
         ),
         _ => None,

@@ -59,9 +59,9 @@ pub(super) struct Ros1Messages {
 }
 
 /// The fields of a record's header.
-struct Fields<'a>(&'a [u8]);
+struct HeaderFields<'a>(&'a [u8]);
 
-impl<'a> Fields<'a> {
+impl<'a> HeaderFields<'a> {
     fn get(&self, name: &str) -> Option<&'a [u8]> {
         let mut rest = self.0;
         while let Some((length, bytes)) = rest.split_first_chunk::<4>() {
@@ -94,7 +94,7 @@ impl<'a> Fields<'a> {
     /// The id and the channel of a connection record with this data, and the definition of its
     /// messages.
     fn connection(&self, data: &[u8]) -> Option<(u32, Channel, String)> {
-        let inner = Fields(data);
+        let inner = HeaderFields(data);
         let topic = self.text("topic").or_else(|| inner.text("topic"))?;
         let channel = Channel::new(topic, inner.text("type")?, ROS1.to_owned());
         let definition = inner.text("message_definition").unwrap_or_default();
@@ -161,7 +161,7 @@ impl Ros1Messages {
             self.lose(self.at, 0, "its header is damaged");
             return Ok(true);
         };
-        let fields = Fields(&header);
+        let fields = HeaderFields(&header);
         if fields.kind() != Some(BAG) {
             self.lose(self.at, 0, "its header is damaged");
             return Ok(true);
@@ -177,7 +177,7 @@ impl Ros1Messages {
             let Some((header, data)) = self.head(at)? else {
                 break;
             };
-            if Fields(&header).kind() != Some(CONNECTION) {
+            if HeaderFields(&header).kind() != Some(CONNECTION) {
                 break;
             }
             at = data.end;
@@ -189,7 +189,7 @@ impl Ros1Messages {
     fn declare(&mut self, header: &[u8], data: std::ops::Range<u64>) -> io::Result<()> {
         if data.end - data.start <= MAX_CONNECTION.into() {
             let bytes = self.read(data.start, data.end - data.start)?;
-            self.connect(Fields(header).connection(&bytes));
+            self.connect(HeaderFields(header).connection(&bytes));
         }
         Ok(())
     }
@@ -255,7 +255,7 @@ impl Ros1Messages {
                 self.resynchronize(at, "a record is damaged or cut off")?;
                 continue;
             };
-            let fields = Fields(&header);
+            let fields = HeaderFields(&header);
             match fields.kind() {
                 Some(CHUNK) => {
                     self.at = data.end;
@@ -291,7 +291,7 @@ impl Ros1Messages {
     /// Unpacks the chunk with this data. Inner: the reason why it cannot be unpacked.
     fn unpack(
         &mut self,
-        fields: &Fields<'_>,
+        fields: &HeaderFields<'_>,
         data: std::ops::Range<u64>,
     ) -> io::Result<std::result::Result<(), String>> {
         let (Some(compression), Some(size)) = (fields.text("compression"), fields.u32("size"))
@@ -348,7 +348,7 @@ impl Ros1Messages {
                     if end < mark + CHUNK_FIELD.len() || end > mark + CHUNK_HEADER {
                         continue;
                     }
-                    let header = bytes.get(start + 4..end).map(Fields);
+                    let header = bytes.get(start + 4..end).map(HeaderFields);
                     let is_chunk = header.is_some_and(|header| {
                         let has_all =
                             header.u32("size").is_some() && header.get("compression").is_some();
@@ -386,7 +386,7 @@ impl Ros1Messages {
                 return None;
             };
             self.within = data.end;
-            let fields = Fields(&self.chunk[header]);
+            let fields = HeaderFields(&self.chunk[header]);
             match fields.kind() {
                 Some(CONNECTION) => {
                     let connection = fields.connection(&self.chunk[data]);

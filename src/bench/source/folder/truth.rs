@@ -103,8 +103,8 @@ impl FolderTruth {
         self.without
     }
 
-    /// Attaches the truth of the file with the frame's name, or else, if the names are times, of the
-    /// one nearest to its stamp. `raw`: the left camera, if svl rectified the pair.
+    /// Attaches the truth of the file with the frame's name, or else, if the names are times, of
+    /// the one nearest to its stamp. `raw`: the left camera, if svl rectified the pair.
     ///
     /// # Errors
     /// [`Error::Format`] for a pair without a rig, and for depth images of raw pairs or of another

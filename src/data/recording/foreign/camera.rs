@@ -18,17 +18,17 @@ const ROW_TOLERANCE_PX: f64 = 0.1;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Calibration {
     /// Width and height of its images, pixels.
-    pub(super) size: (u32, u32),
+    size: (u32, u32),
     /// Name of the distortion model.
-    pub(super) model: String,
+    model: String,
     /// Intrinsics before rectification, row-major 3x3.
-    pub(super) k: Vec<f64>,
+    k: Vec<f64>,
     /// Distortion coefficients.
-    pub(super) d: Vec<f64>,
+    d: Vec<f64>,
     /// Rotation into the rectified frame, row-major 3x3.
-    pub(super) r: Vec<f64>,
+    r: Vec<f64>,
     /// Projection of the rectified camera, row-major 3x4.
-    pub(super) p: Vec<f64>,
+    p: Vec<f64>,
 }
 
 /// True if the messages of a channel are calibrations.
@@ -66,11 +66,25 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, Stri
             })
         }
         ("std_msgs/msg/String", "cdr") => {
-            realsense::calibration(ros::read(channel, data, ros::string)?)
+            realsense::calibration(ros::read(channel, data, ros::string)?).map(from_stream)
         }
         (schema, encoding) => Err(format!(
             "its {schema} is in '{encoding}', svl reads cdr, ros1, protobuf and json"
         )),
+    }
+}
+
+/// A RealSense stream's: its images are rectified by the camera, so P is K; the baseline is in the
+/// transforms.
+fn from_stream(camera: realsense::StreamCamera) -> Calibration {
+    let ((fx, fy), (cx, cy)) = (camera.focal_px, camera.center_px);
+    Calibration {
+        size: camera.size,
+        model: camera.model,
+        k: vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+        d: camera.distortion.to_vec(),
+        r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p: vec![fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
     }
 }
 

@@ -4,14 +4,12 @@
 //! | topic | string |
 //! |---|---|
 //! | `/device_0/sensor_0/Infrared_1/camera_info` | `width=…;height=…;fx=…;ppx=…;…;coeffs=…` |
-//! | `/device_0/sensor_0/Infrared_1/tf/ref_0` | `rotation=` column-major, `translation=` in metres |
+//! | `/device_0/sensor_0/Infrared_1/tf/ref_0` | `rotation=` by columns, `translation=`, metres |
 //! | `/device_0/sensor_0/option/Depth_Units/value` | metres per step of the depth images |
 //!
 //! The extrinsics map points of the frame `ref_0` into the stream's. Messages name the frame of a
 //! stream after it: `Infrared1`, `Depth`.
 
-use super::camera::Calibration;
-use super::transforms::Placed;
 use crate::recording::messages::Channel;
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
 use svl_core::stereo::rotation;
@@ -44,9 +42,18 @@ fn stream_and_reference(topic: &str) -> Option<(&str, &str)> {
     reference.starts_with("ref_").then_some((stream, reference))
 }
 
+/// The camera of a stream.
+pub(super) struct StreamCamera {
+    pub(super) size: (u32, u32),
+    pub(super) model: String,
+    pub(super) focal_px: (f64, f64),
+    pub(super) center_px: (f64, f64),
+    pub(super) distortion: [f64; 5],
+}
+
 /// The calibration of a stream. Its images are rectified by the camera, so P is K; the baseline is
 /// in the extrinsics.
-pub(super) fn calibration(text: &str) -> Result<Calibration, String> {
+pub(super) fn calibration(text: &str) -> Result<StreamCamera, String> {
     let number = |key: &str| numbers::<1>(text, key).map(|[number]| number);
     let side = |key: &str| {
         let side = number(key)?;
@@ -64,18 +71,20 @@ pub(super) fn calibration(text: &str) -> Result<Calibration, String> {
         _ if d == [0.0; 5] => "plumb_bob",
         other => other,
     };
-    Ok(Calibration {
+    Ok(StreamCamera {
         size: (side("width")?, side("height")?),
         model: model.to_owned(),
-        k: vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
-        d: d.to_vec(),
-        r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        p: vec![fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+        focal_px: (fx, fy),
+        center_px: (cx, cy),
+        distortion: d,
     })
 }
 
 /// The pose of a stream's frame in its reference frame.
-pub(super) fn transform(topic: &str, text: &str) -> Result<(String, Placed), String> {
+pub(super) fn transform(
+    topic: &str,
+    text: &str,
+) -> Result<(String, (String, Isometry3<f64>)), String> {
     let (stream, reference) = stream_and_reference(topic).ok_or("its topic names no stream")?;
     let turn = Matrix3::from_column_slice(&numbers::<9>(text, "rotation")?);
     let turn = rotation(&turn).map_err(|e| e.to_string())?;
@@ -126,10 +135,14 @@ mod tests {
     fn strings_are_calibrations() {
         let found = calibration(INFO).unwrap();
         assert_eq!(found.size, (848, 480));
-        assert_eq!((found.p[0], found.p[2], found.p[6]), (424.5, 421.25, 239.5));
-        assert!(found.camera().is_ok(), "no distortion, whatever its model");
+        assert_eq!(found.focal_px, (424.5, 424.5));
+        assert_eq!(found.center_px, (421.25, 239.5));
+        assert_eq!(
+            found.model, "plumb_bob",
+            "no distortion, whatever its model"
+        );
         let other = INFO.replace("=0,0,", "=0.1,0,");
-        assert!(calibration(&other).unwrap().camera().is_err());
+        assert_eq!(calibration(&other).unwrap().model, "Inverse Brown Conrady");
         for (from, to) in [
             ("width=848", "width=-1"),
             ("fx=424.5;", ""),
