@@ -26,7 +26,8 @@
 //!
 //! [`Dialect::Ros2`] contains the same in ROS 2 messages only.
 //!
-//! ROS 2 bags, in MCAP and SQLite, ROS 1 bags, and recordings of Foxglove and RealSense are read too:
+//! ROS 2 bags, in MCAP and SQLite, ROS 1 bags, and recordings of Foxglove and RealSense are read
+//! too:
 //! image
 //! topics are found by their types, and images are paired by their stamps; see [`Selection`]. A bag
 //! may be the folder of its files.
