@@ -105,7 +105,64 @@ fn write() -> Result<(), Box<dyn std::error::Error>> {
         seed("pfm", order, &pfm)?;
     }
     npz()?;
+    ros1()?;
     mcap()
+}
+
+/// A bag of two images and a cloud in a chunk, by each compression that has a writer.
+fn ros1() -> Result<(), Box<dyn std::error::Error>> {
+    let record = |fields: &[&[u8]], data: &[u8]| {
+        let header: Vec<u8> = fields
+            .iter()
+            .flat_map(|field| [&(field.len() as u32).to_le_bytes()[..], field].concat())
+            .collect();
+        let lengths = [header.len(), data.len()].map(|length| (length as u32).to_le_bytes());
+        [&lengths[0], &header[..], &lengths[1], data].concat()
+    };
+    let mut chunk = Vec::new();
+    for (id, topic, kind) in [
+        (0, "/left/image_rect", "Image"),
+        (1, "/right/image_rect", "Image"),
+        (2, "/left/camera_info", "CameraInfo"),
+        (3, "/right/camera_info", "CameraInfo"),
+    ] {
+        let (topic, kind) = (format!("topic={topic}"), format!("type=sensor_msgs/{kind}"));
+        let inner = record(&[topic.as_bytes(), kind.as_bytes()], b"");
+        let inner = &inner[4..inner.len() - 4];
+        chunk.extend(record(&[&[b"conn=", &[id, 0, 0, 0][..]].concat(), b"op=\x07"], inner));
+        let mut data = vec![9, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, b'c', b'a', b'm'];
+        let words = |data: &mut Vec<u8>, words: &[u32]| {
+            words.iter().for_each(|word| data.extend(word.to_le_bytes()));
+        };
+        words(&mut data, &[2, 4, 5]);
+        if id < 2 {
+            data.extend(b"mono8\0");
+            words(&mut data, &[4, 8]);
+            data.extend([10, 20, 30, 40, 50, 60, 70, 80]);
+        } else {
+            data.extend(b"plumb");
+            words(&mut data, &[0]);
+            let tx = -3.0 * f64::from(id - 2);
+            let p = [3.0, 0.0, 2.0, tx, 0.0, 3.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+            let k = [3.0, 0.0, 2.0, 0.0, 3.0, 1.0, 0.0, 0.0, 1.0];
+            let r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+            let numbers = k.iter().chain(&r).chain(&p);
+            numbers.for_each(|number: &f64| data.extend(number.to_le_bytes()));
+            data.extend([0; 25]);
+        }
+        let time = [&b"time="[..], &[1, 0, 0, 0, 2, 0, 0, 0]].concat();
+        chunk.extend(record(&[&[b"conn=", &[id, 0, 0, 0][..]].concat(), b"op=\x02", &time], &data));
+    }
+    let mut lz4 = lz4::EncoderBuilder::new().build(Vec::new())?;
+    std::io::Write::write_all(&mut lz4, &chunk)?;
+    for (name, packed) in [("none", chunk.clone()), ("lz4", lz4.finish().0)] {
+        let compression = format!("compression={name}");
+        let size = [b"size=", &(chunk.len() as u32).to_le_bytes()[..]].concat();
+        let head = record(&[b"op=\x03", &[b"index_pos=", &[0; 8][..]].concat()], b"  ");
+        let body = record(&[compression.as_bytes(), b"op=\x05", &size], &packed);
+        seed("ros1", name, &[b"#ROSBAG V2.0\n", &head[..], &body].concat())?;
+    }
+    Ok(())
 }
 
 /// One calibration in every format.

@@ -35,7 +35,7 @@ pub fn on_file(name: &str, bytes: &[u8], read: impl FnOnce(&Path)) {
 }
 
 /// Topics, schemas and encodings of the messages that svl reads.
-pub const KINDS: [(&str, &str, &str); 20] = [
+pub const KINDS: [(&str, &str, &str); 26] = [
     ("/l", "sensor_msgs/msg/Image", "cdr"),
     ("/r", "sensor_msgs/msg/Image", "cdr"),
     ("/l", "sensor_msgs/msg/CompressedImage", "cdr"),
@@ -64,4 +64,18 @@ pub const KINDS: [(&str, &str, &str); 20] = [
     ("/truth/depth", "sensor_msgs/msg/Image", "cdr"),
     ("/truth/disparity", "sensor_msgs/msg/Image", "cdr"),
     ("/stereo/sync", "svl.StereoSync", "json"),
+    ("/l", "sensor_msgs/Image", "ros1"),
+    ("/r", "sensor_msgs/CompressedImage", "ros1"),
+    ("/info", "sensor_msgs/CameraInfo", "ros1"),
+    ("/tf_static", "tf2_msgs/TFMessage", "ros1"),
+    (
+        "/device_0/sensor_0/Infrared_1/camera_info",
+        "std_msgs/msg/String",
+        "cdr",
+    ),
+    (
+        "/device_0/sensor_0/Infrared_1/tf/ref_0",
+        "std_msgs/msg/String",
+        "cdr",
+    ),
 ];

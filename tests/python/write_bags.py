@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -37,7 +38,32 @@ def write(path, plugin, compression):
                 writer.write(topic, 1_700_000_000_000_000_000 + 50_000_000 * number + side, message)
 
 
+def write_ros1(path, compression):
+    store1 = get_typestore(Stores.ROS1_NOETIC)
+    writer = Ros1Writer(path)
+    if compression is not None:
+        writer.set_compression(compression)
+    with writer:
+        topics = [
+            writer.add_connection(f"/{side}/image_raw", Image.__msgtype__, typestore=store1)
+            for side in ("left", "right")
+        ]
+        for number in range(6):
+            for side, topic in enumerate(topics):
+                message = image(number, side)
+                header = store1.types["std_msgs/msg/Header"](number, message.header.stamp, "camera")
+                fields = {**vars(message), "header": header}
+                data = store1.serialize_ros1(store1.types[Image.__msgtype__](**fields), Image.__msgtype__)
+                writer.write(topic, 1_700_000_000_000_000_000 + 50_000_000 * number + side, data)
+
+
 out = Path(sys.argv[1])
+for name, compression in (
+    ("none", None),
+    ("bz2", Ros1Writer.CompressionFormat.BZ2),
+    ("lz4", Ros1Writer.CompressionFormat.LZ4),
+):
+    write_ros1(out / f"ros1-{name}.bag", compression)
 for name, plugin in (("sqlite", StoragePlugin.SQLITE3), ("mcap", StoragePlugin.MCAP)):
     write(out / name, plugin, None)
     write(out / f"{name}-file", plugin, CompressionMode.FILE)

@@ -1,10 +1,11 @@
 //! Facts of a source by its first pairs: size, cameras, range, truth.
 
-use super::Source;
 use super::open::{open, open_recording};
 use super::opened::Opened;
 use super::request::Request;
+use super::{FolderTruth, Source};
 use serde::Serialize;
+use std::path::Path;
 use std::time::{Duration, Instant};
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{CellRule, Frame, GridShape, Rig};
@@ -44,7 +45,7 @@ pub struct NearestDistance {
 /// A ground truth, and the number of first pairs and cells that it would score.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TruthFacts {
-    /// Its topic; none if the source is not a recording.
+    /// Its topic, or the pattern of its files in a folder; none of a truth that the source has.
     pub topic: Option<String>,
     /// True if it has to be asked for (`--truth TOPIC`).
     pub is_asked_for: bool,
@@ -81,7 +82,7 @@ impl SourceFacts {
         let none = || Error::format(name, "has no pairs");
         let (first, is_constant) = first.ok_or_else(none)?;
         let rig = first.rig().copied();
-        let Recorded { focal_px, topics } = recorded(&opened)?;
+        let Recorded { focal_px, topics } = recorded(&opened, name)?;
         Ok(Self {
             size_px: first.pair.size(),
             geometry: match opened.raw {
@@ -103,7 +104,7 @@ impl SourceFacts {
             } else {
                 topics
                     .into_iter()
-                    .map(|topic| TruthFacts::of_topic(name, topic, rig.is_some()))
+                    .map(|topic| TruthFacts::of_topic(name, topic, rig.is_some(), is_recording))
                     .collect()
             },
         })
@@ -117,9 +118,12 @@ struct Recorded {
     topics: Vec<String>,
 }
 
-fn recorded(opened: &Opened) -> Result<Recorded> {
+fn recorded(opened: &Opened, name: &str) -> Result<Recorded> {
     let Some(recording) = &opened.recording else {
-        return Ok(Recorded::default());
+        return Ok(Recorded {
+            focal_px: None,
+            topics: FolderTruth::usual(Path::new(name)),
+        });
     };
     let reader = Reader::new(recording.clone(), &Request::new("").selection())?;
     Ok(Recorded {
@@ -160,8 +164,8 @@ impl NearestDistance {
 }
 
 impl TruthFacts {
-    /// The truth of another sensor of a recording.
-    fn of_topic(name: &str, topic: String, has_rig: bool) -> Self {
+    /// The truth of another sensor of a recording or a folder.
+    fn of_topic(name: &str, topic: String, has_rig: bool, is_recording: bool) -> Self {
         let mut facts = Self {
             topic: Some(topic.clone()),
             is_asked_for: true,
@@ -179,8 +183,13 @@ impl TruthFacts {
             },
             ..Request::new(name)
         };
-        let looked = open_recording(&request)
-            .and_then(|mut opened| look(&mut *opened.source, |frame| facts.count(&frame)));
+        let opened = if is_recording {
+            open_recording(&request)
+        } else {
+            open(&request)
+        };
+        let looked =
+            opened.and_then(|mut opened| look(&mut *opened.source, |frame| facts.count(&frame)));
         facts.error = looked.err().map(|error| error.to_string());
         facts
     }

@@ -28,10 +28,10 @@ pub use arena::ArenaSource;
 pub use board::BoardSource;
 pub use calibration::{Calib, CalibrationFiles};
 pub use facts::{NearestDistance, SourceFacts, TruthFacts};
-pub use folder::{FolderRequest, FolderSource};
+pub use folder::{FolderRequest, FolderSource, FolderTruth};
 pub use limited::Limited;
 pub use live::LiveSource;
-pub use measured::MeasuredSource;
+pub use measured::{MeasuredSource, SensorTruth};
 #[cfg(not(feature = "ros2"))]
 pub(crate) use open::without_ros2;
 pub use open::{

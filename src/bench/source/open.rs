@@ -6,7 +6,8 @@ use super::opened::Opened;
 use super::request::Request;
 use super::video::is_video;
 use super::{
-    ArenaSource, BoardSource, FolderSource, Heard, LiveSource, RecordingSource, VideoSource,
+    ArenaSource, BoardSource, FolderSource, Heard, LiveSource, RecordingSource, SensorTruth,
+    VideoSource,
 };
 use std::path::Path;
 use svl_core::{Error, Result, joined};
@@ -104,16 +105,20 @@ pub const SOURCES: &[SourceKind] = &[
     SourceKind {
         name: RECORDING,
         noun: "a recording",
-        help: "a recording: svl's, a ROS 2 bag (its folder or a file of it), Foxglove's; raw, \
-               compressed or Bayer images of two topics",
+        help: "a recording: svl's, a ROS 2 bag (its folder or a file of it), a ROS 1 bag, the \
+               RealSense SDK's, Foxglove's; raw, compressed or Bayer images of two topics",
         options: &["left", "right", "bits", "max_skew_ms", "truth"],
         is_path: true,
         // Bags in other containers are among them: their reader says which it reads.
         recognizes: |name| {
             let path = Path::new(name);
             // A scene may have a recording beside its images.
-            is_file(name, &["mcap", "db3", "zstd", "zst", "bag"])
-                || is_bag(path) && Scene::find(path, name).is_none()
+            is_file(
+                name,
+                &[
+                    "mcap", "db3", "zstd", "zst", "bag", "svo", "svo2", "tar", "gz",
+                ],
+            ) || is_bag(path) && Scene::find(path, name).is_none()
         },
         open: recorded,
     },
@@ -134,7 +139,7 @@ pub const SOURCES: &[SourceKind] = &[
                KITTI's training/ (the pairs with truth), or many pairs: left/ and right/ with \
                images of equal names, EuRoC's and KITTI's sequences, 00_left.png and 00_right.png, \
                or the images that --left and --right name",
-        options: &["left", "right", "side_by_side", "fps", "bits"],
+        options: &["left", "right", "side_by_side", "fps", "bits", "truth"],
         is_path: true,
         recognizes: |name| Path::new(name).is_dir(),
         open: folder,
@@ -284,6 +289,7 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
     let reader = source.reader();
     let truth = request.truth();
     let truth = truth.map(|truth| reader.truth(&truth)).transpose()?;
+    let truth = truth.map(|truth| SensorTruth::Topic(Box::new(truth)));
     let calibration = match reader.recording().calibration_files() {
         // Damage is reported with the pairs.
         Err(Error::Damaged { .. }) => CalibrationFiles::new(),
@@ -364,8 +370,12 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         Vec::new()
     };
     if !scenes.is_empty() {
-        if folder.fps.is_some() {
-            let cure = "--fps is for sequences of pairs; leave it out";
+        let given = [
+            ("--fps", folder.fps.is_some()),
+            ("--truth", request.options.truth.is_some()),
+        ];
+        if let Some((option, _)) = given.iter().find(|(_, is_given)| *is_given) {
+            let cure = format!("{option} is for sequences of pairs; leave it out");
             return Err(Error::Usage(format!(
                 "{}: contains scenes of a data set; {cure}",
                 request.name
@@ -383,6 +393,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         });
     }
     let source = FolderSource::new(path, &folder)?;
+    let truth = request.truth().map(|truth| source.truth(&truth));
     let header = Header {
         stamps: source.stamps(),
         bits: source.bits(),
@@ -398,6 +409,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         .map(|note| format!("{}: {note}", request.name));
     Ok(Opened {
         own_calibration,
+        truth: truth.transpose()?.map(SensorTruth::Files),
         remarks: unread.map(lacks).into_iter().collect(),
         notes: note.into_iter().collect(),
         ..Opened::new(source, header, stem)

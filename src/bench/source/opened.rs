@@ -2,7 +2,9 @@
 
 use super::calibration::{self, Calib, CalibrationFiles};
 use super::request::Request;
-use super::{Limited, MeasuredSource, RectifiedSource, ReferenceSource, Resized, Source};
+use super::{
+    Limited, MeasuredSource, RectifiedSource, ReferenceSource, Resized, SensorTruth, Source,
+};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +13,7 @@ use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result};
 use svl_data::manifest::{Manifest, RunRecord, hash, hash_bytes};
 use svl_data::recording::{
-    CALIBRATION, Header, RawCamera, Recording, RecordingFormat, SCENARIO, TruthTopic, Writer,
+    CALIBRATION, Header, RawCamera, Recording, RecordingFormat, SCENARIO, Writer,
 };
 use svl_data::scenario::{CropScale, PairRange};
 use tempfile::TempDir;
@@ -39,7 +41,7 @@ pub struct Opened {
     /// The calibration in a recording or folder of raw images.
     pub(super) own_calibration: Option<StereoCalibration>,
     /// The truth of another sensor, if one was requested.
-    pub(super) truth: Option<TruthTopic>,
+    pub(super) truth: Option<SensorTruth>,
     /// The left camera before svl rectified the pairs.
     pub(super) raw: Option<RawCamera>,
     /// Shortcomings of a folder, or of a recording that svl did not write.

@@ -9,7 +9,7 @@ use super::geometry::{
 };
 use super::numbers::{rows, spaced};
 use super::unit::FileUnit;
-use nalgebra::{Matrix3x4, Vector3};
+use nalgebra::{Isometry3, Matrix3x4, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 use svl_core::Result;
 use svl_core::stereo::{Rectification, Rig, Side, StereoCalibration};
@@ -57,6 +57,35 @@ pub fn read_projections(path: &Path, left: &str, right: &str) -> Result<Rig> {
         left,
         right,
     )
+}
+
+/// The pose of KITTI's laser scanner in the rectified camera with that projection: by `R` and `T`
+/// of `calib_velo_to_cam.txt`, or `Tr` of a sequence's `calib.txt`. `cameras` has the projection.
+///
+/// # Errors
+/// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] with the missing or malformed matrix.
+pub fn read_scanner(scanner: &Path, cameras: &Path, projection: &str) -> Result<Isometry3<f64>> {
+    let open = |path| Document::parse(path, &text(path)?, FORMAT.syntax, FORMAT.title);
+    let (scanner, cameras) = (open(scanner)?, open(cameras)?);
+    let into_camera = if scanner.has("R") {
+        extrinsics(&scanner, "R", "T")?
+    } else {
+        let tr = scanner.projection("Tr")?;
+        let turn = tr.fixed_columns::<3>(0).into_owned();
+        let motion = svl_core::stereo::motion(&turn, tr.column(3).into_owned());
+        motion.map_err(|e| scanner.error(format!("'Tr': {e}")))?
+    };
+    let rectified = if cameras.has("R_rect_00") {
+        cameras.rotation("R_rect_00")?
+    } else {
+        nalgebra::Rotation3::identity()
+    };
+    let p = cameras.projection(projection)?;
+    // P = K [I | t]: t moves from camera 0 to this one.
+    let k = p.fixed_columns::<3>(0).try_inverse();
+    let k = k.ok_or_else(|| cameras.error(format!("'{projection}' has no inverse")))?;
+    let offset = Translation3::from(k * p.column(3));
+    Ok(offset * UnitQuaternion::from_rotation_matrix(&rectified) * into_camera)
 }
 
 fn projections(document: &Document, left: &str, right: &str) -> Result<Rig> {

@@ -21,7 +21,7 @@ mod thesis;
 mod unit;
 
 pub use format::{CalibrationFormat, Hints, LoadedCalibration};
-pub use kitti::read_projections;
+pub use kitti::{read_projections, read_scanner};
 pub use middlebury::read_calib;
 pub use unit::FileUnit;
 
@@ -67,6 +67,13 @@ pub fn read_with(path: &Path, hints: &Hints) -> Result<LoadedCalibration> {
             .find(|format| format.marks.iter().any(|mark| texts[0].contains(mark)))
     };
     let Some(format) = hints.format.or_else(known) else {
+        if texts[0].contains("\"cameraData\"") {
+            return Err(Error::format(
+                &paths[0],
+                "is DepthAI's calibration of an OAK: Python's depthai.CalibrationHandler(FILE) \
+                 reads it; write its intrinsics and extrinsics as OpenCV's K1 D1 K2 D2 R T",
+            ));
+        }
         let names = joined(FORMATS.iter().map(|f| f.name));
         return Err(Error::format(
             &paths[0],

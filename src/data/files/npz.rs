@@ -1,4 +1,4 @@
-//! NumPy's npz: a zip archive with one array, a plane of floats.
+//! NumPy's npz, a zip archive with one array, and npy, an array: a plane of numbers.
 
 use super::{MAX_BYTES, known, read_bounded};
 use std::io::{Cursor, Read};
@@ -34,7 +34,20 @@ fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
             archive.len()
         ));
     }
-    let mut file = archive.by_index(0).map_err(|e| e.to_string())?;
+    let (values, is_integer) = array(archive.by_index(0).map_err(|e| e.to_string())?)?;
+    if is_integer {
+        return Err("its values are integers, expected float32 or float64".to_owned());
+    }
+    Ok(values)
+}
+
+/// Reads an array from a file of its own, and whether it has integers.
+pub(super) fn read_npy(path: &Path) -> Result<(Plane<f32>, bool)> {
+    array(Cursor::new(read_bounded(path, MAX_BYTES)?))
+        .map_err(|reason| Error::format(path, format!("not an npy map: {reason}")))
+}
+
+fn array(mut file: impl Read) -> std::result::Result<(Plane<f32>, bool), String> {
     let NpyHeader {
         item,
         big_endian,
@@ -61,6 +74,14 @@ fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
     }
     let float = |index: usize| {
         let bytes = &data[index * item..][..item];
+        if let Ok(bytes) = <[u8; 2]>::try_from(bytes) {
+            let parse = if big_endian {
+                u16::from_be_bytes
+            } else {
+                u16::from_le_bytes
+            };
+            return f32::from(parse(bytes));
+        }
         match <[u8; 4]>::try_from(bytes) {
             Ok(bytes) if big_endian => f32::from_be_bytes(bytes),
             Ok(bytes) => f32::from_le_bytes(bytes),
@@ -82,7 +103,8 @@ fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
             y * width + x
         }
     };
-    Plane::from_fn(width, height, |x, y| float(index(x, y))).map_err(|e| e.to_string())
+    let values = Plane::from_fn(width, height, |x, y| float(index(x, y)));
+    Ok((values.map_err(|e| e.to_string())?, item == size_of::<u16>()))
 }
 
 /// The header of an array: `{'descr': '<f4', 'fortran_order': False, 'shape': (500, 741), }` (NumPy
@@ -129,13 +151,15 @@ impl NpyHeader {
         };
         let kind = field("descr")?.split('\'').nth(1).unwrap_or_default();
         let (big_endian, item) = match kind {
+            "<u2" => (false, 2),
+            ">u2" => (true, 2),
             "<f4" => (false, 4),
             ">f4" => (true, 4),
             "<f8" => (false, 8),
             ">f8" => (true, 8),
             _ => {
                 return Err(format!(
-                    "its values are '{kind}', expected float32 or float64"
+                    "its values are '{kind}', expected float32, float64 or uint16"
                 ));
             }
         };

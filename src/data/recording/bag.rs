@@ -81,20 +81,17 @@ pub(super) fn several_files(path: &Path, files: &[PathBuf]) -> Error {
 
 /// Description of a file that begins with `start` and is not MCAP, with the remedy.
 pub(super) fn not_mcap(path: &Path, start: &[u8]) -> String {
-    // `#ROSBAG V2.0`
+    // `#ROSBAG V2.0` is read.
     if start.starts_with(b"#ROSBAG ") {
-        let (bag, new) = (path.display(), path.with_extension(""));
-        let new = if new == path {
-            format!("{bag}-ros2")
-        } else {
-            new.display().to_string()
-        };
+        let bag = path.display();
         return format!(
-            "is a bag of ROS 1; `rosbags-convert --src {bag} --dst {new}` makes a bag of ROS 2 \
-             that svl reads (pip install rosbags)"
+            "is a ROS 1 bag of another format than 2.0; `rosbag fix {bag} NEW.bag` of ROS 1 \
+             renews it"
         );
     }
-    "is not an MCAP file, nor a bag of ROS 2 in SQLite; svl reads these (.mcap, .db3)".to_owned()
+    "is not an MCAP file, nor a bag of ROS 2 in SQLite or of ROS 1; svl reads these (.mcap, .db3, \
+     .bag)"
+        .to_owned()
 }
 
 /// The names of a bag's files, from its metadata.

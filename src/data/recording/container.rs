@@ -1,15 +1,17 @@
-//! One file of a recording: MCAP or SQLite, plain or compressed as a whole.
+//! One file of a recording: MCAP, SQLite or a ROS 1 bag, plain or compressed as a whole.
 
 use super::file::McapFile;
-use super::messages::{EventReader, Messages};
+use super::messages::{EventReader, FileEvent, Messages};
+use super::ros1_bag::{self, Ros1Messages};
 use super::sqlite::{self, SqliteFile};
+use std::borrow::Cow;
 use std::io::{Read, Write};
 use std::path::Path;
 use svl_core::{Error, Result};
 use tempfile::NamedTempFile;
 
 /// First bytes of a zstd frame.
-const ZSTD: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
+pub(super) const ZSTD: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
 /// Limit on the size of an unpacked file, and of a message, bytes.
 const MAX_FILE: u64 = 64 << 30;
 const MAX_MESSAGE: u64 = 1 << 30;
@@ -18,6 +20,7 @@ const MAX_MESSAGE: u64 = 1 << 30;
 pub(super) enum Container {
     Mcap(McapFile),
     Sqlite(SqliteFile),
+    Ros1(McapFile),
 }
 
 impl Container {
@@ -29,10 +32,15 @@ impl Container {
     /// unpacked.
     pub(super) fn open(path: &Path, keep: bool) -> Result<Self> {
         let file = McapFile::open(path, keep)?;
+        if let Some(cure) = closed_format(path) {
+            return Err(Error::format(path, cure));
+        }
         let start = start(&file)?;
         if !start.starts_with(&ZSTD) {
             return Ok(if start == sqlite::MAGIC {
                 Self::Sqlite(SqliteFile::new(path, file.len(), None))
+            } else if start.starts_with(ros1_bag::MAGIC) {
+                Self::Ros1(file)
             } else {
                 Self::Mcap(file)
             });
@@ -52,20 +60,54 @@ impl Container {
 
     pub(super) fn path(&self) -> &Path {
         match self {
-            Self::Mcap(file) => file.path(),
+            Self::Mcap(file) | Self::Ros1(file) => file.path(),
             Self::Sqlite(file) => file.path(),
         }
     }
 
-    /// Its messages from the start.
+    /// Its messages from the start, unpacked if they were compressed on their own.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for a file that is neither MCAP nor a bag.
     pub(super) fn messages(&self) -> Result<Box<dyn EventReader>> {
         Ok(match self {
-            Self::Mcap(file) => Box::new(Messages::open(file)?),
-            Self::Sqlite(file) => Box::new(file.messages()?),
+            Self::Mcap(file) => Box::new(Unpacked(Messages::open(file)?)),
+            Self::Sqlite(file) => Box::new(Unpacked(file.messages()?)),
+            Self::Ros1(file) => Box::new(Ros1Messages::open(file)?),
         })
+    }
+}
+
+/// Unpacks messages that rosbag2 compressed on their own. One that cannot be unpacked stays as it
+/// is: its reader reports why.
+struct Unpacked<R>(R);
+
+impl<R: EventReader> EventReader for Unpacked<R> {
+    fn next(&mut self) -> Result<Option<FileEvent<'_>>> {
+        let mut event = self.0.next()?;
+        if let Some(FileEvent::Message { data, .. }) = &mut event
+            && let Ok(Some(unpacked)) = unpack_message(data)
+        {
+            *data = Cow::Owned(unpacked);
+        }
+        Ok(event)
+    }
+}
+
+/// Name of a recording that only its vendor's programs read, with the command that exports it.
+fn closed_format(path: &Path) -> Option<&'static str> {
+    match path.extension()?.to_str()? {
+        "svo" | "svo2" => Some(
+            "is a recording of ZED's SDK, which alone reads it: its `ZED_SVO_Export FILE FOLDER/ \
+             2` writes left and right images, which `svl record FOLDER` reads; or record its ROS 2 \
+             topics, `ros2 bag record`",
+        ),
+        "tar" | "gz" => Some(
+            "is an archive; of an OAK's holistic recording, unpack it, `tar xf FILE -C FOLDER`, \
+             and name the videos of its two cameras: `svl record FOLDER --left LEFT.mp4 --right \
+             RIGHT.mp4`",
+        ),
+        _ => None,
     }
 }
 

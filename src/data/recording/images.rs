@@ -185,7 +185,7 @@ pub(super) fn decode_floats(schema: &str, data: &[u8]) -> Result<Plane<f32>, Str
     if schema != FLOATS {
         return Err(format!("it is a {schema}, svl reads {FLOATS}"));
     }
-    let (_, image) = ros::read(data, ros::image)?;
+    let (_, image) = ros::read_cdr(data, ros::image)?;
     if image.encoding != "32FC1" || image.big_endian {
         return Err(format!(
             "its pixels are '{}', svl reads little-endian 32FC1",

@@ -2,6 +2,7 @@
 
 use super::file::McapFile;
 use super::records::{ANOTHER, Records};
+use super::ros::ROS1;
 use super::salvage::DamagedPart;
 use mcap::records::{self, ChunkIndex, Header, Metadata, Record, SchemaHeader, op};
 use std::borrow::Cow;
@@ -15,6 +16,22 @@ pub(super) struct Channel {
     pub(super) topic: String,
     pub(super) schema: String,
     pub(super) encoding: String,
+}
+
+impl Channel {
+    /// Types of ROS 1 are named as those of ROS 2 with the same fields.
+    pub(super) fn new(topic: String, schema: String, encoding: String) -> Self {
+        let schema = match schema.split_once('/') {
+            Some(("tf", "tfMessage")) if encoding == ROS1 => "tf2_msgs/msg/TFMessage".to_owned(),
+            Some((package, name)) if encoding == ROS1 => format!("{package}/msg/{name}"),
+            _ => schema,
+        };
+        Self {
+            topic,
+            schema,
+            encoding,
+        }
+    }
 }
 
 /// One message, metadata record or attachment, or the header of a file.
@@ -373,11 +390,7 @@ impl Messages {
                     .map(|(schema, _)| schema.name.clone())
                     .unwrap_or_default();
                 let (topic, encoding) = (channel.topic.clone(), channel.message_encoding.clone());
-                let new = Channel {
-                    topic,
-                    schema,
-                    encoding,
-                };
+                let new = Channel::new(topic, schema, encoding);
                 if !channels
                     .get(&channel.id)
                     .is_none_or(|(known, _)| *known == new)

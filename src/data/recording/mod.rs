@@ -26,7 +26,9 @@
 //!
 //! [`Dialect::Ros2`] contains the same in ROS 2 messages only.
 //!
-//! ROS 2 bags, in MCAP and SQLite, and Foxglove recordings of other programs are read too: image
+//! ROS 2 bags, in MCAP and SQLite, ROS 1 bags, and recordings of Foxglove and RealSense are read
+//! too:
+//! image
 //! topics are found by their types, and images are paired by their stamps; see [`Selection`]. A bag
 //! may be the folder of its files.
 //!
@@ -55,6 +57,7 @@ mod records;
 mod recovery;
 mod result;
 mod ros;
+mod ros1_bag;
 mod salvage;
 mod search;
 mod skew;
@@ -84,6 +87,7 @@ pub use skew::{SkewBin, SkewSummary};
 pub use summary::{Gap, Misalignment, RecordingSummary, Topic};
 pub use sync::PairGeometry;
 pub use topic_file::TopicFile;
+pub use truth::disparities;
 pub use writer::Writer;
 
 use crate::files::BitDepth;

@@ -7,6 +7,7 @@ use super::header::{Header, RECORD};
 use super::index::Index;
 use super::messages::{Channel, Messages};
 use super::records::Records;
+use super::ros1_bag::Ros1Messages;
 use mcap::records::Record;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -203,7 +204,7 @@ impl RecordingFile {
             None => {
                 let index = match &self.file {
                     Container::Mcap(file) => Index::read(file)?,
-                    Container::Sqlite(_) => Index::default(),
+                    Container::Sqlite(_) | Container::Ros1(_) => Index::default(),
                 };
                 // Another thread may have been first; both read the same.
                 Ok(self.index.get_or_init(|| index))
@@ -217,6 +218,7 @@ impl RecordingFile {
         }
         let channels = match &self.file {
             Container::Sqlite(file) => file.channels()?,
+            Container::Ros1(file) => Ros1Messages::open(file)?.channels(),
             Container::Mcap(file) => match self.index()?.declared.channels() {
                 none if none.is_empty() => {
                     let mut messages = Messages::open(file)?;
@@ -236,7 +238,7 @@ impl RecordingFile {
             Container::Mcap(file) => Records::open(file)?
                 .record_at(start)?
                 .map(Record::into_owned),
-            Container::Sqlite(_) => None,
+            Container::Sqlite(_) | Container::Ros1(_) => None,
         };
         match record {
             Some(Record::Attachment { data, .. }) => Ok(data.into_owned()),

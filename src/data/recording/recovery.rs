@@ -2,7 +2,10 @@
 
 use super::append_file::AppendFile;
 use super::container::Container;
-use super::messages::{Messages, Schema};
+use super::file::McapFile;
+use super::messages::{EventReader, FileEvent, Messages, Schema};
+use super::ros::ROS1;
+use super::ros1_bag::Ros1Messages;
 use super::salvage::DamagedPart;
 use super::{LIBRARY, Recording, TopicKind};
 use mcap::Attachment;
@@ -38,11 +41,12 @@ impl Recording {
     /// proven record; MCAP files appended to the file are copied too.
     ///
     /// # Errors
-    /// [`Error::Io`], also if `to` exists; [`Error::Format`] for a file that is not MCAP or has
+    /// [`Error::Io`], also if `to` exists; [`Error::Format`] for a file in SQLite or one that has
     /// nothing to recover, in which case `to` is removed, and for a bag of several files.
     pub fn recover(&self, to: &Path) -> Result<Recovery> {
         let from = match self.only_file()? {
             Container::Mcap(file) => file,
+            Container::Ros1(file) => return recover_ros1(file, to),
             Container::Sqlite(file) => {
                 let cure = "`sqlite3 FILE .recover` does it for SQLite";
                 return Err(Error::format(
@@ -79,6 +83,52 @@ impl Recording {
             Err(Error::format(from.path(), reason))
         }
     }
+}
+
+/// Copies the messages of a ROS 1 bag that can be read into an MCAP file.
+fn recover_ros1(from: &McapFile, to: &Path) -> Result<Recovery> {
+    let definitions = Ros1Messages::open(from)?.definitions();
+    let mut messages = Ros1Messages::open(from)?;
+    let library = format!("{LIBRARY}, recovered from rosbag");
+    let mut copy = AppendFile::create(to.to_owned(), ROS1, &library)?;
+    let (mut recovery, mut ids) = (Recovery::default(), HashMap::new());
+    // The error at the end is the first of the losses.
+    while let Ok(Some(FileEvent::Message {
+        channel,
+        log_time,
+        data,
+    })) = messages.next()
+    {
+        let topic = &channel.topic;
+        let channel_id = match ids.get(topic) {
+            Some(id) => *id,
+            None => {
+                let schema = channel.schema.replace("/msg/", "/");
+                let definition = definitions.get(topic).map_or("", String::as_str);
+                let schema = (schema.as_str(), "ros1msg", definition.as_bytes());
+                let id = copy.channel(topic, Some(schema), ROS1, &Default::default())?;
+                ids.insert(topic.clone(), id);
+                id
+            }
+        };
+        let header = MessageHeader {
+            channel_id,
+            sequence: 0,
+            log_time,
+            publish_time: log_time,
+        };
+        copy.message(&header, &data)?;
+        *recovery.messages.entry(topic.clone()).or_default() += 1;
+    }
+    recovery.losses = messages.take_losses();
+    if recovery.messages.is_empty() {
+        drop(copy);
+        let _ = std::fs::remove_file(to);
+        let reason = "contains nothing that can be recovered";
+        return Err(Error::format(from.path(), reason));
+    }
+    copy.finish()?;
+    Ok(recovery)
 }
 
 struct Copier {

@@ -5,6 +5,7 @@ use super::foreign::{
     Selection, StampedImage, UnpairedImages, choose, head, is_image, pair_stamps,
 };
 use super::messages::{Channel, EventReader, FileEvent, Messages};
+use super::ros1_bag::Ros1Messages;
 use super::salvage::DamagedPart;
 use super::skew::SkewSummary;
 use super::sync::{PairGeometry, StereoSync};
@@ -122,6 +123,17 @@ impl Recording {
         let mut seen = SummaryScan::default();
         let file = match self.only_file()? {
             Container::Mcap(file) => file,
+            Container::Ros1(file) => {
+                let mut messages = Ros1Messages::open(file)?;
+                // The error at its end is the first of the losses.
+                while let Ok(Some(event)) = messages.next() {
+                    seen.take_in(event);
+                }
+                seen.losses = messages.take_losses();
+                (seen.library, seen.profile) = ("rosbag, of ROS 1".into(), "ros1".into());
+                seen.choose(self, &self.channels()?);
+                return Ok(seen.summary(file.path(), file.len()));
+            }
             Container::Sqlite(file) => {
                 let mut messages = file.messages()?;
                 loop {
@@ -138,9 +150,7 @@ impl Recording {
                     }
                 }
                 (seen.library, seen.profile) = ("rosbag2, in SQLite".into(), "ros2".into());
-                let channels = file.channels()?;
-                let channels: Vec<_> = channels.iter().collect();
-                seen.choose(&channels);
+                seen.choose(self, &self.channels()?);
                 return Ok(seen.summary(file.path(), file.len()));
             }
         };
@@ -153,16 +163,7 @@ impl Recording {
         // Neither the profile nor a sync message: svl did not write it.
         if seen.profile != PROFILE && seen.sequences.is_empty() {
             let channels = messages.channels();
-            seen.choose(&channels.iter().collect::<Vec<_>>());
-            // Calibrations are for images of one size, so their geometry is known once there is a
-            // pair.
-            seen.geometry = Reader::new(self.clone(), &Selection::default())
-                .and_then(|mut reader| reader.next_pair())
-                .ok()
-                .flatten()
-                .map(|frame| PairGeometry::from(&frame.geometry))
-                .into_iter()
-                .collect();
+            seen.choose(self, &channels.iter().collect::<Vec<_>>());
         }
         Ok(seen.summary(file.path(), file.len()))
     }
@@ -304,7 +305,7 @@ impl SummaryScan {
     }
 
     /// Chooses the topics of the pairs in another program's recording, and pairs their images.
-    fn choose(&mut self, channels: &[&Channel]) {
+    fn choose(&mut self, recording: &Recording, channels: &[&Channel]) {
         self.stereo = choose(channels, &Selection::default()).ok();
         if let Some(topics) = &self.stereo {
             let images = |topic| self.foreign.get(topic).map_or(&[][..], Vec::as_slice);
@@ -313,6 +314,14 @@ impl SummaryScan {
             self.skews = skews;
             self.unpaired = Some(unpaired);
         }
+        // Calibrations are for images of one size, so their geometry is known once there is a pair.
+        self.geometry = Reader::new(recording.clone(), &Selection::default())
+            .and_then(|mut reader| reader.next_pair())
+            .ok()
+            .flatten()
+            .map(|frame| PairGeometry::from(&frame.geometry))
+            .into_iter()
+            .collect();
     }
 
     fn summary(mut self, path: &Path, bytes: u64) -> RecordingSummary {

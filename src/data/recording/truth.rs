@@ -22,7 +22,7 @@ pub(super) fn depths(disparity: &Plane<f32>, rig: &Rig) -> Option<Plane<f32>> {
 }
 
 /// Disparities of the depths in pixels, `+∞` for invalid pixels.
-pub(super) fn disparities(depth: &Plane<f32>, rig: &Rig) -> Plane<f32> {
+pub fn disparities(depth: &Plane<f32>, rig: &Rig) -> Plane<f32> {
     depth.map(|z| {
         // False for NaN, which means no truth.
         if z > 0.0 {

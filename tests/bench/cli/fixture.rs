@@ -72,6 +72,21 @@ impl Fixture {
         }
     }
 
+    /// Two sources, each with its options, have the same cells and scores, to the digit.
+    #[track_caller]
+    pub fn assert_same(&self, sources: [&str; 2]) {
+        let [a, b] = sources.map(|source| {
+            self.run(&format!("record {source} -o same.mcap --force"));
+            self.run("replay same.mcap --algo v3 --algo sgm --cells cells.csv --force");
+            let cells = self.text("cells.csv");
+            // Without the identity of the run and the name of its source.
+            let cells = cells.lines().filter_map(|line| line.splitn(3, ',').nth(2));
+            cells.map(str::to_owned).collect::<Vec<_>>()
+        });
+        assert!(a.len() > 1, "no cells");
+        assert_eq!(a, b);
+    }
+
     pub fn bytes(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.path(name)).unwrap()
     }

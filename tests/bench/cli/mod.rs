@@ -19,6 +19,7 @@ mod exec;
 mod figures;
 mod filter;
 mod firmware;
+mod folder_truth;
 mod help;
 mod info;
 pub mod interrupt;

@@ -82,6 +82,68 @@ fn write_as(options: mcap::WriteOptions, folder: &Path, messages: &[Message]) ->
     path
 }
 
+/// Same as [`write`], in SQLite as ROS 2's recorder and the RealSense SDK do.
+pub(crate) fn write_sqlite(folder: &Path, messages: &[Message]) -> PathBuf {
+    let path = folder.join("bag.db3");
+    let mut connection = rusqlite::Connection::open(&path).unwrap();
+    let tables = "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT \
+                  NULL, serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);
+                  CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, \
+                  timestamp INTEGER NOT NULL, data BLOB NOT NULL);";
+    connection.execute_batch(tables).unwrap();
+    let rows = connection.transaction().unwrap();
+    let mut topics: Vec<&str> = Vec::new();
+    for message in messages {
+        let known = topics.iter().position(|topic| *topic == message.topic);
+        let id = known.unwrap_or_else(|| {
+            let topic = (
+                topics.len() as i64,
+                message.topic,
+                message.schema,
+                message.encoding,
+            );
+            rows.execute("INSERT INTO topics VALUES(?, ?, ?, ?, '')", topic)
+                .unwrap();
+            topics.push(message.topic);
+            topics.len() - 1
+        });
+        let row = (id as i64, message.log_time as i64, &message.data);
+        rows.execute(
+            "INSERT INTO messages(topic_id, timestamp, data) VALUES(?, ?, ?)",
+            row,
+        )
+        .unwrap();
+    }
+    rows.commit().unwrap();
+    path
+}
+
+/// A std_msgs/msg/String.
+pub(crate) fn string(topic: &'static str, text: &str) -> Message {
+    let mut data = vec![0, 1, 0, 0];
+    CdrWriter::<LittleEndian>::new(&mut data).write_string(text);
+    Message::cdr(topic, "std_msgs/msg/String", 1, data)
+}
+
+/// The message compressed on its own, as rosbag2 does.
+pub(crate) fn packed(message: &Message) -> Message {
+    message.with(zstd::bulk::compress(&message.data, 1).unwrap())
+}
+
+/// A PNG of 8 or 16 bits.
+pub(crate) fn png<T>((width, height): (usize, usize), pixels: &[T]) -> Vec<u8>
+where
+    T: image::Primitive,
+    image::Luma<T>: image::PixelWithColorType<Subpixel = T>,
+    [T]: image::EncodableLayout,
+{
+    let (width, height) = (width as u32, height as u32);
+    let image = image::ImageBuffer::<image::Luma<T>, _>::from_raw(width, height, pixels).unwrap();
+    let mut png = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    png.into_inner()
+}
+
 fn cdr(stamp: u64, write: impl FnOnce(&mut CdrWriter<'_, LittleEndian>)) -> Vec<u8> {
     cdr_in("cam", stamp, write)
 }
@@ -105,11 +167,22 @@ pub(crate) fn cdr_in(
 pub(crate) fn ros_image(
     topic: &'static str,
     stamp: u64,
-    (width, height): (usize, usize),
+    size: (usize, usize),
     encoding: &str,
     pixels: &[u8],
 ) -> Message {
-    let data = cdr(stamp, |cdr| {
+    ros_image_in("cam", topic, stamp, size, (encoding, pixels))
+}
+
+/// Same as [`ros_image`], of a camera with that frame.
+pub(crate) fn ros_image_in(
+    frame: &str,
+    topic: &'static str,
+    stamp: u64,
+    (width, height): (usize, usize),
+    (encoding, pixels): (&str, &[u8]),
+) -> Message {
+    let data = cdr_in(frame, stamp, |cdr| {
         cdr.write_u32(height as u32);
         cdr.write_u32(width as u32);
         cdr.write_string(encoding);
@@ -127,7 +200,17 @@ pub(crate) fn ros_compressed(
     format: &str,
     bytes: &[u8],
 ) -> Message {
-    let data = cdr(stamp, |cdr| {
+    ros_compressed_in("cam", topic, stamp, format, bytes)
+}
+
+pub(crate) fn ros_compressed_in(
+    frame: &str,
+    topic: &'static str,
+    stamp: u64,
+    format: &str,
+    bytes: &[u8],
+) -> Message {
+    let data = cdr_in(frame, stamp, |cdr| {
         cdr.write_string(format);
         cdr.write_bytes(bytes);
     });

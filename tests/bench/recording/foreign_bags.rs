@@ -489,12 +489,12 @@ fn what_is_no_pair_is_told() {
     let (_folder, path) = of([left, small]);
     assert!(complaint(&path).contains("left image is 24x16, right image is 12x16"));
     let [left, right] = pair(0, 0);
-    let ros1 = Message {
-        encoding: "ros1",
+    let other = Message {
+        encoding: "xml",
         ..right
     };
-    let (_folder, path) = of([left, ros1]);
-    assert!(complaint(&path).contains("is in 'ros1', svl reads cdr, protobuf and json"));
+    let (_folder, path) = of([left, other]);
+    assert!(complaint(&path).contains("is in 'xml', svl reads cdr, ros1, protobuf and json"));
     let [left, right] = pair(0, 0);
     let (_folder, path) = of([
         Message {

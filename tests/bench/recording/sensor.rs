@@ -220,6 +220,57 @@ fn millimetres_and_compressed_depth_are_the_same_depths() {
 }
 
 #[test]
+fn a_disparity_image_is_the_depth_of_its_own_baseline() {
+    let of = |min: f32, focal: f32| {
+        let pixels: Vec<u8> = (0..24 * 16u16)
+            .flat_map(|i| (f32::from(i) - 3.0).to_le_bytes())
+            .collect();
+        let data = cdr_in("cam", stamp(0), |cdr| {
+            (0..2).for_each(|_| cdr.write_u32(0));
+            cdr.write_string("cam");
+            cdr.write_u32(16);
+            cdr.write_u32(24);
+            cdr.write_string("32FC1");
+            cdr.write_u8(0);
+            cdr.write_u32(4 * 24);
+            cdr.write_bytes(&pixels);
+            // Twice the focal length and half the baseline of the pairs: the same depths.
+            cdr.write_f32(focal);
+            cdr.write_f32(0.022);
+            (0..4).for_each(|_| cdr.write_u32(0));
+            cdr.write_bool(false);
+            [min, 400.0, 0.1].into_iter().for_each(|v| cdr.write_f32(v));
+        });
+        Message {
+            topic: "/disparity",
+            schema: "stereo_msgs/msg/DisparityImage",
+            encoding: "cdr",
+            log_time: stamp(0),
+            data,
+        }
+    };
+    let (found, _) = truths([of(5.0, 656.0)], "/disparity");
+    let disparity = &found[0].as_ref().unwrap().disparity;
+    for (i, d) in (0..).zip(disparity.pixels()) {
+        let expected = f64::from(i) - 3.0;
+        assert_eq!(d.is_finite(), expected >= 5.0, "{i}");
+        assert!(
+            expected < 5.0 || (f64::from(d) / expected - 1.0).abs() < 1e-6,
+            "{i}"
+        );
+    }
+    let all = || pairs().into_iter();
+    refused(
+        all().chain([of(5.0, 0.0)]),
+        "/disparity",
+        &["no focal length"],
+    );
+    let (_folder, path) = self::of(all().chain([of(5.0, 656.0)]));
+    let topics = svl::recording::Reader::open(&path).unwrap().truth_topics();
+    assert_eq!(topics.unwrap(), ["/disparity"]);
+}
+
+#[test]
 fn the_nearest_measurement_within_the_limit_counts() {
     let at = |i: u64, late_ns: u64, z: f32| {
         let message = depth32(i, SIZE, |_, _| z);

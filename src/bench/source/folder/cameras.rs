@@ -60,6 +60,10 @@ pub(super) fn cameras(
             Some(path) => {
                 let [left, right] = projections;
                 let rig = read_projections(&path, left, right)?;
+                // Some data sets have only the rectified cameras.
+                if !read_text(&path, MAX_BYTES)?.contains("K_00:") {
+                    return Ok(rectified(Some(rig)));
+                }
                 let calibration = files::read(&path)?;
                 if calibration.rectification().is_none_or(|by| by.size == size) {
                     rectified(Some(rig))

@@ -117,12 +117,17 @@ pub(super) type Images = BTreeMap<Vec<u8>, PathBuf>;
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] for two files whose names differ only by extension.
 pub(super) fn find(folder: &Path, pattern: &str) -> Result<Images> {
+    find_ending(folder, pattern, IMAGE_ENDINGS)
+}
+
+/// Same as [`find`], for files with other extensions.
+pub(super) fn find_ending(folder: &Path, pattern: &str, endings: &[&str]) -> Result<Images> {
     let mut parts = pattern.split('/').filter(|part| !["", "."].contains(part));
     let mut folder = folder.to_owned();
     let mut images = Images::new();
     while let Some(part) = parts.next() {
         if !part.contains('*') {
-            match child(&folder, part)? {
+            match child(&folder, part, endings)? {
                 Some(found) => folder = found,
                 None => return Ok(images),
             }
@@ -130,10 +135,10 @@ pub(super) fn find(folder: &Path, pattern: &str) -> Result<Images> {
         }
         let rest: Vec<_> = parts.collect();
         for entry in entries(&folder)? {
-            let Some(key) = key(&entry, part, rest.is_empty()) else {
+            let Some(key) = key(&entry, part, rest.is_empty().then_some(endings)) else {
                 continue;
             };
-            let Some(image) = below(entry, &rest)? else {
+            let Some(image) = below(entry, &rest, endings)? else {
                 continue;
             };
             if let Some(other) = images.insert(key, image.clone()) {
@@ -151,9 +156,13 @@ pub(super) fn find(folder: &Path, pattern: &str) -> Result<Images> {
 }
 
 /// The file below `path` at the parts of a path.
-fn below(mut path: PathBuf, parts: &[&str]) -> Result<Option<PathBuf>> {
+fn below(mut path: PathBuf, parts: &[&str], endings: &[&str]) -> Result<Option<PathBuf>> {
     for part in parts {
-        match path.is_dir().then(|| child(&path, part)).transpose()? {
+        match path
+            .is_dir()
+            .then(|| child(&path, part, endings))
+            .transpose()?
+        {
             Some(Some(found)) => path = found,
             _ => return Ok(None),
         }
@@ -162,7 +171,7 @@ fn below(mut path: PathBuf, parts: &[&str]) -> Result<Option<PathBuf>> {
 }
 
 /// The entry of that name, in any case, an image also without its extension.
-fn child(folder: &Path, name: &str) -> Result<Option<PathBuf>> {
+fn child(folder: &Path, name: &str, endings: &[&str]) -> Result<Option<PathBuf>> {
     let exact = folder.join(name);
     if exact.exists() {
         return Ok(Some(exact));
@@ -173,22 +182,22 @@ fn child(folder: &Path, name: &str) -> Result<Option<PathBuf>> {
     let fits = |path: &PathBuf| {
         let found = path.file_name().unwrap_or_default().as_encoded_bytes();
         found.eq_ignore_ascii_case(name.as_bytes())
-            || stem(found).is_some_and(|stem| stem.eq_ignore_ascii_case(name.as_bytes()))
+            || stem(found, endings).is_some_and(|stem| stem.eq_ignore_ascii_case(name.as_bytes()))
     };
     Ok(entries(folder)?.into_iter().find(fits))
 }
 
 /// Text in place of `*`, if the name of `path` fits `part`: without extension, unless `part` has
-/// one or names a folder.
-fn key(path: &Path, part: &str, is_file: bool) -> Option<Vec<u8>> {
+/// one or names a folder, which has no `endings`.
+fn key(path: &Path, part: &str, endings: Option<&[&str]>) -> Option<Vec<u8>> {
     let name = path.file_name()?.as_encoded_bytes();
-    // The pattern matches only images.
-    let name = if !is_file {
-        name
-    } else if stem(part.as_bytes()).is_some() {
-        stem(name).map(|_| name)?
-    } else {
-        stem(name)?
+    // The pattern matches only files of these kinds.
+    let name = match endings {
+        None => name,
+        Some(endings) if stem(part.as_bytes(), endings).is_some() => {
+            stem(name, endings).map(|_| name)?
+        }
+        Some(endings) => stem(name, endings)?,
     };
     let (before, after) = part.split_once('*')?;
     let (before, after) = (before.as_bytes(), after.as_bytes());
@@ -199,14 +208,14 @@ fn key(path: &Path, part: &str, is_file: bool) -> Option<Vec<u8>> {
     fits.then(|| key.to_owned())
 }
 
-/// The name of an image file without its extension.
-pub(super) fn stem(name: &[u8]) -> Option<&[u8]> {
+/// The name of a file without its extension, if it is one of these.
+pub(super) fn stem<'a>(name: &'a [u8], endings: &[&str]) -> Option<&'a [u8]> {
     let dot = name.iter().rposition(|&byte| byte == b'.')?;
     let ending = &name[dot + 1..];
     let is_image = |known: &&str| known.as_bytes().eq_ignore_ascii_case(ending);
     // A name that begins with a dot is that of a hidden file: macOS has a `._left.png` beside each
     // left.png.
-    (IMAGE_ENDINGS.iter().any(is_image) && !name.starts_with(b".")).then(|| &name[..dot])
+    (endings.iter().any(is_image) && !name.starts_with(b".")).then(|| &name[..dot])
 }
 
 /// Entries of a folder, in the order of the names.
@@ -274,8 +283,8 @@ mod tests {
 
     #[test]
     fn a_pattern_is_matched_in_any_case() {
-        let key = |name: &str, part: &str, is_file| {
-            let key = key(Path::new(name), part, is_file)?;
+        let key = |name: &str, part: &str, is_file: bool| {
+            let key = key(Path::new(name), part, is_file.then_some(IMAGE_ENDINGS))?;
             Some(String::from_utf8(key).unwrap())
         };
         assert_eq!(key("Left_07.PNG", "left*", true).unwrap(), "_07");

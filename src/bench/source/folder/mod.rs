@@ -3,17 +3,23 @@
 mod cameras;
 mod layout;
 mod pairs;
+mod poses;
 mod stamps;
+mod truth;
+
+pub use truth::FolderTruth;
 
 use super::Source;
 use cameras::{cameras, of_another_size};
+use layout::Layout;
 use pairs::{PairFiles, pairs};
+use poses::poses;
 use stamps::{Stamp, stamps};
 use std::path::{Path, PathBuf};
-use svl_core::stereo::{Exposure, Frame, Geometry, Losses, StereoCalibration};
+use svl_core::stereo::{Exposure, Frame, Geometry, Losses, Pose, StereoCalibration};
 use svl_core::{Error, Result};
 use svl_data::files::{BitDepth, DECIDING_PAIRS, DecodedImage, read_image};
-use svl_data::recording::StampOrigin;
+use svl_data::recording::{StampOrigin, TruthSelection};
 
 /// Options of a folder.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -37,7 +43,9 @@ const NOMINAL_HZ: f64 = 10.0;
 /// Pairs that cannot be read are dropped and counted, and the first one is reported.
 pub struct FolderSource {
     folder: PathBuf,
+    layout: Option<&'static Layout>,
     pairs: Vec<(PairFiles, Stamp)>,
+    poses: Vec<Option<Pose>>,
     stamps: Option<StampOrigin>,
     unpaired: u64,
     unreadable: u64,
@@ -82,6 +90,8 @@ impl FolderSource {
         )?;
         Ok(Self {
             folder: folder.to_owned(),
+            layout: found.layout,
+            poses: poses(folder, found.layout, &found.pairs)?,
             pairs: found.pairs.into_iter().zip(stamps).collect(),
             stamps: origin,
             unpaired: found.unpaired,
@@ -93,6 +103,14 @@ impl FolderSource {
             sizes_differ: false,
             next: 0,
         })
+    }
+
+    /// The truths of the files that a pattern names.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`], [`Error::Usage`].
+    pub fn truth(&self, selection: &TruthSelection) -> Result<FolderTruth> {
+        FolderTruth::new(&self.folder, self.layout, selection)
     }
 
     /// Origin of the stamps, if not the cameras.
@@ -144,7 +162,7 @@ impl FolderSource {
             name: Some(String::from_utf8_lossy(&files.key).into_owned()),
             pair,
             geometry: self.geometry,
-            pose: None,
+            pose: self.poses[number],
             truth: None,
             color,
             exposure: Exposure {

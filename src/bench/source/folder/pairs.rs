@@ -5,6 +5,7 @@ use super::layout::{Images, LAYOUTS, Layout, entries, find, known, natural, stem
 use std::path::{Path, PathBuf};
 use svl_core::counted;
 use svl_core::{Error, Result};
+use svl_data::files::IMAGE_ENDINGS;
 
 /// The pairs of a folder in natural order.
 pub(super) struct FoundPairs {
@@ -166,7 +167,7 @@ fn contents(folder: &Path) -> Result<String> {
         entries(folder)?.into_iter().partition(|path| path.is_dir());
     let is_image = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default();
-        stem(name.as_encoded_bytes()).is_some()
+        stem(name.as_encoded_bytes(), IMAGE_ENDINGS).is_some()
     };
     let (images, others): (Vec<_>, Vec<_>) = files.into_iter().partition(is_image);
     let kinds = [

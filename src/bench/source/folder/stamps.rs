@@ -5,7 +5,7 @@ use super::pairs::PairFiles;
 use std::collections::HashMap;
 use std::path::Path;
 use svl_core::{Error, Result};
-use svl_data::files::read_text;
+use svl_data::files::{IMAGE_ENDINGS, read_text};
 
 /// Limit of the size of a file of stamps, in bytes: some million lines.
 const MAX_BYTES: u64 = 1 << 28;
@@ -66,7 +66,7 @@ pub(super) fn stamps(
 
 /// The time in a file name, nanoseconds: seconds, milli-, micro- or nanoseconds since 1970, by the
 /// number of digits, or seconds with a fraction.
-fn epoch_ns(key: &[u8]) -> Option<u64> {
+pub(super) fn epoch_ns(key: &[u8]) -> Option<u64> {
     let text = std::str::from_utf8(key).ok()?;
     let text = text.trim_matches(|c: char| !c.is_ascii_digit());
     let digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
@@ -129,7 +129,8 @@ impl StampFile {
                 let name = image.file_name()?;
                 let listed = name.to_str().and_then(|name| stamps.get(name));
                 // Images may have been converted to another format.
-                let stem = || String::from_utf8(stem(name.as_encoded_bytes())?.to_owned()).ok();
+                let stem = || stem(name.as_encoded_bytes(), IMAGE_ENDINGS);
+                let stem = || String::from_utf8(stem()?.to_owned()).ok();
                 listed
                     .or_else(|| stamps.get(&format!("{}.png", stem()?)))
                     .copied()

@@ -1,6 +1,6 @@
 //! Camera calibrations in messages of ROS 2 and Foxglove, and the rig of two of them.
 
-use super::json;
+use super::{json, realsense};
 use crate::recording::messages::Channel;
 use crate::recording::{decode_protobuf, ros};
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
@@ -31,11 +31,18 @@ pub(super) struct Calibration {
     p: Vec<f64>,
 }
 
+/// True if the messages of a channel are calibrations.
+pub(super) fn is_calibration(channel: &Channel) -> bool {
+    SCHEMAS.contains(&channel.schema.as_str()) || realsense::is_calibration(channel)
+}
+
 pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, String> {
     match (channel.schema.as_str(), channel.encoding.as_str()) {
-        ("sensor_msgs/msg/CameraInfo", "cdr") => {
-            Ok(from_camera_info(ros::read(data, ros::camera_info)?))
-        }
+        ("sensor_msgs/msg/CameraInfo", "cdr" | "ros1") => Ok(from_camera_info(ros::read(
+            channel,
+            data,
+            ros::camera_info,
+        )?)),
         ("foxglove.CameraCalibration", "protobuf") => {
             let m: foxglove::messages::CameraCalibration = decode_protobuf(data)?;
             Ok(Calibration {
@@ -58,9 +65,26 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, Stri
                 p: m.p,
             })
         }
+        ("std_msgs/msg/String", "cdr") => {
+            realsense::calibration(ros::read(channel, data, ros::string)?).map(from_stream)
+        }
         (schema, encoding) => Err(format!(
-            "its {schema} is in '{encoding}', svl reads cdr, protobuf and json"
+            "its {schema} is in '{encoding}', svl reads cdr, ros1, protobuf and json"
         )),
+    }
+}
+
+/// A RealSense stream's: its images are rectified by the camera, so P is K; the baseline is in the
+/// transforms.
+fn from_stream(camera: realsense::StreamCamera) -> Calibration {
+    let ((fx, fy), (cx, cy)) = (camera.focal_px, camera.center_px);
+    Calibration {
+        size: camera.size,
+        model: camera.model,
+        k: vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+        d: camera.distortion.to_vec(),
+        r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p: vec![fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
     }
 }
 
@@ -163,6 +187,12 @@ impl Calibration {
         (focal.0 > 0.0 && focal.1 > 0.0).then_some(focal)
     }
 
+    /// True if neither P has an offset, so that the baseline of the two has to come from elsewhere.
+    pub(super) fn lacks_baseline(&self, right: &Self) -> bool {
+        let offset = |of: &Self| of.p.get(3).copied();
+        [self, right].iter().all(|of| offset(of) == Some(0.0))
+    }
+
     /// Checks that it is for images of that size; a size of 0x0 is unknown and passes.
     ///
     /// # Errors
@@ -229,12 +259,20 @@ impl Calibration {
     }
 }
 
-/// The rig of two rectified cameras.
+/// The rig of two rectified cameras. `baseline_m` is used if their P have none.
 ///
 /// # Errors
 /// The reason why there is none.
-pub(super) fn rig(left: &Calibration, right: &Calibration) -> Result<Rig, String> {
-    let (left, right) = (left.projection()?, right.projection()?);
+pub(super) fn rig(
+    left: &Calibration,
+    right: &Calibration,
+    baseline_m: Option<f64>,
+) -> Result<Rig, String> {
+    let baseline_m = baseline_m.filter(|_| left.lacks_baseline(right));
+    let (left, mut right) = (left.projection()?, right.projection()?);
+    if let Some(baseline_m) = baseline_m {
+        right[(0, 3)] = -right[(0, 0)] * baseline_m;
+    }
     let rig = Rig::from_projections(&left, &right, FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
     rig.map_err(|e| {
         if left[(0, 3)] < right[(0, 3)] {
@@ -253,8 +291,10 @@ pub(super) fn rig(left: &Calibration, right: &Calibration) -> Result<Rig, String
 pub(super) fn calibration(
     left: &Calibration,
     right: &Calibration,
+    baseline_m: Option<f64>,
 ) -> Result<StereoCalibration, String> {
-    let (rig, cameras) = (rig(left, right)?, [left.camera()?, right.camera()?]);
+    let rig = rig(left, right, baseline_m)?;
+    let cameras = [left.camera()?, right.camera()?];
     let rectification = Rectification {
         size: cameras[0].size(),
         left: left.rotation()?,
@@ -295,10 +335,14 @@ mod tests {
     #[test]
     fn the_baseline_is_between_the_cameras() {
         // As in KITTI's colour cameras, neither of which is at the origin.
-        let found = rig(&camera(500.0, 120.0, 30.0), &camera(500.0, 120.0, -20.0)).unwrap();
+        let (left, right) = (camera(500.0, 120.0, 30.0), camera(500.0, 120.0, -20.0));
+        let found = rig(&left, &right, Some(9.0)).unwrap();
         assert!((found.baseline_m() - 0.1).abs() < 1e-12);
+        // P of a single camera each.
+        let alone = camera(500.0, 120.0, 0.0);
+        assert_eq!(rig(&alone, &alone, Some(0.05)).unwrap().baseline_m(), 0.05);
         let says = |left: &Calibration, right: &Calibration, what: &str| {
-            let error = rig(left, right).unwrap_err();
+            let error = rig(left, right, None).unwrap_err();
             assert!(error.contains(what), "{error}");
         };
         let left = camera(500.0, 120.0, 0.0);
@@ -402,7 +446,7 @@ mod tests {
             ..camera(500.0, 120.0, 0.0)
         };
         let right = camera(500.0, 120.0, -50.0);
-        let found = calibration(&left, &right).unwrap();
+        let found = calibration(&left, &right, None).unwrap();
         assert_eq!(
             (found.left().distortion(), found.rig().unwrap().baseline_m()),
             ([-0.28, 0.07, 0.0, 0.0, 0.0], 0.1)
@@ -412,7 +456,7 @@ mod tests {
             ..left.clone()
         };
         assert!(
-            calibration(&fisheye, &right)
+            calibration(&fisheye, &right, None)
                 .unwrap_err()
                 .contains("'equidistant'")
         );
@@ -422,7 +466,7 @@ mod tests {
             ..left.clone()
         };
         assert!(
-            calibration(&rational, &right)
+            calibration(&rational, &right, None)
                 .unwrap_err()
                 .contains("rational_polynomial")
         );
@@ -431,7 +475,7 @@ mod tests {
             d: vec![0.0; 8],
             ..left.clone()
         };
-        assert!(calibration(&zeros, &right).is_ok());
+        assert!(calibration(&zeros, &right, None).is_ok());
         for (k, r) in [
             (vec![], left.r.clone()),
             (left.k.clone(), vec![]),
@@ -444,7 +488,8 @@ mod tests {
                         r,
                         ..left.clone()
                     },
-                    &right
+                    &right,
+                    None
                 )
                 .is_err()
             );

@@ -33,13 +33,13 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
         })
     };
     match (channel.schema.as_str(), channel.encoding.as_str()) {
-        ("sensor_msgs/msg/Image", "cdr") => {
-            let (stamp, image) = ros::read(data, ros::image)?;
-            Ok((ros_stamp(stamp)?, pixels::decode(&image)))
+        ("sensor_msgs/msg/Image", "cdr" | "ros1") => {
+            let (stamp, image) = ros::read(channel, data, ros::image)?;
+            Ok((ros_stamp(channel, stamp)?, pixels::decode(&image)))
         }
-        ("sensor_msgs/msg/CompressedImage", "cdr") => {
-            let m = ros::read(data, ros::compressed_image)?;
-            Ok((ros_stamp(m.stamp)?, decompress(m.data, m.format)))
+        ("sensor_msgs/msg/CompressedImage", "cdr" | "ros1") => {
+            let m = ros::read(channel, data, ros::compressed_image)?;
+            Ok((ros_stamp(channel, m.stamp)?, decompress(m.data, m.format)))
         }
         ("foxglove.RawImage", "protobuf") => {
             let m: RawImage = decode_protobuf(data)?;
@@ -62,7 +62,7 @@ pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Stamped, String> 
             Ok((stamp(Some((m.timestamp.sec, m.timestamp.nsec))), image))
         }
         (schema, encoding) => Err(format!(
-            "its {schema} is in '{encoding}', svl reads cdr, protobuf and json"
+            "its {schema} is in '{encoding}', svl reads cdr, ros1, protobuf and json"
         )),
     }
 }
@@ -84,9 +84,14 @@ fn decompress(data: &[u8], format: &str) -> Result<MessageImage, String> {
 }
 
 pub(super) fn ros_stamp(
+    channel: &Channel,
     ros::RosTime { sec, nanosec }: ros::RosTime,
 ) -> Result<Option<u64>, String> {
-    let sec = u32::try_from(sec).map_err(|_| format!("its stamp of {sec} s is before 1970"))?;
+    let signed = sec.cast_signed();
+    // ROS 1's seconds are unsigned.
+    if signed < 0 && channel.encoding != ros::ROS1 {
+        return Err(format!("its stamp of {signed} s is before 1970"));
+    }
     Ok(stamp(Some((sec, nanosec))))
 }
 

@@ -91,7 +91,7 @@ impl TopicPairs {
         drop(self.foreign.calibrate_first(channel, data));
         self.first.take_in(&self.foreign.images, channel, data);
         if topic == 0 && self.frame_id.is_none() {
-            let header = ros::read(data, ros::header).ok();
+            let header = ros::read(channel, data, ros::header).ok();
             self.frame_id = header.map(|header| header.frame_id.to_owned());
         }
         !self.foreign.lacks_calibration() && self.first.are_enough()

@@ -1,15 +1,20 @@
 //! Recordings that svl did not write: ROS 2 bags and Foxglove recordings in MCAP.
 
+mod baseline;
 mod bayer;
 mod camera;
+mod first_images;
 mod image;
 mod json;
 mod live;
 mod pair_stamps;
 mod pixels;
+mod poses;
+mod realsense;
 mod sensor;
 mod stamp_pairing;
 mod topics;
+mod transforms;
 
 pub use live::{LiveTopic, TopicPairs};
 pub(super) use pair_stamps::PairStamps;
@@ -19,15 +24,18 @@ pub use stamp_pairing::UnpairedImages;
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
 
-use super::container::unpack_message;
 use super::messages::{Channel, FileEvent};
 use super::{PairSource, Recording};
-use crate::files::{BitDepth, DECIDING_PAIRS};
+use crate::files::BitDepth;
+use baseline::BaselineSearch;
 use camera::{Calibration, CalibrationChange};
+use first_images::FirstImages;
+use nalgebra::UnitQuaternion;
 use pixels::MessageImage;
+use poses::PoseReader;
 use stamp_pairing::StampPairing;
 use svl_core::counted;
-use svl_core::stereo::{Exposure, Frame, Geometry, Rig, Side, StereoCalibration};
+use svl_core::stereo::{Exposure, Frame, Geometry, Pose, Rig, Side, StereoCalibration};
 use svl_core::{Error, Result};
 
 /// Live images are never that much out of order: their clock jumped.
@@ -39,6 +47,11 @@ pub(super) struct Foreign {
     calibrations: [Option<String>; 2],
     /// The last calibration of each camera so far; before any, the first in the recording.
     cameras: [Option<Calibration>; 2],
+    /// The baseline in the static transforms, if the calibrations have none.
+    baseline_m: Option<f64>,
+    /// The poses of the recording, if it has any, and the left camera's frame.
+    poses: Option<PoseReader>,
+    left_frame: Option<String>,
     partners: StampPairing<std::result::Result<MessageImage, String>>,
     depth: BitDepth,
     max_skew_ns: u64,
@@ -69,21 +82,26 @@ impl Foreign {
     /// [`Error::Io`]; [`Error::Format`] if no two topics can be the cameras, or more than two can.
     pub(super) fn open(recording: &Recording, selection: &Selection) -> Result<Self> {
         let name = recording.path().display().to_string();
-        let mut foreign = Self::new(name, &recording.channels()?, selection)
+        let channels = recording.channels()?;
+        let mut foreign = Self::new(name, &channels, selection)
             .map_err(|reason| Error::format(recording.path(), reason))?;
         let mut first = FirstImages::default();
+        let mut baseline = BaselineSearch::new(&channels);
         for file in recording.files() {
             let mut messages = file.messages()?;
             // Pairs may come before the first CameraInfo; with it from the start, all of them get a
             // rig. The bit depth is also decided before the first pair.
-            while foreign.lacks_calibration() || !first.are_enough() {
+            while foreign.lacks_calibration()
+                || !first.are_enough()
+                || foreign.lacks_baseline() && baseline.may_be_found()
+            {
                 match messages.next() {
                     // An unreadable one is reported when its turn comes.
                     Ok(Some(FileEvent::Message { channel, data, .. })) => {
-                        let unpacked = unpack_message(&data).ok().flatten();
-                        let data = unpacked.as_deref().unwrap_or(&data);
-                        drop(foreign.calibrate_first(channel, data));
-                        first.take_in(&foreign.images, channel, data);
+                        drop(foreign.calibrate_first(channel, &data));
+                        first.take_in(&foreign.images, channel, &data);
+                        baseline.take_in(&foreign.images, channel, &data);
+                        foreign.baseline_m = baseline.found_m();
                     }
                     Ok(Some(_)) => {}
                     Ok(None) | Err(_) => break,
@@ -91,7 +109,21 @@ impl Foreign {
             }
         }
         foreign.depth = BitDepth::decide(selection.bits, first.largest())?;
+        foreign.poses = PoseReader::open(recording, &channels)?;
         Ok(foreign)
+    }
+
+    /// The pose of the left camera at that time: of images that were rectified before they were
+    /// recorded, with the rotation of their rectification.
+    fn pose(&mut self, stamp_ns: u64) -> Option<Pose> {
+        let pose = self
+            .poses
+            .as_mut()?
+            .at(self.left_frame.as_ref()?, stamp_ns)?;
+        let rotation = self.cameras[0].as_ref().filter(|_| !self.are_raw());
+        let rotation = rotation.and_then(|camera| camera.rotation().ok());
+        let rotation = rotation.map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation));
+        Some(pose * rotation.unwrap_or_default().inverse())
     }
 
     /// Chooses the topics of a source called `name`. Calibrations and bit depth are still unknown.
@@ -111,6 +143,9 @@ impl Foreign {
             images,
             calibrations,
             cameras: [None, None],
+            baseline_m: None,
+            poses: None,
+            left_frame: None,
             partners: StampPairing::new(selection.max_skew_ns),
             depth: BitDepth::FULL,
             max_skew_ns: selection.max_skew_ns,
@@ -156,7 +191,7 @@ impl Foreign {
             return Err("the images are not rectified".to_owned());
         }
         self.both()
-            .and_then(|[left, right]| camera::rig(left, right))
+            .and_then(|[left, right]| camera::rig(left, right, self.baseline_m))
     }
 
     /// The calibrations of both cameras, for images of the current size.
@@ -170,6 +205,13 @@ impl Foreign {
                 Ok([left, right])
             }
             _ => Err("it has no calibration of both cameras".to_owned()),
+        }
+    }
+
+    fn lacks_baseline(&self) -> bool {
+        match &self.cameras {
+            [Some(left), Some(right)] => left.lacks_baseline(right) && self.baseline_m.is_none(),
+            _ => false,
         }
     }
 
@@ -287,11 +329,12 @@ impl PairSource for Foreign {
         if !is_of_use {
             return Ok(None);
         }
-        let unpacked = unpack_message(data)?;
-        let data = unpacked.as_deref().unwrap_or(data);
         for side in Side::BOTH {
             if channel.topic == self.images[side as usize] {
                 self.counts[side as usize] += 1;
+                if side == Side::Left && self.left_frame.is_none() {
+                    self.left_frame = head(channel, data).ok().map(|(_, frame)| frame);
+                }
                 let (stamp, image) = image::decode(channel, data)?;
                 let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
                 let bytes = image.as_ref().map_or(0, |image| image.image.bytes());
@@ -326,14 +369,14 @@ impl PairSource for Foreign {
             self.pairs += 1;
             self.size = pair.size();
         }
-        let geometry = self.geometry();
+        let (geometry, pose) = (self.geometry(), self.pose(left_ns));
         let frame = pair.map(|(pair, color)| Frame {
             sequence,
             stamp_ns: left_ns,
             name: None,
             pair,
             geometry,
-            pose: None,
+            pose,
             truth: None,
             color,
             exposure,
@@ -416,7 +459,7 @@ impl PairSource for Foreign {
     fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
         self.are_raw().then(|| {
             self.both()
-                .and_then(|[left, right]| camera::calibration(left, right))
+                .and_then(|[left, right]| camera::calibration(left, right, self.baseline_m))
         })
     }
 
@@ -455,44 +498,4 @@ pub(super) fn pair_stamps(images: [&[StampedImage]; 2]) -> (Vec<i64>, UnpairedIm
     partners.end();
     pop(&mut partners);
     (skews, partners.unpaired_images())
-}
-
-/// The largest values of the first 16-bit images of both cameras.
-#[derive(Default)]
-struct FirstImages {
-    largest: [Vec<u16>; 2],
-    /// True if they have 8 bits: then there is nothing to decide.
-    are_of_8_bits: bool,
-}
-
-impl FirstImages {
-    fn are_enough(&self) -> bool {
-        let enough = |largest: &Vec<u16>| largest.len() >= DECIDING_PAIRS;
-        self.are_of_8_bits || self.largest.iter().all(enough)
-    }
-
-    fn take_in(&mut self, topics: &[String; 2], channel: &Channel, data: &[u8]) {
-        let Some(side) = topics.iter().position(|topic| *topic == channel.topic) else {
-            return;
-        };
-        if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
-            return;
-        }
-        // An unreadable one is reported when its turn comes.
-        if let Ok((_, Ok(image))) = image::decode(channel, data) {
-            match image.image.largest() {
-                Some(largest) => self.largest[side].push(largest),
-                None => self.are_of_8_bits = true,
-            }
-        }
-    }
-
-    /// The largest of all; the inner value is `None` for 8 bits.
-    fn largest(self) -> Option<Option<u16>> {
-        if self.are_of_8_bits {
-            Some(None)
-        } else {
-            self.largest.into_iter().flatten().max().map(Some)
-        }
-    }
 }

@@ -2,7 +2,6 @@
 
 use super::stamp_pairing::StampPairing;
 use crate::recording::TopicKind;
-use crate::recording::container::unpack_message;
 use crate::recording::messages::Channel;
 use crate::recording::sync::StereoSync;
 use svl_core::stereo::Side;
@@ -47,9 +46,7 @@ impl PairStamps {
                     return;
                 };
                 // An unreadable message is reported when its turn comes.
-                let stamp = unpack_message(data)
-                    .and_then(|unpacked| head(channel, unpacked.as_deref().unwrap_or(data)));
-                if let Ok((stamp, _)) = stamp {
+                if let Ok((stamp, _)) = head(channel, data) {
                     pairing.push(side, stamp.unwrap_or(log_time), (), data.len());
                 }
             }

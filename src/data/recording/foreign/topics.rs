@@ -140,7 +140,15 @@ fn unread(channels: &[&Channel]) -> Option<String> {
             .unwrap_or_default()
             .to_owned()
     };
-    let kinds = ["Image", "RawImage", "CompressedImage", "CompressedVideo"];
+    let kinds = [
+        "Image",
+        "RawImage",
+        "CompressedImage",
+        "CompressedVideo",
+        "FFMPEGPacket",
+        "ImgFrame",
+        "EncodedFrame",
+    ];
     let seems = |channel: &&&Channel| kinds.contains(&name(channel).as_str());
     let first = channels
         .iter()
@@ -150,15 +158,15 @@ fn unread(channels: &[&Channel]) -> Option<String> {
         .iter()
         .filter(|channel| channel.schema == first.schema);
     let topics = joined(alike.map(|channel| &channel.topic));
-    let (schema, encoding) = (&first.schema, &first.encoding);
-    Some(match (encoding.as_str(), name(first).as_str()) {
-        ("ros1", _) => format!(
-            "{topics}: {schema} of ROS 1; `rosbags-convert --src FILE.bag --dst FOLDER \
-             --dst-storage mcap` makes a ROS 2 bag of a .bag file"
-        ),
-        (_, "CompressedVideo") => {
+    let schema = &first.schema;
+    Some(match name(first).as_str() {
+        "CompressedVideo" | "FFMPEGPacket" => {
             format!("{topics}: {schema}, a video; record images, raw or as PNG or JPEG")
         }
+        "ImgFrame" | "EncodedFrame" => format!(
+            "{topics}: {schema} of DepthAI, whose images are in the videos beside this file: `svl \
+             record FOLDER --left LEFT.mp4 --right RIGHT.mp4`"
+        ),
         _ => format!("{topics}: {schema}; it reads {}", image::SCHEMAS.join(", ")),
     })
 }
@@ -223,7 +231,7 @@ pub(super) fn calibration(channels: &[&Channel], topic: &str) -> Option<String> 
     let calibrations = channels
         .iter()
         .copied()
-        .filter(|channel| camera::SCHEMAS.contains(&channel.schema.as_str()));
+        .filter(|channel| camera::is_calibration(channel));
     let folder = |channel: &&Channel| {
         channel
             .topic
@@ -340,15 +348,14 @@ mod tests {
             )
             .unwrap_err()
         };
-        let ros1 = complaint("sensor_msgs/Image", "ros1", None);
+        let named = complaint("foxglove.CompressedVideo", "cdr", Some("/cam0/image"));
         assert!(
-            ros1.contains("/cam0/image, /cam1/image: sensor_msgs/Image of ROS 1; `rosbags-convert"),
-            "{ros1}"
-        );
-        let named = complaint("sensor_msgs/CompressedImage", "ros1", Some("/cam0/image"));
-        assert!(
-            named.starts_with("--left: /cam0/image: sensor_msgs/CompressedImage of ROS 1"),
+            named.starts_with("--left: /cam0/image: foxglove.CompressedVideo, a video"),
             "{named}"
+        );
+        assert!(
+            complaint("dai.proto.img_frame.ImgFrame", "protobuf", None)
+                .contains("of DepthAI, whose images are in the videos")
         );
         assert!(
             complaint("foxglove.CompressedVideo", "protobuf", None)

@@ -1,45 +1,119 @@
-//! A message of a result, and the choices of its user.
+//! The fields of a ROS message: ROS 2's in little-endian CDR, or ROS 1's, which are packed.
 
-use crate::recording::Encoded;
-
-/// A message of a result.
-pub struct ResultMessage {
-    /// Last part of the topic's name; the whole name if it begins with `/`.
-    pub topic: &'static str,
-    pub(in crate::recording) message: Encoded,
+/// Reads the fields of one message in their order. Everything it returns is within the bytes.
+pub(in crate::recording) struct MessageReader<'a> {
+    data: &'a [u8],
+    at: usize,
+    is_cdr: bool,
 }
 
-impl ResultMessage {
-    /// As in a bag: `sensor_msgs/msg/PointCloud2`.
-    pub fn schema(&self) -> &'static str {
-        self.message.schema
-    }
+pub(super) type Result<T> = std::result::Result<T, String>;
 
-    /// In CDR, with its encapsulation header.
-    pub fn into_data(self) -> Vec<u8> {
-        self.message.data
-    }
-}
-
-/// The choices of a user of the messages.
-#[derive(Clone, Debug)]
-pub struct ResultOptions {
-    /// The optical frame of the left camera.
-    pub frame_id: String,
-    /// Height of the camera above the floor, metres; without it the scan has only cells at the
-    /// camera's height or above.
-    pub camera_height_m: Option<f64>,
-    /// True for a cloud of pixels in place of cells.
-    pub dense: bool,
-}
-
-impl ResultOptions {
-    /// The messages as they are without any choice.
-    pub fn new(frame_id: &str) -> Self {
+impl<'a> MessageReader<'a> {
+    /// `data`: the body, without CDR's encapsulation header.
+    pub(super) fn new(data: &'a [u8], is_cdr: bool) -> Self {
         Self {
-            frame_id: frame_id.to_owned(),
-            camera_height_m: None,
-            dense: false,
+            data,
+            at: 0,
+            is_cdr,
         }
+    }
+
+    /// True for ROS 2, whose types differ a little from those of ROS 1.
+    pub(super) fn is_cdr(&self) -> bool {
+        self.is_cdr
+    }
+
+    pub(in crate::recording) fn remaining(&self) -> usize {
+        self.data.len() - self.at
+    }
+
+    fn take(&mut self, bytes: usize) -> Result<&'a [u8]> {
+        let taken = self.data.get(self.at..).and_then(|rest| rest.get(..bytes));
+        let taken = taken.ok_or_else(|| {
+            let (left, at) = (self.remaining(), self.at);
+            format!("{bytes} bytes expected at byte {at}, there are {left}")
+        })?;
+        self.at += bytes;
+        Ok(taken)
+    }
+
+    /// A number of `N` bytes. CDR aligns it to its size, from the start of the body.
+    fn number<const N: usize>(&mut self) -> Result<[u8; N]> {
+        if self.is_cdr {
+            self.at = self.at.next_multiple_of(N).min(self.data.len());
+        }
+        let bytes = self.take(N)?;
+        Ok(bytes.try_into().unwrap_or([0; N]))
+    }
+
+    pub(in crate::recording) fn u8(&mut self) -> Result<u8> {
+        self.number().map(u8::from_le_bytes)
+    }
+
+    pub(in crate::recording) fn u32(&mut self) -> Result<u32> {
+        self.number().map(u32::from_le_bytes)
+    }
+
+    pub(in crate::recording) fn f32(&mut self) -> Result<f32> {
+        self.number().map(f32::from_le_bytes)
+    }
+
+    pub(in crate::recording) fn f64(&mut self) -> Result<f64> {
+        self.number().map(f64::from_le_bytes)
+    }
+
+    /// Length of a sequence of elements of at least `size` bytes, which the rest can hold.
+    pub(in crate::recording) fn length(&mut self, size: usize) -> Result<usize> {
+        let length = self.u32()? as usize;
+        let limit = self.remaining() / size;
+        if length > limit {
+            return Err(format!(
+                "a sequence of {length} elements, there are bytes for {limit}"
+            ));
+        }
+        Ok(length)
+    }
+
+    pub(in crate::recording) fn bytes(&mut self) -> Result<&'a [u8]> {
+        let length = self.length(1)?;
+        self.take(length)
+    }
+
+    pub(in crate::recording) fn str(&mut self) -> Result<&'a str> {
+        let bytes = self.bytes()?;
+        // CDR counts a closing zero.
+        let text = if self.is_cdr {
+            bytes.strip_suffix(&[0]).unwrap_or(bytes)
+        } else {
+            bytes
+        };
+        std::str::from_utf8(text).map_err(|_| "a text is not UTF-8".to_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cdr_is_aligned_and_ros_1_is_packed() {
+        let packed = [&[7][..], &2u32.to_le_bytes(), b"ab", &1.5f64.to_le_bytes()].concat();
+        let mut reader = MessageReader::new(&packed, false);
+        assert_eq!(
+            (reader.u8(), reader.str(), reader.f64()),
+            (Ok(7), Ok("ab"), Ok(1.5))
+        );
+        assert!(reader.u8().is_err());
+        let aligned = [&[7, 0, 0, 0][..], &3u32.to_le_bytes(), b"ab\0"];
+        let aligned = [&aligned.concat()[..], &[0; 5], &1.5f64.to_le_bytes()].concat();
+        let mut reader = MessageReader::new(&aligned, true);
+        assert_eq!(
+            (reader.u8(), reader.str(), reader.f64()),
+            (Ok(7), Ok("ab"), Ok(1.5))
+        );
+        let mut cut = MessageReader::new(&aligned[..10], true);
+        assert!(cut.u8().is_ok() && cut.str().unwrap_err().contains("bytes for 2"));
+        assert!(MessageReader::new(&[0xFF; 4], false).bytes().is_err());
     }
 }

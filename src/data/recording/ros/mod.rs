@@ -1,16 +1,21 @@
-//! ROS 2 messages that svl reads and writes, in little-endian CDR.
+//! ROS messages that svl reads, of ROS 2 in little-endian CDR and of ROS 1, and that it writes, of
+//! ROS 2.
 
 mod message;
 mod read;
+mod result_message;
 mod results;
 mod scan;
 mod write;
 
-pub use message::{ResultMessage, ResultOptions};
 pub(super) use read::*;
+pub use result_message::{ResultMessage, ResultOptions};
 pub use results::{diagnostics, result_messages};
 pub use scan::scan_transform;
 pub(super) use write::*;
+
+/// The encoding of ROS 1's messages.
+pub(super) const ROS1: &str = "ros1";
 
 /// OMG encapsulation header of little-endian CDR.
 const CDR_LE: [u8; 4] = [0, 1, 0, 0];

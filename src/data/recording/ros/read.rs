@@ -1,6 +1,9 @@
-//! Decodes ROS 2 messages from CDR.
+//! Decodes messages of ROS 2, in CDR, and of ROS 1.
 
-use re_cdr::{CdrReader, Error, LittleEndian, Result};
+use super::ROS1;
+use super::message::{MessageReader, Result};
+use crate::recording::container;
+use crate::recording::messages::Channel;
 
 /// Limit on distortion coefficients: `rational_polynomial` in ROS has up to 14.
 const MAX_DISTORTION: usize = 14;
@@ -47,86 +50,105 @@ pub(in crate::recording) struct RegionOfInterest {
     pub(in crate::recording) width: u32,
 }
 
-/// builtin_interfaces/msg/Time.
+/// builtin_interfaces/msg/Time: in ROS 2 the seconds are signed, and negative ones are refused.
 #[derive(Clone, Copy)]
 pub(in crate::recording) struct RosTime {
-    pub(in crate::recording) sec: i32,
+    pub(in crate::recording) sec: u32,
     pub(in crate::recording) nanosec: u32,
 }
 
-/// Decodes the body of a message with `read`.
+/// Decodes a message of a channel with `read`.
 ///
 /// # Errors
 /// The reason why it cannot be read.
 pub(in crate::recording) fn read<'a, T>(
+    channel: &Channel,
     data: &'a [u8],
-    read: impl FnOnce(&mut CdrReader<'a, LittleEndian>) -> Result<T>,
+    read: impl FnOnce(&mut MessageReader<'a>) -> Result<T>,
+) -> std::result::Result<T, String> {
+    if channel.encoding != ROS1 {
+        return read_cdr(data, read);
+    }
+    read(&mut MessageReader::new(data, false))
+        .map_err(|e| format!("its ROS 1 message cannot be read: {e}"))
+}
+
+/// Same as [`read`], for CDR.
+pub(in crate::recording) fn read_cdr<'a, T>(
+    data: &'a [u8],
+    read: impl FnOnce(&mut MessageReader<'a>) -> Result<T>,
 ) -> std::result::Result<T, String> {
     // The header's last two bytes are options, which XCDR 1 leaves unspecified.
     let body = match data {
         // Encapsulation 0x0001: little-endian CDR, the native order of x86 and ARM.
         [0, 1, _, _, body @ ..] => body,
+        _ if data.starts_with(&container::ZSTD) => {
+            return Err(container::unpack_message(data).err().unwrap_or_default());
+        }
         _ => return Err("it is not little-endian CDR".to_owned()),
     };
-    read(&mut CdrReader::new(body)).map_err(|e| format!("its CDR cannot be read: {e}"))
+    read(&mut MessageReader::new(body, true)).map_err(|e| format!("its CDR cannot be read: {e}"))
 }
 
 /// The stamp and the pixels of a sensor_msgs/msg/Image.
 pub(in crate::recording) fn image<'a>(
-    cdr: &mut CdrReader<'a, LittleEndian>,
+    message: &mut MessageReader<'a>,
 ) -> Result<(RosTime, RawPixels<'a>)> {
-    let stamp = header(cdr)?.stamp;
+    let stamp = header(message)?.stamp;
     let image = RawPixels {
-        height: cdr.read_u32()?,
-        width: cdr.read_u32()?,
-        encoding: cdr.read_str()?,
-        big_endian: cdr.read_u8()? != 0,
-        step: cdr.read_u32()?,
-        data: cdr.read_byte_sequence()?,
+        height: message.u32()?,
+        width: message.u32()?,
+        encoding: message.str()?,
+        big_endian: message.u8()? != 0,
+        step: message.u32()?,
+        data: message.bytes()?,
     };
     Ok((stamp, image))
 }
 
 pub(in crate::recording) fn compressed_image<'a>(
-    cdr: &mut CdrReader<'a, LittleEndian>,
+    message: &mut MessageReader<'a>,
 ) -> Result<RosCompressedImage<'a>> {
     Ok(RosCompressedImage {
-        stamp: header(cdr)?.stamp,
-        format: cdr.read_str()?,
-        data: cdr.read_byte_sequence()?,
+        stamp: header(message)?.stamp,
+        format: message.str()?,
+        data: message.bytes()?,
     })
 }
 
-pub(in crate::recording) fn camera_info(
-    cdr: &mut CdrReader<'_, LittleEndian>,
-) -> Result<CameraInfo> {
+pub(in crate::recording) fn camera_info(message: &mut MessageReader<'_>) -> Result<CameraInfo> {
     let (_stamp, height, width, model) = (
-        header(cdr)?,
-        cdr.read_u32()?,
-        cdr.read_u32()?,
-        cdr.read_str()?.to_owned(),
+        header(message)?,
+        message.u32()?,
+        message.u32()?,
+        message.str()?.to_owned(),
     );
-    let coefficients = cdr.read_sequence_length()?;
+    let coefficients = message.length(size_of::<f64>())?;
     let coefficients = limited(coefficients, MAX_DISTORTION, "distortion coefficients")?;
     let distortion = (0..coefficients)
-        .map(|_| cdr.read_f64())
+        .map(|_| message.f64())
         .collect::<Result<_>>()?;
     Ok(CameraInfo {
         width,
         height,
         model,
         distortion,
-        k: floats(cdr)?,
-        r: floats(cdr)?,
-        p: floats(cdr)?,
-        binning: [cdr.read_u32()?, cdr.read_u32()?],
+        k: floats(message)?,
+        r: floats(message)?,
+        p: floats(message)?,
+        binning: [message.u32()?, message.u32()?],
         roi: RegionOfInterest {
-            x: cdr.read_u32()?,
-            y: cdr.read_u32()?,
-            height: cdr.read_u32()?,
-            width: cdr.read_u32()?,
+            x: message.u32()?,
+            y: message.u32()?,
+            height: message.u32()?,
+            width: message.u32()?,
         },
     })
+}
+
+/// std_msgs/msg/String.
+pub(in crate::recording) fn string<'a>(message: &mut MessageReader<'a>) -> Result<&'a str> {
+    message.str()
 }
 
 /// std_msgs/msg/Header, the first field of most messages.
@@ -135,14 +157,15 @@ pub(in crate::recording) struct RosHeader<'a> {
     pub(in crate::recording) frame_id: &'a str,
 }
 
-pub(in crate::recording) fn header<'a>(
-    cdr: &mut CdrReader<'a, LittleEndian>,
-) -> Result<RosHeader<'a>> {
+pub(in crate::recording) fn header<'a>(message: &mut MessageReader<'a>) -> Result<RosHeader<'a>> {
+    if !message.is_cdr() {
+        let _sequence = message.u32()?;
+    }
     let stamp = RosTime {
-        sec: cdr.read_i32()?,
-        nanosec: cdr.read_u32()?,
+        sec: message.u32()?,
+        nanosec: message.u32()?,
     };
-    let frame_id = cdr.read_str()?;
+    let frame_id = message.str()?;
     Ok(RosHeader { stamp, frame_id })
 }
 
@@ -168,41 +191,65 @@ pub(in crate::recording) struct RosScan {
     pub(in crate::recording) ranges: Vec<f64>,
 }
 
+/// stereo_msgs/msg/DisparityImage.
+pub(in crate::recording) struct RosDisparityImage<'a> {
+    pub(in crate::recording) image: RawPixels<'a>,
+    pub(in crate::recording) focal_px: f32,
+    pub(in crate::recording) baseline_m: f32,
+    pub(in crate::recording) min_disparity: f32,
+}
+
+pub(in crate::recording) fn disparity_image<'a>(
+    message: &mut MessageReader<'a>,
+) -> Result<RosDisparityImage<'a>> {
+    header(message)?;
+    let (_, image) = image(message)?;
+    let (focal_px, baseline_m) = (message.f32()?, message.f32()?);
+    for _side_of_window in 0..4 {
+        message.u32()?;
+    }
+    let _do_rectify = message.u8()?;
+    Ok(RosDisparityImage {
+        image,
+        focal_px,
+        baseline_m,
+        min_disparity: message.f32()?,
+    })
+}
+
 /// Limit on fields of a point: lidars have ten.
 const MAX_FIELDS: usize = 1000;
 
 pub(in crate::recording) fn point_cloud<'a>(
-    cdr: &mut CdrReader<'a, LittleEndian>,
+    message: &mut MessageReader<'a>,
 ) -> Result<RosCloud<'a>> {
-    header(cdr)?;
-    let (height, width) = (cdr.read_u32()?, cdr.read_u32()?);
-    let count = limited(cdr.read_sequence_length()?, MAX_FIELDS, "fields of a point")?;
+    header(message)?;
+    let (height, width) = (message.u32()?, message.u32()?);
+    let count = limited(message.length(1)?, MAX_FIELDS, "fields of a point")?;
     let mut fields = Vec::with_capacity(count);
     for _ in 0..count {
-        fields.push((cdr.read_str()?, cdr.read_u32()?, cdr.read_u8()?));
-        let _count = cdr.read_u32()?;
+        fields.push((message.str()?, message.u32()?, message.u8()?));
+        let _count = message.u32()?;
     }
     Ok(RosCloud {
         width,
         height,
         fields,
-        big_endian: cdr.read_u8()? != 0,
-        point_step: cdr.read_u32()?,
-        row_step: cdr.read_u32()?,
-        data: cdr.read_byte_sequence()?,
+        big_endian: message.u8()? != 0,
+        point_step: message.u32()?,
+        row_step: message.u32()?,
+        data: message.bytes()?,
     })
 }
 
-pub(in crate::recording) fn laser_scan(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<RosScan> {
-    header(cdr)?;
-    let (angle_min, _angle_max) = (cdr.read_f32()?, cdr.read_f32()?);
-    let angle_increment = cdr.read_f32()?;
-    let (_time_increment, _scan_time) = (cdr.read_f32()?, cdr.read_f32()?);
-    let (range_min, range_max) = (cdr.read_f32()?, cdr.read_f32()?);
-    // At most as many as there are bytes for.
-    let count = cdr.read_sequence_length()?;
-    let count = limited(count, cdr.remaining() / size_of::<f32>(), "ranges")?;
-    let ranges = (0..count).map(|_| cdr.read_f32().map(f64::from));
+pub(in crate::recording) fn laser_scan(message: &mut MessageReader<'_>) -> Result<RosScan> {
+    header(message)?;
+    let (angle_min, _angle_max) = (message.f32()?, message.f32()?);
+    let angle_increment = message.f32()?;
+    let (_time_increment, _scan_time) = (message.f32()?, message.f32()?);
+    let (range_min, range_max) = (message.f32()?, message.f32()?);
+    let count = message.length(size_of::<f32>())?;
+    let ranges = (0..count).map(|_| message.f32().map(f64::from));
     Ok(RosScan {
         angle_min: angle_min.into(),
         angle_increment: angle_increment.into(),
@@ -218,15 +265,26 @@ pub(in crate::recording) type RosTransform = (String, String, [f64; 3], [f64; 4]
 /// Limit on transforms in a message.
 const MAX_TRANSFORMS: usize = 10_000;
 
-/// tf2_msgs/msg/TFMessage.
+/// nav_msgs/msg/Odometry: the pose of the child frame, without its covariance and the twist.
+pub(in crate::recording) fn odometry(
+    message: &mut MessageReader<'_>,
+) -> Result<(RosTime, RosTransform)> {
+    let RosHeader { stamp, frame_id } = header(message)?;
+    let child = message.str()?.to_owned();
+    let pose = (floats(message)?, floats(message)?);
+    Ok((stamp, (frame_id.to_owned(), child, pose.0, pose.1)))
+}
+
+/// tf2_msgs/msg/TFMessage, each transform with its stamp.
 pub(in crate::recording) fn transforms(
-    cdr: &mut CdrReader<'_, LittleEndian>,
-) -> Result<Vec<RosTransform>> {
-    let count = limited(cdr.read_sequence_length()?, MAX_TRANSFORMS, "transforms")?;
+    message: &mut MessageReader<'_>,
+) -> Result<Vec<(RosTime, RosTransform)>> {
+    let count = limited(message.length(1)?, MAX_TRANSFORMS, "transforms")?;
     let transform = |_| {
-        let parent = header(cdr)?.frame_id.to_owned();
-        let child = cdr.read_str()?.to_owned();
-        Ok((parent, child, floats(cdr)?, floats(cdr)?))
+        let RosHeader { stamp, frame_id } = header(message)?;
+        let child = message.str()?.to_owned();
+        let pose = (floats(message)?, floats(message)?);
+        Ok((stamp, (frame_id.to_owned(), child, pose.0, pose.1)))
     };
     (0..count).map(transform).collect()
 }
@@ -234,17 +292,15 @@ pub(in crate::recording) fn transforms(
 /// Checks a count before memory is allocated for it.
 fn limited(count: usize, limit: usize, what: &str) -> Result<usize> {
     if count > limit {
-        return Err(Error::Custom(format!(
-            "{count} {what}, at most {limit} expected"
-        )));
+        return Err(format!("{count} {what}, at most {limit} expected"));
     }
     Ok(count)
 }
 
-fn floats<const N: usize>(cdr: &mut CdrReader<'_, LittleEndian>) -> Result<[f64; N]> {
+fn floats<const N: usize>(message: &mut MessageReader<'_>) -> Result<[f64; N]> {
     let mut floats = [0.0; N];
     for float in &mut floats {
-        *float = cdr.read_f64()?;
+        *float = message.f64()?;
     }
     Ok(floats)
 }

@@ -1,6 +1,6 @@
 //! Results of an algorithm as ROS 2 messages in CDR, for live topics and bags.
 
-use super::message::{ResultMessage, ResultOptions};
+use super::result_message::{ResultMessage, ResultOptions};
 use super::scan::scan;
 use super::write::{Cdr, encode, encode_32fc1, header_fields, image_fields};
 use crate::files::pixel_points;
@@ -232,7 +232,7 @@ pub(super) mod tests {
         assert!(points[1][3].is_nan());
         let stamp = RosStamp::new(5_000_000_007).unwrap();
         let data = cloud(&points, "probability", stamp, "left").data;
-        let read = ros::read(&data, ros::point_cloud).unwrap();
+        let read = ros::read_cdr(&data, ros::point_cloud).unwrap();
         let fields = [
             ("x", 0, 7),
             ("y", 4, 7),
@@ -250,13 +250,13 @@ pub(super) mod tests {
         let map = Plane::from_vec(2, 1, vec![3.0, f32::INFINITY]).unwrap();
         let stamp = RosStamp::new(1).unwrap();
         let data = disparity_image(&result(&[&[1.0]], map), &rig(), stamp, "left").data;
-        let (image, f, t, max) = ros::read(&data, |cdr| {
+        let (image, f, t, max) = ros::read_cdr(&data, |cdr| {
             ros::header(cdr)?;
             let (_, image) = ros::image(cdr)?;
-            let (f, t) = (cdr.read_f32()?, cdr.read_f32()?);
-            let window = [(); 4].map(|()| cdr.read_u32());
+            let (f, t) = (cdr.f32()?, cdr.f32()?);
+            let window = [(); 4].map(|()| cdr.u32());
             assert_eq!(window.map(|side| side.unwrap()), [0, 0, 1, 2]);
-            let (_, min, max) = (cdr.read_u8()?, cdr.read_f32()?, cdr.read_f32()?);
+            let (_, min, max) = (cdr.u8()?, cdr.f32()?, cdr.f32()?);
             assert_eq!(min, 0.0);
             Ok((image, f, t, max))
         })

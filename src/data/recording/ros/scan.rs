@@ -1,6 +1,6 @@
 //! The cells of a result as a planar scan, for navigation: obstacle, free, unknown.
 
-use super::message::{ResultMessage, ResultOptions};
+use super::result_message::{ResultMessage, ResultOptions};
 use super::write::{Cdr, encode, encode_transform, header_fields};
 use crate::recording::{AlgorithmCells, CellReport, Encoded, PairResult, RosStamp};
 use std::ops::Range;
@@ -188,9 +188,9 @@ mod tests {
             ..ResultOptions::new("cam_optical_frame")
         };
         let data = scan(&result, &rig(), SIZE, RosStamp::new(1).unwrap(), &options).data;
-        let header = ros::read(&data, |cdr| Ok(ros::header(cdr)?.frame_id.to_owned()));
+        let header = ros::read_cdr(&data, |cdr| Ok(ros::header(cdr)?.frame_id.to_owned()));
         assert_eq!(header.unwrap(), "cam_frame");
-        ros::read(&data, ros::laser_scan).unwrap()
+        ros::read_cdr(&data, ros::laser_scan).unwrap()
     }
 
     #[test]
@@ -237,8 +237,8 @@ mod tests {
     fn a_frame_that_no_driver_has_is_published() {
         assert!(scan_transform("cam_optical_frame", 1).unwrap().is_none());
         let sent = scan_transform("stereo_left", 1).unwrap().unwrap();
-        let read = ros::read(&sent.into_data(), ros::transforms).unwrap();
-        let (parent, child, _, [x, y, z, w]) = &read[0];
+        let read = ros::read_cdr(&sent.into_data(), ros::transforms).unwrap();
+        let (_, (parent, child, _, [x, y, z, w])) = &read[0];
         assert_eq!(
             (parent.as_str(), child.as_str()),
             ("stereo_left", "stereo_left_scan")

@@ -1,4 +1,5 @@
-//! Depth images (REP 118): 16UC1 in millimetres, 32FC1 in metres, raw or as compressedDepth.
+//! Depth images (REP 118): 16UC1 in millimetres, 32FC1 in metres, raw or as compressedDepth, and
+//! disparity images.
 
 use crate::files;
 use crate::recording::messages::Channel;
@@ -12,8 +13,8 @@ const COMPRESSED_HEADER: usize = 12;
 
 /// Depths in metres; NaN for invalid pixels. 0 is invalid (REP 118), and so is anything too far
 /// (REP 117).
-pub(super) fn ros_image(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
-    depths(&ros::read(data, ros::image)?.1)
+pub(super) fn ros_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    depths(&ros::read(channel, data, ros::image)?.1)
 }
 
 pub(super) fn foxglove_image(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
@@ -30,8 +31,8 @@ pub(super) fn foxglove_image(_: &Channel, data: &[u8]) -> Result<Plane<f32>, Str
 
 /// compressed_depth_image_transport: `16UC1; compressedDepth png`, and quantized inverse depths for
 /// `32FC1`.
-pub(super) fn compressed(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
-    let message = ros::read(data, ros::compressed_image)?;
+pub(super) fn compressed(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    let message = ros::read(channel, data, ros::compressed_image)?;
     let format = message.format;
     let words: Vec<_> = format
         .split([';', ' '])
@@ -68,6 +69,25 @@ pub(super) fn compressed(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String>
     }
     let depths = samples.into_iter().map(depth).map(known).collect();
     Plane::from_vec(width, height, depths).map_err(|e| e.to_string())
+}
+
+/// stereo_msgs/DisparityImage: depths by its own focal length and baseline. Disparities below its
+/// smallest one are invalid.
+pub(super) fn disparity_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    let message = ros::read(channel, data, ros::disparity_image)?;
+    if message.image.encoding != "32FC1" {
+        let encoding = message.image.encoding;
+        return Err(format!(
+            "its pixels are '{encoding}'; disparities are 32FC1"
+        ));
+    }
+    let (scale, min) = (message.focal_px * message.baseline_m, message.min_disparity);
+    if !(scale > 0.0 && scale.is_finite()) {
+        return Err("it has no focal length or no baseline".to_owned());
+    }
+    // Those of invalid pixels are 0 or less, which `depths` makes NaN too.
+    let disparities = depths(&message.image)?;
+    Ok(disparities.map(|d| if d < min { f32::NAN } else { known(scale / d) }))
 }
 
 fn depths(image: &RawPixels<'_>) -> Result<Plane<f32>, String> {

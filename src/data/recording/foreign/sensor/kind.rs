@@ -16,6 +16,15 @@ pub(super) enum Measured {
 }
 
 impl Measured {
+    /// Scales depths that were read as millimetres to the camera's own unit, in metres per step.
+    pub(super) fn in_unit(mut self, unit_m: Option<f32>) -> Self {
+        if let (Self::Depth(depth), Some(unit_m)) = (&mut self, unit_m) {
+            let scale = unit_m / 0.001;
+            *depth = depth.map(|z| z * scale);
+        }
+        self
+    }
+
     /// Memory use in bytes.
     pub(super) fn bytes(&self) -> usize {
         match self {
@@ -48,6 +57,11 @@ const KINDS: &[MeasuredKind] = &[
         "sensor_msgs/msg/CompressedImage",
         "cdr",
         depth_image::compressed,
+    ),
+    depth(
+        "stereo_msgs/msg/DisparityImage",
+        "cdr",
+        depth_image::disparity_image,
     ),
     depth("foxglove.RawImage", "protobuf", depth_image::foxglove_image),
     cloud("sensor_msgs/msg/PointCloud2", "cdr", points::ros_cloud),
@@ -93,7 +107,8 @@ pub(super) fn of(channel: &Channel) -> Result<&'static MeasuredKind, String> {
         let schema = &channel.schema;
         format!("has messages of {schema}; distances are read from {known}")
     })?;
-    if kind.encoding == channel.encoding {
+    let is_ros1 = channel.encoding == ros::ROS1 && kind.encoding == "cdr";
+    if kind.encoding == channel.encoding || is_ros1 {
         Ok(kind)
     } else {
         Err(format!(
@@ -140,9 +155,12 @@ pub(in crate::recording) fn head(
         }};
     }
     match (channel.schema.as_str(), channel.encoding.as_str()) {
-        (_, "cdr") => {
-            let head = ros::read(data, ros::header)?;
-            Ok((image::ros_stamp(head.stamp)?, head.frame_id.to_owned()))
+        (_, "cdr" | "ros1") => {
+            let head = ros::read(channel, data, ros::header)?;
+            Ok((
+                image::ros_stamp(channel, head.stamp)?,
+                head.frame_id.to_owned(),
+            ))
         }
         (_, "json") => {
             let json::JsonHead {

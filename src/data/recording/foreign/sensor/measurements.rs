@@ -72,6 +72,7 @@ pub(super) struct Measurements {
     unreadable: BTreeSet<u64>,
     /// The sensor's frame, whose transform is used; empty if not needed.
     frame: String,
+    unit_m: Option<f32>,
 }
 
 impl Measurements {
@@ -82,7 +83,7 @@ impl Measurements {
     pub(super) fn find(
         recording: &Recording,
         (topic, limit_ns): (&str, u64),
-        frame: &str,
+        (frame, unit_m): (&str, Option<f32>),
         kind: &'static MeasuredKind,
         mut of_pairs: PairStamps,
         look: &mut dyn FnMut(&Channel, &[u8]),
@@ -141,6 +142,7 @@ impl Measurements {
             held: BTreeMap::new(),
             unreadable: BTreeSet::new(),
             frame: frame.to_owned(),
+            unit_m,
         };
         Ok(found
             .check_clock()
@@ -205,7 +207,7 @@ impl Measurements {
     ///
     /// # Errors
     /// [`svl_core::Error::Io`].
-    pub(super) fn of(&mut self, frame: &Frame) -> Result<Option<Arc<Measured>>> {
+    pub(super) fn of(&mut self, frame: &Frame) -> Result<Option<(u64, Arc<Measured>)>> {
         let (stamp_ns, limit_ns) = (frame.stamp_ns, self.limit_ns);
         self.held
             .retain(|_, (stamp, _)| stamp.saturating_add(limit_ns) >= stamp_ns);
@@ -232,9 +234,9 @@ impl Measurements {
 
     /// Reads on to a message, or again from the start of its file. Others on the way that later
     /// pairs may need are kept.
-    fn fetch(&mut self, number: u64, stamp_ns: u64) -> Result<Option<Arc<Measured>>> {
-        if let Some((_, held)) = self.held.get(&number) {
-            return Ok(Some(Arc::clone(held)));
+    fn fetch(&mut self, number: u64, stamp_ns: u64) -> Result<Option<(u64, Arc<Measured>)>> {
+        if let Some(held) = self.held.get(&number) {
+            return Ok(Some(held.clone()));
         }
         if self.unreadable.contains(&number) {
             return Ok(None);
@@ -261,7 +263,8 @@ impl Measurements {
                     let frame = head.map_or_else(String::new, |(_, frame)| frame);
                     let is_own = self.frame.is_empty() || plain(&frame) == self.frame;
                     let read = if is_own {
-                        self.kind.read(channel, log_time, &data)
+                        let read = self.kind.read(channel, log_time, &data);
+                        read.map(|(stamp, measured)| (stamp, measured.in_unit(self.unit_m)))
                     } else {
                         Err(format!(
                             "it is in '{frame}', not in '{}' as the first one",
@@ -295,7 +298,7 @@ impl Measurements {
                 }
             }
         }
-        let found = self.held.get(&number).map(|(_, held)| Arc::clone(held));
+        let found = self.held.get(&number).cloned();
         while self.held.len() > 1 && bytes(&self.held) > HELD_BYTES {
             self.held.pop_first();
         }

@@ -4,19 +4,24 @@ mod depth_image;
 mod kind;
 mod measurements;
 mod points;
-mod transforms;
 mod view;
 
-use super::{PairStamps, topics};
+use super::poses::PoseReader;
+use super::{PairStamps, topics, transforms};
 use crate::recording::messages::{Channel, EventReader, FileEvent};
 use crate::recording::{Recording, truth};
 pub(in crate::recording) use kind::head;
 use measurements::Measurements;
+use nalgebra::Isometry3;
 use std::collections::BTreeSet;
 use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity, TruthKind, TruthOrigin};
 use svl_core::{Error, Result, did_you_mean, joined};
 pub use view::RawCamera;
 use view::{Setup, View};
+
+/// Difference of stamps, seconds, above which a measurement that cannot be moved is reported: 5 mm
+/// at 1 m/s.
+const UNMOVED_S: f64 = 0.005;
 
 /// Topic of the truth, and the largest time difference of a measurement.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -39,7 +44,10 @@ pub struct TruthTopic {
     setup: Setup,
     /// Projection of measurements into the left camera, known from the first pair on.
     view: Option<View>,
+    poses: Option<PoseReader>,
     without: u64,
+    /// True once the user was warned of a measurement that is not of the pair's time.
+    warned_of_time: bool,
 }
 
 /// The topics whose messages measure distances, except those of the pairs, decided by the first
@@ -54,8 +62,8 @@ pub(in crate::recording) fn truth_topics(
     let channels = recording.channels()?;
     let is_candidate = |channel: &&&Channel| {
         !pairs.contains(&channel.topic.as_str())
-            // A disparity map has the same pixel format as a depth image.
-            && !channel.topic.contains("disparity")
+            // A disparity map as an image has the same pixel format as a depth image.
+            && (!channel.topic.contains("disparity") || channel.schema.ends_with("DisparityImage"))
             // A result in a bag of svl's.
             && !channel.topic.starts_with("/algo/")
             && kind::of(channel).is_ok()
@@ -123,8 +131,8 @@ impl TruthTopic {
             }
         };
         let of = (topic.as_str(), *max_skew_ns);
-        let measurements =
-            Measurements::find(recording, of, setup.sensor_frame(), kind, pairs, &mut look)?;
+        let sensor = (setup.sensor_frame(), setup.unit_m());
+        let measurements = Measurements::find(recording, of, sensor, kind, pairs, &mut look)?;
         if let Some(conflict) = conflict {
             let path = recording.path().display();
             tracing::warn!(
@@ -138,7 +146,9 @@ impl TruthTopic {
             measurements: measurements.map_err(wrong)?,
             setup,
             view: None,
+            poses: PoseReader::open(recording, &channels)?,
             without: 0,
+            warned_of_time: false,
         })
     }
 
@@ -159,7 +169,7 @@ impl TruthTopic {
             return Err(self.wrong(why));
         };
         frame.truth = None;
-        let Some(measured) = self.measurements.of(frame)? else {
+        let Some((stamp_ns, measured)) = self.measurements.of(frame)? else {
             self.without += 1;
             return Ok(());
         };
@@ -171,8 +181,9 @@ impl TruthTopic {
                 view.map_err(|reason| self.wrong(&reason))?
             }
         };
-        let disparity = view.disparities(&measured, &rig, size);
-        let density = view.density();
+        let motion = self.motion(stamp_ns, frame.stamp_ns, raw);
+        let disparity = view.disparities(&measured, motion.as_ref(), &rig, size);
+        let density = view.density(motion.is_some());
         self.view = Some(view);
         frame.truth = Some(Truth {
             disparity: disparity.map_err(|reason| self.wrong(&reason))?,
@@ -184,6 +195,39 @@ impl TruthTopic {
             },
         });
         Ok(())
+    }
+
+    /// The motion of points of a static world, from the rectified left camera at the measurement's
+    /// time to that at the pair's; `None` if the times are equal or the poses unknown, of which the
+    /// user is warned.
+    fn motion(
+        &mut self,
+        measured_ns: u64,
+        pair_ns: u64,
+        raw: Option<&RawCamera>,
+    ) -> Option<Isometry3<f64>> {
+        if measured_ns == pair_ns {
+            return None;
+        }
+        let left = self.setup.left_frame();
+        let mut pose = |stamp_ns| self.poses.as_mut()?.at(left, stamp_ns);
+        if let (Some(then), Some(now)) = (pose(measured_ns), pose(pair_ns)) {
+            let rotation = self.setup.rotation(raw);
+            return Some(rotation * now.inverse() * then * rotation.inverse());
+        }
+        let apart_s = measured_ns.abs_diff(pair_ns) as f64 / 1e9;
+        if apart_s > UNMOVED_S && !std::mem::replace(&mut self.warned_of_time, true) {
+            let path = self.recording.path().display();
+            tracing::warn!(
+                "{path}: --truth {}: a measurement is {:.1} ms from its pair, and no pose moves it \
+                 there: at 1 m/s its distance is off by {:.1} cm, at 90°/s its direction by {:.1}°",
+                self.topic,
+                apart_s * 1e3,
+                apart_s * 1e2,
+                apart_s * 90.0
+            );
+        }
+        None
     }
 
     fn wrong(&self, reason: &str) -> Error {

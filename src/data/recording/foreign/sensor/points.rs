@@ -15,8 +15,8 @@ type Points = Vec<Point3<f64>>;
 /// Offset and type of x, y and z in the bytes of a point.
 type Fields = [(usize, i32); 3];
 
-pub(super) fn ros_cloud(_: &Channel, data: &[u8]) -> Result<Points, String> {
-    let cloud = ros::read(data, ros::point_cloud)?;
+pub(super) fn ros_cloud(channel: &Channel, data: &[u8]) -> Result<Points, String> {
+    let cloud = ros::read(channel, data, ros::point_cloud)?;
     if cloud.big_endian {
         return Err("its points are big-endian, svl reads little-endian ones".to_owned());
     }
@@ -59,8 +59,8 @@ pub(super) fn foxglove_cloud(_: &Channel, data: &[u8]) -> Result<Points, String>
         .collect())
 }
 
-pub(super) fn ros_scan(_: &Channel, data: &[u8]) -> Result<Points, String> {
-    let scan = ros::read(data, ros::laser_scan)?;
+pub(super) fn ros_scan(channel: &Channel, data: &[u8]) -> Result<Points, String> {
+    let scan = ros::read(channel, data, ros::laser_scan)?;
     let within = |range: f64| range >= scan.range_min && range <= scan.range_max;
     let ranges = scan.ranges.iter().enumerate();
     // Beyond the limits of the sensor there is no measurement (sensor_msgs/LaserScan); NaN is

@@ -5,6 +5,8 @@ use super::transforms::{Conflict, Transforms, plain};
 use super::{Channel, FileEvent, Plane, Recording, Rig, TruthDensity};
 use super::{topics, truth};
 use crate::recording::foreign::camera::{self, Calibration};
+use crate::recording::foreign::realsense;
+use crate::recording::ros;
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 use svl_core::Result;
 use svl_core::depth::project;
@@ -32,6 +34,8 @@ pub(super) struct Setup {
     /// Calibration of a depth image.
     own: Option<Calibration>,
     transforms: Transforms,
+    /// Metres per step of the depth images, if the recording says so.
+    unit_m: Option<f32>,
     /// Names of the left camera's frame and of the sensor's.
     frames: [String; 2],
 }
@@ -43,6 +47,7 @@ struct Found {
     left: Option<Calibration>,
     frame: Option<std::result::Result<String, String>>,
     own: Option<Calibration>,
+    unit_m: Option<f32>,
     transforms: Transforms,
     /// All transforms including those that may move, which only an error names.
     with_moving: Transforms,
@@ -64,12 +69,15 @@ impl Setup {
         // The calibration nearest in the tree of topics may belong to another camera.
         let own_info = topics::calibration(channels, topic)
             .filter(|info| kind.is_depth() && Some(info) != left_info.as_ref());
+        let unit = realsense::unit_topic(topic)
+            .filter(|unit| channels.iter().any(|channel| channel.topic == *unit));
         let mut found = Found::default();
         for file in recording.files() {
             let mut messages = file.messages()?;
             let is_found = |found: &Found| {
                 (left_info.is_none() || found.left.is_some())
                     && (own_info.is_none() || found.own.is_some())
+                    && (unit.is_none() || found.unit_m.is_some())
                     && found.pose().is_ok()
             };
             // Damage is reported with the pairs.
@@ -98,6 +106,10 @@ impl Setup {
                 if of(&own_info) && found.own.is_none() {
                     found.own = camera::decode(channel, &data).ok();
                 }
+                if of(&unit) && found.unit_m.is_none() {
+                    let value = ros::read(channel, &data, ros::string);
+                    found.unit_m = value.ok().and_then(realsense::unit_m);
+                }
                 if Transforms::reads(channel)
                     && let Err(reason) = found.transforms.add(channel, &data)
                 {
@@ -114,6 +126,7 @@ impl Setup {
             left: found.left,
             own: found.own,
             transforms: found.transforms,
+            unit_m: found.unit_m,
             frames: [
                 found.left_frame,
                 found.frame.and_then(std::result::Result::ok),
@@ -125,6 +138,30 @@ impl Setup {
     /// The frame of the sensor, as its first message names it.
     pub(super) fn sensor_frame(&self) -> &str {
         plain(&self.frames[1])
+    }
+
+    /// The left camera's frame, as its first image names it.
+    pub(super) fn left_frame(&self) -> &str {
+        &self.frames[0]
+    }
+
+    /// The rotation of the rectification.
+    pub(super) fn rotation(&self, raw: Option<&RawCamera>) -> UnitQuaternion<f64> {
+        // Pairs rectified before they were recorded have the rotation in their CameraInfo; that of
+        // an uncalibrated camera is all zeros.
+        let own_rotation = || {
+            let rotation = self.left.as_ref()?.rotation().ok()?;
+            Some(UnitQuaternion::from_rotation_matrix(&rotation))
+        };
+        match raw {
+            Some(raw) => raw.rotation,
+            None => own_rotation().unwrap_or_else(UnitQuaternion::identity),
+        }
+    }
+
+    /// Metres per step of the depth images, if the recording says so.
+    pub(super) fn unit_m(&self) -> Option<f32> {
+        self.unit_m
     }
 
     /// A transform between sensor and camera in a message that differs from the one used.
@@ -147,17 +184,7 @@ impl Setup {
         size: (usize, usize),
         raw: Option<&RawCamera>,
     ) -> std::result::Result<View, String> {
-        // Pairs rectified before they were recorded have the rotation in their CameraInfo; that of
-        // an uncalibrated camera is all zeros.
-        let own_rotation = || {
-            let rotation = self.left.as_ref()?.rotation().ok()?;
-            Some(UnitQuaternion::from_rotation_matrix(&rotation))
-        };
-        let rotation = match raw {
-            Some(raw) => raw.rotation,
-            None => own_rotation().unwrap_or_else(UnitQuaternion::identity),
-        };
-        let left_from_sensor = rotation * self.left_from_sensor;
+        let left_from_sensor = self.rotation(raw) * self.left_from_sensor;
         let Measured::Depth(depth) = measured else {
             return Ok(View::Points(left_from_sensor));
         };
@@ -292,21 +319,26 @@ pub(super) enum View {
 }
 
 impl View {
-    pub(super) fn density(&self) -> TruthDensity {
+    /// Density of measurements as they are, or after a motion.
+    pub(super) fn density(&self, is_moved: bool) -> TruthDensity {
         match self {
-            Self::Aligned => TruthDensity::Dense,
-            Self::Camera { .. } | Self::Points(_) => TruthDensity::Sparse,
+            Self::Aligned if !is_moved => TruthDensity::Dense,
+            _ => TruthDensity::Sparse,
         }
     }
 
+    /// `motion` moves the points to the left camera at the time of the pair.
+    ///
     /// # Errors
     /// For a depth image of another size than the first.
     pub(super) fn disparities(
         &self,
         measured: &Measured,
+        motion: Option<&Isometry3<f64>>,
         rig: &Rig,
         size: (usize, usize),
     ) -> std::result::Result<Plane<f32>, String> {
+        let moved = |point: Point3<f64>| motion.map_or(point, |motion| motion * point);
         let expected = match self {
             Self::Camera { size, .. } => *size,
             _ => size,
@@ -322,11 +354,21 @@ impl View {
                 let depths = depth.rows().flatten().zip(rays);
                 let point =
                     |(&z, ray): (&f32, &Vector3<f64>)| Point3::from(ray * f64::from(z) + origin);
-                Ok(project(depths.map(point), rig, size))
+                Ok(project(depths.map(point).map(moved), rig, size))
+            }
+            (Self::Aligned, Measured::Depth(depth)) if motion.is_some() => {
+                let (focal, (cx, cy)) = (rig.focal_px(), rig.center_px());
+                let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
+                let points = pixels.map(|(x, y)| {
+                    let z = f64::from(depth.get(x, y));
+                    Point3::new((x as f64 - cx) / focal * z, (y as f64 - cy) / focal * z, z)
+                });
+                Ok(project(points.map(moved), rig, size))
             }
             (_, Measured::Depth(depth)) => Ok(truth::disparities(depth, rig)),
             (Self::Points(pose), Measured::Points(points)) => {
-                Ok(project(points.iter().map(|point| pose * point), rig, size))
+                let points = points.iter().map(|point| moved(pose * point));
+                Ok(project(points, rig, size))
             }
             (_, Measured::Points(_)) => Err("points instead of depth images".to_owned()),
         }

@@ -1,5 +1,6 @@
-//! Static transforms between the frames of a robot: `/tf_static`, and Foxglove's.
+//! Static transforms between the frames of a robot: `/tf_static`, Foxglove's and RealSense's.
 
+use super::{image, realsense};
 use crate::recording::messages::Channel;
 use crate::recording::{decode_protobuf, ros};
 use foxglove::messages::{FrameTransform, FrameTransforms};
@@ -19,7 +20,10 @@ const ROS: &str = "tf2_msgs/msg/TFMessage";
 pub(super) struct Transforms(BTreeMap<String, Placed>);
 
 /// The parent of a frame, and the frame's pose in it.
-type Placed = (String, Isometry3<f64>);
+pub(super) type Placed = (String, Isometry3<f64>);
+
+/// A transform of a message: child, placed, and its stamp if it has one.
+pub(super) type Stamped = (String, Placed, Option<u64>);
 
 /// One transform: parent, child, translation, rotation as x, y, z, w.
 type Link = (String, String, [f64; 3], [f64; 4]);
@@ -68,7 +72,7 @@ impl Transforms {
             "foxglove.FrameTransform" | "foxglove.FrameTransforms" => {
                 channel.encoding == "protobuf"
             }
-            _ => false,
+            _ => realsense::is_transform(channel),
         }
     }
 
@@ -82,7 +86,7 @@ impl Transforms {
     /// # Errors
     /// The reason why it cannot be read.
     pub(super) fn add(&mut self, channel: &Channel, data: &[u8]) -> Result<(), String> {
-        for (child, link) in Self::read(channel, data)? {
+        for (child, link, _) in Self::read(channel, data)? {
             let is_new = self.0.len() < MAX_FRAMES && !self.0.contains_key(&child);
             let ends_cycle = |parent| {
                 self.ancestors(parent)
@@ -105,7 +109,7 @@ impl Transforms {
     ) -> Option<Conflict> {
         let chain = self.chain(to, from);
         let links = Self::read(channel, data).ok()?;
-        links.into_iter().find_map(|(child, (other, later))| {
+        links.into_iter().find_map(|(child, (other, later), _)| {
             // A frame without a parent may be positioned by the frames below it.
             let (parent, pose, way) = match self.0.get(&child) {
                 Some((parent, pose)) => (parent.as_str(), *pose, vec![child.as_str()]),
@@ -138,8 +142,13 @@ impl Transforms {
         both.filter(|name| !is_common(name)).collect()
     }
 
-    /// The transforms of a message: child, and its parent with the child's pose in it.
-    fn read(channel: &Channel, data: &[u8]) -> Result<Vec<(String, Placed)>, String> {
+    /// The transforms of a message.
+    pub(super) fn read(channel: &Channel, data: &[u8]) -> Result<Vec<Stamped>, String> {
+        if realsense::is_transform(channel) {
+            let text = ros::read(channel, data, ros::string)?;
+            let (child, placed) = realsense::transform(&channel.topic, text)?;
+            return Ok(vec![(child, placed, None)]);
+        }
         let links: Vec<Link> = match channel.schema.as_str() {
             "foxglove.FrameTransform" => vec![link(decode_protobuf(data)?)?],
             "foxglove.FrameTransforms" => {
@@ -150,23 +159,33 @@ impl Transforms {
                     .map(link)
                     .collect::<Result<_, _>>()?
             }
-            _ => ros::read(data, ros::transforms)?,
-        };
-        let placed = |(parent, child, [x, y, z], [qx, qy, qz, qw]): Link| {
-            let rotation = Quaternion::new(qw, qx, qy, qz);
-            let numbers = [x, y, z, rotation.norm()];
-            if !numbers.iter().all(|v| v.is_finite()) || (rotation.norm() - 1.0).abs() > 1e-3 {
-                return Err(format!(
-                    "its transform of '{child}' in '{parent}' is invalid"
-                ));
+            _ => {
+                let stamped = ros::read(channel, data, ros::transforms)?;
+                let stamped = stamped.into_iter();
+                return stamped.map(|link| Self::placed(channel, link)).collect();
             }
-            let pose = Isometry3::from_parts(
-                Translation3::new(x, y, z),
-                UnitQuaternion::from_quaternion(rotation),
-            );
-            Ok((plain(&child).to_owned(), (plain(&parent).to_owned(), pose)))
         };
+        let placed = |link| place(link).map(|(child, placed)| (child, placed, None));
         links.into_iter().map(placed).collect()
+    }
+
+    /// A transform of a ROS message.
+    pub(super) fn placed(
+        channel: &Channel,
+        (stamp, link): (ros::RosTime, Link),
+    ) -> Result<Stamped, String> {
+        let (child, placed) = place(link)?;
+        Ok((child, placed, image::ros_stamp(channel, stamp)?))
+    }
+
+    /// The parent of a frame, with the frame's pose in it.
+    pub(super) fn parent(&self, frame: &str) -> Option<&Placed> {
+        self.0.get(frame)
+    }
+
+    /// The frame of that name, if it has a parent.
+    pub(super) fn name(&self, frame: &str) -> Option<&str> {
+        self.0.get_key_value(frame).map(|(name, _)| name.as_str())
     }
 
     /// The pose of frame `from` in frame `to`, by their common ancestor.
@@ -204,6 +223,21 @@ impl Transforms {
             (_, more) => format!("{} and {more} more", shown.join(", ")),
         }
     }
+}
+
+fn place((parent, child, [x, y, z], [qx, qy, qz, qw]): Link) -> Result<(String, Placed), String> {
+    let rotation = Quaternion::new(qw, qx, qy, qz);
+    let numbers = [x, y, z, rotation.norm()];
+    if !numbers.iter().all(|v| v.is_finite()) || (rotation.norm() - 1.0).abs() > 1e-3 {
+        return Err(format!(
+            "its transform of '{child}' in '{parent}' is invalid"
+        ));
+    }
+    let pose = Isometry3::from_parts(
+        Translation3::new(x, y, z),
+        UnitQuaternion::from_quaternion(rotation),
+    );
+    Ok((plain(&child).to_owned(), (plain(&parent).to_owned(), pose)))
 }
 
 /// Names in tf 1 begin with a slash.

@@ -1,0 +1,37 @@
+//! Whole ROS 1 bags through everything that reads them, with the truth of every topic that has one.
+#![no_main]
+
+use svl::Error;
+use svl::recording::{Reader, Recording, Selection, TruthSelection};
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    svl_fuzz::on_file("a.bag", bytes, |path| {
+        let Ok(recording) = Recording::open(path) else {
+            return;
+        };
+        let _ = recording.summary();
+        let Ok(mut reader) = Reader::new(recording, &Selection::default()) else {
+            return;
+        };
+        let truths = reader.truth_topics().unwrap_or_default().into_iter();
+        let truths = truths.filter_map(|topic| {
+            reader
+                .truth(&TruthSelection {
+                    topic,
+                    max_skew_ns: u64::MAX,
+                })
+                .ok()
+        });
+        let mut truths: Vec<_> = truths.collect();
+        loop {
+            match reader.next_pair() {
+                Ok(None) | Err(Error::Damaged { .. }) => break,
+                Ok(Some(mut frame)) => truths.iter_mut().for_each(|truth| {
+                    let _ = truth.attach(&mut frame, None);
+                }),
+                Err(_) => {}
+            }
+        }
+        let _ = reader.remarks();
+    });
+});

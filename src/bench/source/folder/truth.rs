@@ -1,0 +1,221 @@
+//! Files beside a folder's images that measure the truth: depth images, KITTI's laser scans.
+
+use super::layout::{Cameras, Layout, find_ending, natural};
+use super::stamps::epoch_ns;
+use nalgebra::Isometry3;
+use std::path::{Path, PathBuf};
+use svl_calibrate::files::read_scanner;
+use svl_core::depth::project;
+use svl_core::stereo::{Frame, Truth, TruthDensity, TruthKind, TruthOrigin};
+use svl_core::{Error, Result, counted};
+use svl_data::files::{has_ending, read_depth, read_points};
+use svl_data::recording::{RawCamera, TruthSelection, disparities};
+
+/// Extensions of the files that are read.
+const ENDINGS: &[&str] = &["png", "tif", "tiff", "npy", "npz", "pfm", "bin"];
+/// Patterns that `svl info` looks for: the folders of other programs and of KITTI.
+const USUAL: [&str; 4] = [
+    "depth/*.png",
+    "depth/*.npy",
+    "velodyne_points/data/*.bin",
+    "velodyne/*.bin",
+];
+const UNIT: &str = ":unit=";
+
+/// The files of a pattern, as truths of a folder's pairs.
+pub struct FolderTruth {
+    folder: PathBuf,
+    pattern: String,
+    /// Metres per step of the depth images.
+    unit_m: Option<f32>,
+    /// The part at `*` of each file's name, which is also its stamp if all of them are times.
+    files: Vec<(Vec<u8>, Option<u64>, PathBuf)>,
+    max_skew_ns: u64,
+    /// Pose of the laser scanner in the left camera.
+    scanner: Option<Isometry3<f64>>,
+    without: u64,
+    has_warned: bool,
+}
+
+impl FolderTruth {
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] if no file fits the pattern, or for a laser scanner whose
+    /// position is unknown; [`Error::Usage`] for a pattern without `*` and an impossible unit.
+    pub(super) fn new(
+        folder: &Path,
+        layout: Option<&Layout>,
+        selection: &TruthSelection,
+    ) -> Result<Self> {
+        let (pattern, unit) = match selection.topic.split_once(UNIT) {
+            Some((pattern, unit)) => (pattern, Some(unit)),
+            None => (selection.topic.as_str(), None),
+        };
+        let usage = |why: &str| Error::Usage(format!("--truth '{}': {why}", selection.topic));
+        let number = |unit: &str| unit.parse().ok().filter(|unit| (1e-6..=1e3).contains(unit));
+        let unit_m = match unit.map(number) {
+            Some(None) => return Err(usage("the unit is metres per step, as unit=0.001")),
+            unit => unit.flatten(),
+        };
+        if pattern.matches('*').count() != 1 {
+            return Err(usage(
+                "is a pattern with one * for the part that is equal in the names of the images",
+            ));
+        }
+        let found = find_ending(folder, pattern, ENDINGS)?;
+        if found.is_empty() {
+            let usual = USUAL.join(", ");
+            let why = format!("--truth '{pattern}': no such file; usual ones are {usual}");
+            return Err(Error::format(folder, why));
+        }
+        let has_times = found.keys().all(|key| epoch_ns(key).is_some());
+        let mut files: Vec<_> = found
+            .into_iter()
+            .map(|(key, path)| {
+                let stamp = epoch_ns(&key).filter(|_| has_times);
+                (key, stamp, path)
+            })
+            .collect();
+        files.sort_by(|(a, ..), (b, ..)| natural(a, b));
+        let has_scans = files.iter().any(|(.., path)| has_ending(path, "bin"));
+        Ok(Self {
+            folder: folder.to_owned(),
+            pattern: pattern.to_owned(),
+            unit_m,
+            files,
+            max_skew_ns: selection.max_skew_ns,
+            scanner: has_scans.then(|| scanner(folder, layout)).transpose()?,
+            without: 0,
+            has_warned: false,
+        })
+    }
+
+    /// Those of the usual patterns that have files.
+    pub(crate) fn usual(folder: &Path) -> Vec<String> {
+        let has_files = |pattern: &&str| {
+            find_ending(folder, pattern, ENDINGS).is_ok_and(|files| !files.is_empty())
+        };
+        let usual = USUAL.into_iter().filter(has_files);
+        usual.map(str::to_owned).collect()
+    }
+
+    /// Number of pairs so far without a file.
+    pub fn without(&self) -> u64 {
+        self.without
+    }
+
+    /// Attaches the truth of the file with the frame's name, or else, if the names are times, of
+    /// the one nearest to its stamp. `raw`: the left camera, if svl rectified the pair.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for a pair without a rig, and for depth images of raw pairs or of another
+    /// size.
+    pub fn attach(&mut self, frame: &mut Frame, raw: Option<&RawCamera>) -> Result<()> {
+        let Some(rig) = frame.rig().copied() else {
+            let why = "pairs without a calibration have no distances to compare: --calib FILE";
+            return Err(self.wrong(why));
+        };
+        frame.truth = None;
+        let Some(path) = self.file(frame).map(Path::to_owned) else {
+            self.without += 1;
+            return Ok(());
+        };
+        let size = frame.pair.size();
+        let disparity = if has_ending(&path, "bin") {
+            read_points(&path).map(|points| {
+                let pose = self.scanner.unwrap_or_default();
+                let rotation = raw.map(|raw| raw.rotation).unwrap_or_default();
+                let points = points.iter().map(|point| rotation * (pose * point));
+                project(points, &rig, size)
+            })
+        } else if raw.is_some() {
+            let why = "its depth images belong to the images before svl rectifies them; rectify \
+                       all of them first, or give --calib none if they are rectified";
+            return Err(self.wrong(why));
+        } else {
+            read_depth(&path, self.unit_m).map(|depth| disparities(&depth, &rig))
+        };
+        let disparity = match disparity {
+            Ok(disparity) => disparity,
+            Err(error) => {
+                if !std::mem::replace(&mut self.has_warned, true) {
+                    tracing::warn!("{error}; left out, its pair has no truth");
+                }
+                self.without += 1;
+                return Ok(());
+            }
+        };
+        if disparity.size() != size {
+            let ((w, h), (width, height)) = (disparity.size(), size);
+            let why = format!(
+                "is {w}x{h}, the left image {width}x{height}: depth images have to \
+                               be those of the left camera"
+            );
+            return Err(Error::format(path, why));
+        }
+        let known = disparity.pixels().filter(|d| d.is_finite()).count();
+        frame.truth = Some(Truth {
+            disparity,
+            visibility: None,
+            surface: None,
+            kind: TruthKind {
+                // Laser points in an image, as KITTI's depth maps, are spread as in a cloud.
+                density: if 2 * known < size.0 * size.1 {
+                    TruthDensity::Sparse
+                } else {
+                    TruthDensity::Dense
+                },
+                origin: TruthOrigin::Sensor(self.pattern.clone()),
+            },
+        });
+        Ok(())
+    }
+
+    fn file(&self, frame: &Frame) -> Option<&Path> {
+        let name = frame.name.as_deref().unwrap_or_default().as_bytes();
+        let named = self.files.iter().find(|(key, ..)| key == name);
+        let nearest = || {
+            let apart = |stamp: &Option<u64>| Some(stamp.as_ref()?.abs_diff(frame.stamp_ns));
+            let files = self
+                .files
+                .iter()
+                .filter_map(|file| Some((apart(&file.1)?, file)));
+            let (apart, file) = files.min_by_key(|(apart, _)| *apart)?;
+            (apart <= self.max_skew_ns).then_some(file)
+        };
+        let (.., path) = named.or_else(nearest)?;
+        Some(path)
+    }
+
+    fn wrong(&self, why: &str) -> Error {
+        let files = counted(self.files.len() as u64, "file");
+        let reason = format!("--truth '{}', {files}: {why}", self.pattern);
+        Error::format(&self.folder, reason)
+    }
+}
+
+/// The pose of KITTI's scanner, by the calibrations in the folder or the two above it.
+fn scanner(folder: &Path, layout: Option<&Layout>) -> Result<Isometry3<f64>> {
+    let real = folder.canonicalize().map_err(|e| Error::io(folder, e))?;
+    let file = |name: &str| {
+        let mut files = real.ancestors().take(3).map(|folder| folder.join(name));
+        files.find(|file| file.is_file())
+    };
+    match layout.map(|layout| &layout.cameras) {
+        Some(Cameras::CamToCam([left, _])) => {
+            if let (Some(scanner), Some(cameras)) =
+                (file("calib_velo_to_cam.txt"), file("calib_cam_to_cam.txt"))
+            {
+                return read_scanner(&scanner, &cameras, left);
+            }
+        }
+        Some(Cameras::Projections([left, _])) => {
+            if let Some(calib) = file("calib.txt") {
+                return read_scanner(&calib, &calib, left);
+            }
+        }
+        _ => {}
+    }
+    let why = "laser scans need KITTI's calib_velo_to_cam.txt and calib_cam_to_cam.txt, or a \
+               calib.txt with Tr, in the folder or above it";
+    Err(Error::format(folder, why))
+}

@@ -1,0 +1,108 @@
+//! Measurements of another sensor in files: depth images, and points of KITTI's laser scanner.
+
+use super::{DecodedImage, MAX_BYTES, has_ending, npz, pfm, read_bounded, read_image};
+use nalgebra::Point3;
+use std::path::Path;
+use svl_core::stereo::Plane;
+use svl_core::{Error, Result};
+
+/// Bytes of a point: x, y, z in metres and the reflectance, as 32-bit floats.
+const POINT: usize = 16;
+/// The unit of integers, metres.
+const MILLIMETRE: f32 = 0.001;
+
+/// Depths in metres, NaN for none, from an image of 16 bits, or from NumPy's `.npy` or `.npz`, or
+/// `.pfm`. `unit_m`: metres per step [default: 0.001 of integers, 1 of floats].
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Format`] for what is none of these.
+pub fn read_depth(path: &Path, unit_m: Option<f32>) -> Result<Plane<f32>> {
+    let (values, is_integer) = if has_ending(path, "npy") {
+        npz::read_npy(path)?
+    } else if has_ending(path, "npz") {
+        (npz::values(path)?, false)
+    } else if has_ending(path, "pfm") {
+        (pfm::values(path)?, false)
+    } else {
+        match read_image(path)? {
+            DecodedImage::Gray16(steps) => (steps.map(f32::from), true),
+            _ => {
+                let why = "is not an image of one channel of 16 bits, as depths are";
+                return Err(Error::format(path, why));
+            }
+        }
+    };
+    Ok(values.map(|value| {
+        // As in messages, where integers are millimetres.
+        let depth = if is_integer {
+            value / 1000.0 * unit_m.map_or(1.0, |unit_m| unit_m / MILLIMETRE)
+        } else {
+            value * unit_m.unwrap_or(1.0)
+        };
+        if depth > 0.0 && depth.is_finite() {
+            depth
+        } else {
+            f32::NAN
+        }
+    }))
+}
+
+/// The points of KITTI's velodyne `.bin`, metres in the scanner's frame.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Format`] for a file that does not consist of whole points.
+pub fn read_points(path: &Path) -> Result<Vec<Point3<f64>>> {
+    let bytes = read_bounded(path, MAX_BYTES)?;
+    if bytes.is_empty() || bytes.len() % POINT != 0 {
+        let length = bytes.len();
+        let why = format!("has {length} bytes, not points of {POINT}: x, y, z, reflectance");
+        return Err(Error::format(path, why));
+    }
+    let points = bytes.chunks_exact(POINT).map(|point| {
+        let number = |at: usize| {
+            point[at..]
+                .first_chunk()
+                .map_or(f32::NAN, |b| f32::from_le_bytes(*b))
+        };
+        Point3::from([0, 4, 8].map(|at| f64::from(number(at))))
+    });
+    Ok(points.collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_whole_and_depths_have_a_unit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        let numbers = [1.5f32, -2.0, 0.25, 9.0].map(f32::to_le_bytes).concat();
+        std::fs::write(&path, &numbers).unwrap();
+        assert_eq!(read_points(&path).unwrap(), [Point3::new(1.5, -2.0, 0.25)]);
+        for cut in [0, 15] {
+            std::fs::write(&path, &numbers[..cut]).unwrap();
+            assert!(read_points(&path).is_err(), "{cut}");
+        }
+        let array = |kind: &str, bytes: &[u8]| {
+            let path = folder.path().join("a.npy");
+            let header =
+                format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': (1, 2)}}\n");
+            let length = (header.len() as u16).to_le_bytes();
+            let file = [b"\x93NUMPY\x01\0", &length[..], header.as_bytes(), bytes].concat();
+            std::fs::write(&path, file).unwrap();
+            path
+        };
+        let depths = |path: &Path, unit_m| -> Vec<f32> {
+            read_depth(path, unit_m).unwrap().pixels().collect()
+        };
+        let steps = array("<u2", &[0xE8, 3, 0xD0, 7]);
+        assert_eq!(depths(&steps, None), [1.0, 2.0]);
+        assert_eq!(depths(&steps, Some(0.002)), [2.0, 4.0]);
+        let metres = array("<f4", &[1.5f32, -1.0].map(f32::to_le_bytes).concat());
+        let found = depths(&metres, None);
+        assert!(found[0] == 1.5 && found[1].is_nan());
+        std::fs::write(&metres, b"\x93NUMPY").unwrap();
+        assert!(read_depth(&metres, None).is_err());
+    }
+}

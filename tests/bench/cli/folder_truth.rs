@@ -1,0 +1,176 @@
+//! Truth of a folder's pairs from files: depth images, NumPy's arrays, KITTI's laser scans.
+
+use super::fixture::{Fixture, assert_says};
+use crate::recording::bag::png;
+use svl::scenario::SourceOptions;
+use svl::source::{Request, open};
+use svl::stereo::{Frame, TruthDensity};
+
+const SIZE: (usize, usize) = (40, 24);
+const CALIB: &str = "cam0=[50 0 20; 0 50 12; 0 0 1]\ncam1=[50 0 20; 0 50 12; 0 0 1]\ndoffs=0\n\
+                     baseline=100\nwidth=40\nheight=24\nndisp=16\n";
+
+fn steps() -> Vec<u16> {
+    (0..SIZE.0 * SIZE.1)
+        .map(|at| if at % 5 == 0 { 0 } else { 800 + at as u16 })
+        .collect()
+}
+
+fn array(kind: &str, bytes: &[u8]) -> Vec<u8> {
+    let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': (24, 40)}}\n");
+    let length = (header.len() as u16).to_le_bytes();
+    [b"\x93NUMPY\x01\0", &length[..], header.as_bytes(), bytes].concat()
+}
+
+/// Two pairs, named by times 50 ms apart.
+fn scene(fixture: &Fixture) {
+    for (name, shift) in [("1700000000.00", 3), ("1700000000.05", 5)] {
+        let [left, right] = ["left", "right"].map(|side| format!("p/{side}/{name}.pgm"));
+        fixture.write_pair(&left, &right, SIZE, shift);
+    }
+    fixture.write("p/calib.txt", CALIB);
+}
+
+fn frames(fixture: &Fixture, name: &str, truth: &str) -> Vec<Frame> {
+    let path = fixture.path(name);
+    let mut source = open(&Request {
+        options: SourceOptions {
+            truth: Some(truth.to_owned()),
+            ..SourceOptions::default()
+        },
+        ..Request::new(path.to_str().unwrap())
+    });
+    let source = &mut source.as_mut().unwrap().source;
+    std::iter::from_fn(|| source.next().unwrap()).collect()
+}
+
+#[test]
+fn depth_images_and_arrays_are_the_same_truth() {
+    let fixture = Fixture::new();
+    scene(&fixture);
+    let metres: Vec<u8> = steps()
+        .iter()
+        .flat_map(|&step| (f32::from(step) / 1000.0).to_le_bytes())
+        .collect();
+    // By the name of the pair, and 10 ms from its stamp; 30 ms away is too far.
+    for (folder, times) in [("depth", ["00", "05"]), ("near", ["01", "08"])] {
+        for time in times {
+            let name = |ending: &str| format!("p/{folder}/1700000000.{time}.{ending}");
+            fixture.write(&name("png"), png(SIZE, &steps()));
+            fixture.write(&name("npy"), array("<f4", &metres));
+        }
+    }
+    let by_name = frames(&fixture, "p", "depth/*.png");
+    let truth = |frame: &Frame| frame.truth.clone().unwrap();
+    for (step, disparity) in steps().iter().zip(truth(&by_name[0]).disparity.pixels()) {
+        let expected = 50.0 * 0.1 / (f64::from(*step) / 1000.0);
+        assert!(
+            *step == 0 && disparity.is_infinite() || (f64::from(disparity) - expected).abs() < 1e-6
+        );
+    }
+    assert_eq!(truth(&by_name[0]).kind.density, TruthDensity::Dense);
+    for pattern in ["depth/*.npy", "depth/*.png:unit=0.001"] {
+        let others = frames(&fixture, "p", pattern);
+        let pairs = others.iter().zip(&by_name);
+        assert!(
+            pairs
+                .into_iter()
+                .all(|(a, b)| truth(a).disparity == truth(b).disparity),
+            "{pattern}"
+        );
+    }
+    let near = frames(&fixture, "p", "near/*.png");
+    assert_eq!([0, 1].map(|i| near[i].truth.is_some()), [true, false]);
+    let ten = frames(&fixture, "p", "depth/*.png:unit=0.01");
+    let [one, ten] = [&by_name[0], &ten[0]].map(|frame| truth(frame).disparity.get(1, 0));
+    assert!((one / ten - 10.0).abs() < 1e-5);
+    let info = fixture.run("info p");
+    assert_says(&info, &["depth/*.png", "depth/*.npy"]);
+    let scored = fixture.run("score p --truth depth/*.png --algo bm --output r");
+    assert_says(&scored, &["against the sensor depth/*.png"]);
+}
+
+#[test]
+fn what_is_no_truth_is_refused_in_one_line() {
+    let fixture = Fixture::new();
+    scene(&fixture);
+    fixture.write("p/depth/1700000000.00.png", png(SIZE, &[9u8; 40 * 24]));
+    fixture.write("p/small/1700000000.00.png", png((2, 2), &[9u16; 4]));
+    fixture.write("p/scan/1700000000.00.bin", [0; 16]);
+    fixture.write_pair("q/left/1.pgm", "q/right/1.pgm", SIZE, 3);
+    fixture.write("q/depth/1.png", png(SIZE, &steps()));
+    fixture.write_pair("s/im0.pgm", "s/im1.pgm", SIZE, 3);
+    fixture.fails(
+        "record p -o x.mcap --truth /depth => 2: is a pattern with one *
+         record p -o x.mcap --truth no/*.png => 1: no such file | velodyne/*.bin
+         record p -o x.mcap --truth depth/*.png:unit=mm => 2: metres per step
+         record p -o x.mcap --truth small/*.png => 1: is 2x2, the left image 40x24
+         record p -o x.mcap --truth scan/*.bin => 1: laser scans need KITTI's
+         record q -o x.mcap --truth depth/*.png => 1: --calib FILE
+         record s -o x.mcap --truth depth/*.png => 2: --truth is for sequences of pairs",
+    );
+    // An unreadable file costs its pair's truth.
+    let ran = fixture.svl("record p -o x.mcap --truth depth/*.png");
+    assert_says(
+        &ran.stderr,
+        &["1700000000.00.png: is not an image of one channel of 16 bits"],
+    );
+}
+
+/// KITTI's odometry: poses of camera 0, beside the sequence or two above it.
+#[test]
+fn kitti_s_poses_are_read() {
+    let fixture = Fixture::new();
+    for i in ["000000", "000001", "000002"] {
+        let image = |camera: &str| format!("sequences/07/{camera}/{i}.pgm");
+        fixture.write_pair(&image("image_0"), &image("image_1"), SIZE, 3);
+    }
+    fixture.write(
+        "sequences/07/calib.txt",
+        "P0: 50 0 20 0 0 50 12 0 0 0 1 0\nP1: 50 0 20 -5 0 50 12 0 0 0 1 0\n",
+    );
+    let poses = "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0.5 0 1 0 -0.1 0 0 1 2\n";
+    fixture.write("poses/07.txt", poses);
+    fixture.run("record sequences/07 -o x.mcap");
+    let path = fixture.path("x.mcap");
+    let mut reader = svl::recording::Reader::open(path).unwrap();
+    let mut places = Vec::new();
+    while let Some(frame) = reader.next_pair().unwrap() {
+        places.push(frame.pose.map(|pose| pose.translation.vector.data.0[0]));
+    }
+    assert_eq!(places, [Some([0.0; 3]), Some([0.5, 2.0, 0.1]), None]);
+    fixture.write("sequences/07/poses.txt", "1 0 0\n");
+    fixture.fails("record sequences/07 -o y.mcap => 1: poses.txt: line 1: expected twelve numbers");
+}
+
+/// KITTI raw with the rectified cameras only, and a scanner 0.2 m above and 0.3 m behind.
+#[test]
+fn kitti_s_scans_are_moved_into_the_camera() {
+    let fixture = Fixture::new();
+    let image = |camera: &str| format!("day/drive/{camera}/data/0000000000.pgm");
+    fixture.write_pair(&image("image_00"), &image("image_01"), SIZE, 3);
+    fixture.write(
+        "day/calib_cam_to_cam.txt",
+        "S_rect_00: 40 24\nR_rect_00: 1 0 0 0 1 0 0 0 1\nP_rect_00: 50 0 20 0 0 50 12 0 0 0 1 0\n\
+         P_rect_01: 50 0 20 -5 0 50 12 0 0 0 1 0\n",
+    );
+    fixture.write(
+        "day/calib_velo_to_cam.txt",
+        "calib_time: today\nR: 0 -1 0 0 0 -1 1 0 0\nT: 0 -0.2 -0.3\n",
+    );
+    // x forward, y left, z up: 5 m before the camera, a tenth of that to its left.
+    let point = [5.3f32, 0.5, -0.2, 0.9].map(f32::to_le_bytes).concat();
+    fixture.write("day/drive/velodyne_points/data/0000000000.bin", point);
+    let found = frames(&fixture, "day/drive", "velodyne_points/data/*.bin");
+    let truth = found[0].truth.as_ref().unwrap();
+    let known = |(x, y): (usize, usize)| truth.disparity.get(x, y).is_finite();
+    let pixels = (0..24).flat_map(|y| (0..40).map(move |x| (x, y)));
+    let known: Vec<_> = pixels.filter(|at| known(*at)).collect();
+    assert_eq!(known, [(15, 12)]);
+    assert!((truth.disparity.get(15, 12) - 1.0).abs() < 1e-5);
+    assert_eq!(truth.kind.density, TruthDensity::Sparse);
+    assert_says(
+        &fixture.run("info day/drive"),
+        &["velodyne_points/data/*.bin"],
+    );
+}

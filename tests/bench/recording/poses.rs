@@ -1,0 +1,164 @@
+//! Poses in other programs' recordings, and truths that are moved by them.
+
+use super::bag::{self, Message, cdr_in};
+use super::frames::{PERIOD_NS, read};
+use super::sensor::{START_NS, cloud, open, pairs, tf};
+use crate::cli::fixture::Fixture;
+use crate::common::assert_says;
+use re_cdr::{CdrWriter, LittleEndian};
+use std::path::Path;
+use svl::stereo::{Frame, Truth, TruthDensity};
+
+/// Speed along the optical axis, m/s, of a robot that starts at x = 3 m.
+const SPEED: f64 = 1.5;
+/// Rotation of an optical frame in a robot's: z ahead, x right. As x, y, z, w.
+const OPTICAL: [f64; 4] = [-0.5, 0.5, -0.5, 0.5];
+
+fn x_at(stamp: u64) -> f64 {
+    3.0 + SPEED * (stamp as f64 - START_NS as f64) / 1e9
+}
+
+fn numbers(cdr: &mut CdrWriter<'_, LittleEndian>, pose: [f64; 3], turn: [f64; 4]) {
+    pose.iter().chain(&turn).for_each(|&v| cdr.write_f64(v));
+}
+
+fn transform(
+    topic: &'static str,
+    stamp: u64,
+    frames: [&str; 2],
+    at: [f64; 3],
+    turn: [f64; 4],
+) -> Message {
+    let mut data = vec![0, 1, 0, 0];
+    let mut cdr = CdrWriter::<LittleEndian>::new(&mut data);
+    cdr.write_sequence_length(1);
+    cdr.write_u32((stamp / 1_000_000_000) as u32);
+    cdr.write_u32((stamp % 1_000_000_000) as u32);
+    cdr.write_string(frames[0]);
+    cdr.write_string(frames[1]);
+    numbers(&mut cdr, at, turn);
+    Message {
+        data,
+        log_time: stamp,
+        ..tf(topic, &[])
+    }
+}
+
+fn odometry(stamp: u64) -> Message {
+    let data = cdr_in("odom", stamp, |cdr| {
+        cdr.write_string("base_link");
+        numbers(cdr, [x_at(stamp), 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]);
+        (0..36 + 6 + 36).for_each(|_| cdr.write_f64(0.0));
+    });
+    Message {
+        topic: "/odom",
+        schema: "nav_msgs/msg/Odometry",
+        encoding: "cdr",
+        log_time: stamp,
+        data,
+    }
+}
+
+fn moving(stamp: u64) -> Message {
+    let at = [x_at(stamp), 1.0, 0.0];
+    transform(
+        "/tf",
+        stamp,
+        ["odom", "base_link"],
+        at,
+        [0.0, 0.0, 0.0, 1.0],
+    )
+}
+
+/// Two pairs of a camera 0.1 m ahead of the robot's middle and 0.3 m above it, and the robot's
+/// poses every 40 ms, which are not the pairs' times.
+fn messages(pose: fn(u64) -> Message) -> Vec<Message> {
+    let camera = transform(
+        "/tf_static",
+        0,
+        ["base_link", "cam"],
+        [0.1, 0.0, 0.3],
+        OPTICAL,
+    );
+    let stamps = (0..8).map(|i| START_NS - 30_000_000 + 40_000_000 * i);
+    let mut all: Vec<_> = [camera].into_iter().chain(stamps.map(pose)).collect();
+    all.extend(pairs());
+    all
+}
+
+fn truths(path: &Path) -> Vec<Option<Truth>> {
+    let mut source = open(path, "/points").unwrap().source;
+    let frames = std::iter::from_fn(|| source.next().unwrap());
+    frames.map(|frame: Frame| frame.truth).collect()
+}
+
+#[test]
+fn transforms_and_odometry_are_poses() {
+    let folder = tempfile::tempdir().unwrap();
+    for pose in [moving, odometry] {
+        let (frames, error) = read(&bag::write(folder.path(), &messages(pose)));
+        assert!(error.is_none() && frames.len() == 2);
+        for frame in &frames {
+            let pose = frame.pose.unwrap();
+            let expected = nalgebra::Vector3::new(x_at(frame.stamp_ns) + 0.1, 1.0, 0.3);
+            assert!((pose.translation.vector - expected).norm() < 1e-6, "{pose}");
+            let view = pose.rotation * nalgebra::Vector3::z() - nalgebra::Vector3::x();
+            assert!(view.norm() < 1e-9, "{pose}");
+        }
+    }
+    // Without the transform to the camera, or with poses of another time, there is none.
+    let (frames, _) = read(&bag::write(folder.path(), &messages(moving)[1..]));
+    assert!(frames[0].pose.is_none());
+    let late: fn(u64) -> Message = |stamp| moving(stamp + 60_000_000_000);
+    let (frames, _) = read(&bag::write(folder.path(), &messages(late)));
+    assert!(frames[0].pose.is_none());
+}
+
+#[test]
+fn a_truth_of_another_time_is_moved_to_the_pair_s() {
+    let fixture = Fixture::new();
+    let folder = fixture.path("");
+    // A wall 2 m ahead, seen at the pair's time, and 12 ms later from nearer.
+    let wall = |late_ns: u64| {
+        let z = 2.0 - SPEED * late_ns as f64 / 1e9;
+        let points = (0..60).map(|i| [f64::from(i % 10) * 0.006, f64::from(i / 10) * 0.006, z]);
+        let points: Vec<_> = points.map(|point| point.map(|v| v as f32)).collect();
+        cloud("cam", START_NS + PERIOD_NS + late_ns, &points)
+    };
+    let with = |pose: fn(u64) -> Message, wall: Message| {
+        let all: Vec<_> = messages(pose).into_iter().chain([wall]).collect();
+        bag::write(&folder, &all)
+    };
+    let still = truths(&with(moving, wall(0)));
+    let moved = truths(&with(moving, wall(12_000_000)));
+    let disparities = [&still, &moved].map(|truths| truths[1].as_ref().unwrap().disparity.clone());
+    let known = disparities[0].pixels().filter(|d| d.is_finite()).count();
+    assert!(known > 40 && still[0].is_none(), "{known}");
+    for (a, b) in disparities[0].pixels().zip(disparities[1].pixels()) {
+        assert!(a == b || (a - b).abs() < 1e-4, "{a} {b}");
+    }
+    assert_eq!(
+        moved[1].as_ref().unwrap().kind.density,
+        TruthDensity::Sparse
+    );
+    // Without poses it stays where it was measured, which is reported.
+    let none: fn(u64) -> Message =
+        |stamp| transform("/other", stamp, ["a", "b"], [0.0; 3], [0.0; 4]);
+    let fixed = messages(none).into_iter();
+    let fixed = fixed.filter(|message| message.topic != "/other");
+    let all: Vec<_> = fixed.chain([wall(12_000_000)]).collect();
+    bag::write(&folder, &all);
+    let ran = fixture.svl("record bag.mcap --truth /points -o x.mcap");
+    let words = [
+        "a measurement is 12.0 ms from its pair",
+        "off by 1.2 cm",
+        "by 1.1°",
+    ];
+    assert_says(&ran.stderr, &words);
+    with(moving, wall(12_000_000));
+    let ran = fixture.svl("record bag.mcap --truth /points -o x.mcap --force");
+    assert!(!ran.stderr.contains("no pose"), "{}", ran.stderr);
+    // The poses are kept, and the place of a checkpoint finds its frames.
+    let (kept, _) = read(&fixture.path("x.mcap"));
+    assert!(kept.iter().all(|frame| frame.pose.is_some()));
+}

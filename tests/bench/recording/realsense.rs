@@ -1,0 +1,247 @@
+//! Recordings of the RealSense SDK, laid out as its `ros2_writer.cpp` does: raw and compressed.
+
+use super::bag::{self, Message};
+use super::frames::{image, read};
+use crate::cli::fixture::Fixture;
+use crate::common::assert_says;
+use std::path::Path;
+use svl::recording::{Reader, TruthSelection};
+use svl::stereo::{Frame, TruthDensity};
+
+const SIZE: (usize, usize) = (64, 48);
+const FOCAL_PX: f64 = 48.5;
+const BASELINE_M: f64 = 0.050_02;
+const LEFT: &str = "/device_0/sensor_0/Infrared_1/image/data";
+const RIGHT: &str = "/device_0/sensor_0/Infrared_2/image/data";
+const DEPTH: &str = "/device_0/sensor_0/Depth_0/image/data";
+const UNIT: &str = "/device_0/sensor_0/option/Depth_Units/value";
+
+/// Steps of the depth image, from 0, which is no depth.
+fn steps(i: u64) -> Vec<u16> {
+    let pixels = 0..(SIZE.0 * SIZE.1) as u16;
+    pixels
+        .map(|at| {
+            if at % 7 == 0 {
+                0
+            } else {
+                300 + at + 10 * i as u16
+            }
+        })
+        .collect()
+}
+
+/// The strings before the first frame, and the extrinsics after it.
+fn calibrations(unit: &str) -> [Message; 7] {
+    let (width, height) = SIZE;
+    let info = format!(
+        "width={width};height={height};fx={FOCAL_PX};ppx=31.25;fy={FOCAL_PX};ppy=23.75;model=Brown \
+         Conrady;coeffs=0,0,0,0,0"
+    );
+    let motion = |x: f64| {
+        format!(
+            "rotation=1.000000,0.000000,0.000000,0.000000,1.000000,0.000000,0.000000,0.000000,\
+             1.000000;translation={x:.6},0.000000,0.000000"
+        )
+    };
+    [
+        bag::string(UNIT, unit),
+        bag::string("/device_0/sensor_0/Depth_0/camera_info", &info),
+        bag::string("/device_0/sensor_0/Infrared_1/camera_info", &info),
+        bag::string("/device_0/sensor_0/Infrared_2/camera_info", &info),
+        bag::string("/device_0/sensor_0/Depth_0/tf/ref_0", &motion(0.0)),
+        bag::string("/device_0/sensor_0/Infrared_1/tf/ref_0", &motion(0.0)),
+        bag::string(
+            "/device_0/sensor_0/Infrared_2/tf/ref_0",
+            &motion(-BASELINE_M),
+        ),
+    ]
+}
+
+fn grey(seed: u64) -> Vec<u8> {
+    image(SIZE, seed).pixels().collect()
+}
+
+/// Three frames of every stream, 33 ms apart, after their calibrations.
+fn messages(unit: &str) -> Vec<Message> {
+    let mut all = calibrations(unit).to_vec();
+    for i in 0..3 {
+        let stamp = (i + 1) * 33_000_000;
+        let depth: Vec<u8> = steps(i).into_iter().flat_map(u16::to_le_bytes).collect();
+        all.extend([
+            bag::ros_image_in("Depth", DEPTH, stamp, SIZE, ("mono16", &depth)),
+            bag::ros_image_in("Infrared1", LEFT, stamp, SIZE, ("8UC1", &grey(2 * i))),
+            bag::ros_image_in(
+                "Infrared2",
+                RIGHT,
+                stamp + 90_000,
+                SIZE,
+                ("8UC1", &grey(2 * i + 1)),
+            ),
+        ]);
+    }
+    all
+}
+
+/// The frames with the truth of the depth images.
+fn with_truth(path: &Path, topic: &str) -> Vec<Frame> {
+    let mut reader = Reader::open(path).unwrap();
+    let selection = TruthSelection {
+        topic: topic.to_owned(),
+        max_skew_ns: 1_000_000,
+    };
+    let mut truth = reader.truth(&selection).unwrap();
+    let mut frames = Vec::new();
+    while let Some(mut frame) = reader.next_pair().unwrap() {
+        truth.attach(&mut frame, None).unwrap();
+        frames.push(frame);
+    }
+    frames
+}
+
+fn check(frames: &[Frame], unit_m: f64) {
+    assert_eq!(frames.len(), 3);
+    for (i, frame) in (0..).zip(frames) {
+        assert_eq!(
+            (frame.pair.left(), frame.pair.right()),
+            (&image(SIZE, 2 * i), &image(SIZE, 2 * i + 1))
+        );
+        let rig = frame.rig().unwrap();
+        assert_eq!(
+            (rig.focal_px(), rig.center_px()),
+            (FOCAL_PX, (31.25, 23.75))
+        );
+        assert!((rig.baseline_m() - BASELINE_M).abs() < 1e-12);
+        let truth = frame.truth.as_ref().unwrap();
+        assert_eq!(truth.kind.density, TruthDensity::Dense);
+        for (step, disparity) in steps(i).into_iter().zip(truth.disparity.pixels()) {
+            let expected = FOCAL_PX * BASELINE_M / (f64::from(step) * unit_m);
+            assert_eq!(
+                step == 0,
+                disparity.is_infinite() || disparity.is_nan(),
+                "{disparity}"
+            );
+            assert!(step == 0 || (f64::from(disparity) / expected - 1.0).abs() < 1e-6);
+        }
+    }
+}
+
+#[test]
+fn strings_are_calibration_and_depth_is_truth() {
+    let folder = tempfile::tempdir().unwrap();
+    for (unit, unit_m) in [("0.001000", 0.001), ("0.000100", 0.0001)] {
+        let path = bag::write_sqlite(folder.path(), &messages(unit));
+        assert_eq!(
+            Reader::open(&path).unwrap().truth_topics().unwrap(),
+            [DEPTH]
+        );
+        check(&with_truth(&path, DEPTH), unit_m);
+        std::fs::remove_file(path).unwrap();
+    }
+}
+
+/// The SDK compresses whole messages at first, and images as PNG since.
+#[test]
+fn compressed_recordings_are_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let packed: Vec<_> = messages("0.001000").iter().map(bag::packed).collect();
+    let path = bag::write_sqlite(folder.path(), &packed);
+    check(&with_truth(&path, DEPTH), 0.001);
+    std::fs::remove_file(path).unwrap();
+    let mut all = calibrations("0.001000").to_vec();
+    for i in 0..3 {
+        let stamp = (i + 1) * 33_000_000;
+        let image = |topic, frame, seed| {
+            let png = bag::png(SIZE, &grey(seed));
+            let format = "mono8; png compressed mono8";
+            bag::ros_compressed_in(frame, topic, stamp, format, &png)
+        };
+        let depth = [vec![0; 12], bag::png(SIZE, &steps(i))].concat();
+        let (topic, format) = (
+            "/device_0/sensor_0/Depth_0/image/data/compressedDepth",
+            "16UC1; compressedDepth png",
+        );
+        all.extend([
+            bag::ros_compressed_in("Depth", topic, stamp, format, &depth),
+            image(
+                "/device_0/sensor_0/Infrared_1/image/data/compressed",
+                "Infrared1",
+                2 * i,
+            ),
+            image(
+                "/device_0/sensor_0/Infrared_2/image/data/compressed",
+                "Infrared2",
+                2 * i + 1,
+            ),
+        ]);
+    }
+    let path = bag::write_sqlite(folder.path(), &all);
+    check(
+        &with_truth(&path, &format!("{DEPTH}/compressedDepth")),
+        0.001,
+    );
+}
+
+#[test]
+fn damage_leaves_the_pairs() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = messages("0.001000");
+    // Each string in turn is missing, empty, or cut: the pairs remain, and nothing panics.
+    for at in 0..7 {
+        for text in [
+            None,
+            Some(""),
+            Some("width=64;fx"),
+            Some("rotation=1,0;translation=nan"),
+        ] {
+            let mut broken = all.clone();
+            match text {
+                Some(text) => broken[at] = bag::string(all[at].topic, text),
+                None => drop(broken.remove(at)),
+            }
+            let path = bag::write_sqlite(folder.path(), &broken);
+            let (frames, error) = read(&path);
+            assert!(
+                error.is_none() && frames.len() == 3,
+                "{at} {text:?}: {error:?}"
+            );
+            // The depth camera and its unit do not matter for the pairs' distances.
+            let of_pairs = ![0, 1, 4].contains(&at);
+            assert_eq!(frames[0].rig().is_none(), of_pairs, "{at} {text:?}");
+            std::fs::remove_file(path).unwrap();
+        }
+    }
+    let path = bag::write_sqlite(folder.path(), &all);
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() - 4096]).unwrap();
+    let (frames, error) = read(&path);
+    assert!(frames.len() < 3 && error.is_some());
+}
+
+#[test]
+fn info_and_scores_are_those_of_the_folder() {
+    let fixture = Fixture::new();
+    bag::write_sqlite(&fixture.path(""), &messages("0.001000"));
+    let info = fixture.svl(&["info", "bag.db3"]).done();
+    assert_says(&info, &["rectified", DEPTH]);
+    for (i, side) in [(0, "left"), (1, "right")] {
+        std::fs::create_dir_all(fixture.path(&format!("scene/{side}"))).unwrap();
+        for frame in 0..3 {
+            let name = format!("scene/{side}/{frame}.png");
+            fixture.write(&name, bag::png(SIZE, &grey(2 * frame + i)));
+        }
+    }
+    let calib = format!(
+        "cam0=[{FOCAL_PX} 0 31.25; 0 {FOCAL_PX} 23.75; 0 0 1]\ncam1=[{FOCAL_PX} 0 31.25; 0 \
+         {FOCAL_PX} 23.75; 0 0 1]\ndoffs=0\nbaseline={}\nwidth={}\nheight={}\nndisp=16\n",
+        1000.0 * BASELINE_M,
+        SIZE.0,
+        SIZE.1
+    );
+    fixture.write("scene/calib.txt", calib);
+    std::fs::create_dir_all(fixture.path("scene/depth")).unwrap();
+    for i in 0..3 {
+        fixture.write(&format!("scene/depth/{i}.png"), bag::png(SIZE, &steps(i)));
+    }
+    let bag = format!("bag.db3 --truth {DEPTH}");
+    fixture.assert_same([&bag, "scene --truth depth/*.png"]);
+}

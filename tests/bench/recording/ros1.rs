@@ -1,0 +1,348 @@
+//! ROS 1 bags: written here by their format's page (wiki.ros.org/Bags/Format/2.0), and by rosbags.
+
+use super::bag::{self, Message};
+use super::frames::{read, recover, summarize};
+use super::sensor::{cloud, depth32, open, pairs, tf};
+use crate::cli::fixture::Fixture;
+use crate::common::assert_says;
+use re_cdr::{CdrReader, LittleEndian};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use svl::recording::Reader;
+use svl::stereo::Truth;
+
+/// Fields of the types: `h` header, `t` time, `s` string, `y` bytes, `1`, `4`, `8` numbers of so
+/// many bytes, `[…]` a sequence.
+const TYPES: [(&str, &str); 6] = [
+    ("sensor_msgs/msg/Image", "h44s14y"),
+    ("sensor_msgs/msg/CompressedImage", "hsy"),
+    (
+        "sensor_msgs/msg/CameraInfo",
+        "h44s[8]8888888888888888888888888888884444441",
+    ),
+    ("sensor_msgs/msg/PointCloud2", "h44[s414]144y1"),
+    ("tf2_msgs/msg/TFMessage", "[hs8888888]"),
+    ("std_msgs/msg/String", "s"),
+];
+
+/// A message of ROS 2 as ROS 1 serializes it: packed, strings without a zero, headers with a
+/// number.
+fn packed(message: &Message) -> Vec<u8> {
+    let (_, fields) = TYPES
+        .iter()
+        .find(|(name, _)| *name == message.schema)
+        .unwrap();
+    let (mut out, mut cdr) = (Vec::new(), CdrReader::new(&message.data[4..]));
+    copy(&mut cdr, fields, &mut out);
+    out
+}
+
+fn copy(cdr: &mut CdrReader<'_, LittleEndian>, fields: &str, out: &mut Vec<u8>) {
+    let mut rest = fields;
+    while let Some(field) = rest.chars().next() {
+        rest = &rest[1..];
+        match field {
+            'h' => {
+                out.extend([9, 0, 0, 0]);
+                copy(cdr, "44s", out);
+            }
+            's' => {
+                let text = cdr.read_str().unwrap();
+                out.extend((text.len() as u32).to_le_bytes());
+                out.extend(text.as_bytes());
+            }
+            'y' => {
+                let bytes = cdr.read_byte_sequence().unwrap();
+                out.extend((bytes.len() as u32).to_le_bytes());
+                out.extend(bytes);
+            }
+            '1' => out.push(cdr.read_u8().unwrap()),
+            '4' => out.extend(cdr.read_u32().unwrap().to_le_bytes()),
+            '8' => out.extend(cdr.read_f64().unwrap().to_le_bytes()),
+            '[' => {
+                let (inner, after) = rest.split_once(']').unwrap();
+                let count = cdr.read_sequence_length().unwrap();
+                out.extend((count as u32).to_le_bytes());
+                (0..count).for_each(|_| copy(cdr, inner, out));
+                rest = after;
+            }
+            other => panic!("{other}"),
+        }
+    }
+}
+
+/// A record of these header fields.
+fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
+    let mut header = Vec::new();
+    for (name, value) in fields {
+        header.extend((name.len() as u32 + 1 + value.len() as u32).to_le_bytes());
+        header.extend([name.as_bytes(), b"=", value].concat());
+    }
+    let lengths = [header.len(), data.len()].map(|length| (length as u32).to_le_bytes());
+    [&lengths[0], &header[..], &lengths[1], data].concat()
+}
+
+/// A bag of these messages, and the position of its index.
+struct Bag {
+    bytes: Vec<u8>,
+    index: usize,
+}
+
+/// Writes a bag with a chunk for every four messages, compressed by `pack`.
+fn bag(messages: &[Message], compression: &str, pack: impl Fn(&[u8]) -> Vec<u8>) -> Bag {
+    let mut bytes = b"#ROSBAG V2.0\n".to_vec();
+    let head = |index: u64, chunks: u32| {
+        let fields: [(&str, &[u8]); 4] = [
+            ("chunk_count", &chunks.to_le_bytes()),
+            ("conn_count", &7u32.to_le_bytes()),
+            ("index_pos", &index.to_le_bytes()),
+            ("op", &[3]),
+        ];
+        let length = record(&fields, b"").len();
+        record(&fields, &vec![b' '; 4096 - length])
+    };
+    bytes.extend(head(0, 0));
+    let mut connections: Vec<(&str, Vec<u8>)> = Vec::new();
+    let chunks = messages.chunks(4).map(|part| {
+        let mut chunk = Vec::new();
+        for message in part {
+            let known = connections
+                .iter()
+                .position(|(topic, _)| *topic == message.topic);
+            let id = known.unwrap_or_else(|| {
+                let schema = message.schema.replace("/msg/", "/");
+                let inner: [(&str, &[u8]); 2] = [
+                    ("topic", message.topic.as_bytes()),
+                    ("type", schema.as_bytes()),
+                ];
+                let inner = record(&inner, b"");
+                let data = &inner[4..inner.len() - 4];
+                let id = (connections.len() as u32).to_le_bytes();
+                let fields: [(&str, &[u8]); 3] = [
+                    ("conn", &id),
+                    ("op", &[7]),
+                    ("topic", message.topic.as_bytes()),
+                ];
+                connections.push((message.topic, record(&fields, data)));
+                chunk.extend(&connections[connections.len() - 1].1);
+                connections.len() - 1
+            });
+            let time = [
+                message.log_time / 1_000_000_000,
+                message.log_time % 1_000_000_000,
+            ];
+            let time = time.map(|part| (part as u32).to_le_bytes()).concat();
+            let fields: [(&str, &[u8]); 3] = [
+                ("conn", &(id as u32).to_le_bytes()),
+                ("op", &[2]),
+                ("time", &time),
+            ];
+            chunk.extend(record(&fields, &packed(message)));
+        }
+        let fields: [(&str, &[u8]); 3] = [
+            ("compression", compression.as_bytes()),
+            ("op", &[5]),
+            ("size", &(chunk.len() as u32).to_le_bytes()),
+        ];
+        let index = record(&[("ver", &1u32.to_le_bytes()), ("op", &[4])], &[0; 12]);
+        [record(&fields, &pack(&chunk)), index].concat()
+    });
+    let chunks: Vec<_> = chunks.collect();
+    bytes.extend(chunks.concat());
+    let index = bytes.len();
+    bytes.extend(connections.iter().flat_map(|(_, record)| record));
+    for _ in &chunks {
+        bytes.extend(record(
+            &[("ver", &1u32.to_le_bytes()), ("op", &[6])],
+            &[0; 8],
+        ));
+    }
+    bytes.splice(13..13 + 4096, head(index as u64, chunks.len() as u32));
+    Bag { bytes, index }
+}
+
+fn lz4(chunk: &[u8]) -> Vec<u8> {
+    let mut packed = lz4::EncoderBuilder::new().build(Vec::new()).unwrap();
+    packed.write_all(chunk).unwrap();
+    packed.finish().0
+}
+
+/// By the program bzip2; `None` without it.
+fn bz2(chunk: &[u8]) -> Option<Vec<u8>> {
+    use std::process::{Command, Stdio};
+    let piped = || Stdio::piped();
+    let mut program = Command::new("bzip2");
+    let started = program.arg("-c").stdin(piped()).stdout(piped()).spawn();
+    let Ok(mut child) = started else {
+        println!("skipped: no program bzip2");
+        return None;
+    };
+    child.stdin.take().unwrap().write_all(chunk).unwrap();
+    Some(child.wait_with_output().unwrap().stdout)
+}
+
+fn write(folder: &Path, bytes: &[u8]) -> PathBuf {
+    let path = folder.join("a.bag");
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+/// Pairs with a calibration, a lidar beside the camera, and a depth camera.
+fn messages() -> Vec<Message> {
+    let stamp = pairs()[2].log_time - 1_234_567;
+    let mut all = pairs();
+    all.push(tf("/tf_static", &[("cam", "lidar", [0.1, 0.0, 0.0])]));
+    all.push(cloud("lidar", stamp, &[[0.0, 0.0, 2.0], [0.05, 0.02, 1.5]]));
+    all.push(depth32(0, (24, 16), |x, y| {
+        1.0 + 0.1 * x as f32 + 0.01 * y as f32
+    }));
+    all
+}
+
+#[test]
+fn a_bag_is_that_of_ros_2() {
+    let folder = tempfile::tempdir().unwrap();
+    let ros2 = bag::write(folder.path(), &messages());
+    let (expected, _) = read(&ros2);
+    let truth = |path: &Path, topic| {
+        let mut source = open(path, topic).unwrap().source;
+        let frames = std::iter::from_fn(|| source.next().unwrap());
+        frames
+            .map(|frame| frame.truth)
+            .collect::<Vec<Option<Truth>>>()
+    };
+    let all = [
+        ("none", bag(&messages(), "none", <[u8]>::to_vec)),
+        ("lz4", bag(&messages(), "lz4", lz4)),
+    ];
+    let bz2 = bz2(b"").map(|_| ("bz2", bag(&messages(), "bz2", |chunk| bz2(chunk).unwrap())));
+    for (compression, made) in all.into_iter().chain(bz2) {
+        let path = write(folder.path(), &made.bytes);
+        let (frames, error) = read(&path);
+        assert!(error.is_none(), "{compression}: {error:?}");
+        assert!(
+            frames == expected && frames[0].rig().is_some(),
+            "{compression}"
+        );
+        for topic in ["/points", "/depth"] {
+            assert!(truth(&path, topic)[0].is_some());
+            assert_eq!(
+                truth(&path, topic),
+                truth(&ros2, topic),
+                "{compression} {topic}"
+            );
+        }
+        let topics = Reader::open(&path).unwrap().truth_topics().unwrap();
+        assert_eq!(topics, ["/depth", "/points"]);
+        let info = summarize(&path).unwrap();
+        assert!(info.is_intact() && !info.checksums);
+        assert_eq!((info.pairs, info.profile.as_str()), (2, "ros1"));
+    }
+}
+
+#[test]
+fn a_bag_without_its_index_has_all_its_pairs() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = bag(&messages(), "lz4", lz4);
+    // Closed by nobody: the header still says that there is no index.
+    let mut active = whole.bytes[..whole.index].to_vec();
+    let field = active
+        .windows(10)
+        .position(|field| field == b"index_pos=")
+        .unwrap();
+    active[field + 10..field + 18].fill(0);
+    let cut = &whole.bytes[..whole.index];
+    for (bytes, reason) in [
+        (
+            &active[..],
+            "its recorder was stopped before it wrote the index",
+        ),
+        (cut, "it is cut off before its index"),
+    ] {
+        let path = write(folder.path(), bytes);
+        let (frames, error) = read(&path);
+        assert_eq!(frames.len(), 2);
+        assert_says(
+            &error.unwrap().to_string(),
+            &[reason, "intact pairs read: 2"],
+        );
+        assert!(!summarize(&path).unwrap().is_intact());
+    }
+}
+
+#[test]
+fn damage_costs_only_its_chunk() {
+    let folder = tempfile::tempdir().unwrap();
+    for (compression, pack) in [
+        ("none", <[u8]>::to_vec as fn(&[u8]) -> Vec<u8>),
+        ("lz4", lz4),
+    ] {
+        let whole = bag(&messages(), compression, pack);
+        // The first chunk declares the connections of both cameras; the index repeats them.
+        for at in [13 + 4096, 13 + 4096 + 40] {
+            let mut bytes = whole.bytes.clone();
+            bytes[at..at + 4].fill(0xEE);
+            let path = write(folder.path(), &bytes);
+            let (frames, error) = read(&path);
+            assert_eq!(frames.len(), 1, "{compression} {at}");
+            assert_says(
+                &error.unwrap().to_string(),
+                &["damaged at byte", "intact pairs read: 1"],
+            );
+            let info = summarize(&path).unwrap();
+            assert_eq!((info.losses.len(), info.pairs), (1, 1), "{:?}", info.losses);
+            assert_eq!(info.losses[0].at_byte, 13 + 4096);
+            // The rest is an intact recording of the same pair.
+            let saved = folder.path().join("saved.mcap");
+            let recovery = recover(&path, &saved).unwrap();
+            assert_eq!(recovery.losses, info.losses);
+            let (rest, error) = read(&saved);
+            assert!(error.is_none() && rest == frames, "{error:?}");
+            std::fs::remove_file(saved).unwrap();
+        }
+        // Cut anywhere, or a byte changed anywhere: pairs are lost, nothing else happens.
+        for at in (14..whole.bytes.len()).step_by(61) {
+            let (frames, _) = read(&write(folder.path(), &whole.bytes[..at]));
+            assert!(frames.len() <= 2, "{at}");
+            let mut bytes = whole.bytes.clone();
+            bytes[at] ^= 0xFF;
+            let path = write(folder.path(), &bytes);
+            assert!(read(&path).0.len() <= 2, "{at}");
+            let _ = summarize(&path).unwrap();
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_read_has_a_cure() {
+    let fixture = Fixture::new();
+    let head: [(&str, &[u8]); 2] = [("op", &[3]), ("encryptor", b"rosbag/AesCbcEncryptor")];
+    let encrypted = [&b"#ROSBAG V2.0\n"[..], &record(&head, &[b' '; 9])].concat();
+    fixture.write("secret.bag", encrypted);
+    fixture.write("old.bag", "#ROSBAG V1.2\nrest");
+    fixture.write("cut.bag", "#ROSBAG V2.0\nrest");
+    fixture.write("whole.bag", bag(&messages(), "lz4", lz4).bytes);
+    for name in ["a.svo2", "a.svo", "a.tar", "a.tar.gz"] {
+        fixture.write(name, "anything");
+    }
+    fixture.write(
+        "calib.json",
+        r#"{"boardName": "OAK-D", "cameraData": [[0, {}]]}"#,
+    );
+    fixture.fails(
+        "record a.svo2 => 1: a.svo2: is a recording of ZED's SDK | ZED_SVO_Export FILE FOLDER/ 2
+         info a.svo => 1: ZED_SVO_Export
+         record a.tar => 1: a.tar: is an archive | holistic | --left LEFT.mp4
+         record a.tar.gz => 1: is an archive
+         record whole.bag --calib calib.json => 1: calib.json: is DepthAI's | K1 D1 K2 D2 R T
+         record secret.bag => 1: is an encrypted bag | rosbag decrypt
+         record old.bag => 1: is a ROS 1 bag of another format | rosbag fix old.bag
+         record cut.bag => 1: cut.bag: the recording is incomplete | its header is damaged
+",
+    );
+    let info = fixture.run("info whole.bag");
+    assert_says(
+        &info,
+        &["pairs      2: /cam0/image_rect", "/depth", "/points"],
+    );
+}
