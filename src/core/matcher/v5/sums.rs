@@ -105,6 +105,15 @@ impl StripSums {
         );
     }
 
+    /// The sum of a pixel at a disparity.
+    #[inline(always)]
+    pub(super) fn at(&self, [x, y]: [usize; 2], disparity: usize) -> i32 {
+        let (columns, rows) = (&self.strips[x / N], &self.strips[self.columns + y / N]);
+        let along = columns.sums[y * self.count + disparity].0[x % N];
+        let across = rows.sums[x * self.count + disparity].0[y % N];
+        i32::from(along + across)
+    }
+
     /// The sums of up to 16 rows from `top` on, a multiple of 16: by row, disparity and column,
     /// with `stride` columns. Whole blocks are written, with [`u8::MAX`] beyond the image's
     /// `width`.

@@ -1,0 +1,231 @@
+//! Learned gaps: a network weighs a few disparities for each gap and each doubtful pixel, and its
+//! weights are the pixel's votes in its cell (docs/v5.md).
+
+mod candidates;
+mod lines;
+mod model;
+
+pub use model::GapModel;
+
+use super::Level;
+use crate::kernel::{
+    GapCandidates, GapNetwork, GapVotes, Group, HYPOTHESES, Isa, weigh_hypotheses,
+};
+use candidates::{Candidates, RowSums, Step, measure_row};
+use lines::{Line, Nearest};
+use rayon::prelude::*;
+use std::ops::Range;
+
+const LANES: usize = Group::ROWS;
+
+/// Votes of a pixel that keeps its own disparity.
+const ALL: u8 = 64;
+
+/// Hypotheses this close to a pixel's best agree with it, bins.
+const AGREE: u16 = 12;
+
+/// Rows of the lattice that one task weighs.
+const BAND: usize = 8;
+
+/// The votes of a pixel of the lattice.
+#[derive(Clone, Copy)]
+pub(super) struct PixelVotes {
+    pub(super) bins: [i16; HYPOTHESES],
+    /// Of each bin, then of none of them.
+    pub(super) votes: [u8; HYPOTHESES + 1],
+    /// Votes for bins that agree with the best.
+    pub(super) agreed: u8,
+}
+
+/// Memory for the gaps of pairs of one size.
+pub(super) struct Gaps {
+    pub(super) quarter: Level,
+    /// Seen pixels of the 25 around each half pixel, and the uniqueness of its winner, 0..=127.
+    seen: Vec<u8>,
+    unique: Vec<u8>,
+    /// Of the lattice's pixels, by row and by column.
+    along_rows: Vec<Nearest>,
+    along_columns: Vec<Nearest>,
+    /// In raster order of the lattice.
+    votes: Vec<PixelVotes>,
+    bands: Vec<Band>,
+    width: usize,
+}
+
+/// Memory of a task.
+struct Band {
+    candidates: Box<GapCandidates>,
+    /// Places of the lanes' pixels in the band.
+    places: Vec<usize>,
+    sums: RowSums,
+}
+
+/// Half pixels of the lattice: every second in both directions.
+fn lattice((width, height): (usize, usize)) -> (usize, usize) {
+    (width.div_ceil(2), height.div_ceil(2))
+}
+
+impl Gaps {
+    /// For half images of `size`, at least 2 x 2, and `count` disparities at quarter size.
+    pub(super) fn new(size: (usize, usize), count: usize) -> Self {
+        let (width, height) = lattice(size);
+        let band = || Band {
+            candidates: Box::default(),
+            places: Vec::with_capacity(LANES),
+            sums: RowSums::new(size.0),
+        };
+        let none = PixelVotes {
+            bins: [0; HYPOTHESES],
+            votes: [0; HYPOTHESES + 1],
+            agreed: 0,
+        };
+        let pixels = width * height;
+        Self {
+            quarter: Level::new((size.0 / 2, size.1 / 2), count),
+            seen: vec![0; size.0 * size.1],
+            unique: vec![0; size.0 * size.1],
+            along_rows: vec![Nearest::default(); pixels],
+            along_columns: vec![Nearest::default(); pixels],
+            votes: vec![none; pixels],
+            bands: (0..height.div_ceil(BAND)).map(|_| band()).collect(),
+            width,
+        }
+    }
+
+    /// Measures what the hypotheses are made of, at half size.
+    pub(super) fn measure(&mut self, half: &Level) {
+        let (map, image) = (half.map.pixels(), &half.images[0]);
+        let (width, height) = map.size;
+        let rows = self.seen.par_chunks_exact_mut(width);
+        let rows = rows.zip(self.unique.par_chunks_exact_mut(width));
+        rows.enumerate()
+            .for_each(|(y, (seen, unique))| measure_row(&map, y, seen, unique));
+        let rows = self.along_rows.par_chunks_exact_mut(self.width);
+        rows.enumerate().for_each(|(row, out)| {
+            let line = Line {
+                first: 2 * row * width,
+                step: 1,
+                count: width,
+            };
+            let grey = image.row(2 * row);
+            line.scan(map.bins, map.seen, |x| grey[x], out);
+        });
+        let columns = self.along_columns.par_chunks_exact_mut(height.div_ceil(2));
+        columns.enumerate().for_each(|(column, out)| {
+            let line = Line {
+                first: 2 * column,
+                step: width,
+                count: height,
+            };
+            line.scan(map.bins, map.seen, |y| image.row(y)[2 * column], out);
+        });
+    }
+
+    /// Weighs the hypotheses of all pixels, measured before.
+    pub(super) fn weigh(&mut self, isa: Isa, half: &Level, network: &GapNetwork) {
+        let (measured, votes, bands) = self.parts(half);
+        let pixels = BAND * measured.lattice.0;
+        let bands = votes.par_chunks_mut(pixels).zip(bands);
+        bands.enumerate().for_each(|(i, (out, band))| {
+            let first = i * pixels;
+            let mut of_block: GapVotes = [[0; LANES]; HYPOTHESES + 1];
+            measured.each(
+                isa,
+                first..first + out.len(),
+                band,
+                &mut |step| match step {
+                    Step::Sure(place, bin) => out[place - first] = PixelVotes::of_one(bin),
+                    Step::Block(candidates, places) => {
+                        weigh_hypotheses(isa, network, candidates, &mut of_block);
+                        for (lane, place) in places.iter().enumerate() {
+                            out[place - first] = PixelVotes::new(candidates, &of_block, lane);
+                        }
+                    }
+                },
+            );
+        });
+    }
+
+    /// What was measured, and the memory for the votes and for tasks.
+    fn parts<'a>(
+        &'a mut self,
+        half: &'a Level,
+    ) -> (Candidates<'a>, &'a mut [PixelVotes], &'a mut [Band]) {
+        let map = half.map.pixels();
+        let measured = Candidates {
+            lattice: lattice(map.size),
+            half: map,
+            image: &half.images[0],
+            sums: &half.sums,
+            quarter: self.quarter.map.pixels(),
+            quarter_sums: &self.quarter.sums,
+            seen: &self.seen,
+            unique: &self.unique,
+            along_rows: &self.along_rows,
+            along_columns: &self.along_columns,
+        };
+        (measured, &mut self.votes, &mut self.bands)
+    }
+
+    /// The votes within a range of half pixels.
+    pub(super) fn votes(
+        &self,
+        columns: &Range<usize>,
+        rows: &Range<usize>,
+    ) -> impl Iterator<Item = &PixelVotes> {
+        let [columns, rows] = [columns, rows].map(|of| of.start.div_ceil(2)..of.end.div_ceil(2));
+        rows.flat_map(move |y| &self.votes[y * self.width..][columns.clone()])
+    }
+
+    /// Shows about `most` of the pixels that are weighed, with their places in the half image, to a
+    /// function, by blocks.
+    pub(super) fn sample(
+        &mut self,
+        isa: Isa,
+        half: &Level,
+        take: &mut dyn FnMut(&GapCandidates, &[[usize; 2]]),
+    ) {
+        let (measured, votes, bands) = self.parts(half);
+        let (width, pixels) = (measured.lattice.0, BAND * measured.lattice.0);
+        for (i, band) in bands.iter_mut().enumerate() {
+            let range = i * pixels..votes.len().min((i + 1) * pixels);
+            measured.each(isa, range, band, &mut |step| {
+                if let Step::Block(candidates, places) = step {
+                    let at = |&place: &usize| [2 * (place % width), 2 * (place / width)];
+                    let places: Vec<_> = places.iter().map(at).collect();
+                    take(candidates, &places);
+                }
+            });
+        }
+    }
+}
+
+impl PixelVotes {
+    /// All for one bin.
+    fn of_one(bin: i16) -> Self {
+        let (mut bins, mut votes) = ([0; HYPOTHESES], [0; HYPOTHESES + 1]);
+        (bins[0], votes[0]) = (bin, ALL);
+        Self {
+            bins,
+            votes,
+            agreed: ALL,
+        }
+    }
+
+    fn new(candidates: &GapCandidates, votes: &GapVotes, lane: usize) -> Self {
+        let bins: [i16; HYPOTHESES] = std::array::from_fn(|k| candidates.bin[k][lane] as i16);
+        let votes = votes.map(|of| of[lane]);
+        let mut best = 0;
+        for k in 1..HYPOTHESES {
+            if votes[k] > votes[best] {
+                best = k;
+            }
+        }
+        let agrees = |k: usize| u8::from(bins[k].abs_diff(bins[best]) <= AGREE);
+        Self {
+            bins,
+            votes,
+            agreed: (0..HYPOTHESES).map(|k| agrees(k) * votes[k]).sum(),
+        }
+    }
+}
