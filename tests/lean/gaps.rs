@@ -1,5 +1,6 @@
 //! Learned gaps of v5 against their oracle.
 
+use crate::matchers::allocations;
 use crate::oracle::gaps::Gaps;
 use crate::oracle::scenes::{Scene, pair, pool};
 use crate::oracle::v5::V5;
@@ -123,6 +124,27 @@ fn gaps_change_cells_alone() {
         assert_eq!(plain[7..], [CellEvidence::NOT_MEASURED; 2]);
         assert!(with[7..].iter().all(|value| (0..=1000).contains(value)));
     }
+}
+
+#[test]
+fn nothing_is_allocated_after_the_first_pair() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, _) = network(4, &folder);
+    let pair = pair(Scene::Noise, (150, 60), 6, 150, 7);
+    let algorithm: Algorithm = format!("v5:gaps={path}").parse().unwrap();
+    let count = pool(1).install(|| {
+        let mut matcher = algorithm.build().unwrap();
+        let mut output = MatchOutput::new().unwrap();
+        let mut before = 0;
+        for _ in 0..3 {
+            let (pair, context) = (RectifiedPair::assume(&pair), MatchContext::default());
+            output.begin();
+            matcher.compute(pair, &context, &mut output).unwrap();
+            before = if before == 0 { allocations() } else { before };
+        }
+        allocations() - before
+    });
+    assert_eq!(count, 0);
 }
 
 #[test]

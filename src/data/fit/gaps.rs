@@ -281,7 +281,14 @@ impl Part {
     fn lose(&mut self, lane: usize, sample: &GapSample, share: f32) {
         let scores = self.pass.scores.map(|of| of[lane]);
         let most = scores.iter().copied().fold(f32::MIN, f32::max);
-        let weights = scores.map(|score| exp(score - most));
+        // Smaller ones only make numbers that are slow to compute with.
+        let weights = scores.map(|score| {
+            if score > most - 20.0 {
+                exp(score - most)
+            } else {
+                0.0
+            }
+        });
         let sum: f32 = weights.iter().sum();
         let (truth, tau) = (sample.truth, 6.0 + 0.04 * f32::from(sample.truth));
         let value = |k: usize| match sample.bins.get(k) {

@@ -264,7 +264,7 @@ impl Gaps<'_> {
     }
 
     fn votes(&self, at: (usize, usize)) -> Votes {
-        if self.half.seen[self.index(at)] && self.seen_around(at, 2) == 25 {
+        if self.half.seen[self.index(at)] && self.seen_around(at, 2) >= 13 {
             return Votes {
                 bins: vec![(self.bin(at), 64)],
                 none: 0,

@@ -76,6 +76,11 @@ impl HalfImage {
         &self.half[y * self.stride() + REACH..][..self.size.0]
     }
 
+    #[inline(always)]
+    pub(super) fn at(&self, x: usize, y: usize) -> u16 {
+        self.half[y * self.stride() + REACH + x]
+    }
+
     /// The censuses from the first pixel of a row on.
     pub(super) fn censuses(&self, y: usize) -> [&[u8]; PLANES] {
         let start = self.margin + y * padded(self.size.0);

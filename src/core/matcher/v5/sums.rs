@@ -105,13 +105,13 @@ impl StripSums {
         );
     }
 
-    /// The sum of a pixel at a disparity.
+    /// The sums of a pixel.
     #[inline(always)]
-    pub(super) fn at(&self, [x, y]: [usize; 2], disparity: usize) -> i32 {
-        let (columns, rows) = (&self.strips[x / N], &self.strips[self.columns + y / N]);
-        let along = columns.sums[y * self.count + disparity].0[x % N];
-        let across = rows.sums[x * self.count + disparity].0[y % N];
-        i32::from(along + across)
+    pub(super) fn of(&self, [x, y]: [usize; 2]) -> PixelSums<'_> {
+        let strips = [&self.strips[x / N], &self.strips[self.columns + y / N]];
+        let along = &strips[0].sums[y * self.count..][..self.count];
+        let across = &strips[1].sums[x * self.count..][..self.count];
+        PixelSums([along, across], [x % N, y % N])
     }
 
     /// The sums of up to 16 rows from `top` on, a multiple of 16: by row, disparity and column,
@@ -134,6 +134,17 @@ impl StripSums {
         for line in out.chunks_exact_mut(stride) {
             line[width..padded(width)].fill(u8::MAX);
         }
+    }
+}
+
+/// Sums of a pixel along the columns and along the rows, by disparity, and its lanes.
+pub(super) struct PixelSums<'a>([&'a [Lanes<u8>]; 2], [usize; 2]);
+
+impl PixelSums<'_> {
+    #[inline(always)]
+    pub(super) fn at(&self, disparity: usize) -> i32 {
+        let Self([along, across], [x, y]) = self;
+        i32::from(along[disparity].0[*x] + across[disparity].0[*y])
     }
 }
 

@@ -3,9 +3,9 @@
 use super::super::census::HalfImage;
 use super::super::half_map::HalfPixels;
 use super::super::sums::StripSums;
-use super::lines::{NONE, Nearest};
+use super::lines::{NONE, Nearest, Seen};
 use super::{Band, LANES};
-use crate::kernel::{GapCandidates, HYPOTHESES, Isa, describe_hypotheses};
+use crate::kernel::{GapCandidates, Isa, describe_hypotheses};
 use crate::stereo::Reason;
 use std::ops::Range;
 
@@ -13,8 +13,16 @@ use std::ops::Range;
 const NEAR: usize = 2;
 const WIDE: usize = 7;
 
-/// Seen pixels of the window of a pixel that keeps its disparity: all.
-const SURE: u8 = 25;
+/// Seen pixels around a seen pixel that keeps its disparity: most of the 25.
+const SURE: u8 = 13;
+
+/// What is known of a pixel's winner: seen pixels of the 25 around, uniqueness 0..=127, cost.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Quality {
+    seen: u8,
+    unique: u8,
+    own: u8,
+}
 
 /// Planes that the hypotheses are read from.
 pub(super) struct Candidates<'a> {
@@ -25,8 +33,7 @@ pub(super) struct Candidates<'a> {
     pub(super) sums: &'a StripSums,
     pub(super) quarter: HalfPixels<'a>,
     pub(super) quarter_sums: &'a StripSums,
-    pub(super) seen: &'a [u8],
-    pub(super) unique: &'a [u8],
+    pub(super) quality: &'a [Quality],
     pub(super) along_rows: &'a [Nearest],
     pub(super) along_columns: &'a [Nearest],
 }
@@ -69,23 +76,24 @@ fn uniqueness(least: u8, second: u8) -> u8 {
     ((rise as f32 / (i32::from(least) + 8) as f32) as i32).min(127) as u8
 }
 
-/// Counts the seen pixels around those of row `y`, and computes how unique their winners are.
-pub(super) fn measure_row(map: &HalfPixels<'_>, y: usize, seen: &mut [u8], unique: &mut [u8]) {
+/// Measures the winners of row `y`.
+pub(super) fn measure_row(map: &HalfPixels<'_>, y: usize, out: &mut [Quality]) {
     let (width, height) = map.size;
-    unique.fill(0);
+    out.fill(Quality::default());
+    // Sums of columns first, in a place that is written again.
     for row in around(y, NEAR, height) {
         let row = &map.seen[row * width..][..width];
-        unique
-            .iter_mut()
-            .zip(row)
-            .for_each(|(sum, seen)| *sum += seen);
+        let columns = out.iter_mut().zip(row);
+        columns.for_each(|(out, seen)| out.unique += seen);
     }
-    for (x, seen) in seen.iter_mut().enumerate() {
-        *seen = unique[around(x, NEAR, width)].iter().sum();
+    for x in 0..width {
+        let columns = &out[around(x, NEAR, width)];
+        out[x].seen = columns.iter().map(|of| of.unique).sum();
     }
-    let rows = [map.least, map.second].map(|plane| &plane[y * width..][..width]);
-    for (unique, (least, second)) in unique.iter_mut().zip(rows[0].iter().zip(rows[1])) {
-        *unique = uniqueness(*least, *second);
+    let [least, second, own] =
+        [map.least, map.second, map.own].map(|plane| &plane[y * width..][..width]);
+    for (x, out) in out.iter_mut().enumerate() {
+        (out.unique, out.own) = (uniqueness(least[x], second[x]), own[x]);
     }
 }
 
@@ -153,11 +161,11 @@ impl Candidates<'_> {
                 sums.load(self, 2 * row);
             }
             let pixel = 2 * row * width + 2 * column;
-            if self.half.seen[pixel] == 1 && self.seen[pixel] >= SURE {
+            if self.half.seen[pixel] == 1 && self.quality[pixel].seen >= SURE {
                 take(Step::Sure(place, self.half.bins[pixel]));
                 continue;
             }
-            self.load(candidates, block.len(), (column, row), sums);
+            self.load(candidates, block.len(), [column, row], sums);
             block.push(place);
             if block.len() == LANES {
                 describe_hypotheses(isa, candidates);
@@ -172,124 +180,119 @@ impl Candidates<'_> {
     }
 
     /// Loads a pixel of the lattice into a lane.
-    fn load(
-        &self,
-        of: &mut GapCandidates,
-        lane: usize,
-        (column, row): (usize, usize),
-        sums: &RowSums,
-    ) {
+    fn load(&self, of: &mut GapCandidates, lane: usize, [column, row]: [usize; 2], sums: &RowSums) {
+        // The compiler then knows that it is within bounds.
+        let lane = lane % LANES;
         let (half, quarter) = (&self.half, &self.quarter);
         let (width, height) = half.size;
         let (x, y) = (2 * column, 2 * row);
         let pixel = y * width + x;
+        let here = i32::from(self.image.at(x, y));
         let small = [column.min(quarter.size.0 - 1), row.min(quarter.size.1 - 1)];
         let small_pixel = small[1] * quarter.size.0 + small[0];
-        let bin_at = |pixel: usize| i32::from(half.bins[pixel]);
-        let quality = |pixel: usize| Quality {
-            seen: self.seen[pixel].into(),
-            unique: self.unique[pixel].into(),
-            own: half.own[pixel].into(),
+        let small_bin = 2 * i32::from(quarter.bins[small_pixel]);
+        let small_quality = Quality {
+            seen: 25 * u8::from(quarter.why[small_pixel] == Reason::Valid),
+            unique: uniqueness(quarter.least[small_pixel], quarter.second[small_pixel]),
+            own: quarter.own[small_pixel],
         };
+        let (path_sums, small_sums) = (self.sums.of([x, y]), self.quarter_sums.of(small));
+        let least = i32::from(half.least[pixel]);
+        let small_least = i32::from(quarter.least[small_pixel]);
+        let right = &half.right[y * width..=pixel];
 
-        let mut found = [None; HYPOTHESES];
+        for exists in &mut of.exists {
+            exists[lane] = false;
+        }
+        let mut put = |k: usize, hypothesis: Hypothesis| {
+            let bin = hypothesis.bin;
+            let disparity = ((bin as u32 + 8) / 16).min(half.count as u32 - 1) as usize;
+            let small = ((bin as u32 + 16) / 32).min(quarter.count as u32 - 1) as usize;
+            of.exists[k][lane] = true;
+            of.bin[k][lane] = bin;
+            of.distance[k][lane] = hypothesis.distance;
+            of.barrier[k][lane] = hypothesis.barrier;
+            of.grey[k][lane] = (here - hypothesis.grey).abs();
+            of.excess[k][lane] = path_sums.at(disparity) - least;
+            of.quarter_excess[k][lane] = small_sums.at(small) - small_least;
+            let there = x.checked_sub(disparity);
+            of.leads_out[k][lane] = there.is_none().into();
+            of.right[k][lane] = there.map_or(0, |x| 16 * i32::from(right[x]) - bin);
+            of.seen[k][lane] = hypothesis.quality.seen.into();
+            of.unique[k][lane] = hypothesis.quality.unique.into();
+            of.own[k][lane] = hypothesis.quality.own.into();
+            of.ends[k][lane] = hypothesis.ends;
+        };
+        let own = Hypothesis {
+            bin: half.bins[pixel].into(),
+            distance: 0,
+            barrier: 0,
+            grey: here,
+            ends: 0,
+            quality: self.quality[pixel],
+        };
+        put(0, own);
         let lines = [
             &self.along_rows[row * self.lattice.0 + column],
             &self.along_columns[column * self.lattice.1 + row],
         ];
         for (axis, line) in lines.into_iter().enumerate() {
-            for (direction, seen) in line.iter().enumerate() {
-                for (next, seen) in seen.iter().enumerate().filter(|(_, seen)| seen.at != NONE) {
-                    let at = usize::from(seen.at);
-                    let (from, here) = [(y * width + at, x), (at * width + x, y)][axis];
-                    found[1 + 2 * axis + direction + 4 * next] = Some(Hypothesis {
-                        from,
-                        bin: bin_at(from),
-                        distance: at.abs_diff(here) as i32,
-                        barrier: seen.barrier.into(),
-                        ends: 0,
-                        quality: quality(from),
-                    });
+            let find = |seen: &Seen| {
+                let at = usize::from(seen.at);
+                let (from, from_here) = [([at, y], x), ([x, at], y)][axis];
+                let pixel = from[1] * width + from[0];
+                Hypothesis {
+                    bin: half.bins[pixel].into(),
+                    distance: at.abs_diff(from_here) as i32,
+                    barrier: seen.barrier.into(),
+                    grey: self.image.at(from[0], from[1]).into(),
+                    ends: 0,
+                    quality: self.quality[pixel],
+                }
+            };
+            let mut nearest = [None; 2];
+            for (direction, [first, other]) in line.iter().enumerate() {
+                if first.at != NONE {
+                    let found = find(first);
+                    nearest[direction] = Some(found);
+                    put(1 + 2 * axis + direction, found);
+                }
+                if other.at != NONE {
+                    put(5 + 2 * axis + direction, find(other));
                 }
             }
-            if let [Some(a), Some(b)] = [found[1 + 2 * axis], found[2 + 2 * axis]] {
-                found[9 + axis] = Some(Hypothesis::between(a, b));
+            if let [Some(a), Some(b)] = nearest {
+                put(9 + axis, Hypothesis::between(a, b));
             }
         }
-        found[0] = Some(Hypothesis {
-            from: pixel,
-            bin: bin_at(pixel),
-            distance: 0,
-            barrier: 0,
-            ends: 0,
-            quality: quality(pixel),
-        });
-        let small_bin = 2 * i32::from(quarter.bins[small_pixel]);
-        let small_quality = Quality {
-            seen: 25 * i32::from(quarter.why[small_pixel] == Reason::Valid),
-            unique: uniqueness(quarter.least[small_pixel], quarter.second[small_pixel]).into(),
-            own: quarter.own[small_pixel].into(),
-        };
-        found[11] = Some(Hypothesis {
-            from: pixel,
+        let small_hypothesis = Hypothesis {
             bin: small_bin.min(16 * half.count as i32 - 1),
-            distance: 0,
-            barrier: 0,
-            ends: 0,
             quality: small_quality,
-        });
+            ..own
+        };
+        put(11, small_hypothesis);
 
-        let grey = |pixel: usize| i32::from(self.image.row(pixel / width)[pixel % width]);
-        let here = grey(pixel);
-        let least = i32::from(half.least[pixel]);
-        let small_least = i32::from(quarter.least[small_pixel]);
-        for (k, hypothesis) in found.into_iter().enumerate() {
-            of.exists[k][lane] = hypothesis.is_some();
-            let Some(hypothesis) = hypothesis else {
-                continue;
-            };
-            let bin = hypothesis.bin;
-            let disparity = ((bin as usize + 8) / 16).min(half.count - 1);
-            let small_disparity = ((bin as usize + 16) / 32).min(quarter.count - 1);
-            of.bin[k][lane] = bin;
-            of.distance[k][lane] = hypothesis.distance;
-            of.barrier[k][lane] = hypothesis.barrier;
-            of.grey[k][lane] = (here - grey(hypothesis.from)).abs();
-            of.excess[k][lane] = self.sums.at([x, y], disparity) - least;
-            of.quarter_excess[k][lane] = self.quarter_sums.at(small, small_disparity) - small_least;
-            of.leads_out[k][lane] = (x < disparity).into();
-            of.right[k][lane] = match x.checked_sub(disparity) {
-                Some(_) => 16 * i32::from(half.right[pixel - disparity]) - bin,
-                None => 0,
-            };
-            of.seen[k][lane] = hypothesis.quality.seen;
-            of.unique[k][lane] = hypothesis.quality.unique;
-            of.own[k][lane] = hypothesis.quality.own;
-            of.ends[k][lane] = hypothesis.ends;
-        }
         of.filled[lane] = half.filled[pixel].into();
-        let why = half.why[pixel];
-        let agrees = matches!(why, Reason::Valid | Reason::Ambiguous);
-        let Quality { seen, unique, own } = quality(pixel);
+        let agrees = matches!(half.why[pixel], Reason::Valid | Reason::Ambiguous);
         // Places 10 and 11 are computed with the features.
         let features = [
             64 * i32::from(half.seen[pixel]),
             64 * i32::from(agrees),
-            (85 * own) >> 4,
-            2 * unique,
+            (85 * i32::from(own.quality.own)) >> 4,
+            2 * i32::from(own.quality.unique),
             (128 * x / width) as i32 - 64,
             (128 * y / height) as i32 - 64,
             sums.across[x].into(),
             sums.down[x].into(),
-            (5 * seen) >> 1,
+            (5 * i32::from(own.quality.seen)) >> 1,
             (73 * i32::from(sums.seen[x])) >> 8,
             0,
             0,
             least,
             (here >> 3) - 64,
-            2 * small_quality.unique,
-            64 * small_quality.seen / 25,
-            small_bin - bin_at(pixel),
+            2 * i32::from(small_quality.unique),
+            64 * i32::from(small_quality.seen / 25),
+            small_bin - own.bin,
         ];
         for (to, feature) in of.pixel.iter_mut().zip(features) {
             to[lane] = feature;
@@ -300,22 +303,14 @@ impl Candidates<'_> {
 /// A disparity that the scene may have at a pixel.
 #[derive(Clone, Copy)]
 struct Hypothesis {
-    /// Where it was seen.
-    from: usize,
     bin: i32,
     distance: i32,
     barrier: i32,
+    /// Grey level where it was seen.
+    grey: i32,
     /// Difference of the ends of an interpolation.
     ends: i32,
     quality: Quality,
-}
-
-/// What is known of a winner: seen pixels of the 25 around, uniqueness, cost.
-#[derive(Clone, Copy)]
-struct Quality {
-    seen: i32,
-    unique: i32,
-    own: i32,
 }
 
 impl Hypothesis {
@@ -324,10 +319,10 @@ impl Hypothesis {
         let distance = a.distance + b.distance;
         let sum = a.bin * b.distance + b.bin * a.distance;
         Self {
-            from: a.from,
-            bin: (2 * sum + distance) / (2 * distance),
+            bin: ((2 * sum + distance) as u32 / (2 * distance) as u32) as i32,
             distance: a.distance.max(b.distance),
             barrier: a.barrier.max(b.barrier),
+            grey: a.grey,
             ends: a.bin - b.bin,
             quality: Quality {
                 seen: a.quality.seen.min(b.quality.seen),

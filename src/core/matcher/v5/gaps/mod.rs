@@ -11,7 +11,7 @@ use super::Level;
 use crate::kernel::{
     GapCandidates, GapNetwork, GapVotes, Group, HYPOTHESES, Isa, weigh_hypotheses,
 };
-use candidates::{Candidates, RowSums, Step, measure_row};
+use candidates::{Candidates, Quality, RowSums, Step, measure_row};
 use lines::{Line, Nearest};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -40,9 +40,7 @@ pub(super) struct PixelVotes {
 /// Memory for the gaps of pairs of one size.
 pub(super) struct Gaps {
     pub(super) quarter: Level,
-    /// Seen pixels of the 25 around each half pixel, and the uniqueness of its winner, 0..=127.
-    seen: Vec<u8>,
-    unique: Vec<u8>,
+    quality: Vec<Quality>,
     /// Of the lattice's pixels, by row and by column.
     along_rows: Vec<Nearest>,
     along_columns: Vec<Nearest>,
@@ -82,8 +80,7 @@ impl Gaps {
         let pixels = width * height;
         Self {
             quarter: Level::new((size.0 / 2, size.1 / 2), count),
-            seen: vec![0; size.0 * size.1],
-            unique: vec![0; size.0 * size.1],
+            quality: vec![Quality::default(); size.0 * size.1],
             along_rows: vec![Nearest::default(); pixels],
             along_columns: vec![Nearest::default(); pixels],
             votes: vec![none; pixels],
@@ -96,10 +93,9 @@ impl Gaps {
     pub(super) fn measure(&mut self, half: &Level) {
         let (map, image) = (half.map.pixels(), &half.images[0]);
         let (width, height) = map.size;
-        let rows = self.seen.par_chunks_exact_mut(width);
-        let rows = rows.zip(self.unique.par_chunks_exact_mut(width));
+        let rows = self.quality.par_chunks_exact_mut(width);
         rows.enumerate()
-            .for_each(|(y, (seen, unique))| measure_row(&map, y, seen, unique));
+            .for_each(|(y, out)| measure_row(&map, y, out));
         let rows = self.along_rows.par_chunks_exact_mut(self.width);
         rows.enumerate().for_each(|(row, out)| {
             let line = Line {
@@ -159,8 +155,7 @@ impl Gaps {
             sums: &half.sums,
             quarter: self.quarter.map.pixels(),
             quarter_sums: &self.quarter.sums,
-            seen: &self.seen,
-            unique: &self.unique,
+            quality: &self.quality,
             along_rows: &self.along_rows,
             along_columns: &self.along_columns,
         };
