@@ -340,8 +340,17 @@ impl Gaps<'_> {
             let (column, row) = (i % columns, i / columns);
             let xs = column * w / columns..(column + 1) * w / columns;
             let ys = row * h / rows..(row + 1) * h / rows;
-            let even = |of: std::ops::Range<usize>| of.filter(|i| i % 2 == 0);
-            let pixels = even(ys).flat_map(|y| even(xs.clone()).map(move |x| (x, y)));
+            // Those of the lattice, or the last one before.
+            let places = |of: std::ops::Range<usize>, step: usize| -> Vec<usize> {
+                let all: Vec<_> = of.clone().filter(|i| i % step == 0).collect();
+                if all.is_empty() {
+                    vec![of.start / step * step]
+                } else {
+                    all
+                }
+            };
+            let (xs, ys) = (places(xs, 2), places(ys, 4));
+            let pixels = ys.iter().flat_map(|y| xs.iter().map(|x| (*x, *y)));
             let votes: Vec<Votes> = pixels.map(|at| self.votes(at)).collect();
             let (mut below, mut none, mut agreed) = (vec![0; n + 1], 0, 0);
             for of in &votes {
@@ -355,9 +364,6 @@ impl Gaps<'_> {
             }
             let (rank, any) = (self.v5.rank, below[n]);
             let total = any + none;
-            if total == 0 {
-                return None;
-            }
             let within = |v: usize| {
                 let (lo, hi) = tolerance[v];
                 [lo, hi + 1].map(|bin| below[bin.clamp(0, n as i32) as usize])

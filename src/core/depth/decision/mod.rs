@@ -117,11 +117,6 @@ impl CellPixels {
         self.agreed = Some(self.agreed.unwrap_or(0) + i64::from(agreed));
     }
 
-    /// True if nothing votes.
-    pub fn is_empty(&self) -> bool {
-        self.votes == 0
-    }
-
     /// Turns counts per bin into counts of lower bins.
     fn accumulate(&mut self) {
         let mut below = 0;

@@ -303,10 +303,6 @@ impl V5 {
             for of in gaps.iter().flat_map(|gaps| gaps.votes(&columns, &rows)) {
                 pixels.vote(&of.bins, &of.votes, of.agreed);
             }
-            // A cell between two pixels of the lattice.
-            if pixels.is_empty() {
-                return;
-            }
             let evidence = self.choice.decision.evidence(pixels, tolerance);
             let rig = context.rig.as_ref();
             *cell = self.choice.decision.cell(pixels, &evidence, min_valid, rig);

@@ -4,8 +4,8 @@ use super::super::census::HalfImage;
 use super::super::half_map::HalfPixels;
 use super::super::sums::StripSums;
 use super::lines::{NONE, Nearest, Seen};
-use super::{Band, LANES};
-use crate::kernel::{GapCandidates, Isa, describe_hypotheses};
+use super::{Band, LANES, STEPS};
+use crate::kernel::{GapCandidates, HYPOTHESES, Isa, describe_hypotheses};
 use crate::stereo::Reason;
 use std::ops::Range;
 
@@ -45,23 +45,12 @@ pub(super) enum Step<'a> {
     Block(&'a GapCandidates, &'a [usize]),
 }
 
-/// Sums over the windows around a row's pixels: seen pixels of the wide one; steps of grey along
+/// Sums over the rows around a row, by column: seen pixels of the wide window; steps of grey along
 /// rows and along columns in the near one.
 pub(super) struct RowSums {
-    columns: Vec<u16>,
     seen: Vec<u16>,
     across: Vec<u16>,
     down: Vec<u16>,
-}
-
-/// Sums of `2·reach + 1` neighbours, fewer at the ends.
-fn run_sums(columns: &[u16], reach: usize, out: &mut [u16]) {
-    let mut sum: u16 = columns[..reach.min(columns.len())].iter().sum();
-    for (x, out) in out.iter_mut().enumerate() {
-        sum += columns.get(x + reach).copied().unwrap_or(0);
-        *out = sum;
-        sum -= if x >= reach { columns[x - reach] } else { 0 };
-    }
 }
 
 /// Rows within reach.
@@ -101,7 +90,6 @@ impl RowSums {
     pub(super) fn new(width: usize) -> Self {
         let row = || vec![0; width];
         Self {
-            columns: row(),
             seen: row(),
             across: row(),
             down: row(),
@@ -110,32 +98,21 @@ impl RowSums {
 
     fn load(&mut self, of: &Candidates<'_>, y: usize) {
         let (width, height) = of.half.size;
-        self.columns.fill(0);
+        self.seen.fill(0);
         for row in around(y, WIDE, height) {
             let row = &of.half.seen[row * width..][..width];
-            let sums = self.columns.iter_mut().zip(row);
+            let sums = self.seen.iter_mut().zip(row);
             sums.for_each(|(sum, seen)| *sum += u16::from(*seen));
         }
-        run_sums(&self.columns, WIDE, &mut self.seen);
-        self.columns.fill(0);
-        for row in around(y, NEAR, height) {
-            let row = of.image.row(row);
-            let steps = row.windows(2).map(|pair| pair[0].abs_diff(pair[1]));
-            let sums = self.columns[1..].iter_mut().zip(steps);
-            sums.for_each(|(sum, step)| *sum += step);
-        }
-        run_sums(&self.columns, NEAR, &mut self.across);
-        self.columns.fill(0);
-        for row in around(y, NEAR, height) {
-            let rows = of
-                .image
-                .row(row)
-                .iter()
-                .zip(of.image.row(row.saturating_sub(1)));
-            let sums = self.columns.iter_mut().zip(rows);
+        self.across.fill(0);
+        self.down.fill(0);
+        for y in around(y, NEAR, height) {
+            let (row, above) = (of.image.row(y), of.image.row(y.saturating_sub(1)));
+            let sums = self.across[1..].iter_mut().zip(row.iter().zip(&row[1..]));
+            sums.for_each(|(sum, (a, b))| *sum += a.abs_diff(*b));
+            let sums = self.down.iter_mut().zip(row.iter().zip(above));
             sums.for_each(|(sum, (a, b))| *sum += a.abs_diff(*b));
         }
-        run_sums(&self.columns, NEAR, &mut self.down);
     }
 }
 
@@ -158,9 +135,9 @@ impl Candidates<'_> {
         for place in places {
             let (column, row) = (place % self.lattice.0, place / self.lattice.0);
             if column == 0 {
-                sums.load(self, 2 * row);
+                sums.load(self, STEPS[1] * row);
             }
-            let pixel = 2 * row * width + 2 * column;
+            let pixel = STEPS[1] * row * width + STEPS[0] * column;
             if self.half.seen[pixel] == 1 && self.quality[pixel].seen >= SURE {
                 take(Step::Sure(place, self.half.bins[pixel]));
                 continue;
@@ -185,10 +162,13 @@ impl Candidates<'_> {
         let lane = lane % LANES;
         let (half, quarter) = (&self.half, &self.quarter);
         let (width, height) = half.size;
-        let (x, y) = (2 * column, 2 * row);
+        let (x, y) = (STEPS[0] * column, STEPS[1] * row);
         let pixel = y * width + x;
         let here = i32::from(self.image.at(x, y));
-        let small = [column.min(quarter.size.0 - 1), row.min(quarter.size.1 - 1)];
+        let small = [
+            (x / 2).min(quarter.size.0 - 1),
+            (y / 2).min(quarter.size.1 - 1),
+        ];
         let small_pixel = small[1] * quarter.size.0 + small[0];
         let small_bin = 2 * i32::from(quarter.bins[small_pixel]);
         let small_quality = Quality {
@@ -205,6 +185,7 @@ impl Candidates<'_> {
             exists[lane] = false;
         }
         let mut put = |k: usize, hypothesis: Hypothesis| {
+            assert!(k < HYPOTHESES);
             let bin = hypothesis.bin;
             let disparity = ((bin as u32 + 8) / 16).min(half.count as u32 - 1) as usize;
             let small = ((bin as u32 + 16) / 32).min(quarter.count as u32 - 1) as usize;
@@ -274,6 +255,8 @@ impl Candidates<'_> {
 
         of.filled[lane] = half.filled[pixel].into();
         let agrees = matches!(half.why[pixel], Reason::Valid | Reason::Ambiguous);
+        let near = |sums: &[u16]| sums[around(x, NEAR, width)].iter().sum::<u16>().into();
+        let wide: u16 = sums.seen[around(x, WIDE, width)].iter().sum();
         // Places 10 and 11 are computed with the features.
         let features = [
             64 * i32::from(half.seen[pixel]),
@@ -282,10 +265,10 @@ impl Candidates<'_> {
             2 * i32::from(own.quality.unique),
             (128 * x / width) as i32 - 64,
             (128 * y / height) as i32 - 64,
-            sums.across[x].into(),
-            sums.down[x].into(),
+            near(&sums.across),
+            near(&sums.down),
             (5 * i32::from(own.quality.seen)) >> 1,
-            (73 * i32::from(sums.seen[x])) >> 8,
+            (73 * i32::from(wide)) >> 8,
             0,
             0,
             least,

@@ -1,5 +1,4 @@
-//! The nearest seen pixels along the rows and columns of a lattice: every second pixel of every
-//! second line.
+//! The nearest seen pixels along the rows and columns of a lattice.
 
 /// Ends of two surfaces, bins: seen pixels that differ by more are not of one.
 const JUMP: u16 = 16;
@@ -28,30 +27,33 @@ pub(super) struct Line {
 }
 
 impl Line {
-    /// Finds the nearest seen pixels of every second pixel. `bins` and `seen` are planes of pixels;
+    /// Finds the nearest seen pixels of one pixel of `every` so many. `bins` and `seen` are planes of pixels;
     /// `grey` are the line's own.
     pub(super) fn scan(
         self,
         bins: &[i16],
         seen: &[u8],
         grey: impl Fn(usize) -> u16,
+        every: usize,
         out: &mut [Nearest],
     ) {
-        let mut scan = |order: &mut dyn Iterator<Item = usize>, direction: usize| {
+        for direction in 0..2 {
             let none = Seen {
                 at: NONE,
                 barrier: 0,
             };
             // The last seen pixel, and the one of another surface before it.
             let (mut last, mut other, mut last_bin) = (none, none, 0_i16);
-            let mut before = None;
-            for i in order {
+            let end = self.count - 1;
+            let mut before = grey(direction * end);
+            for n in 0..self.count {
+                let i = [n, end - n][direction];
                 let here = grey(i);
-                last.barrier = last.barrier.max(here.abs_diff(before.unwrap_or(here)));
-                before = Some(here);
-                if i % 2 == 0 {
+                last.barrier = last.barrier.max(here.abs_diff(before));
+                before = here;
+                if i.is_multiple_of(every) {
                     let barrier = other.barrier.max(last.barrier);
-                    out[i / 2][direction] = [last, Seen { barrier, ..other }];
+                    out[i / every][direction] = [last, Seen { barrier, ..other }];
                 }
                 let place = self.first + i * self.step;
                 if seen[place] == 1 {
@@ -68,8 +70,6 @@ impl Line {
                     last_bin = bin;
                 }
             }
-        };
-        scan(&mut (0..self.count), 0);
-        scan(&mut (0..self.count).rev(), 1);
+        }
     }
 }

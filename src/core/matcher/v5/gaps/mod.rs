@@ -25,7 +25,7 @@ const ALL: u8 = 64;
 const AGREE: u16 = 12;
 
 /// Rows of the lattice that one task weighs.
-const BAND: usize = 8;
+const BAND: usize = 4;
 
 /// The votes of a pixel of the lattice.
 #[derive(Clone, Copy)]
@@ -58,9 +58,19 @@ struct Band {
     sums: RowSums,
 }
 
-/// Half pixels of the lattice: every second in both directions.
+/// Columns and rows of a half image of which the lattice has one: neighbouring rows say nearly the
+/// same.
+const STEPS: [usize; 2] = [2, 4];
+
+/// Columns and rows of the lattice.
 fn lattice((width, height): (usize, usize)) -> (usize, usize) {
-    (width.div_ceil(2), height.div_ceil(2))
+    (width.div_ceil(STEPS[0]), height.div_ceil(STEPS[1]))
+}
+
+/// Lattice places within a range of half pixels; of a shorter range the one before it.
+fn places(range: &Range<usize>, step: usize) -> Range<usize> {
+    let last = (range.end - 1) / step;
+    range.start.div_ceil(step).min(last)..last + 1
 }
 
 impl Gaps {
@@ -99,21 +109,23 @@ impl Gaps {
         let rows = self.along_rows.par_chunks_exact_mut(self.width);
         rows.enumerate().for_each(|(row, out)| {
             let line = Line {
-                first: 2 * row * width,
+                first: STEPS[1] * row * width,
                 step: 1,
                 count: width,
             };
-            let grey = image.row(2 * row);
-            line.scan(map.bins, map.seen, |x| grey[x], out);
+            let grey = image.row(STEPS[1] * row);
+            line.scan(map.bins, map.seen, |x| grey[x], STEPS[0], out);
         });
-        let columns = self.along_columns.par_chunks_exact_mut(height.div_ceil(2));
+        let rows = height.div_ceil(STEPS[1]);
+        let columns = self.along_columns.par_chunks_exact_mut(rows);
         columns.enumerate().for_each(|(column, out)| {
             let line = Line {
-                first: 2 * column,
+                first: STEPS[0] * column,
                 step: width,
                 count: height,
             };
-            line.scan(map.bins, map.seen, |y| image.row(y)[2 * column], out);
+            let grey = |y| image.at(STEPS[0] * column, y);
+            line.scan(map.bins, map.seen, grey, STEPS[1], out);
         });
     }
 
@@ -162,18 +174,18 @@ impl Gaps {
         (measured, &mut self.votes, &mut self.bands)
     }
 
-    /// The votes within a range of half pixels.
+    /// The votes within ranges of half pixels, which are not empty.
     pub(super) fn votes(
         &self,
         columns: &Range<usize>,
         rows: &Range<usize>,
     ) -> impl Iterator<Item = &PixelVotes> {
-        let [columns, rows] = [columns, rows].map(|of| of.start.div_ceil(2)..of.end.div_ceil(2));
+        let [columns, rows] = [(columns, STEPS[0]), (rows, STEPS[1])].map(|of| places(of.0, of.1));
         rows.flat_map(move |y| &self.votes[y * self.width..][columns.clone()])
     }
 
-    /// Shows about `most` of the pixels that are weighed, with their places in the half image, to a
-    /// function, by blocks.
+    /// Shows the pixels that are weighed, with their places in the half image, to a function, by
+    /// blocks.
     pub(super) fn sample(
         &mut self,
         isa: Isa,
@@ -186,7 +198,10 @@ impl Gaps {
             let range = i * pixels..votes.len().min((i + 1) * pixels);
             measured.each(isa, range, band, &mut |step| {
                 if let Step::Block(candidates, places) = step {
-                    let at = |&place: &usize| [2 * (place % width), 2 * (place / width)];
+                    let at = |place: &usize| {
+                        let [column, row] = [place % width, place / width];
+                        [STEPS[0] * column, STEPS[1] * row]
+                    };
                     let places: Vec<_> = places.iter().map(at).collect();
                     take(candidates, &places);
                 }
