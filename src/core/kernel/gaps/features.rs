@@ -1,10 +1,16 @@
 //! The features of hypotheses, from what was measured at their pixels.
 
 use super::super::pairs::Group;
-use super::network::{HYPOTHESIS_PAIRS, Inputs, PIXEL_PAIRS};
 use super::{HYPOTHESES, HYPOTHESIS_FEATURES, PIXEL_FEATURES};
 
 const LANES: usize = Group::ROWS;
+
+/// Inputs of two neighbouring features in each lane.
+pub(super) type Inputs<const N: usize> = [Group<[i16; 2]>; N];
+
+/// Pairs of the features, the last with a zero.
+pub(super) const HYPOTHESIS_PAIRS: usize = HYPOTHESIS_FEATURES.div_ceil(2);
+pub(super) const PIXEL_PAIRS: usize = PIXEL_FEATURES.div_ceil(2);
 
 /// What was measured for the hypotheses of a pixel in each lane. Disparities are bins of 1/8 pixel,
 /// grey levels quarters.
@@ -36,8 +42,8 @@ pub struct GapCandidates {
     /// logarithms made of the sums of grey steps and of the difference of the quarter's winner.
     pub pixel: [[i32; LANES]; PIXEL_FEATURES],
 
-    pub(in super::super) inputs: [Inputs<HYPOTHESIS_PAIRS>; HYPOTHESES],
-    pub(in super::super) pixel_inputs: Inputs<PIXEL_PAIRS>,
+    pub(super) inputs: [Inputs<HYPOTHESIS_PAIRS>; HYPOTHESES],
+    pub(super) pixel_inputs: Inputs<PIXEL_PAIRS>,
 }
 
 /// Places among the pixel's features.

@@ -1,15 +1,8 @@
 //! The network in integers: 16-bit weights in 256ths, activations in 64ths, sums of 32 bits.
 
 use super::super::pairs::{Group, Pairs};
-use super::{CHOICE, GapCandidates, HIDDEN, HYPOTHESES, PIXEL, gap_tensors};
-use super::{GAP_TENSORS, GAP_WEIGHTS, HYPOTHESIS_FEATURES, PIXEL_FEATURES};
-
-/// Inputs of two neighbouring features in each lane.
-pub(super) type Inputs<const N: usize> = [Group<[i16; 2]>; N];
-
-/// Pairs of the features, the last with a zero.
-pub(super) const HYPOTHESIS_PAIRS: usize = HYPOTHESIS_FEATURES.div_ceil(2);
-pub(super) const PIXEL_PAIRS: usize = PIXEL_FEATURES.div_ceil(2);
+use super::features::{GapCandidates, HYPOTHESIS_PAIRS, Inputs, PIXEL_PAIRS};
+use super::{CHOICE, GAP_TENSORS, GAP_WEIGHTS, HIDDEN, HYPOTHESES, PIXEL, gap_tensors};
 
 /// Weights of an output in pairs.
 type Row<const N: usize> = [[i16; 2]; N];

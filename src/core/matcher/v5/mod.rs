@@ -8,20 +8,18 @@
 mod census;
 mod gaps;
 mod half_map;
+mod level;
 mod sums;
 
-use super::stage::both;
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::depth::decision::{CellPixels, Decision, Feature, SafeChoice, Tolerance, VerdictTable};
 use crate::error::{Error, Result};
 use crate::kernel::{GapCandidates, GapNetwork, Isa, STEPS, WinnerTest};
 use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, Reason, RectifiedPair, Rig};
 use crate::timing::Stage;
-use census::{HalfImage, StepCosts};
 use gaps::Gaps;
-use half_map::HalfMap;
+use level::Level;
 use rayon::prelude::*;
-use sums::StripSums;
 
 pub use gaps::GapModel;
 
@@ -168,14 +166,6 @@ struct Scratch {
     half: Level,
     /// Of networks for gaps, if the half image can be halved again.
     gaps: Option<Gaps>,
-}
-
-/// Memory for the matching at one size.
-struct Level {
-    images: [HalfImage; 2],
-    steps: StepCosts,
-    sums: StripSums,
-    map: HalfMap,
 }
 
 impl V5 {
@@ -425,43 +415,6 @@ impl Scratch {
             half: Level::new(size, count),
             gaps: has_gaps.then(|| Gaps::new(size, (count - 1) / 2 + 1)),
         }
-    }
-}
-
-impl Level {
-    fn new(size: (usize, usize), count: usize) -> Self {
-        let images = [HalfImage::new(size, 0), HalfImage::new(size, count - 1)];
-        Self {
-            steps: StepCosts::new(size),
-            sums: StripSums::new(size, count, images[1].margin),
-            map: HalfMap::new(size, count),
-            images,
-        }
-    }
-
-    /// Loads both images by those functions, and the penalties of steps.
-    fn load(
-        &mut self,
-        isa: Isa,
-        jumps: &[u8; STEPS],
-        load_left: impl FnOnce(&mut HalfImage) + Send,
-        load_right: impl FnOnce(&mut HalfImage) + Send,
-    ) {
-        let (steps, [left, right]) = (&mut self.steps, &mut self.images);
-        both(
-            || {
-                load_left(left);
-                steps.load(isa, left, jumps);
-            },
-            || load_right(right),
-        );
-    }
-
-    /// Chooses the winners and tests them.
-    fn choose(&mut self, isa: Isa, test: &WinnerTest, out_and_small: [u8; 2]) {
-        let sums = &mut self.sums;
-        sums.follow(isa, &self.images, &self.steps, out_and_small);
-        self.map.choose(isa, sums, &self.images, test);
     }
 }
 

@@ -4,10 +4,20 @@ use super::super::census::HalfImage;
 use super::super::half_map::HalfPixels;
 use super::super::sums::StripSums;
 use super::lines::{NONE, Nearest, Seen};
-use super::{Band, LANES, STEPS};
-use crate::kernel::{GapCandidates, HYPOTHESES, Isa, describe_hypotheses};
+use crate::kernel::{GapCandidates, Group, HYPOTHESES, Isa, describe_hypotheses};
 use crate::stereo::Reason;
 use std::ops::Range;
+
+pub(super) const LANES: usize = Group::ROWS;
+
+/// Columns and rows of a half image of which the lattice has one: neighbouring rows say nearly the
+/// same.
+pub(super) const STEPS: [usize; 2] = [2, 4];
+
+/// Columns and rows of the lattice.
+pub(super) fn lattice((width, height): (usize, usize)) -> (usize, usize) {
+    (width.div_ceil(STEPS[0]), height.div_ceil(STEPS[1]))
+}
 
 /// Reach of the windows around a pixel.
 const NEAR: usize = 2;
@@ -36,6 +46,24 @@ pub(super) struct Candidates<'a> {
     pub(super) quality: &'a [Quality],
     pub(super) along_rows: &'a [Nearest],
     pub(super) along_columns: &'a [Nearest],
+}
+
+/// Memory of a task.
+pub(super) struct Band {
+    candidates: Box<GapCandidates>,
+    /// Places of the lanes' pixels in the band.
+    places: Vec<usize>,
+    sums: RowSums,
+}
+
+impl Band {
+    pub(super) fn new(width: usize) -> Self {
+        Self {
+            candidates: Box::default(),
+            places: Vec::with_capacity(LANES),
+            sums: RowSums::new(width),
+        }
+    }
 }
 
 /// A pixel that keeps its disparity, or a block of pixels to be weighed, with their places in the

@@ -7,16 +7,12 @@ mod model;
 
 pub use model::GapModel;
 
-use super::Level;
-use crate::kernel::{
-    GapCandidates, GapNetwork, GapVotes, Group, HYPOTHESES, Isa, weigh_hypotheses,
-};
-use candidates::{Candidates, Quality, RowSums, Step, measure_row};
+use super::level::Level;
+use crate::kernel::{GapCandidates, GapNetwork, GapVotes, HYPOTHESES, Isa, weigh_hypotheses};
+use candidates::{Band, Candidates, LANES, Quality, STEPS, Step, lattice, measure_row};
 use lines::{Line, Nearest};
 use rayon::prelude::*;
 use std::ops::Range;
-
-const LANES: usize = Group::ROWS;
 
 /// Votes of a pixel that keeps its own disparity.
 const ALL: u8 = 64;
@@ -50,23 +46,6 @@ pub(super) struct Gaps {
     width: usize,
 }
 
-/// Memory of a task.
-struct Band {
-    candidates: Box<GapCandidates>,
-    /// Places of the lanes' pixels in the band.
-    places: Vec<usize>,
-    sums: RowSums,
-}
-
-/// Columns and rows of a half image of which the lattice has one: neighbouring rows say nearly the
-/// same.
-const STEPS: [usize; 2] = [2, 4];
-
-/// Columns and rows of the lattice.
-fn lattice((width, height): (usize, usize)) -> (usize, usize) {
-    (width.div_ceil(STEPS[0]), height.div_ceil(STEPS[1]))
-}
-
 /// Lattice places within a range of half pixels; of a shorter range the one before it.
 fn places(range: &Range<usize>, step: usize) -> Range<usize> {
     let last = (range.end - 1) / step;
@@ -77,11 +56,6 @@ impl Gaps {
     /// For half images of `size`, at least 2 x 2, and `count` disparities at quarter size.
     pub(super) fn new(size: (usize, usize), count: usize) -> Self {
         let (width, height) = lattice(size);
-        let band = || Band {
-            candidates: Box::default(),
-            places: Vec::with_capacity(LANES),
-            sums: RowSums::new(size.0),
-        };
         let none = PixelVotes {
             bins: [0; HYPOTHESES],
             votes: [0; HYPOTHESES + 1],
@@ -94,7 +68,9 @@ impl Gaps {
             along_rows: vec![Nearest::default(); pixels],
             along_columns: vec![Nearest::default(); pixels],
             votes: vec![none; pixels],
-            bands: (0..height.div_ceil(BAND)).map(|_| band()).collect(),
+            bands: (0..height.div_ceil(BAND))
+                .map(|_| Band::new(size.0))
+                .collect(),
             width,
         }
     }
