@@ -83,9 +83,10 @@ fn votes_are_those_of_the_oracle_on_every_instruction_set() {
             half: &half,
             quarter: &quarter,
         };
-        let expected = match half.seen.contains(&true) {
-            true => oracle.evidence(&v5.tolerance_px(2.0), (5, 3)),
-            false => vec![None; 15],
+        let expected = if half.seen.contains(&true) {
+            oracle.evidence(&v5.tolerance_px(2.0), (5, 3))
+        } else {
+            vec![None; 15]
         };
         let expected = expected.into_iter().map(|of| {
             let [report, target, features @ ..] = of?;

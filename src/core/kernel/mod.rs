@@ -419,7 +419,7 @@ kernels! {
         out: &mut [u8],
     ) = filter::remap;
 
-    /// The features of the hypotheses from what was measured at their pixels.
+    /// The features of the hypotheses from measurements at their pixels.
     pub fn describe_hypotheses(candidates: &mut GapCandidates) = gaps::features::describe;
 
     /// The votes of the hypotheses by their features.

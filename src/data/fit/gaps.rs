@@ -65,9 +65,12 @@ pub fn gap_samples(sampler: &mut GapSampler, frame: &Frame, most: usize) -> Resu
             samples.push(GapSample {
                 features: std::array::from_fn(feature),
                 pixel: std::array::from_fn(|i| of.pixel_feature(i, lane)),
-                bins: std::array::from_fn(|k| match of.exists[k][lane] {
-                    true => of.bin[k][lane] as i16,
-                    false => -1,
+                bins: std::array::from_fn(|k| {
+                    if of.exists[k][lane] {
+                        of.bin[k][lane] as i16
+                    } else {
+                        -1
+                    }
                 }),
                 filled: of.filled[lane] as i16,
                 truth: bin as i16,

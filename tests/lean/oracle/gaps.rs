@@ -37,7 +37,7 @@ fn signed_log(bins: i64) -> i64 {
     bins.signum() * (log(4 + bins.abs()) - 32)
 }
 
-/// What the sums of a map say of a pixel.
+/// The winners of a pixel by the sums of a map.
 struct Winner<'a>(&'a Steps, usize);
 
 impl Winner<'_> {

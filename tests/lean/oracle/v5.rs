@@ -121,7 +121,7 @@ impl V5 {
         self.steps_of([half(pair.left()), half(pair.right())], size)
     }
 
-    /// Of a map's images, halved again.
+    /// The steps for a map's images, halved again.
     #[allow(dead_code, reason = "each test program uses its part of this module")]
     pub(crate) fn quarter_steps(&self, of: &Steps) -> Steps {
         let size = (of.size.0 / 2, of.size.1 / 2);

@@ -1,4 +1,4 @@
-//! The features of hypotheses, from what was measured at their pixels.
+//! The features of hypotheses, from measurements at their pixels.
 
 use super::super::pairs::Group;
 use super::{HYPOTHESES, HYPOTHESIS_FEATURES, PIXEL_FEATURES};
@@ -12,8 +12,8 @@ pub(super) type Inputs<const N: usize> = [Group<[i16; 2]>; N];
 pub(super) const HYPOTHESIS_PAIRS: usize = HYPOTHESIS_FEATURES.div_ceil(2);
 pub(super) const PIXEL_PAIRS: usize = PIXEL_FEATURES.div_ceil(2);
 
-/// What was measured for the hypotheses of a pixel in each lane. Disparities are bins of 1/8 pixel,
-/// grey levels quarters.
+/// Measurements of the hypotheses of a pixel in each lane. Disparities are bins of 1/8 pixel, grey
+/// levels quarters.
 #[derive(Clone, Default)]
 pub struct GapCandidates {
     pub exists: [[bool; LANES]; HYPOTHESES],
@@ -30,7 +30,7 @@ pub struct GapCandidates {
     /// hypothesis.
     pub leads_out: [[i32; LANES]; HYPOTHESES],
     pub right: [[i32; LANES]; HYPOTHESES],
-    /// Where it was seen: seen pixels of the 25 around, uniqueness 0..=127, cost in bits.
+    /// Quality where it was seen: seen pixels of the 25 around, uniqueness 0..=127, cost in bits.
     pub seen: [[i32; LANES]; HYPOTHESES],
     pub unique: [[i32; LANES]; HYPOTHESES],
     pub own: [[i32; LANES]; HYPOTHESES],

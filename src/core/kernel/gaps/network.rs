@@ -44,9 +44,12 @@ pub type GapVotes = [[u8; LANES]; HYPOTHESES + 1];
 
 fn rows<const N: usize, const ROWS: usize>(weights: &[i32]) -> [Row<N>; ROWS] {
     let inputs = weights.len() / ROWS;
-    let at = |row: usize, i: usize| match i < inputs {
-        true => weights[row * inputs + i] as i16,
-        false => 0,
+    let at = |row: usize, i: usize| {
+        if i < inputs {
+            weights[row * inputs + i] as i16
+        } else {
+            0
+        }
     };
     std::array::from_fn(|row| std::array::from_fn(|i| [at(row, 2 * i), at(row, 2 * i + 1)]))
 }

@@ -164,7 +164,7 @@ struct V5 {
 struct Scratch {
     size: (usize, usize),
     half: Level,
-    /// Of networks for gaps, if the half image can be halved again.
+    /// Memory of a network for gaps, if the half image can be halved again.
     gaps: Option<Gaps>,
 }
 
@@ -424,7 +424,7 @@ pub struct GapSampler {
 }
 
 impl GapSampler {
-    /// Of v5 with its defaults.
+    /// The pixels of v5 with its defaults.
     ///
     /// # Errors
     /// None: the defaults are valid.
@@ -433,8 +433,8 @@ impl GapSampler {
         Ok(Self { v5 })
     }
 
-    /// Shows the pixels of a pair to a function, in blocks: what was measured, and where in the
-    /// half image each lane lies.
+    /// Shows the pixels of a pair to a function, in blocks: measurements, and the place of each
+    /// lane in the half image.
     pub fn sample(
         &mut self,
         pair: RectifiedPair<'_>,

@@ -1,4 +1,4 @@
-//! The hypotheses of a lattice's pixels, and what is measured for each.
+//! The hypotheses of a lattice's pixels, with the measurements of each.
 
 use super::super::census::HalfImage;
 use super::super::half_map::HalfPixels;
@@ -26,7 +26,7 @@ const WIDE: usize = 7;
 /// Seen pixels around a seen pixel that keeps its disparity: most of the 25.
 const SURE: u8 = 13;
 
-/// What is known of a pixel's winner: seen pixels of the 25 around, uniqueness 0..=127, cost.
+/// Quality of a pixel's winner: seen pixels of the 25 around, uniqueness 0..=127, cost.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Quality {
     seen: u8,

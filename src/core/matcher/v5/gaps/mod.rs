@@ -27,7 +27,7 @@ const BAND: usize = 4;
 #[derive(Clone, Copy)]
 pub(super) struct PixelVotes {
     pub(super) bins: [i16; HYPOTHESES],
-    /// Of each bin, then of none of them.
+    /// Votes of each bin, then of none of them.
     pub(super) votes: [u8; HYPOTHESES + 1],
     /// Votes for bins that agree with the best.
     pub(super) agreed: u8,
@@ -37,7 +37,7 @@ pub(super) struct PixelVotes {
 pub(super) struct Gaps {
     pub(super) quarter: Level,
     quality: Vec<Quality>,
-    /// Of the lattice's pixels, by row and by column.
+    /// The nearest seen pixels of the lattice's, by row and by column.
     along_rows: Vec<Nearest>,
     along_columns: Vec<Nearest>,
     /// In raster order of the lattice.
@@ -75,7 +75,7 @@ impl Gaps {
         }
     }
 
-    /// Measures what the hypotheses are made of, at half size.
+    /// Measures the parts of the hypotheses, at half size.
     pub(super) fn measure(&mut self, half: &Level) {
         let (map, image) = (half.map.pixels(), &half.images[0]);
         let (width, height) = map.size;
@@ -130,7 +130,7 @@ impl Gaps {
         });
     }
 
-    /// What was measured, and the memory for the votes and for tasks.
+    /// The measurements, and the memory for the votes and for tasks.
     fn parts<'a>(
         &'a mut self,
         half: &'a Level,
