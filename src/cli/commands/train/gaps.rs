@@ -21,9 +21,10 @@ use svl::train::LearnedGaps;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  svl train gaps scenarios/worlds.toml --seeds 1..40 -o gaps.safetensors
-  svl train cells scenarios/worlds.toml --seeds 41..60 \\
-    --algo v5:gaps=gaps.safetensors -o table.toml
+  svl train gaps scenarios/worlds-training.toml \\
+    scenarios/shapes-training.toml -o gaps.safetensors
+  svl train cells scenarios/worlds.toml scenarios/shapes.toml \\
+    --seeds 41..60 --algo v5:gaps=gaps.safetensors -o table.toml
   svl score scenarios/worlds.toml \\
     --algo v5:gaps=gaps.safetensors,table=table.toml
 

@@ -12,7 +12,7 @@ use clap::Subcommand;
 Examples:
   svl train cells scenarios/arena.toml --seeds 4..10 -o table.toml
   svl train filter a.mcap b.mcap c.mcap --kind floor -o floor.safetensors
-  svl train gaps scenarios/worlds.toml --seeds 1..40 -o gaps.safetensors")]
+  svl train gaps scenarios/worlds-training.toml -o gaps.safetensors")]
 pub(crate) struct Args {
     #[command(subcommand)]
     what: Train,
