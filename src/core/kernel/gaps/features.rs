@@ -123,10 +123,10 @@ pub(in super::super) fn describe(of: &mut GapCandidates) {
             features[14][l] = 2 * of.quarter_excess[k][l];
         }
         for (i, input) in of.inputs[k].iter_mut().enumerate() {
-            for l in 0..LANES {
+            for (l, input) in input.0.iter_mut().enumerate() {
                 let is = i32::from(of.exists[k][l]);
                 let at = |i: usize| (features[i][l].clamp(-127, 127) * is) as i16;
-                input.0[l] = [at(2 * i), at(2 * i + 1)];
+                *input = [at(2 * i), at(2 * i + 1)];
             }
         }
     }

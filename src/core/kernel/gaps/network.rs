@@ -54,6 +54,24 @@ fn rows<const N: usize, const ROWS: usize>(weights: &[i32]) -> [Row<N>; ROWS] {
     std::array::from_fn(|row| std::array::from_fn(|i| [at(row, 2 * i), at(row, 2 * i + 1)]))
 }
 
+/// Checks the greatest sums of a layer: inputs at their limits, all of one sign.
+fn fits(name: &str, bias: &[i32], outputs: usize, parts: &[(&[i32], i64)]) -> Result<(), String> {
+    for output in 0..outputs {
+        let of_part = |(weights, most): &(&[i32], i64)| {
+            let inputs = weights.len() / outputs;
+            let row = &weights[output * inputs..][..inputs];
+            most * row.iter().map(|w| i64::from(w.abs())).sum::<i64>()
+        };
+        let of_bias = bias[output..].iter().step_by(outputs);
+        let of_bias = of_bias.map(|b| i64::from(*b).abs()).max().unwrap_or(0);
+        // Half a unit is added for rounding.
+        if parts.iter().map(of_part).sum::<i64>() + of_bias + 128 > i32::MAX.into() {
+            return Err(format!("the sums of '{name}' could overflow"));
+        }
+    }
+    Ok(())
+}
+
 impl GapNetwork {
     /// From the weights in the order of [`GAP_TENSORS`]: 256ths, biases 16384ths.
     ///
@@ -75,52 +93,26 @@ impl GapNetwork {
             none_pixel,
             none_bias,
         ] = tensors;
-        let wide = |(_, (tensor, (name, _))): &(usize, (&&[i32], &(&str, [usize; 2])))| {
-            !name.ends_with("bias") && tensor.iter().any(|w| i16::try_from(*w).is_err())
-        };
-        let mut named = tensors.iter().zip(&GAP_TENSORS).enumerate();
-        if let Some((_, (_, (name, _)))) = named.find(wide) {
+        let mut named = tensors.iter().zip(&GAP_TENSORS);
+        let is_wide = |weight: &i32| i16::try_from(*weight).is_err();
+        let wide =
+            named.find(|(tensor, (name, _))| !name.ends_with("bias") && tensor.iter().any(is_wide));
+        if let Some((_, (name, _))) = wide {
             return Err(format!("'{name}' has a weight beyond 16 bits"));
         }
-        // The greatest sum of each layer: inputs at their limits, all of one sign.
-        let mean_most = (HYPOTHESES as i64 * i64::from(MOST)) >> MEAN;
-        let layers: [(&str, usize, &[i32], &[(&[i32], i64)]); 4] = [
-            ("pixel", PIXEL, pixel_bias, &[(pixel, 127)]),
-            (
-                "hypothesis",
-                HIDDEN,
-                hypothesis_bias,
-                &[(hypothesis, 127), (hypothesis_pixel, MOST.into())],
-            ),
-            (
-                "choice",
-                CHOICE,
-                choice_bias,
-                &[(choice, MOST.into()), (choice_mean, mean_most)],
-            ),
-            (
-                "none",
-                1,
-                none_bias,
-                &[(none_mean, mean_most), (none_pixel, MOST.into())],
-            ),
-        ];
-        for (name, outputs, bias, parts) in layers {
-            for output in 0..outputs {
-                let of_part = |(weights, most): &(&[i32], i64)| {
-                    let inputs = weights.len() / outputs;
-                    let row = &weights[output * inputs..][..inputs];
-                    most * row.iter().map(|w| i64::from(w.abs())).sum::<i64>()
-                };
-                let of_bias = bias[output..].iter().step_by(outputs);
-                let of_bias = of_bias.map(|b| i64::from(*b).abs()).max().unwrap_or(0);
-                // Half a unit is added for rounding.
-                let most = parts.iter().map(of_part).sum::<i64>() + of_bias + 128;
-                if most > i32::MAX.into() {
-                    return Err(format!("the sums of '{name}' could overflow"));
-                }
-            }
-        }
+        let most = i64::from(MOST);
+        let mean = (HYPOTHESES as i64 * most) >> MEAN;
+        fits("pixel", pixel_bias, PIXEL, &[(pixel, 127)])?;
+        let parts = [(hypothesis, 127), (hypothesis_pixel, most)];
+        fits("hypothesis", hypothesis_bias, HIDDEN, &parts)?;
+        let parts = [(choice, most), (choice_mean, mean)];
+        fits("choice", choice_bias, CHOICE, &parts)?;
+        fits(
+            "none",
+            none_bias,
+            1,
+            &[(none_mean, mean), (none_pixel, most)],
+        )?;
         let rounded = |bias: i32, shift: i32| bias + (1 << (shift - 1));
         let ([score], [none_mean], [none_pixel]) = (rows(score), rows(none_mean), rows(none_pixel));
         // By products, as the exponentials of systems differ: this is e^(-1/256).
@@ -224,10 +216,10 @@ pub(in super::super) fn weigh(
             add(pairs, sum, &inputs[k], &of.hypothesis[i])
         });
         for (mean, hidden) in mean.iter_mut().zip(&*hidden) {
-            for l in 0..LANES {
-                let [a, b] = hidden.0[l];
-                let is = i16::from(exists[k][l]).wrapping_neg();
-                mean.0[l] = [mean.0[l][0] + (a & is), mean.0[l][1] + (b & is)];
+            let lanes = mean.0.iter_mut().zip(&hidden.0).zip(&exists[k]);
+            for ((mean, [a, b]), exists) in lanes {
+                let is = i16::from(*exists).wrapping_neg();
+                *mean = [mean[0] + (a & is), mean[1] + (b & is)];
             }
         }
     }
@@ -248,9 +240,8 @@ pub(in super::super) fn weigh(
         let choice: Inputs<{ CHOICE / 2 }> =
             layer(|i| add(pairs, of_mean[i], &hidden[k], &of.choice[i]));
         let of_k = score(add(pairs, bias(1 << (TO_SCORE - 1)), &choice, &of.score));
-        for l in 0..LANES {
-            scores[k][l] = if exists[k][l] { of_k[l] } else { i32::MIN };
-        }
+        let lanes = scores[k].iter_mut().zip(of_k).zip(exists[k]);
+        lanes.for_each(|((out, score), exists)| *out = if exists { score } else { i32::MIN });
     }
     vote(of, &scores, votes);
 }

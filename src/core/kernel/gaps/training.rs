@@ -137,13 +137,8 @@ pub(in super::super) fn forward(weights: &[f32], of: &GapSamples, pass: &mut Gap
             pass.choice[k][i] = positive(add(of_mean[i], row, &pass.hidden[k]));
         }
         let score = add([0.0; LANES], w_score, &pass.choice[k]);
-        for l in 0..LANES {
-            pass.scores[k][l] = if of.exists[k][l] > 0.0 {
-                score[l]
-            } else {
-                -1e9
-            };
-        }
+        let lanes = pass.scores[k].iter_mut().zip(score).zip(of.exists[k]);
+        lanes.for_each(|((out, score), exists)| *out = if exists > 0.0 { score } else { -1e9 });
     }
     let none = add([b_none[0]; LANES], w_none, &pass.mean);
     pass.scores[HYPOTHESES] = add(none, w_none_pixel, &pass.pixel);
@@ -218,9 +213,8 @@ pub(in super::super) fn backward(
     for k in 0..HYPOTHESES {
         let mut of_hidden = of_mean;
         for slope in of_hidden.iter_mut() {
-            for l in 0..LANES {
-                slope[l] *= 0.125 * of.exists[k][l];
-            }
+            let lanes = slope.iter_mut().zip(of.exists[k]);
+            lanes.for_each(|(slope, exists)| *slope *= 0.125 * exists);
         }
         for (i, slope) in of_choice[k].iter().enumerate() {
             learn(
