@@ -322,7 +322,7 @@ kernels! {
     /// `smooth` is scratch, one pixel longer than the image at either end.
     pub fn halve_row(rows: [&[u8]; 4], smooth: &mut [u16], out: &mut [u16]) = halve::halve;
 
-    /// A row of an image at half size, halved again: `(Σ + 32) >> 6`, again quarters of grey levels.
+    /// A row of an image at half size, halved again: `(Σ + 32) >> 6`, quarters of grey levels, too.
     pub fn quarter_row(rows: [&[u16]; 4], smooth: &mut [u16], out: &mut [u16]) = halve::quarter;
 
     /// The 5 x 5 census of the middle one of five rows, a bit for each darker neighbour, in blocks.

@@ -111,7 +111,7 @@ pub struct GapFit {
 }
 
 /// Memory of a part of a batch, and its sums.
-struct Part {
+struct BatchPart {
     inputs: GapSamples,
     pass: GapPass,
     slopes: [[f32; LANES]; HYPOTHESES + 1],
@@ -142,7 +142,7 @@ pub fn fit_gaps(
     let mut weights = first_weights(&mut random);
     let mut moments = [vec![0.0; GAP_WEIGHTS], vec![0.0; GAP_WEIGHTS]];
     let mut gradient = vec![0.0; GAP_WEIGHTS];
-    let mut parts: Vec<_> = (0..BATCH / PART).map(|_| Part::new()).collect();
+    let mut parts: Vec<_> = (0..BATCH / PART).map(|_| BatchPart::new()).collect();
     let mut order: Vec<_> = (0..training.len() as u32).collect();
     let all: Vec<_> = (0..held_out.len() as u32).collect();
     let steps = (settings.epochs * order.len().div_ceil(BATCH)) as f64;
@@ -228,7 +228,7 @@ fn first_weights(random: &mut fastrand::Rng) -> Box<[f32; GAP_WEIGHTS]> {
     weights
 }
 
-impl Part {
+impl BatchPart {
     fn new() -> Self {
         Self {
             inputs: GapSamples::default(),

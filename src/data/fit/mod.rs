@@ -1,6 +1,6 @@
-//! Fitting: the network of v5's gaps; the table that decides the cells of v5, and of algorithms whose cells are decided in
-//! the same way ([`svl_core::depth::decision`]), and the networks of the filters
-//! ([`svl_core::filter`]).
+//! Fitting: the network of v5's gaps; the table that decides the cells of v5, and of algorithms
+//! whose cells are decided in the same way ([`svl_core::depth::decision`]); and the networks of the
+//! filters ([`svl_core::filter`]).
 
 mod cells;
 pub mod filter;

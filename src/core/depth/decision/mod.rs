@@ -106,8 +106,8 @@ impl CellPixels {
         self.texture += texture;
     }
 
-    /// Adds the votes of a pixel for some bins, which they support, and for none, the last; `agreed`
-    /// are those that agree with its best.
+    /// Adds the votes of a pixel for some bins, which they support, and for none, the last;
+    /// `agreed` are those that agree with its best.
     pub fn vote(&mut self, bins: &[i16], votes: &[u8], agreed: u8) {
         for (&bin, &votes) in bins.iter().zip(votes) {
             self.counts[bin as usize + 1] += u64::from(votes) << 32 | u64::from(votes);

@@ -1,5 +1,5 @@
-//! The network of v5's gaps (docs/v5.md, *Learned gaps*): for each pixel it weighs a few disparities
-//! that the scene may have there, and *none* of them.
+//! The network of v5's gaps (docs/v5.md, *Learned gaps*): for each pixel it weighs a few
+//! disparities that the scene may have there, and *none* of them.
 //!
 //! Lanes are pixels. [`features`] and [`network`] are integers alone; [`training`] has the same
 //! network in floats.

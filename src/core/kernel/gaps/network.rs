@@ -5,7 +5,7 @@ use super::features::{GapCandidates, HYPOTHESIS_PAIRS, Inputs, PIXEL_PAIRS};
 use super::{CHOICE, GAP_TENSORS, GAP_WEIGHTS, HIDDEN, HYPOTHESES, PIXEL, gap_tensors};
 
 /// Weights of an output in pairs.
-type Row<const N: usize> = [[i16; 2]; N];
+type PairRow<const N: usize> = [[i16; 2]; N];
 
 const LANES: usize = Group::ROWS;
 
@@ -23,17 +23,17 @@ const LEAST: usize = 2560;
 /// The weights as the kernel reads them.
 #[derive(Clone, Debug)]
 pub struct GapNetwork {
-    pixel: [Row<PIXEL_PAIRS>; PIXEL],
+    pixel: [PairRow<PIXEL_PAIRS>; PIXEL],
     pixel_bias: [i32; PIXEL],
-    hypothesis: [Row<HYPOTHESIS_PAIRS>; HIDDEN],
-    hypothesis_pixel: [Row<{ PIXEL / 2 }>; HIDDEN],
+    hypothesis: [PairRow<HYPOTHESIS_PAIRS>; HIDDEN],
+    hypothesis_pixel: [PairRow<{ PIXEL / 2 }>; HIDDEN],
     hypothesis_bias: [[i32; HIDDEN]; HYPOTHESES],
-    choice: [Row<{ HIDDEN / 2 }>; CHOICE],
-    choice_mean: [Row<{ HIDDEN / 2 }>; CHOICE],
+    choice: [PairRow<{ HIDDEN / 2 }>; CHOICE],
+    choice_mean: [PairRow<{ HIDDEN / 2 }>; CHOICE],
     choice_bias: [i32; CHOICE],
-    score: Row<{ CHOICE / 2 }>,
-    none_mean: Row<{ HIDDEN / 2 }>,
-    none_pixel: Row<{ PIXEL / 2 }>,
+    score: PairRow<{ CHOICE / 2 }>,
+    none_mean: PairRow<{ HIDDEN / 2 }>,
+    none_pixel: PairRow<{ PIXEL / 2 }>,
     none_bias: i32,
     /// `65535·exp(−i/256)`, rounded.
     exp: Box<[u16; LEAST]>,
@@ -42,7 +42,7 @@ pub struct GapNetwork {
 /// Votes of the pixels: of each hypothesis, and of none; about 64 for each pixel.
 pub type GapVotes = [[u8; LANES]; HYPOTHESES + 1];
 
-fn rows<const N: usize, const ROWS: usize>(weights: &[i32]) -> [Row<N>; ROWS] {
+fn rows<const N: usize, const ROWS: usize>(weights: &[i32]) -> [PairRow<N>; ROWS] {
     let inputs = weights.len() / ROWS;
     let at = |row: usize, i: usize| {
         if i < inputs {
@@ -149,7 +149,7 @@ fn add<const N: usize>(
     pairs: &impl Pairs,
     mut sum: Group<u32>,
     inputs: &Inputs<N>,
-    weights: &Row<N>,
+    weights: &PairRow<N>,
 ) -> Group<u32> {
     for (input, weights) in inputs.iter().zip(weights) {
         sum = pairs.add_products(sum, [*input, Group::splat(*weights)]);

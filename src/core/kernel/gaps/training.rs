@@ -45,8 +45,8 @@ fn positive(sum: Lane) -> Lane {
     sum.map(|sum| sum.max(0.0))
 }
 
-/// The lanes as they are. Without it the compiler vectorizes over weights instead of lanes, which it
-/// has to gather: ten times as slow.
+/// The lanes as they are. Without it the compiler vectorizes over weights instead of lanes, which
+/// it has to gather: ten times as slow.
 #[inline(always)]
 fn apart(lane: &Lane) -> Lane {
     std::hint::black_box(*lane)

@@ -7,14 +7,14 @@ use crate::kernel::{Isa, STEPS, WinnerTest};
 use crate::matcher::stage::both;
 
 /// Memory for the matching at one size.
-pub(super) struct Level {
+pub(super) struct MatchLevel {
     pub(super) images: [HalfImage; 2],
     steps: StepCosts,
     pub(super) sums: StripSums,
     pub(super) map: HalfMap,
 }
 
-impl Level {
+impl MatchLevel {
     pub(super) fn new(size: (usize, usize), count: usize) -> Self {
         let images = [HalfImage::new(size, 0), HalfImage::new(size, count - 1)];
         Self {

@@ -18,7 +18,7 @@ use crate::kernel::{GapCandidates, GapNetwork, Isa, STEPS, WinnerTest};
 use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, Reason, RectifiedPair, Rig};
 use crate::timing::Stage;
 use gaps::Gaps;
-use level::Level;
+use level::MatchLevel;
 use rayon::prelude::*;
 
 pub use gaps::GapModel;
@@ -163,7 +163,7 @@ struct V5 {
 /// Memory for pairs of one size.
 struct Scratch {
     size: (usize, usize),
-    half: Level,
+    half: MatchLevel,
     /// Memory of a network for gaps, if the half image can be halved again.
     gaps: Option<Gaps>,
 }
@@ -412,7 +412,7 @@ impl Scratch {
         let has_gaps = has_gaps && size.0 >= 2 && size.1 >= 2;
         Self {
             size,
-            half: Level::new(size, count),
+            half: MatchLevel::new(size, count),
             gaps: has_gaps.then(|| Gaps::new(size, (count - 1) / 2 + 1)),
         }
     }

@@ -3,7 +3,7 @@
 use super::super::census::HalfImage;
 use super::super::half_map::HalfPixels;
 use super::super::sums::StripSums;
-use super::lines::{NONE, Nearest, Seen};
+use super::lines::{NONE, NearestSeen, SeenPixel};
 use crate::kernel::{GapCandidates, Group, HYPOTHESES, Isa, describe_hypotheses};
 use crate::stereo::Reason;
 use std::ops::Range;
@@ -23,7 +23,7 @@ pub(super) fn lattice((width, height): (usize, usize)) -> (usize, usize) {
 const NEAR: usize = 2;
 const WIDE: usize = 7;
 
-/// Seen pixels around a seen pixel that keeps its disparity: most of the 25.
+/// SeenPixel pixels around a seen pixel that keeps its disparity: most of the 25.
 const SURE: u8 = 13;
 
 /// Quality of a pixel's winner: seen pixels of the 25 around, uniqueness 0..=127, cost.
@@ -35,7 +35,7 @@ pub(super) struct Quality {
 }
 
 /// Planes that the hypotheses are read from.
-pub(super) struct Candidates<'a> {
+pub(super) struct Measured<'a> {
     /// Columns and rows of the lattice.
     pub(super) lattice: (usize, usize),
     pub(super) half: HalfPixels<'a>,
@@ -44,8 +44,8 @@ pub(super) struct Candidates<'a> {
     pub(super) quarter: HalfPixels<'a>,
     pub(super) quarter_sums: &'a StripSums,
     pub(super) quality: &'a [Quality],
-    pub(super) along_rows: &'a [Nearest],
-    pub(super) along_columns: &'a [Nearest],
+    pub(super) along_rows: &'a [NearestSeen],
+    pub(super) along_columns: &'a [NearestSeen],
 }
 
 /// Memory of a task.
@@ -68,7 +68,7 @@ impl Band {
 
 /// A pixel that keeps its disparity, or a block of pixels to be weighed, with their places in the
 /// lattice.
-pub(super) enum Step<'a> {
+pub(super) enum GapStep<'a> {
     Sure(usize, i16),
     Block(&'a GapCandidates, &'a [usize]),
 }
@@ -124,7 +124,7 @@ impl RowSums {
         }
     }
 
-    fn load(&mut self, of: &Candidates<'_>, y: usize) {
+    fn load(&mut self, of: &Measured<'_>, y: usize) {
         let (width, height) = of.half.size;
         self.seen.fill(0);
         for row in around(y, WIDE, height) {
@@ -144,14 +144,14 @@ impl RowSums {
     }
 }
 
-impl Candidates<'_> {
+impl Measured<'_> {
     /// Shows the pixels at these places of whole rows of the lattice to a function.
     pub(super) fn each(
         &self,
         isa: Isa,
         places: Range<usize>,
         band: &mut Band,
-        take: &mut dyn FnMut(Step<'_>),
+        take: &mut dyn FnMut(GapStep<'_>),
     ) {
         let Band {
             candidates,
@@ -167,20 +167,20 @@ impl Candidates<'_> {
             }
             let pixel = STEPS[1] * row * width + STEPS[0] * column;
             if self.half.seen[pixel] == 1 && self.quality[pixel].seen >= SURE {
-                take(Step::Sure(place, self.half.bins[pixel]));
+                take(GapStep::Sure(place, self.half.bins[pixel]));
                 continue;
             }
             self.load(candidates, block.len(), [column, row], sums);
             block.push(place);
             if block.len() == LANES {
                 describe_hypotheses(isa, candidates);
-                take(Step::Block(candidates, block));
+                take(GapStep::Block(candidates, block));
                 block.clear();
             }
         }
         if !block.is_empty() {
             describe_hypotheses(isa, candidates);
-            take(Step::Block(candidates, block));
+            take(GapStep::Block(candidates, block));
         }
     }
 
@@ -246,7 +246,7 @@ impl Candidates<'_> {
             &self.along_columns[column * self.lattice.1 + row],
         ];
         for (axis, line) in lines.into_iter().enumerate() {
-            let find = |seen: &Seen| {
+            let find = |seen: &SeenPixel| {
                 let at = usize::from(seen.at);
                 let (from, from_here) = [([at, y], x), ([x, at], y)][axis];
                 let pixel = from[1] * width + from[0];

@@ -5,7 +5,7 @@ const JUMP: u16 = 16;
 
 /// A seen pixel of a line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Seen {
+pub(super) struct SeenPixel {
     /// Its place on the line; `NONE` without one.
     pub(super) at: u16,
     /// Greatest step of grey on the way there.
@@ -16,7 +16,7 @@ pub(super) const NONE: u16 = u16::MAX;
 
 /// The nearest seen pixels before and after a pixel, each followed by the next one in that
 /// direction that is another surface.
-pub(super) type Nearest = [[Seen; 2]; 2];
+pub(super) type NearestSeen = [[SeenPixel; 2]; 2];
 
 /// A line of the half image: its first pixel, step and number of pixels.
 #[derive(Clone, Copy)]
@@ -27,18 +27,18 @@ pub(super) struct Line {
 }
 
 impl Line {
-    /// Finds the nearest seen pixels of one pixel of `every` so many. `bins` and `seen` are planes of pixels;
-    /// `grey` are the line's own.
+    /// Finds the nearest seen pixels of one pixel of `every` so many. `bins` and `seen` are planes
+    /// of pixels; `grey` are the line's own.
     pub(super) fn scan(
         self,
         bins: &[i16],
         seen: &[u8],
         grey: impl Fn(usize) -> u16,
         every: usize,
-        out: &mut [Nearest],
+        out: &mut [NearestSeen],
     ) {
         for direction in 0..2 {
-            let none = Seen {
+            let none = SeenPixel {
                 at: NONE,
                 barrier: 0,
             };
@@ -53,7 +53,7 @@ impl Line {
                 before = here;
                 if i.is_multiple_of(every) {
                     let barrier = other.barrier.max(last.barrier);
-                    out[i / every][direction] = [last, Seen { barrier, ..other }];
+                    out[i / every][direction] = [last, SeenPixel { barrier, ..other }];
                 }
                 let place = self.first + i * self.step;
                 if seen[place] == 1 {
@@ -63,7 +63,7 @@ impl Line {
                     } else {
                         other.barrier = other.barrier.max(last.barrier);
                     }
-                    last = Seen {
+                    last = SeenPixel {
                         at: i as u16,
                         barrier: 0,
                     };

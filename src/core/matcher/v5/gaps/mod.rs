@@ -7,10 +7,10 @@ mod model;
 
 pub use model::GapModel;
 
-use super::level::Level;
+use super::level::MatchLevel;
 use crate::kernel::{GapCandidates, GapNetwork, GapVotes, HYPOTHESES, Isa, weigh_hypotheses};
-use candidates::{Band, Candidates, LANES, Quality, STEPS, Step, lattice, measure_row};
-use lines::{Line, Nearest};
+use candidates::{Band, GapStep, LANES, Measured, Quality, STEPS, lattice, measure_row};
+use lines::{Line, NearestSeen};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -35,11 +35,11 @@ pub(super) struct PixelVotes {
 
 /// Memory for the gaps of pairs of one size.
 pub(super) struct Gaps {
-    pub(super) quarter: Level,
+    pub(super) quarter: MatchLevel,
     quality: Vec<Quality>,
     /// The nearest seen pixels of the lattice's, by row and by column.
-    along_rows: Vec<Nearest>,
-    along_columns: Vec<Nearest>,
+    along_rows: Vec<NearestSeen>,
+    along_columns: Vec<NearestSeen>,
     /// In raster order of the lattice.
     votes: Vec<PixelVotes>,
     bands: Vec<Band>,
@@ -63,10 +63,10 @@ impl Gaps {
         };
         let pixels = width * height;
         Self {
-            quarter: Level::new((size.0 / 2, size.1 / 2), count),
+            quarter: MatchLevel::new((size.0 / 2, size.1 / 2), count),
             quality: vec![Quality::default(); size.0 * size.1],
-            along_rows: vec![Nearest::default(); pixels],
-            along_columns: vec![Nearest::default(); pixels],
+            along_rows: vec![NearestSeen::default(); pixels],
+            along_columns: vec![NearestSeen::default(); pixels],
             votes: vec![none; pixels],
             bands: (0..height.div_ceil(BAND))
                 .map(|_| Band::new(size.0))
@@ -76,7 +76,7 @@ impl Gaps {
     }
 
     /// Measures the parts of the hypotheses, at half size.
-    pub(super) fn measure(&mut self, half: &Level) {
+    pub(super) fn measure(&mut self, half: &MatchLevel) {
         let (map, image) = (half.map.pixels(), &half.images[0]);
         let (width, height) = map.size;
         let rows = self.quality.par_chunks_exact_mut(width);
@@ -106,7 +106,7 @@ impl Gaps {
     }
 
     /// Weighs the hypotheses of all pixels, measured before.
-    pub(super) fn weigh(&mut self, isa: Isa, half: &Level, network: &GapNetwork) {
+    pub(super) fn weigh(&mut self, isa: Isa, half: &MatchLevel, network: &GapNetwork) {
         let (measured, votes, bands) = self.parts(half);
         let pixels = BAND * measured.lattice.0;
         let bands = votes.par_chunks_mut(pixels).zip(bands);
@@ -118,8 +118,8 @@ impl Gaps {
                 first..first + out.len(),
                 band,
                 &mut |step| match step {
-                    Step::Sure(place, bin) => out[place - first] = PixelVotes::of_one(bin),
-                    Step::Block(candidates, places) => {
+                    GapStep::Sure(place, bin) => out[place - first] = PixelVotes::of_one(bin),
+                    GapStep::Block(candidates, places) => {
                         weigh_hypotheses(isa, network, candidates, &mut of_block);
                         for (lane, place) in places.iter().enumerate() {
                             out[place - first] = PixelVotes::new(candidates, &of_block, lane);
@@ -133,10 +133,10 @@ impl Gaps {
     /// The measurements, and the memory for the votes and for tasks.
     fn parts<'a>(
         &'a mut self,
-        half: &'a Level,
-    ) -> (Candidates<'a>, &'a mut [PixelVotes], &'a mut [Band]) {
+        half: &'a MatchLevel,
+    ) -> (Measured<'a>, &'a mut [PixelVotes], &'a mut [Band]) {
         let map = half.map.pixels();
-        let measured = Candidates {
+        let measured = Measured {
             lattice: lattice(map.size),
             half: map,
             image: &half.images[0],
@@ -165,7 +165,7 @@ impl Gaps {
     pub(super) fn sample(
         &mut self,
         isa: Isa,
-        half: &Level,
+        half: &MatchLevel,
         take: &mut dyn FnMut(&GapCandidates, &[[usize; 2]]),
     ) {
         let (measured, votes, bands) = self.parts(half);
@@ -173,7 +173,7 @@ impl Gaps {
         for (i, band) in bands.iter_mut().enumerate() {
             let range = i * pixels..votes.len().min((i + 1) * pixels);
             measured.each(isa, range, band, &mut |step| {
-                if let Step::Block(candidates, places) = step {
+                if let GapStep::Block(candidates, places) = step {
                     let at = |place: &usize| {
                         let [column, row] = [place % width, place / width];
                         [STEPS[0] * column, STEPS[1] * row]
