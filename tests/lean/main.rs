@@ -11,6 +11,7 @@ mod contract;
 mod dp;
 mod exec;
 mod expected;
+mod gaps;
 mod matchers;
 mod oracle;
 mod rectify;

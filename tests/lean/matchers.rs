@@ -43,6 +43,11 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
+/// Allocations of this thread so far.
+pub(crate) fn allocations() -> usize {
+    ALLOCATIONS.get()
+}
+
 /// All matchers of images. The results and the memory of exec are those of its program;
 /// `tests/lean/exec/` has its contract.
 fn matchers() -> impl Iterator<Item = &'static MatcherSpec> {
@@ -134,17 +139,17 @@ fn instruction_sets_and_threads_do_not_matter() {
 fn nothing_is_allocated_after_the_first_pair() {
     let pairs = [pair(150, 20), pair(150, 20)];
     for spec in matchers() {
-        let allocations = pool(1).install(|| {
+        let count = pool(1).install(|| {
             let mut matcher = build(spec.name);
             let mut output = MatchOutput::new().unwrap();
             common::compute(&mut *matcher, &pairs[0], &mut output).unwrap();
-            let before = ALLOCATIONS.get();
+            let before = allocations();
             for pair in &pairs {
                 common::compute(&mut *matcher, pair, &mut output).unwrap();
             }
-            ALLOCATIONS.get() - before
+            allocations() - before
         });
-        assert_eq!(allocations, 0, "{}", spec.name);
+        assert_eq!(count, 0, "{}", spec.name);
     }
 }
 

@@ -164,8 +164,12 @@ pub fn samples_csv(samples: &[CellSample], groups: &[String]) -> Result<Vec<u8>>
                 .into_iter()
                 .chain(evidence.features)
         };
+        let text = |n: i64| match n {
+            CellEvidence::NOT_MEASURED => String::new(),
+            n => n.to_string(),
+        };
         let numbers: Vec<_> = match sample.evidence {
-            Some(evidence) => numbers(evidence).map(|n| n.to_string()).collect(),
+            Some(evidence) => numbers(evidence).map(text).collect(),
             None => vec![String::new(); 2 + Feature::ALL.len()],
         };
         let ends = [sample.right, sample.known].map(|is| u8::from(is).to_string());

@@ -1,8 +1,9 @@
-//! Training with its figures for people: the table of v5's cells, the networks of the filters.
-//! Computations on every sample are in [`svl_data::fit`].
+//! Training with its figures for people: the table of v5's cells, the network of its gaps, the
+//! networks of the filters. Computations on every sample are in [`svl_data::fit`].
 
 mod cells;
 mod filter;
+mod gaps;
 mod kinds;
 mod learned_cells;
 mod reliability;
@@ -12,6 +13,7 @@ mod windows;
 
 pub use cells::{CellTraining, ReportedCells, ScenarioCells};
 pub use filter::{EpochProgress, REVISION, TrainSettings, train_filter};
+pub use gaps::{GapTraining, LearnedGaps};
 pub use kinds::{KindCells, TableFigures};
 pub use learned_cells::{LearnedCells, LearnedScenario, samples_csv};
 pub use reliability::ReliabilityBin;

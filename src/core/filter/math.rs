@@ -4,7 +4,7 @@
 use std::f32::consts::{LN_2, SQRT_2};
 
 /// `e^x`, relative error below 3e-7; `x` is clamped to -80..=80.
-fn exp(x: f32) -> f32 {
+pub fn exp(x: f32) -> f32 {
     let x = x.clamp(-80.0, 80.0);
     let power = (x / LN_2).round();
     // ln 2 in two parts, the first exact in few digits.

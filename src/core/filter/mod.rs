@@ -16,7 +16,8 @@ mod set;
 mod spectrum;
 mod window;
 
-pub use math::{logistic, tanh};
+pub use math::{exp, logistic, tanh};
+pub(crate) use model::safetensors_bytes;
 pub use model::{FilterModel, ModelFacts};
 pub use network::Network;
 pub use set::{CellFilter, Filters};

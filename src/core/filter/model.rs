@@ -132,8 +132,6 @@ impl FilterModel {
 
     /// The bytes of its file; identical for identical models.
     pub fn to_bytes(&self) -> Vec<u8> {
-        use serde_json::{Value, json};
-
         let Self {
             kind,
             features,
@@ -154,30 +152,24 @@ impl FilterModel {
         }
         let (out_weights, out_bias) = network.output();
         let (inputs, hidden) = (network.inputs(), network.hidden());
-        let tensors: [(&str, Vec<usize>, Vec<f32>); 4] = [
+        let bytes = |values: &mut dyn Iterator<Item = &f32>| -> Vec<u8> {
+            values.flat_map(|value| value.to_le_bytes()).collect()
+        };
+        let tensors = [
             (
                 HIDDEN_WEIGHT,
                 vec![hidden, inputs],
-                network.rows().flatten().copied().collect(),
+                bytes(&mut network.rows().flatten()),
             ),
-            (HIDDEN_BIAS, vec![hidden], network.bias().to_vec()),
-            (OUTPUT_WEIGHT, vec![1, hidden], out_weights.to_vec()),
-            (OUTPUT_BIAS, vec![1], vec![out_bias]),
+            (HIDDEN_BIAS, vec![hidden], bytes(&mut network.bias().iter())),
+            (
+                OUTPUT_WEIGHT,
+                vec![1, hidden],
+                bytes(&mut out_weights.iter()),
+            ),
+            (OUTPUT_BIAS, vec![1], out_bias.to_le_bytes().to_vec()),
         ];
-        // Written here, as the crate orders metadata randomly: equal models are equal files.
-        let (mut header, mut data) = (serde_json::Map::new(), Vec::new());
-        header.insert("__metadata__".into(), json!(said));
-        for (name, shape, values) in tensors {
-            let begin = data.len();
-            data.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-            let place =
-                json!({ "dtype": "F32", "shape": shape, "data_offsets": [begin, data.len()] });
-            header.insert(name.to_owned(), place);
-        }
-        let mut header = Value::Object(header).to_string().into_bytes();
-        header.resize(header.len().next_multiple_of(8), b' ');
-        let length = (header.len() as u64).to_le_bytes();
-        [&length[..], &header, &data].concat()
+        safetensors_bytes(&said, "F32", &tensors)
     }
 
     /// Hash of everything that determines its decisions.
@@ -203,6 +195,29 @@ impl FilterModel {
             .for_each(|weight| hasher.update(&weight.to_le_bytes()));
         hasher.digest128()
     }
+}
+
+/// The bytes of a safetensors file of tensors of one type: names, shapes, bytes. Written here, as
+/// the crate orders metadata randomly: equal models are equal files.
+pub(crate) fn safetensors_bytes(
+    facts: &ModelFacts,
+    dtype: &str,
+    tensors: &[(&str, Vec<usize>, Vec<u8>)],
+) -> Vec<u8> {
+    use serde_json::{Map, Value, json};
+
+    let (mut header, mut data) = (Map::new(), Vec::new());
+    header.insert("__metadata__".into(), json!(facts));
+    for (name, shape, bytes) in tensors {
+        let begin = data.len();
+        data.extend(bytes);
+        let place = json!({ "dtype": dtype, "shape": shape, "data_offsets": [begin, data.len()] });
+        header.insert((*name).to_owned(), place);
+    }
+    let mut header = Value::Object(header).to_string().into_bytes();
+    header.resize(header.len().next_multiple_of(8), b' ');
+    let length = (header.len() as u64).to_le_bytes();
+    [&length[..], &header, &data].concat()
 }
 
 struct Floats {

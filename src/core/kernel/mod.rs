@@ -11,6 +11,7 @@ mod census;
 mod choose;
 mod dense;
 mod filter;
+mod gaps;
 mod halve;
 mod isa;
 mod lanes;
@@ -34,8 +35,13 @@ pub use census::{CENSUS_BYTES, CENSUS_MARGIN, CENSUS_REACH};
 pub use choose::{ChosenRow, Totals};
 pub use dense::{AdamStep, LANES};
 pub use filter::PREFILTER_CAP;
+pub use gaps::{
+    GAP_TENSORS, GAP_WEIGHTS, GapCandidates, GapNetwork, GapPass, GapSamples, GapVotes, HYPOTHESES,
+    HYPOTHESIS_FEATURES, PIXEL_FEATURES, gap_tensors,
+};
 pub use isa::{Isa, isa};
 pub use lanes::Lanes;
+pub use pairs::Group;
 pub use paths::{PathBlock, Penalties};
 pub use row_paths::RowPaths;
 pub use row_winners::{RowWinners, WinnerTest};
@@ -316,6 +322,9 @@ kernels! {
     /// `smooth` is scratch, one pixel longer than the image at either end.
     pub fn halve_row(rows: [&[u8]; 4], smooth: &mut [u16], out: &mut [u16]) = halve::halve;
 
+    /// A row of an image at half size, halved again: `(Σ + 32) >> 6`, quarters of grey levels, too.
+    pub fn quarter_row(rows: [&[u16]; 4], smooth: &mut [u16], out: &mut [u16]) = halve::quarter;
+
     /// The 5 x 5 census of the middle one of five rows, a bit for each darker neighbour, in blocks.
     /// The rows have [`SMALL_CENSUS_REACH`] further pixels at both ends.
     pub fn small_census_row(
@@ -409,4 +418,30 @@ kernels! {
         parts: [&[u8]; 2],
         out: &mut [u8],
     ) = filter::remap;
+
+    /// The features of the hypotheses from measurements at their pixels.
+    pub fn describe_hypotheses(candidates: &mut GapCandidates) = gaps::features::describe;
+
+    /// The votes of the hypotheses by their features.
+    pub fn weigh_hypotheses(
+        network: &GapNetwork,
+        candidates: &GapCandidates,
+        votes: &mut GapVotes,
+    ) = gaps::network::weigh, pairs;
+
+    /// The scores of the hypotheses by a network in floats, in the order of [`GAP_TENSORS`].
+    pub fn score_hypotheses(
+        weights: &[f32],
+        samples: &GapSamples,
+        pass: &mut GapPass,
+    ) = gaps::training::forward;
+
+    /// Adds the gradients of the weights by those of the scores, for each lane.
+    pub fn add_gap_gradient(
+        weights: &[f32],
+        samples: &GapSamples,
+        pass: &GapPass,
+        slopes: &[[f32; Group::ROWS]; HYPOTHESES + 1],
+        gradient: &mut [[f32; Group::ROWS]],
+    ) = gaps::training::backward;
 }

@@ -24,6 +24,7 @@ mod v5;
 pub use mirrored::{match_right, mirrored};
 pub use parameter::{Parameter, ParameterFile, Parameters, Range, Value};
 pub use program::ProgramRecord;
+pub use v5::{GapModel, GapSampler};
 
 use crate::depth::decision::SafeChoice;
 use crate::depth::{self, GridSettings};

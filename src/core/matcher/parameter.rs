@@ -39,7 +39,7 @@ pub enum Range {
         default: &'static str,
         options: &'static [&'static str],
     },
-    /// A text file, none by default.
+    /// A file, none by default.
     File,
 }
 
@@ -61,7 +61,7 @@ pub enum Value {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParameterFile {
     pub path: String,
-    pub text: String,
+    pub bytes: Vec<u8>,
 }
 
 impl Range {
@@ -128,7 +128,7 @@ impl std::fmt::Display for Range {
             Range::Flag { .. } => write!(f, "true or false"),
             Range::Text { .. } => write!(f, "a text that closes its quotes"),
             Range::Choice { options, .. } => write!(f, "one of {}", options.join(", ")),
-            Range::File => write!(f, "a readable text file of at most {} MiB", MAX_FILE >> 20),
+            Range::File => write!(f, "a readable file of at most {} MiB", MAX_FILE >> 20),
         }
     }
 }
@@ -167,9 +167,9 @@ impl std::fmt::Display for Value {
             ),
             Value::Choice(v) => write!(f, "{v}"),
             Value::File(None) => Ok(()),
-            // Equal texts are equal parameters: the content of the file is included.
+            // Equal contents are equal parameters: that of the file is included.
             Value::File(Some(file)) => {
-                let hash = xxhash_rust::xxh3::xxh3_64(file.text.as_bytes());
+                let hash = xxhash_rust::xxh3::xxh3_64(&file.bytes);
                 write!(f, "{}#{hash:016x}", file.path)
             }
         }
@@ -181,11 +181,11 @@ impl ParameterFile {
         // Before opening: opening a pipe would wait for its writer.
         let is_file = std::fs::metadata(path).is_ok_and(|of| of.is_file());
         let file = std::fs::File::open(path).ok().filter(|_| is_file)?;
-        let mut text = String::new();
+        let mut bytes = Vec::new();
         // One more than allowed, as the file may grow while it is read.
-        file.take(MAX_FILE + 1).read_to_string(&mut text).ok()?;
+        file.take(MAX_FILE + 1).read_to_end(&mut bytes).ok()?;
         let path = path.to_owned();
-        (text.len() as u64 <= MAX_FILE).then_some(Self { path, text })
+        (bytes.len() as u64 <= MAX_FILE).then_some(Self { path, bytes })
     }
 }
 

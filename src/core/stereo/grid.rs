@@ -67,13 +67,17 @@ pub struct CellEvidence {
     /// The value to report, and the requested percentile, bins of 1/8 pixel.
     pub report: i64,
     pub target: i64,
-    /// In the order of [`crate::depth::decision::Feature::ALL`].
+    /// In the order of [`crate::depth::decision::Feature::ALL`]; [`CellEvidence::NOT_MEASURED`]
+    /// for what the algorithm does not measure.
     pub features: [i64; CellEvidence::FEATURES],
 }
 
 impl CellEvidence {
     /// Number of features.
-    pub const FEATURES: usize = 7;
+    pub const FEATURES: usize = 9;
+
+    /// The value of a feature that was not measured: it exceeds no step.
+    pub const NOT_MEASURED: i64 = i64::MIN;
 }
 
 impl Cell {

@@ -327,12 +327,14 @@ impl Data {
     }
 }
 
-/// Sign allowed for a feature: more margin, support and seen pixels never make a report less
+/// Sign allowed for a feature: more margin, support, seen pixels and votes never make a report less
 /// probable, nor do a greater shift and cost make it more so. So a fit contains less that holds
 /// only for its samples.
 fn direction(feature: usize) -> f64 {
     match Feature::ALL[feature] {
-        Feature::Margin | Feature::Support | Feature::Seen => 1.0,
+        Feature::Margin | Feature::Support | Feature::Seen | Feature::Voted | Feature::Agreed => {
+            1.0
+        }
         Feature::Shift | Feature::Cost => -1.0,
         Feature::Texture | Feature::Span => 0.0,
     }

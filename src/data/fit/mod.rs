@@ -1,10 +1,12 @@
-//! Fitting: the table that decides the cells of v5, and of algorithms whose cells are decided in
-//! the same way ([`svl_core::depth::decision`]), and the networks of the filters
-//! ([`svl_core::filter`]).
+//! Fitting: the network of v5's gaps; the table that decides the cells of v5, and of algorithms
+//! whose cells are decided in the same way ([`svl_core::depth::decision`]); and the networks of the
+//! filters ([`svl_core::filter`]).
 
 mod cells;
 pub mod filter;
+mod gaps;
 mod samples;
 
 pub use cells::{CellFit, FOLDS, MOST_STEPS, fit_cells};
+pub use gaps::{GapEpoch, GapFit, GapSample, GapSettings, fit_gaps, gap_samples};
 pub use samples::{CellSample, CellTarget, cell_samples};

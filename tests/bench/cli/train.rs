@@ -109,6 +109,68 @@ fn kinds_are_held_out_and_tests_are_not_fitted() {
 }
 
 #[test]
+fn gaps_are_learned_and_cells_after_them() {
+    let fixture = short_arena();
+    let train = "-q train gaps short.toml --seeds 4..6 --epochs 4";
+    let text = fixture.run(&format!("{train} --threads 1 -o gaps.safetensors"));
+    assert_says(
+        &text,
+        &["pixels of gaps, 3 runs", "1 run", "4 epochs", "within 2 px"],
+    );
+    let json = fixture.json(&format!("{train} --threads 3 -o again.safetensors --json"));
+    let bytes = |name: &str| std::fs::read(fixture.path(name)).unwrap();
+    assert_eq!(bytes("gaps.safetensors"), bytes("again.safetensors"));
+    // It learns, and chooses better than the fill does.
+    let epochs = json["epochs"].as_array().unwrap();
+    let number = |of: &serde_json::Value, key: &str| of[key].as_f64().unwrap();
+    let [first, last] = [&epochs[0], &epochs[3]].map(|of| number(of, "held_out"));
+    assert!(last < first - 0.05, "{json}");
+    assert!(
+        number(&epochs[3], "held_out_right") > number(&json, "filled_right"),
+        "{json}"
+    );
+
+    // A table on top of it, from what only votes measure.
+    let learn = "-q train cells short.toml --seeds 7..9 -o own.toml --samples own.csv --algo";
+    fixture.run(&format!("{learn} v5:gaps=gaps.safetensors"));
+    let samples = fixture.text("own.csv");
+    assert!(
+        samples
+            .lines()
+            .next()
+            .unwrap()
+            .ends_with(",span,voted,agreed,right,known")
+    );
+    let filled = samples
+        .lines()
+        .nth(1)
+        .unwrap()
+        .split(',')
+        .all(|value| !value.is_empty());
+    assert!(filled, "{samples}");
+    fixture.write(
+        "voted.toml",
+        "rank = 50\nbase = 1\n[steps]\nvoted = [[500, 9000]]\n",
+    );
+    fixture.write_pair("l.pgm", "r.pgm", (160, 96), 7);
+    let known = |algorithm: &str| {
+        let line = format!("match l.pgm r.pgm -o d.pfm --force --json --algo {algorithm}");
+        let cells = fixture.json(&line)["cells"].clone();
+        let cells = cells.as_array().unwrap().iter();
+        cells
+            .filter(|cell| cell["disparity_px"].is_number())
+            .count()
+    };
+    assert_eq!(known("v5:gaps=gaps.safetensors,table=voted.toml"), 15);
+    fixture.fails(
+        "match l.pgm r.pgm -o d.pfm --force --algo v5:table=voted.toml => 2: voted.toml | 'voted' \
+         | gaps=FILE
+        match l.pgm r.pgm -o d.pfm --force --algo v5:gaps=voted.toml => 2: voted.toml | \
+         safetensors | svl train gaps",
+    );
+}
+
+#[test]
 fn what_cannot_be_learned_is_refused_in_one_line() {
     let fixture = short_arena();
     fixture.fails(

@@ -74,6 +74,22 @@ fn half(image: &Gray) -> Vec<u16> {
     half
 }
 
+/// A half image halved again, in its own units.
+fn halved(half: &[u16], (width, height): (usize, usize)) -> Vec<u16> {
+    let weigh = |at: &dyn Fn(usize) -> u32, i: usize, last: usize| {
+        at((2 * i).saturating_sub(1))
+            + 3 * at(2 * i)
+            + 3 * at(2 * i + 1)
+            + at((2 * i + 2).min(last))
+    };
+    let across = |x: usize, y: usize| weigh(&|x| half[y * width + x].into(), x, width - 1);
+    let pixel = |i: usize| {
+        let (x, y) = (i % (width / 2), i / (width / 2));
+        ((weigh(&|y| across(x, y), y, height - 1) + 32) >> 6) as u16
+    };
+    (0..width / 2 * (height / 2)).map(pixel).collect()
+}
+
 fn census(half: &[u16], (w, h): (usize, usize)) -> Vec<u32> {
     let at = |x: i32, y: i32| {
         half[y.clamp(0, h as i32 - 1) as usize * w + x.clamp(0, w as i32 - 1) as usize]
@@ -101,10 +117,20 @@ impl V5 {
     }
 
     pub(crate) fn steps(&self, pair: &StereoPair) -> Steps {
-        let nd = self.nd();
         let size = (pair.left().width() / 2, pair.left().height() / 2);
+        self.steps_of([half(pair.left()), half(pair.right())], size)
+    }
+
+    /// The steps for a map's images, halved again.
+    #[allow(dead_code, reason = "each test program uses its part of this module")]
+    pub(crate) fn quarter_steps(&self, of: &Steps) -> Steps {
+        let size = (of.size.0 / 2, of.size.1 / 2);
+        self.steps_of(of.half.each_ref().map(|half| halved(half, of.size)), size)
+    }
+
+    fn steps_of(&self, half: [Vec<u16>; 2], size: (usize, usize)) -> Steps {
+        let nd = self.nd();
         let (w, h) = size;
-        let half = [half(pair.left()), half(pair.right())];
         let census = [census(&half[0], size), census(&half[1], size)];
         let mut costs = vec![self.out; w * h * nd];
         for y in 0..h {

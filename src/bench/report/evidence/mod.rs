@@ -182,10 +182,13 @@ impl EvidencePage<'_> {
         table.push("base", [String::new(), odds(decision.base)]);
         for feature in Feature::ALL {
             let mut alone = CellEvidence {
-                features: [i64::MIN; CellEvidence::FEATURES],
+                features: [CellEvidence::NOT_MEASURED; CellEvidence::FEATURES],
                 ..*evidence
             };
             let value = evidence.features[feature as usize];
+            if value == CellEvidence::NOT_MEASURED {
+                continue;
+            }
             alone.features[feature as usize] = value;
             let score = decision.score(&alone) - decision.base;
             table.push(

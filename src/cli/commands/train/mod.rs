@@ -2,6 +2,7 @@
 
 mod cells;
 mod filter;
+mod gaps;
 
 use clap::Subcommand;
 
@@ -10,7 +11,8 @@ use clap::Subcommand;
 #[command(after_help = "\
 Examples:
   svl train cells scenarios/arena.toml --seeds 4..10 -o table.toml
-  svl train filter a.mcap b.mcap c.mcap --kind floor -o floor.safetensors")]
+  svl train filter a.mcap b.mcap c.mcap --kind floor -o floor.safetensors
+  svl train gaps scenarios/worlds-training.toml -o gaps.safetensors")]
 pub(crate) struct Args {
     #[command(subcommand)]
     what: Train,
@@ -20,11 +22,13 @@ pub(crate) struct Args {
 enum Train {
     Cells(cells::Args),
     Filter(filter::Args),
+    Gaps(gaps::Args),
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     match &args.what {
         Train::Cells(args) => cells::run(args, quiet),
         Train::Filter(args) => filter::run(args, quiet),
+        Train::Gaps(args) => gaps::run(args, quiet),
     }
 }

@@ -46,13 +46,19 @@ pub struct SafeChoice {
     pub allowance_px: f64,
 }
 
-/// The pixels of a cell, collected.
+/// The pixels of a cell, collected: each votes for its bin, or for several and for none.
 #[derive(Clone, Debug)]
 pub struct CellPixels {
-    /// Per bin the pixels in it, later those in lower bins: all pixels in the lower half of the
-    /// bits, seen pixels in the upper.
+    /// Per bin the votes for it, later those for lower bins: all votes in the lower half of the
+    /// bits, those that support it in the upper.
     counts: Vec<u64>,
+    /// All votes, and those for no bin.
+    votes: i64,
+    none: i64,
+    /// Votes that agree with their pixel's best, if there are pixels with several.
+    agreed: Option<i64>,
     pixels: i64,
+    seen: i64,
     /// Sums over the pixels: matching costs, and steps of grey level to the left neighbour in
     /// quarters.
     cost: i64,
@@ -64,7 +70,11 @@ impl CellPixels {
     pub fn new(bins: usize) -> Self {
         Self {
             counts: vec![0; bins + 1],
+            votes: 0,
+            none: 0,
+            agreed: None,
             pixels: 0,
+            seen: 0,
             cost: 0,
             texture: 0,
         }
@@ -73,18 +83,38 @@ impl CellPixels {
     /// Removes all pixels.
     pub fn clear(&mut self) {
         self.counts.fill(0);
-        (self.pixels, self.cost, self.texture) = (0, 0, 0);
+        (self.votes, self.none, self.agreed) = (0, 0, None);
+        (self.pixels, self.seen, self.cost, self.texture) = (0, 0, 0, 0);
     }
 
     /// Adds pixels of a row: their bins, their seen flags, and the sums of their costs and steps.
+    /// Each votes for its bin, and supports it if it was seen.
     pub fn add(&mut self, bins: &[i16], seen: &[u8], cost: i64, texture: i64) {
         for (&bin, &seen) in bins.iter().zip(seen) {
             // Counted one index higher, so that prefix sums are counts of lower bins.
             self.counts[bin as usize + 1] += 1 + (u64::from(seen) << 32);
         }
-        self.pixels += bins.len() as i64;
+        self.votes += bins.len() as i64;
+        self.measure(seen, cost, texture);
+    }
+
+    /// Adds the measurements of pixels of a row that do not vote.
+    pub fn measure(&mut self, seen: &[u8], cost: i64, texture: i64) {
+        self.pixels += seen.len() as i64;
+        self.seen += i64::from(seen.iter().map(|&seen| u32::from(seen)).sum::<u32>());
         self.cost += cost;
         self.texture += texture;
+    }
+
+    /// Adds the votes of a pixel for some bins, which they support, and for none, the last;
+    /// `agreed` are those that agree with its best.
+    pub fn vote(&mut self, bins: &[i16], votes: &[u8], agreed: u8) {
+        for (&bin, &votes) in bins.iter().zip(votes) {
+            self.counts[bin as usize + 1] += u64::from(votes) << 32 | u64::from(votes);
+        }
+        self.votes += votes.iter().map(|&votes| i64::from(votes)).sum::<i64>();
+        self.none += votes.get(bins.len()).map_or(0, |&none| none.into());
+        self.agreed = Some(self.agreed.unwrap_or(0) + i64::from(agreed));
     }
 
     /// Turns counts per bin into counts of lower bins.
@@ -96,61 +126,69 @@ impl CellPixels {
         }
     }
 
-    /// Number of pixels in lower bins.
+    /// Votes for lower bins.
     fn all(&self, bin: usize) -> i64 {
         i64::from(self.counts[bin] as u32)
     }
 
-    /// Number of seen pixels in lower bins.
-    fn seen(&self, bin: usize) -> i64 {
+    /// Votes for lower bins that support them.
+    fn supporting(&self, bin: usize) -> i64 {
         (self.counts[bin] >> 32) as i64
     }
 
-    /// The first bin that is at least the disparity of `percent` of the pixels.
+    /// The first bin that is at least the disparity of `percent` of the votes for any.
     fn percentile(&self, percent: i64) -> i64 {
-        let reached = |&count: &u64| 100 * i64::from(count as u32) >= percent * self.pixels;
+        let reached =
+            |&count: &u64| 100 * i64::from(count as u32) >= percent * (self.votes - self.none);
         self.counts[1..].partition_point(|count| !reached(count)) as i64
     }
 }
 
 impl Decision {
-    /// Decides on the pixels, at least one, which are consumed.
+    /// Decides on the pixels, of which at least one votes; they are consumed.
     pub fn evidence(&self, cell: &mut CellPixels, tolerance: &Tolerance) -> CellEvidence {
         cell.accumulate();
-        let pixels = cell.pixels;
+        let (pixels, votes) = (cell.pixels, cell.votes);
         let bins = tolerance.bins();
         let all = |bin| cell.all(bin);
-        let seen = |bin| cell.seen(bin);
+        let supporting = |bin| cell.supporting(bin);
         // Fraction of the cell that may be uncertain, on the side with less room.
         let safe = |v: usize| {
             let [l, r] = tolerance.within(v);
-            let near = (100 - self.rank) * pixels - 100 * (pixels - all(r));
-            (self.rank * pixels - 100 * all(l)).min(near)
+            // Half of the votes for none count on either side.
+            let near = (100 - self.rank) * votes - 100 * (votes - cell.none - all(r));
+            (self.rank * votes - 100 * all(l)).min(near) - 50 * cell.none
         };
         let held = |v: usize| {
             let [l, r] = tolerance.within(v);
-            seen(r) - seen(l)
+            supporting(r) - supporting(l)
         };
         let score = |v: usize| 4 * safe(v) + 100 * held(v);
         let best = (0..bins).map(score).max().unwrap_or_default();
         let target = cell.percentile(self.rank);
-        let good = |v: &usize| 10 * (best - score(*v)) <= 4 * self.slack * pixels;
+        let good = |v: &usize| 10 * (best - score(*v)) <= 4 * self.slack * votes;
         let report = (0..bins)
             .filter(good)
             .min_by_key(|&v| ((v as i64 - target).abs(), -(v as i64)))
             .unwrap_or_default();
         let report_bins = report as i64;
+        let of_votes = |part: i64| match cell.agreed {
+            Some(_) => 1000 * part / votes,
+            None => CellEvidence::NOT_MEASURED,
+        };
         CellEvidence {
             report: report_bins,
             target,
             features: [
-                (10 * safe(report)).div_euclid(pixels),
-                1000 * held(report) / pixels,
-                1000 * seen(bins) / pixels,
+                (10 * safe(report)).div_euclid(votes),
+                1000 * held(report) / votes,
+                1000 * cell.seen / pixels,
                 1000 * (report_bins - target).abs() / tolerance.span(report),
                 100 * cell.cost / pixels,
                 25 * cell.texture / pixels,
                 tolerance.span(report),
+                of_votes(votes - cell.none),
+                of_votes(cell.agreed.unwrap_or(0)),
             ],
         }
     }
@@ -169,9 +207,8 @@ impl Decision {
             seen as f64 >= 1000.0 * min_valid && score >= self.least_score && evidence.report > 0;
         let px = |bins: i64| bins as f32 / BINS_PER_PX as f32;
         let median_px = px(evidence.report);
-        let count = pixels.seen(pixels.counts.len() - 1) as f64;
         Cell {
-            valid_share: count / pixels.pixels.max(1) as f64,
+            valid_share: pixels.seen as f64 / pixels.pixels.max(1) as f64,
             depth: known.then(|| CellDepth {
                 median_px,
                 p20_px: px(pixels.percentile(20)),

@@ -20,13 +20,22 @@ pub enum Feature {
     Texture,
     /// Number of bins of true disparities for which the report is right.
     Span,
+    /// With learned gaps: fraction of votes for any disparity, ‰.
+    Voted,
+    /// With learned gaps: fraction of votes that agree with the best of their pixel, ‰.
+    Agreed,
 }
 
 impl Feature {
     /// Unit of its values, empty for a plain number.
     pub fn unit(self) -> &'static str {
         match self {
-            Self::Margin | Self::Support | Self::Seen | Self::Shift => "‰",
+            Self::Margin
+            | Self::Support
+            | Self::Seen
+            | Self::Shift
+            | Self::Voted
+            | Self::Agreed => "‰",
             Self::Cost => "bits/100",
             Self::Texture => "grey levels/100",
             Self::Span => "px/8",
@@ -42,6 +51,8 @@ impl Feature {
             Self::Cost => "cost",
             Self::Texture => "texture",
             Self::Span => "span",
+            Self::Voted => "voted",
+            Self::Agreed => "agreed",
         }
     }
 
@@ -53,7 +64,14 @@ impl Feature {
         Self::Cost,
         Self::Texture,
         Self::Span,
+        Self::Voted,
+        Self::Agreed,
     ];
+
+    /// True if only the votes of learned gaps have it.
+    pub fn needs_gaps(self) -> bool {
+        matches!(self, Self::Voted | Self::Agreed)
+    }
 }
 
 /// Greatest number in a table's file.
@@ -122,6 +140,8 @@ impl VerdictTable {
             ]),
             Cow::Borrowed(&[(181, -669), (326, -727)]),
             Cow::Borrowed(&[]),
+            Cow::Borrowed(&[]),
+            Cow::Borrowed(&[]),
         ],
     };
 
@@ -155,6 +175,8 @@ impl VerdictTable {
             Cow::Borrowed(&[(150, -75), (358, -773)]),
             Cow::Borrowed(&[(404, -131), (414, -275), (445, -561), (460, -703)]),
             Cow::Borrowed(&[(563, 154)]),
+            Cow::Borrowed(&[]),
+            Cow::Borrowed(&[]),
             Cow::Borrowed(&[]),
         ],
     };
@@ -194,6 +216,8 @@ impl VerdictTable {
                 (201, -1062),
                 (238, 331),
             ]),
+            Cow::Borrowed(&[]),
+            Cow::Borrowed(&[]),
         ],
     };
 
@@ -231,6 +255,8 @@ impl VerdictTable {
                 (65, -1506),
                 (400, 378),
             ]),
+            Cow::Borrowed(&[]),
+            Cow::Borrowed(&[]),
         ],
     };
 
@@ -277,7 +303,9 @@ impl VerdictTable {
     pub fn to_toml(&self) -> String {
         use std::fmt::Write;
         let mut text = format!("rank = {}\nbase = {}\n\n[steps]\n", self.rank, self.base);
-        for (feature, steps) in Feature::ALL.into_iter().zip(&self.steps) {
+        let features = Feature::ALL.into_iter().zip(&self.steps);
+        for (feature, steps) in features.filter(|(of, steps)| !of.needs_gaps() || !steps.is_empty())
+        {
             let steps: Vec<_> = steps.iter().map(|(a, s)| format!("[{a}, {s}]")).collect();
             // Writing to a string cannot fail.
             let _ = writeln!(text, "{} = [{}]", feature.name(), steps.join(", "));

@@ -1,8 +1,8 @@
 //! Both images at half size, their censuses, and the penalties of steps: by row, and by column.
 
 use crate::kernel::{
-    Isa, Lanes, SMALL_CENSUS_PLANES, SMALL_CENSUS_REACH, STEPS, halve_row, small_census_row,
-    step_penalties, transpose_plane,
+    Isa, Lanes, SMALL_CENSUS_PLANES, SMALL_CENSUS_REACH, STEPS, halve_row, quarter_row,
+    small_census_row, step_penalties, transpose_plane,
 };
 use crate::stereo::Gray;
 
@@ -76,6 +76,11 @@ impl HalfImage {
         &self.half[y * self.stride() + REACH..][..self.size.0]
     }
 
+    #[inline(always)]
+    pub(super) fn at(&self, x: usize, y: usize) -> u16 {
+        self.half[y * self.stride() + REACH + x]
+    }
+
     /// The censuses from the first pixel of a row on.
     pub(super) fn censuses(&self, y: usize) -> [&[u8]; PLANES] {
         let start = self.margin + y * padded(self.size.0);
@@ -97,8 +102,31 @@ impl HalfImage {
 
     /// Halves an image and computes its censuses.
     pub(super) fn load(&mut self, isa: Isa, image: &Gray) {
+        self.load_rows(isa, image.height(), |rows, smooth, out| {
+            let smooth = &mut smooth[..image.width() + 2];
+            halve_row(isa, rows.map(|y| image.row(y)), smooth, out);
+        });
+    }
+
+    /// Halves a half image again, and computes its censuses.
+    pub(super) fn load_half(&mut self, isa: Isa, half: &HalfImage) {
+        let (width, height) = half.size;
+        self.load_rows(isa, height, |rows, smooth, out| {
+            let smooth = &mut smooth[..width + 2];
+            quarter_row(isa, rows.map(|y| half.row(y)), smooth, out);
+        });
+    }
+
+    /// Fills each row by that function from four rows of an image of that height, and computes the
+    /// censuses.
+    fn load_rows(
+        &mut self,
+        isa: Isa,
+        full_height: usize,
+        halve: impl Fn([usize; 4], &mut [u16], &mut [u16]),
+    ) {
         let ((width, height), stride) = (self.size, self.stride());
-        let last = image.height() - 1;
+        let last = full_height - 1;
         for (y, out) in self.half.chunks_exact_mut(stride).enumerate() {
             let rows = [
                 (2 * y).saturating_sub(1),
@@ -106,13 +134,7 @@ impl HalfImage {
                 2 * y + 1,
                 last.min(2 * y + 2),
             ];
-            let smooth = &mut self.smooth[..image.width() + 2];
-            halve_row(
-                isa,
-                rows.map(|y| image.row(y)),
-                smooth,
-                &mut out[REACH..][..width],
-            );
+            halve(rows, &mut self.smooth, &mut out[REACH..][..width]);
             let (first, end) = (out[REACH], out[REACH + width - 1]);
             out[..REACH].fill(first);
             out[REACH + width..].fill(end);

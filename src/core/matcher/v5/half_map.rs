@@ -21,12 +21,29 @@ pub(super) struct HalfMap {
     own: Vec<u8>,
     /// Result of the tests.
     why: Vec<Reason>,
+    /// The least sums, those of rivals, and the right image's winners.
+    winners: [Vec<u8>; 3],
     /// 1 for a pixel that is seen.
     seen: Vec<u8>,
     /// Bins of all pixels, gaps filled; meaningless if no pixel was seen.
     filled: Vec<i16>,
     bands: Vec<BandScratch>,
     band_rows: usize,
+}
+
+/// The planes of a [`HalfMap`].
+#[derive(Clone, Copy)]
+pub(super) struct HalfPixels<'a> {
+    pub(super) size: (usize, usize),
+    pub(super) count: usize,
+    pub(super) bins: &'a [i16],
+    pub(super) own: &'a [u8],
+    pub(super) why: &'a [Reason],
+    pub(super) least: &'a [u8],
+    pub(super) second: &'a [u8],
+    pub(super) right: &'a [u8],
+    pub(super) seen: &'a [u8],
+    pub(super) filled: &'a [i16],
 }
 
 struct BandScratch {
@@ -69,6 +86,7 @@ impl HalfMap {
             bins: vec![0; pixels],
             own: vec![0; pixels],
             why: vec![Reason::Border; pixels],
+            winners: std::array::from_fn(|_| vec![0; pixels]),
             seen: vec![0; pixels],
             filled: vec![0; pixels],
             bands: (0..height.div_ceil(band_rows)).map(|_| scratch()).collect(),
@@ -91,14 +109,18 @@ impl HalfMap {
         let ((width, _), count, band_rows) = (self.size, self.count, self.band_rows);
         let stride = stride(width, count);
         let pixels = band_rows * width;
+        let [least, second, right] = &mut self.winners;
         let planes = (
             self.bins.par_chunks_mut(pixels),
             self.own.par_chunks_mut(pixels),
             self.why.par_chunks_mut(pixels),
+            least.par_chunks_mut(pixels),
+            second.par_chunks_mut(pixels),
+            right.par_chunks_mut(pixels),
             &mut self.bands,
         );
         let bands = planes.into_par_iter().enumerate();
-        bands.for_each(|(band, (bins, own, why, scratch))| {
+        bands.for_each(|(band, (bins, own, why, least, second, right, scratch))| {
             let rows = own.chunks_exact_mut(width).zip(why.chunks_exact_mut(width));
             for (i, (bins, (own, why))) in bins.chunks_exact_mut(width).zip(rows).enumerate() {
                 let y = band * band_rows + i;
@@ -110,6 +132,14 @@ impl HalfMap {
                 winner_fractions(isa, &scratch.winners, count, bins);
                 let censuses = images.each_ref().map(|image| image.censuses(y));
                 test_winners(isa, test, &scratch.winners, censuses, own, why);
+                let of = &scratch.winners;
+                for (to, from) in [
+                    (&mut *least, &of.least),
+                    (&mut *second, &of.second),
+                    (&mut *right, &of.right),
+                ] {
+                    to[i * width..][..width].copy_from_slice(&from[..width]);
+                }
             }
         });
     }
@@ -137,6 +167,23 @@ impl HalfMap {
             }
         });
         fill_empty_rows(&self.seen, width, &mut self.filled);
+    }
+
+    /// The pixels for the weighing of gaps.
+    pub(super) fn pixels(&self) -> HalfPixels<'_> {
+        let [least, second, right] = &self.winners;
+        HalfPixels {
+            size: self.size,
+            count: self.count,
+            bins: &self.bins,
+            own: &self.own,
+            why: &self.why,
+            least,
+            second,
+            right,
+            seen: &self.seen,
+            filled: &self.filled,
+        }
     }
 
     /// True if any pixel is seen.

@@ -6,20 +6,22 @@
 //! its uncertain pixels ([`crate::depth::decision`]).
 
 mod census;
+mod gaps;
 mod half_map;
+mod level;
 mod sums;
 
-use super::stage::both;
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
-use crate::depth::decision::{CellPixels, Decision, SafeChoice, Tolerance, VerdictTable};
+use crate::depth::decision::{CellPixels, Decision, Feature, SafeChoice, Tolerance, VerdictTable};
 use crate::error::{Error, Result};
-use crate::kernel::{Isa, STEPS, WinnerTest};
+use crate::kernel::{GapCandidates, GapNetwork, Isa, STEPS, WinnerTest};
 use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, Reason, RectifiedPair, Rig};
 use crate::timing::Stage;
-use census::{HalfImage, StepCosts};
-use half_map::HalfMap;
+use gaps::Gaps;
+use level::MatchLevel;
 use rayon::prelude::*;
-use sums::StripSums;
+
+pub use gaps::GapModel;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v5",
@@ -110,6 +112,12 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             description: "steps of the probability, of `svl train cells`, in place of the target's",
         },
         Parameter {
+            name: "gaps",
+            unit: "",
+            range: Range::File,
+            description: "network that weighs disparities for gaps, of `svl train gaps`",
+        },
+        Parameter {
             name: "rank",
             unit: "%",
             range: Range::int(0, 0..=99),
@@ -146,6 +154,7 @@ struct V5 {
     /// True if a cell must have the grid's least fraction of seen pixels to be known. From revision
     /// 2 on the probability alone decides; that fraction is among its evidence.
     needs_valid: bool,
+    gaps: Option<GapNetwork>,
     scratch: Option<Scratch>,
     tolerance: Option<(CellRule, Option<Rig>, Tolerance)>,
     cells: Vec<CellPixels>,
@@ -154,10 +163,9 @@ struct V5 {
 /// Memory for pairs of one size.
 struct Scratch {
     size: (usize, usize),
-    images: [HalfImage; 2],
-    steps: StepCosts,
-    sums: StripSums,
-    map: HalfMap,
+    half: MatchLevel,
+    /// Memory of a network for gaps, if the half image can be halved again.
+    gaps: Option<Gaps>,
 }
 
 impl V5 {
@@ -184,6 +192,7 @@ impl V5 {
             },
             choice: safe_choice(parameters)?,
             needs_valid: parameters.int("revision") == 1,
+            gaps: gap_network(parameters)?,
             scratch: None,
             tolerance: None,
             cells: Vec::new(),
@@ -193,6 +202,43 @@ impl V5 {
     /// Number of bins that distinguish disparities.
     fn bins(&self) -> usize {
         16 * self.count
+    }
+
+    /// Makes memory for half images of `size`, unless there is some.
+    fn reserve(&mut self, size: (usize, usize), make: impl FnOnce() -> Scratch) {
+        // Freed before the new memory is allocated, so that both sizes are never held at once.
+        self.scratch.take_if(|scratch| scratch.size != size);
+        self.scratch.get_or_insert_with(make);
+    }
+
+    /// Matches at half size, and at quarter size for gaps; `lap` is called after each stage.
+    fn follow(&mut self, pair: RectifiedPair<'_>, lap: &mut dyn FnMut(Stage)) {
+        let Some(Scratch { half, gaps, .. }) = &mut self.scratch else {
+            return;
+        };
+        let isa = self.isa;
+        let (jumps, test, paths) = (&self.jumps, &self.test, self.out_and_small);
+        half.load(
+            isa,
+            jumps,
+            |image| image.load(isa, pair.left()),
+            |image| image.load(isa, pair.right()),
+        );
+        lap(Stage::Smoothing);
+        half.choose(isa, test, paths);
+        lap(Stage::Matching);
+        half.map.fill(self.choice.jump);
+        if let Some(gaps) = gaps {
+            let [left, right] = &half.images;
+            gaps.quarter.load(
+                isa,
+                jumps,
+                |image| image.load_half(isa, left),
+                |image| image.load_half(isa, right),
+            );
+            gaps.quarter.choose(isa, test, paths);
+            gaps.measure(half);
+        }
     }
 
     /// Decides on the cells of the half image, in raster order.
@@ -215,9 +261,10 @@ impl V5 {
         };
         cells.clear();
         cells.resize(shape.cells(), unknown);
-        let Some(Scratch { images, map, .. }) = &self.scratch else {
+        let Some(Scratch { half, gaps, .. }) = &self.scratch else {
             return;
         };
+        let (images, map) = (&half.images, &half.map);
         if !map.sees() {
             return;
         }
@@ -235,9 +282,16 @@ impl V5 {
                 return;
             }
             pixels.clear();
-            for y in rows {
+            for y in rows.clone() {
                 let (bins, seen, cost) = map.part(y, &columns);
-                pixels.add(bins, seen, cost, images[0].texture(y, &columns));
+                let texture = images[0].texture(y, &columns);
+                match gaps {
+                    Some(_) => pixels.measure(seen, cost, texture),
+                    None => pixels.add(bins, seen, cost, texture),
+                }
+            }
+            for of in gaps.iter().flat_map(|gaps| gaps.votes(&columns, &rows)) {
+                pixels.vote(&of.bins, &of.votes, of.agreed);
             }
             let evidence = self.choice.decision.evidence(pixels, tolerance);
             let rig = context.rig.as_ref();
@@ -248,9 +302,31 @@ impl V5 {
     }
 }
 
+/// The network for gaps that the parameters name.
+fn gap_network(parameters: &Parameters) -> Result<Option<GapNetwork>> {
+    let Some(file) = parameters.file("gaps") else {
+        return Ok(None);
+    };
+    let model = GapModel::from_bytes(&file.bytes);
+    let model = model.map_err(|why| Error::Usage(format!("{}: {why}", file.path)))?;
+    Ok(Some(model.network()))
+}
+
 /// Decision on cells according to the parameters.
 fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
     let table = table(parameters)?;
+    let needs_gaps =
+        |feature: &Feature| feature.needs_gaps() && !table.steps[*feature as usize].is_empty();
+    if let (Some(file), None) = (parameters.file("table"), parameters.file("gaps"))
+        && let Some(feature) = Feature::ALL.iter().find(|feature| needs_gaps(feature))
+    {
+        return Err(Error::Usage(format!(
+            "{}: has steps of '{}', which only gaps=FILE measures: name the network too, or train \
+             a table without",
+            file.path,
+            feature.name()
+        )));
+    }
     let rank = match parameters.int("rank") {
         0 => table.rank,
         rank => i64::from(rank),
@@ -283,8 +359,10 @@ fn table(parameters: &Parameters) -> Result<VerdictTable> {
                 file.path
             )));
         }
-        return VerdictTable::parse(&file.text)
-            .map_err(|why| Error::Usage(format!("{}: {why}", file.path)));
+        let text = std::str::from_utf8(&file.bytes);
+        let text = text.map_err(|_| "is not a text; `svl train cells` makes a table".to_owned());
+        let table = text.and_then(VerdictTable::parse);
+        return table.map_err(|why| Error::Usage(format!("{}: {why}", file.path)));
     }
     Ok(match (target, parameters.int("revision")) {
         ("near", 1) => VerdictTable::NEAR,
@@ -310,37 +388,15 @@ impl Matcher for V5 {
             let rows = output.disparity.rows_mut();
             rows.for_each(|mut row| row.clear(Reason::Border));
         } else {
-            // Freed before the new memory is allocated, so that both sizes are never held at once.
-            self.scratch.take_if(|scratch| scratch.size != size);
-            let count = self.count;
-            let scratch = self
-                .scratch
-                .get_or_insert_with(|| Scratch::new(size, count));
-            let Scratch {
-                images,
-                steps,
-                sums,
-                map,
-                ..
-            } = scratch;
-            let isa = self.isa;
-
-            let [left, right] = images;
-            both(
-                || {
-                    left.load(isa, pair.left());
-                    steps.load(isa, left, &self.jumps);
-                },
-                || right.load(isa, pair.right()),
-            );
-            output.clock.lap(Stage::Smoothing);
-
-            sums.follow(isa, images, steps, self.out_and_small);
-            map.choose(isa, sums, images, &self.test);
-            output.clock.lap(Stage::Matching);
-
-            map.fill(self.choice.jump);
-            map.write(&mut output.disparity);
+            let (count, has_gaps) = (self.count, self.gaps.is_some());
+            self.reserve(size, || Scratch::new(size, count, has_gaps));
+            self.follow(pair, &mut |stage| output.clock.lap(stage));
+            if let Some(Scratch { half, gaps, .. }) = &mut self.scratch {
+                if let (Some(gaps), Some(network)) = (gaps, &self.gaps) {
+                    gaps.weigh(self.isa, half, network);
+                }
+                half.map.write(&mut output.disparity);
+            }
         }
         let mut cells = output.take_cells();
         self.decide(context, &mut cells);
@@ -351,14 +407,51 @@ impl Matcher for V5 {
 }
 
 impl Scratch {
-    fn new(size: (usize, usize), count: usize) -> Self {
-        let images = [HalfImage::new(size, 0), HalfImage::new(size, count - 1)];
+    fn new(size: (usize, usize), count: usize, has_gaps: bool) -> Self {
+        // Disparities at quarter size, of at least one pixel.
+        let has_gaps = has_gaps && size.0 >= 2 && size.1 >= 2;
         Self {
             size,
-            steps: StepCosts::new(size),
-            sums: StripSums::new(size, count, images[1].margin),
-            map: HalfMap::new(size, count),
-            images,
+            half: MatchLevel::new(size, count),
+            gaps: has_gaps.then(|| Gaps::new(size, (count - 1) / 2 + 1)),
+        }
+    }
+}
+
+/// The pixels that a network for gaps would weigh, with their features: samples to train it.
+pub struct GapSampler {
+    v5: V5,
+}
+
+impl GapSampler {
+    /// The pixels of v5 with its defaults.
+    ///
+    /// # Errors
+    /// None: the defaults are valid.
+    pub fn new(isa: Isa) -> Result<Self> {
+        let v5 = V5::new(&Parameters::defaults(&SPEC), isa)?;
+        Ok(Self { v5 })
+    }
+
+    /// Shows the pixels of a pair to a function, in blocks: measurements, and the place of each
+    /// lane in the half image.
+    pub fn sample(
+        &mut self,
+        pair: RectifiedPair<'_>,
+        take: &mut dyn FnMut(&GapCandidates, &[[usize; 2]]),
+    ) {
+        let (width, height) = pair.size();
+        let (size, count) = ((width / 2, height / 2), self.v5.count);
+        if size.0 < 2 || size.1 < 2 {
+            return;
+        }
+        self.v5.reserve(size, || Scratch::new(size, count, true));
+        self.v5.follow(pair, &mut |_| {});
+        if let Some(Scratch { half, gaps, .. }) = &mut self.v5.scratch
+            && let Some(gaps) = gaps
+            && half.map.sees()
+        {
+            gaps.sample(self.v5.isa, half, take);
         }
     }
 }

@@ -105,6 +105,15 @@ impl StripSums {
         );
     }
 
+    /// The sums of a pixel.
+    #[inline(always)]
+    pub(super) fn of(&self, [x, y]: [usize; 2]) -> PixelSums<'_> {
+        let strips = [&self.strips[x / N], &self.strips[self.columns + y / N]];
+        let along = &strips[0].sums[y * self.count..][..self.count];
+        let across = &strips[1].sums[x * self.count..][..self.count];
+        PixelSums([along, across], [x % N, y % N])
+    }
+
     /// The sums of up to 16 rows from `top` on, a multiple of 16: by row, disparity and column,
     /// with `stride` columns. Whole blocks are written, with [`u8::MAX`] beyond the image's
     /// `width`.
@@ -125,6 +134,17 @@ impl StripSums {
         for line in out.chunks_exact_mut(stride) {
             line[width..padded(width)].fill(u8::MAX);
         }
+    }
+}
+
+/// Sums of a pixel along the columns and along the rows, by disparity, and its lanes.
+pub(super) struct PixelSums<'a>([&'a [Lanes<u8>]; 2], [usize; 2]);
+
+impl PixelSums<'_> {
+    #[inline(always)]
+    pub(super) fn at(&self, disparity: usize) -> i32 {
+        let Self([along, across], [x, y]) = self;
+        i32::from(along[disparity].0[*x] + across[disparity].0[*y])
     }
 }
 

@@ -1,0 +1,276 @@
+//! The network in integers: 16-bit weights in 256ths, activations in 64ths, sums of 32 bits.
+
+use super::super::pairs::{Group, Pairs};
+use super::features::{GapCandidates, HYPOTHESIS_PAIRS, Inputs, PIXEL_PAIRS};
+use super::{CHOICE, GAP_TENSORS, GAP_WEIGHTS, HIDDEN, HYPOTHESES, PIXEL, gap_tensors};
+
+/// Weights of an output in pairs.
+type PairRow<const N: usize> = [[i16; 2]; N];
+
+const LANES: usize = Group::ROWS;
+
+/// Greatest activation: 16 in 64ths.
+const MOST: i32 = 1023;
+/// The sum over the hypotheses is divided by 8.
+const MEAN: i32 = 3;
+/// From 64ths of 256ths to 64ths, and to 256ths.
+const TO_ACTIVATION: i32 = 8;
+const TO_SCORE: i32 = 6;
+
+/// Scores that are this much below the greatest have no weight, 256ths.
+const LEAST: usize = 2560;
+
+/// The weights as the kernel reads them.
+#[derive(Clone, Debug)]
+pub struct GapNetwork {
+    pixel: [PairRow<PIXEL_PAIRS>; PIXEL],
+    pixel_bias: [i32; PIXEL],
+    hypothesis: [PairRow<HYPOTHESIS_PAIRS>; HIDDEN],
+    hypothesis_pixel: [PairRow<{ PIXEL / 2 }>; HIDDEN],
+    hypothesis_bias: [[i32; HIDDEN]; HYPOTHESES],
+    choice: [PairRow<{ HIDDEN / 2 }>; CHOICE],
+    choice_mean: [PairRow<{ HIDDEN / 2 }>; CHOICE],
+    choice_bias: [i32; CHOICE],
+    score: PairRow<{ CHOICE / 2 }>,
+    none_mean: PairRow<{ HIDDEN / 2 }>,
+    none_pixel: PairRow<{ PIXEL / 2 }>,
+    none_bias: i32,
+    /// `65535·exp(−i/256)`, rounded.
+    exp: Box<[u16; LEAST]>,
+}
+
+/// Votes of the pixels: of each hypothesis, and of none; about 64 for each pixel.
+pub type GapVotes = [[u8; LANES]; HYPOTHESES + 1];
+
+fn rows<const N: usize, const ROWS: usize>(weights: &[i32]) -> [PairRow<N>; ROWS] {
+    let inputs = weights.len() / ROWS;
+    let at = |row: usize, i: usize| {
+        if i < inputs {
+            weights[row * inputs + i] as i16
+        } else {
+            0
+        }
+    };
+    std::array::from_fn(|row| std::array::from_fn(|i| [at(row, 2 * i), at(row, 2 * i + 1)]))
+}
+
+/// Checks the greatest sums of a layer: inputs at their limits, all of one sign.
+fn fits(name: &str, bias: &[i32], outputs: usize, parts: &[(&[i32], i64)]) -> Result<(), String> {
+    for output in 0..outputs {
+        let of_part = |(weights, most): &(&[i32], i64)| {
+            let inputs = weights.len() / outputs;
+            let row = &weights[output * inputs..][..inputs];
+            most * row.iter().map(|w| i64::from(w.abs())).sum::<i64>()
+        };
+        let of_bias = bias[output..].iter().step_by(outputs);
+        let of_bias = of_bias.map(|b| i64::from(*b).abs()).max().unwrap_or(0);
+        // Half a unit is added for rounding.
+        if parts.iter().map(of_part).sum::<i64>() + of_bias + 128 > i32::MAX.into() {
+            return Err(format!("the sums of '{name}' could overflow"));
+        }
+    }
+    Ok(())
+}
+
+impl GapNetwork {
+    /// From the weights in the order of [`GAP_TENSORS`]: 256ths, biases 16384ths.
+    ///
+    /// # Errors
+    /// A weight beyond 16 bits, and weights whose sums could overflow 32 bits.
+    pub fn new(weights: &[i32; GAP_WEIGHTS]) -> Result<Self, String> {
+        let tensors = gap_tensors(&weights[..]);
+        let [
+            pixel,
+            pixel_bias,
+            hypothesis,
+            hypothesis_pixel,
+            hypothesis_bias,
+            choice,
+            choice_mean,
+            choice_bias,
+            score,
+            none_mean,
+            none_pixel,
+            none_bias,
+        ] = tensors;
+        let mut named = tensors.iter().zip(&GAP_TENSORS);
+        let is_wide = |weight: &i32| i16::try_from(*weight).is_err();
+        let wide =
+            named.find(|(tensor, (name, _))| !name.ends_with("bias") && tensor.iter().any(is_wide));
+        if let Some((_, (name, _))) = wide {
+            return Err(format!("'{name}' has a weight beyond 16 bits"));
+        }
+        let most = i64::from(MOST);
+        let mean = (HYPOTHESES as i64 * most) >> MEAN;
+        fits("pixel", pixel_bias, PIXEL, &[(pixel, 127)])?;
+        let parts = [(hypothesis, 127), (hypothesis_pixel, most)];
+        fits("hypothesis", hypothesis_bias, HIDDEN, &parts)?;
+        let parts = [(choice, most), (choice_mean, mean)];
+        fits("choice", choice_bias, CHOICE, &parts)?;
+        fits(
+            "none",
+            none_bias,
+            1,
+            &[(none_mean, mean), (none_pixel, most)],
+        )?;
+        let rounded = |bias: i32, shift: i32| bias + (1 << (shift - 1));
+        let ([score], [none_mean], [none_pixel]) = (rows(score), rows(none_mean), rows(none_pixel));
+        // By products, as the exponentials of systems differ: this is e^(-1/256).
+        let factor = 0.9961013694701175;
+        let mut power = 65_535.5;
+        let mut exp = Box::new([0; LEAST]);
+        for value in exp.iter_mut() {
+            *value = power as u16;
+            power = (power - 0.5) * factor + 0.5;
+        }
+        Ok(Self {
+            pixel: rows(pixel),
+            pixel_bias: std::array::from_fn(|i| rounded(pixel_bias[i], TO_ACTIVATION)),
+            hypothesis: rows(hypothesis),
+            hypothesis_pixel: rows(hypothesis_pixel),
+            hypothesis_bias: std::array::from_fn(|k| {
+                std::array::from_fn(|i| rounded(hypothesis_bias[k * HIDDEN + i], TO_ACTIVATION))
+            }),
+            choice: rows(choice),
+            choice_mean: rows(choice_mean),
+            choice_bias: std::array::from_fn(|i| rounded(choice_bias[i], TO_ACTIVATION)),
+            score,
+            none_mean,
+            none_pixel,
+            none_bias: rounded(none_bias[0], TO_SCORE),
+            exp,
+        })
+    }
+}
+
+/// `bias + Σ inputs·weights` of each lane.
+#[inline(always)]
+fn add<const N: usize>(
+    pairs: &impl Pairs,
+    mut sum: Group<u32>,
+    inputs: &Inputs<N>,
+    weights: &PairRow<N>,
+) -> Group<u32> {
+    for (input, weights) in inputs.iter().zip(weights) {
+        sum = pairs.add_products(sum, [*input, Group::splat(*weights)]);
+    }
+    sum
+}
+
+/// The activations of two outputs.
+#[inline(always)]
+fn activate(sums: [Group<u32>; 2]) -> Group<[i16; 2]> {
+    let at = |sum: &Group<u32>, l: usize| (sum.0[l] as i32 >> TO_ACTIVATION).clamp(0, MOST) as i16;
+    let mut out = Group::splat([0; 2]);
+    for l in 0..LANES {
+        out.0[l] = [at(&sums[0], l), at(&sums[1], l)];
+    }
+    out
+}
+
+/// Adds a layer of `2·N` outputs in pairs: `sum` has the sum of an output so far.
+#[inline(always)]
+fn layer<const N: usize>(sum: impl Fn(usize) -> Group<u32>) -> Inputs<N> {
+    let mut out = [Group::splat([0; 2]); N];
+    for (i, out) in out.iter_mut().enumerate() {
+        *out = activate([sum(2 * i), sum(2 * i + 1)]);
+    }
+    out
+}
+
+#[inline(always)]
+fn bias(value: i32) -> Group<u32> {
+    Group::splat(value as u32)
+}
+
+/// See [`super::super::weigh_hypotheses`].
+#[inline(always)]
+pub(in super::super) fn weigh(
+    pairs: impl Pairs,
+    of: &GapNetwork,
+    candidates: &GapCandidates,
+    votes: &mut GapVotes,
+) {
+    let GapCandidates {
+        inputs,
+        pixel_inputs: pixel,
+        exists,
+        ..
+    } = candidates;
+    let pairs = &pairs;
+    let z: Inputs<{ PIXEL / 2 }> =
+        layer(|i| add(pairs, bias(of.pixel_bias[i]), pixel, &of.pixel[i]));
+    // The pixel's part of each hypothesis.
+    let mut of_pixel = [bias(0); HIDDEN];
+    for (out, weights) in of_pixel.iter_mut().zip(&of.hypothesis_pixel) {
+        *out = add(pairs, bias(0), &z, weights);
+    }
+    let mut hidden = [[Group::splat([0; 2]); HIDDEN / 2]; HYPOTHESES];
+    let mut mean = [Group::splat([0_i16; 2]); HIDDEN / 2];
+    for (k, hidden) in hidden.iter_mut().enumerate() {
+        *hidden = layer(|i| {
+            let mut sum = of_pixel[i];
+            for l in 0..LANES {
+                sum.0[l] = sum.0[l].wrapping_add_signed(of.hypothesis_bias[k][i]);
+            }
+            add(pairs, sum, &inputs[k], &of.hypothesis[i])
+        });
+        for (mean, hidden) in mean.iter_mut().zip(&*hidden) {
+            let lanes = mean.0.iter_mut().zip(&hidden.0).zip(&exists[k]);
+            for ((mean, [a, b]), exists) in lanes {
+                let is = i16::from(*exists).wrapping_neg();
+                *mean = [mean[0] + (a & is), mean[1] + (b & is)];
+            }
+        }
+    }
+    for mean in &mut mean {
+        for l in 0..LANES {
+            mean.0[l] = mean.0[l].map(|sum| sum >> MEAN);
+        }
+    }
+    let mut of_mean = [bias(0); CHOICE];
+    for (i, out) in of_mean.iter_mut().enumerate() {
+        *out = add(pairs, bias(of.choice_bias[i]), &mean, &of.choice_mean[i]);
+    }
+    let score = |sum: Group<u32>| sum.0.map(|sum| sum as i32 >> TO_SCORE);
+    let none = add(pairs, bias(of.none_bias), &mean, &of.none_mean);
+    let mut scores = [[i32::MIN; LANES]; HYPOTHESES + 1];
+    scores[HYPOTHESES] = score(add(pairs, none, &z, &of.none_pixel));
+    for k in 0..HYPOTHESES {
+        let choice: Inputs<{ CHOICE / 2 }> =
+            layer(|i| add(pairs, of_mean[i], &hidden[k], &of.choice[i]));
+        let of_k = score(add(pairs, bias(1 << (TO_SCORE - 1)), &choice, &of.score));
+        let lanes = scores[k].iter_mut().zip(of_k).zip(exists[k]);
+        lanes.for_each(|((out, score), exists)| *out = if exists { score } else { i32::MIN });
+    }
+    vote(of, &scores, votes);
+}
+
+/// The softmax of the scores in votes: `(64·x + ⌊Σ/2⌋) / Σ` of the table's values.
+#[inline(always)]
+fn vote(of: &GapNetwork, scores: &[[i32; LANES]; HYPOTHESES + 1], votes: &mut GapVotes) {
+    let mut most = [i32::MIN; LANES];
+    for score in scores {
+        for l in 0..LANES {
+            most[l] = most[l].max(score[l]);
+        }
+    }
+    let (mut weights, mut sum) = ([[0_u32; LANES]; HYPOTHESES + 1], [0_u32; LANES]);
+    for (weights, score) in weights.iter_mut().zip(scores) {
+        for l in 0..LANES {
+            let below = most[l].wrapping_sub(score[l]) as u32;
+            let weight = of.exp.get(below as usize).copied().unwrap_or(0);
+            weights[l] = weight.into();
+            sum[l] += weights[l];
+        }
+    }
+    for (votes, weights) in votes.iter_mut().zip(&weights) {
+        for l in 0..LANES {
+            // Floats hold these numbers, and their quotient is not rounded up to a whole number: it
+            // is below 65, and the sum below 2^20.
+            let quotient = (64 * weights[l] + sum[l] / 2) as f32 / sum[l] as f32;
+            // SAFETY: as above; the greatest score alone makes the sum positive.
+            votes[l] = unsafe { quotient.to_int_unchecked::<i32>() } as u8;
+        }
+    }
+}

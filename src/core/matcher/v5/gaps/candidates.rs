@@ -1,0 +1,345 @@
+//! The hypotheses of a lattice's pixels, with the measurements of each.
+
+use super::super::census::HalfImage;
+use super::super::half_map::HalfPixels;
+use super::super::sums::StripSums;
+use super::lines::{NONE, NearestSeen, SeenPixel};
+use crate::kernel::{GapCandidates, Group, HYPOTHESES, Isa, describe_hypotheses};
+use crate::stereo::Reason;
+use std::ops::Range;
+
+pub(super) const LANES: usize = Group::ROWS;
+
+/// Columns and rows of a half image of which the lattice has one: neighbouring rows say nearly the
+/// same.
+pub(super) const STEPS: [usize; 2] = [2, 4];
+
+/// Columns and rows of the lattice.
+pub(super) fn lattice((width, height): (usize, usize)) -> (usize, usize) {
+    (width.div_ceil(STEPS[0]), height.div_ceil(STEPS[1]))
+}
+
+/// Reach of the windows around a pixel.
+const NEAR: usize = 2;
+const WIDE: usize = 7;
+
+/// SeenPixel pixels around a seen pixel that keeps its disparity: most of the 25.
+const SURE: u8 = 13;
+
+/// Quality of a pixel's winner: seen pixels of the 25 around, uniqueness 0..=127, cost.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Quality {
+    seen: u8,
+    unique: u8,
+    own: u8,
+}
+
+/// Planes that the hypotheses are read from.
+pub(super) struct Measured<'a> {
+    /// Columns and rows of the lattice.
+    pub(super) lattice: (usize, usize),
+    pub(super) half: HalfPixels<'a>,
+    pub(super) image: &'a HalfImage,
+    pub(super) sums: &'a StripSums,
+    pub(super) quarter: HalfPixels<'a>,
+    pub(super) quarter_sums: &'a StripSums,
+    pub(super) quality: &'a [Quality],
+    pub(super) along_rows: &'a [NearestSeen],
+    pub(super) along_columns: &'a [NearestSeen],
+}
+
+/// Memory of a task.
+pub(super) struct Band {
+    candidates: Box<GapCandidates>,
+    /// Places of the lanes' pixels in the band.
+    places: Vec<usize>,
+    sums: RowSums,
+}
+
+impl Band {
+    pub(super) fn new(width: usize) -> Self {
+        Self {
+            candidates: Box::default(),
+            places: Vec::with_capacity(LANES),
+            sums: RowSums::new(width),
+        }
+    }
+}
+
+/// A pixel that keeps its disparity, or a block of pixels to be weighed, with their places in the
+/// lattice.
+pub(super) enum GapStep<'a> {
+    Sure(usize, i16),
+    Block(&'a GapCandidates, &'a [usize]),
+}
+
+/// Sums over the rows around a row, by column: seen pixels of the wide window; steps of grey along
+/// rows and along columns in the near one.
+pub(super) struct RowSums {
+    seen: Vec<u16>,
+    across: Vec<u16>,
+    down: Vec<u16>,
+}
+
+/// Rows within reach.
+fn around(y: usize, reach: usize, height: usize) -> Range<usize> {
+    y.saturating_sub(reach)..height.min(y + reach + 1)
+}
+
+/// `min(⌊64·(second − least) / (least + 8)⌋, 127)`; the quotient of such small floats is not
+/// rounded up to a whole number.
+fn uniqueness(least: u8, second: u8) -> u8 {
+    let rise = 64 * (i32::from(second) - i32::from(least));
+    ((rise as f32 / (i32::from(least) + 8) as f32) as i32).min(127) as u8
+}
+
+/// Measures the winners of row `y`.
+pub(super) fn measure_row(map: &HalfPixels<'_>, y: usize, out: &mut [Quality]) {
+    let (width, height) = map.size;
+    out.fill(Quality::default());
+    // Sums of columns first, in a place that is written again.
+    for row in around(y, NEAR, height) {
+        let row = &map.seen[row * width..][..width];
+        let columns = out.iter_mut().zip(row);
+        columns.for_each(|(out, seen)| out.unique += seen);
+    }
+    for x in 0..width {
+        let columns = &out[around(x, NEAR, width)];
+        out[x].seen = columns.iter().map(|of| of.unique).sum();
+    }
+    let [least, second, own] =
+        [map.least, map.second, map.own].map(|plane| &plane[y * width..][..width]);
+    for (x, out) in out.iter_mut().enumerate() {
+        (out.unique, out.own) = (uniqueness(least[x], second[x]), own[x]);
+    }
+}
+
+impl RowSums {
+    pub(super) fn new(width: usize) -> Self {
+        let row = || vec![0; width];
+        Self {
+            seen: row(),
+            across: row(),
+            down: row(),
+        }
+    }
+
+    fn load(&mut self, of: &Measured<'_>, y: usize) {
+        let (width, height) = of.half.size;
+        self.seen.fill(0);
+        for row in around(y, WIDE, height) {
+            let row = &of.half.seen[row * width..][..width];
+            let sums = self.seen.iter_mut().zip(row);
+            sums.for_each(|(sum, seen)| *sum += u16::from(*seen));
+        }
+        self.across.fill(0);
+        self.down.fill(0);
+        for y in around(y, NEAR, height) {
+            let (row, above) = (of.image.row(y), of.image.row(y.saturating_sub(1)));
+            let sums = self.across[1..].iter_mut().zip(row.iter().zip(&row[1..]));
+            sums.for_each(|(sum, (a, b))| *sum += a.abs_diff(*b));
+            let sums = self.down.iter_mut().zip(row.iter().zip(above));
+            sums.for_each(|(sum, (a, b))| *sum += a.abs_diff(*b));
+        }
+    }
+}
+
+impl Measured<'_> {
+    /// Shows the pixels at these places of whole rows of the lattice to a function.
+    pub(super) fn each(
+        &self,
+        isa: Isa,
+        places: Range<usize>,
+        band: &mut Band,
+        take: &mut dyn FnMut(GapStep<'_>),
+    ) {
+        let Band {
+            candidates,
+            places: block,
+            sums,
+        } = band;
+        block.clear();
+        let width = self.half.size.0;
+        for place in places {
+            let (column, row) = (place % self.lattice.0, place / self.lattice.0);
+            if column == 0 {
+                sums.load(self, STEPS[1] * row);
+            }
+            let pixel = STEPS[1] * row * width + STEPS[0] * column;
+            if self.half.seen[pixel] == 1 && self.quality[pixel].seen >= SURE {
+                take(GapStep::Sure(place, self.half.bins[pixel]));
+                continue;
+            }
+            self.load(candidates, block.len(), [column, row], sums);
+            block.push(place);
+            if block.len() == LANES {
+                describe_hypotheses(isa, candidates);
+                take(GapStep::Block(candidates, block));
+                block.clear();
+            }
+        }
+        if !block.is_empty() {
+            describe_hypotheses(isa, candidates);
+            take(GapStep::Block(candidates, block));
+        }
+    }
+
+    /// Loads a pixel of the lattice into a lane.
+    fn load(&self, of: &mut GapCandidates, lane: usize, [column, row]: [usize; 2], sums: &RowSums) {
+        // The compiler then knows that it is within bounds.
+        let lane = lane % LANES;
+        let (half, quarter) = (&self.half, &self.quarter);
+        let (width, height) = half.size;
+        let (x, y) = (STEPS[0] * column, STEPS[1] * row);
+        let pixel = y * width + x;
+        let here = i32::from(self.image.at(x, y));
+        let small = [
+            (x / 2).min(quarter.size.0 - 1),
+            (y / 2).min(quarter.size.1 - 1),
+        ];
+        let small_pixel = small[1] * quarter.size.0 + small[0];
+        let small_bin = 2 * i32::from(quarter.bins[small_pixel]);
+        let small_quality = Quality {
+            seen: 25 * u8::from(quarter.why[small_pixel] == Reason::Valid),
+            unique: uniqueness(quarter.least[small_pixel], quarter.second[small_pixel]),
+            own: quarter.own[small_pixel],
+        };
+        let (path_sums, small_sums) = (self.sums.of([x, y]), self.quarter_sums.of(small));
+        let least = i32::from(half.least[pixel]);
+        let small_least = i32::from(quarter.least[small_pixel]);
+        let right = &half.right[y * width..=pixel];
+
+        for exists in &mut of.exists {
+            exists[lane] = false;
+        }
+        let mut put = |k: usize, hypothesis: Hypothesis| {
+            assert!(k < HYPOTHESES);
+            let bin = hypothesis.bin;
+            let disparity = ((bin as u32 + 8) / 16).min(half.count as u32 - 1) as usize;
+            let small = ((bin as u32 + 16) / 32).min(quarter.count as u32 - 1) as usize;
+            of.exists[k][lane] = true;
+            of.bin[k][lane] = bin;
+            of.distance[k][lane] = hypothesis.distance;
+            of.barrier[k][lane] = hypothesis.barrier;
+            of.grey[k][lane] = (here - hypothesis.grey).abs();
+            of.excess[k][lane] = path_sums.at(disparity) - least;
+            of.quarter_excess[k][lane] = small_sums.at(small) - small_least;
+            let there = x.checked_sub(disparity);
+            of.leads_out[k][lane] = there.is_none().into();
+            of.right[k][lane] = there.map_or(0, |x| 16 * i32::from(right[x]) - bin);
+            of.seen[k][lane] = hypothesis.quality.seen.into();
+            of.unique[k][lane] = hypothesis.quality.unique.into();
+            of.own[k][lane] = hypothesis.quality.own.into();
+            of.ends[k][lane] = hypothesis.ends;
+        };
+        let own = Hypothesis {
+            bin: half.bins[pixel].into(),
+            distance: 0,
+            barrier: 0,
+            grey: here,
+            ends: 0,
+            quality: self.quality[pixel],
+        };
+        put(0, own);
+        let lines = [
+            &self.along_rows[row * self.lattice.0 + column],
+            &self.along_columns[column * self.lattice.1 + row],
+        ];
+        for (axis, line) in lines.into_iter().enumerate() {
+            let find = |seen: &SeenPixel| {
+                let at = usize::from(seen.at);
+                let (from, from_here) = [([at, y], x), ([x, at], y)][axis];
+                let pixel = from[1] * width + from[0];
+                Hypothesis {
+                    bin: half.bins[pixel].into(),
+                    distance: at.abs_diff(from_here) as i32,
+                    barrier: seen.barrier.into(),
+                    grey: self.image.at(from[0], from[1]).into(),
+                    ends: 0,
+                    quality: self.quality[pixel],
+                }
+            };
+            let mut nearest = [None; 2];
+            for (direction, [first, other]) in line.iter().enumerate() {
+                if first.at != NONE {
+                    let found = find(first);
+                    nearest[direction] = Some(found);
+                    put(1 + 2 * axis + direction, found);
+                }
+                if other.at != NONE {
+                    put(5 + 2 * axis + direction, find(other));
+                }
+            }
+            if let [Some(a), Some(b)] = nearest {
+                put(9 + axis, Hypothesis::between(a, b));
+            }
+        }
+        let small_hypothesis = Hypothesis {
+            bin: small_bin.min(16 * half.count as i32 - 1),
+            quality: small_quality,
+            ..own
+        };
+        put(11, small_hypothesis);
+
+        of.filled[lane] = half.filled[pixel].into();
+        let agrees = matches!(half.why[pixel], Reason::Valid | Reason::Ambiguous);
+        let near = |sums: &[u16]| sums[around(x, NEAR, width)].iter().sum::<u16>().into();
+        let wide: u16 = sums.seen[around(x, WIDE, width)].iter().sum();
+        // Places 10 and 11 are computed with the features.
+        let features = [
+            64 * i32::from(half.seen[pixel]),
+            64 * i32::from(agrees),
+            (85 * i32::from(own.quality.own)) >> 4,
+            2 * i32::from(own.quality.unique),
+            (128 * x / width) as i32 - 64,
+            (128 * y / height) as i32 - 64,
+            near(&sums.across),
+            near(&sums.down),
+            (5 * i32::from(own.quality.seen)) >> 1,
+            (73 * i32::from(wide)) >> 8,
+            0,
+            0,
+            least,
+            (here >> 3) - 64,
+            2 * i32::from(small_quality.unique),
+            64 * i32::from(small_quality.seen / 25),
+            small_bin - own.bin,
+        ];
+        for (to, feature) in of.pixel.iter_mut().zip(features) {
+            to[lane] = feature;
+        }
+    }
+}
+
+/// A disparity that the scene may have at a pixel.
+#[derive(Clone, Copy)]
+struct Hypothesis {
+    bin: i32,
+    distance: i32,
+    barrier: i32,
+    /// Grey level where it was seen.
+    grey: i32,
+    /// Difference of the ends of an interpolation.
+    ends: i32,
+    quality: Quality,
+}
+
+impl Hypothesis {
+    /// Interpolated between the nearest seen pixels on both sides, rounded.
+    fn between(a: Self, b: Self) -> Self {
+        let distance = a.distance + b.distance;
+        let sum = a.bin * b.distance + b.bin * a.distance;
+        Self {
+            bin: ((2 * sum + distance) as u32 / (2 * distance) as u32) as i32,
+            distance: a.distance.max(b.distance),
+            barrier: a.barrier.max(b.barrier),
+            grey: a.grey,
+            ends: a.bin - b.bin,
+            quality: Quality {
+                seen: a.quality.seen.min(b.quality.seen),
+                unique: a.quality.unique.min(b.quality.unique),
+                own: a.quality.own.max(b.quality.own),
+            },
+        }
+    }
+}

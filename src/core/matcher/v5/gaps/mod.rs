@@ -1,0 +1,217 @@
+//! Learned gaps: a network weighs a few disparities for each gap and each doubtful pixel, and its
+//! weights are the pixel's votes in its cell (docs/v5.md).
+
+mod candidates;
+mod lines;
+mod model;
+
+pub use model::GapModel;
+
+use super::level::MatchLevel;
+use crate::kernel::{GapCandidates, GapNetwork, GapVotes, HYPOTHESES, Isa, weigh_hypotheses};
+use candidates::{Band, GapStep, LANES, Measured, Quality, STEPS, lattice, measure_row};
+use lines::{Line, NearestSeen};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Votes of a pixel that keeps its own disparity.
+const ALL: u8 = 64;
+
+/// Hypotheses this close to a pixel's best agree with it, bins.
+const AGREE: u16 = 12;
+
+/// Rows of the lattice that one task weighs.
+const BAND: usize = 4;
+
+/// The votes of a pixel of the lattice.
+#[derive(Clone, Copy)]
+pub(super) struct PixelVotes {
+    pub(super) bins: [i16; HYPOTHESES],
+    /// Votes of each bin, then of none of them.
+    pub(super) votes: [u8; HYPOTHESES + 1],
+    /// Votes for bins that agree with the best.
+    pub(super) agreed: u8,
+}
+
+/// Memory for the gaps of pairs of one size.
+pub(super) struct Gaps {
+    pub(super) quarter: MatchLevel,
+    quality: Vec<Quality>,
+    /// The nearest seen pixels of the lattice's, by row and by column.
+    along_rows: Vec<NearestSeen>,
+    along_columns: Vec<NearestSeen>,
+    /// In raster order of the lattice.
+    votes: Vec<PixelVotes>,
+    bands: Vec<Band>,
+    width: usize,
+}
+
+/// Lattice places within a range of half pixels; of a shorter range the one before it.
+fn places(range: &Range<usize>, step: usize) -> Range<usize> {
+    let last = (range.end - 1) / step;
+    range.start.div_ceil(step).min(last)..last + 1
+}
+
+impl Gaps {
+    /// For half images of `size`, at least 2 x 2, and `count` disparities at quarter size.
+    pub(super) fn new(size: (usize, usize), count: usize) -> Self {
+        let (width, height) = lattice(size);
+        let none = PixelVotes {
+            bins: [0; HYPOTHESES],
+            votes: [0; HYPOTHESES + 1],
+            agreed: 0,
+        };
+        let pixels = width * height;
+        Self {
+            quarter: MatchLevel::new((size.0 / 2, size.1 / 2), count),
+            quality: vec![Quality::default(); size.0 * size.1],
+            along_rows: vec![NearestSeen::default(); pixels],
+            along_columns: vec![NearestSeen::default(); pixels],
+            votes: vec![none; pixels],
+            bands: (0..height.div_ceil(BAND))
+                .map(|_| Band::new(size.0))
+                .collect(),
+            width,
+        }
+    }
+
+    /// Measures the parts of the hypotheses, at half size.
+    pub(super) fn measure(&mut self, half: &MatchLevel) {
+        let (map, image) = (half.map.pixels(), &half.images[0]);
+        let (width, height) = map.size;
+        let rows = self.quality.par_chunks_exact_mut(width);
+        rows.enumerate()
+            .for_each(|(y, out)| measure_row(&map, y, out));
+        let rows = self.along_rows.par_chunks_exact_mut(self.width);
+        rows.enumerate().for_each(|(row, out)| {
+            let line = Line {
+                first: STEPS[1] * row * width,
+                step: 1,
+                count: width,
+            };
+            let grey = image.row(STEPS[1] * row);
+            line.scan(map.bins, map.seen, |x| grey[x], STEPS[0], out);
+        });
+        let rows = height.div_ceil(STEPS[1]);
+        let columns = self.along_columns.par_chunks_exact_mut(rows);
+        columns.enumerate().for_each(|(column, out)| {
+            let line = Line {
+                first: STEPS[0] * column,
+                step: width,
+                count: height,
+            };
+            let grey = |y| image.at(STEPS[0] * column, y);
+            line.scan(map.bins, map.seen, grey, STEPS[1], out);
+        });
+    }
+
+    /// Weighs the hypotheses of all pixels, measured before.
+    pub(super) fn weigh(&mut self, isa: Isa, half: &MatchLevel, network: &GapNetwork) {
+        let (measured, votes, bands) = self.parts(half);
+        let pixels = BAND * measured.lattice.0;
+        let bands = votes.par_chunks_mut(pixels).zip(bands);
+        bands.enumerate().for_each(|(i, (out, band))| {
+            let first = i * pixels;
+            let mut of_block: GapVotes = [[0; LANES]; HYPOTHESES + 1];
+            measured.each(
+                isa,
+                first..first + out.len(),
+                band,
+                &mut |step| match step {
+                    GapStep::Sure(place, bin) => out[place - first] = PixelVotes::of_one(bin),
+                    GapStep::Block(candidates, places) => {
+                        weigh_hypotheses(isa, network, candidates, &mut of_block);
+                        for (lane, place) in places.iter().enumerate() {
+                            out[place - first] = PixelVotes::new(candidates, &of_block, lane);
+                        }
+                    }
+                },
+            );
+        });
+    }
+
+    /// The measurements, and the memory for the votes and for tasks.
+    fn parts<'a>(
+        &'a mut self,
+        half: &'a MatchLevel,
+    ) -> (Measured<'a>, &'a mut [PixelVotes], &'a mut [Band]) {
+        let map = half.map.pixels();
+        let measured = Measured {
+            lattice: lattice(map.size),
+            half: map,
+            image: &half.images[0],
+            sums: &half.sums,
+            quarter: self.quarter.map.pixels(),
+            quarter_sums: &self.quarter.sums,
+            quality: &self.quality,
+            along_rows: &self.along_rows,
+            along_columns: &self.along_columns,
+        };
+        (measured, &mut self.votes, &mut self.bands)
+    }
+
+    /// The votes within ranges of half pixels, which are not empty.
+    pub(super) fn votes(
+        &self,
+        columns: &Range<usize>,
+        rows: &Range<usize>,
+    ) -> impl Iterator<Item = &PixelVotes> {
+        let [columns, rows] = [(columns, STEPS[0]), (rows, STEPS[1])].map(|of| places(of.0, of.1));
+        rows.flat_map(move |y| &self.votes[y * self.width..][columns.clone()])
+    }
+
+    /// Shows the pixels that are weighed, with their places in the half image, to a function, by
+    /// blocks.
+    pub(super) fn sample(
+        &mut self,
+        isa: Isa,
+        half: &MatchLevel,
+        take: &mut dyn FnMut(&GapCandidates, &[[usize; 2]]),
+    ) {
+        let (measured, votes, bands) = self.parts(half);
+        let (width, pixels) = (measured.lattice.0, BAND * measured.lattice.0);
+        for (i, band) in bands.iter_mut().enumerate() {
+            let range = i * pixels..votes.len().min((i + 1) * pixels);
+            measured.each(isa, range, band, &mut |step| {
+                if let GapStep::Block(candidates, places) = step {
+                    let at = |place: &usize| {
+                        let [column, row] = [place % width, place / width];
+                        [STEPS[0] * column, STEPS[1] * row]
+                    };
+                    let places: Vec<_> = places.iter().map(at).collect();
+                    take(candidates, &places);
+                }
+            });
+        }
+    }
+}
+
+impl PixelVotes {
+    /// All for one bin.
+    fn of_one(bin: i16) -> Self {
+        let (mut bins, mut votes) = ([0; HYPOTHESES], [0; HYPOTHESES + 1]);
+        (bins[0], votes[0]) = (bin, ALL);
+        Self {
+            bins,
+            votes,
+            agreed: ALL,
+        }
+    }
+
+    fn new(candidates: &GapCandidates, votes: &GapVotes, lane: usize) -> Self {
+        let bins: [i16; HYPOTHESES] = std::array::from_fn(|k| candidates.bin[k][lane] as i16);
+        let votes = votes.map(|of| of[lane]);
+        let mut best = 0;
+        for k in 1..HYPOTHESES {
+            if votes[k] > votes[best] {
+                best = k;
+            }
+        }
+        let agrees = |k: usize| u8::from(bins[k].abs_diff(bins[best]) <= AGREE);
+        Self {
+            bins,
+            votes,
+            agreed: (0..HYPOTHESES).map(|k| agrees(k) * votes[k]).sum(),
+        }
+    }
+}
