@@ -7,7 +7,7 @@ pub(in crate::recording) struct MessageReader<'a> {
     is_cdr: bool,
 }
 
-pub(super) type Result<T> = std::result::Result<T, String>;
+pub(super) type Parsed<T> = Result<T, String>;
 
 impl<'a> MessageReader<'a> {
     /// `data`: the body, without CDR's encapsulation header.
@@ -28,7 +28,7 @@ impl<'a> MessageReader<'a> {
         self.data.len() - self.at
     }
 
-    fn take(&mut self, bytes: usize) -> Result<&'a [u8]> {
+    fn take(&mut self, bytes: usize) -> Parsed<&'a [u8]> {
         let taken = self.data.get(self.at..).and_then(|rest| rest.get(..bytes));
         let taken = taken.ok_or_else(|| {
             let (left, at) = (self.remaining(), self.at);
@@ -39,7 +39,7 @@ impl<'a> MessageReader<'a> {
     }
 
     /// A number of `N` bytes. CDR aligns it to its size, from the start of the body.
-    fn number<const N: usize>(&mut self) -> Result<[u8; N]> {
+    fn number<const N: usize>(&mut self) -> Parsed<[u8; N]> {
         if self.is_cdr {
             self.at = self.at.next_multiple_of(N).min(self.data.len());
         }
@@ -47,24 +47,24 @@ impl<'a> MessageReader<'a> {
         Ok(bytes.try_into().unwrap_or([0; N]))
     }
 
-    pub(in crate::recording) fn u8(&mut self) -> Result<u8> {
+    pub(in crate::recording) fn u8(&mut self) -> Parsed<u8> {
         self.number().map(u8::from_le_bytes)
     }
 
-    pub(in crate::recording) fn u32(&mut self) -> Result<u32> {
+    pub(in crate::recording) fn u32(&mut self) -> Parsed<u32> {
         self.number().map(u32::from_le_bytes)
     }
 
-    pub(in crate::recording) fn f32(&mut self) -> Result<f32> {
+    pub(in crate::recording) fn f32(&mut self) -> Parsed<f32> {
         self.number().map(f32::from_le_bytes)
     }
 
-    pub(in crate::recording) fn f64(&mut self) -> Result<f64> {
+    pub(in crate::recording) fn f64(&mut self) -> Parsed<f64> {
         self.number().map(f64::from_le_bytes)
     }
 
     /// Length of a sequence of elements of at least `size` bytes, which the rest can hold.
-    pub(in crate::recording) fn length(&mut self, size: usize) -> Result<usize> {
+    pub(in crate::recording) fn length(&mut self, size: usize) -> Parsed<usize> {
         let length = self.u32()? as usize;
         let limit = self.remaining() / size;
         if length > limit {
@@ -75,12 +75,12 @@ impl<'a> MessageReader<'a> {
         Ok(length)
     }
 
-    pub(in crate::recording) fn bytes(&mut self) -> Result<&'a [u8]> {
+    pub(in crate::recording) fn bytes(&mut self) -> Parsed<&'a [u8]> {
         let length = self.length(1)?;
         self.take(length)
     }
 
-    pub(in crate::recording) fn str(&mut self) -> Result<&'a str> {
+    pub(in crate::recording) fn str(&mut self) -> Parsed<&'a str> {
         let bytes = self.bytes()?;
         // CDR counts a closing zero.
         let text = if self.is_cdr {

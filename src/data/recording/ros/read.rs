@@ -1,7 +1,7 @@
 //! Decodes messages of ROS 2, in CDR, and of ROS 1.
 
 use super::ROS1;
-use super::message::{MessageReader, Result};
+use super::message::{MessageReader, Parsed};
 use crate::recording::container;
 use crate::recording::messages::Channel;
 
@@ -64,8 +64,8 @@ pub(in crate::recording) struct RosTime {
 pub(in crate::recording) fn read<'a, T>(
     channel: &Channel,
     data: &'a [u8],
-    read: impl FnOnce(&mut MessageReader<'a>) -> Result<T>,
-) -> std::result::Result<T, String> {
+    read: impl FnOnce(&mut MessageReader<'a>) -> Parsed<T>,
+) -> Parsed<T> {
     if channel.encoding != ROS1 {
         return read_cdr(data, read);
     }
@@ -76,8 +76,8 @@ pub(in crate::recording) fn read<'a, T>(
 /// Same as [`read`], for CDR.
 pub(in crate::recording) fn read_cdr<'a, T>(
     data: &'a [u8],
-    read: impl FnOnce(&mut MessageReader<'a>) -> Result<T>,
-) -> std::result::Result<T, String> {
+    read: impl FnOnce(&mut MessageReader<'a>) -> Parsed<T>,
+) -> Parsed<T> {
     // The header's last two bytes are options, which XCDR 1 leaves unspecified.
     let body = match data {
         // Encapsulation 0x0001: little-endian CDR, the native order of x86 and ARM.
@@ -93,7 +93,7 @@ pub(in crate::recording) fn read_cdr<'a, T>(
 /// The stamp and the pixels of a sensor_msgs/msg/Image.
 pub(in crate::recording) fn image<'a>(
     message: &mut MessageReader<'a>,
-) -> Result<(RosTime, RawPixels<'a>)> {
+) -> Parsed<(RosTime, RawPixels<'a>)> {
     let stamp = header(message)?.stamp;
     let image = RawPixels {
         height: message.u32()?,
@@ -108,7 +108,7 @@ pub(in crate::recording) fn image<'a>(
 
 pub(in crate::recording) fn compressed_image<'a>(
     message: &mut MessageReader<'a>,
-) -> Result<RosCompressedImage<'a>> {
+) -> Parsed<RosCompressedImage<'a>> {
     Ok(RosCompressedImage {
         stamp: header(message)?.stamp,
         format: message.str()?,
@@ -116,7 +116,7 @@ pub(in crate::recording) fn compressed_image<'a>(
     })
 }
 
-pub(in crate::recording) fn camera_info(message: &mut MessageReader<'_>) -> Result<CameraInfo> {
+pub(in crate::recording) fn camera_info(message: &mut MessageReader<'_>) -> Parsed<CameraInfo> {
     let (_stamp, height, width, model) = (
         header(message)?,
         message.u32()?,
@@ -127,7 +127,7 @@ pub(in crate::recording) fn camera_info(message: &mut MessageReader<'_>) -> Resu
     let coefficients = limited(coefficients, MAX_DISTORTION, "distortion coefficients")?;
     let distortion = (0..coefficients)
         .map(|_| message.f64())
-        .collect::<Result<_>>()?;
+        .collect::<Parsed<_>>()?;
     Ok(CameraInfo {
         width,
         height,
@@ -147,7 +147,7 @@ pub(in crate::recording) fn camera_info(message: &mut MessageReader<'_>) -> Resu
 }
 
 /// std_msgs/msg/String.
-pub(in crate::recording) fn string<'a>(message: &mut MessageReader<'a>) -> Result<&'a str> {
+pub(in crate::recording) fn string<'a>(message: &mut MessageReader<'a>) -> Parsed<&'a str> {
     message.str()
 }
 
@@ -157,7 +157,7 @@ pub(in crate::recording) struct RosHeader<'a> {
     pub(in crate::recording) frame_id: &'a str,
 }
 
-pub(in crate::recording) fn header<'a>(message: &mut MessageReader<'a>) -> Result<RosHeader<'a>> {
+pub(in crate::recording) fn header<'a>(message: &mut MessageReader<'a>) -> Parsed<RosHeader<'a>> {
     if !message.is_cdr() {
         let _sequence = message.u32()?;
     }
@@ -201,7 +201,7 @@ pub(in crate::recording) struct RosDisparityImage<'a> {
 
 pub(in crate::recording) fn disparity_image<'a>(
     message: &mut MessageReader<'a>,
-) -> Result<RosDisparityImage<'a>> {
+) -> Parsed<RosDisparityImage<'a>> {
     header(message)?;
     let (_, image) = image(message)?;
     let (focal_px, baseline_m) = (message.f32()?, message.f32()?);
@@ -222,7 +222,7 @@ const MAX_FIELDS: usize = 1000;
 
 pub(in crate::recording) fn point_cloud<'a>(
     message: &mut MessageReader<'a>,
-) -> Result<RosCloud<'a>> {
+) -> Parsed<RosCloud<'a>> {
     header(message)?;
     let (height, width) = (message.u32()?, message.u32()?);
     let count = limited(message.length(1)?, MAX_FIELDS, "fields of a point")?;
@@ -242,7 +242,7 @@ pub(in crate::recording) fn point_cloud<'a>(
     })
 }
 
-pub(in crate::recording) fn laser_scan(message: &mut MessageReader<'_>) -> Result<RosScan> {
+pub(in crate::recording) fn laser_scan(message: &mut MessageReader<'_>) -> Parsed<RosScan> {
     header(message)?;
     let (angle_min, _angle_max) = (message.f32()?, message.f32()?);
     let angle_increment = message.f32()?;
@@ -255,7 +255,7 @@ pub(in crate::recording) fn laser_scan(message: &mut MessageReader<'_>) -> Resul
         angle_increment: angle_increment.into(),
         range_min: range_min.into(),
         range_max: range_max.into(),
-        ranges: ranges.collect::<Result<_>>()?,
+        ranges: ranges.collect::<Parsed<_>>()?,
     })
 }
 
@@ -268,7 +268,7 @@ const MAX_TRANSFORMS: usize = 10_000;
 /// nav_msgs/msg/Odometry: the pose of the child frame, without its covariance and the twist.
 pub(in crate::recording) fn odometry(
     message: &mut MessageReader<'_>,
-) -> Result<(RosTime, RosTransform)> {
+) -> Parsed<(RosTime, RosTransform)> {
     let RosHeader { stamp, frame_id } = header(message)?;
     let child = message.str()?.to_owned();
     let pose = (floats(message)?, floats(message)?);
@@ -278,7 +278,7 @@ pub(in crate::recording) fn odometry(
 /// tf2_msgs/msg/TFMessage, each transform with its stamp.
 pub(in crate::recording) fn transforms(
     message: &mut MessageReader<'_>,
-) -> Result<Vec<(RosTime, RosTransform)>> {
+) -> Parsed<Vec<(RosTime, RosTransform)>> {
     let count = limited(message.length(1)?, MAX_TRANSFORMS, "transforms")?;
     let transform = |_| {
         let RosHeader { stamp, frame_id } = header(message)?;
@@ -290,14 +290,14 @@ pub(in crate::recording) fn transforms(
 }
 
 /// Checks a count before memory is allocated for it.
-fn limited(count: usize, limit: usize, what: &str) -> Result<usize> {
+fn limited(count: usize, limit: usize, what: &str) -> Parsed<usize> {
     if count > limit {
         return Err(format!("{count} {what}, at most {limit} expected"));
     }
     Ok(count)
 }
 
-fn floats<const N: usize>(message: &mut MessageReader<'_>) -> Result<[f64; N]> {
+fn floats<const N: usize>(message: &mut MessageReader<'_>) -> Parsed<[f64; N]> {
     let mut floats = [0.0; N];
     for float in &mut floats {
         *float = message.f64()?;
