@@ -71,8 +71,8 @@ impl Container {
     /// [`Error::Io`]; [`Error::Format`] for a file that is neither MCAP nor a bag.
     pub(super) fn messages(&self) -> Result<Box<dyn EventReader>> {
         Ok(match self {
-            Self::Mcap(file) => Box::new(Unpacked(Messages::open(file)?)),
-            Self::Sqlite(file) => Box::new(Unpacked(file.messages()?)),
+            Self::Mcap(file) => Box::new(UnpackedMessages(Messages::open(file)?)),
+            Self::Sqlite(file) => Box::new(UnpackedMessages(file.messages()?)),
             Self::Ros1(file) => Box::new(Ros1Messages::open(file)?),
         })
     }
@@ -80,9 +80,9 @@ impl Container {
 
 /// Unpacks messages that rosbag2 compressed on their own. One that cannot be unpacked stays as it
 /// is: its reader reports why.
-struct Unpacked<R>(R);
+struct UnpackedMessages<R>(R);
 
-impl<R: EventReader> EventReader for Unpacked<R> {
+impl<R: EventReader> EventReader for UnpackedMessages<R> {
     fn next(&mut self) -> Result<Option<FileEvent<'_>>> {
         let mut event = self.0.next()?;
         if let Some(FileEvent::Message { data, .. }) = &mut event

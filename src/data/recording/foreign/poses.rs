@@ -1,7 +1,7 @@
 //! Poses of a camera in the world: by the transforms of `/tf`, or by nav_msgs/Odometry, with the
 //! static ones between robot and camera.
 
-use super::transforms::{Placed, Stamped, Transforms, plain};
+use super::transforms::{Placed, StampedTransform, Transforms, plain};
 use crate::recording::Recording;
 use crate::recording::messages::{Channel, EventReader, FileEvent};
 use crate::recording::ros;
@@ -158,7 +158,7 @@ fn add(moving: &mut BTreeMap<String, Moving>, child: String, (parent, pose): Pla
 }
 
 /// The pose in a message of odometry: child frame, its pose in the parent, stamp.
-fn odometry(channel: &Channel, data: &[u8]) -> std::result::Result<Vec<Stamped>, String> {
+fn odometry(channel: &Channel, data: &[u8]) -> std::result::Result<Vec<StampedTransform>, String> {
     let link = ros::read(channel, data, ros::odometry)?;
     Transforms::placed(channel, link).map(|placed| vec![placed])
 }

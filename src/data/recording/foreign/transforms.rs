@@ -23,7 +23,7 @@ pub(super) struct Transforms(BTreeMap<String, Placed>);
 pub(super) type Placed = (String, Isometry3<f64>);
 
 /// A transform of a message: child, placed, and its stamp if it has one.
-pub(super) type Stamped = (String, Placed, Option<u64>);
+pub(super) type StampedTransform = (String, Placed, Option<u64>);
 
 /// One transform: parent, child, translation, rotation as x, y, z, w.
 type Link = (String, String, [f64; 3], [f64; 4]);
@@ -143,7 +143,7 @@ impl Transforms {
     }
 
     /// The transforms of a message.
-    pub(super) fn read(channel: &Channel, data: &[u8]) -> Result<Vec<Stamped>, String> {
+    pub(super) fn read(channel: &Channel, data: &[u8]) -> Result<Vec<StampedTransform>, String> {
         if realsense::is_transform(channel) {
             let text = ros::read(channel, data, ros::string)?;
             let (child, placed) = realsense::transform(&channel.topic, text)?;
@@ -173,7 +173,7 @@ impl Transforms {
     pub(super) fn placed(
         channel: &Channel,
         (stamp, link): (ros::RosTime, Link),
-    ) -> Result<Stamped, String> {
+    ) -> Result<StampedTransform, String> {
         let (child, placed) = place(link)?;
         Ok((child, placed, image::ros_stamp(channel, stamp)?))
     }
