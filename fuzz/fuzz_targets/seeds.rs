@@ -129,10 +129,17 @@ fn ros1() -> Result<(), Box<dyn std::error::Error>> {
         let (topic, kind) = (format!("topic={topic}"), format!("type=sensor_msgs/{kind}"));
         let inner = record(&[topic.as_bytes(), kind.as_bytes()], b"");
         let inner = &inner[4..inner.len() - 4];
-        chunk.extend(record(&[&[b"conn=", &[id, 0, 0, 0][..]].concat(), b"op=\x07"], inner));
-        let mut data = vec![9, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, b'c', b'a', b'm'];
+        chunk.extend(record(
+            &[&[b"conn=", &[id, 0, 0, 0][..]].concat(), b"op=\x07"],
+            inner,
+        ));
+        let mut data = vec![
+            9, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, b'c', b'a', b'm',
+        ];
         let words = |data: &mut Vec<u8>, words: &[u32]| {
-            words.iter().for_each(|word| data.extend(word.to_le_bytes()));
+            words
+                .iter()
+                .for_each(|word| data.extend(word.to_le_bytes()));
         };
         words(&mut data, &[2, 4, 5]);
         if id < 2 {
@@ -151,7 +158,10 @@ fn ros1() -> Result<(), Box<dyn std::error::Error>> {
             data.extend([0; 25]);
         }
         let time = [&b"time="[..], &[1, 0, 0, 0, 2, 0, 0, 0]].concat();
-        chunk.extend(record(&[&[b"conn=", &[id, 0, 0, 0][..]].concat(), b"op=\x02", &time], &data));
+        chunk.extend(record(
+            &[&[b"conn=", &[id, 0, 0, 0][..]].concat(), b"op=\x02", &time],
+            &data,
+        ));
     }
     let mut lz4 = lz4::EncoderBuilder::new().build(Vec::new())?;
     std::io::Write::write_all(&mut lz4, &chunk)?;
@@ -160,7 +170,11 @@ fn ros1() -> Result<(), Box<dyn std::error::Error>> {
         let size = [b"size=", &(chunk.len() as u32).to_le_bytes()[..]].concat();
         let head = record(&[b"op=\x03", &[b"index_pos=", &[0; 8][..]].concat()], b"  ");
         let body = record(&[compression.as_bytes(), b"op=\x05", &size], &packed);
-        seed("ros1", name, &[b"#ROSBAG V2.0\n", &head[..], &body].concat())?;
+        seed(
+            "ros1",
+            name,
+            &[b"#ROSBAG V2.0\n", &head[..], &body].concat(),
+        )?;
     }
     Ok(())
 }

@@ -27,9 +27,9 @@ use svl::train::{CellTraining, LearnedCells, samples_csv};
 Examples:
   svl train cells scenarios/arena.toml --seeds 4..10 -o table.toml
   svl train cells own.toml bag.toml -o own-table.toml
-  svl train cells scenarios/worlds.toml scenarios/shapes.toml --seeds 1..20 \
-      --test own.toml -o simulated.toml            own scenes only as a test
   svl replay run.mcap --algo v5:table=own-table.toml
+  svl train cells scenarios/worlds-training.toml \\
+    scenarios/shapes-training.toml --test own.toml -o simulated.toml
 
 The weight of a scenario is the square root of its number of cells, so that
 few real scenes count beside many simulated ones.")]
