@@ -53,6 +53,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "right_truth",
             "map",
             "list",
+            "test",
         ],
     ),
     (

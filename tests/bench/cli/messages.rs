@@ -271,7 +271,6 @@ const COMMANDS: &str = "
     train cells short.toml --seeds 4..5 -o mine.toml
     train cells short.toml --seeds 4..5 -o t.toml --samples t.html
     train cells short.toml --seeds 4..5 -o t.txt
-    train gaps short.toml --seeds 4 -o t.safetensors
     train gaps short.toml --seeds 4..5 -o mine.safetensors
     train gaps short.toml --seeds 4..5 --epochs 0 -o t.safetensors
     train filter run.mcap --kind floor -o t.safetensors

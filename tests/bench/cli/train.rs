@@ -176,7 +176,8 @@ fn what_cannot_be_learned_is_refused_in_one_line() {
     fixture.fails(
         "-q train cells short.toml --seeds 4..5 -o t.toml --algo v3 => 1: short.toml | no cells to \
          learn from | v5 does
-        -q train cells short.toml --seeds 4 -o t.toml => 1: one run cannot be held out",
+        -q train cells short.toml --seeds 4 -o t.toml => 1: one run cannot be held out
+        -q train gaps short.toml --seeds 4 -o t.safetensors => 1: one run cannot be held out",
     );
     assert!(!fixture.path("t.toml").exists());
 }
