@@ -174,3 +174,17 @@ fn kitti_s_scans_are_moved_into_the_camera() {
         &["velodyne_points/data/*.bin"],
     );
 }
+
+#[test]
+fn a_checkpoint_by_place_needs_poses() {
+    let fixture = Fixture::new();
+    scene(&fixture);
+    fixture.write(
+        "place.toml",
+        "name = \"place\"\nalgorithms = [\"v3\"]\n[source]\nkind = \"recording\"\nfiles = [\"p\"]\n\
+         [[checkpoint]]\nnumber = 1\nname = \"door\"\nat_m = [0, 0]\nradius_m = 1\nheading_deg = 0\n\
+         heading_tolerance_deg = 9\n[[checkpoint.cell]]\nat = [1, 1]\nfree = true\n",
+    );
+    let score = ["score", "place.toml", "-q", "-o", "r"];
+    fixture.svl(&score).failed(1, &["at_m needs poses"]);
+}

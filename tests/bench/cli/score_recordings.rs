@@ -177,11 +177,6 @@ fn patterns_are_runs_that_can_be_compared_and_verified() {
             "[[checkpoint.cell]]",
         ),
         (
-            "seconds = [0.0, 0.5]",
-            "at_m = [0, 0]\nradius_m = 1\nheading_deg = 0\nheading_tolerance_deg = 9",
-            "at_m needs poses",
-        ),
-        (
             "files =",
             "crop = [300, 0, 40, 40]\nfiles =",
             "crop = [300, 0, 40, 40] is not inside",
