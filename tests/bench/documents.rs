@@ -39,6 +39,14 @@ const PARSED: &[(&str, &str)] = &[
         "svl replay run.mcap --verify=live.csv",
         "cli::replay has such rows",
     ),
+    (
+        "svl score pictures/ --truth 'depth/",
+        "cli::folder_truth has depth images",
+    ),
+    (
+        "svl score drive_0001_sync/",
+        "cli::folder_truth has such a folder",
+    ),
     ("svl datasets fetch", "needs the network"),
     (
         "svl train cells scenarios/arena.toml scenarios/arena-row.toml",

@@ -182,8 +182,9 @@ fn a_checkpoint_by_place_needs_poses() {
     fixture.write(
         "place.toml",
         "name = \"place\"\nalgorithms = [\"v3\"]\n[source]\nkind = \"recording\"\n\
-         files = [\"p\"]\n[[checkpoint]]\nnumber = 1\nname = \"door\"\nat_m = [0, 0]\nradius_m = 1\nheading_deg = 0\n\
-         heading_tolerance_deg = 9\n[[checkpoint.cell]]\nat = [1, 1]\nfree = true\n",
+         files = [\"p\"]\n[[checkpoint]]\nnumber = 1\nname = \"door\"\nat_m = [0, 0]\n\
+         radius_m = 1\nheading_deg = 0\nheading_tolerance_deg = 9\n\
+         [[checkpoint.cell]]\nat = [1, 1]\nfree = true\n",
     );
     let score = ["score", "place.toml", "-q", "-o", "r"];
     fixture.svl(&score).failed(1, &["at_m needs poses"]);
