@@ -450,6 +450,7 @@ pub fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
 #[cfg(not(feature = "ros2"))]
 pub(crate) fn without_ros2(name: &str) -> Error {
     let cure = "`cargo install --path . --features ros2` adds it";
+    let name = name.trim_end_matches(':');
     Error::Invalid(format!("{name}: this svl was built without ROS 2; {cure}"))
 }
 

@@ -35,10 +35,14 @@ The weight of a scenario is the square root of its number of cells, so that
 few real scenes count beside many simulated ones.")]
 pub(crate) struct Args {
     /// Scenarios whose frames have ground truth
-    #[arg(value_name = "SCENARIO.toml", required = true)]
+    #[arg(
+        value_name = "SCENARIO.toml", required = true, value_parser = usage::ending(&["toml"])
+    )]
     scenarios: Vec<PathBuf>,
     /// Scenario that is no part of the fit, only of the figures; --seeds does not change it
-    #[arg(long, value_name = "SCENARIO.toml")]
+    #[arg(
+        long, value_name = "SCENARIO.toml", value_parser = usage::ending(&["toml"])
+    )]
     test: Vec<PathBuf>,
     /// Table to write; a page of the same name, .html, is written beside it
     #[arg(

@@ -32,7 +32,9 @@ The probabilities of cells change with the network, so fit a table to it, on
 other runs. Random worlds of seeds up to 999 are for training.")]
 pub(crate) struct Args {
     /// Scenarios whose frames have ground truth
-    #[arg(value_name = "SCENARIO.toml", required = true)]
+    #[arg(
+        value_name = "SCENARIO.toml", required = true, value_parser = usage::ending(&["toml"])
+    )]
     scenarios: Vec<PathBuf>,
     /// Network to write
     #[arg(
