@@ -21,8 +21,10 @@ pub(super) struct HalfMap {
     own: Vec<u8>,
     /// Result of the tests.
     why: Vec<Reason>,
-    /// The least sums, those of rivals, and the right image's winners.
+    /// The least sums, those of rivals, and the right image's winners, which only the weighing of
+    /// gaps reads.
     winners: [Vec<u8>; 3],
+    keeps_winners: bool,
     /// 1 for a pixel that is seen.
     seen: Vec<u8>,
     /// Bins of all pixels, gaps filled; meaningless if no pixel was seen.
@@ -62,7 +64,8 @@ fn stride(width: usize, count: usize) -> usize {
 }
 
 impl HalfMap {
-    pub(super) fn new(size: (usize, usize), count: usize) -> Self {
+    /// The map of `count` disparities, with or without what the weighing of gaps reads.
+    pub(super) fn new(size: (usize, usize), count: usize, keeps_winners: bool) -> Self {
         let (width, height) = size;
         // More bands than threads, so that a thread that finishes early finds another.
         let bands = match rayon::current_num_threads() {
@@ -87,6 +90,7 @@ impl HalfMap {
             own: vec![0; pixels],
             why: vec![Reason::Border; pixels],
             winners: std::array::from_fn(|_| vec![0; pixels]),
+            keeps_winners,
             seen: vec![0; pixels],
             filled: vec![0; pixels],
             bands: (0..height.div_ceil(band_rows)).map(|_| scratch()).collect(),
@@ -107,6 +111,7 @@ impl HalfMap {
         test: &WinnerTest,
     ) {
         let ((width, _), count, band_rows) = (self.size, self.count, self.band_rows);
+        let keeps_winners = self.keeps_winners;
         let stride = stride(width, count);
         let pixels = band_rows * width;
         let [least, second, right] = &mut self.winners;
@@ -132,6 +137,9 @@ impl HalfMap {
                 winner_fractions(isa, &scratch.winners, count, bins);
                 let censuses = images.each_ref().map(|image| image.censuses(y));
                 test_winners(isa, test, &scratch.winners, censuses, own, why);
+                if !keeps_winners {
+                    continue;
+                }
                 let of = &scratch.winners;
                 for (to, from) in [
                     (&mut *least, &of.least),

@@ -15,12 +15,13 @@ pub(super) struct MatchLevel {
 }
 
 impl MatchLevel {
-    pub(super) fn new(size: (usize, usize), count: usize) -> Self {
+    /// As [`HalfMap::new`].
+    pub(super) fn new(size: (usize, usize), count: usize, keeps_winners: bool) -> Self {
         let images = [HalfImage::new(size, 0), HalfImage::new(size, count - 1)];
         Self {
             steps: StepCosts::new(size),
             sums: StripSums::new(size, count, images[1].margin),
-            map: HalfMap::new(size, count),
+            map: HalfMap::new(size, count, keeps_winners),
             images,
         }
     }

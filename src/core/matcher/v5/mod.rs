@@ -412,7 +412,7 @@ impl Scratch {
         let has_gaps = has_gaps && size.0 >= 2 && size.1 >= 2;
         Self {
             size,
-            half: MatchLevel::new(size, count),
+            half: MatchLevel::new(size, count, has_gaps),
             gaps: has_gaps.then(|| Gaps::new(size, (count - 1) / 2 + 1)),
         }
     }

@@ -63,7 +63,7 @@ impl Gaps {
         };
         let pixels = width * height;
         Self {
-            quarter: MatchLevel::new((size.0 / 2, size.1 / 2), count),
+            quarter: MatchLevel::new((size.0 / 2, size.1 / 2), count, true),
             quality: vec![Quality::default(); size.0 * size.1],
             along_rows: vec![NearestSeen::default(); pixels],
             along_columns: vec![NearestSeen::default(); pixels],
