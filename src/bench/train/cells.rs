@@ -84,13 +84,12 @@ impl CellTraining {
         } else {
             with_tested(&fit.held_out_kind)
         };
-        let present: Vec<_> = match &choice {
-            Some(choice) => samples
+        let present = choice.as_ref().map(|choice| {
+            let scores = samples
                 .iter()
-                .map(|sample| score(&choice.decision.table, sample))
-                .collect(),
-            None => by_kind.clone(),
-        };
+                .map(|sample| score(&choice.decision.table, sample));
+            scores.collect::<Vec<_>>()
+        });
         let mut first = 0;
         let scenario = |of: &LearnedScenario| {
             let range = first..first + of.cells;
@@ -127,7 +126,13 @@ impl CellTraining {
             steps: fit.table.steps.iter().map(|steps| steps.len()).sum(),
             confidence: probability(least_score),
             scenarios: scenarios.iter().map(scenario).collect(),
-            kinds: KindCells::all(samples, [&by_kind, &present], least_score, scenarios),
+            kinds: KindCells::all(
+                samples,
+                &by_kind,
+                present.as_deref(),
+                least_score,
+                scenarios,
+            ),
             reliability: reliability(samples, &reportable, &scores),
             losses: fit.losses.clone(),
         })

@@ -18,9 +18,9 @@ pub struct KindCells {
     pub cells: usize,
     /// By a table fitted without the kind.
     pub held_out: TableFigures,
-    /// By the algorithm's table.
-    pub present: TableFigures,
-    /// Fraction of the known cells that are wrong if the first table knows as many as the second.
+    /// By the algorithm's table; `None` if the scenarios decide.
+    pub present: Option<TableFigures>,
+    /// Fraction of the known cells that are wrong if the first table knows as many as the algorithm.
     pub wrong_at_equal: f64,
     /// Known fraction of all cells, and fraction of these that is wrong, of the first table.
     pub curve: Vec<(f64, f64)>,
@@ -48,7 +48,8 @@ impl KindCells {
     /// The figures of each kind: `scores` in log odds, in thousandths, by both tables.
     pub(super) fn all(
         samples: &[CellSample],
-        [held_out, present]: [&[i64]; 2],
+        held_out: &[i64],
+        present: Option<&[i64]>,
         least_score: i64,
         scenarios: &[LearnedScenario],
     ) -> Vec<Self> {
@@ -66,25 +67,24 @@ impl KindCells {
             let all = cells.len();
             let mut ranked = cells;
             ranked.retain(|&i| samples[i].is_reportable());
-            let [by_held_out, by_present] = [
-                TableFigures::new(samples, &ranked, all, held_out, &|i| {
-                    held_out[i] >= least_score
-                }),
-                TableFigures::new(samples, &ranked, all, present, &|i| samples[i].known),
-            ];
+            let figures = |scores: &[i64], is_known: &dyn Fn(usize) -> bool| {
+                TableFigures::new(samples, &ranked, all, scores, is_known)
+            };
+            let by_held_out = figures(held_out, &|i| held_out[i] >= least_score);
+            let by_present = present.map(|scores| figures(scores, &|i| samples[i].known));
             ranked.sort_by_key(|&i| std::cmp::Reverse(held_out[i]));
             let wrong_of = |known: usize| {
                 let wrong = ranked[..known].iter().filter(|&&i| !samples[i].right);
                 wrong.count() as f64 / known.max(1) as f64
             };
-            let equal = (by_present.known * all as f64).round() as usize;
+            let equal = ranked.iter().filter(|&&i| samples[i].known).count();
             let points = (1..=POINTS).map(|point| ranked.len() * point / POINTS);
             Self {
                 name: name.to_owned(),
                 cells: all,
                 held_out: by_held_out,
                 present: by_present,
-                wrong_at_equal: wrong_of(equal.min(ranked.len())),
+                wrong_at_equal: wrong_of(equal),
                 curve: points
                     .map(|known| (known as f64 / all as f64, wrong_of(known)))
                     .collect(),
@@ -105,7 +105,10 @@ impl KindCells {
         table.columns.push(equal);
         let percent = |share: f64| format!("{:.1}", 100.0 * share);
         for kind in kinds {
-            let figures = |of: &TableFigures| {
+            let figures = |of: Option<&TableFigures>| {
+                let Some(of) = of else {
+                    return Default::default();
+                };
                 [
                     percent(of.known),
                     format!("{:.2}", 100.0 * of.wrong),
@@ -114,8 +117,8 @@ impl KindCells {
                 ]
             };
             let cells = std::iter::once(kind.cells.to_string())
-                .chain(figures(&kind.held_out))
-                .chain(figures(&kind.present))
+                .chain(figures(Some(&kind.held_out)))
+                .chain(figures(kind.present.as_ref()))
                 .chain([format!("{:.2}", 100.0 * kind.wrong_at_equal)]);
             table.push(&kind.name, cells);
         }
@@ -172,5 +175,63 @@ impl TableFigures {
             calibration_error: errors.sum::<f64>() / reportable.len().max(1) as f64,
             area: RocCurve::new(&scored.collect::<Vec<_>>(), 1.0).area,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::CellEvidence;
+
+    #[test]
+    fn figures_are_those_of_each_kind() {
+        let sample = |right, known| CellSample {
+            group: 0,
+            evidence: Some(CellEvidence {
+                report: 8,
+                target: 8,
+                features: [0; CellEvidence::FEATURES],
+            }),
+            right,
+            known,
+        };
+        // The first kind has two scenarios around the second one; its wrong cells score least.
+        let samples = [
+            sample(true, true),
+            sample(false, true),
+            sample(false, false),
+            sample(true, false),
+            sample(true, true),
+            sample(false, true),
+        ];
+        let scores = [3000, -3000, 2000, 1000, 4000, -4000];
+        let scenario = |kind: &str| LearnedScenario {
+            name: kind.to_owned(),
+            kind: kind.to_owned(),
+            cells: 2,
+            tested: false,
+        };
+        let scenarios = ["arena", "worlds", "arena"].map(scenario);
+        let kinds = KindCells::all(&samples, &scores, Some(&[0; 6]), 1735, &scenarios);
+        let [arena, worlds] = &kinds[..] else {
+            panic!("{kinds:?}");
+        };
+        assert_eq!((arena.cells, worlds.cells), (4, 2));
+        // Two of four are known, both right; the algorithm knows all, half of them wrong.
+        assert_eq!((arena.held_out.known, arena.held_out.wrong), (0.5, 0.0));
+        let present = arena.present.unwrap();
+        assert_eq!(
+            (present.known, present.wrong, present.area),
+            (1.0, 0.5, 0.5)
+        );
+        assert_eq!((arena.wrong_at_equal, arena.held_out.area), (0.5, 1.0));
+        // Predicted 95.3 and 98.2 % of two right ones, 4.7 and 1.8 % of two wrong ones.
+        assert!((arena.held_out.calibration_error - 0.0325).abs() < 1e-3);
+        // One half is predicted, and one half right.
+        assert_eq!(present.calibration_error, 0.0);
+        // The only known one of the other kind is wrong, and ranked above the right one.
+        assert_eq!((worlds.held_out.known, worlds.held_out.wrong), (0.5, 1.0));
+        assert_eq!(worlds.held_out.area, 0.0);
+        assert_eq!(arena.curve.last(), Some(&(1.0, 0.5)));
     }
 }

@@ -98,8 +98,7 @@ impl LearnedCells {
 
     /// Number of samples to fit to: those of scenarios that are only tested come after them.
     pub fn fitted(&self) -> usize {
-        let fitted = self.scenarios.iter().filter(|scenario| !scenario.tested);
-        fitted.map(|scenario| scenario.cells).sum()
+        self.fitted_scenarios().map(|scenario| scenario.cells).sum()
     }
 
     /// Fits a table to them.
@@ -107,17 +106,12 @@ impl LearnedCells {
     /// The weight of a scenario is the square root of its number of cells, so that few real scenes
     /// count beside many simulated ones. `None` and `progress` as of [`fit_cells`].
     pub fn fit(&self, rank: i64, progress: impl Fn() -> bool + Sync) -> Option<CellFit> {
-        let fitted = self.fitted();
-        let mut kinds: Vec<&str> = Vec::new();
+        let (fitted, kinds) = (self.fitted(), self.kinds());
         let mut kind_of = Vec::with_capacity(fitted);
         let mut weights = Vec::with_capacity(fitted);
-        for scenario in self.scenarios.iter().filter(|scenario| !scenario.tested) {
-            let known = kinds.iter().position(|kind| *kind == scenario.kind);
-            let kind = known.unwrap_or_else(|| {
-                kinds.push(&scenario.kind);
-                kinds.len() - 1
-            });
-            kind_of.extend(std::iter::repeat_n(kind, scenario.cells));
+        for scenario in self.fitted_scenarios() {
+            let kind = kinds.iter().position(|kind| *kind == scenario.kind);
+            kind_of.extend(std::iter::repeat_n(kind.unwrap_or(0), scenario.cells));
             let weight = 1.0 / (scenario.cells as f64).sqrt();
             weights.extend(std::iter::repeat_n(weight, scenario.cells));
         }
@@ -129,11 +123,28 @@ impl LearnedCells {
 
     /// Number of fits that [`LearnedCells::fit`] reports.
     pub fn fits(&self) -> usize {
-        let fitted = self.scenarios.iter().filter(|scenario| !scenario.tested);
-        let mut kinds: Vec<_> = fitted.map(|scenario| &scenario.kind).collect();
+        let kinds = self.kinds().len();
+        FOLDS + 1 + if kinds > 1 { kinds } else { 0 }
+    }
+
+    /// The runs and scenes that were fitted to.
+    pub fn fitted_groups(&self) -> &[String] {
+        let groups = self.samples[..self.fitted()].iter();
+        let last = groups.map(|sample| sample.group).max();
+        // Those of scenarios that are only tested come after them.
+        &self.groups[..last.map_or(0, |last| last + 1)]
+    }
+
+    fn fitted_scenarios(&self) -> impl Iterator<Item = &LearnedScenario> {
+        self.scenarios.iter().filter(|scenario| !scenario.tested)
+    }
+
+    /// The kinds of the scenes that are fitted to.
+    fn kinds(&self) -> Vec<&str> {
+        let mut kinds: Vec<_> = self.fitted_scenarios().map(|of| of.kind.as_str()).collect();
         kinds.sort_unstable();
         kinds.dedup();
-        FOLDS + 1 + if kinds.len() > 1 { kinds.len() } else { 0 }
+        kinds
     }
 
     fn group(&mut self, name: String) -> usize {

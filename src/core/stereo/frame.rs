@@ -189,6 +189,17 @@ impl Truth {
         hasher.digest128()
     }
 
+    /// The truth of another sensor, named after its topic or files.
+    pub fn of_sensor(disparity: Plane<f32>, density: TruthDensity, name: &str) -> Self {
+        Self {
+            kind: TruthKind {
+                density,
+                origin: TruthOrigin::Sensor(name.to_owned()),
+            },
+            ..Self::exact(disparity, None)
+        }
+    }
+
     /// A dense truth from a simulation or a data set.
     pub fn exact(disparity: Plane<f32>, visibility: Option<Plane<Visibility>>) -> Self {
         Self {

@@ -15,7 +15,7 @@ const MILLIMETRE: f32 = 0.001;
 /// `.pfm`. `unit_m`: metres per step [default: 0.001 of integers, 1 of floats].
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for what is none of these.
+/// [`Error::Io`]; [`Error::Format`] for other files.
 pub fn read_depth(path: &Path, unit_m: Option<f32>) -> Result<Plane<f32>> {
     let (values, is_integer) = if has_ending(path, "npy") {
         npz::read_npy(path)?

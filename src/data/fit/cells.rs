@@ -401,15 +401,30 @@ mod tests {
         assert!(score_at(Feature::Shift, 999).abs() < 200, "{:?}", fit.table);
         assert!(fit.losses[2] < 0.9 * fit.losses[0]);
         // Kinds that do not differ are predicted by each other.
-        let loss = |scores: &[i64]| {
-            let losses = scores.iter().zip(&samples).map(|(score, sample)| {
-                let odds = *score as f64 / if sample.right { -1000.0 } else { 1000.0 };
-                odds.exp().ln_1p()
-            });
-            losses.sum::<f64>()
-        };
-        let (run, kind) = (loss(&fit.held_out), loss(&fit.held_out_kind));
+        let [run, kind] = losses_of_the_last_kind(&fit, &samples, &kinds);
         assert!((kind / run - 1.0).abs() < 0.01, "{run} {kind}");
+        // One whose cells contradict the others' is not.
+        let mut opposed = samples.clone();
+        let own = opposed
+            .iter_mut()
+            .zip(&kinds)
+            .filter(|(_, kind)| **kind == 2);
+        own.for_each(|(sample, _)| sample.right = !sample.right);
+        let fit = fit_cells(&opposed, &kinds, &vec![1.0; samples.len()], 50, || true).unwrap();
+        let [run, kind] = losses_of_the_last_kind(&fit, &opposed, &kinds);
+        assert!(kind > 1.1 * run, "{run} {kind}");
+    }
+
+    /// Log loss of the cells of the last kind, with its runs held out and with the kind held out.
+    fn losses_of_the_last_kind(fit: &CellFit, samples: &[CellSample], kinds: &[usize]) -> [f64; 2] {
+        [&fit.held_out, &fit.held_out_kind].map(|scores| {
+            let of_kind = (0..samples.len()).filter(|&i| kinds[i] == 2);
+            let losses = of_kind.map(|i| {
+                let sign = if samples[i].right { -1000.0 } else { 1000.0 };
+                (scores[i] as f64 / sign).exp().ln_1p()
+            });
+            losses.sum()
+        })
     }
 
     #[test]

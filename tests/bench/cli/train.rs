@@ -106,6 +106,12 @@ fn kinds_are_held_out_and_tests_are_not_fitted() {
     };
     assert_eq!(steps("tested.toml"), steps("alone.toml"));
     assert!(fixture.text("tested.html").contains("Kinds of scenes"));
+    // The file names only what it was fitted to.
+    let head = fixture.text("tested.toml");
+    assert!(
+        head.contains("shapes seed 4") && !head.contains("arena seed"),
+        "{head}"
+    );
 }
 
 #[test]

@@ -1,12 +1,12 @@
 //! Files beside a folder's images that measure the truth: depth images, KITTI's laser scans.
 
-use super::layout::{Cameras, Layout, find_ending, natural};
+use super::layout::{Cameras, Images, Layout, find_ending};
 use super::stamps::epoch_ns;
 use nalgebra::Isometry3;
 use std::path::{Path, PathBuf};
 use svl_calibrate::files::read_scanner;
 use svl_core::depth::project;
-use svl_core::stereo::{Frame, Truth, TruthDensity, TruthKind, TruthOrigin};
+use svl_core::stereo::{Frame, Truth, TruthDensity};
 use svl_core::{Error, Result, counted};
 use svl_data::files::{has_ending, read_depth, read_points};
 use svl_data::recording::{RawCamera, TruthSelection, disparities};
@@ -28,8 +28,10 @@ pub struct FolderTruth {
     pattern: String,
     /// Metres per step of the depth images.
     unit_m: Option<f32>,
-    /// The part at `*` of each file's name, which is also its stamp if all of them are times.
-    files: Vec<(Vec<u8>, Option<u64>, PathBuf)>,
+    /// By the part at `*` of their names.
+    files: Images,
+    /// The same by stamp, if all names are times.
+    times: Vec<(u64, PathBuf)>,
     max_skew_ns: u64,
     /// Pose of the laser scanner in the left camera.
     scanner: Option<Isometry3<f64>>,
@@ -68,20 +70,19 @@ impl FolderTruth {
             return Err(Error::format(folder, why));
         }
         let has_times = found.keys().all(|key| epoch_ns(key).is_some());
-        let mut files: Vec<_> = found
-            .into_iter()
-            .map(|(key, path)| {
-                let stamp = epoch_ns(&key).filter(|_| has_times);
-                (key, stamp, path)
-            })
-            .collect();
-        files.sort_by(|(a, ..), (b, ..)| natural(a, b));
-        let has_scans = files.iter().any(|(.., path)| has_ending(path, "bin"));
+        let stamp = |(key, path): (&Vec<u8>, &PathBuf)| Some((epoch_ns(key)?, path.clone()));
+        let times = if has_times {
+            found.iter().filter_map(stamp).collect()
+        } else {
+            Vec::new()
+        };
+        let has_scans = found.values().any(|path| has_ending(path, "bin"));
         Ok(Self {
             folder: folder.to_owned(),
             pattern: pattern.to_owned(),
             unit_m,
-            files,
+            files: found,
+            times,
             max_skew_ns: selection.max_skew_ns,
             scanner: has_scans.then(|| scanner(folder, layout)).transpose()?,
             without: 0,
@@ -153,36 +154,24 @@ impl FolderTruth {
             return Err(Error::format(path, why));
         }
         let known = disparity.pixels().filter(|d| d.is_finite()).count();
-        frame.truth = Some(Truth {
-            disparity,
-            visibility: None,
-            surface: None,
-            kind: TruthKind {
-                // Laser points in an image, as KITTI's depth maps, are spread as in a cloud.
-                density: if 2 * known < size.0 * size.1 {
-                    TruthDensity::Sparse
-                } else {
-                    TruthDensity::Dense
-                },
-                origin: TruthOrigin::Sensor(self.pattern.clone()),
-            },
-        });
+        // Laser points in an image, as KITTI's depth maps, are spread as in a cloud.
+        let density = if 2 * known < size.0 * size.1 {
+            TruthDensity::Sparse
+        } else {
+            TruthDensity::Dense
+        };
+        frame.truth = Some(Truth::of_sensor(disparity, density, &self.pattern));
         Ok(())
     }
 
     fn file(&self, frame: &Frame) -> Option<&Path> {
         let name = frame.name.as_deref().unwrap_or_default().as_bytes();
-        let named = self.files.iter().find(|(key, ..)| key == name);
         let nearest = || {
-            let apart = |stamp: &Option<u64>| Some(stamp.as_ref()?.abs_diff(frame.stamp_ns));
-            let files = self
-                .files
-                .iter()
-                .filter_map(|file| Some((apart(&file.1)?, file)));
-            let (apart, file) = files.min_by_key(|(apart, _)| *apart)?;
-            (apart <= self.max_skew_ns).then_some(file)
+            let apart = |(stamp_ns, _): &&(u64, PathBuf)| stamp_ns.abs_diff(frame.stamp_ns);
+            let nearest = self.times.iter().min_by_key(apart)?;
+            (apart(&nearest) <= self.max_skew_ns).then_some(&nearest.1)
         };
-        let (.., path) = named.or_else(nearest)?;
+        let path = self.files.get(name).or_else(nearest)?;
         Some(path)
     }
 

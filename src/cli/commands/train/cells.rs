@@ -124,7 +124,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let training = CellTraining::new(&args.algo, &learned, &fit)?;
     let manifest = Manifest::new("train cells", std::slice::from_ref(&args.algo))?;
     outputs.set_aside()?;
-    let head = header(&manifest, &learned.groups, &training);
+    let head = header(&manifest, learned.fitted_groups(), &training);
     write(&args.output, head + &fit.table.to_toml())?;
     write(&page, training.page(manifest.entries())?)?;
     if let Some(path) = &args.samples {

@@ -152,12 +152,12 @@ impl Decision {
         let bins = tolerance.bins();
         let all = |bin| cell.all(bin);
         let supporting = |bin| cell.supporting(bin);
-        // Fraction of the cell that may be uncertain, on the side with less room.
+        // Fraction of the cell that may be uncertain, on the side with less room. Half of the votes
+        // for none count on either side.
+        let rank = self.rank * votes - 50 * cell.none;
         let safe = |v: usize| {
             let [l, r] = tolerance.within(v);
-            // Half of the votes for none count on either side.
-            let near = (100 - self.rank) * votes - 100 * (votes - cell.none - all(r));
-            (self.rank * votes - 100 * all(l)).min(near) - 50 * cell.none
+            (rank - 100 * all(l)).min(100 * all(r) - rank)
         };
         let held = |v: usize| {
             let [l, r] = tolerance.within(v);

@@ -1,4 +1,5 @@
-//! Recordings that svl did not write: ROS 2 bags and Foxglove recordings in MCAP.
+//! Recordings that svl did not write: bags of ROS 1 and 2, of the RealSense SDK, and Foxglove
+//! recordings.
 
 mod baseline;
 mod bayer;

@@ -27,7 +27,7 @@ pub(super) struct Line {
 }
 
 impl Line {
-    /// Finds the nearest seen pixels of one pixel of `every` so many. `bins` and `seen` are planes
+    /// Finds the nearest seen pixels of each `every`-th pixel. `bins` and `seen` are planes
     /// of pixels; `grey` are the line's own.
     pub(super) fn scan(
         self,

@@ -14,7 +14,7 @@ pub(in crate::recording) use kind::head;
 use measurements::Measurements;
 use nalgebra::Isometry3;
 use std::collections::BTreeSet;
-use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity, TruthKind, TruthOrigin};
+use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity};
 use svl_core::{Error, Result, did_you_mean, joined};
 pub use view::RawCamera;
 use view::{Setup, View};
@@ -185,15 +185,8 @@ impl TruthTopic {
         let disparity = view.disparities(&measured, motion.as_ref(), &rig, size);
         let density = view.density(motion.is_some());
         self.view = Some(view);
-        frame.truth = Some(Truth {
-            disparity: disparity.map_err(|reason| self.wrong(&reason))?,
-            visibility: None,
-            surface: None,
-            kind: TruthKind {
-                density,
-                origin: TruthOrigin::Sensor(self.topic.clone()),
-            },
-        });
+        let disparity = disparity.map_err(|reason| self.wrong(&reason))?;
+        frame.truth = Some(Truth::of_sensor(disparity, density, &self.topic));
         Ok(())
     }
 
