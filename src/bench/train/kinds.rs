@@ -20,7 +20,7 @@ pub struct KindCells {
     pub held_out: TableFigures,
     /// By the algorithm's table; `None` if the scenarios decide.
     pub present: Option<TableFigures>,
-    /// Fraction of the known cells that are wrong if the first table knows as many as it.
+    /// Wrong fraction of the known cells if the first table knows as many as the second.
     pub wrong_at_equal: f64,
     /// Known fraction of all cells, and fraction of these that is wrong, of the first table.
     pub curve: Vec<(f64, f64)>,
