@@ -45,7 +45,7 @@ pub use pairs::Group;
 pub use paths::{PathBlock, Penalties};
 pub use row_paths::RowPaths;
 pub use row_winners::{RowWinners, WinnerTest};
-pub use sad::{PIXELS, SadTest, SadWinners};
+pub use sad::{PIXELS, SadBlock, SadTest, SadWinners, Sads};
 pub use scanline::{ScanlinePaths, edge, edge_before};
 pub use sliding_ssd::{Match, REACH, WINDOW, weight};
 pub use small_census::{SMALL_CENSUS_PLANES, SMALL_CENSUS_REACH, STEPS};
@@ -224,29 +224,30 @@ kernels! {
     /// Slides column sums of absolute differences down by a row: `left` and `right` hold the row
     /// that enters and the one that leaves.
     ///
-    /// `sums` holds `stride` columns, whole blocks of [`PIXELS`], for each disparity of the range,
-    /// the highest first; at index `i` a left pixel is compared with the right one `i` further on.
-    /// The rows are long enough for that.
+    /// `columns` holds `blocks` sums for each column; at index `i` a left pixel is compared with the
+    /// right one `i` further on. The rows are long enough for that.
     pub fn slide_columns(
         left: [&[u8]; 2],
         right: [&[u8]; 2],
-        stride: usize,
-        sums: &mut [u16],
+        blocks: usize,
+        columns: &mut [Sads],
     ) = sad::slide;
 
     /// Slides column sums of the strength of the prefilter's response down by a row: the first of
     /// `rows` enters, the second leaves.
     pub fn slide_texture(rows: [&[u8]; 2], sums: &mut [u16]) = sad::slide_texture;
 
-    /// Sums of `window` neighbouring columns, starting at each column; whole blocks of [`PIXELS`].
+    /// Sums of `window` neighbouring columns, starting at each column.
     pub fn run_sums(columns: &[u16], window: usize, out: &mut [u16]) = sad::run_sums;
 
-    /// The disparity of the least sum of `window` neighbouring columns for each pixel, and its
-    /// rivals; ties to the earlier index.
+    /// The disparity of the least sum of `window` neighbouring columns for each pixel, ties to the
+    /// earlier index, and the number of its rivals: others must be worse by `uniqueness` per cent
+    /// (0: not counted).
     pub fn least_sads(
-        sums: &[u16],
-        stride: usize,
+        columns: &[Sads],
         window: usize,
+        uniqueness: u32,
+        block: &mut SadBlock,
         out: &mut [SadWinners],
     ) = sad::least;
 

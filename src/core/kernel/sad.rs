@@ -1,26 +1,186 @@
-//! Sums of absolute differences (SAD) over square windows, for a row of pixels at once.
+//! Sums of absolute differences (SAD) over square windows, for a row of pixels.
 //!
 //! The columns of the windows are summed first and slide down with the rows: one difference enters,
-//! one leaves. The sum of a window is then that of the neighbouring columns across its width.
-//! Pixels are the lanes, disparities the loop: minima, runners-up and the neighbours of the minimum
-//! are kept per lane, and nothing is reduced across lanes.
+//! one leaves. The windows slide along the row in the same way. Disparities are the lanes: a pixel
+//! is compared with neighbours in the other image, and whole lanes enter and leave.
 
 use super::PREFILTER_CAP;
 use crate::stereo::{Reason, RowMut};
 
-/// Pixels handled together; rows passed to these kernels extend that far beyond their last pixel.
+/// Pixels whose winners are tested together.
 pub const PIXELS: usize = 64;
 
-/// A pixel's cheapest disparities.
+/// Sums at consecutive disparities, the highest first.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub struct Sads([u16; Self::COUNT]);
+
+impl Sads {
+    /// Rows passed to these kernels extend that far beyond the last pixel that is compared.
+    pub const COUNT: usize = 32;
+    pub const ZERO: Self = Self([0; Self::COUNT]);
+}
+
+/// SADs of the windows of neighbouring pixels. Scratch.
+pub struct SadBlock {
+    /// Number of disparities.
+    count: usize,
+    /// Sums of all columns of the window but the last, plus [`BIAS`] modulo 2¹⁶.
+    sums: Vec<Sads>,
+    by_pixel: Vec<Sads>,
+    /// Between two that are never the least.
+    by_disparity: Vec<SadsOfPixels>,
+}
+
+/// SADs of neighbouring pixels at one disparity, less [`BIAS`].
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct SadsOfPixels([u16; PIXELS]);
+
+impl SadsOfPixels {
+    const GREATEST: Self = Self([i16::MAX as u16; PIXELS]);
+
+    #[inline(always)]
+    fn signed(&self) -> [i16; PIXELS] {
+        self.0.map(|sad| sad as i16)
+    }
+}
+
+impl SadBlock {
+    /// For that many disparities.
+    pub fn new(count: usize) -> Self {
+        let columns = count.div_ceil(Sads::COUNT);
+        Self {
+            count,
+            sums: vec![Sads::ZERO; columns],
+            by_pixel: vec![Sads::ZERO; columns * PIXELS],
+            by_disparity: vec![SadsOfPixels::GREATEST; columns * Sads::COUNT + 2],
+        }
+    }
+
+    /// Number of [`Sads`] of a column.
+    pub fn column(&self) -> usize {
+        self.sums.len()
+    }
+
+    /// Moves the windows along the pixels of the block: for each a column enters, and one leaves
+    /// before the next pixel.
+    #[inline(always)]
+    fn slide(&mut self, entering: &[Sads], leaving: &[Sads]) {
+        let column = self.column();
+        for (at, sums) in self.sums.iter_mut().enumerate() {
+            let sads = self.by_pixel[at..].iter_mut().step_by(column);
+            let entering = entering[at..].iter().step_by(column);
+            let leaving = leaving[at..].iter().step_by(column);
+            let mut sum = *sums;
+            for (sads, (entering, leaving)) in sads.zip(entering.zip(leaving)) {
+                // Copies, which do not overlap.
+                let (entering, leaving) = (*entering, *leaving);
+                for i in 0..Sads::COUNT {
+                    sum.0[i] = sum.0[i].wrapping_add(entering.0[i]);
+                }
+                *sads = sum;
+                for i in 0..Sads::COUNT {
+                    sum.0[i] = sum.0[i].wrapping_sub(leaving.0[i]);
+                }
+            }
+            *sums = sum;
+        }
+    }
+
+    #[inline(always)]
+    fn transpose(&mut self) {
+        let column = self.column();
+        for (at, lanes) in self.by_disparity[1..].chunks_exact_mut(SIDE).enumerate() {
+            let (sads, lane) = (at * SIDE / Sads::COUNT, at * SIDE % Sads::COUNT);
+            for (x, pixels) in self.by_pixel.chunks_exact(SIDE * column).enumerate() {
+                let mut square = [[0; SIDE]; SIDE];
+                for (i, row) in square.iter_mut().enumerate() {
+                    row.copy_from_slice(&pixels[i * column + sads].0[lane..lane + SIDE]);
+                }
+                for (lanes, row) in lanes.iter_mut().zip(transposed(&square)) {
+                    lanes.0[x * SIDE..(x + 1) * SIDE].copy_from_slice(&row);
+                }
+            }
+        }
+        self.by_disparity[1 + self.count] = SadsOfPixels::GREATEST;
+    }
+
+    /// The winners of the block.
+    #[inline(always)]
+    fn winners(&self, uniqueness: u32) -> SadWinners {
+        let sads = &self.by_disparity[1..=self.count];
+        let mut least = [i16::MAX; PIXELS];
+        let mut place = [0i16; PIXELS];
+        for (index, sads) in (0..).zip(sads) {
+            let sads = sads.signed();
+            for i in 0..PIXELS {
+                // The index increases: the last one that takes the lead is the greatest.
+                let takes = i16::from(sads[i] < least[i]).wrapping_neg();
+                place[i] = place[i].max(takes & index);
+                least[i] = least[i].min(sads[i]);
+            }
+        }
+        let [mut before, mut after] = [[i16::MAX; PIXELS]; 2];
+        for (i, place) in place.into_iter().enumerate() {
+            let place = place as usize;
+            before[i] = self.by_disparity[place].0[i] as i16;
+            after[i] = self.by_disparity[place + 2].0[i] as i16;
+        }
+        let mut rivals = [0; PIXELS];
+        if uniqueness > 0 {
+            let mut limit = [0; PIXELS];
+            for i in 0..PIXELS {
+                // Divided as in OpenCV, rounding down, so that decisions are the same.
+                let sad = u32::from(unbiased(least[i]));
+                let limit_of = sad + sad * uniqueness / 100;
+                limit[i] = (limit_of.min(u32::from(u16::MAX) - 1) as u16 ^ BIAS) as i16;
+            }
+            for sads in sads {
+                count_close(&sads.signed(), &limit, 1, &mut rivals);
+            }
+            for own in [&least, &before, &after] {
+                count_close(own, &limit, -1, &mut rivals);
+            }
+        }
+        SadWinners {
+            index: place.map(|index| index as u16),
+            sad: least.map(unbiased),
+            rivals,
+            before: before.map(unbiased),
+            after: after.map(unbiased),
+        }
+    }
+}
+
+/// Difference of a sum and its signed number: SSE2 compares signed numbers only.
+const BIAS: u16 = 1 << 15;
+
+#[inline(always)]
+fn unbiased(sad: i16) -> u16 {
+    sad as u16 ^ BIAS
+}
+
+/// Adds a number to the counts of the pixels whose SAD is within the limit.
+#[inline(always)]
+fn count_close(sads: &[i16; PIXELS], limit: &[i16; PIXELS], by: i16, counts: &mut [i16; PIXELS]) {
+    let (sads, mut sums) = (*sads, *counts);
+    for i in 0..PIXELS {
+        sums[i] += by & i16::from(sads[i] <= limit[i]).wrapping_neg();
+    }
+    *counts = sums;
+}
+
+/// Cheapest disparities of neighbouring pixels.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct SadWinners {
     /// Index of the winner, counted from the first.
     pub index: [u16; PIXELS],
     pub sad: [u16; PIXELS],
-    /// Least of the others except the winner's two neighbours, `u16::MAX` if there is none.
-    pub other: [u16; PIXELS],
-    /// SADs of the neighbours before and after; unspecified where they lie outside the range.
+    /// Number of others, except the winner's two neighbours, that are not worse by the uniqueness.
+    pub rivals: [i16; PIXELS],
+    /// SADs of the neighbours before and after; `u16::MAX` outside the range.
     pub before: [u16; PIXELS],
     pub after: [u16; PIXELS],
 }
@@ -30,9 +190,9 @@ impl SadWinners {
     pub const NONE: Self = Self {
         index: [0; PIXELS],
         sad: [u16::MAX; PIXELS],
-        other: [u16::MAX; PIXELS],
-        before: [0; PIXELS],
-        after: [0; PIXELS],
+        rivals: [0; PIXELS],
+        before: [u16::MAX; PIXELS],
+        after: [u16::MAX; PIXELS],
     };
 }
 
@@ -45,36 +205,127 @@ pub struct SadTest {
     pub count: u16,
     /// Least sum of the prefilter's responses over a window.
     pub texture: u16,
-    /// Per cent by which another disparity must be worse; 0 = off.
-    pub uniqueness: u32,
 }
 
 /// See [`super::slide_columns`].
 #[inline(always)]
-pub(super) fn slide(left: [&[u8]; 2], right: [&[u8]; 2], stride: usize, sums: &mut [u16]) {
-    for (index, sums) in sums.chunks_exact_mut(stride).enumerate() {
-        let right = right.map(|row| &row[index..]);
-        for (block, sums) in sums.as_chunks_mut::<PIXELS>().0.iter_mut().enumerate() {
-            let x = block * PIXELS;
-            let pixels = |row: &[u8]| -> [u8; PIXELS] {
-                // Rows extend a block beyond their end.
-                *row[x..]
-                    .first_chunk()
-                    .expect("a block beyond the row's end")
-            };
-            let ([left_in, left_out], [right_in, right_out]) =
-                (left.map(pixels), right.map(pixels));
-            for i in 0..PIXELS {
-                let (new, old) = (
-                    left_in[i].abs_diff(right_in[i]),
-                    left_out[i].abs_diff(right_out[i]),
-                );
-                sums[i] = sums[i]
-                    .wrapping_add(u16::from(new))
-                    .wrapping_sub(u16::from(old));
+pub(super) fn slide(left: [&[u8]; 2], right: [&[u8]; 2], blocks: usize, columns: &mut [Sads]) {
+    for (x, columns) in columns.chunks_exact_mut(blocks).enumerate() {
+        let (new, old) = (left[0][x], left[1][x]);
+        let met = x..x + blocks * Sads::COUNT;
+        let entering = right[0][met.clone()].as_chunks().0;
+        let leaving = right[1][met].as_chunks().0;
+        for (sums, (entering, leaving)) in columns.iter_mut().zip(entering.iter().zip(leaving)) {
+            slide_column(sums, new, entering, old, leaving);
+        }
+    }
+}
+
+#[inline(always)]
+fn slide_column(
+    sums: &mut Sads,
+    new: u8,
+    entering: &[u8; Sads::COUNT],
+    old: u8,
+    leaving: &[u8; Sads::COUNT],
+) {
+    let (enters, leaves) = (differences(new, entering), differences(old, leaving));
+    let mut moved = *sums;
+    for i in 0..Sads::COUNT {
+        let change = u16::from(enters[i]).wrapping_sub(u16::from(leaves[i]));
+        moved.0[i] = moved.0[i].wrapping_add(change);
+    }
+    *sums = moved;
+}
+
+#[inline(always)]
+fn differences(pixel: u8, others: &[u8; Sads::COUNT]) -> [u8; Sads::COUNT] {
+    let others = *others;
+    let mut out = [0; Sads::COUNT];
+    for i in 0..Sads::COUNT {
+        // `abs_diff` becomes a difference of 32 bits.
+        out[i] = pixel.saturating_sub(others[i]) | others[i].saturating_sub(pixel);
+    }
+    out
+}
+
+/// See [`super::least_sads`].
+#[inline(always)]
+pub(super) fn least(
+    columns: &[Sads],
+    window: usize,
+    uniqueness: u32,
+    block: &mut SadBlock,
+    out: &mut [SadWinners],
+) {
+    let column = block.column();
+    let (first, entering) = columns.split_at((window - 1) * column);
+    block.sums.fill(Sads([BIAS; Sads::COUNT]));
+    for column in first.chunks_exact(column) {
+        for (sums, column) in block.sums.iter_mut().zip(column) {
+            for i in 0..Sads::COUNT {
+                sums.0[i] = sums.0[i].wrapping_add(column.0[i]);
             }
         }
     }
+    let entering = entering.chunks(PIXELS * column);
+    let leaving = columns.chunks(PIXELS * column);
+    for (out, (entering, leaving)) in out.iter_mut().zip(entering.zip(leaving)) {
+        block.slide(entering, leaving);
+        block.transpose();
+        *out = block.winners(uniqueness);
+    }
+}
+
+/// Side of a square that is transposed.
+const SIDE: usize = 8;
+
+/// As [`super::lanes::transpose_square`].
+#[inline(always)]
+fn transposed(square: &[[u16; SIDE]; SIDE]) -> [[u16; SIDE]; SIDE] {
+    let mut square = *square;
+    for _ in 0..SIDE.ilog2() {
+        let mut interleaved = [[0; SIDE]; SIDE];
+        for (k, pair) in interleaved.as_chunks_mut::<2>().0.iter_mut().enumerate() {
+            *pair = interleave(square[k], square[k + SIDE / 2]);
+        }
+        square = interleaved;
+    }
+    square
+}
+
+/// As that of [`super::lanes`].
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn interleave(a: [u16; SIDE], b: [u16; SIDE]) -> [[u16; SIDE]; 2] {
+    use std::arch::x86_64::{__m128i, _mm_unpackhi_epi16, _mm_unpacklo_epi16};
+    // SAFETY: both types are eight numbers of any value.
+    let vector = |lanes: [u16; SIDE]| unsafe { std::mem::transmute::<[u16; SIDE], __m128i>(lanes) };
+    let (a, b) = (vector(a), vector(b));
+    // SAFETY: as above; and every CPU of this architecture has SSE2.
+    unsafe { std::mem::transmute([_mm_unpacklo_epi16(a, b), _mm_unpackhi_epi16(a, b)]) }
+}
+
+#[cfg(target_arch = "aarch64")]
+#[inline(always)]
+fn interleave(a: [u16; SIDE], b: [u16; SIDE]) -> [[u16; SIDE]; 2] {
+    use std::arch::aarch64::{uint16x8_t, vzip1q_u16, vzip2q_u16};
+    // SAFETY: both types are eight numbers of any value.
+    let vector = |lanes: [u16; SIDE]| unsafe { std::mem::transmute::<_, uint16x8_t>(lanes) };
+    let (a, b) = (vector(a), vector(b));
+    // SAFETY: as above; and every CPU of this architecture has NEON.
+    unsafe { std::mem::transmute([vzip1q_u16(a, b), vzip2q_u16(a, b)]) }
+}
+
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+#[inline(always)]
+fn interleave(a: [u16; SIDE], b: [u16; SIDE]) -> [[u16; SIDE]; 2] {
+    let mut interleaved = [[0; SIDE]; 2];
+    let pairs = interleaved.as_flattened_mut().as_chunks_mut::<2>().0;
+    for (to, (a, b)) in pairs.iter_mut().zip(a.into_iter().zip(b)) {
+        *to = [a, b];
+    }
+    interleaved
 }
 
 /// See [`super::slide_texture`].
@@ -89,61 +340,12 @@ pub(super) fn slide_texture([new, old]: [&[u8]; 2], sums: &mut [u16]) {
 /// See [`super::run_sums`].
 #[inline(always)]
 pub(super) fn run_sums(columns: &[u16], window: usize, out: &mut [u16]) {
-    for (block, out) in out.as_chunks_mut::<PIXELS>().0.iter_mut().enumerate() {
-        *out = window_sum(columns, block * PIXELS, window);
+    let mut sum: u16 = columns[..window - 1].iter().sum();
+    let columns = columns[window - 1..].iter().zip(columns);
+    for (out, (entering, leaving)) in out.iter_mut().zip(columns) {
+        *out = sum + entering;
+        sum = *out - leaving;
     }
-}
-
-/// See [`super::least_sads`].
-#[inline(always)]
-pub(super) fn least(sums: &[u16], stride: usize, window: usize, out: &mut [SadWinners]) {
-    for (block, out) in out.iter_mut().enumerate() {
-        let mut best = SadWinners::NONE;
-        // The SADs of the previous disparity, the least of those before it, and whether the
-        // previous one took the lead.
-        let mut previous = [u16::MAX; PIXELS];
-        let mut older = [u16::MAX; PIXELS];
-        let mut led = [0u16; PIXELS];
-        for (index, columns) in sums.chunks_exact(stride).enumerate() {
-            let sads = window_sum(columns, block * PIXELS, window);
-            // Read from a copy: a choice between a new value and the one already stored becomes a
-            // conditional store, which is a branch on instruction sets without one.
-            let now = best;
-            for i in 0..PIXELS {
-                let (sad, least, led_before) = (sads[i], now.sad[i], led[i]);
-                let takes = u16::from(sad < least).wrapping_neg();
-                best.other[i] = blend(takes, older[i], now.other[i].min(sad | led_before));
-                best.after[i] = blend(led_before, sad, now.after[i]);
-                best.before[i] = blend(takes, previous[i], now.before[i]);
-                best.index[i] = blend(takes, index as u16, now.index[i]);
-                best.sad[i] = least.min(sad);
-                led[i] = takes;
-            }
-            older = now.sad;
-            previous = sads;
-        }
-        *out = best;
-    }
-}
-
-/// `yes` where the bits of `mask` are set, else `no`.
-#[inline(always)]
-fn blend(mask: u16, yes: u16, no: u16) -> u16 {
-    (yes & mask) | (no & !mask)
-}
-
-#[inline(always)]
-fn window_sum(columns: &[u16], x: usize, window: usize) -> [u16; PIXELS] {
-    let mut sums = [0u16; PIXELS];
-    for k in 0..window {
-        let columns: &[u16; PIXELS] = columns[x + k..]
-            .first_chunk()
-            .expect("a block beyond the row's end");
-        for i in 0..PIXELS {
-            sums[i] += columns[i];
-        }
-    }
-    sums
 }
 
 /// See [`super::accept_sads`].
@@ -160,52 +362,56 @@ pub(super) fn accept(
         .zip(why.chunks_mut(PIXELS))
         .zip(textures.chunks(PIXELS));
     for (best, ((disparity, why), textures)) in winners.iter().zip(pixels) {
-        for (i, ((disparity, why), &texture)) in
-            disparity.iter_mut().zip(why).zip(textures).enumerate()
-        {
-            let (sad, other) = (u32::from(best.sad[i]), u32::from(best.other[i]));
-            // Divided as in OpenCV, rounding down, so that decisions are the same.
-            let limit = sad + sad * test.uniqueness / 100;
-            let ambiguous =
-                (test.uniqueness > 0) & (other < u32::from(u16::MAX)) & (other <= limit);
-            let reason = if ambiguous {
-                Reason::Ambiguous
-            } else {
-                Reason::Valid
-            };
-            *why = if texture < test.texture {
-                Reason::Untextured
-            } else {
-                reason
-            };
-            let whole = test.highest - i32::from(best.index[i]);
-            let fraction = if (best.index[i] > 0) & (best.index[i] + 1 < test.count) {
-                fraction(best.before[i], best.sad[i], best.after[i])
-            } else {
-                0
-            };
-            // OpenCV's rounding: upwards.
-            let sixteenths = (whole * 256 + fraction + 15) >> 4;
-            *disparity = if *why == Reason::Valid {
-                sixteenths as f32 / 16.0
-            } else {
-                f32::INFINITY
-            };
-        }
+        let mut all = [0; PIXELS];
+        all[..textures.len()].copy_from_slice(textures);
+        let (disparities, reasons) = accept_block(best, &all, test);
+        disparity.copy_from_slice(&disparities[..disparity.len()]);
+        why.copy_from_slice(&reasons[..why.len()]);
     }
+}
+
+#[inline(always)]
+fn accept_block(
+    best: &SadWinners,
+    textures: &[u16; PIXELS],
+    test: &SadTest,
+) -> ([f32; PIXELS], [Reason; PIXELS]) {
+    let mut disparities = [f32::INFINITY; PIXELS];
+    let mut reasons = [Reason::Valid; PIXELS];
+    for i in 0..PIXELS {
+        let reason = if best.rivals[i] > 0 {
+            Reason::Ambiguous
+        } else {
+            Reason::Valid
+        };
+        reasons[i] = if textures[i] < test.texture {
+            Reason::Untextured
+        } else {
+            reason
+        };
+    }
+    for i in 0..PIXELS {
+        let index = i32::from(best.index[i]);
+        let inside = (index > 0) & (index + 1 < i32::from(test.count));
+        let fraction = fraction(best.before[i], best.sad[i], best.after[i]);
+        let fraction = if inside { fraction } else { 0 };
+        // OpenCV's rounding: upwards.
+        let sixteenths = ((test.highest - index) * 256 + fraction + 15) >> 4;
+        let valid = (best.rivals[i] <= 0) & (textures[i] >= test.texture);
+        let found = sixteenths as f32 / 16.0;
+        disparities[i] = if valid { found } else { f32::INFINITY };
+    }
+    (disparities, reasons)
 }
 
 /// Position of the minimum between its neighbours, in 256ths of a pixel towards the higher
 /// disparity, which comes before.
 #[inline(always)]
 fn fraction(before: u16, least: u16, after: u16) -> i32 {
-    let [before, least, after] = [before, least, after].map(f64::from);
+    let [before, least, after] = [before, least, after].map(f32::from);
     let slope = after - before;
     let curvature = before + after - 2.0 * least + slope.abs();
-    // A flat neighbourhood has no fraction.
-    if curvature > 0.0 {
-        (slope * 256.0 / curvature) as i32
-    } else {
-        0
-    }
+    // A flat neighbourhood has no fraction: zero by one. The quotient is at most 128, and its parts
+    // are integers below 2²⁴ and 2¹⁸: no rounding reaches the next integer.
+    (slope * 256.0 / curvature.max(1.0)) as i32
 }

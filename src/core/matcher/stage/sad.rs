@@ -6,8 +6,8 @@
 
 use super::{DisparityRange, EdgeImage};
 use crate::kernel::{
-    Isa, PIXELS, SadTest, SadWinners, accept_sads, least_sads, run_sums, slide_columns,
-    slide_texture,
+    Isa, PIXELS, SadBlock, SadTest, SadWinners, Sads, accept_sads, least_sads, run_sums,
+    slide_columns, slide_texture,
 };
 use crate::stereo::{Reason, RowMut};
 use std::ops;
@@ -24,13 +24,14 @@ pub struct SadSearch {
     range: DisparityRange,
     window: usize,
     test: SadTest,
+    /// Per cent by which another disparity must be worse; 0 = off.
+    uniqueness: u32,
     room: Room,
-    /// Columns kept per disparity, whole blocks.
-    stride: usize,
     /// The row of the current sums.
     at: Option<usize>,
-    /// Sums of columns, per disparity from the highest down.
-    sums: Vec<u16>,
+    /// Sums of each column at all disparities.
+    columns: Vec<Sads>,
+    block: SadBlock,
     texture_sums: Vec<u16>,
     textures: Vec<u16>,
     winners: Vec<SadWinners>,
@@ -72,14 +73,11 @@ impl SadSearch {
         } else {
             room
         };
-        let blocks = room.columns.len().div_ceil(PIXELS);
-        // One more block, as the sums of a window's columns reach beyond its first pixel.
-        let stride = (blocks + 1) * PIXELS;
-        let count = if blocks == 0 {
-            0
-        } else {
-            (range.max() - range.min() + 1) as usize
-        };
+        let count = (range.max() - range.min() + 1) as usize;
+        let block = SadBlock::new(count);
+        let pixels = room.columns.len();
+        // No columns without windows.
+        let columns = if pixels == 0 { 0 } else { pixels + window - 1 };
         Self {
             range,
             window,
@@ -87,16 +85,16 @@ impl SadSearch {
                 highest: range.max(),
                 count: count as u16,
                 texture,
-                uniqueness,
             },
+            uniqueness,
             room,
-            stride,
             at: None,
-            sums: vec![0; count * stride],
-            texture_sums: vec![0; stride],
-            textures: vec![0; blocks * PIXELS],
-            winners: vec![SadWinners::NONE; blocks],
-            blank: vec![crate::kernel::PREFILTER_CAP as u8; count + stride],
+            columns: vec![Sads::ZERO; columns * block.column()],
+            texture_sums: vec![0; columns],
+            textures: vec![0; pixels],
+            winners: vec![SadWinners::NONE; pixels.div_ceil(PIXELS)],
+            blank: vec![crate::kernel::PREFILTER_CAP as u8; columns + block.column() * Sads::COUNT],
+            block,
         }
     }
 
@@ -116,7 +114,14 @@ impl SadSearch {
             return;
         }
         self.move_to(isa, y, left, right);
-        least_sads(isa, &self.sums, self.stride, self.window, &mut self.winners);
+        least_sads(
+            isa,
+            &self.columns,
+            self.window,
+            self.uniqueness,
+            &mut self.block,
+            &mut self.winners,
+        );
         run_sums(isa, &self.texture_sums, self.window, &mut self.textures);
         let columns = self.room.columns.clone();
         row.part_mut(0..columns.start).clear(Reason::Border);
@@ -149,7 +154,7 @@ impl SadSearch {
         match self.at {
             Some(at) if at + 1 == y => self.slide(isa, y + reach, Some(at - reach), left, right),
             _ => {
-                self.sums.fill(0);
+                self.columns.fill(Sads::ZERO);
                 self.texture_sums.fill(0);
                 (y - reach..=y + reach).for_each(|new| self.slide(isa, new, None, left, right));
             }
@@ -174,8 +179,8 @@ impl SadSearch {
             isa,
             [left_new, left_old],
             [&right.row(new)[met..], right_old],
-            self.stride,
-            &mut self.sums,
+            self.block.column(),
+            &mut self.columns,
         );
         slide_texture(isa, [left_new, left_old], &mut self.texture_sums);
     }
