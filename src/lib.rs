@@ -28,7 +28,7 @@
 //! ```
 
 #[cfg(feature = "ros2")]
-pub use svl_bench::dds;
+pub use svl_bench::{bridge, dds};
 pub use svl_bench::{
     console, drive, evaluation, outputs, record, report, run, runs, sink, source, train, tune,
 };

@@ -63,6 +63,7 @@ const PACKAGES: [Package; 8] = [
         root: "bench/lib.rs",
         layers: &[
             &["outputs", "dds"],
+            &["bridge"],
             &["source", "report"],
             &["sink"],
             &["run"],

@@ -2,6 +2,8 @@
 //!
 //! `svl` re-exports its modules.
 
+#[cfg(feature = "ros2")]
+pub mod bridge;
 pub mod console;
 #[cfg(feature = "ros2")]
 pub mod dds;

@@ -45,7 +45,7 @@ pub fn named(what: &[String]) -> Result<Scenario> {
         [name] if name == "arena" => Scenario::arena(),
         [path] if is_scenario(path) => Scenario::read(Path::new(path)),
         recordings => {
-            if let Some(name) = recordings.iter().find(|name| source::is_ros2(name)) {
+            if let Some(name) = recordings.iter().find(|name| source::are_live_topics(name)) {
                 let cure = format!("record them first, svl record {name} -o run.mcap");
                 return Err(Error::Usage(format!("{name}: are live topics; {cure}")));
             }

@@ -31,6 +31,8 @@ const PARSED: &[(&str, &str)] = &[
     ("svl record ros2:", "needs live topics; ros2:: has some"),
     ("svl replay ros2:", "needs live topics; ros2:: has some"),
     ("svl info ros2:", "needs live topics; ros2:: has some"),
+    ("svl info foxglove:", "needs a bridge; ros2:: has one"),
+    ("svl record foxglove:", "needs a bridge; ros2:: has one"),
     (
         "svl replay run.mcap --publish",
         "needs a feature that is off; ros2:: has it",

@@ -1,10 +1,11 @@
-"""The other end of svl's ROS 2 topics: CycloneDDS, as ROS has it, on the loopback interface.
+"""The other end of svl's ROS 2 topics: CycloneDDS, as ROS has it, or a Foxglove bridge, on the loopback interface.
 
     ros2_topics.py publish DOMAIN PAIRS HZ WIDTH HEIGHT [raw] [latched]
+    ros2_topics.py publish PORT PAIRS HZ WIDTH HEIGHT bridge [raw] [ENCODING]
     ros2_topics.py read DOMAIN TOPIC MESSAGES SECONDS
 
 `latched`: the calibrations are sent once, for late subscribers too. `publish` prints, when it is done, a JSON line per pair: stamp and CRC-32 of left and right. `read` prints a JSON line per
-message that svl publishes.
+message that svl publishes. `ENCODING`: the bridge's word for CDR.
 """
 
 import json
@@ -174,15 +175,38 @@ RELIABLE = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.
 FOCAL, BASELINE, DISPARITY = 400.0, 0.1, 16
 
 
+class BridgeWriter:
+    """A channel of a bridge, as foxglove_bridge has one for a topic of ROS 2."""
+
+    def __init__(self, topic, kind, encoding):
+        from foxglove import Channel, Schema
+
+        name = kind.__idl_typename__.replace("::dds_::", "::").removesuffix("_").replace("::", "/")
+        schema = Schema(name=name, encoding="ros2msg", data=b"")
+        self.channel = Channel(topic, schema=schema, message_encoding=encoding)
+
+    def write(self, message):
+        self.channel.log(message.serialize())
+
+
 def publish(domain, pairs, hz, width, height, *options):
     topics = ["/cam/left/", "/cam/right/"]
     name = "image_raw" if "raw" in options else "image_rect"
     width, height, hz = int(width), int(height), float(hz)
     Image = image_of(width * height)
-    participant = DomainParticipant(int(domain))
-    images = [DataWriter(participant, Topic(participant, f"rt{t}{name}", Image), qos=BEST_EFFORT) for t in topics]
-    qos, latched = (LATCHED, True) if "latched" in options else (RELIABLE, False)
-    infos = [DataWriter(participant, Topic(participant, f"rt{t}camera_info", CameraInfo), qos=qos) for t in topics]
+    latched = "latched" in options
+    if "bridge" in options:
+        import foxglove
+
+        # It lives until this process ends.
+        server = foxglove.start_server(host="127.0.0.1", port=int(domain))
+        encoding = next((option for option in options if option not in ("bridge", "raw")), "cdr")
+        writer = lambda topic, kind, qos: BridgeWriter(topic, kind, encoding)
+    else:
+        participant = DomainParticipant(int(domain))
+        writer = lambda topic, kind, qos: DataWriter(participant, Topic(participant, f"rt{topic}", kind), qos=qos)
+    images = [writer(f"{topic}{name}", Image, BEST_EFFORT) for topic in topics]
+    infos = [writer(f"{topic}camera_info", CameraInfo, LATCHED if latched else RELIABLE) for topic in topics]
     # A textured wall, moved a little from pair to pair, on images of the same scene.
     texture = numpy.random.default_rng(1).integers(0, 256, (height, width + 256), dtype=numpy.uint8)
     begin, lines = time.time(), []
@@ -207,6 +231,10 @@ def publish(domain, pairs, hz, width, height, *options):
         lines.append({"stamp_ns": now, "crc": sent})
     for line in lines:
         print(json.dumps(line))
+    if "bridge" in options:
+        sys.stdout.flush()
+        # An orderly end of the server may hang.
+        os._exit(0)
 
 
 def described(message):
@@ -216,7 +244,10 @@ def described(message):
         names = [field.name for field in message.fields]
         assert [f.datatype for f in message.fields] == [7] * len(names) and message.row_step == len(message.data)
         points = numpy.frombuffer(bytes(message.data), "<f4").reshape(message.height * message.width, len(names))
-        return fields | {"fields": names, "dense": message.is_dense, "points": points.tolist()}
+        layout = {"size": (message.width, message.height), "steps": (message.point_step, message.row_step),
+                  "offsets": [f.offset for f in message.fields], "counts": [f.count for f in message.fields],
+                  "is_bigendian": message.is_bigendian}
+        return fields | layout | {"fields": names, "dense": message.is_dense, "points": points.tolist()}
     if isinstance(message, DisparityImage):
         pixels = numpy.frombuffer(bytes(message.image.data), "<f4").reshape(message.image.height, message.image.width)
         return fields | {"size": pixels.shape[::-1], "encoding": message.image.encoding, "f": message.f, "t": message.t,
@@ -228,8 +259,8 @@ def described(message):
         return fields | numbers | {"ranges": [repr(r) if r != r or r == numpy.inf else r for r in message.ranges]}
     if isinstance(message, Image):
         pixels = numpy.frombuffer(bytes(message.data), "<f4").reshape(message.height, message.width)
-        return fields | {"size": pixels.shape[::-1], "encoding": message.encoding, "step": message.step,
-                         "median": float(numpy.nanmedian(pixels)), "unknown": int(numpy.isnan(pixels).sum())}
+        return fields | {"size": (message.width, message.height), "encoding": message.encoding, "step": message.step,
+                         "is_bigendian": message.is_bigendian, "median": float(numpy.nanmedian(pixels)), "unknown": int(numpy.isnan(pixels).sum())}
     status = message.status[0]
     return fields | {"level": status.level, "name": status.name, "message": status.message,
                      "values": {pair.key: pair.value for pair in status.values}}

@@ -9,7 +9,10 @@ mod facts;
 mod folder;
 mod limited;
 mod live;
+mod live_topics;
 mod measured;
+#[cfg(feature = "ros2")]
+mod network;
 mod open;
 mod opened;
 mod recording;
@@ -31,12 +34,11 @@ pub use facts::{NearestDistance, SourceFacts, TruthFacts};
 pub use folder::{FolderRequest, FolderSource, FolderTruth};
 pub use limited::Limited;
 pub use live::LiveSource;
-pub use measured::{MeasuredSource, SensorTruth};
 #[cfg(not(feature = "ros2"))]
-pub(crate) use open::without_ros2;
-pub use open::{
-    CAMERAS, ROS2, SOURCES, SourceKind, expected, is_ros2, listen, open, open_arena, open_recording,
-};
+pub(crate) use live_topics::without_ros2;
+pub use live_topics::{are_live_topics, listen};
+pub use measured::{MeasuredSource, SensorTruth};
+pub use open::{CAMERAS, SOURCES, SourceKind, expected, open, open_arena, open_recording};
 pub use opened::{Heard, Opened};
 pub use recording::RecordingSource;
 pub use rectified::{AssumeRectified, RectifiedSource};

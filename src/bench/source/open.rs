@@ -2,12 +2,12 @@
 
 use super::calibration::CalibrationFiles;
 use super::dataset::{Scene, SceneSource};
+use super::live_topics::{self, are_live_topics};
 use super::opened::Opened;
 use super::request::Request;
 use super::video::is_video;
 use super::{
-    ArenaSource, BoardSource, FolderSource, Heard, LiveSource, RecordingSource, SensorTruth,
-    VideoSource,
+    ArenaSource, BoardSource, FolderSource, LiveSource, RecordingSource, SensorTruth, VideoSource,
 };
 use std::path::Path;
 use svl_core::{Error, Result, joined};
@@ -35,7 +35,7 @@ pub struct SourceKind {
 impl SourceKind {
     /// True if it needs neither file nor camera.
     pub fn is_simulated(&self) -> bool {
-        !self.is_path && ![CAMERAS, ROS2].contains(&self.name)
+        !self.is_path && self.name != CAMERAS && !are_live_topics(self.name)
     }
 }
 
@@ -80,15 +80,24 @@ pub const SOURCES: &[SourceKind] = &[
         open: cameras,
     },
     SourceKind {
-        name: ROS2,
+        name: "ros2:[LEFT,RIGHT]",
         noun: "topics of ROS 2",
         help: "live topics of ROS 2, found by type and name, or the two that are named; options: \
                domain=N [default: ROS_DOMAIN_ID, else 0], interface=ADDRESS of the network to use \
                [default: all]",
-        options: &["left", "right", "bits", "max_skew_ms", "queue", "when_full"],
+        options: live_topics::OPTIONS,
         is_path: false,
-        recognizes: is_ros2,
-        open: ros2,
+        recognizes: |name| name.starts_with("ros2:"),
+        open: live_topics::open,
+    },
+    SourceKind {
+        name: "foxglove:ws://HOST:PORT[/LEFT,RIGHT]",
+        noun: "topics of a Foxglove bridge",
+        help: "the same through a running foxglove_bridge, where DDS does not reach",
+        options: live_topics::OPTIONS,
+        is_path: false,
+        recognizes: |name| name.starts_with("foxglove:"),
+        open: live_topics::open,
     },
     SourceKind {
         name: "SCENARIO.toml",
@@ -149,9 +158,6 @@ pub const SOURCES: &[SourceKind] = &[
 /// The row of [`SOURCES`] that represents all [`DRIVERS`].
 pub const CAMERAS: &str = "cameras";
 
-/// The row of [`SOURCES`] for live topics.
-pub const ROS2: &str = "ros2:[LEFT,RIGHT]";
-
 /// The row of [`SOURCES`] that recordings are opened by.
 const RECORDING: &str = "FILE.mcap, BAG";
 const FOLDER: &str = "FOLDER";
@@ -205,7 +211,7 @@ pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
     let name = request.name;
     let exists = Path::new(name).exists();
     let kind = SOURCES.iter().find(|kind| (kind.recognizes)(name));
-    if kind.is_some_and(|kind| kind.name == ROS2) {
+    if are_live_topics(name) {
         return open(request);
     }
     // A folder may have no images either; then its error as a bag is reported.
@@ -414,44 +420,6 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         notes: note.into_iter().collect(),
         ..Opened::new(source, header, stem)
     })
-}
-
-/// True if `name` names live topics of ROS 2.
-pub fn is_ros2(name: &str) -> bool {
-    name.starts_with("ros2:")
-}
-
-fn ros2(request: &Request<'_>) -> Result<Opened> {
-    #[cfg(feature = "ros2")]
-    {
-        super::ros2::open(request)
-    }
-    #[cfg(not(feature = "ros2"))]
-    Err(without_ros2(request.name))
-}
-
-/// Listens to live topics for some seconds, to say what there is.
-///
-/// # Errors
-/// [`Error::Camera`] if nothing is published, and those of the network.
-pub fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
-    #[cfg(feature = "ros2")]
-    {
-        super::ros2::listen(name, stopped)
-    }
-    #[cfg(not(feature = "ros2"))]
-    {
-        let _ = stopped;
-        Err(without_ros2(name))
-    }
-}
-
-/// The error of an svl that was built without ROS 2.
-#[cfg(not(feature = "ros2"))]
-pub(crate) fn without_ros2(name: &str) -> Error {
-    let cure = "`cargo install --path . --features ros2` adds it";
-    let name = name.trim_end_matches(':');
-    Error::Invalid(format!("{name}: this svl was built without ROS 2; {cure}"))
 }
 
 fn is_file(name: &str, extensions: &[&str]) -> bool {

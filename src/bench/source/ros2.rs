@@ -1,9 +1,11 @@
-//! Live ROS 2 topics as a source: pairs formed as those of a bag, by a thread of its own.
+//! Live ROS 2 topics as a source, over DDS or through a Foxglove bridge: pairs formed as those of a
+//! bag, by a thread of its own.
 
+use super::network::{Inbox, Joined, TopicNetwork};
 use super::opened::Opened;
 use super::request::Request;
 use super::{Heard, Source};
-use crate::dds::{Address, Domain, FoundTopic, TopicInbox};
+use crate::dds::FoundTopic;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -39,7 +41,7 @@ struct TopicSource {
 /// Receives messages and forms pairs.
 struct Receiver {
     name: String,
-    inbox: TopicInbox,
+    inbox: Inbox,
     pairs: TopicPairs,
     /// Images that cannot be read, or pairs of different sizes.
     unreadable: u64,
@@ -56,17 +58,18 @@ struct Receiver {
 
 /// Opens the topics that a request names, or those found by type and name.
 pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
-    let address: Address = request.name.parse()?;
     let mut selection = request.selection();
-    if let Some([left, right]) = pair_named(&address)? {
+    let Joined {
+        mut network, named, ..
+    } = TopicNetwork::join(request.name)?;
+    if let Some([left, right]) = named {
         (selection.left, selection.right) = (Some(left), Some(right));
     }
     let stopped = request.host.stopped;
-    let domain = Domain::join(&address)?;
-    let (pairs, topics) = find(&domain, request.name, &selection, stopped)?;
+    let (pairs, topics) = find(&mut network, request.name, &selection, stopped)?;
     let mut receiver = Receiver {
         name: request.name.to_owned(),
-        inbox: TopicInbox::new(domain, &topics)?,
+        inbox: network.subscribe(&topics)?,
         pairs,
         unreadable: 0,
         broken: BTreeMap::new(),
@@ -106,28 +109,16 @@ pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
     Ok(opened)
 }
 
-/// The two topics that an address names, if any.
-fn pair_named(address: &Address) -> Result<Option<[String; 2]>> {
-    match &address.topics[..] {
-        [] => Ok(None),
-        [left, right] => Ok(Some([left.clone(), right.clone()])),
-        _ => {
-            let cure = "name two topics, left and right, or none";
-            Err(Error::Usage(format!("{address}: {cure}")))
-        }
-    }
-}
-
 /// The topics, once `is_enough` and no further one was found for a while, or after a long wait.
 fn settled(
-    domain: &Domain,
+    network: &mut TopicNetwork,
     stopped: fn() -> bool,
     is_enough: impl Fn(&[FoundTopic]) -> bool,
 ) -> Result<Vec<FoundTopic>> {
     let (began, mut changed) = (Instant::now(), Instant::now());
     let mut known = Vec::new();
     loop {
-        let found = domain.topics();
+        let found = network.topics()?;
         if found != known {
             (known, changed) = (found, Instant::now());
         }
@@ -144,7 +135,7 @@ fn settled(
 
 /// Waits for the topics of both cameras and of their calibrations.
 fn find(
-    domain: &Domain,
+    network: &mut TopicNetwork,
     name: &str,
     selection: &Selection,
     stopped: fn() -> bool,
@@ -153,7 +144,7 @@ fn find(
         known.iter().map(|found| found.topic.clone()).collect()
     };
     let choose = |known: &[FoundTopic]| TopicPairs::new(name, &topics(known), selection);
-    let known = settled(domain, stopped, |known| choose(known).is_ok())?;
+    let known = settled(network, stopped, |known| choose(known).is_ok())?;
     let pairs = choose(&known).map_err(|reason| {
         let found = counted(known.len() as u64, "topic");
         let cure = format!("`svl info {name}` lists what is published");
@@ -232,7 +223,6 @@ impl Receiver {
         let Err(mut reason) = self.pairs.take_in(topic, at_ns, data) else {
             return;
         };
-        // DDS of svl does not tell messages by their type.
         if let Some(other) = self.inbox.other_type(topic) {
             reason += &format!("; the topic is published as {other} too");
         }
@@ -287,7 +277,8 @@ impl Receiver {
 
     /// Messages lost of both cameras.
     fn lost(&self) -> u64 {
-        let images = self.inbox.lost().take(self.heard.len());
+        let lost = self.inbox.lost().into_iter();
+        let images = lost.take(self.heard.len());
         images.map(|(_, lost)| lost).sum()
     }
 
@@ -318,14 +309,16 @@ impl Receiver {
             ("dropped_pairs", dropped),
             ("unread_pairs", unread),
         ];
-        let lost = self.inbox.lost();
-        let lost: Vec<_> = lost.filter(|(_, lost)| *lost > 0).collect();
+        let mut lost = self.inbox.lost();
+        let are_counted = !lost.is_empty();
+        lost.retain(|(_, lost)| *lost > 0);
         let words = lost
             .iter()
             .map(|(topic, lost)| format!("{lost} of {topic}"));
         let words: Vec<_> = words.collect();
         let words = match &words[..] {
-            [] => "no message lost".to_owned(),
+            [] if are_counted => "no message lost".to_owned(),
+            [] => "losses unknown, as a bridge numbers no messages".to_owned(),
             words => format!("messages lost: {}", words.join(", ")),
         };
         let mut text = format!(
@@ -434,17 +427,14 @@ const LISTEN_BYTES: usize = 512 << 20;
 /// # Errors
 /// [`Error::Camera`] if nothing is published; those of the network and of the temporary bag.
 pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
-    let address: Address = name.parse()?;
-    let named = pair_named(&address)?;
-    let domain = Domain::join(&address)?;
-    let known = settled(&domain, stopped, |known| !known.is_empty())?;
+    let Joined {
+        mut network,
+        named,
+        why_none,
+    } = TopicNetwork::join(name)?;
+    let known = settled(&mut network, stopped, |known| !known.is_empty())?;
     if known.is_empty() {
-        let domain = address.domain;
-        let why = format!(
-            "no topic in domain {domain} within {PATIENCE:?}: publishers need the same \
-             ROS_DOMAIN_ID and a network with multicast, or the same host"
-        );
-        return Err(Error::camera(name, why));
+        return Err(Error::camera(name, format!("{why_none}, in {PATIENCE:?}")));
     }
     let is_wanted = |found: &FoundTopic| {
         let LiveTopic { name, .. } = &found.topic;
@@ -452,7 +442,7 @@ pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
         found.topic.is_image() && is_named || found.topic.is_calibration() || name == "/tf_static"
     };
     let (wanted, others): (Vec<_>, Vec<_>) = known.into_iter().partition(is_wanted);
-    let mut inbox = TopicInbox::new(domain, &wanted)?;
+    let mut inbox = network.subscribe(&wanted)?;
     let (mut messages, mut bytes, began) = (Vec::new(), 0, Instant::now());
     while began.elapsed() < LISTEN && bytes < LISTEN_BYTES && !stopped() {
         inbox.receive(STEP, |topic, data| {
@@ -462,7 +452,7 @@ pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
     }
     let seconds = began.elapsed().as_secs_f64();
     let temporary = |e| Error::io(std::env::temp_dir(), e);
-    let lost = inbox.lost().filter(|(_, lost)| *lost > 0);
+    let lost = inbox.lost().into_iter().filter(|(_, lost)| *lost > 0);
     let is_silent = |place: &usize| messages.iter().all(|(topic, ..)| topic != place);
     let silent = (0..wanted.len())
         .filter(is_silent)

@@ -9,7 +9,7 @@ use std::time::Duration;
 use svl::grab::{self, DRIVERS, Driver, GrabRequest, PairBy, RATES_HZ, TriggerSource, WhenFull};
 use svl::matcher::{Range, Value};
 use svl::recording::files;
-use svl::source::{CAMERAS, Opened, Request, SOURCES, is_ros2};
+use svl::source::{CAMERAS, Opened, Request, SOURCES, are_live_topics};
 
 /// Options of a scenario's source, which commands that open one source refuse.
 pub(crate) const OF_SCENARIOS: &[&str] = &["data", "scenes", "seeds", "reference"];
@@ -100,7 +100,7 @@ impl CameraArgs {
 
 /// Opens a source, with a progress bar where that takes long.
 pub(crate) fn open(request: Request<'_>, quiet: bool) -> svl::Result<Opened> {
-    if grab::driver(request.name).is_some() || is_ros2(request.name) {
+    if grab::driver(request.name).is_some() || are_live_topics(request.name) {
         listen_for_interrupt();
     }
     svl::runs::open(request, &Terminal { quiet })
@@ -118,7 +118,7 @@ pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     simulated
         .map(|kind| kind.name)
         .chain(cameras)
-        .chain(["ros2:"])
+        .chain(["ros2:", "foxglove:ws://"])
 }
 
 /// The name of a source: any text, for which completion scripts offer [`names`].

@@ -1,9 +1,11 @@
-//! CycloneDDS, which is ROS 2's default, at the other end.
+//! CycloneDDS, which is ROS 2's default, and Foxglove's SDK as a bridge at the other end.
 
 use super::robot::address;
-use crate::cli::fixture::Fixture;
+use crate::cli::fixture::{Fixture, assert_says};
 use crate::common::python;
 use std::collections::BTreeSet;
+use std::net::{TcpListener, TcpStream};
+use std::time::{Duration, Instant};
 use svl::source::{RecordingSource, Source};
 
 const SCRIPT: &str = "ros2_topics.py";
@@ -22,6 +24,10 @@ fn cyclone_s_images_arrive_and_it_reads_the_results() {
     let fixture = Fixture::new();
     let publish = ["publish", &domain, "120", "10", "320", "240", "latched"].map(str::to_owned);
     let read = |what: &str| ["read", &domain, what, "1", "30"].map(str::to_owned);
+    let of_pixels = format!(
+        "replay {source} --to 6 --dense --publish {}",
+        address(8, "/dense")
+    );
     let output = std::thread::scope(|scope| {
         let sent = scope.spawn(|| python(SCRIPT, MODULES, publish));
         let read = |what: &str| {
@@ -31,12 +37,17 @@ fn cyclone_s_images_arrive_and_it_reads_the_results() {
         let topics = ["points", "scan", "disparity", "depth"].map(|topic| format!("/svl/{topic}"));
         let [points, scan, disparity, depth] = topics.each_ref().map(|topic| read(topic));
         let status = read("/diagnostics");
+        let dense = read("/dense/points");
+        let of_pixels = scope.spawn(|| fixture.svl(&of_pixels));
         let line = format!("replay {source} --to 6 --publish {prefix} -o live.mcap");
         let replayed = fixture.svl(&line);
-        let threads = [sent, points, scan, disparity, depth, status];
+        let of_pixels = of_pixels.join().unwrap();
+        let threads = [sent, points, dense, scan, disparity, depth, status];
         let output = threads.map(|thread| thread.join().unwrap());
         if output.iter().all(Option::is_some) {
-            assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
+            for ran in [replayed, of_pixels] {
+                assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+            }
         }
         output
     });
@@ -44,6 +55,7 @@ fn cyclone_s_images_arrive_and_it_reads_the_results() {
     let [
         Some(sent),
         Some(points),
+        Some(dense),
         Some(scan),
         Some(disparity),
         Some(depth),
@@ -52,29 +64,7 @@ fn cyclone_s_images_arrive_and_it_reads_the_results() {
     else {
         return;
     };
-    let lines = |text: &[u8]| -> Vec<serde_json::Value> {
-        let text = std::str::from_utf8(text).unwrap();
-        text.lines()
-            .map(|line| serde_json::from_str(line).unwrap())
-            .collect()
-    };
-    let sent: BTreeSet<(u64, Vec<u64>)> = lines(&sent)
-        .iter()
-        .map(|line| {
-            serde_json::from_value(line.clone()).map(|Sent { stamp_ns, crc }| (stamp_ns, crc))
-        })
-        .collect::<Result<_, _>>()
-        .unwrap();
-    let mut recorded = RecordingSource::open(fixture.path("live.mcap")).unwrap();
-    let mut pairs = 0;
-    while let Some(frame) = recorded.next().unwrap() {
-        let crc = |image: &svl::stereo::Gray| {
-            u64::from(crc32fast::hash(&image.pixels().collect::<Vec<u8>>()))
-        };
-        let crc = vec![crc(frame.pair.left()), crc(frame.pair.right())];
-        assert!(sent.contains(&(frame.stamp_ns, crc)), "{}", frame.stamp_ns);
-        pairs += 1;
-    }
+    let pairs = recorded(&fixture, "live.mcap", &sent);
     assert!(pairs > 5, "{pairs} pairs");
     // The wall is 400 px · 0.1 m / 16 px away.
     let cloud = &lines(&points)[0];
@@ -86,6 +76,7 @@ fn cyclone_s_images_arrive_and_it_reads_the_results() {
     let z = |point: &serde_json::Value| point[2].as_f64().unwrap();
     let points = cloud["points"].as_array().unwrap();
     assert!(!points.is_empty() && points.iter().all(|point| (z(point) - 2.5).abs() < 0.05));
+    assert_dense(&lines(&dense)[0]);
     let image = &lines(&disparity)[0];
     assert_eq!(image["size"], serde_json::json!([320, 240]));
     assert_eq!(
@@ -98,7 +89,11 @@ fn cyclone_s_images_arrive_and_it_reads_the_results() {
         (image["encoding"].as_str(), image["step"].as_u64()),
         (Some("32FC1"), Some(4 * 320))
     );
-    assert_eq!(image["median"].as_f64(), Some(2.5));
+    assert_eq!(
+        (image["is_bigendian"].as_u64(), image["median"].as_f64()),
+        (Some(0), Some(2.5))
+    );
+    assert_eq!(image["frame_id"], "cam_left_optical_frame");
     let scan = &lines(&scan)[0];
     assert_eq!(scan["frame_id"], "cam_left_frame");
     let number = |field: &str| scan[field].as_f64().unwrap();
@@ -115,8 +110,135 @@ fn cyclone_s_images_arrive_and_it_reads_the_results() {
     assert!(status["values"]["latency ms, longest"].is_string());
 }
 
+/// Each point of the cloud of all pixels is a pixel of the wall.
+fn assert_dense(cloud: &serde_json::Value) {
+    let points: Vec<[f64; 4]> = serde_json::from_value(cloud["points"].clone()).unwrap();
+    let expected = serde_json::json!({
+        "frame_id": "cam_left_optical_frame",
+        "fields": ["x", "y", "z", "intensity"],
+        "offsets": [0, 4, 8, 12],
+        "counts": [1, 1, 1, 1],
+        "steps": [16, 16 * points.len()],
+        "size": [points.len(), 1],
+        "is_bigendian": false,
+        "dense": true,
+    });
+    for (field, value) in expected.as_object().unwrap() {
+        assert_eq!(&cloud[field], value, "{field}");
+    }
+    let pixels = points.iter().filter(|[x, y, z, intensity]| {
+        let [u, v] = [159.5 + 400.0 * x / z, 119.5 + 400.0 * y / z];
+        let is_pixel = |at: f64, size: f64| (at - at.round()).abs() < 0.01 && at < size;
+        is_pixel(u, 320.0) && is_pixel(v, 240.0) && intensity.fract() == 0.0 && *intensity < 256.0
+    });
+    assert_eq!(pixels.count(), points.len());
+    let near = points.iter().filter(|[.., z, _]| (z - 2.5).abs() < 0.2);
+    // Within 1.2 px; the pixels at the left edge have no partner.
+    assert!(near.count() > 320 * 240 * 8 / 10, "{} points", points.len());
+}
+
+/// Number of pairs of a recording, all of which the other end sent.
+fn recorded(fixture: &Fixture, name: &str, sent: &[u8]) -> usize {
+    let sent: BTreeSet<(u64, Vec<u64>)> = lines(sent)
+        .into_iter()
+        .map(|line| serde_json::from_value(line).map(|Sent { stamp_ns, crc }| (stamp_ns, crc)))
+        .collect::<Result<_, _>>()
+        .unwrap();
+    let mut source = RecordingSource::open(fixture.path(name)).unwrap();
+    let mut pairs = 0;
+    while let Some(frame) = source.next().unwrap() {
+        let crc = |image: &svl::stereo::Gray| {
+            u64::from(crc32fast::hash(&image.pixels().collect::<Vec<u8>>()))
+        };
+        let crc = vec![crc(frame.pair.left()), crc(frame.pair.right())];
+        assert!(sent.contains(&(frame.stamp_ns, crc)), "{}", frame.stamp_ns);
+        pairs += 1;
+    }
+    pairs
+}
+
 #[derive(serde::Deserialize)]
 struct Sent {
     stamp_ns: u64,
     crc: Vec<u64>,
+}
+
+fn lines(text: &[u8]) -> Vec<serde_json::Value> {
+    let text = std::str::from_utf8(text).unwrap();
+    text.lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect()
+}
+
+/// Modules of a bridge.
+const BRIDGE: &str = "cyclonedds, foxglove, numpy";
+
+/// Gives `run` the source of a bridge that sends pairs of 320x240 px for some seconds, and returns
+/// what it sent; `None` without Foxglove's SDK.
+fn with_bridge(seconds: u32, encoding: &str, run: impl FnOnce(&str)) -> Option<Vec<u8>> {
+    let port = {
+        let free = TcpListener::bind("127.0.0.1:0").unwrap();
+        free.local_addr().unwrap().port().to_string()
+    };
+    let pairs = (10 * seconds).to_string();
+    let publish = [
+        "publish", &port, &pairs, "10", "320", "240", "bridge", encoding,
+    ];
+    std::thread::scope(|scope| {
+        let sent = scope.spawn(|| python(SCRIPT, BRIDGE, publish));
+        let end = Instant::now() + Duration::from_secs(30);
+        while TcpStream::connect(format!("127.0.0.1:{port}")).is_err() {
+            if sent.is_finished() {
+                return sent.join().unwrap();
+            }
+            assert!(Instant::now() < end, "no bridge");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        run(&format!("foxglove:ws://127.0.0.1:{port}"));
+        sent.join().unwrap()
+    })
+}
+
+#[test]
+fn a_bridge_s_images_arrive_until_it_closes() {
+    let fixture = Fixture::new();
+    let sent = with_bridge(25, "cdr", |source| {
+        let info = fixture.run(&format!("info {source}"));
+        assert_says(&info, &["320x240 px", "baseline   0.1000 m"]);
+        let named = format!("{source}/cam/left/image_rect,/cam/right/image_rect");
+        let record = format!("record {named} --duration 5 -o run.mcap");
+        std::thread::scope(|scope| {
+            let recorded = scope.spawn(|| fixture.run(&record));
+            fixture.run(&format!("replay {source} --to 3 --rows live.csv"));
+            assert_says(&recorded.join().unwrap(), &["losses unknown"]);
+        });
+        let ran = fixture.svl(&format!("record {source} --frames 999 -o until.mcap"));
+        assert_eq!(ran.code, Some(1), "{}", ran.stderr);
+        assert_says(&ran.stderr, &[source, "the bridge: "]);
+    });
+    let Some(sent) = sent else {
+        return;
+    };
+    for name in ["run.mcap", "until.mcap"] {
+        assert!(recorded(&fixture, name, &sent) > 20, "{name}");
+    }
+    let ran = fixture.svl("replay run.mcap --verify=live.csv --json");
+    let json: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    let verification = &json["verification"];
+    assert_eq!(verification["differing"], serde_json::json!({}));
+    assert!(
+        verification["live"]["common"].as_u64() > Some(10),
+        "{verification}"
+    );
+}
+
+#[test]
+fn other_encodings_of_a_bridge_are_refused_by_name() {
+    let fixture = Fixture::new();
+    with_bridge(15, "ros1", |source| {
+        let ran = fixture.svl(&format!("record {source} -o a.mcap"));
+        assert_eq!(ran.code, Some(1), "{}", ran.stderr);
+        let left = "/cam/left/image_rect: sensor_msgs/msg/Image in ros1, and svl reads CDR";
+        assert_says(&ran.stderr, &[left, "0 topics found"]);
+    });
 }

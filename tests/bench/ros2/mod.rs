@@ -158,8 +158,14 @@ fn what_cannot_be_opened_is_told_in_a_line() {
         record ros2:left,right -o a.mcap => 2: 'left' is no topic
         record ros2:domain=300 -o a.mcap => 2: '300'
         record ros2: --rate 5 -o a.mcap => 2: --rate is for
+        record foxglove:wss://127.0.0.1 -o a.mcap => 2: only ws://
+        record foxglove:ws://127.0.0.1:1/left -o a.mcap => 2: name two topics
+        replay foxglove:ws://127.0.0.1:1 => 1: no bridge
+        info foxglove:ws://127.0.0.1:1 => 1: no bridge
+        score foxglove:ws://127.0.0.1:1 => 2: record them first
         score ros2: => 2: record them first
         replay ros2: --publish /svl => 2: expected ros2:/PREFIX
+        replay ros2: --publish foxglove:ws://127.0.0.1 => 2: expected ros2:/PREFIX
         replay ros2: --publish ros2:/svl --algo v5 --algo bm => 2: one algorithm",
     );
     let empty = robot::address(7, "");

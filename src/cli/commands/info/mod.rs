@@ -13,7 +13,7 @@ use svl::recording::{
     is_bag,
 };
 use svl::report::table::{Table, TerminalStyle};
-use svl::source::{Heard, Request, SourceFacts, is_ros2, listen};
+use svl::source::{Heard, Request, SourceFacts, are_live_topics, listen};
 use svl::{counted, interrupt};
 
 /// Show the contents of a recording, and check its integrity
@@ -31,7 +31,7 @@ Examples:
   svl info recordings/arena.mcap --json | jq '.gaps | length'")]
 pub(crate) struct Args {
     /// The recording; any other MCAP file will do, the folder of a ROS 2 bag of one file, a folder
-    /// of images, or live topics: ros2:[LEFT,RIGHT]
+    /// of images, or live topics: ros2:[LEFT,RIGHT], foxglove:ws://HOST:PORT[/LEFT,RIGHT]
     file: PathBuf,
     /// Print JSON
     #[arg(long)]
@@ -40,7 +40,7 @@ pub(crate) struct Args {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let name = args.file.to_string_lossy();
-    let live = if is_ros2(&name) {
+    let live = if are_live_topics(&name) {
         listen_for_interrupt();
         Some(listen(&name, interrupt::requested)?)
     } else {

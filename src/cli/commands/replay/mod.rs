@@ -28,7 +28,7 @@ use svl::sink::{
     CollectSink, PublishRequest, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks,
     ViewerRequest,
 };
-use svl::source::{Request, is_ros2};
+use svl::source::{Request, are_live_topics};
 use svl::train::with_filters;
 use svl::{Error, counted};
 use verify::{Earlier, Verification};
@@ -56,8 +56,9 @@ Examples:
 pub(crate) struct Args {
     /// Recording, or the folder of a ROS 2 bag [default: the newest]
     ///
-    /// svl's or another program's, or live topics: ros2:[LEFT,RIGHT] [default: the newest of
-    /// recordings/, else the arena, recorded first].
+    /// svl's or another program's, or live topics: ros2:[LEFT,RIGHT],
+    /// foxglove:ws://HOST:PORT[/LEFT,RIGHT] [default: the newest of recordings/, else the arena,
+    /// recorded first].
     #[arg(value_parser = NonEmptyStringValueParser::new())]
     recording: Option<String>,
     /// Algorithm, as NAME[:key=value,…]; repeatable [default: v5]
@@ -145,7 +146,7 @@ const LIVE_QUEUE: usize = 4;
 const LIVE_ROWS: usize = 3000;
 
 fn publish_address(text: &str) -> Result<String, String> {
-    if is_ros2(text) {
+    if text.starts_with("ros2:") {
         Ok(text.to_owned())
     } else {
         Err("expected ros2:/PREFIX".to_owned())
@@ -191,7 +192,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         options: args.options.clone(),
         grab: GrabRequest {
             // A robot needs the newest pair: few may wait.
-            queue: (args.publish.is_some() && is_ros2(&name)).then_some(LIVE_QUEUE),
+            queue: (args.publish.is_some() && are_live_topics(&name)).then_some(LIVE_QUEUE),
             ..GrabRequest::default()
         },
         ..Request::new(&name)

@@ -10,7 +10,7 @@ use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::recording::{AlgorithmCells, MANIFEST, Recording};
 use svl::report::Row;
-use svl::source::is_ros2;
+use svl::source::are_live_topics;
 
 /// The results of an earlier run.
 pub(super) struct Earlier {
@@ -102,13 +102,13 @@ impl Earlier {
 
     fn read_rows(&mut self, path: &Path, name: &str, seed: Option<u64>) -> anyhow::Result<()> {
         let is_of = |row: &Row| match &row.run {
-            Some(run) => is_ros2(run) || Path::new(name).ends_with(run),
+            Some(run) => are_live_topics(run) || Path::new(name).ends_with(run),
             None => row.seed.is_none() || row.seed == seed,
         };
         let rows = svl::report::read_rows::<Row>(path)?;
         self.by_stamp = rows
             .iter()
-            .any(|row| row.run.as_deref().is_some_and(is_ros2));
+            .any(|row| row.run.as_deref().is_some_and(are_live_topics));
         for row in rows.into_iter().filter(is_of) {
             self.add(
                 row.algorithm.clone(),

@@ -21,7 +21,7 @@ use svl::runs::{self, runs};
 use svl::scenario::{Scenario, SourceOptions};
 use svl::score::Judge;
 use svl::sink::RerunTarget;
-use svl::source::{Request, Source, is_ros2};
+use svl::source::{Request, Source, are_live_topics};
 use svl::tune::{Constraint, Sampler, TunedSetting};
 use tool::Tuner;
 use worker::TuneWorker;
@@ -52,8 +52,8 @@ redo, w writes, ? shows all.
 An interrupted search writes the best setting so far; the same command with
 --resume continues from its log, the .csv beside the output.")]
 pub(crate) struct Args {
-    /// A recording, a bag, a folder, a scene, the arena, a scenario, or cameras; with --auto also
-    /// several recordings
+    /// A recording, a bag, a folder, a scene, the arena, a scenario, cameras, or live topics; with
+    /// --auto also several recordings, but neither of the last two
     #[arg(
         required = true, value_name = "SOURCE", value_parser = SourceParser,
         hide_possible_values = true
@@ -291,7 +291,7 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
 
 /// Opens what is tuned on; of a scenario of several runs the first.
 fn open<'a>(args: &'a Args, name: &'a str, quiet: bool) -> anyhow::Result<Tuned<'a>> {
-    let is_live = grab::driver(name).is_some() || is_ros2(name);
+    let is_live = grab::driver(name).is_some() || are_live_topics(name);
     if is_live || name == "board" {
         let mut request = Request::new(name);
         request.options.clone_from(&args.source);

@@ -1,0 +1,48 @@
+//! Live topics in the table of sources, also of an svl that was built without them.
+
+use super::opened::Opened;
+use super::{Heard, Request};
+use svl_core::Result;
+
+/// Options that they accept.
+pub(super) const OPTIONS: &[&str] = &["left", "right", "bits", "max_skew_ms", "queue", "when_full"];
+
+/// True if `name` names live topics, over DDS or through a bridge.
+pub fn are_live_topics(name: &str) -> bool {
+    ["ros2:", "foxglove:"]
+        .iter()
+        .any(|prefix| name.starts_with(prefix))
+}
+
+pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
+    #[cfg(feature = "ros2")]
+    {
+        super::ros2::open(request)
+    }
+    #[cfg(not(feature = "ros2"))]
+    Err(without_ros2(request.name))
+}
+
+/// Listens to live topics for some seconds, to say what there is.
+///
+/// # Errors
+/// [`svl_core::Error::Camera`] if nothing is published, and those of the network.
+pub fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
+    #[cfg(feature = "ros2")]
+    {
+        super::ros2::listen(name, stopped)
+    }
+    #[cfg(not(feature = "ros2"))]
+    {
+        let _ = stopped;
+        Err(without_ros2(name))
+    }
+}
+
+/// The error of an svl that was built without ROS 2.
+#[cfg(not(feature = "ros2"))]
+pub(crate) fn without_ros2(name: &str) -> svl_core::Error {
+    let cure = "`cargo install --path . --features ros2` adds it";
+    let name = name.trim_end_matches(':');
+    svl_core::Error::Invalid(format!("{name}: this svl was built without ROS 2; {cure}"))
+}
