@@ -106,6 +106,8 @@ fn write() -> Result<(), Box<dyn std::error::Error>> {
     }
     npz()?;
     ros1()?;
+    live()?;
+    bridge()?;
     mcap()
 }
 
@@ -280,6 +282,52 @@ fn mcap() -> Result<(), Box<dyn std::error::Error>> {
         .concat()
     });
     seed("messages", "ros-pair", &pair.concat())?;
+    Ok(())
+}
+
+/// Messages of live topics: pairs of each type of image, with their calibrations.
+fn live() -> Result<(), Box<dyn std::error::Error>> {
+    let compressed = "sensor_msgs/msg/CompressedImage";
+    let info = "sensor_msgs/msg/CameraInfo";
+    for (types, image) in [(0, "sensor_msgs/msg/Image"), (3, compressed)] {
+        for rectified in [0, 4] {
+            let messages = [(2, info), (3, info), (0, image), (1, image)].map(|(topic, schema)| {
+                let data = foreign(schema, "cdr");
+                let length = (data.len() as u16).to_le_bytes();
+                [&[topic, 7, length[0], length[1]], &data[..]].concat()
+            });
+            let types = types | rectified;
+            seed(
+                "live",
+                &types.to_string(),
+                &[&[types, 4], &messages.concat()[..]].concat(),
+            )?;
+        }
+    }
+    Ok(())
+}
+
+/// Messages of a bridge.
+fn bridge() -> Result<(), Box<dyn std::error::Error>> {
+    for (name, text) in [
+        (
+            "advertise",
+            r#"{"op":"advertise","channels":[
+                {"id":1,"topic":"/a","encoding":"cdr","schemaName":"b"}]}"#,
+        ),
+        ("unadvertise", r#"{"op":"unadvertise","channelIds":[1,2]}"#),
+        (
+            "status",
+            r#"{"op":"status","level":1,"message":"x","id":"y"}"#,
+        ),
+        (
+            "server",
+            r#"{"op":"serverInfo","name":"x","capabilities":[],"metadata":{}}"#,
+        ),
+    ] {
+        seed("bridge", name, text.as_bytes())?;
+    }
+    seed("bridge", "data", &[&[1; 13][..], b"cdr"].concat())?;
     Ok(())
 }
 
