@@ -24,7 +24,9 @@ const MAX_CHUNK: u32 = 1 << 30;
 /// Limit on connections, and on the bytes of one: it has the definition of its messages.
 const MAX_CONNECTIONS: usize = 10_000;
 const MAX_CONNECTION: u32 = 1 << 22;
-/// Bytes searched at a time behind damage, and those that a chunk's header needs at most.
+/// Bytes searched at a time behind damage, first and at most, and those that a chunk's header needs
+/// at most.
+const FIRST_WINDOW: usize = 1 << 12;
 const WINDOW: usize = 1 << 18;
 const CHUNK_HEADER: usize = 128;
 /// The field of a header that marks a chunk: length, name, value.
@@ -53,6 +55,9 @@ pub(super) struct Ros1Messages {
     within: usize,
     /// Start of that chunk in the file.
     chunk_at: u64,
+    /// Bytes that may still be read and unpacked in vain: many false chunks then end the search
+    /// instead of taking the user's time.
+    budget: u64,
     losses: Vec<DamagedPart>,
     /// True once its losses were reported.
     has_ended: bool,
@@ -117,6 +122,7 @@ impl Ros1Messages {
             chunk: Vec::new(),
             within: 0,
             chunk_at: 0,
+            budget: file.len().saturating_mul(16).saturating_add(16 << 20),
             losses: Vec::new(),
             has_ended: false,
         };
@@ -259,7 +265,10 @@ impl Ros1Messages {
             match fields.kind() {
                 Some(CHUNK) => {
                     self.at = data.end;
+                    let packed = data.end - data.start;
                     if let Err(reason) = self.unpack(&fields, data)? {
+                        let in_vain = packed + self.chunk.len() as u64;
+                        self.budget = self.budget.saturating_sub(in_vain);
                         // A wrong length would lead into the middle of another chunk.
                         self.resynchronize(at, &reason)?;
                         continue;
@@ -329,13 +338,20 @@ impl Ros1Messages {
         self.chunk.clear();
         self.at = self.search(at + 1)?.unwrap_or(self.len);
         self.lose(at, self.at - at, reason);
+        if self.budget == 0 {
+            let reason = "it has too many damaged parts to look for more";
+            self.lose(self.len, 0, reason);
+        }
         Ok(())
     }
 
     /// Start of the first record from `at` on that is a chunk by its header.
     fn search(&mut self, mut at: u64) -> io::Result<Option<u64>> {
-        while at < self.len {
-            let bytes = self.read(at, (self.len - at).min(WINDOW as u64))?;
+        let mut window = FIRST_WINDOW;
+        while at < self.len && self.budget > 0 {
+            let bytes = self.read(at, (self.len - at).min(window as u64))?;
+            self.budget = self.budget.saturating_sub(bytes.len() as u64);
+            window = WINDOW.min(2 * window);
             let is_last = at + bytes.len() as u64 == self.len;
             let marks = bytes.windows(CHUNK_FIELD.len()).enumerate();
             for (mark, _) in marks.filter(|(_, field)| *field == CHUNK_FIELD) {

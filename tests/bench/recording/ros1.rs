@@ -346,3 +346,34 @@ fn what_cannot_be_read_has_a_cure() {
         &["pairs      2: /cam0/image_rect", "/depth", "/points"],
     );
 }
+
+/// Each begins like a chunk that reaches to the end of the file: reading them all would take the
+/// square of its length.
+#[test]
+fn what_only_looks_like_chunks_takes_no_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bytes = bag(&pairs(), "none", <[u8]>::to_vec).bytes;
+    let fields: [(&str, &[u8]); 3] = [
+        ("compression", b"none"),
+        ("op", &[5]),
+        ("size", &1_u32.to_le_bytes()),
+    ];
+    let head = record(&fields, b"");
+    let count = 60_000;
+    for i in 0..count {
+        let rest = ((count - 1 - i) * head.len()) as u32;
+        bytes.extend(&head[..head.len() - 4]);
+        bytes.extend(rest.to_le_bytes());
+    }
+    let path = folder.path().join("false.bag");
+    std::fs::write(&path, bytes).unwrap();
+    let summary = summarize(&path).unwrap();
+    let last = summary.losses.iter().rev().take(2);
+    let last: Vec<_> = last.map(|loss| loss.reason.as_str()).collect();
+    assert!(
+        last.iter()
+            .any(|reason| reason.contains("too many damaged parts")),
+        "{last:?}"
+    );
+    assert!(summary.losses.len() < 1000 && summary.pairs == 2);
+}
