@@ -80,12 +80,26 @@ pub fn read_scanner(scanner: &Path, cameras: &Path, projection: &str) -> Result<
     } else {
         nalgebra::Rotation3::identity()
     };
+    let offset = offset(&cameras, projection)?;
+    Ok(offset * UnitQuaternion::from_rotation_matrix(&rectified) * into_camera)
+}
+
+/// Moves points from KITTI's camera 0, whose poses its files have, to the rectified camera with
+/// that projection.
+///
+/// # Errors
+/// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] with the missing or malformed projection.
+pub fn read_offset(cameras: &Path, projection: &str) -> Result<Translation3<f64>> {
+    let document = Document::parse(cameras, &text(cameras)?, FORMAT.syntax, FORMAT.title)?;
+    offset(&document, projection)
+}
+
+fn offset(cameras: &Document, projection: &str) -> Result<Translation3<f64>> {
     let p = cameras.projection(projection)?;
-    // P = K [I | t]: t moves from camera 0 to this one.
+    // P = K [I | t].
     let k = p.fixed_columns::<3>(0).try_inverse();
     let k = k.ok_or_else(|| cameras.error(format!("'{projection}' has no inverse")))?;
-    let offset = Translation3::from(k * p.column(3));
-    Ok(offset * UnitQuaternion::from_rotation_matrix(&rectified) * into_camera)
+    Ok(Translation3::from(k * p.column(3)))
 }
 
 fn projections(document: &Document, left: &str, right: &str) -> Result<Rig> {

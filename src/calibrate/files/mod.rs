@@ -21,7 +21,7 @@ mod thesis;
 mod unit;
 
 pub use format::{CalibrationFormat, Hints, LoadedCalibration};
-pub use kitti::{read_projections, read_scanner};
+pub use kitti::{read_offset, read_projections, read_scanner};
 pub use middlebury::read_calib;
 pub use unit::FileUnit;
 

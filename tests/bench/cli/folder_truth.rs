@@ -139,6 +139,31 @@ fn kitti_s_poses_are_read() {
         places.push(frame.pose.map(|pose| pose.translation.vector.data.0[0]));
     }
     assert_eq!(places, [Some([0.0; 3]), Some([0.5, 2.0, 0.1]), None]);
+    // The colour cameras are beside camera 0, whose poses these are: 0.06 m to its left.
+    for (from, to) in [("image_0", "image_2"), ("image_1", "image_3")] {
+        let [from, to] = [from, to].map(|name| fixture.path(&format!("sequences/07/{name}")));
+        std::fs::rename(from, to).unwrap();
+    }
+    let places = |calib: &str| {
+        fixture.write("sequences/07/calib.txt", calib);
+        fixture.run("record sequences/07 -o c.mcap --force");
+        let mut reader = svl::recording::Reader::open(fixture.path("c.mcap")).unwrap();
+        let second = [reader.next_pair(), reader.next_pair()].into_iter().last();
+        second
+            .unwrap()
+            .unwrap()
+            .unwrap()
+            .pose
+            .unwrap()
+            .translation
+            .x
+    };
+    let colour = "P2: 50 0 20 3 0 50 12 0 0 0 1 0\nP3: 50 0 20 -2 0 50 12 0 0 0 1 0\n";
+    assert!((places(colour) - 0.44).abs() < 1e-12);
+    std::fs::remove_file(fixture.path("sequences/07/calib.txt")).unwrap();
+    let ran = fixture.svl(&["record", "sequences/07", "-o", "c.mcap", "--force"]);
+    assert_says(&ran.stderr, &["the poses of camera 0"]);
+    fixture.write("sequences/07/calib.txt", colour);
     fixture.write("sequences/07/poses.txt", "1 0 0\n");
     fixture.fails("record sequences/07 -o y.mcap => 1: poses.txt: line 1: expected twelve numbers");
 }
@@ -188,4 +213,20 @@ fn a_checkpoint_by_place_needs_poses() {
     );
     let score = ["score", "place.toml", "-q", "-o", "r"];
     fixture.svl(&score).failed(1, &["at_m needs poses"]);
+}
+
+#[test]
+fn depth_images_of_pairs_that_svl_rectifies_are_refused() {
+    let fixture = Fixture::new();
+    fixture.write_euroc("60.0");
+    for file in std::fs::read_dir(fixture.path("mav0/cam0/data")).unwrap() {
+        let name = file.unwrap().file_name().into_string().unwrap();
+        let stem = name.split('.').next().unwrap();
+        fixture.write(&format!("mav0/depth/{stem}.png"), png(SIZE, &steps()));
+    }
+    let args = ["record", "mav0", "--truth", "depth/*.png", "-o", "x.mcap"];
+    let words = ["before svl rectifies them", "--calib none"];
+    let ran = fixture.svl(&args);
+    assert_eq!(ran.code, Some(1), "{}", ran.stderr);
+    assert_says(&ran.stderr, &words);
 }

@@ -7,7 +7,7 @@ use svl_core::Result;
 use svl_core::stereo::{Geometry, StereoCalibration};
 use svl_data::files::read_text;
 
-const CALIB: &str = "calib.txt";
+pub(super) const CALIB: &str = "calib.txt";
 /// KITTI's, of a whole day.
 const CAM_TO_CAM: &str = "calib_cam_to_cam.txt";
 /// Limit of its size in bytes.

@@ -1,9 +1,11 @@
 //! KITTI's poses: a line of twelve numbers for each image, the pose of camera 0 in its first frame.
 
+use super::cameras::CALIB;
 use super::layout::{Cameras, Layout};
 use super::pairs::PairFiles;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Translation3, Vector3};
 use std::path::Path;
+use svl_calibrate::files::read_offset;
 use svl_core::stereo::{Pose, motion};
 use svl_core::{Error, Result};
 use svl_data::files::read_text;
@@ -12,19 +14,20 @@ use svl_data::files::read_text;
 const MAX_BYTES: u64 = 1 << 28;
 
 /// The pose of each pair: by `poses.txt` in the folder, or `../../poses/NAME.txt`, as KITTI
-/// distributes them. None of a pair whose number has no line.
+/// distributes them, moved to the left camera by its projection in `calib.txt`. None of a pair
+/// whose number has no line, and of other cameras than 0 without that file.
 ///
 /// # Errors
-/// [`Error::Io`]; [`Error::Format`] for a malformed line.
+/// [`Error::Io`]; [`Error::Format`] for a malformed line or projection.
 pub(super) fn poses(
     folder: &Path,
     layout: Option<&Layout>,
     pairs: &[PairFiles],
 ) -> Result<Vec<Option<Pose>>> {
     let none = || Ok(vec![None; pairs.len()]);
-    if !layout.is_some_and(|layout| matches!(layout.cameras, Cameras::Projections(_))) {
+    let Some(Cameras::Projections([left, _])) = layout.map(|layout| &layout.cameras) else {
         return none();
-    }
+    };
     let real = folder.canonicalize().map_err(|e| Error::io(folder, e))?;
     let of_sequence = || {
         let name = format!("{}.txt", real.file_name()?.to_str()?);
@@ -32,6 +35,19 @@ pub(super) fn poses(
     };
     let places = [Some(real.join("poses.txt")), of_sequence()];
     let Some(path) = places.into_iter().flatten().find(|path| path.is_file()) else {
+        return none();
+    };
+    let calib = folder.join(CALIB);
+    let to_left = if calib.is_file() {
+        read_offset(&calib, left)?
+    } else if *left == "P0" {
+        Translation3::identity()
+    } else {
+        tracing::warn!(
+            "{}: not used: it has the poses of camera 0, and without {CALIB} the place of the \
+             left camera is not known",
+            path.display()
+        );
         return none();
     };
     let text = read_text(&path, MAX_BYTES)?;
@@ -42,7 +58,7 @@ pub(super) fn poses(
     let poses = lines.enumerate().map(line).collect::<Result<Vec<_>>>()?;
     let of_pair = |pair: &PairFiles| {
         let number: usize = std::str::from_utf8(&pair.key).ok()?.parse().ok()?;
-        poses.get(number).copied()
+        Some(poses.get(number)? * to_left.inverse())
     };
     Ok(pairs.iter().map(of_pair).collect())
 }
