@@ -7,6 +7,7 @@ use crate::cli::fixture::Fixture;
 use crate::common::assert_says;
 use re_cdr::{CdrWriter, LittleEndian};
 use std::path::Path;
+use svl::report::{CheckpointRow, read_rows};
 use svl::stereo::{Frame, Truth, TruthDensity};
 
 /// Speed along the optical axis, m/s, of a robot that starts at x = 3 m.
@@ -161,4 +162,36 @@ fn a_truth_of_another_time_is_moved_to_the_pair_s() {
     // The poses are kept, and the place of a checkpoint finds its frames.
     let (kept, _) = read(&fixture.path("x.mcap"));
     assert!(kept.iter().all(|frame| frame.pose.is_some()));
+}
+
+/// The second pair is 0.1 m ahead of the first: a checkpoint at its place is scored by it alone.
+#[test]
+fn a_checkpoint_by_place_is_scored_in_a_bag() {
+    for pose in [moving, odometry] {
+        let fixture = Fixture::new();
+        bag::write(&fixture.path(""), &messages(pose));
+        let at = x_at(START_NS + PERIOD_NS) + 0.1;
+        let scenario = |heading: u32| {
+            format!(
+                "name = \"place\"\nalgorithms = [\"v3\"]\n[source]\nkind = \"recording\"\n\
+                 files = [\"bag.mcap\"]\n[[checkpoint]]\nnumber = 1\nname = \"door\"\n\
+                 at_m = [{at}, 1.0]\nradius_m = 0.05\nheading_deg = {heading}\n\
+                 heading_tolerance_deg = 5\n[[checkpoint.cell]]\nat = [1, 1]\nfree = true\n"
+            )
+        };
+        fixture.write("place.toml", scenario(0));
+        fixture
+            .svl(&["score", "place.toml", "-q", "-o", "r"])
+            .done();
+        let rows: Vec<CheckpointRow> = read_rows(&fixture.path("r/checkpoints.csv")).unwrap();
+        let frames: Vec<_> = rows.iter().map(|row| row.frames).collect();
+        assert_eq!(frames, [1]);
+        // Seen in the other direction, no pair is there.
+        fixture.write("place.toml", scenario(180));
+        fixture
+            .svl(&["score", "place.toml", "-q", "-o", "s"])
+            .done();
+        let rows: Vec<CheckpointRow> = read_rows(&fixture.path("s/checkpoints.csv")).unwrap();
+        assert!(rows.iter().all(|row| row.frames == 0));
+    }
 }
