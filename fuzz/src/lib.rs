@@ -35,7 +35,7 @@ pub fn on_file(name: &str, bytes: &[u8], read: impl FnOnce(&Path)) {
 }
 
 /// Topics, schemas and encodings of the messages that svl reads.
-pub const KINDS: [(&str, &str, &str); 26] = [
+pub const KINDS: [(&str, &str, &str); 31] = [
     ("/l", "sensor_msgs/msg/Image", "cdr"),
     ("/r", "sensor_msgs/msg/Image", "cdr"),
     ("/l", "sensor_msgs/msg/CompressedImage", "cdr"),
@@ -78,4 +78,9 @@ pub const KINDS: [(&str, &str, &str); 26] = [
         "std_msgs/msg/String",
         "cdr",
     ),
+    ("/l", "foxglove.CompressedVideo", "protobuf"),
+    ("/l", "foxglove_msgs/msg/CompressedVideo", "cdr"),
+    ("/r", "ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "cdr"),
+    ("/tf", "tf2_msgs/msg/TFMessage", "cdr"),
+    ("/odom", "nav_msgs/msg/Odometry", "cdr"),
 ];
