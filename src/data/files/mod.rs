@@ -5,6 +5,7 @@ mod columns;
 mod decoded;
 mod depth;
 mod disparity;
+pub mod ffmpeg;
 mod image;
 mod jpeg;
 mod npz;

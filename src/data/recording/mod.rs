@@ -74,6 +74,7 @@ pub use cells::{AlgorithmCells, CellReport};
 pub use dialect::{Dialect, RecordingFormat};
 pub use foreign::{
     LiveTopic, RawCamera, Selection, TopicPairs, TruthSelection, TruthTopic, UnpairedImages,
+    VideoSummary,
 };
 pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;

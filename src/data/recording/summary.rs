@@ -2,7 +2,8 @@
 
 use super::container::{Container, unpack_message};
 use super::foreign::{
-    Selection, StampedImage, UnpairedImages, choose, head, is_image, pair_stamps,
+    Selection, StampedImage, UnpairedImages, VideoScan, VideoSummary, choose, head, is_image,
+    is_video, pair_stamps,
 };
 use super::messages::{Channel, EventReader, FileEvent, Messages};
 use super::ros1_bag::Ros1Messages;
@@ -74,6 +75,9 @@ pub struct RecordingSummary {
     pub drops_before: u64,
     /// Images without a partner in another program's recording.
     pub unpaired: Option<UnpairedImages>,
+    /// Its topics of videos, by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub videos: BTreeMap<String, VideoSummary>,
 }
 
 /// A topic and its messages.
@@ -196,6 +200,7 @@ struct SummaryScan {
     /// Images of other programs, by topic, in file order, with their number.
     foreign: BTreeMap<String, Vec<StampedImage>>,
     places: u64,
+    videos: BTreeMap<String, VideoScan>,
     pairs: u64,
     skews: Vec<i64>,
     sequences: BTreeSet<u64>,
@@ -271,10 +276,16 @@ impl SummaryScan {
             }
             if self.profile != PROFILE {
                 let unpacked = unpack_message(data).ok().flatten();
-                let of_image = head(channel, unpacked.as_deref().unwrap_or(data));
+                let data = unpacked.as_deref().unwrap_or(data);
+                let of_image = head(channel, data);
+                let video = is_video(channel).then(|| self.videos.entry(channel.topic.clone()));
+                let is_decodable =
+                    video.is_none_or(|video| video.or_default().take_in(channel, data));
                 // An unreadable message is reported by `svl replay`, and is not counted as an image
                 // here.
-                if let Ok((of_image, _)) = of_image {
+                if let Ok((of_image, _)) = of_image
+                    && is_decodable
+                {
                     let images = self.foreign.entry(channel.topic.clone()).or_default();
                     images.push(StampedImage {
                         place: self.places,
@@ -400,6 +411,11 @@ impl SummaryScan {
             drops: self.drops,
             drops_before: self.drops_before.unwrap_or_default(),
             unpaired: self.unpaired,
+            videos: self
+                .videos
+                .into_iter()
+                .map(|(topic, video)| (topic, video.summary))
+                .collect(),
         }
     }
 }

@@ -256,3 +256,13 @@ pub fn pgm(width: usize, height: usize, pixels: &[u8]) -> Vec<u8> {
     bytes.extend_from_slice(pixels);
     bytes
 }
+
+/// True if the program can be run; prints a note if not.
+pub(crate) fn has(program: &str, args: &[&str]) -> bool {
+    let found = Command::new(program).args(args).output();
+    let found = found.is_ok_and(|output| output.status.success());
+    if !found {
+        eprintln!("skipped: {program} is missing");
+    }
+    found
+}

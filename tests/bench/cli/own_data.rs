@@ -1,6 +1,6 @@
 //! Users' images, videos and bags, from the folder to the recording.
 
-use super::fixture::{Fixture, Ran, assert_says, pgm};
+use super::fixture::{Fixture, Ran, assert_says, has, pgm};
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb, RgbImage};
 use std::io::Cursor;
 use std::process::Command;
@@ -282,16 +282,6 @@ fn options_are_for_what_takes_them() {
         .failed(2, &["recordings of svl have 8 bits"]);
 }
 
-/// True if the program can be run; prints a note if not.
-fn has(program: &str, args: &[&str]) -> bool {
-    let found = Command::new(program).args(args).output();
-    let found = found.is_ok_and(|output| output.status.success());
-    if !found {
-        eprintln!("skipped: {program} is missing");
-    }
-    found
-}
-
 fn ffmpeg(fixture: &Fixture, args: &[&str]) {
     let ran = Command::new("ffmpeg")
         .args(["-v", "error", "-y"])
@@ -358,7 +348,7 @@ fn videos_are_pairs() {
     let ran = fixture.svl("record cut.mkv --side-by-side -o cut.mcap");
     incomplete(
         ran,
-        &["frames dropped: behind the end of a truncated video"],
+        &["frames dropped: behind the end of a video that is cut off"],
     );
     let kept = frames(&fixture, "cut.mcap").len();
     assert!((5..30).contains(&kept), "{kept}");

@@ -217,6 +217,49 @@ pub(crate) fn ros_compressed_in(
     Message::cdr(topic, "sensor_msgs/msg/CompressedImage", stamp, data)
 }
 
+/// A foxglove.CompressedVideo in protobuf.
+pub(crate) fn foxglove_video(
+    topic: &'static str,
+    stamp: u64,
+    format: &str,
+    bytes: &[u8],
+) -> Message {
+    let video = foxglove::messages::CompressedVideo {
+        timestamp: timestamp(stamp),
+        frame_id: "cam".to_owned(),
+        data: bytes.to_vec().into(),
+        format: format.to_owned(),
+    };
+    protobuf(topic, "foxglove.CompressedVideo", stamp, &video)
+}
+
+/// A foxglove_msgs/msg/CompressedVideo.
+pub(crate) fn ros_video(topic: &'static str, stamp: u64, format: &str, bytes: &[u8]) -> Message {
+    let data = cdr(stamp, |cdr| {
+        cdr.write_bytes(bytes);
+        cdr.write_string(format);
+    });
+    Message::cdr(topic, "foxglove_msgs/msg/CompressedVideo", stamp, data)
+}
+
+/// An ffmpeg_image_transport_msgs/msg/FFMPEGPacket.
+pub(crate) fn ffmpeg_packet(
+    topic: &'static str,
+    stamp: u64,
+    encoding: &str,
+    bytes: &[u8],
+) -> Message {
+    let data = cdr(stamp, |cdr| {
+        [64, 48].into_iter().for_each(|side| cdr.write_u32(side));
+        cdr.write_string(encoding);
+        cdr.write_u64(stamp / 1000);
+        [1, 0].into_iter().for_each(|byte| cdr.write_u8(byte));
+        cdr.write_bytes(bytes);
+    });
+    let schema = "ffmpeg_image_transport_msgs/msg/FFMPEGPacket";
+    Message::cdr(topic, schema, stamp, data)
+}
+
 /// Fields of a sensor_msgs/msg/CameraInfo besides a focal length of 328 and a centre of (12, 8).
 pub(crate) struct Camera<'a> {
     pub(crate) size: (u32, u32),

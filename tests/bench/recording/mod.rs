@@ -22,3 +22,4 @@ mod sensor_truth;
 mod stamps;
 mod summary;
 mod unchecked;
+mod video;

@@ -1,12 +1,12 @@
 //! The frames of one video, by way of the programs `ffprobe` and `ffmpeg`.
 
 use std::ffi::OsString;
-use std::io::{ErrorKind, Read, Seek};
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use svl_core::stereo::{Gray, MAX_SIDE};
 use svl_core::{Error, Result};
-use svl_data::files::DecodedImage;
+use svl_data::files::{DecodedImage, ffmpeg};
 
 /// Limit of ffprobe's output: a line for each frame of some days.
 const MAX_PROBE_BYTES: u64 = 1 << 30;
@@ -65,7 +65,7 @@ impl VideoInfo {
             .args(["-v", "error", "-select_streams", "v:0", "-of", "json"])
             .args(["-show_entries", entries])
             .arg(named(path));
-        let (mut child, mut said) = spawn("ffprobe", &mut command)?;
+        let (mut child, mut said) = ffmpeg::start("ffprobe", command.stdin(Stdio::null()))?;
         let mut json = Vec::new();
         let out = child.stdout.take().into_iter();
         for out in out {
@@ -74,7 +74,7 @@ impl VideoInfo {
         }
         let _ = child.wait();
         let wrong = |reason: String| Error::format(path, reason);
-        let mut unread = || match last_line(&mut said) {
+        let mut unread = || match ffmpeg::last_line(&mut said) {
             Some(line) => wrong(format!("ffprobe cannot read it as a video: {line}")),
             None => wrong("contains no video".to_owned()),
         };
@@ -163,12 +163,9 @@ impl VideoStream {
             .arg(named(path))
             // Each frame once, and the same bytes on every machine.
             .args(["-map", "0:v:0", "-vsync", "passthrough"])
-            .args([
-                "-sws_flags",
-                "bicubic+accurate_rnd+full_chroma_int+bitexact",
-            ])
+            .args(ffmpeg::SCALER)
             .args(["-f", "rawvideo", "-pix_fmt", pixels, "pipe:1"]);
-        let (decoder, said) = spawn("ffmpeg", &mut command)?;
+        let (decoder, said) = ffmpeg::start("ffmpeg", command.stdin(Stdio::null()))?;
         Ok(Self {
             path: path.to_owned(),
             info,
@@ -193,7 +190,7 @@ impl VideoStream {
             Err(e) if e.kind() == ErrorKind::UnexpectedEof => {
                 self.has_ended = true;
                 let _ = self.decoder.wait();
-                if let Some(line) = last_line(&mut self.said) {
+                if let Some(line) = ffmpeg::last_line(&mut self.said) {
                     tracing::warn!("{}: ffmpeg: {line}", self.path.display());
                 }
                 return Ok(None);
@@ -234,43 +231,6 @@ fn named(path: &Path) -> OsString {
     let mut name = OsString::from("file:");
     name.push(path);
     name
-}
-
-/// Starts a program of ffmpeg. Its standard error goes to a file, so that it never waits for a
-/// reader.
-fn spawn(program: &'static str, command: &mut Command) -> Result<(Child, std::fs::File)> {
-    let temporary = |e| Error::io(std::env::temp_dir(), e);
-    let said = tempfile::tempfile().map_err(temporary)?;
-    let stderr = said.try_clone().map_err(temporary)?;
-    command
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(stderr);
-    let child = command.spawn().map_err(|e| Error::Program {
-        command: program.to_owned(),
-        reason: match e.kind() {
-            ErrorKind::NotFound => "reads videos and is not installed; `apt install ffmpeg`, or \
-                                    https://ffmpeg.org"
-                .to_owned(),
-            _ => format!("cannot be started: {e}"),
-        },
-        stderr: String::new(),
-    })?;
-    Ok((child, said))
-}
-
-/// Largest part of a program's standard error that is read, from its end.
-const MAX_SAID: u64 = 4096;
-
-fn last_line(said: &mut std::fs::File) -> Option<String> {
-    let length = said.seek(std::io::SeekFrom::End(0)).ok()?;
-    let from = length.saturating_sub(MAX_SAID);
-    said.seek(std::io::SeekFrom::Start(from)).ok()?;
-    let mut bytes = Vec::new();
-    said.take(MAX_SAID).read_to_end(&mut bytes).ok()?;
-    let text = String::from_utf8_lossy(&bytes);
-    let line = text.lines().rfind(|line| !line.trim().is_empty())?;
-    Some(line.trim().to_owned())
 }
 
 #[cfg(test)]

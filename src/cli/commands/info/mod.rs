@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use svl::manifest::Manifest;
 use svl::recording::{
     Misalignment, Recording, RecordingSummary, SkewSummary, StampOrigin, Topic, UnpairedImages,
-    is_bag,
+    VideoSummary, is_bag,
 };
 use svl::report::table::{Table, TerminalStyle};
 use svl::source::{Heard, Request, SourceFacts, are_live_topics, listen};
@@ -202,6 +202,7 @@ fn file_lines(summary: &RecordingSummary) -> Vec<String> {
 fn table(summary: &RecordingSummary, mut lines: Vec<String>, facts: Vec<String>) -> String {
     lines.push(pairs(summary));
     lines.extend(unpaired(summary));
+    lines.extend(summary.videos.iter().map(video));
     lines.extend(geometry(summary));
     lines.extend(facts);
     lines.extend(
@@ -295,6 +296,19 @@ fn unpaired(summary: &RecordingSummary) -> Option<String> {
         "unpaired   {total}: {before} before the first pair, {inside} between pairs, {after} after \
          the last"
     ))
+}
+
+/// A topic of videos, its codec and the pictures that cannot be decoded.
+fn video((topic, video): (&String, &VideoSummary)) -> String {
+    let codec = video.codec.unwrap_or("not known");
+    let undecodable = video.reason.as_ref().map(|reason| {
+        let (n, all) = (video.undecodable, counted(video.pictures, "picture"));
+        format!("; {n} of {all} cannot be decoded, the first as {reason}")
+    });
+    format!(
+        "video      {topic}: {codec}{}",
+        undecodable.unwrap_or_default()
+    )
 }
 
 /// Geometry of the pairs, raw or rectified, and the calibration.

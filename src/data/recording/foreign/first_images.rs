@@ -1,6 +1,6 @@
 //! The first 16-bit images of both cameras, which decide how many bits are used.
 
-use super::image;
+use super::{image, video};
 use crate::files::DECIDING_PAIRS;
 use crate::recording::messages::Channel;
 
@@ -23,6 +23,11 @@ impl FirstImages {
             return;
         };
         if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
+            return;
+        }
+        // Videos are decoded to 8 bits.
+        if video::is_video(channel) {
+            self.are_of_8_bits = true;
             return;
         }
         // An unreadable one is reported when its turn comes.

@@ -1,7 +1,7 @@
 //! Pairs of live ROS 2 topics, formed as those of a bag: the same topics, readers and pairing.
 
 use super::stamp_pairing::StampPairing;
-use super::{FirstImages, Foreign, Selection, camera, image};
+use super::{FirstImages, Foreign, Selection, camera, image, video};
 use crate::files::BitDepth;
 use crate::recording::messages::Channel;
 use crate::recording::{PairSource, ros};
@@ -60,6 +60,14 @@ impl TopicPairs {
         let channels: Vec<_> = topics.iter().map(channel).collect();
         let all: Vec<_> = channels.iter().collect();
         let mut foreign = Foreign::new(source.to_owned(), &all, selection)?;
+        let is_video = |channel: &&Channel| {
+            foreign.images.contains(&channel.topic) && video::is_video(channel)
+        };
+        if let Some(Channel { topic, schema, .. }) = channels.iter().find(is_video) {
+            return Err(format!(
+                "{topic}: {schema}, a video, which svl reads from a bag: record it first"
+            ));
+        }
         foreign.partners = StampPairing::new(selection.max_skew_ns).with_limit(WAITING_BYTES);
         foreign.jumps = Some(0);
         let mut needed: Vec<Channel> = Vec::new();

@@ -3,6 +3,7 @@
 
 mod baseline;
 mod bayer;
+mod calibrations;
 mod camera;
 mod first_images;
 mod image;
@@ -16,6 +17,7 @@ mod sensor;
 mod stamp_pairing;
 mod topics;
 mod transforms;
+mod video;
 
 pub use live::{LiveTopic, TopicPairs};
 pub(super) use pair_stamps::PairStamps;
@@ -24,23 +26,33 @@ pub(super) use sensor::{head, truth_topics};
 pub use stamp_pairing::UnpairedImages;
 pub use topics::Selection;
 pub(super) use topics::{choose, is_image};
+pub use video::VideoSummary;
+pub(super) use video::{VideoScan, is_video};
 
 use super::messages::{Channel, FileEvent};
 use super::{PairSource, Recording};
 use crate::files::BitDepth;
 use baseline::BaselineSearch;
-use camera::{Calibration, CalibrationChange};
+use camera::Calibration;
 use first_images::FirstImages;
 use nalgebra::UnitQuaternion;
 use pixels::MessageImage;
 use poses::PoseReader;
 use stamp_pairing::StampPairing;
 use svl_core::counted;
-use svl_core::stereo::{Exposure, Frame, Geometry, Pose, Rig, Side, StereoCalibration};
+use svl_core::stereo::{Exposure, Frame, Pose, Side, StereoCalibration};
 use svl_core::{Error, Result};
+use video::VideoTopic;
 
 /// Live images are never that much out of order: their clock jumped.
 const JUMP_NS: u64 = 500_000_000;
+
+/// An image that waits for its partner.
+enum PairImage {
+    Image(MessageImage),
+    /// The picture of a video's message with that number.
+    Picture(u64),
+}
 
 /// Pairs the images of two topics by stamp.
 pub(super) struct Foreign {
@@ -53,7 +65,9 @@ pub(super) struct Foreign {
     /// The poses of the recording, if it has any, and the left camera's frame.
     poses: Option<PoseReader>,
     left_frame: Option<String>,
-    partners: StampPairing<std::result::Result<MessageImage, String>>,
+    partners: StampPairing<std::result::Result<PairImage, String>>,
+    /// The videos of topics that hold such.
+    videos: [Option<VideoTopic>; 2],
     depth: BitDepth,
     max_skew_ns: u64,
     /// Images of each camera.
@@ -111,6 +125,12 @@ impl Foreign {
         }
         foreign.depth = BitDepth::decide(selection.bits, first.largest())?;
         foreign.poses = PoseReader::open(recording, &channels)?;
+        for (topic, video) in foreign.images.iter().zip(&mut foreign.videos) {
+            let is_it = |channel: &&&Channel| channel.topic == *topic && is_video(channel);
+            if channels.iter().any(|channel| is_it(&channel)) {
+                *video = Some(VideoTopic::open(recording, topic)?);
+            }
+        }
         Ok(foreign)
     }
 
@@ -148,6 +168,7 @@ impl Foreign {
             poses: None,
             left_frame: None,
             partners: StampPairing::new(selection.max_skew_ns),
+            videos: [None, None],
             depth: BitDepth::FULL,
             max_skew_ns: selection.max_skew_ns,
             counts: [0, 0],
@@ -163,103 +184,41 @@ impl Foreign {
         })
     }
 
-    /// True if the images are raw according to the calibration. Distortion is ignored on a
-    /// rectified topic: ROS has one CameraInfo for the raw and the rectified image.
-    fn are_raw(&self) -> bool {
-        let is_raw = |(topic, camera): (&String, &Option<Calibration>)| {
-            !topics::is_of_rectified(topic)
-                && camera.as_ref().is_some_and(Calibration::is_of_raw_camera)
+    /// The stamp of an image message, if it has one, and the image.
+    ///
+    /// # Errors
+    /// The reason why the message cannot be read.
+    fn image(
+        &mut self,
+        side: Side,
+        channel: &Channel,
+        data: &[u8],
+    ) -> std::result::Result<(Option<u64>, std::result::Result<PairImage, String>), String> {
+        let Some(video) = &mut self.videos[side as usize] else {
+            let (stamp, image) = image::decode(channel, data)?;
+            return Ok((stamp, image.map(PairImage::Image)));
         };
-        self.images.iter().zip(&self.cameras).any(is_raw)
+        let number = self.counts[side as usize] - 1;
+        let (stamp, coded) = video.take_in(channel, data)?;
+        Ok((stamp, coded.map(|()| PairImage::Picture(number))))
     }
 
-    /// Raw, unless topics or calibrations mark the images as rectified.
-    fn geometry(&self) -> Geometry {
-        // `image_rect` without CameraInfo: rectified, but distances are unknown.
-        let named_rectified = self
-            .images
-            .iter()
-            .all(|topic| topics::is_of_rectified(topic));
-        match self.rig() {
-            Ok(rig) => Geometry::Rectified(Some(rig)),
-            Err(_) if named_rectified => Geometry::Rectified(None),
-            Err(_) => Geometry::Raw,
-        }
-    }
-
-    fn rig(&self) -> std::result::Result<Rig, String> {
-        if self.are_raw() {
-            return Err("the images are not rectified".to_owned());
-        }
-        self.both()
-            .and_then(|[left, right]| camera::rig(left, right, self.baseline_m))
-    }
-
-    /// The calibrations of both cameras, for images of the current size.
-    fn both(&self) -> std::result::Result<[&Calibration; 2], String> {
-        match &self.cameras {
-            // One topic cannot carry the projections of two cameras.
-            [Some(left), Some(right)] if self.calibrations[0] != self.calibrations[1] => {
-                [left, right]
-                    .into_iter()
-                    .try_for_each(|camera| camera.check_size(self.size))?;
-                Ok([left, right])
-            }
-            _ => Err("it has no calibration of both cameras".to_owned()),
-        }
-    }
-
-    fn lacks_baseline(&self) -> bool {
-        match &self.cameras {
-            [Some(left), Some(right)] => left.lacks_baseline(right) && self.baseline_m.is_none(),
-            _ => false,
-        }
-    }
-
-    fn lacks_calibration(&self) -> bool {
-        self.calibrations
-            .iter()
-            .zip(&self.cameras)
-            .any(|(topic, camera)| topic.is_some() && camera.is_none())
-    }
-
-    /// Stores the first calibration of a camera.
-    fn calibrate_first(
+    /// The pixels of an image that found its partner.
+    ///
+    /// # Errors
+    /// The reason why a picture of a video cannot be decoded.
+    fn pixels(
         &mut self,
-        channel: &Channel,
-        data: &[u8],
-    ) -> std::result::Result<(), String> {
-        for (topic, camera) in self.calibrations.iter().zip(&mut self.cameras) {
-            if topic.as_ref() == Some(&channel.topic) && camera.is_none() {
-                *camera = Some(camera::decode(channel, data)?);
-            }
-        }
-        Ok(())
-    }
-
-    /// Stores the next calibration of a camera, and warns of the first that differs from the
-    /// previous one.
-    fn calibrate(
-        &mut self,
-        channel: &Channel,
-        log_time: u64,
-        data: &[u8],
-    ) -> std::result::Result<(), String> {
-        let mut change = None;
-        for (topic, camera) in self.calibrations.iter().zip(&mut self.cameras) {
-            if topic.as_ref() == Some(&channel.topic) {
-                let next = camera::decode(channel, data)?;
-                let before = camera.as_ref();
-                change = change.or_else(|| before.and_then(|before| before.change(&next)));
-                *camera = Some(next);
-            }
-        }
-        if let Some(change) = change
-            && !std::mem::replace(&mut self.warned_of_change, true)
-        {
-            self.warn_of_change(&channel.topic, log_time, &change);
-        }
-        Ok(())
+        side: Side,
+        image: PairImage,
+    ) -> std::result::Result<MessageImage, String> {
+        let number = match image {
+            PairImage::Image(image) => return Ok(image),
+            PairImage::Picture(number) => number,
+        };
+        let video = self.videos[side as usize].as_mut();
+        let picture = video.map_or_else(|| Err("no video".to_owned()), |v| v.picture(number));
+        picture.map_err(|reason| format!("{}: {reason}", self.images[side as usize]))
     }
 
     /// Warns once of images that have no stamp, of images that share one, and of a live clock that
@@ -298,20 +257,6 @@ impl Foreign {
             );
         }
     }
-
-    fn warn_of_change(&self, topic: &str, log_time: u64, change: &CalibrationChange) {
-        let used = if self.are_raw() {
-            "all pairs are rectified by the first one"
-        } else {
-            "each pair uses the last one before it"
-        };
-        tracing::warn!(
-            "{}: {topic}: the calibration changes at {:.3} s ({change}); {used}: if it is wrong, \
-             --from and --to omit that part, or --calib FILE replaces it",
-            self.name,
-            log_time as f64 / 1e9
-        );
-    }
 }
 
 impl PairSource for Foreign {
@@ -336,9 +281,12 @@ impl PairSource for Foreign {
                 if side == Side::Left && self.left_frame.is_none() {
                     self.left_frame = head(channel, data).ok().map(|(_, frame)| frame);
                 }
-                let (stamp, image) = image::decode(channel, data)?;
+                let (stamp, image) = self.image(side, channel, data)?;
                 let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
-                let bytes = image.as_ref().map_or(0, |image| image.image.bytes());
+                let bytes = match &image {
+                    Ok(PairImage::Image(image)) => image.image.bytes(),
+                    _ => 0,
+                };
                 self.check_stamp(side, stamp, log_time);
                 self.partners
                     .push(side, stamp.unwrap_or(log_time), image, bytes);
@@ -358,6 +306,8 @@ impl PairSource for Foreign {
             drops: self.unpaired(),
             ..Exposure::default()
         };
+        let left = left.and_then(|image| self.pixels(Side::Left, image));
+        let right = right.and_then(|image| self.pixels(Side::Right, image));
         let pair = match (left, right) {
             (Ok(left), Ok(right)) => {
                 let images = [left, right].map(|image| image.demosaiced(&mut self.depth));

@@ -1,6 +1,6 @@
 //! Chooses the topics of the two cameras in another program's recording.
 
-use super::{camera, image};
+use super::{camera, image, video};
 use crate::recording::messages::Channel;
 use svl_core::joined;
 
@@ -40,7 +40,7 @@ impl Default for Selection {
 
 /// True if the messages of a channel are images.
 pub(in crate::recording) fn is_image(channel: &Channel) -> bool {
-    image::SCHEMAS.contains(&channel.schema.as_str())
+    image::SCHEMAS.contains(&channel.schema.as_str()) || video::is_video(channel)
 }
 
 /// The topics of the left and the right images.
@@ -153,16 +153,13 @@ fn unread(channels: &[&Channel]) -> Option<String> {
     let first = channels
         .iter()
         .filter(seems)
-        .find(|channel| !image::SCHEMAS.contains(&channel.schema.as_str()))?;
+        .find(|channel| !is_image(channel))?;
     let alike = channels
         .iter()
         .filter(|channel| channel.schema == first.schema);
     let topics = joined(alike.map(|channel| &channel.topic));
     let schema = &first.schema;
     Some(match name(first).as_str() {
-        "CompressedVideo" | "FFMPEGPacket" => {
-            format!("{topics}: {schema}, a video; record images, raw or as PNG or JPEG")
-        }
         "ImgFrame" | "EncodedFrame" => format!(
             "{topics}: {schema} of DepthAI, whose images are in the videos beside this file: `svl \
              record FOLDER --left LEFT.mp4 --right RIGHT.mp4`"
@@ -348,18 +345,14 @@ mod tests {
             )
             .unwrap_err()
         };
-        let named = complaint("foxglove.CompressedVideo", "cdr", Some("/cam0/image"));
+        let named = complaint("my_msgs/msg/CompressedVideo", "cdr", Some("/cam0/image"));
         assert!(
-            named.starts_with("--left: /cam0/image: foxglove.CompressedVideo, a video"),
+            named.starts_with("--left: /cam0/image: my_msgs/msg/CompressedVideo; it reads"),
             "{named}"
         );
         assert!(
             complaint("dai.proto.img_frame.ImgFrame", "protobuf", None)
                 .contains("of DepthAI, whose images are in the videos")
-        );
-        assert!(
-            complaint("foxglove.CompressedVideo", "protobuf", None)
-                .contains("a video; record images")
         );
         assert!(
             complaint("foxglove_msgs/msg/RawImage", "cdr", None)

@@ -55,6 +55,10 @@ impl<'a> MessageReader<'a> {
         self.number().map(u32::from_le_bytes)
     }
 
+    pub(in crate::recording) fn u64(&mut self) -> Parsed<u64> {
+        self.number().map(u64::from_le_bytes)
+    }
+
     pub(in crate::recording) fn f32(&mut self) -> Parsed<f32> {
         self.number().map(f32::from_le_bytes)
     }

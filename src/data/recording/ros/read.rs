@@ -116,6 +116,41 @@ pub(in crate::recording) fn compressed_image<'a>(
     })
 }
 
+/// A coded picture of a video.
+pub(in crate::recording) struct RosVideo<'a> {
+    pub(in crate::recording) stamp: RosTime,
+    pub(in crate::recording) format: &'a str,
+    pub(in crate::recording) data: &'a [u8],
+}
+
+/// foxglove_msgs/msg/CompressedVideo, whose head is laid out as a header.
+pub(in crate::recording) fn compressed_video<'a>(
+    message: &mut MessageReader<'a>,
+) -> Parsed<RosVideo<'a>> {
+    let stamp = header(message)?.stamp;
+    let data = message.bytes()?;
+    Ok(RosVideo {
+        stamp,
+        format: message.str()?,
+        data,
+    })
+}
+
+/// ffmpeg_image_transport_msgs/msg/FFMPEGPacket.
+pub(in crate::recording) fn ffmpeg_packet<'a>(
+    message: &mut MessageReader<'a>,
+) -> Parsed<RosVideo<'a>> {
+    let stamp = header(message)?.stamp;
+    let (_width, _height) = (message.u32()?, message.u32()?);
+    let format = message.str()?;
+    let (_pts, _flags, _big_endian) = (message.u64()?, message.u8()?, message.u8()?);
+    Ok(RosVideo {
+        stamp,
+        format,
+        data: message.bytes()?,
+    })
+}
+
 pub(in crate::recording) fn camera_info(message: &mut MessageReader<'_>) -> Parsed<CameraInfo> {
     let (_stamp, height, width, model) = (
         header(message)?,

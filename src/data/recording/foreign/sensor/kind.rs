@@ -172,6 +172,7 @@ pub(in crate::recording) fn head(
         }
         ("foxglove.RawImage", _) => foxglove!(RawImage),
         ("foxglove.CompressedImage", _) => foxglove!(CompressedImage),
+        ("foxglove.CompressedVideo", _) => foxglove!(CompressedVideo),
         ("foxglove.PointCloud", _) => foxglove!(PointCloud),
         ("foxglove.LaserScan", _) => foxglove!(LaserScan),
         (schema, encoding) => Err(format!("its {schema} is in '{encoding}'")),
