@@ -123,8 +123,9 @@ impl Plugin {
         let error = self.compute(&pair(12, 5)).err().expect("a failure");
         assert!(matches!(error, Error::Program { .. }));
         let line = error.to_string();
+        // The programs sleep for a minute.
         assert!(
-            start.elapsed() < Duration::from_secs(5),
+            start.elapsed() < Duration::from_secs(50),
             "{:?}: {line}",
             start.elapsed()
         );
