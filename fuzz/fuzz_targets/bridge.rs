@@ -1,7 +1,7 @@
 //! Messages of a Foxglove bridge: text, and binary ones. Any bytes are tried as both.
 #![no_main]
 
-use svl::bridge::message::{self, Said};
+use svl::bridge::message::{self, ServerMessage};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     if let Some((_, data)) = message::data(bytes) {
@@ -15,9 +15,9 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
             !reason.is_empty() && reason.lines().count() == 1,
             "{reason}"
         ),
-        Ok(Said::Advertise(channels)) => assert!(channels.len() * 40 <= text.len()),
-        Ok(Said::Unadvertise(gone)) => assert!(gone.len() <= text.len()),
-        Ok(Said::Warning(words)) => assert!(words.len() <= text.len()),
-        Ok(Said::Other) => {}
+        Ok(ServerMessage::Advertise(channels)) => assert!(channels.len() * 40 <= text.len()),
+        Ok(ServerMessage::Unadvertise(gone)) => assert!(gone.len() <= text.len()),
+        Ok(ServerMessage::Warning(words)) => assert!(words.len() <= text.len()),
+        Ok(ServerMessage::Other) => {}
     }
 });

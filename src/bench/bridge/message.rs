@@ -9,7 +9,7 @@ const MESSAGE_DATA: u8 = 1;
 
 /// JSON that svl uses.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Said {
+pub enum ServerMessage {
     /// New channels.
     Advertise(Vec<BridgeChannel>),
     /// Numbers of channels that are gone.
@@ -58,21 +58,21 @@ struct BridgeStatus {
 ///
 /// # Errors
 /// The reason why it is not one of a bridge.
-pub fn text(text: &str) -> Result<Said, String> {
+pub fn text(text: &str) -> Result<ServerMessage, String> {
     if text.len() > MAX_TEXT {
         return Err(format!("JSON of {} bytes, above {MAX_TEXT}", text.len()));
     }
     // The operation first: what svl does not use is not built.
     let Operation { op } = json(text)?;
     Ok(match op.as_str() {
-        "advertise" => Said::Advertise(json::<Advertise>(text)?.channels),
-        "unadvertise" => Said::Unadvertise(json::<Unadvertise>(text)?.channel_ids),
+        "advertise" => ServerMessage::Advertise(json::<Advertise>(text)?.channels),
+        "unadvertise" => ServerMessage::Unadvertise(json::<Unadvertise>(text)?.channel_ids),
         "status" => match json::<BridgeStatus>(text)? {
             // Information.
-            BridgeStatus { level: 0, .. } => Said::Other,
-            BridgeStatus { message, .. } => Said::Warning(message),
+            BridgeStatus { level: 0, .. } => ServerMessage::Other,
+            BridgeStatus { message, .. } => ServerMessage::Warning(message),
         },
-        _ => Said::Other,
+        _ => ServerMessage::Other,
     })
 }
 
@@ -114,18 +114,24 @@ mod tests {
         let advertise = r#"{"op":"advertise","channels":[{"id":1,"topic":"/a","encoding":"cdr",
             "schemaName":"sensor_msgs/msg/Image","schemaEncoding":"ros2msg","schema":""}]}"#;
         for (message, said) in [
-            (advertise, Said::Advertise(vec![channel])),
+            (advertise, ServerMessage::Advertise(vec![channel])),
             (
                 r#"{"op":"unadvertise","channelIds":[1,2]}"#,
-                Said::Unadvertise(vec![1, 2]),
+                ServerMessage::Unadvertise(vec![1, 2]),
             ),
-            (r#"{"op":"status","level":0,"message":"x"}"#, Said::Other),
+            (
+                r#"{"op":"status","level":0,"message":"x"}"#,
+                ServerMessage::Other,
+            ),
             (
                 r#"{"op":"status","level":1,"message":"x"}"#,
-                Said::Warning("x".to_owned()),
+                ServerMessage::Warning("x".to_owned()),
             ),
             // The same keys may mean something else there.
-            (r#"{"op":"serverInfo","channels":"x"}"#, Said::Other),
+            (
+                r#"{"op":"serverInfo","channels":"x"}"#,
+                ServerMessage::Other,
+            ),
         ] {
             assert_eq!(text(message), Ok(said));
         }

@@ -7,7 +7,7 @@ pub mod message;
 pub use address::BridgeAddress;
 
 use crate::dds::FoundTopic;
-use message::{BridgeChannel, Said};
+use message::{BridgeChannel, ServerMessage};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 use std::io::{ErrorKind, Read, Write};
@@ -78,7 +78,7 @@ impl Write for TimedStream {
 
 impl Bridge {
     /// # Errors
-    /// [`Error::Camera`] if nobody answers, or it is no bridge.
+    /// [`Error::Camera`] if nothing answers, or it is not a bridge.
     pub fn connect(address: &BridgeAddress) -> Result<Self> {
         let name = address.to_string();
         let failed = |error: &dyn Display| Error::camera(&name, format!("no bridge: {error}"));
@@ -170,7 +170,7 @@ impl Bridge {
     ) -> Result<bool> {
         self.socket.get_mut().end = Instant::now() + timeout;
         match self.socket.read() {
-            Ok(Message::Text(text)) => self.hear(&text)?,
+            Ok(Message::Text(text)) => self.handle(&text)?,
             Ok(Message::Binary(bytes)) => {
                 if let Some((subscription, data)) = message::data(&bytes)
                     && let Some((_, topic)) = self.subscriptions.get(&subscription)
@@ -193,20 +193,20 @@ impl Bridge {
         Some(other.schema.clone())
     }
 
-    fn hear(&mut self, text: &str) -> Result<()> {
+    fn handle(&mut self, text: &str) -> Result<()> {
         match message::text(text) {
-            Ok(Said::Advertise(channels)) => {
+            Ok(ServerMessage::Advertise(channels)) => {
                 return channels
                     .into_iter()
                     .try_for_each(|channel| self.add(channel));
             }
-            Ok(Said::Unadvertise(gone)) => {
+            Ok(ServerMessage::Unadvertise(gone)) => {
                 let gone = BTreeSet::from_iter(gone);
                 self.channels.retain(|id, _| !gone.contains(id));
                 self.subscriptions.retain(|_, (id, _)| !gone.contains(id));
             }
-            Ok(Said::Warning(words)) => self.warn(&format!("the bridge says: {words}")),
-            Ok(Said::Other) => {}
+            Ok(ServerMessage::Warning(words)) => self.warn(&format!("the bridge says: {words}")),
+            Ok(ServerMessage::Other) => {}
             Err(error) => self.warn(&format!("the bridge sent what cannot be read: {error}")),
         }
         Ok(())

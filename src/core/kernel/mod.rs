@@ -224,8 +224,8 @@ kernels! {
     /// Slides column sums of absolute differences down by a row: `left` and `right` hold the row
     /// that enters and the one that leaves.
     ///
-    /// `columns` holds `blocks` sums for each column; at index `i` a left pixel is compared with the
-    /// right one `i` further on. The rows are long enough for that.
+    /// `columns` holds `blocks` sums for each column; at index `i` a left pixel is compared with
+    /// the right one `i` further on. The rows are long enough for that.
     pub fn slide_columns(
         left: [&[u8]; 2],
         right: [&[u8]; 2],
