@@ -45,9 +45,12 @@ impl Address {
         let rest = text.strip_prefix("ros2:").unwrap_or(text);
         for part in rest.split(',').filter(|part| !part.is_empty()) {
             match part.split_once('=') {
-                None if part.starts_with('/') => address.topics.push(part.to_owned()),
+                None if is_topic(part) => address.topics.push(part.to_owned()),
                 None => {
-                    let reason = format!("{text}: '{part}' is no topic; its name begins with /");
+                    let reason = format!(
+                        "{text}: '{part}' is no topic: a name begins with /, and between / are \
+                         letters, digits and _, with no digit first"
+                    );
                     return Err(Error::Usage(reason));
                 }
                 Some(("domain", value)) => address.domain = domain(text, value)?,
@@ -66,6 +69,16 @@ impl Address {
         }
         Ok(address)
     }
+}
+
+/// True for a name by the rules of ROS 2, and for the root.
+fn is_topic(name: &str) -> bool {
+    let is_word = |word: &str| {
+        let begins = |c: char| c.is_ascii_alphabetic() || c == '_';
+        word.starts_with(begins) && word.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+    };
+    let words = name.trim_end_matches('/').split('/').skip(1);
+    name.starts_with('/') && words.into_iter().all(is_word)
 }
 
 impl fmt::Display for Address {

@@ -43,8 +43,12 @@ struct Receiver {
     name: String,
     inbox: Inbox,
     pairs: TopicPairs,
-    /// Images that cannot be read, or pairs of different sizes.
+    /// Pairs of images that do not fit each other.
     unreadable: u64,
+    /// Images that cannot be read, left and right.
+    unreadable_images: [u64; 2],
+    /// True if raw pairs have a calibration that rectifies them, or its delay was reported.
+    rectifies: bool,
     /// Unreadable messages other than images, by topic.
     broken: BTreeMap<String, u64>,
     /// Pairs so far, and those that found the queue full.
@@ -72,6 +76,8 @@ pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
         inbox: network.subscribe(&topics)?,
         pairs,
         unreadable: 0,
+        unreadable_images: [0; 2],
+        rectifies: false,
         broken: BTreeMap::new(),
         formed: 0,
         dropped: 0,
@@ -175,6 +181,7 @@ impl Receiver {
             })?;
         }
         self.pairs.begin()?;
+        self.rectifies = self.pairs.calibration().is_some();
         for (topic, at_ns, data) in ahead {
             self.take_in(topic, at_ns, &data);
         }
@@ -221,13 +228,17 @@ impl Receiver {
             *heard = Some(Instant::now());
         }
         let Err(mut reason) = self.pairs.take_in(topic, at_ns, data) else {
+            self.check_rectification();
             return;
         };
         if let Some(other) = self.inbox.other_type(topic) {
             reason += &format!("; the topic is published as {other} too");
         }
-        if topic < self.heard.len() {
-            self.report_unreadable(&reason);
+        if let Some(images) = self.unreadable_images.get_mut(topic) {
+            *images += 1;
+            if *images == 1 {
+                tracing::warn!("{}: {reason}; its pairs are dropped", self.name);
+            }
             return;
         }
         let name = self.pairs.topics().nth(topic).unwrap_or_default();
@@ -236,6 +247,23 @@ impl Receiver {
         if *broken == 1 {
             tracing::warn!("{}: {reason}; dropped", self.name);
         }
+    }
+
+    /// Warns of a calibration that came after svl chose not to rectify.
+    fn check_rectification(&mut self) {
+        if self.formed > 0 && !self.rectifies && self.pairs.calibration().is_some() {
+            self.rectifies = true;
+            tracing::warn!(
+                "{}: the calibration came after the first pair, and pairs are not rectified; \
+                 start svl again",
+                self.name
+            );
+        }
+    }
+
+    /// Number of pairs that could not be read.
+    fn unreadable(&self) -> u64 {
+        self.unreadable + self.unreadable_images.into_iter().max().unwrap_or(0)
     }
 
     fn report_unreadable(&mut self, reason: &str) {
@@ -396,9 +424,9 @@ impl Source for TopicSource {
         let (unpaired, outside) = (receiver.pairs.unpaired(), receiver.pairs.outside());
         Losses {
             // The partner of an unreadable image is reported with it.
-            unpaired: unpaired.saturating_sub(receiver.unreadable),
+            unpaired: unpaired.saturating_sub(receiver.unreadable()),
             outside,
-            unreadable: receiver.unreadable,
+            unreadable: receiver.unreadable(),
             broken: std::mem::take(&mut receiver.broken),
             grabber: Some(receiver.report(taken)),
             ..Losses::default()

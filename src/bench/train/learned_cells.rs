@@ -5,11 +5,12 @@ use crate::run::{Matchers, frames_through};
 use crate::runs::runs;
 use crate::sink::{CollectSink, RunStart};
 use crate::source::Source;
+use std::collections::BTreeSet;
 use std::path::Path;
 use svl_core::depth::decision::Feature;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::CellEvidence;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, joined};
 use svl_data::fit::{CellFit, CellSample, CellTarget, FOLDS, cell_samples, fit_cells};
 use svl_data::manifest::Manifest;
 use svl_data::scenario::Scenario;
@@ -53,6 +54,11 @@ impl LearnedCells {
         let mut matchers = Matchers::new(&scenario.algorithms)?;
         let manifest = Manifest::new(&scenario.name, &scenario.algorithms)?;
         let before = self.samples.len();
+        let fitted = if tested {
+            self.fitted_groups().len()
+        } else {
+            0
+        };
         for run in runs(&scenario, console)? {
             let (mut run, judge) = run.open(&scenario, console, None)?;
             let of_frame = {
@@ -79,6 +85,15 @@ impl LearnedCells {
             }
         }
         let cells = self.samples.len() - before;
+        let of_fit = self.samples[before..].iter().map(|sample| sample.group);
+        let of_fit: BTreeSet<_> = of_fit.filter(|group| *group < fitted).collect();
+        if !of_fit.is_empty() {
+            let names = joined(of_fit.into_iter().map(|group| &self.groups[group]));
+            return Err(Error::Invalid(format!(
+                "{}: tests what is fitted too: {names}; use other seeds, scenes or recordings",
+                path.display()
+            )));
+        }
         if !self.samples[before..].iter().any(CellSample::is_reportable) {
             let cure = "frames need a truth, and the algorithm has to give evidence for its cells: \
                         v5 does, others with decision = \"safe\" under [grid]";

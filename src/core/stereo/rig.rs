@@ -4,6 +4,9 @@ use super::Side;
 use crate::error::{Error, Result};
 use nalgebra::{Matrix3, Matrix3x4};
 
+/// Greatest difference of the focal lengths along rows and columns, as a fraction.
+const SQUARE: f64 = 0.01;
+
 /// A rectified stereo rig: two pinhole cameras with one focal length, displaced along x by the
 /// baseline.
 ///
@@ -55,7 +58,8 @@ impl Rig {
     /// frame, not necessarily the left camera's: the baseline is `(tx_left - tx_right) / f`.
     ///
     /// # Errors
-    /// [`Error::Rig`] if the focal lengths differ by more than the fraction `focal_tolerance`, the
+    /// [`Error::Rig`] if pixels are not square within 1 %, if the focal lengths differ by more than
+    /// the fraction `focal_tolerance`, the
     /// principal rows by more than `row_tolerance_px`, or the right camera is to the left of the
     /// left one.
     pub fn from_projections(
@@ -67,6 +71,14 @@ impl Rig {
         let [(f, cx, cy), (right_f, right_cx, right_cy)] =
             [left, right].map(|p| (p[(0, 0)], p[(0, 2)], p[(1, 2)]));
         let close = |a: f64, b: f64, tolerance: f64| (a - b).abs() <= tolerance;
+        for (fx, fy) in [left, right].map(|p| (p[(0, 0)], p[(1, 1)])) {
+            if !close(fx, fy, SQUARE * fx) {
+                return Err(Error::Rig(format!(
+                    "focal lengths of {fx} px along rows and {fy} px along columns: rectified \
+                     pixels are square; rectify both cameras with one focal length"
+                )));
+            }
+        }
         if !close(f, right_f, focal_tolerance * f) || !close(cy, right_cy, row_tolerance_px) {
             return Err(Error::Rig(format!(
                 "the cameras are not rectified to each other, with one focal length and one row \
@@ -99,6 +111,11 @@ impl Rig {
 
     pub fn doffs_px(&self) -> f64 {
         self.doffs_px
+    }
+
+    /// True if a point can have that disparity: not beyond infinity by more than a pixel.
+    pub fn is_possible(&self, disparity_px: f64) -> bool {
+        disparity_px + self.doffs_px >= -1.0
     }
 
     /// Depth along the optical axis of a point with that disparity; `None` at or beyond infinity.
@@ -204,5 +221,15 @@ mod tests {
     fn nonsense_is_refused() {
         assert!(Rig::new(f64::NAN, (0.0, 0.0), 0.1, 0.0).is_err());
         assert!(Rig::new(300.0, (0.0, 0.0), 0.0, 0.0).is_err());
+        let camera = |fy: f64, tx: f64| {
+            Matrix3x4::new(
+                300.0, 0.0, 160.0, tx, 0.0, fy, 120.0, 0.0, 0.0, 0.0, 1.0, 0.0,
+            )
+        };
+        let rig = |fy: f64| Rig::from_projections(&camera(fy, 0.0), &camera(fy, -30.0), 0.0, 0.0);
+        assert_eq!(rig(301.0).unwrap().baseline_m(), 0.1);
+        for fy in [150.0, -300.0, f64::NAN] {
+            assert!(rig(fy).unwrap_err().to_string().contains("square"));
+        }
     }
 }

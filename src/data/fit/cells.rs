@@ -322,6 +322,7 @@ impl Data {
         VerdictTable {
             rank,
             base: thousandths(model.base),
+            network: None,
             steps,
         }
     }

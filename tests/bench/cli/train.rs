@@ -159,10 +159,14 @@ fn gaps_are_learned_and_cells_after_them() {
         .split(',')
         .all(|value| !value.is_empty());
     assert!(filled, "{samples}");
-    fixture.write(
-        "voted.toml",
-        "rank = 50\nbase = 1\n[steps]\nvoted = [[500, 9000]]\n",
-    );
+    let own = fixture.text("own.toml");
+    let network = own.lines().find(|line| line.starts_with("gaps = "));
+    let steps = "[steps]\nvoted = [[500, 9000]]\n";
+    let plain = format!("rank = 50\nbase = 1\n{steps}");
+    let voted = plain.replace(steps, &format!("{}\n{steps}", network.unwrap()));
+    fixture.write("voted.toml", &voted);
+    fixture.write("plain.toml", &plain);
+    fixture.write("other.toml", &voted.replace("gaps = \"", "gaps = \"0"));
     fixture.write_pair("l.pgm", "r.pgm", (160, 96), 7);
     let known = |algorithm: &str| {
         let line = format!("match l.pgm r.pgm -o d.pfm --force --json --algo {algorithm}");
@@ -176,6 +180,10 @@ fn gaps_are_learned_and_cells_after_them() {
     fixture.fails(
         "match l.pgm r.pgm -o d.pfm --force --algo v5:table=voted.toml => 2: voted.toml | 'voted' \
          | gaps=FILE
+        match l.pgm r.pgm -o d.pfm --force --algo v5:gaps=gaps.safetensors,table=plain.toml => 2: \
+         plain.toml | fitted without a network
+        match l.pgm r.pgm -o d.pfm --force --algo v5:gaps=gaps.safetensors,table=other.toml => 2: \
+         other.toml | fitted with the network of hash 0
         match l.pgm r.pgm -o d.pfm --force --algo v5:gaps=voted.toml => 2: voted.toml | \
          safetensors | svl train gaps",
     );
@@ -188,6 +196,8 @@ fn what_cannot_be_learned_is_refused_in_one_line() {
         "-q train cells short.toml --seeds 4..5 -o t.toml --algo v3 => 1: short.toml | no cells to \
          learn from | v5 does
         -q train cells short.toml --seeds 4 -o t.toml => 1: one run cannot be held out
+        -q train cells short.toml --test short.toml -o t.toml => 1: short.toml | tests what is \
+         fitted too | seed
         -q train gaps short.toml --seeds 4 -o t.safetensors => 1: one run cannot be held out",
     );
     assert!(!fixture.path("t.toml").exists());

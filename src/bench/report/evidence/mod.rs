@@ -37,6 +37,7 @@ impl EvidencePage<'_> {
             decision,
             jump,
             allowance_px,
+            ..
         } = &self.choice;
         let pixels = FilledMap::new(self.disparity, *jump);
         let reports = self.grid.iter().filter_map(|(_, cell)| cell.evidence);

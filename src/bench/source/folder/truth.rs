@@ -21,6 +21,8 @@ const USUAL: [&str; 4] = [
     "velodyne/*.bin",
 ];
 const UNIT: &str = ":unit=";
+/// Difference of time above which a measurement is reported.
+const LATE_NS: u64 = 5_000_000;
 
 /// The files of a pattern, as truths of a folder's pairs.
 pub struct FolderTruth {
@@ -37,6 +39,9 @@ pub struct FolderTruth {
     scanner: Option<Isometry3<f64>>,
     without: u64,
     has_warned: bool,
+    /// True once a pair had a file, and once one of another time was reported.
+    has_found: bool,
+    is_late: bool,
 }
 
 impl FolderTruth {
@@ -87,6 +92,8 @@ impl FolderTruth {
             scanner: has_scans.then(|| scanner(folder, layout)).transpose()?,
             without: 0,
             has_warned: false,
+            has_found: false,
+            is_late: false,
         })
     }
 
@@ -118,8 +125,25 @@ impl FolderTruth {
         frame.truth = None;
         let Some(path) = self.file(frame).map(Path::to_owned) else {
             self.without += 1;
+            if !self.has_found && !std::mem::replace(&mut self.has_warned, true) {
+                let (pair, file) = (
+                    frame.name.as_deref().unwrap_or("?"),
+                    self.files.keys().next(),
+                );
+                let file = file
+                    .map(|key| String::from_utf8_lossy(key))
+                    .unwrap_or_default();
+                let skew_ms = self.max_skew_ns as f64 / 1e6;
+                tracing::warn!(
+                    "--truth '{}': no file fits the pair '{pair}': the part at * is '{file}' in \
+                     the first file; names have to be equal, or times at most {skew_ms} ms \
+                     apart (--truth-skew-ms)",
+                    self.pattern
+                );
+            }
             return Ok(());
         };
+        self.warn_of_time(frame, &path);
         let size = frame.pair.size();
         let disparity = if has_ending(&path, "bin") {
             read_points(&path).map(|points| {
@@ -162,6 +186,22 @@ impl FolderTruth {
         };
         frame.truth = Some(Truth::of_sensor(disparity, density, &self.pattern));
         Ok(())
+    }
+
+    /// Warns once of a file of another time: nothing moves it to that of the pair.
+    fn warn_of_time(&mut self, frame: &Frame, path: &Path) {
+        let stamp = self.times.iter().find(|(_, of)| of == path);
+        let apart_ns = stamp.map_or(0, |(stamp_ns, _)| stamp_ns.abs_diff(frame.stamp_ns));
+        self.has_found = true;
+        if apart_ns > LATE_NS && frame.stamp_ns > 0 && !std::mem::replace(&mut self.is_late, true) {
+            tracing::warn!(
+                "--truth '{}': {} is {:.1} ms from its pair: at 1 m/s the scene moves by {:.0} mm",
+                self.pattern,
+                path.display(),
+                apart_ns as f64 / 1e6,
+                apart_ns as f64 / 1e6
+            );
+        }
     }
 
     fn file(&self, frame: &Frame) -> Option<&Path> {

@@ -61,7 +61,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     // A recording without pairs has a summary all the same.
     let (first_pairs, no_pairs) = match (SourceFacts::read(&request, is_recording), &summary) {
         (Ok(facts), _) => (Some(facts), None),
-        (Err(error), Some(_)) => (None, Some(error.to_string())),
+        (Err(error), Some(_)) => {
+            // Live topics are read from a file that is removed.
+            let reason = error.to_string();
+            (None, Some(reason.replace(&*path, &name)))
+        }
         (Err(error), None) => return Err(error.into()),
     };
     let info = Info {

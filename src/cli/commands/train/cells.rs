@@ -118,9 +118,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         !interrupted()
     });
     drop(bar);
-    let Some(fit) = fit else {
+    let Some(mut fit) = fit else {
         bail!("interrupted; nothing is written");
     };
+    let choice = args.algo.safe_choice()?;
+    fit.table.network = choice.and_then(|choice| choice.network).map(Into::into);
     let training = CellTraining::new(&args.algo, &learned, &fit)?;
     let manifest = Manifest::new("train cells", std::slice::from_ref(&args.algo))?;
     outputs.set_aside()?;

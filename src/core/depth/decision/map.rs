@@ -65,7 +65,9 @@ pub fn safe_grid(
         decision,
         jump,
         allowance_px,
+        network: _,
     } = SafeChoice {
+        network: None,
         decision: Decision {
             rank: 50,
             slack: 10,

@@ -44,6 +44,9 @@ pub struct SafeChoice {
     pub jump: i32,
     /// Part of the tolerance reserved for the matcher's own error, pixels.
     pub allowance_px: f64,
+    /// Hash of the network that weighs disparities for gaps, for the table's
+    /// [`network`](VerdictTable::network).
+    pub network: Option<String>,
 }
 
 /// The pixels of a cell, collected: each votes for its bin, or for several and for none.

@@ -82,6 +82,7 @@ const MAX_VALUE: u64 = 1_000_000_000;
 struct TableFile {
     rank: i64,
     base: i64,
+    gaps: Option<String>,
     #[serde(default)]
     steps: std::collections::BTreeMap<String, Vec<(i64, i64)>>,
 }
@@ -108,6 +109,8 @@ pub struct VerdictTable {
     /// The percentile of a cell's disparities for which it is fitted.
     pub rank: i64,
     pub base: i64,
+    /// Hash of the network for gaps with which it was fitted.
+    pub network: Option<Cow<'static, str>>,
     /// By feature: pairs of a value and the score above it.
     pub steps: [Cow<'static, [(i64, i64)]>; Feature::ALL.len()],
 }
@@ -116,6 +119,7 @@ impl VerdictTable {
     /// For the median of a cell (specification of v5, section 3.10).
     pub const MEDIAN: Self = Self {
         rank: 50,
+        network: None,
         base: -131,
         steps: [
             Cow::Borrowed(&[
@@ -148,6 +152,7 @@ impl VerdictTable {
     /// For the nearest quarter of a cell (specification of v5, near table).
     pub const NEAR: Self = Self {
         rank: 75,
+        network: None,
         base: -1066,
         steps: [
             Cow::Borrowed(&[
@@ -184,6 +189,7 @@ impl VerdictTable {
     /// For the median of a cell, revision 2 (docs/v5.md: fitted by `svl train cells`).
     pub const MEDIAN_2: Self = Self {
         rank: 50,
+        network: None,
         base: 2561,
         steps: [
             Cow::Borrowed(&[
@@ -224,6 +230,7 @@ impl VerdictTable {
     /// For the nearest quarter of a cell, revision 2.
     pub const NEAR_2: Self = Self {
         rank: 75,
+        network: None,
         base: 1175,
         steps: [
             Cow::Borrowed(&[
@@ -260,8 +267,9 @@ impl VerdictTable {
         ],
     };
 
-    /// Parses the table in a file: TOML with `rank`, `base`, and under `[steps]` per feature a list
-    /// of `[above, score]`, which rises.
+    /// Parses the table in a file: TOML with `rank`, `base`, `gaps`, the hash of a network, if the
+    /// table was fitted with one, and under `[steps]` per feature a list of `[above, score]`, which
+    /// rises.
     ///
     /// # Errors
     /// The fault in the text, in one line.
@@ -294,6 +302,7 @@ impl VerdictTable {
         Ok(Self {
             rank: file.rank,
             base: file.base,
+            network: file.gaps.map(Cow::Owned),
             steps: Feature::ALL
                 .map(|feature| Cow::Owned(steps.remove(feature.name()).unwrap_or_default())),
         })
@@ -302,7 +311,12 @@ impl VerdictTable {
     /// The table in the form that [`VerdictTable::parse`] reads.
     pub fn to_toml(&self) -> String {
         use std::fmt::Write;
-        let mut text = format!("rank = {}\nbase = {}\n\n[steps]\n", self.rank, self.base);
+        let network = self.network.as_ref();
+        let gaps = network.map_or_else(String::new, |hash| format!("gaps = \"{hash}\"\n"));
+        let mut text = format!(
+            "rank = {}\nbase = {}\n{gaps}\n[steps]\n",
+            self.rank, self.base
+        );
         let features = Feature::ALL.into_iter().zip(&self.steps);
         for (feature, steps) in features.filter(|(of, steps)| !of.needs_gaps() || !steps.is_empty())
         {

@@ -11,6 +11,7 @@ mod half_map;
 mod level;
 mod sums;
 
+use super::parameter::ParameterFile;
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::depth::decision::{CellPixels, Decision, Feature, SafeChoice, Tolerance, VerdictTable};
 use crate::error::{Error, Result};
@@ -312,6 +313,11 @@ fn gap_network(parameters: &Parameters) -> Result<Option<GapNetwork>> {
     Ok(Some(model.network()))
 }
 
+/// Identifies a network in the tables that were fitted with it.
+fn network_hash(file: &ParameterFile) -> String {
+    format!("{:016x}", xxhash_rust::xxh3::xxh3_64(&file.bytes))
+}
+
 /// Decision on cells according to the parameters.
 fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
     let table = table(parameters)?;
@@ -325,6 +331,23 @@ fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
              a table without",
             file.path,
             feature.name()
+        )));
+    }
+    let network = parameters.file("gaps").map(network_hash);
+    if let Some(file) = parameters.file("table")
+        && table.network.as_deref() != network.as_deref()
+    {
+        let fitted = match &table.network {
+            Some(hash) => format!("was fitted with the network of hash {hash}"),
+            None => "was fitted without a network".to_owned(),
+        };
+        let given = match &network {
+            Some(hash) => format!("gaps= has hash {hash}"),
+            None => "gaps= is not given".to_owned(),
+        };
+        return Err(Error::Usage(format!(
+            "{}: {fitted}, and {given}: give both as they were, or train a table anew",
+            file.path
         )));
     }
     let rank = match parameters.int("rank") {
@@ -345,6 +368,7 @@ fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
         },
         jump: parameters.int("jump"),
         allowance_px: parameters.real("allowance_px"),
+        network,
     })
 }
 

@@ -98,10 +98,6 @@ impl TopicPairs {
         // An unreadable one is reported when its turn comes.
         drop(self.foreign.calibrate_first(channel, data));
         self.first.take_in(&self.foreign.images, channel, data);
-        if topic == 0 && self.frame_id.is_none() {
-            let header = ros::read(channel, data, ros::header).ok();
-            self.frame_id = header.map(|header| header.frame_id.to_owned());
-        }
         !self.foreign.lacks_calibration() && self.first.are_enough()
     }
 
@@ -126,6 +122,11 @@ impl TopicPairs {
         data: &[u8],
     ) -> std::result::Result<(), String> {
         let channel = &self.channels[topic];
+        if topic == 0 && self.frame_id.is_none() {
+            let header = ros::read(channel, data, ros::header).ok();
+            let frame_id = header.map(|header| header.frame_id.to_owned());
+            self.frame_id = frame_id.filter(|frame_id| !frame_id.is_empty());
+        }
         let taken = self.foreign.take_in(channel, received_ns, data);
         taken
             .map(drop)
@@ -190,7 +191,7 @@ impl TopicPairs {
         self.foreign.depth.note()
     }
 
-    /// The coordinate frame of the left images.
+    /// The coordinate frame of the left images, of the first that was taken in.
     pub fn frame_id(&self) -> Option<&str> {
         self.frame_id.as_deref()
     }

@@ -6,16 +6,20 @@ use crate::recording::Recording;
 use crate::recording::messages::{Channel, EventReader, FileEvent};
 use crate::recording::ros;
 use nalgebra::Isometry3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Mutex, PoisonError};
 use svl_core::Result;
 
 const ODOMETRY: &str = "nav_msgs/msg/Odometry";
 /// Longest time between two poses, of which one in between is interpolated.
 const MAX_GAP_NS: u64 = 500_000_000;
-/// Poses are read on until one is this much later than the pair, as messages arrive out of order.
+/// Poses of a frame are read on until one is this much later than the pair, as messages arrive out
+/// of order.
 const AHEAD_NS: u64 = 1_000_000_000;
 /// Limit on poses of one frame: an hour at 1000 a second.
 const MAX_POSES: usize = 4_000_000;
+/// Limit on different warnings.
+const MAX_WARNINGS: usize = 100;
 /// Longest chain of transforms.
 const MAX_CHAIN: usize = 100;
 
@@ -25,16 +29,30 @@ pub(super) struct PoseReader {
     messages: Box<dyn EventReader>,
     next_file: usize,
     has_ended: bool,
-    /// Latest stamp of a pose so far.
-    latest_ns: u64,
     fixed: Transforms,
     /// By the name of the moving frame: those of `/tf`, and those of odometry, which are used where
     /// `/tf` has none.
     moving: [BTreeMap<String, Moving>; 2],
 }
 
+/// The step from a frame to its parent.
+enum ChainLink<'a> {
+    Moving(&'a Moving),
+    Fixed(&'a Isometry3<f64>),
+}
+
+impl<'a> ChainLink<'a> {
+    fn moving(&self) -> Option<&'a Moving> {
+        match self {
+            Self::Moving(moving) => Some(moving),
+            Self::Fixed(_) => None,
+        }
+    }
+}
+
 /// The poses of a frame in its parent, sorted by their stamps.
 struct Moving {
+    topic: String,
     parent: String,
     poses: Vec<(u64, Isometry3<f64>)>,
 }
@@ -56,7 +74,6 @@ impl PoseReader {
             recording: recording.clone(),
             next_file: 1,
             has_ended: false,
-            latest_ns: 0,
             fixed: Transforms::default(),
             moving: Default::default(),
         }))
@@ -65,45 +82,60 @@ impl PoseReader {
     /// The pose of `frame` in the topmost frame above it, if a moving one is on the way; `None` if
     /// no two poses around the stamp are near enough.
     pub(super) fn at(&mut self, frame: &str, stamp_ns: u64) -> Option<Isometry3<f64>> {
-        self.read_until(stamp_ns.saturating_add(AHEAD_NS));
-        let (mut frame, mut pose) = (plain(frame), Isometry3::identity());
-        let mut has_moved = false;
-        for _ in 0..MAX_CHAIN {
-            let [tf, odometry] = &self.moving;
-            let moving = |of: &'_ BTreeMap<String, Moving>| {
-                let moving = of.get(frame)?;
-                Some((moving.parent.clone(), moving.at(stamp_ns)))
-            };
-            let (parent, own) = match (moving(tf), self.fixed.parent(frame), moving(odometry)) {
-                (Some((parent, own)), ..) | (None, None, Some((parent, own))) => {
-                    has_moved = true;
-                    (parent, own?)
-                }
-                (None, Some((parent, own)), _) => (parent.clone(), *own),
-                (None, None, None) => return has_moved.then_some(pose),
-            };
-            pose = own * pose;
-            frame = match self.name(&parent) {
-                Some(name) => name,
-                None => return has_moved.then_some(pose),
+        self.read_until(frame, stamp_ns.saturating_add(AHEAD_NS));
+        let links = self.chain(frame);
+        let mut pose = (!links.is_empty()).then(Isometry3::identity)?;
+        for link in links {
+            pose = match link {
+                ChainLink::Fixed(own) => own * pose,
+                ChainLink::Moving(moving) => moving.at(stamp_ns)? * pose,
             };
         }
-        None
+        Some(pose)
     }
 
-    /// The frame of that name, if it has a parent.
-    fn name(&self, frame: &str) -> Option<&str> {
+    /// The links above a frame; none if nothing moves there.
+    fn chain<'a>(&'a self, frame: &'a str) -> Vec<ChainLink<'a>> {
+        // Odometry may move a frame that has a static parent as well: that of an inertial sensor.
+        let chains = [false, true].map(|odometry_first| self.chain_by(frame, odometry_first));
+        let moves = |links: &Vec<ChainLink<'_>>| links.iter().any(|link| link.moving().is_some());
+        chains.into_iter().find(moves).unwrap_or_default()
+    }
+
+    fn chain_by<'a>(&'a self, frame: &'a str, odometry_first: bool) -> Vec<ChainLink<'a>> {
         let [tf, odometry] = &self.moving;
-        let moving = tf
-            .get_key_value(frame)
-            .or_else(|| odometry.get_key_value(frame));
-        let moving = moving.map(|(name, _)| name.as_str());
-        moving.or_else(|| self.fixed.name(frame))
+        let (mut frame, mut links) = (plain(frame), Vec::new());
+        while links.len() < MAX_CHAIN {
+            let fixed = self.fixed.parent(frame);
+            let of_odometry = odometry.get(frame);
+            let of_odometry = of_odometry.filter(|_| odometry_first || fixed.is_none());
+            frame = match (tf.get(frame).or(of_odometry), fixed) {
+                (Some(moving), _) => {
+                    links.push(ChainLink::Moving(moving));
+                    &moving.parent
+                }
+                (None, Some((parent, pose))) => {
+                    links.push(ChainLink::Fixed(pose));
+                    parent
+                }
+                (None, None) => return links,
+            };
+        }
+        // A circle.
+        Vec::new()
     }
 
-    /// Reads on until a pose has this stamp, or to the end of the recording.
-    fn read_until(&mut self, stamp_ns: u64) {
-        while !self.has_ended && self.latest_ns < stamp_ns {
+    /// True if all moving links above a frame, at least one, have poses up to that time.
+    fn is_read(&self, frame: &str, until_ns: u64) -> bool {
+        let chain = self.chain(frame);
+        let is_late = |moving: &Moving| moving.poses.last().is_some_and(|last| last.0 >= until_ns);
+        !chain.is_empty() && chain.iter().filter_map(ChainLink::moving).all(is_late)
+    }
+
+    /// Reads on until the frame's poses reach this time, or to the end of the recording.
+    fn read_until(&mut self, frame: &str, until_ns: u64) {
+        let mut is_read = self.is_read(frame, until_ns);
+        while !self.has_ended && !is_read {
             match self.messages.next() {
                 Ok(Some(FileEvent::Message {
                     channel,
@@ -124,9 +156,17 @@ impl PoseReader {
                     };
                     for (child, placed, stamp) in found.unwrap_or_default() {
                         let stamp = stamp.unwrap_or(log_time);
-                        self.latest_ns = self.latest_ns.max(stamp);
-                        add(&mut self.moving[kind], child, placed, stamp);
+                        let topic = &channel.topic;
+                        let other = add(&mut self.moving[kind], topic, &child, placed, stamp);
+                        if let Some(first) = other {
+                            warn_once(format!(
+                                "{}: {topic}: poses of '{child}', which {first} has too; those of \
+                                 {first} are used",
+                                self.recording.path().display()
+                            ));
+                        }
                     }
+                    is_read = self.is_read(frame, until_ns);
                 }
                 Ok(Some(_)) => {}
                 // Damage is reported with the pairs.
@@ -145,16 +185,39 @@ impl PoseReader {
     }
 }
 
-fn add(moving: &mut BTreeMap<String, Moving>, child: String, (parent, pose): Placed, stamp: u64) {
-    let own = moving.entry(child).or_insert_with(|| Moving {
+/// Warns once in a process: pairs, truth and places read the poses of a recording each.
+fn warn_once(warning: String) {
+    static WARNED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    let mut warned = WARNED.lock().unwrap_or_else(PoisonError::into_inner);
+    if warned.len() < MAX_WARNINGS && !warned.contains(&warning) {
+        tracing::warn!("{warning}");
+        warned.insert(warning);
+    }
+}
+
+/// Adds a pose. Returns the topic that has the frame's poses, if it is another: two that differ
+/// would be one jumping track.
+fn add(
+    moving: &mut BTreeMap<String, Moving>,
+    topic: &str,
+    child: &str,
+    (parent, pose): Placed,
+    stamp: u64,
+) -> Option<String> {
+    let own = moving.entry(child.to_owned()).or_insert_with(|| Moving {
+        topic: topic.to_owned(),
         parent: parent.clone(),
         poses: Vec::new(),
     });
+    if own.topic != topic {
+        return Some(own.topic.clone());
+    }
     // A second parent contradicts the first one.
     if own.parent == parent && own.poses.len() < MAX_POSES {
         let at = own.poses.partition_point(|(other, _)| *other <= stamp);
         own.poses.insert(at, (stamp, pose));
     }
+    None
 }
 
 /// The pose in a message of odometry: child frame, its pose in the parent, stamp.
@@ -193,11 +256,13 @@ mod tests {
         let mut moving = BTreeMap::new();
         let at = |x: f64| ("odom".to_owned(), Isometry3::translation(x, 0.0, 0.0));
         for (stamp, x) in [(300, 3.0), (100, 1.0), (200, 2.0)] {
-            add(&mut moving, "base".to_owned(), at(x), stamp * 1_000_000);
+            add(&mut moving, "/tf", "base", at(x), stamp * 1_000_000);
         }
         let other = ("map".to_owned(), Isometry3::identity());
-        add(&mut moving, "base".to_owned(), other, 150_000_000);
-        add(&mut moving, "base".to_owned(), at(9.0), 900_000_000);
+        add(&mut moving, "/tf", "base", other, 150_000_000);
+        let first = add(&mut moving, "/odom", "base", at(7.0), 150_000_000);
+        assert_eq!(first.as_deref(), Some("/tf"));
+        add(&mut moving, "/tf", "base", at(9.0), 900_000_000);
         let x = |ms: u64| {
             let pose = moving["base"].at(ms * 1_000_000)?;
             Some((pose.translation.x * 1e9).round() / 1e9)

@@ -183,11 +183,6 @@ impl Transforms {
         self.0.get(frame)
     }
 
-    /// The frame of that name, if it has a parent.
-    pub(super) fn name(&self, frame: &str) -> Option<&str> {
-        self.0.get_key_value(frame).map(|(name, _)| name.as_str())
-    }
-
     /// The pose of frame `from` in frame `to`, by their common ancestor.
     pub(super) fn between(&self, to: &str, from: &str) -> Option<Isometry3<f64>> {
         let (to, from) = (self.ancestors(to), self.ancestors(from));

@@ -84,10 +84,10 @@ fn cloud(points: &[CloudPoint], fourth: &str, stamp: RosStamp, frame_id: &str) -
     encode("sensor_msgs/msg/PointCloud2", definition, data.len(), body)
 }
 
-/// Depths in metres by REP 118: NaN for pixels without a disparity, `+∞` at or beyond infinity.
+/// Depths in metres by REP 118: NaN for pixels without a possible disparity, `+∞` at infinity.
 fn depths(map: &Plane<f32>, rig: &Rig) -> Plane<f32> {
     map.map(|d| {
-        if d.is_finite() {
+        if d.is_finite() && rig.is_possible(d.into()) {
             rig.depth_m(d.into()).map_or(f32::INFINITY, |z| z as f32)
         } else {
             f32::NAN
@@ -103,8 +103,8 @@ fn disparity_image(result: &PairResult, rig: &Rig, stamp: RosStamp, frame_id: &s
     // The message has no offset of the principal points.
     let doffs = rig.doffs_px() as f32;
     let value = |d: f32| {
-        if d.is_finite() {
-            d + doffs
+        if d.is_finite() && rig.is_possible(d.into()) {
+            (d + doffs).max(0.0)
         } else {
             NO_DISPARITY
         }
@@ -271,9 +271,10 @@ pub(super) mod tests {
 
     #[test]
     fn depths_tell_unknown_from_infinity() {
-        let map = Plane::from_vec(3, 1, vec![3.0, -2.0, f32::INFINITY]).unwrap();
+        let map = Plane::from_vec(4, 1, vec![3.0, -2.0, f32::INFINITY, -3.5]).unwrap();
         let found: Vec<_> = depths(&map, &rig()).pixels().collect();
         assert_eq!(found[..2], [2.0, f32::INFINITY]);
-        assert!(found[2].is_nan());
+        // Unknown, and farther than infinity, which a wrong match or a wrong calibration is.
+        assert!(found[2].is_nan() && found[3].is_nan());
     }
 }

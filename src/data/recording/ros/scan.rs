@@ -52,7 +52,8 @@ pub fn scan_transform(frame_id: &str, stamp_ns: u64) -> Result<Option<ResultMess
 
 /// A sensor_msgs/msg/LaserScan of the cells that are not of the floor. A beam has the range of the
 /// nearest known cell of its column; `+∞` if all its cells are known and none is nearer than
-/// `range_max`; NaN otherwise. Intensities are the cells' probabilities, 0 if none is reported.
+/// `range_max`; NaN otherwise, and if the search begins beyond `range_max`. Intensities are the
+/// cells' probabilities, 0 if none is reported.
 pub(super) fn scan(
     result: &PairResult,
     rig: &Rig,
@@ -67,11 +68,17 @@ pub(super) fn scan(
     let beams = ((left - right) / STEP_RAD).ceil().max(1.0);
     let step = (left - right) / beams;
     let nearest = result.range_px.and_then(|range| rig.depth_m(range));
-    let range_min = nearest.unwrap_or(0.0) as f32;
+    let range_min = nearest.unwrap_or(0.0).min(RANGE_MAX_M) as f32;
+    // A rig that matches nothing nearer than the range's end sees nothing in it.
+    let sees_range = nearest.is_none_or(|nearest| nearest < RANGE_MAX_M);
     let beam = |i: usize| {
         let angle = right + (i as f64 + 0.5) * step;
         let x = rig.center_px().0 - rig.focal_px() * angle.tan();
-        columns.at(x).range(angle)
+        if sees_range {
+            columns.at(x).range(angle)
+        } else {
+            (f64::NAN, 0.0)
+        }
     };
     let (ranges, intensities): (Vec<f64>, Vec<f64>) = (0..beams as usize).map(beam).unzip();
     let body = |cdr: &mut Cdr| {
@@ -133,7 +140,10 @@ impl Columns {
             };
             let looked_at: Vec<_> = own.filter(is_looked_at).collect();
             let obstacles = looked_at.iter().filter_map(|cell| is_obstacle(cell));
-            let is_unknown = |cell: &&CellReport| cell.state == CellState::Unknown;
+            let is_unknown = |cell: &&CellReport| {
+                let is_possible = cell.disparity_px.is_none_or(|d| rig.is_possible(d.into()));
+                cell.state == CellState::Unknown || !is_possible
+            };
             let found = Column {
                 nearest: obstacles.min_by(|a, b| a.0.total_cmp(&b.0)),
                 is_known: !looked_at.is_empty() && !looked_at.iter().any(is_unknown),

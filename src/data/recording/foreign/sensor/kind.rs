@@ -123,6 +123,11 @@ impl MeasuredKind {
         matches!(self.decode, Decode::Depth(_))
     }
 
+    /// True for disparities, which are those of a rectified camera by definition.
+    pub(super) fn is_disparity(&self) -> bool {
+        self.schema.ends_with("DisparityImage")
+    }
+
     /// The stamp of a message and its measurement.
     ///
     /// # Errors

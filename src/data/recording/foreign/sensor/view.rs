@@ -30,6 +30,8 @@ pub(super) struct Setup {
     left_from_sensor: Isometry3<f64>,
     /// True if it measures in the left camera's frame.
     is_left: bool,
+    /// True if its messages have the pixels of a rectified camera by definition.
+    is_rectified: bool,
     left: Option<Calibration>,
     /// Calibration of a depth image.
     own: Option<Calibration>,
@@ -123,6 +125,7 @@ impl Setup {
         Ok(found.pose().map(|left_from_sensor| Self {
             left_from_sensor,
             is_left: left_from_sensor == Isometry3::identity(),
+            is_rectified: kind.is_disparity(),
             left: found.left,
             own: found.own,
             transforms: found.transforms,
@@ -189,10 +192,14 @@ impl Setup {
             return Ok(View::Points(left_from_sensor));
         };
         let (width, height) = depth.size();
-        let own = self.own.as_ref();
-        let own = own.map(|own| {
+        let is_rectified = self.is_rectified || topics::is_of_rectified(topic);
+        // Disparities, and images named so, have the pixels of the rectified camera: of raw pairs,
+        // those by the projection in the left camera's CameraInfo.
+        let of_left = self.left.as_ref();
+        let of_left = of_left.filter(|_| is_rectified && self.is_left && raw.is_some());
+        let own = self.own.as_ref().or(of_left).map(|own| {
             own.check_size((width, height))
-                .and_then(|()| pinhole(own, topic, depth.size()))
+                .and_then(|()| pinhole(own, is_rectified, depth.size()))
         });
         let own = own.transpose()?;
         if self.is_left && raw.is_none() && own.is_none_or(|(own, _)| is_same(&own, rig)) {
@@ -271,11 +278,11 @@ impl Found {
 /// the images are rectified, else by K and the distortion.
 fn pinhole(
     calibration: &Calibration,
-    topic: &str,
+    is_rectified: bool,
     size: (usize, usize),
 ) -> std::result::Result<(Intrinsics, UnitQuaternion<f64>), String> {
     let raw = calibration.camera();
-    if let (Ok(camera), false) = (&raw, topics::is_of_rectified(topic)) {
+    if let (Ok(camera), false) = (&raw, is_rectified) {
         return Ok((*camera, UnitQuaternion::identity()));
     }
     let p = calibration.projection()?;

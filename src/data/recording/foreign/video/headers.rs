@@ -150,7 +150,12 @@ impl CodecParameters {
     }
 
     fn wrapped(&self, number: u32) -> u32 {
-        number & ((1 << self.number_bits) - 1)
+        number & (self.numbers() - 1)
+    }
+
+    /// Number of different numbers: so many missing pictures are not seen by them.
+    pub(super) fn numbers(&self) -> u32 {
+        1 << self.number_bits
     }
 }
 

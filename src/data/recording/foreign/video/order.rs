@@ -17,6 +17,11 @@ pub(in crate::recording) struct PictureOrder {
     is_new: bool,
     /// The number of the next picture, or the reason to wait for a keyframe.
     next: Result<u32, String>,
+    /// Slices of a picture.
+    slices: usize,
+    /// Stamp of the last picture, and the least time between two.
+    last_ns: Option<u64>,
+    period_ns: u64,
 }
 
 impl Default for PictureOrder {
@@ -26,6 +31,9 @@ impl Default for PictureOrder {
             hash: 0,
             is_new: false,
             next: Err("the video begins without one".to_owned()),
+            slices: 0,
+            last_ns: None,
+            period_ns: u64::MAX,
         }
     }
 }
@@ -81,6 +89,7 @@ impl PictureOrder {
         if !is_key && let Err(reason) = &self.next {
             return Err(format!("before it a keyframe is missing: {reason}"));
         }
+        let slice_count = kinds.iter().filter(is_slice).count();
         self.take_in_parameters(codec, &units, &kinds, is_key)?;
         let unread = || "the header of its picture cannot be read".to_owned();
         let (_, parameters) = self.sequence.ok_or("it has no parameters of its video")?;
@@ -98,12 +107,45 @@ impl PictureOrder {
         {
             return Err("a message before it is missing, or it has B-frames".to_owned());
         }
+        self.check_slices(slice_count, is_key)?;
+        self.check_time(packet.stamp, is_key, parameters.numbers())?;
         self.next = Ok(number.next);
         Ok(CodedPicture {
             codec,
             is_key,
             is_new: std::mem::take(&mut self.is_new),
         })
+    }
+
+    /// A decoder conceals a missing slice as well: pictures have as many as those before.
+    fn check_slices(&mut self, count: usize, is_key: bool) -> Result<(), String> {
+        let before = self.slices;
+        self.slices = before.max(count);
+        if count == before || before == 0 || (is_key && count > before) {
+            return Ok(());
+        }
+        Err(format!(
+            "it has {count} slices, those before {before}: one may be missing; record with a fixed \
+             number of slices"
+        ))
+    }
+
+    /// The numbers of pictures return: a gap as long as all of them is seen by the stamps.
+    fn check_time(&mut self, stamp: Option<u64>, is_key: bool, numbers: u32) -> Result<(), String> {
+        let Some(stamp) = stamp else {
+            return Ok(());
+        };
+        let last = self.last_ns.replace(stamp);
+        let Some(apart) = last.and_then(|last| stamp.checked_sub(last)) else {
+            return Ok(());
+        };
+        if !is_key && apart / u64::from(numbers) >= self.period_ns {
+            return Err("as many messages before it may be missing as have numbers".to_owned());
+        }
+        if apart > 0 {
+            self.period_ns = self.period_ns.min(apart);
+        }
+        Ok(())
     }
 
     /// Stores the parameters in a message.
@@ -126,6 +168,7 @@ impl PictureOrder {
                         return Err("its parameters change without a keyframe".to_owned());
                     }
                     (self.sequence, self.hash, self.is_new) = (None, hash, true);
+                    self.slices = 0;
                     CodecParameters::read(codec, unit)
                 }
                 UnitKind::Pictures => {
@@ -208,6 +251,21 @@ mod tests {
             assert_eq!(add(&[&picture(1, 0, i % 16)]), Ok(false));
         }
         assert!(add(&[&picture(1, 1, 8)]).unwrap_err().contains("B-frames"));
+    }
+
+    #[test]
+    fn missing_slices_and_long_gaps_are_seen() {
+        let mut order = PictureOrder::default();
+        let key: [&[u8]; 4] = [&SEQUENCE, &PICTURES, &KEY, &[0x65, 0x48]];
+        let other: &[u8] = &[1 << 5 | 1, 0x40];
+        assert!(taken(&mut order, &key).is_ok());
+        assert!(taken(&mut order, &[&picture(1, 0, 1), other]).is_ok());
+        let missing = taken(&mut order, &[&picture(1, 0, 2)]).unwrap_err();
+        assert!(missing.contains("1 slices, those before 2"), "{missing}");
+        assert!(taken(&mut order, &key).is_ok());
+        // Sixteen numbers: the seventeenth message has the expected one.
+        let times = [0, 33, 66, 66 + 17 * 33].map(|ms| order.check_time(Some(ms), false, 16));
+        assert_eq!(times.map(|time| time.is_ok()), [true, true, true, false]);
     }
 
     #[test]
