@@ -166,7 +166,7 @@ fn gaps_are_learned_and_cells_after_them() {
     let voted = plain.replace(steps, &format!("{}\n{steps}", network.unwrap()));
     fixture.write("voted.toml", &voted);
     fixture.write("plain.toml", &plain);
-    fixture.write("other.toml", &voted.replace("gaps = \"", "gaps = \"0"));
+    fixture.write("other.toml", voted.replace("gaps = \"", "gaps = \"0"));
     fixture.write_pair("l.pgm", "r.pgm", (160, 96), 7);
     let known = |algorithm: &str| {
         let line = format!("match l.pgm r.pgm -o d.pfm --force --json --algo {algorithm}");
