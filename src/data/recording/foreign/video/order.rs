@@ -19,9 +19,10 @@ pub(in crate::recording) struct PictureOrder {
     next: Result<u32, String>,
     /// Slices of a picture.
     slices: usize,
-    /// Stamp of the last picture, and the least time between two.
+    /// Stamp of the last message.
     last_ns: Option<u64>,
-    period_ns: u64,
+    /// Sum and number of the times between two pictures.
+    periods_ns: (u64, u64),
 }
 
 impl Default for PictureOrder {
@@ -33,7 +34,7 @@ impl Default for PictureOrder {
             next: Err("the video begins without one".to_owned()),
             slices: 0,
             last_ns: None,
-            period_ns: u64::MAX,
+            periods_ns: (0, 0),
         }
     }
 }
@@ -70,6 +71,9 @@ impl PictureOrder {
     }
 
     fn picture(&mut self, packet: &Packet<'_>) -> Result<CodedPicture, String> {
+        let last_ns = std::mem::replace(&mut self.last_ns, packet.stamp);
+        let apart_ns = packet.stamp.zip(last_ns);
+        let apart_ns = apart_ns.and_then(|(stamp, last)| stamp.checked_sub(last));
         let codec = packet.codec.clone()?;
         let units = headers::units(&packet.data)?;
         let kinds: Vec<_> = units
@@ -108,7 +112,7 @@ impl PictureOrder {
             return Err("a message before it is missing, or it has B-frames".to_owned());
         }
         self.check_slices(slice_count, is_key)?;
-        self.check_time(packet.stamp, is_key, parameters.numbers())?;
+        self.check_time(apart_ns, is_key, parameters.numbers())?;
         self.next = Ok(number.next);
         Ok(CodedPicture {
             codec,
@@ -131,20 +135,21 @@ impl PictureOrder {
     }
 
     /// The numbers of pictures return: a gap as long as all of them is seen by the stamps.
-    fn check_time(&mut self, stamp: Option<u64>, is_key: bool, numbers: u32) -> Result<(), String> {
-        let Some(stamp) = stamp else {
+    fn check_time(
+        &mut self,
+        apart_ns: Option<u64>,
+        is_key: bool,
+        numbers: u32,
+    ) -> Result<(), String> {
+        // Keyframes may follow a gap.
+        let Some(apart_ns) = apart_ns.filter(|_| !is_key) else {
             return Ok(());
         };
-        let last = self.last_ns.replace(stamp);
-        let Some(apart) = last.and_then(|last| stamp.checked_sub(last)) else {
-            return Ok(());
-        };
-        if !is_key && apart / u64::from(numbers) >= self.period_ns {
+        let (total_ns, count) = self.periods_ns;
+        if count > 0 && apart_ns / u64::from(numbers) >= total_ns / count {
             return Err("as many messages before it may be missing as have numbers".to_owned());
         }
-        if apart > 0 {
-            self.period_ns = self.period_ns.min(apart);
-        }
+        self.periods_ns = (total_ns.saturating_add(apart_ns), count + 1);
         Ok(())
     }
 
@@ -264,8 +269,9 @@ mod tests {
         assert!(missing.contains("1 slices, those before 2"), "{missing}");
         assert!(taken(&mut order, &key).is_ok());
         // Sixteen numbers: the seventeenth message has the expected one.
-        let times = [0, 33, 66, 66 + 17 * 33].map(|ms| order.check_time(Some(ms), false, 16));
-        assert_eq!(times.map(|time| time.is_ok()), [true, true, true, false]);
+        let times = [30, 36, 2, 64, 17 * 33].map(|ms| order.check_time(Some(ms), false, 16));
+        assert_eq!(times.iter().filter(|time| time.is_ok()).count(), 4);
+        assert!(times[4].is_err());
     }
 
     #[test]
