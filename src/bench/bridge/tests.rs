@@ -79,7 +79,7 @@ fn a_topic_that_returns_is_received_again() {
             assert_eq!(subscription["channelId"], id);
             let number = subscription["id"].as_u64().unwrap() as u32;
             let head = [&[1][..], &number.to_le_bytes(), &[0; 8]].concat();
-            // Of the time, of nobody, without an end, and of the topic.
+            // A time, an unknown subscription, a message cut short, and one of the topic.
             for bytes in [
                 &[2; 9][..],
                 &[1; 20],

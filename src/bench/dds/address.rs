@@ -127,6 +127,10 @@ mod tests {
     fn what_is_wrong_is_named() {
         for (text, named) in [
             ("ros2:left", "'left'"),
+            ("ros2:/1svl", "'/1svl'"),
+            ("ros2:/svl points", "'/svl points'"),
+            ("ros2:/a//b", "'/a//b'"),
+            ("ros2:/ä", "'/ä'"),
             ("ros2:domain=233", "'233'"),
             ("ros2:interface=eth0", "interface=eth0"),
             ("ros2:/a,/b,qos=best", "qos"),

@@ -304,6 +304,7 @@ fn recorded(request: &Request<'_>) -> Result<Opened> {
     let header = reader.header().cloned();
     let header = header.unwrap_or_else(|| Header {
         bits: reader.bits(),
+        frame_id: reader.frame_id().map(str::to_owned),
         ..Header::new(path.display().to_string())
     });
     let note = reader

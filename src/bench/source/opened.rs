@@ -30,8 +30,6 @@ pub struct Opened {
     pub stem: String,
     /// True if frames come in real time.
     pub is_live: bool,
-    /// The coordinate frame of the left images, if they name one.
-    pub frame_id: Option<String>,
     /// The recording that it reads.
     pub recording: Option<Recording>,
     /// Stamp of the first pair, if pairs before the first frame were left out.
@@ -86,7 +84,6 @@ impl Opened {
             calibration: CalibrationFiles::new(),
             stem: stem.into(),
             is_live: false,
-            frame_id: None,
             recording: None,
             start_ns: None,
             notes: Vec::new(),

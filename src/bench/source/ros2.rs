@@ -99,11 +99,11 @@ pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
     let note = pairs.note();
     let header = Header {
         bits: pairs.bits(),
+        frame_id: pairs.frame_id().map(str::to_owned),
         ..Header::new(request.name)
     };
     let opened = Opened {
         is_live: true,
-        frame_id: pairs.frame_id().map(str::to_owned),
         own_calibration: pairs.calibration(),
         remarks: pairs.remarks().into_iter().chain(mixed).collect(),
         notes: note
@@ -228,7 +228,9 @@ impl Receiver {
             *heard = Some(Instant::now());
         }
         let Err(mut reason) = self.pairs.take_in(topic, at_ns, data) else {
-            self.check_rectification();
+            if topic >= self.heard.len() {
+                self.check_rectification();
+            }
             return;
         };
         if let Some(other) = self.inbox.other_type(topic) {
@@ -465,9 +467,11 @@ pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
         return Err(Error::camera(name, format!("{why_none}, in {PATIENCE:?}")));
     }
     let is_wanted = |found: &FoundTopic| {
-        let LiveTopic { name, .. } = &found.topic;
-        let is_named = named.as_ref().is_none_or(|named| named.contains(name));
-        found.topic.is_image() && is_named || found.topic.is_calibration() || name == "/tf_static"
+        let topic = &found.topic;
+        let is_named = named
+            .as_ref()
+            .is_none_or(|named| named.contains(&topic.name));
+        topic.is_image() && is_named || topic.is_calibration() || topic.is_static_transform()
     };
     let (wanted, others): (Vec<_>, Vec<_>) = known.into_iter().partition(is_wanted);
     let mut inbox = network.subscribe(&wanted)?;

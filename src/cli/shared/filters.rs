@@ -7,7 +7,7 @@ use svl::filter::{FilterKind, FilterModel};
 use svl::scenario::ScenarioFilter;
 
 /// The filters that the user names.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub(crate) struct FilterArgs {
     /// Run the algorithms behind a filter, too
     ///

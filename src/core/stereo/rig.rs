@@ -59,9 +59,8 @@ impl Rig {
     ///
     /// # Errors
     /// [`Error::Rig`] if pixels are not square within 1 %, if the focal lengths differ by more than
-    /// the fraction `focal_tolerance`, the
-    /// principal rows by more than `row_tolerance_px`, or the right camera is to the left of the
-    /// left one.
+    /// the fraction `focal_tolerance`, the principal rows by more than `row_tolerance_px`, or the
+    /// right camera is to the left of the left one.
     pub fn from_projections(
         left: &Matrix3x4<f64>,
         right: &Matrix3x4<f64>,

@@ -32,6 +32,8 @@ pub struct Header {
     pub stamps: Option<StampOrigin>,
     /// Number of bits used in the 16-bit images from which the pairs were made.
     pub bits: Option<u8>,
+    /// Coordinate frame of the left images, if the source names one.
+    pub frame_id: Option<String>,
 }
 
 /// Origin of the stamps of a source without stamps, with pairs per second. The skew is then
@@ -107,6 +109,7 @@ impl Header {
             ("hash", self.hash.clone()),
             ("stamps", self.stamps.map(StampOrigin::to_field)),
             ("bits", self.bits.map(|bits| bits.to_string())),
+            ("frame_id", self.frame_id.clone()),
         ];
         let metadata = fields
             .into_iter()
@@ -135,6 +138,7 @@ impl Header {
             hash: field("hash"),
             stamps: field("stamps").and_then(|text| StampOrigin::from_field(&text)),
             bits: field("bits").and_then(|bits| bits.parse().ok()),
+            frame_id: field("frame_id"),
         })
     }
 }

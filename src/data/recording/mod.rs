@@ -250,6 +250,11 @@ trait PairSource: Send {
         None
     }
 
+    /// The coordinate frame of the left images, if they name one.
+    fn frame_id(&self) -> Option<&str> {
+        None
+    }
+
     /// Focal lengths of the left camera along x and y, if the rig does not determine them.
     fn focal_px(&self) -> Option<(f64, f64)> {
         None

@@ -176,6 +176,11 @@ impl Reader {
         self.source.depth().bits()
     }
 
+    /// The coordinate frame of the left images of another program's recording, if they name one.
+    pub fn frame_id(&self) -> Option<&str> {
+        self.source.frame_id()
+    }
+
     /// Note on the images that is not a warning.
     pub fn note(&self) -> Option<String> {
         self.source.depth().note()

@@ -104,13 +104,39 @@ fn what_is_no_truth_is_refused_in_one_line() {
         "record p -o x.mcap --truth /depth => 2: is a pattern with one *
          record p -o x.mcap --truth no/*.png => 1: no such file | velodyne/*.bin
          record p -o x.mcap --truth depth/*.png:unit=mm => 2: metres per step
+         record p -o x.mcap --truth depth/*.exr => 1: is not read; convert to one of png, tif
          record p -o x.mcap --truth small/*.png => 1: is 2x2, the left image 40x24
          record p -o x.mcap --truth scan/*.bin => 1: laser scans need KITTI's
          record q -o x.mcap --truth depth/*.png => 1: --calib FILE
          record s -o x.mcap --truth depth/*.png => 2: --truth is for sequences of pairs",
     );
+    fixture.write("p/other/a.png", png(SIZE, &steps()));
+    fixture.write("p/late/1700000000.012.png", png(SIZE, &steps()));
+    // Each is told once, and does not hide the others.
+    for (pattern, words) in [
+        (
+            "other",
+            "no file fits the pair '1700000000.00': the part at * is 'a'",
+        ),
+        (
+            "late",
+            "late/1700000000.012.png is 12.0 ms from its pair: at 1 m/s the scene moves",
+        ),
+    ] {
+        let ran = fixture.svl(&format!(
+            "record p -o x.mcap --force --truth {pattern}/*.png"
+        ));
+        assert_eq!(ran.stderr.matches(words).count(), 1, "{}", ran.stderr);
+    }
+    fixture.write("p/both/1699999999.00.png", [0]);
+    fixture.write("p/both/1700000000.05.png", [0]);
+    let ran = fixture.svl("record p -o x.mcap --force --truth both/*.png");
+    assert_says(
+        &ran.stderr,
+        &["no file fits", "left out, its pair has no truth"],
+    );
     // An unreadable file costs its pair's truth.
-    let ran = fixture.svl("record p -o x.mcap --truth depth/*.png");
+    let ran = fixture.svl("record p -o x.mcap --force --truth depth/*.png");
     assert_says(
         &ran.stderr,
         &["1700000000.00.png: is not an image of one channel of 16 bits"],

@@ -15,7 +15,12 @@ pub(crate) struct Message {
 
 impl Message {
     /// In CDR, like ROS 2.
-    fn cdr(topic: &'static str, schema: &'static str, log_time: u64, data: Vec<u8>) -> Self {
+    pub(crate) fn cdr(
+        topic: &'static str,
+        schema: &'static str,
+        log_time: u64,
+        data: Vec<u8>,
+    ) -> Self {
         Self {
             topic,
             schema,

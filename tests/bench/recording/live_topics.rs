@@ -1,7 +1,8 @@
 //! Live topics without a network: pairs of the messages that a bag would hold.
 
-use super::bag::{Message, camera_info, ros_compressed, ros_image};
+use super::bag::{Message, camera_info, cdr_in, ros_compressed, ros_image, ros_image_in};
 use super::frames::{PERIOD_NS, image};
+use super::sensor::tf;
 use svl::recording::{LiveTopic, Selection, TopicPairs};
 use svl::stereo::Frame;
 
@@ -76,6 +77,60 @@ fn pairs_have_the_calibration_that_comes_after_them() {
         (pairs.counts(), pairs.unpaired(), pairs.outside()),
         ([3, 2], 0, 1)
     );
+}
+
+/// An empty image in that frame.
+fn of_frame(frame: &str) -> Vec<u8> {
+    cdr_in(frame, START_NS, |cdr| {
+        (0..2).for_each(|_| cdr.write_u32(0));
+        cdr.write_string("mono8");
+        cdr.write_u8(0);
+        (0..2).for_each(|_| cdr.write_u32(0));
+    })
+}
+
+#[test]
+fn the_frame_is_that_of_the_left_images() {
+    for (first, expected) in [([0, 1], "left"), ([1, 0], "left")] {
+        let mut pairs = pairs();
+        for topic in first {
+            pairs.look_at(topic, &of_frame(["left", "right"][topic]));
+        }
+        pairs.begin().unwrap();
+        assert_eq!(pairs.frame_id(), Some(expected));
+        // A later frame changes nothing.
+        drop(pairs.take_in(0, 0, &of_frame("other")));
+        assert_eq!(pairs.frame_id(), Some(expected));
+    }
+    let mut pairs = pairs();
+    pairs.look_at(0, &of_frame(""));
+    assert_eq!(pairs.frame_id(), None);
+}
+
+/// As in a bag, calibrations without a baseline have that of the static transforms.
+#[test]
+fn the_baseline_is_in_the_static_transforms() {
+    let stamp = START_NS;
+    let pixels = image(SIZE, 0).pixels().collect::<Vec<u8>>();
+    let image = |topic, frame| ros_image_in(frame, topic, stamp, SIZE, ("mono8", &pixels));
+    let all = [
+        image("/cam0/image_rect", "left"),
+        image("/cam1/image_rect", "right"),
+        camera_info("/cam0/camera_info", stamp, &[], 0.0),
+        camera_info("/cam1/camera_info", stamp, &[], 0.0),
+        tf("/tf_static", &[("left", "right", [0.12, 0.0, 0.0])]),
+    ];
+    for order in [[0, 1, 2, 3, 4], [4, 3, 2, 1, 0]] {
+        let mut pairs = TopicPairs::new("ros2:", &topics(&all), &Selection::default()).unwrap();
+        let ready = order.map(|i: usize| pairs.look_at(i, &all[i].data));
+        assert_eq!(ready, [false, false, false, false, true], "{order:?}");
+        pairs.begin().unwrap();
+        for i in order {
+            pairs.take_in(i, 0, &all[i].data).unwrap();
+        }
+        let frames = drain(&mut pairs);
+        assert!((frames[0].rig().unwrap().baseline_m() - 0.12).abs() < 1e-9);
+    }
 }
 
 #[test]

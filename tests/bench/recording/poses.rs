@@ -46,13 +46,17 @@ fn transform(
 }
 
 fn odometry(stamp: u64) -> Message {
+    odometry_of("/odom", "base_link", stamp, [x_at(stamp), 1.0, 0.0])
+}
+
+fn odometry_of(topic: &'static str, child: &str, stamp: u64, at: [f64; 3]) -> Message {
     let data = cdr_in("odom", stamp, |cdr| {
-        cdr.write_string("base_link");
-        numbers(cdr, [x_at(stamp), 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]);
+        cdr.write_string(child);
+        numbers(cdr, at, [0.0, 0.0, 0.0, 1.0]);
         (0..36 + 6 + 36).for_each(|_| cdr.write_f64(0.0));
     });
     Message {
-        topic: "/odom",
+        topic,
         schema: "nav_msgs/msg/Odometry",
         encoding: "cdr",
         log_time: stamp,
@@ -113,6 +117,83 @@ fn transforms_and_odometry_are_poses() {
     let late: fn(u64) -> Message = |stamp| moving(stamp + 60_000_000_000);
     let (frames, _) = read(&bag::write(folder.path(), &messages(late)));
     assert!(frames[0].pose.is_none());
+}
+
+/// Place of the camera in each pair of these messages; `None` if a pair has no pose.
+fn places(messages: &[Message]) -> Option<Vec<[f64; 3]>> {
+    let folder = tempfile::tempdir().unwrap();
+    let (frames, error) = read(&bag::write(folder.path(), messages));
+    assert!(error.is_none() && frames.len() == 2);
+    let place = |frame: &Frame| Some(frame.pose?.translation.vector.into());
+    frames.iter().map(place).collect()
+}
+
+#[test]
+fn poses_of_other_frames_and_topics_change_none() {
+    let expected = places(&messages(moving)).unwrap();
+    // A frame that is stamped ten seconds ahead, as AMCL stamps `map`, and before all others.
+    let ahead = |stamp: u64| {
+        let later = stamp + 10_000_000_000;
+        transform(
+            "/tf",
+            later,
+            ["map", "odom"],
+            [0.0; 3],
+            [0.0, 0.0, 0.0, 1.0],
+        )
+    };
+    let other = |stamp: u64| {
+        let later = stamp + 10_000_000_000;
+        transform(
+            "/tf",
+            later,
+            ["arm", "hand"],
+            [0.0; 3],
+            [0.0, 0.0, 0.0, 1.0],
+        )
+    };
+    let mut all = messages(moving);
+    all.insert(1, other(START_NS));
+    assert_eq!(places(&all).unwrap(), expected);
+    // Of a moving frame above the camera's there is no pose at the pairs' time.
+    all.insert(1, ahead(START_NS));
+    assert_eq!(places(&all), None);
+    all.insert(
+        1,
+        transform(
+            "/tf",
+            START_NS - 1_000_000_000,
+            ["map", "odom"],
+            [0.0; 3],
+            [0.0, 0.0, 0.0, 1.0],
+        ),
+    );
+    assert_eq!(places(&all), None, "11 s apart");
+    // A second odometry of one frame is another estimate: it is not mixed with the first.
+    let second =
+        |stamp: u64| odometry_of("/wheels", "base_link", stamp, [x_at(stamp) + 7.0, 0.0, 0.0]);
+    let all = messages(odometry).into_iter().flat_map(|message| {
+        let second = (message.topic == "/odom").then(|| second(message.log_time));
+        std::iter::once(message).chain(second)
+    });
+    assert_eq!(places(&all.collect::<Vec<_>>()).unwrap(), expected);
+}
+
+#[test]
+fn odometry_of_a_frame_with_a_static_parent_is_used() {
+    // The odometry of an inertial sensor, a child of the robot, in which the camera is.
+    let of_sensor = |stamp: u64| odometry_of("/vio", "imu", stamp, [x_at(stamp), 1.0, 0.0]);
+    let fixed = |frames: [&str; 2], at, turn| transform("/tf_static", 0, frames, at, turn);
+    let mut all = vec![
+        fixed(["base_link", "imu"], [0.0, 0.0, 0.5], [0.0, 0.0, 0.0, 1.0]),
+        fixed(["imu", "cam"], [0.1, 0.0, 0.3], OPTICAL),
+    ];
+    all.extend(messages(of_sensor).into_iter().skip(1));
+    let expected = places(&messages(moving)).unwrap();
+    let found = places(&all).unwrap();
+    for (a, b) in expected.iter().flatten().zip(found.iter().flatten()) {
+        assert!((a - b).abs() < 1e-9, "{expected:?} {found:?}");
+    }
 }
 
 #[test]

@@ -219,36 +219,37 @@ fn millimetres_and_compressed_depth_are_the_same_depths() {
     );
 }
 
+/// A stereo_msgs/msg/DisparityImage of the first pair.
+fn disparity_image(pixels: &[f32], [focal, baseline, min]: [f32; 3]) -> Message {
+    let pixels: Vec<u8> = pixels.iter().flat_map(|d| d.to_le_bytes()).collect();
+    let data = cdr_in("cam", stamp(0), |cdr| {
+        (0..2).for_each(|_| cdr.write_u32(0));
+        cdr.write_string("cam");
+        cdr.write_u32(16);
+        cdr.write_u32(24);
+        cdr.write_string("32FC1");
+        cdr.write_u8(0);
+        cdr.write_u32(4 * 24);
+        cdr.write_bytes(&pixels);
+        cdr.write_f32(focal);
+        cdr.write_f32(baseline);
+        (0..4).for_each(|_| cdr.write_u32(0));
+        cdr.write_bool(false);
+        [min, 400.0, 0.1].into_iter().for_each(|v| cdr.write_f32(v));
+    });
+    Message::cdr(
+        "/disparity",
+        "stereo_msgs/msg/DisparityImage",
+        stamp(0),
+        data,
+    )
+}
+
 #[test]
 fn a_disparity_image_is_the_depth_of_its_own_baseline() {
-    let of = |min: f32, focal: f32| {
-        let pixels: Vec<u8> = (0..24 * 16u16)
-            .flat_map(|i| (f32::from(i) - 3.0).to_le_bytes())
-            .collect();
-        let data = cdr_in("cam", stamp(0), |cdr| {
-            (0..2).for_each(|_| cdr.write_u32(0));
-            cdr.write_string("cam");
-            cdr.write_u32(16);
-            cdr.write_u32(24);
-            cdr.write_string("32FC1");
-            cdr.write_u8(0);
-            cdr.write_u32(4 * 24);
-            cdr.write_bytes(&pixels);
-            // Twice the focal length and half the baseline of the pairs: the same depths.
-            cdr.write_f32(focal);
-            cdr.write_f32(0.022);
-            (0..4).for_each(|_| cdr.write_u32(0));
-            cdr.write_bool(false);
-            [min, 400.0, 0.1].into_iter().for_each(|v| cdr.write_f32(v));
-        });
-        Message {
-            topic: "/disparity",
-            schema: "stereo_msgs/msg/DisparityImage",
-            encoding: "cdr",
-            log_time: stamp(0),
-            data,
-        }
-    };
+    let pixels: Vec<_> = (0..24 * 16u16).map(|i| f32::from(i) - 3.0).collect();
+    // Twice the focal length and half the baseline of the pairs: the same depths.
+    let of = |min: f32, focal: f32| disparity_image(&pixels, [focal, 0.022, min]);
     let (found, _) = truths([of(5.0, 656.0)], "/disparity");
     let disparity = &found[0].as_ref().unwrap().disparity;
     for (i, d) in (0..).zip(disparity.pixels()) {
@@ -268,6 +269,40 @@ fn a_disparity_image_is_the_depth_of_its_own_baseline() {
     let (_folder, path) = self::of(all().chain([of(5.0, 656.0)]));
     let topics = svl::recording::Reader::open(&path).unwrap().truth_topics();
     assert_eq!(topics.unwrap(), ["/disparity"]);
+}
+
+/// Disparity images have the pixels of the rectified camera, also beside raw images: those of
+/// stereo_image_proc.
+#[test]
+fn a_disparity_image_beside_raw_images_is_of_the_rectified_camera() {
+    // The distortion moves pixels at the border by 2 px.
+    let distortion = [-150.0, 0.0, 0.0, 0.0, 0.0];
+    let pixels: Vec<u8> = image(SIZE, 0).pixels().collect();
+    let of_camera = |images, info, tx| {
+        [
+            camera_info(info, stamp(0), &distortion, tx),
+            ros_image(images, stamp(0), SIZE, "mono8", &pixels),
+        ]
+    };
+    // A slanted plane: a step of a pixel per pixel.
+    let slanted: Vec<_> = (0..24 * 16u16).map(|i| 40.0 + f32::from(i % 24)).collect();
+    let messages = of_camera("/cam0/image_raw", "/cam0/camera_info", 0.0).into_iter();
+    let right = of_camera("/cam1/image_raw", "/cam1/camera_info", -FB);
+    let truth = disparity_image(&slanted, [328.0, (FB / 328.0) as f32, 1.0]);
+    let (_folder, path) = of(messages.chain(right).chain([truth]));
+    let mut source = open(&path, "/disparity").unwrap().source;
+    let frame = source.next().unwrap().unwrap();
+    let (rig, truth) = (*frame.rig().unwrap(), frame.truth.unwrap());
+    let mut known = 0;
+    for (i, d) in (0..).zip(truth.disparity.pixels()) {
+        let x = (f64::from(i % 24) - rig.center_px().0) / rig.focal_px() * 328.0 + 12.0;
+        let expected = (40.0 + x) * rig.focal_px() / 328.0;
+        known += u32::from(d.is_finite());
+        // Half a pixel by rounding.
+        let is_right = (f64::from(d) - expected).abs() < 0.75;
+        assert!(is_right || d.is_infinite(), "{i}: {d} {expected}");
+    }
+    assert!(known > 200, "{known}");
 }
 
 #[test]

@@ -40,6 +40,36 @@ fn topics_are_recorded_pixel_by_pixel() {
 }
 
 #[test]
+fn live_topics_are_recorded_to_be_scored() {
+    let robot = Robot::start(8, Fault::None);
+    let fixture = Fixture::new();
+    let source = robot.source("");
+    let ran = fixture.svl(&format!(
+        "score {source} --to 1.5 --from 0.5 --algo bm --algo v3"
+    ));
+    assert_says(&ran.stderr, &["recordings/ros2-1.mcap: "]);
+    assert!(matches!(ran.code, Some(0 | 4)), "{}", ran.stderr);
+    assert!(fixture.path("reports/ros2-1/index.html").exists());
+    // The same file again has the same score.
+    let rows = |folder: &str| std::fs::read_to_string(fixture.path(folder)).unwrap();
+    let again = "score recordings/ros2-1.mcap --to 1.5 --from 0.5 --algo bm --algo v3 -o again";
+    fixture.svl(again).done();
+    let hashes = |text: &str| -> Vec<String> {
+        let at = text
+            .lines()
+            .next()
+            .unwrap()
+            .split(',')
+            .position(|name| name == "result_hash");
+        let of = |line: &str| line.split(',').nth(at.unwrap()).unwrap().to_owned();
+        text.lines().map(of).collect()
+    };
+    let [first, second] = ["reports/ros2-1/rows.csv", "again/rows.csv"].map(rows);
+    assert!(first.lines().count() > 10, "{first}");
+    assert_eq!(hashes(&first), hashes(&second));
+}
+
+#[test]
 fn live_results_are_published_and_proved_by_a_recording() {
     let robot = Robot::start(1, Fault::None);
     let fixture = Fixture::new();
@@ -162,8 +192,10 @@ fn what_cannot_be_opened_is_told_in_a_line() {
         record foxglove:ws://127.0.0.1:1/left -o a.mcap => 2: name two topics
         replay foxglove:ws://127.0.0.1:1 => 1: no bridge
         info foxglove:ws://127.0.0.1:1 => 1: no bridge
-        score foxglove:ws://127.0.0.1:1 => 2: record them first
-        score ros2: => 2: record them first
+        score foxglove:ws://127.0.0.1:1 --to 2 => 1: no bridge
+        score ros2: => 2: --to SECONDS records and scores that long
+        score ros2: --to 2 --truth /depth => 2: --truth is for recordings
+        score ros2: --print-scenario => 2: record them first
         replay ros2: --publish /svl => 2: expected ros2:/PREFIX
         replay ros2: --publish foxglove:ws://127.0.0.1 => 2: expected ros2:/PREFIX
         replay ros2: --publish ros2:/svl --algo v5 --algo bm => 2: one algorithm",

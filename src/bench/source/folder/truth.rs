@@ -38,10 +38,18 @@ pub struct FolderTruth {
     /// Pose of the laser scanner in the left camera.
     scanner: Option<Isometry3<f64>>,
     without: u64,
-    has_warned: bool,
-    /// True once a pair had a file, and once one of another time was reported.
+    /// True once a pair had a file.
     has_found: bool,
-    is_late: bool,
+    /// Reported so far, each once.
+    told: Told,
+}
+
+/// Warnings that are given once.
+#[derive(Default)]
+struct Told {
+    misfit: bool,
+    unreadable: bool,
+    late: bool,
 }
 
 impl FolderTruth {
@@ -70,8 +78,16 @@ impl FolderTruth {
         }
         let found = find_ending(folder, pattern, ENDINGS)?;
         if found.is_empty() {
-            let usual = USUAL.join(", ");
-            let why = format!("--truth '{pattern}': no such file; usual ones are {usual}");
+            let ending = Path::new(pattern).extension().unwrap_or_default();
+            let is_read = ENDINGS
+                .iter()
+                .any(|known| ending.eq_ignore_ascii_case(known));
+            let why = if is_read || ending == "*" {
+                format!("no such file; usual ones are {}", USUAL.join(", "))
+            } else {
+                format!("is not read; convert to one of {}", ENDINGS.join(", "))
+            };
+            let why = format!("--truth '{pattern}': {why}");
             return Err(Error::format(folder, why));
         }
         let has_times = found.keys().all(|key| epoch_ns(key).is_some());
@@ -91,9 +107,8 @@ impl FolderTruth {
             max_skew_ns: selection.max_skew_ns,
             scanner: has_scans.then(|| scanner(folder, layout)).transpose()?,
             without: 0,
-            has_warned: false,
             has_found: false,
-            is_late: false,
+            told: Told::default(),
         })
     }
 
@@ -123,27 +138,13 @@ impl FolderTruth {
             return Err(self.wrong(why));
         };
         frame.truth = None;
-        let Some(path) = self.file(frame).map(Path::to_owned) else {
+        let Some((path, apart_ns)) = self.file(frame) else {
             self.without += 1;
-            if !self.has_found && !std::mem::replace(&mut self.has_warned, true) {
-                let (pair, file) = (
-                    frame.name.as_deref().unwrap_or("?"),
-                    self.files.keys().next(),
-                );
-                let file = file
-                    .map(|key| String::from_utf8_lossy(key))
-                    .unwrap_or_default();
-                let skew_ms = self.max_skew_ns as f64 / 1e6;
-                tracing::warn!(
-                    "--truth '{}': no file fits the pair '{pair}': the part at * is '{file}' in \
-                     the first file; names have to be equal, or times at most {skew_ms} ms \
-                     apart (--truth-skew-ms)",
-                    self.pattern
-                );
-            }
+            self.warn_of_misfit(frame);
             return Ok(());
         };
-        self.warn_of_time(frame, &path);
+        self.has_found = true;
+        self.warn_of_time(frame, &path, apart_ns);
         let size = frame.pair.size();
         let disparity = if has_ending(&path, "bin") {
             read_points(&path).map(|points| {
@@ -162,7 +163,7 @@ impl FolderTruth {
         let disparity = match disparity {
             Ok(disparity) => disparity,
             Err(error) => {
-                if !std::mem::replace(&mut self.has_warned, true) {
+                if !std::mem::replace(&mut self.told.unreadable, true) {
                     tracing::warn!("{error}; left out, its pair has no truth");
                 }
                 self.without += 1;
@@ -188,31 +189,57 @@ impl FolderTruth {
         Ok(())
     }
 
-    /// Warns once of a file of another time: nothing moves it to that of the pair.
-    fn warn_of_time(&mut self, frame: &Frame, path: &Path) {
-        let stamp = self.times.iter().find(|(_, of)| of == path);
-        let apart_ns = stamp.map_or(0, |(stamp_ns, _)| stamp_ns.abs_diff(frame.stamp_ns));
-        self.has_found = true;
-        if apart_ns > LATE_NS && frame.stamp_ns > 0 && !std::mem::replace(&mut self.is_late, true) {
-            tracing::warn!(
-                "--truth '{}': {} is {:.1} ms from its pair: at 1 m/s the scene moves by {:.0} mm",
-                self.pattern,
-                path.display(),
-                apart_ns as f64 / 1e6,
-                apart_ns as f64 / 1e6
-            );
+    /// Warns once of names and times that fit no pair.
+    fn warn_of_misfit(&mut self, frame: &Frame) {
+        if self.has_found || std::mem::replace(&mut self.told.misfit, true) {
+            return;
         }
+        let pair = frame.name.as_deref().unwrap_or("?");
+        let file = self.files.keys().next();
+        let file = file.map(|key| String::from_utf8_lossy(key));
+        tracing::warn!(
+            "--truth '{}': no file fits the pair '{pair}': the part at * is '{}' in the first \
+             file; names have to be equal, or times at most {} ms apart (--truth-skew-ms)",
+            self.pattern,
+            file.unwrap_or_default(),
+            self.max_skew_ns as f64 / 1e6
+        );
     }
 
-    fn file(&self, frame: &Frame) -> Option<&Path> {
+    /// Warns once of a file of another time: nothing moves it to that of the pair.
+    fn warn_of_time(&mut self, frame: &Frame, path: &Path, apart_ns: u64) {
+        let is_late = apart_ns > LATE_NS && frame.stamp_ns > 0;
+        if !is_late || std::mem::replace(&mut self.told.late, true) {
+            return;
+        }
+        tracing::warn!(
+            "--truth '{}': {} is {:.1} ms from its pair: at 1 m/s the scene moves by {:.0} mm",
+            self.pattern,
+            path.display(),
+            apart_ns as f64 / 1e6,
+            apart_ns as f64 / 1e6
+        );
+    }
+
+    /// The frame's file and its distance in time, in ns; zero if names are no times.
+    fn file(&self, frame: &Frame) -> Option<(PathBuf, u64)> {
         let name = frame.name.as_deref().unwrap_or_default().as_bytes();
-        let nearest = || {
-            let apart = |(stamp_ns, _): &&(u64, PathBuf)| stamp_ns.abs_diff(frame.stamp_ns);
-            let nearest = self.times.iter().min_by_key(apart)?;
-            (apart(&nearest) <= self.max_skew_ns).then_some(&nearest.1)
-        };
-        let path = self.files.get(name).or_else(nearest)?;
-        Some(path)
+        let apart = |stamp_ns: u64| stamp_ns.abs_diff(frame.stamp_ns);
+        if let Some(path) = self.files.get(name) {
+            let apart_ns = if self.times.is_empty() {
+                0
+            } else {
+                epoch_ns(name).map_or(0, apart)
+            };
+            return Some((path.clone(), apart_ns));
+        }
+        let nearest = self
+            .times
+            .iter()
+            .min_by_key(|(stamp_ns, _)| apart(*stamp_ns));
+        let (stamp_ns, path) = nearest?;
+        let apart_ns = apart(*stamp_ns);
+        (apart_ns <= self.max_skew_ns).then(|| (path.clone(), apart_ns))
     }
 
     fn wrong(&self, why: &str) -> Error {

@@ -257,7 +257,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             options: ResultOptions {
                 camera_height_m: args.camera_height,
                 dense: args.dense,
-                ..ResultOptions::new(opened.frame_id.as_deref().unwrap_or(LEFT_FRAME))
+                ..ResultOptions::new(opened.header.frame_id.as_deref().unwrap_or(LEFT_FRAME))
             },
         }),
         recording: args.output.as_ref().map(result).transpose()?,

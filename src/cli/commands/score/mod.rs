@@ -1,5 +1,6 @@
 //! `svl score`: scores algorithms on a scenario or on recordings, and writes a report.
 
+mod live;
 mod scenario;
 
 use crate::cli::shared::filters::FilterArgs;
@@ -23,12 +24,13 @@ use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget, Viewer};
 /// recordings/), scores every cell and every checkpoint, prints a summary, and writes a report:
 /// index.html to read, summary.md, run.rrd for Rerun, and as .csv and .parquet the tables summary
 /// (per algorithm), verdicts (per checkpoint), rows (per pair), cells and checkpoints (per run).
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 #[command(after_help = "\
 Examples:
   svl score arena                                the thesis's arena
   svl score own.mcap --algo v3 --algo sgm        without truth: known cells
   svl score bags/*.mcap --every 10 --from 5
+  svl score ros2: --to 30                        records 30 s of live topics first
   svl score own.toml                             with checkpoints of your own
   svl score arena --algo v3 --algo v3:max_disparity=64
   svl score arena --algo v3 --algo bm:uniqueness=0..60/10
@@ -153,6 +155,8 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     // Before programs are started: svl has to end them after Ctrl-C.
     listen_for_interrupt();
+    let recorded = live::recorded(args, quiet)?;
+    let args = recorded.as_ref().map_or(args, |recorded| &recorded.args);
     let mut scenario = scenario::described(args)?;
     if let Some(file) = &args.print_scenario {
         return scenario::print_description(scenario, file.as_deref());
@@ -228,7 +232,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (_, true) => pass_check(&summary)?,
         _ => {}
     }
-    Ok(complete(&summary.ending)?)
+    complete(&summary.ending)?;
+    if let Some(recorded) = &recorded {
+        complete(&recorded.ending)?;
+    }
+    Ok(())
 }
 
 /// Which drives are kept as recordings.

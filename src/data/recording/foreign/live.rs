@@ -1,10 +1,10 @@
 //! Pairs of live ROS 2 topics, formed as those of a bag: the same topics, readers and pairing.
 
 use super::stamp_pairing::StampPairing;
-use super::{FirstImages, Foreign, Selection, camera, image, video};
-use crate::files::BitDepth;
+use super::transforms::Transforms;
+use super::{FirstMessages, Foreign, Selection, camera, head, image, video};
+use crate::recording::PairSource;
 use crate::recording::messages::Channel;
-use crate::recording::{PairSource, ros};
 use svl_core::Result;
 use svl_core::stereo::{Frame, StereoCalibration};
 
@@ -30,16 +30,31 @@ impl LiveTopic {
     pub fn is_calibration(&self) -> bool {
         camera::SCHEMAS.contains(&self.schema.as_str())
     }
+
+    /// True if its messages are static transforms.
+    pub fn is_static_transform(&self) -> bool {
+        Transforms::reads(&self.channel())
+    }
+
+    fn channel(&self) -> Channel {
+        Channel {
+            topic: self.name.clone(),
+            schema: self.schema.clone(),
+            encoding: "cdr".to_owned(),
+        }
+    }
 }
 
 /// Forms pairs of the messages of live topics, in CDR as a bag stores them.
 pub struct TopicPairs {
     foreign: Foreign,
-    /// The topics that it needs: images left and right, then their calibrations.
+    /// The topics that it needs: images left and right, their calibrations, static transforms.
     channels: Vec<Channel>,
-    bits: Option<u8>,
-    first: FirstImages,
-    frame_id: Option<String>,
+    selection: Selection,
+    /// Until the first pair.
+    first: Option<FirstMessages>,
+    /// True once the user was warned of another frame of the left images.
+    warned_of_frame: bool,
 }
 
 impl TopicPairs {
@@ -52,12 +67,7 @@ impl TopicPairs {
         topics: &[LiveTopic],
         selection: &Selection,
     ) -> std::result::Result<Self, String> {
-        let channel = |topic: &LiveTopic| Channel {
-            topic: topic.name.clone(),
-            schema: topic.schema.clone(),
-            encoding: "cdr".to_owned(),
-        };
-        let channels: Vec<_> = topics.iter().map(channel).collect();
+        let channels: Vec<_> = topics.iter().map(LiveTopic::channel).collect();
         let all: Vec<_> = channels.iter().collect();
         let mut foreign = Foreign::new(source.to_owned(), &all, selection)?;
         let is_video = |channel: &&Channel| {
@@ -77,38 +87,48 @@ impl TopicPairs {
             // One calibration may be that of both.
             needed.extend(found.filter(|found| !needed.contains(found)).cloned());
         }
+        needed.extend(
+            channels
+                .iter()
+                .filter(|channel| Transforms::reads(channel))
+                .cloned(),
+        );
+        let first = FirstMessages::new(&needed.iter().collect::<Vec<_>>());
         Ok(Self {
             foreign,
             channels: needed,
-            bits: selection.bits,
-            first: FirstImages::default(),
-            frame_id: None,
+            selection: selection.clone(),
+            first: Some(first),
+            warned_of_frame: false,
         })
     }
 
-    /// Names of the topics that it needs: images left and right, then their calibrations.
+    /// Names of the topics that it needs: images left and right, their calibrations, static
+    /// transforms.
     pub fn topics(&self) -> impl Iterator<Item = &str> {
         self.channels.iter().map(|channel| channel.topic.as_str())
     }
 
-    /// Looks at a message of the topic at that index before the first pair. True once calibrations
-    /// and bit depth can be decided.
+    /// Looks at a message of the topic at that index before the first pair. True once calibrations,
+    /// baseline and bit depth can be decided.
     pub fn look_at(&mut self, topic: usize, data: &[u8]) -> bool {
         let channel = &self.channels[topic];
-        // An unreadable one is reported when its turn comes.
-        drop(self.foreign.calibrate_first(channel, data));
-        self.first.take_in(&self.foreign.images, channel, data);
-        !self.foreign.lacks_calibration() && self.first.are_enough()
+        let Some(first) = &mut self.first else {
+            return true;
+        };
+        first.take_in(&mut self.foreign, channel, data);
+        first.are_enough(&self.foreign)
     }
 
     /// Decides the bit depth by the messages that it looked at.
     ///
     /// # Errors
-    /// Those of [`BitDepth::decide`].
+    /// Those of the bit depth: 16-bit images that use no bits, or more than the selected ones.
     pub fn begin(&mut self) -> Result<()> {
-        let largest = std::mem::take(&mut self.first).largest();
-        self.foreign.depth = BitDepth::decide(self.bits, largest)?;
-        Ok(())
+        match self.first.take() {
+            Some(first) => first.end(&mut self.foreign, &self.selection),
+            None => Ok(()),
+        }
     }
 
     /// Adds a message of the topic at that index, received at `received_ns`.
@@ -122,10 +142,18 @@ impl TopicPairs {
         data: &[u8],
     ) -> std::result::Result<(), String> {
         let channel = &self.channels[topic];
-        if topic == 0 && self.frame_id.is_none() {
-            let header = ros::read(channel, data, ros::header).ok();
-            let frame_id = header.map(|header| header.frame_id.to_owned());
-            self.frame_id = frame_id.filter(|frame_id| !frame_id.is_empty());
+        if let Some(first) = self.foreign.frames[0].as_deref().filter(|_| topic == 0)
+            && !self.warned_of_frame
+            && let Ok((_, frame)) = head(channel, data)
+            && frame != first
+        {
+            self.warned_of_frame = true;
+            tracing::warn!(
+                "{}: {}: the frame of its images changes from '{first}' to '{frame}'; results \
+                 stay in '{first}'",
+                self.foreign.name,
+                channel.topic
+            );
         }
         let taken = self.foreign.take_in(channel, received_ns, data);
         taken
@@ -191,16 +219,16 @@ impl TopicPairs {
         self.foreign.depth.note()
     }
 
-    /// The coordinate frame of the left images, of the first that was taken in.
+    /// The coordinate frame of the first left image, if it names one.
     pub fn frame_id(&self) -> Option<&str> {
-        self.frame_id.as_deref()
+        self.foreign.frame_id()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recording::RosStamp;
+    use crate::recording::{RosStamp, ros};
     use svl_core::stereo::Gray;
 
     #[test]

@@ -5,7 +5,7 @@ mod baseline;
 mod bayer;
 mod calibrations;
 mod camera;
-mod first_images;
+mod first_messages;
 mod image;
 mod json;
 mod live;
@@ -32,9 +32,8 @@ pub(super) use video::{VideoScan, is_video};
 use super::messages::{Channel, FileEvent};
 use super::{PairSource, Recording};
 use crate::files::BitDepth;
-use baseline::BaselineSearch;
 use camera::Calibration;
-use first_images::FirstImages;
+use first_messages::FirstMessages;
 use nalgebra::UnitQuaternion;
 use pixels::MessageImage;
 use poses::PoseReader;
@@ -62,9 +61,10 @@ pub(super) struct Foreign {
     cameras: [Option<Calibration>; 2],
     /// The baseline in the static transforms, if the calibrations have none.
     baseline_m: Option<f64>,
-    /// The poses of the recording, if it has any, and the left camera's frame.
+    /// The poses of the recording, if it has any.
     poses: Option<PoseReader>,
-    left_frame: Option<String>,
+    /// The frame of each camera's first image; empty if it names none.
+    frames: [Option<String>; 2],
     partners: StampPairing<std::result::Result<PairImage, String>>,
     /// The videos of topics that hold such.
     videos: [Option<VideoTopic>; 2],
@@ -100,30 +100,22 @@ impl Foreign {
         let channels = recording.channels()?;
         let mut foreign = Self::new(name, &channels, selection)
             .map_err(|reason| Error::format(recording.path(), reason))?;
-        let mut first = FirstImages::default();
-        let mut baseline = BaselineSearch::new(&channels);
+        let mut first = FirstMessages::new(&channels);
         for file in recording.files() {
             let mut messages = file.messages()?;
             // Pairs may come before the first CameraInfo; with it from the start, all of them get a
             // rig. The bit depth is also decided before the first pair.
-            while foreign.lacks_calibration()
-                || !first.are_enough()
-                || foreign.lacks_baseline() && baseline.may_be_found()
-            {
+            while !first.are_enough(&foreign) {
                 match messages.next() {
-                    // An unreadable one is reported when its turn comes.
                     Ok(Some(FileEvent::Message { channel, data, .. })) => {
-                        drop(foreign.calibrate_first(channel, &data));
-                        first.take_in(&foreign.images, channel, &data);
-                        baseline.take_in(&foreign.images, channel, &data);
-                        foreign.baseline_m = baseline.found_m();
+                        first.take_in(&mut foreign, channel, &data);
                     }
                     Ok(Some(_)) => {}
                     Ok(None) | Err(_) => break,
                 }
             }
         }
-        foreign.depth = BitDepth::decide(selection.bits, first.largest())?;
+        first.end(&mut foreign, selection)?;
         foreign.poses = PoseReader::open(recording, &channels)?;
         for (topic, video) in foreign.images.iter().zip(&mut foreign.videos) {
             let is_it = |channel: &&&Channel| channel.topic == *topic && is_video(channel);
@@ -137,10 +129,8 @@ impl Foreign {
     /// The pose of the left camera at that time: of images that were rectified before they were
     /// recorded, with the rotation of their rectification.
     fn pose(&mut self, stamp_ns: u64) -> Option<Pose> {
-        let pose = self
-            .poses
-            .as_mut()?
-            .at(self.left_frame.as_ref()?, stamp_ns)?;
+        let poses = self.poses.as_mut()?;
+        let pose = poses.at(self.frames[0].as_ref()?, stamp_ns)?;
         let rotation = self.cameras[0].as_ref().filter(|_| !self.are_raw());
         let rotation = rotation.and_then(|camera| camera.rotation().ok());
         let rotation = rotation.map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation));
@@ -166,7 +156,7 @@ impl Foreign {
             cameras: [None, None],
             baseline_m: None,
             poses: None,
-            left_frame: None,
+            frames: [None, None],
             partners: StampPairing::new(selection.max_skew_ns),
             videos: [None, None],
             depth: BitDepth::FULL,
@@ -278,9 +268,6 @@ impl PairSource for Foreign {
         for side in Side::BOTH {
             if channel.topic == self.images[side as usize] {
                 self.counts[side as usize] += 1;
-                if side == Side::Left && self.left_frame.is_none() {
-                    self.left_frame = head(channel, data).ok().map(|(_, frame)| frame);
-                }
                 let (stamp, image) = self.image(side, channel, data)?;
                 let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
                 let bytes = match &image {
@@ -412,6 +399,11 @@ impl PairSource for Foreign {
             self.both()
                 .and_then(|[left, right]| camera::calibration(left, right, self.baseline_m))
         })
+    }
+
+    fn frame_id(&self) -> Option<&str> {
+        let left = self.frames[0].as_deref();
+        left.filter(|frame| !frame.is_empty())
     }
 
     fn focal_px(&self) -> Option<(f64, f64)> {

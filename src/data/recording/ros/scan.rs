@@ -193,11 +193,15 @@ mod tests {
 
     fn scanned(rows: &[&[f64]], camera_height_m: Option<f64>) -> ros::RosScan {
         let result = result(rows, Plane::filled(1, 1, 0.0).unwrap());
+        scan_of(&result, camera_height_m)
+    }
+
+    fn scan_of(result: &PairResult, camera_height_m: Option<f64>) -> ros::RosScan {
         let options = ResultOptions {
             camera_height_m,
             ..ResultOptions::new("cam_optical_frame")
         };
-        let data = scan(&result, &rig(), SIZE, RosStamp::new(1).unwrap(), &options).data;
+        let data = scan(result, &rig(), SIZE, RosStamp::new(1).unwrap(), &options).data;
         let header = ros::read_cdr(&data, |cdr| Ok(ros::header(cdr)?.frame_id.to_owned()));
         assert_eq!(header.unwrap(), "cam_frame");
         ros::read_cdr(&data, ros::laser_scan).unwrap()
@@ -228,6 +232,27 @@ mod tests {
             (3.0..3.1).contains(&third),
             "an obstacle beside an unknown cell"
         );
+    }
+
+    #[test]
+    fn nothing_is_free_that_the_search_cannot_see() {
+        let free: [&[f64]; 1] = [&[f64::INFINITY]];
+        let result = result(&free, Plane::filled(1, 1, 0.0).unwrap());
+        let ranges = |result: &PairResult| scan_of(result, Some(1.0)).ranges;
+        assert!(ranges(&result).iter().all(|range| *range == f64::INFINITY));
+        // A disparity more than a pixel beyond infinity, which is at -2, is a wrong match.
+        let mut wrong = result.clone();
+        for (disparity, is_unknown) in [(-2.5, false), (-3.5, true)] {
+            wrong.cells.cells[0].disparity_px = Some(disparity);
+            let are_unknown = ranges(&wrong).iter().all(|range| range.is_nan());
+            assert_eq!(are_unknown, is_unknown, "{disparity}");
+        }
+        // 10 m are 1 px with an offset of 2: a search up to -1.5 px begins at 20 m.
+        let mut far = result;
+        far.range_px = Some(-1.5);
+        let scan = scan_of(&far, Some(1.0));
+        assert!(scan.ranges.iter().all(|range| range.is_nan()));
+        assert!(scan.range_min <= scan.range_max);
     }
 
     #[test]

@@ -307,7 +307,7 @@ fn start(codec: Codec) -> Result<(Session, ChildStdin)> {
     let (Some(mut stdin), Some(stdout)) = (child.stdin.take(), child.stdout.take()) else {
         return Err(Error::Invalid("ffmpeg has no pipes".to_owned()));
     };
-    // Version, length of the header, a codec, a size that nobody reads, 1000 units a second.
+    // Version, length of the header, a codec, a size that ffmpeg ignores, 1000 units a second.
     let header: [&[u8]; 5] = [
         b"DKIF\0\0\x20\0H264",
         &[16, 0, 16, 0],

@@ -153,7 +153,7 @@ impl CodecParameters {
         number & (self.numbers() - 1)
     }
 
-    /// Number of different numbers: so many missing pictures are not seen by them.
+    /// Number of different numbers: a gap of that many pictures is not visible in them.
     pub(super) fn numbers(&self) -> u32 {
         1 << self.number_bits
     }

@@ -1,0 +1,100 @@
+//! Live topics as what is scored: they are recorded first.
+
+use super::Args;
+use crate::cli::shared::terminal::print_error;
+use crate::cli::shared::{recordings, source, usage};
+use svl::counted;
+use svl::losses::{Missing, RunEnding};
+use svl::recording::RecordingFormat;
+use svl::scenario::{PairRange, SourceOptions};
+use svl::source::{Limited, Request, are_live_topics};
+
+/// Live topics as recordings.
+pub(super) struct Recorded {
+    /// The arguments with recordings in place of the live topics.
+    pub(super) args: Args,
+    /// The end of the recording: pairs that were lost on the way are in no score.
+    pub(super) ending: RunEnding,
+}
+
+/// Records live topics, each for the seconds of `--to`; `None` if there are none.
+pub(super) fn recorded(args: &Args, quiet: bool) -> anyhow::Result<Option<Recorded>> {
+    let live = args.what.iter().find(|name| are_live_topics(name));
+    // A scenario to print describes no live topics, and none are opened for it.
+    let Some(live) = live.filter(|_| args.print_scenario.is_none()) else {
+        return Ok(None);
+    };
+    let wrong = |why: &str| Err(usage::wrong(format!("{live}: {why}")));
+    let source = &args.source;
+    if source.truth.is_some() {
+        return wrong("--truth is for recordings: record a bag that has the sensor's topic");
+    }
+    let Some(to_s) = source.to_s else {
+        return wrong("live topics have no end; --to SECONDS records and scores that long");
+    };
+    let mut what = args.what.clone();
+    let mut missing = Missing::default();
+    for name in what.iter_mut().filter(|name| are_live_topics(name)) {
+        missing.add(record(name, source, to_s, quiet)?);
+    }
+    // The recording has rectified pairs of 8 bits.
+    let remaining = SourceOptions {
+        left: None,
+        right: None,
+        bits: None,
+        max_skew_ms: None,
+        calib: None,
+        alpha: None,
+        ..source.clone()
+    };
+    let ending = RunEnding::new(missing, source.allow_loss);
+    if let Some(note) = ending.note().filter(|_| !quiet) {
+        print_error(format_args!("{live}: not recorded: {note}"));
+    }
+    Ok(Some(Recorded {
+        args: Args {
+            what,
+            source: remaining,
+            ..args.clone()
+        },
+        ending,
+    }))
+}
+
+/// Records that many seconds into a file, whose name replaces that of the topics.
+fn record(
+    name: &mut String,
+    options: &SourceOptions,
+    to_s: f64,
+    quiet: bool,
+) -> anyhow::Result<Missing> {
+    let request = Request {
+        options: SourceOptions {
+            left: options.left.clone(),
+            right: options.right.clone(),
+            bits: options.bits,
+            max_skew_ms: options.max_skew_ms,
+            calib: options.calib.clone(),
+            alpha: options.alpha,
+            ..SourceOptions::default()
+        },
+        ..Request::new(name.as_str())
+    };
+    let mut opened = source::open(request, quiet)?;
+    let path = recordings::free_name(&opened.stem)?;
+    let range = PairRange {
+        to_s: Some(to_s),
+        ..PairRange::default()
+    };
+    opened.source = Box::new(Limited::new(opened.source, range, None));
+    let (outcome, ran) = recordings::record(opened, &path, RecordingFormat::default(), quiet);
+    ran?;
+    *name = path.display().to_string();
+    if !quiet {
+        print_error(format_args!("{name}: {}", counted(outcome.frames, "pair")));
+    }
+    if outcome.interrupted {
+        anyhow::bail!("interrupted; {name} has the pairs so far");
+    }
+    Ok(outcome.missing())
+}
