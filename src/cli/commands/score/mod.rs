@@ -30,7 +30,7 @@ Examples:
   svl score arena                                the thesis's arena
   svl score own.mcap --algo v3 --algo sgm        without truth: known cells
   svl score bags/*.mcap --every 10 --from 5
-  svl score ros2: --to 30                        records 30 s of live topics first
+  svl score ros2: --to 30                        records 30 s first
   svl score own.toml                             with checkpoints of your own
   svl score arena --algo v3 --algo v3:max_disparity=64
   svl score arena --algo v3 --algo bm:uniqueness=0..60/10
