@@ -131,44 +131,16 @@ fn places(messages: &[Message]) -> Option<Vec<[f64; 3]>> {
 #[test]
 fn poses_of_other_frames_and_topics_change_none() {
     let expected = places(&messages(moving)).unwrap();
-    // A frame that is stamped ten seconds ahead, as AMCL stamps `map`, and before all others.
-    let ahead = |stamp: u64| {
-        let later = stamp + 10_000_000_000;
-        transform(
-            "/tf",
-            later,
-            ["map", "odom"],
-            [0.0; 3],
-            [0.0, 0.0, 0.0, 1.0],
-        )
-    };
-    let other = |stamp: u64| {
-        let later = stamp + 10_000_000_000;
-        transform(
-            "/tf",
-            later,
-            ["arm", "hand"],
-            [0.0; 3],
-            [0.0, 0.0, 0.0, 1.0],
-        )
-    };
+    let still = |frames, stamp| transform("/tf", stamp, frames, [0.0; 3], [0.0, 0.0, 0.0, 1.0]);
+    let ahead = START_NS + 10_000_000_000;
     let mut all = messages(moving);
-    all.insert(1, other(START_NS));
+    all.insert(1, still(["arm", "hand"], ahead));
     assert_eq!(places(&all).unwrap(), expected);
-    // Of a moving frame above the camera's there is no pose at the pairs' time.
-    all.insert(1, ahead(START_NS));
+    // A moving frame above the camera's has no pose at the pairs' time, nor between two 11 s apart.
+    all.insert(1, still(["map", "odom"], ahead));
     assert_eq!(places(&all), None);
-    all.insert(
-        1,
-        transform(
-            "/tf",
-            START_NS - 1_000_000_000,
-            ["map", "odom"],
-            [0.0; 3],
-            [0.0, 0.0, 0.0, 1.0],
-        ),
-    );
-    assert_eq!(places(&all), None, "11 s apart");
+    all.insert(1, still(["map", "odom"], START_NS - 1_000_000_000));
+    assert_eq!(places(&all), None);
     // A second odometry of one frame is another estimate: it is not mixed with the first.
     let second =
         |stamp: u64| odometry_of("/wheels", "base_link", stamp, [x_at(stamp) + 7.0, 0.0, 0.0]);
