@@ -36,8 +36,11 @@ def value(schema, message):
         return float(np.frombuffer(bytes(message.data), "<f4").reshape(-1, 4)[:, 2].sum())
     if schema == "sensor_msgs/msg/LaserScan":
         assert message.header.frame_id == "stereo_left_scan" and len(message.ranges) == len(message.intensities)
+        assert 0 < message.range_min < 1, message.range_min
         return float(np.isfinite(message.ranges).sum())
     if schema == "stereo_msgs/msg/DisparityImage":
+        # The range of the search is stored, not the greatest disparity found.
+        assert message.max_disparity == 80, message.max_disparity
         return message.f * message.t
     if schema == "std_msgs/msg/String":
         return json.loads(message.data)["sequence"]

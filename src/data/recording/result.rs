@@ -24,10 +24,12 @@ pub struct AlgorithmResult {
     /// Fraction of the pixels with a disparity.
     pub coverage: f64,
     /// [`svl_core::stereo::DisparityMap::median_row_offset`]: number of rows by which the right
-    /// image is lower; `None` for algorithms that do not measure it, and in recordings by earlier
-    /// versions.
+    /// image is lower; `None` for algorithms that do not measure it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub row_offset_px: Option<i8>,
+    /// The greatest disparity searched, pixels, if the algorithm says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range_px: Option<f64>,
 }
 
 impl AlgorithmResult {
@@ -39,6 +41,7 @@ impl AlgorithmResult {
             pair_hash: format!("{:032x}", pair),
             coverage: estimate.disparity.coverage(),
             row_offset_px: estimate.disparity.median_row_offset(),
+            range_px: estimate.range_px,
         }
     }
 
@@ -105,8 +108,6 @@ pub struct PairResult {
     /// `+∞` in invalid pixels.
     pub disparity: Plane<f32>,
     pub cells: AlgorithmCells,
-    /// The greatest disparity searched, pixels, if known.
-    pub range_px: Option<f64>,
     pub result: AlgorithmResult,
 }
 
@@ -116,7 +117,6 @@ impl PairResult {
         Self {
             disparity: estimate.disparity.disparity().clone(),
             cells: AlgorithmCells::new(frame.sequence, estimate),
-            range_px: estimate.range_px,
             result: AlgorithmResult::new(frame, estimate, hashes),
         }
     }
@@ -178,7 +178,6 @@ impl StoredResults {
                     return Ok(Some(PairResult {
                         disparity,
                         cells,
-                        range_px: None,
                         result,
                     }));
                 }
@@ -197,15 +196,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn results_of_earlier_svl_have_no_row_offset() {
-        let old = r#"{"sequence":3,"algorithm":"v4","hash":"1f","pair_hash":"2a","coverage":0.5}"#;
-        let result = AlgorithmResult::decode(SCHEMA, old.as_bytes());
+    fn absent_numbers_are_not_written() {
+        let written = r#"{"sequence":3,"algorithm":"v4","hash":"1f","pair_hash":"2a","coverage":0.5}"#;
+        let result = AlgorithmResult::decode(SCHEMA, written.as_bytes());
         let result = result.unwrap().unwrap();
-        assert_eq!(result.row_offset_px, None);
-        assert_eq!(
-            result.encode().data,
-            old.as_bytes(),
-            "nor are they written with null"
-        );
+        assert_eq!((result.row_offset_px, result.range_px), (None, None));
+        assert_eq!(result.encode().data, written.as_bytes());
     }
 }

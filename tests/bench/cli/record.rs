@@ -23,6 +23,8 @@ fn a_bag_has_the_results_of_its_recording() {
     let fixture = Fixture::new();
     fixture.run("record --frames 3 -o run.mcap");
     fixture.run("replay run.mcap --algo bm -o result.mcap");
+    let stored = Recording::open(fixture.path("result.mcap")).unwrap();
+    assert_eq!(stored.results().unwrap()[0].range_px, Some(80.0));
     let ran = fixture.svl("record result.mcap --ros2 --from 0.05 -o bag.mcap");
     assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""));
     let bag = Recording::open(fixture.path("bag.mcap")).unwrap();

@@ -99,7 +99,7 @@ fn depths(map: &Plane<f32>, rig: &Rig) -> Plane<f32> {
 fn disparity_image(result: &PairResult, rig: &Rig, stamp: RosStamp, frame_id: &str) -> Encoded {
     let map = &result.disparity;
     let largest = map.pixels().filter(|d| d.is_finite()).fold(0.0, f32::max);
-    let range_px = result.range_px.map_or(largest, |range| range as f32);
+    let range_px = result.result.range_px.map_or(largest, |range| range as f32);
     // The message has no offset of the principal points.
     let doffs = rig.doffs_px() as f32;
     let value = |d: f32| {
@@ -209,7 +209,6 @@ pub(super) mod tests {
                 rows: rows.len(),
                 cells: cells.collect(),
             },
-            range_px: Some(64.0),
             result: AlgorithmResult {
                 sequence: 0,
                 algorithm,
@@ -217,6 +216,7 @@ pub(super) mod tests {
                 pair_hash: String::new(),
                 coverage: 1.0,
                 row_offset_px: None,
+                range_px: Some(64.0),
             },
         }
     }

@@ -67,7 +67,7 @@ pub(super) fn scan(
     let (right, left) = (angle(size.0 as f64 - 0.5), angle(-0.5));
     let beams = ((left - right) / STEP_RAD).ceil().max(1.0);
     let step = (left - right) / beams;
-    let nearest = result.range_px.and_then(|range| rig.depth_m(range));
+    let nearest = result.result.range_px.and_then(|range| rig.depth_m(range));
     let range_min = nearest.unwrap_or(0.0).min(RANGE_MAX_M) as f32;
     // A rig that matches nothing nearer than the range's end sees nothing in it.
     let sees_range = nearest.is_none_or(|nearest| nearest < RANGE_MAX_M);
@@ -249,7 +249,7 @@ mod tests {
         }
         // 10 m are 1 px with an offset of 2: a search up to -1.5 px begins at 20 m.
         let mut far = result;
-        far.range_px = Some(-1.5);
+        far.result.range_px = Some(-1.5);
         let scan = scan_of(&far, Some(1.0));
         assert!(scan.ranges.iter().all(|range| range.is_nan()));
         assert!(scan.range_min <= scan.range_max);
