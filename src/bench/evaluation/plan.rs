@@ -7,6 +7,7 @@ use crate::run::Pace;
 use crate::sink::{RerunDetail, RerunTarget, Viewer};
 use std::path::{Path, PathBuf};
 use svl_core::Result;
+use svl_data::losses::Missing;
 use svl_data::manifest::Manifest;
 use svl_data::scenario::{Scenario, StressLevels};
 use svl_data::score::Metric;
@@ -27,6 +28,8 @@ pub struct EvaluationPlan<'a> {
     /// True if the drives are kept as recordings.
     pub keep_drives: bool,
     pub shard: Option<Shard>,
+    /// Pairs that were lost as live topics were recorded for it.
+    pub lost: Option<Missing>,
     /// True if an earlier part of the run in the folder is resumed.
     pub resume: bool,
     pub sort: Option<&'static Metric>,

@@ -12,7 +12,7 @@ use crate::sink::{LiveTable, RunInfo, RunStart, SinkRequest, Sinks, ViewerReques
 use crate::source::{RunSource, Source};
 use std::path::PathBuf;
 use svl_core::{Error, Result};
-use svl_data::losses::{Missing, RunEnding};
+use svl_data::losses::RunEnding;
 use svl_data::manifest::Manifest;
 use svl_data::scenario::{PairRange, ScenarioSource};
 use svl_data::score::Judge;
@@ -179,7 +179,7 @@ pub(super) fn evaluate(
         ReportPart::write(folder, scenario, shard, keys)?;
     }
     let mut report = ScoreReport::begin(plan, (manifest, log), &live, pace)?;
-    let (mut missing, mut inputs) = (Missing::default(), Vec::new());
+    let (mut missing, mut inputs) = (plan.lost.clone().unwrap_or_default(), Vec::new());
     let ran = units.iter().try_for_each(|unit| {
         let mut run = first.take().map_or_else(|| open(unit), Ok)?;
         let mut own = matchers.take(&unit.labels);

@@ -84,9 +84,9 @@ impl Source for RecordingSource {
     }
 
     fn finish(&mut self, _: u64) -> Losses {
+        let reported = self.reader.partners_of_unreadable(self.unreadable);
         Losses {
-            // The partner of an unreadable image is reported with it.
-            unpaired: self.reader.unpaired().saturating_sub(self.unreadable),
+            unpaired: self.reader.unpaired().saturating_sub(reported),
             outside: self.reader.outside(),
             late: self.reader.late(),
             unreadable: self.unreadable,

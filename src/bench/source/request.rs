@@ -17,6 +17,9 @@ pub struct Request<'a> {
     pub options: SourceOptions,
     /// The pairs stay raw, to calibrate cameras with.
     pub raw: bool,
+    /// Longest time of live topics by this machine's clock, seconds from the first pair on: their
+    /// stamps may stop.
+    pub live_s: Option<f64>,
     /// Options of cameras; their skew and their seed are those of this request.
     pub grab: GrabRequest,
     pub host: Host<'a>,
@@ -30,6 +33,7 @@ impl<'a> Request<'a> {
             seed: None,
             options: SourceOptions::default(),
             raw: false,
+            live_s: None,
             grab: GrabRequest::default(),
             host: Host::default(),
         }

@@ -26,6 +26,8 @@ const FOR_CALIBRATION: Duration = Duration::from_secs(2);
 const SILENCE: Duration = Duration::from_secs(2);
 /// Interval at which waiting threads look whether to stop.
 const STEP: Duration = Duration::from_millis(50);
+/// Time for the last pairs to arrive.
+const LATE: Duration = SILENCE;
 /// Pairs that may wait to be used.
 const QUEUE: usize = 64;
 
@@ -35,6 +37,8 @@ struct TopicSource {
     queue: Arc<Queue<Frame>>,
     receiver: Option<JoinHandle<Receiver>>,
     ended: Arc<AtomicBool>,
+    /// End by this machine's clock.
+    deadline: Option<Instant>,
     stopped: fn() -> bool,
 }
 
@@ -86,7 +90,9 @@ pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
     };
     let first = receiver.begin(stopped)?;
     let pairs = &receiver.pairs;
-    let mixed = topics.iter().filter(|found| found.publishers > 1);
+    // Several publishers of static transforms are usual: each has its own.
+    let is_mixed = |found: &&FoundTopic| found.publishers > 1 && !found.topic.is_static_transform();
+    let mixed = topics.iter().filter(is_mixed);
     let mixed = mixed.map(|found| {
         let FoundTopic {
             topic, publishers, ..
@@ -393,8 +399,17 @@ impl TopicSource {
             queue,
             receiver: Some(std::thread::spawn(run)),
             ended,
+            deadline: request.live_s.and_then(|seconds| {
+                let longest = Duration::try_from_secs_f64(seconds).ok()?;
+                Instant::now().checked_add(longest + LATE)
+            }),
             stopped: request.host.stopped,
         }
+    }
+
+    fn is_over(&self) -> bool {
+        self.deadline
+            .is_some_and(|deadline| Instant::now() >= deadline)
     }
 }
 
@@ -404,7 +419,20 @@ impl Source for TopicSource {
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        self.queue.pop_unless(self.stopped)
+        // Pairs whose stamps stand still arrive beyond the end.
+        let next = if self.is_over() {
+            None
+        } else {
+            self.queue
+                .pop_unless(|| (self.stopped)() || self.is_over())?
+        };
+        if next.is_none() && self.is_over() && !(self.stopped)() {
+            tracing::warn!(
+                "{}: ended by the clock of this machine: by their stamps, the pairs last less",
+                self.name
+            );
+        }
+        Ok(next)
     }
 
     fn finish(&mut self, taken: u64) -> Losses {
@@ -424,9 +452,11 @@ impl Source for TopicSource {
         }
         // Images that waited for a partner as svl stopped are no losses.
         let (unpaired, outside) = (receiver.pairs.unpaired(), receiver.pairs.outside());
+        // The partner of an unreadable image is reported with it; that of another unreadable one is
+        // not unpaired.
+        let [left, right] = receiver.unreadable_images;
         Losses {
-            // The partner of an unreadable image is reported with it.
-            unpaired: unpaired.saturating_sub(receiver.unreadable()),
+            unpaired: unpaired.saturating_sub(left.abs_diff(right)),
             outside,
             unreadable: receiver.unreadable(),
             broken: std::mem::take(&mut receiver.broken),

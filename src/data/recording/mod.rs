@@ -213,6 +213,12 @@ trait PairSource: Send {
     /// Images without a partner, while both cameras had images.
     fn unpaired(&self) -> u64;
 
+    /// Number of the unpaired images whose partner could not be read: those are reported.
+    /// `unreadable`: pairs and images that could not be read.
+    fn partners_of_unreadable(&self, unreadable: u64) -> u64 {
+        unreadable
+    }
+
     /// Images before the other camera's first or after its last.
     fn outside(&self) -> u64 {
         0

@@ -131,6 +131,12 @@ impl Reader {
         self.source.unpaired()
     }
 
+    /// Number of the unpaired images whose partner could not be read, if so many pairs and images
+    /// could not.
+    pub fn partners_of_unreadable(&self, unreadable: u64) -> u64 {
+        self.source.partners_of_unreadable(unreadable)
+    }
+
     /// Images so far before the other camera's first or after its last; final at the end.
     pub fn outside(&self) -> u64 {
         self.source.outside()

@@ -197,7 +197,8 @@ mod tests {
 
     #[test]
     fn absent_numbers_are_not_written() {
-        let written = r#"{"sequence":3,"algorithm":"v4","hash":"1f","pair_hash":"2a","coverage":0.5}"#;
+        let written =
+            r#"{"sequence":3,"algorithm":"v4","hash":"1f","pair_hash":"2a","coverage":0.5}"#;
         let result = AlgorithmResult::decode(SCHEMA, written.as_bytes());
         let result = result.unwrap().unwrap();
         assert_eq!((result.row_offset_px, result.range_px), (None, None));

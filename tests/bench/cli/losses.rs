@@ -70,6 +70,32 @@ fn cameras_that_start_and_stop_apart_lose_nothing() {
     assert_eq!(own["missing"]["outside"], 0);
 }
 
+/// A pair that cannot be read has both images: it is no reason for an unpaired one.
+#[test]
+fn unreadable_pairs_hide_no_unpaired_images() {
+    let fixture = Fixture::new();
+    let pixels = [7; SIZE.0 * SIZE.1];
+    let image = |topic, i: u64| {
+        let broken = topic == "/cam0/image_rect" && [3, 4].contains(&i);
+        let pixels = if broken { &pixels[..50] } else { &pixels[..] };
+        ros_image(topic, 1_000_000_000 + i * 33_333_333, SIZE, "mono8", pixels)
+    };
+    let pair = |i| ["/cam0/image_rect", "/cam1/image_rect"].map(|topic| image(topic, i));
+    let mut messages: Vec<_> = (0..20).flat_map(pair).collect();
+    // The left image of pair 9 is missing.
+    messages.remove(18);
+    bag::write(&fixture.path(""), &messages);
+    let score = fixture.svl(&format!("score bag.mcap {SCORE} --json"));
+    assert_eq!(score.code, Some(4), "{}", score.stderr);
+    let missing = &json(&score.stdout)["missing"];
+    assert_eq!(
+        ["pairs", "unreadable", "unpaired"].map(|key| missing[key].as_u64()),
+        [Some(17), Some(2), Some(1)]
+    );
+    let allowed = fixture.svl(&format!("score bag.mcap {SCORE} --allow-loss 2 -o two"));
+    assert_eq!(allowed.code, Some(4), "{}", allowed.stderr);
+}
+
 #[test]
 fn one_image_of_two_hundred_may_be_allowed() {
     let fixture = Fixture::new();

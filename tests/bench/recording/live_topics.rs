@@ -1,8 +1,10 @@
 //! Live topics without a network: pairs of the messages that a bag would hold.
 
-use super::bag::{Message, camera_info, cdr_in, ros_compressed, ros_image, ros_image_in};
+use super::bag::{self, Message, camera_info, cdr_in, ros_compressed, ros_image, ros_image_in};
 use super::frames::{PERIOD_NS, image};
 use super::sensor::tf;
+use crate::cli::fixture::Fixture;
+use crate::common::assert_says;
 use svl::recording::{LiveTopic, Selection, TopicPairs};
 use svl::stereo::Frame;
 
@@ -131,6 +133,62 @@ fn the_baseline_is_in_the_static_transforms() {
         let frames = drain(&mut pairs);
         assert!((frames[0].rig().unwrap().baseline_m() - 0.12).abs() < 1e-9);
     }
+}
+
+/// Without a baseline the reason is that of the static transforms, in a bag as live.
+#[test]
+fn a_baseline_that_is_missing_has_its_reason() {
+    let fixture = Fixture::new();
+    let pixels = image(SIZE, 0).pixels().collect::<Vec<u8>>();
+    let camera = |images, frame, info, stamp| {
+        let image = ros_image_in(frame, images, stamp, SIZE, ("mono8", &pixels));
+        [camera_info(info, stamp, &[], 0.0), image]
+    };
+    let pair = |right: &'static str, stamp| {
+        let left = camera("/cam0/image_rect", "l", "/cam0/camera_info", stamp);
+        let right = camera("/cam1/image_rect", right, "/cam1/camera_info", stamp);
+        left.into_iter().chain(right)
+    };
+    let at = |x| tf("/tf_static", &[("l", "r", [x, 0.0, 0.0])]);
+    for (right, transforms, words) in [
+        ("r", vec![], "no static transform leads from 'l' to 'r'"),
+        ("l", vec![at(0.12)], "both cameras are in one frame, 'l'"),
+        (
+            "r",
+            vec![at(-0.12)],
+            "'r' is 0.120 m to the left of 'l': --left and --right",
+        ),
+        (
+            "r",
+            vec![tf("/tf_static", &[("l", "r", [0.12, 0.05, 0.0])])],
+            "'r' is not beside 'l', but at (0.120, 0.050, 0.000) m",
+        ),
+        (
+            "r",
+            vec![at(0.12), at(0.24)],
+            "the first, with a baseline of 0.1200 m, is used",
+        ),
+    ] {
+        let pairs = pair(right, START_NS).chain(pair(right, START_NS + PERIOD_NS));
+        let all: Vec<_> = transforms.into_iter().chain(pairs).collect();
+        bag::write(&fixture.path(""), &all);
+        let ran = fixture.svl("record bag.mcap -o x.mcap --force");
+        assert_says(&ran.stderr, &[words]);
+    }
+    // Live, one that comes after the first pair is used no more.
+    let first: Vec<_> = pair("r", START_NS).chain([at(0.12)]).collect();
+    let mut late = TopicPairs::new("ros2:", &topics(&first), &Selection::default()).unwrap();
+    let place = |topic: &str| late_place(&late, topic);
+    let order: Vec<_> = first.iter().map(|message| place(message.topic)).collect();
+    late.begin().unwrap();
+    for (at, message) in order.into_iter().zip(&first) {
+        late.take_in(at, 0, &message.data).unwrap();
+    }
+    assert!(late.remarks()[0].contains("disparities but no distances"));
+}
+
+fn late_place(pairs: &TopicPairs, topic: &str) -> usize {
+    pairs.topics().position(|name| name == topic).unwrap()
 }
 
 #[test]

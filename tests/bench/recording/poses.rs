@@ -152,6 +152,22 @@ fn poses_of_other_frames_and_topics_change_none() {
 }
 
 #[test]
+fn odometry_that_contradicts_tf_is_told() {
+    let fixture = Fixture::new();
+    let other = |stamp| odometry_of("/wheels", "base_link", stamp, [-x_at(stamp), 1.0, 0.0]);
+    for (second, is_told) in [(odometry as fn(u64) -> Message, false), (other, true)] {
+        let all = messages(moving).into_iter().flat_map(|message| {
+            let second = (message.topic == "/tf").then(|| second(message.log_time));
+            std::iter::once(message).chain(second)
+        });
+        bag::write(&fixture.path(""), &all.collect::<Vec<_>>());
+        let ran = fixture.svl("record bag.mcap -o x.mcap --force");
+        let words = "/wheels: poses of 'base_link' differ from those of /tf, which are used";
+        assert_eq!(ran.stderr.contains(words), is_told, "{}", ran.stderr);
+    }
+}
+
+#[test]
 fn odometry_of_a_frame_with_a_static_parent_is_used() {
     // The odometry of an inertial sensor, a child of the robot, in which the camera is.
     let of_sensor = |stamp: u64| odometry_of("/vio", "imu", stamp, [x_at(stamp), 1.0, 0.0]);

@@ -70,6 +70,25 @@ fn live_topics_are_recorded_to_be_scored() {
 }
 
 #[test]
+fn a_duration_ends_without_publishers() {
+    let robot = Robot::start(14, Fault::None);
+    let source = robot.source("");
+    let fixture = Fixture::new();
+    let ran = std::thread::scope(|scope| {
+        scope.spawn(move || {
+            std::thread::sleep(Duration::from_secs(4));
+            drop(robot);
+        });
+        fixture.svl(&format!("record {source} --duration 8 -o run.mcap"))
+    });
+    assert_says(&ran.stderr, &["ended by the clock of this machine"]);
+    let pairs = RecordingSource::open(fixture.path("run.mcap"))
+        .unwrap()
+        .pairs();
+    assert!(pairs.is_some_and(|pairs| pairs > 0), "{pairs:?}");
+}
+
+#[test]
 fn live_results_are_published_and_proved_by_a_recording() {
     let robot = Robot::start(1, Fault::None);
     let fixture = Fixture::new();
@@ -196,6 +215,12 @@ fn what_cannot_be_opened_is_told_in_a_line() {
         score ros2: => 2: --to SECONDS records and scores that long
         score ros2: --to 2 --truth /depth => 2: --truth is for recordings
         score ros2: --print-scenario => 2: record them first
+        score ros2: --to 2 --from 5 => 2: --to has to be after --from
+        score ros2: --to 2 --resume => 2: --resume continues the score of a recording
+        score ros2: --to 2 --gate => 2: --gate and --drives are for scenarios
+        score ros2: --to 2 --fps 3 => 2: --fps is for folders
+        score ros2: --to 2 --seeds 1..3 => 2: --seeds is for
+        score ros2: arena --to 2 => 2: not 'arena'
         replay ros2: --publish /svl => 2: expected ros2:/PREFIX
         replay ros2: --publish foxglove:ws://127.0.0.1 => 2: expected ros2:/PREFIX
         replay ros2: --publish ros2:/svl --algo v5 --algo bm => 2: one algorithm",

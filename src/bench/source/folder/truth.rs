@@ -32,7 +32,7 @@ pub struct FolderTruth {
     unit_m: Option<f32>,
     /// By the part at `*` of their names.
     files: Images,
-    /// The same by stamp, if all names are times.
+    /// Those by stamp whose names are times.
     times: Vec<(u64, PathBuf)>,
     max_skew_ns: u64,
     /// Pose of the laser scanner in the left camera.
@@ -90,13 +90,8 @@ impl FolderTruth {
             let why = format!("--truth '{pattern}': {why}");
             return Err(Error::format(folder, why));
         }
-        let has_times = found.keys().all(|key| epoch_ns(key).is_some());
         let stamp = |(key, path): (&Vec<u8>, &PathBuf)| Some((epoch_ns(key)?, path.clone()));
-        let times = if has_times {
-            found.iter().filter_map(stamp).collect()
-        } else {
-            Vec::new()
-        };
+        let times = found.iter().filter_map(stamp).collect();
         let has_scans = found.values().any(|path| has_ending(path, "bin"));
         Ok(Self {
             folder: folder.to_owned(),
@@ -126,8 +121,8 @@ impl FolderTruth {
         self.without
     }
 
-    /// Attaches the truth of the file with the frame's name, or else, if the names are times, of
-    /// the one nearest to its stamp. `raw`: the left camera, if svl rectified the pair.
+    /// Attaches the truth of the file with the frame's name, or else, of those whose names are
+    /// times, of the one nearest to its stamp. `raw`: the left camera, if svl rectified the pair.
     ///
     /// # Errors
     /// [`Error::Format`] for a pair without a rig, and for depth images of raw pairs or of another
@@ -226,12 +221,7 @@ impl FolderTruth {
         let name = frame.name.as_deref().unwrap_or_default().as_bytes();
         let apart = |stamp_ns: u64| stamp_ns.abs_diff(frame.stamp_ns);
         if let Some(path) = self.files.get(name) {
-            let apart_ns = if self.times.is_empty() {
-                0
-            } else {
-                epoch_ns(name).map_or(0, apart)
-            };
-            return Some((path.clone(), apart_ns));
+            return Some((path.clone(), epoch_ns(name).map_or(0, apart)));
         }
         let nearest = self
             .times

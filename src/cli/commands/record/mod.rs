@@ -96,6 +96,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut request = Request {
         seed: args.seed,
         options: args.options.clone(),
+        live_s: args.duration,
         ..Request::new(source)
     };
     args.cameras.fill(&mut request);

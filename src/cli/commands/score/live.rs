@@ -1,23 +1,28 @@
 //! Live topics as what is scored: they are recorded first.
 
 use super::Args;
+use crate::cli::shared::progress::interrupted;
 use crate::cli::shared::terminal::print_error;
 use crate::cli::shared::{recordings, source, usage};
+use std::path::Path;
 use svl::counted;
-use svl::losses::{Missing, RunEnding};
+use svl::evaluation::REPORT;
+use svl::losses::Missing;
+use svl::outputs::Outputs;
 use svl::recording::RecordingFormat;
-use svl::scenario::{PairRange, SourceOptions};
+use svl::scenario::{PairRange, ScenarioKind, SourceOptions};
 use svl::source::{Limited, Request, are_live_topics};
 
 /// Live topics as recordings.
 pub(super) struct Recorded {
     /// The arguments with recordings in place of the live topics.
     pub(super) args: Args,
-    /// The end of the recording: pairs that were lost on the way are in no score.
-    pub(super) ending: RunEnding,
+    /// Pairs that were lost on the way into the recordings.
+    pub(super) lost: Missing,
 }
 
-/// Records live topics, each for the seconds of `--to`; `None` if there are none.
+/// Records live topics, each for the seconds of `--to`, one after the other; `None` if there are
+/// none.
 pub(super) fn recorded(args: &Args, quiet: bool) -> anyhow::Result<Option<Recorded>> {
     let live = args.what.iter().find(|name| are_live_topics(name));
     // A scenario to print describes no live topics, and none are opened for it.
@@ -32,11 +37,38 @@ pub(super) fn recorded(args: &Args, quiet: bool) -> anyhow::Result<Option<Record
     let Some(to_s) = source.to_s else {
         return wrong("live topics have no end; --to SECONDS records and scores that long");
     };
-    let mut what = args.what.clone();
-    let mut missing = Missing::default();
-    for name in what.iter_mut().filter(|name| are_live_topics(name)) {
-        missing.add(record(name, source, to_s, quiet)?);
+    if source.from_s.unwrap_or(0.0) >= to_s {
+        return wrong("--to has to be after --from and the first pair");
     }
+    if args.resume {
+        return wrong("--resume continues the score of a recording: name that of the first run");
+    }
+    // The score would refuse them after the recording.
+    if args.gate || args.drives.is_some() {
+        return wrong("--gate and --drives are for scenarios");
+    }
+    source.refuse_others(&[ScenarioKind::Recording])?;
+    source.refuse(&["fps", "side_by_side"], "is for folders and videos")?;
+    let is_file = |name: &&String| Path::new(name).exists();
+    let other = args
+        .what
+        .iter()
+        .find(|name| !are_live_topics(name) && !is_file(name));
+    if let Some(other) = other {
+        return wrong(&format!(
+            "beside live topics only recordings are scored, not '{other}'"
+        ));
+    }
+    if let Some(folder) = &args.output {
+        drop(Outputs::claim_folder(folder, &REPORT)?);
+    }
+    let mut what = args.what.clone();
+    let mut lost = Missing::default();
+    for name in what.iter_mut().filter(|name| are_live_topics(name)) {
+        lost.add(record(name, source, to_s, quiet)?);
+    }
+    // The pairs that were recorded are counted as they are scored.
+    lost.pairs = 0;
     // The recording has rectified pairs of 8 bits.
     let remaining = SourceOptions {
         left: None,
@@ -47,17 +79,13 @@ pub(super) fn recorded(args: &Args, quiet: bool) -> anyhow::Result<Option<Record
         alpha: None,
         ..source.clone()
     };
-    let ending = RunEnding::new(missing, source.allow_loss);
-    if let Some(note) = ending.note().filter(|_| !quiet) {
-        print_error(format_args!("{live}: not recorded: {note}"));
-    }
     Ok(Some(Recorded {
         args: Args {
             what,
             source: remaining,
             ..args.clone()
         },
-        ending,
+        lost,
     }))
 }
 
@@ -78,6 +106,7 @@ fn record(
             alpha: options.alpha,
             ..SourceOptions::default()
         },
+        live_s: Some(to_s),
         ..Request::new(name.as_str())
     };
     let mut opened = source::open(request, quiet)?;
@@ -93,8 +122,9 @@ fn record(
     if !quiet {
         print_error(format_args!("{name}: {}", counted(outcome.frames, "pair")));
     }
-    if outcome.interrupted {
-        anyhow::bail!("interrupted; {name} has the pairs so far");
+    // Also while nothing arrives.
+    if outcome.interrupted || interrupted() {
+        anyhow::bail!("interrupted; {name} has the pairs so far, and `svl score {name}` scores it");
     }
     Ok(outcome.missing())
 }

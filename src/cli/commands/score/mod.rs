@@ -197,6 +197,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         rounds: args.repeat,
         keep_drives: args.drives != Some(KeptDrives::None),
         shard: args.shard,
+        lost: recorded.as_ref().map(|recorded| recorded.lost.clone()),
         resume: args.resume,
         sort: args.sort,
         gate: args.gate,
@@ -232,11 +233,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (_, true) => pass_check(&summary)?,
         _ => {}
     }
-    complete(&summary.ending)?;
-    if let Some(recorded) = &recorded {
-        complete(&recorded.ending)?;
-    }
-    Ok(())
+    Ok(complete(&summary.ending)?)
 }
 
 /// Which drives are kept as recordings.

@@ -13,6 +13,8 @@ const MAX_OFFSET: f64 = 1e-2;
 pub(super) struct BaselineSearch {
     has_transforms: bool,
     transforms: Transforms,
+    /// True once the user was warned of a transform that came later.
+    has_warned: bool,
 }
 
 impl BaselineSearch {
@@ -20,6 +22,7 @@ impl BaselineSearch {
         Self {
             has_transforms: channels.iter().any(|channel| Transforms::reads(channel)),
             transforms: Transforms::default(),
+            has_warned: false,
         }
     }
 
@@ -36,11 +39,69 @@ impl BaselineSearch {
     }
 
     /// The baseline if the cameras are parallel and side by side.
-    pub(super) fn found_m(&self, left: &str, right: &str) -> Option<f64> {
-        let right = self.pose(left, right)?;
-        let [x, y, z] = right.translation.vector.into();
-        let is_beside = y.abs().max(z.abs()) <= MAX_OFFSET * x;
-        (is_beside && right.rotation.angle() < MAX_ROTATION).then_some(x)
+    ///
+    /// # Errors
+    /// The reason why there is none.
+    pub(super) fn metres(&self, left: &str, right: &str) -> Result<f64, String> {
+        let none = "the calibrations have no baseline (fourth column of P)";
+        if left == right {
+            return Err(format!(
+                "{none}, and both cameras are in one frame, '{left}'"
+            ));
+        }
+        let Some(pose) = self.pose(left, right) else {
+            return Err(format!(
+                "{none}, and no static transform leads from '{left}' to '{right}'"
+            ));
+        };
+        let [x, y, z] = pose.translation.vector.into();
+        let degrees = pose.rotation.angle().to_degrees();
+        if pose.rotation.angle() >= MAX_ROTATION {
+            Err(format!(
+                "{none}, and by the static transforms the cameras are turned by {degrees:.1}° to \
+                 each other"
+            ))
+        } else if y.abs().max(z.abs()) > MAX_OFFSET * x.abs() {
+            Err(format!(
+                "{none}, and by the static transforms '{right}' is not beside '{left}', but at \
+                 ({x:.3}, {y:.3}, {z:.3}) m"
+            ))
+        } else if x <= 0.0 {
+            Err(format!(
+                "by the static transforms '{right}' is {:.3} m to the left of '{left}': --left \
+                 and --right name their topics",
+                -x
+            ))
+        } else {
+            Ok(x)
+        }
+    }
+
+    /// Takes in a transform after the first pair. Returns a warning, once, if it would have changed
+    /// the baseline in use.
+    pub(super) fn take_in_later(
+        &mut self,
+        channel: &Channel,
+        data: &[u8],
+        (left, right): (&str, &str),
+        used_m: Option<f64>,
+    ) -> Option<String> {
+        let conflict = self.transforms.conflict((channel, data), (left, right));
+        self.take_in(channel, data);
+        let found_m = self.metres(left, right).ok();
+        let warning = match (used_m, conflict) {
+            (Some(used_m), Some(conflict)) => {
+                format!("{conflict}; the first, with a baseline of {used_m:.4} m, is used")
+            }
+            (None, _) => format!(
+                "the transform between the cameras, {:.4} m, came after the first pair: there are \
+                 no distances; start svl again",
+                found_m?
+            ),
+            (Some(_), None) => return None,
+        };
+        (!std::mem::replace(&mut self.has_warned, true))
+            .then(|| format!("{}: {warning}", channel.topic))
     }
 
     /// The pose of the right camera in the left one.

@@ -34,8 +34,18 @@ impl Foreign {
         if self.are_raw() {
             return Err("the images are not rectified".to_owned());
         }
-        self.both()
-            .and_then(|[left, right]| camera::rig(left, right, self.baseline_m))
+        let [left, right] = self.both()?;
+        camera::rig(left, right, self.baseline_m).map_err(|error| self.why_no_rig(error))
+    }
+
+    /// The reason why there is no rig: that of the baseline if it is missing.
+    pub(super) fn why_no_rig(&self, error: String) -> String {
+        match &self.frames {
+            [Some(left), Some(right)] if self.lacks_baseline() => {
+                self.baseline.metres(left, right).err().unwrap_or(error)
+            }
+            _ => error,
+        }
     }
 
     /// The calibrations of both cameras, for images of the current size.
@@ -53,8 +63,13 @@ impl Foreign {
     }
 
     pub(super) fn lacks_baseline(&self) -> bool {
+        self.needs_baseline() && self.baseline_m.is_none()
+    }
+
+    /// True if the baseline is that of the static transforms.
+    pub(super) fn needs_baseline(&self) -> bool {
         match &self.cameras {
-            [Some(left), Some(right)] => left.lacks_baseline(right) && self.baseline_m.is_none(),
+            [Some(left), Some(right)] => left.lacks_baseline(right),
             _ => false,
         }
     }

@@ -1,33 +1,25 @@
 //! The first messages of a source: calibrations, the cameras' frames and baseline, and the number
 //! of bits that 16-bit images use.
 
-use super::baseline::BaselineSearch;
 use super::{Foreign, Selection, head, image, video};
 use crate::files::{BitDepth, DECIDING_PAIRS};
 use crate::recording::messages::Channel;
 use svl_core::Result;
 
 /// The first messages, from which a [`Foreign`] is prepared before its first pair.
+#[derive(Default)]
 pub(super) struct FirstMessages {
     images: FirstImages,
-    baseline: BaselineSearch,
 }
 
 impl FirstMessages {
-    pub(super) fn new(channels: &[&Channel]) -> Self {
-        Self {
-            images: FirstImages::default(),
-            baseline: BaselineSearch::new(channels),
-        }
-    }
-
     /// True if all is known that these messages may contain.
     pub(super) fn are_enough(&self, foreign: &Foreign) -> bool {
         let [left, right] = &foreign.frames;
         let (Some(left), Some(right)) = (left, right) else {
             return false;
         };
-        let wants_baseline = foreign.lacks_baseline() && self.baseline.may_be_found(left, right);
+        let wants_baseline = foreign.lacks_baseline() && foreign.baseline.may_be_found(left, right);
         !foreign.lacks_calibration() && self.images.are_enough() && !wants_baseline
     }
 
@@ -40,9 +32,9 @@ impl FirstMessages {
                 *frame = head(channel, data).ok().map(|(_, frame)| frame);
             }
         }
-        self.baseline.take_in(channel, data);
+        foreign.baseline.take_in(channel, data);
         if let [Some(left), Some(right)] = &foreign.frames {
-            foreign.baseline_m = self.baseline.found_m(left, right);
+            foreign.baseline_m = foreign.baseline.metres(left, right).ok();
         }
     }
 

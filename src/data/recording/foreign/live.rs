@@ -3,8 +3,8 @@
 use super::stamp_pairing::StampPairing;
 use super::transforms::Transforms;
 use super::{FirstMessages, Foreign, Selection, camera, head, image, video};
-use crate::recording::PairSource;
 use crate::recording::messages::Channel;
+use crate::recording::{LEFT_FRAME, PairSource};
 use svl_core::Result;
 use svl_core::stereo::{Frame, StereoCalibration};
 
@@ -93,12 +93,11 @@ impl TopicPairs {
                 .filter(|channel| Transforms::reads(channel))
                 .cloned(),
         );
-        let first = FirstMessages::new(&needed.iter().collect::<Vec<_>>());
         Ok(Self {
             foreign,
             channels: needed,
             selection: selection.clone(),
-            first: Some(first),
+            first: Some(FirstMessages::default()),
             warned_of_frame: false,
         })
     }
@@ -148,9 +147,10 @@ impl TopicPairs {
             && frame != first
         {
             self.warned_of_frame = true;
+            let used = self.foreign.frame_id().unwrap_or(LEFT_FRAME);
             tracing::warn!(
                 "{}: {}: the frame of its images changes from '{first}' to '{frame}'; results \
-                 stay in '{first}'",
+                 stay in '{used}'",
                 self.foreign.name,
                 channel.topic
             );

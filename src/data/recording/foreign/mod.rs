@@ -32,6 +32,7 @@ pub(super) use video::{VideoScan, is_video};
 use super::messages::{Channel, FileEvent};
 use super::{PairSource, Recording};
 use crate::files::BitDepth;
+use baseline::BaselineSearch;
 use camera::Calibration;
 use first_messages::FirstMessages;
 use nalgebra::UnitQuaternion;
@@ -41,6 +42,7 @@ use stamp_pairing::StampPairing;
 use svl_core::counted;
 use svl_core::stereo::{Exposure, Frame, Pose, Side, StereoCalibration};
 use svl_core::{Error, Result};
+use transforms::Transforms;
 use video::VideoTopic;
 
 /// Live images are never that much out of order: their clock jumped.
@@ -61,6 +63,7 @@ pub(super) struct Foreign {
     cameras: [Option<Calibration>; 2],
     /// The baseline in the static transforms, if the calibrations have none.
     baseline_m: Option<f64>,
+    baseline: BaselineSearch,
     /// The poses of the recording, if it has any.
     poses: Option<PoseReader>,
     /// The frame of each camera's first image; empty if it names none.
@@ -70,8 +73,9 @@ pub(super) struct Foreign {
     videos: [Option<VideoTopic>; 2],
     depth: BitDepth,
     max_skew_ns: u64,
-    /// Images of each camera.
+    /// Images of each camera, and those among them of which not even the stamp can be read.
     counts: [u64; 2],
+    without_stamp: [u64; 2],
     /// Pairs so far, and the readable ones among them.
     sequence: u64,
     pairs: u64,
@@ -100,7 +104,7 @@ impl Foreign {
         let channels = recording.channels()?;
         let mut foreign = Self::new(name, &channels, selection)
             .map_err(|reason| Error::format(recording.path(), reason))?;
-        let mut first = FirstMessages::new(&channels);
+        let mut first = FirstMessages::default();
         for file in recording.files() {
             let mut messages = file.messages()?;
             // Pairs may come before the first CameraInfo; with it from the start, all of them get a
@@ -155,6 +159,7 @@ impl Foreign {
             calibrations,
             cameras: [None, None],
             baseline_m: None,
+            baseline: BaselineSearch::new(channels),
             poses: None,
             frames: [None, None],
             partners: StampPairing::new(selection.max_skew_ns),
@@ -162,6 +167,7 @@ impl Foreign {
             depth: BitDepth::FULL,
             max_skew_ns: selection.max_skew_ns,
             counts: [0, 0],
+            without_stamp: [0, 0],
             sequence: 0,
             pairs: 0,
             size: (0, 0),
@@ -262,13 +268,24 @@ impl PairSource for Foreign {
                 .iter()
                 .flatten()
                 .any(|topic| *topic == channel.topic);
+        if Transforms::reads(channel)
+            && let [Some(left), Some(right)] = &self.frames
+            && let Some(warning) =
+                self.baseline
+                    .take_in_later(channel, data, (left, right), self.baseline_m)
+            && self.needs_baseline()
+        {
+            tracing::warn!("{}: {warning}", self.name);
+        }
         if !is_of_use {
             return Ok(None);
         }
         for side in Side::BOTH {
             if channel.topic == self.images[side as usize] {
                 self.counts[side as usize] += 1;
-                let (stamp, image) = self.image(side, channel, data)?;
+                let read = self.image(side, channel, data);
+                self.without_stamp[side as usize] += u64::from(read.is_err());
+                let (stamp, image) = read?;
                 let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
                 let bytes = match &image {
                     Ok(PairImage::Image(image)) => image.image.bytes(),
@@ -334,6 +351,12 @@ impl PairSource for Foreign {
         self.partners.unpaired()
     }
 
+    /// An image with a stamp has its partner, even if its pixels cannot be read. If images of both
+    /// cameras are without, they may be partners of each other.
+    fn partners_of_unreadable(&self, _: u64) -> u64 {
+        self.without_stamp.into_iter().max().unwrap_or(0)
+    }
+
     fn outside(&self) -> u64 {
         self.partners.outside()
     }
@@ -396,8 +419,8 @@ impl PairSource for Foreign {
 
     fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
         self.are_raw().then(|| {
-            self.both()
-                .and_then(|[left, right]| camera::calibration(left, right, self.baseline_m))
+            let [left, right] = self.both()?;
+            camera::calibration(left, right, self.baseline_m).map_err(|why| self.why_no_rig(why))
         })
     }
 

@@ -20,6 +20,9 @@ const AHEAD_NS: u64 = 1_000_000_000;
 const MAX_POSES: usize = 4_000_000;
 /// Limit on different warnings.
 const MAX_WARNINGS: usize = 100;
+/// Poses of one frame by two topics are equal up to the noise between two of their messages.
+const SAME_M: f64 = 0.1;
+const SAME_RAD: f64 = 2.0_f64.to_radians();
 /// Longest chain of transforms.
 const MAX_CHAIN: usize = 100;
 
@@ -165,6 +168,13 @@ impl PoseReader {
                                 self.recording.path().display()
                             ));
                         }
+                        if let Some([used, other]) = contradiction(&self.moving, &child, stamp) {
+                            warn_once(format!(
+                                "{}: {other}: poses of '{child}' differ from those of {used}, \
+                                 which are used",
+                                self.recording.path().display()
+                            ));
+                        }
                     }
                     is_read = self.is_read(frame, until_ns);
                 }
@@ -183,6 +193,19 @@ impl PoseReader {
             }
         }
     }
+}
+
+/// The topics of `/tf` and of odometry, if these contradict each other on the pose of a frame.
+fn contradiction<'a>(
+    moving: &'a [BTreeMap<String, Moving>; 2],
+    child: &str,
+    stamp_ns: u64,
+) -> Option<[&'a str; 2]> {
+    let [tf, odometry] = moving.each_ref().map(|of| of.get(child));
+    let (tf, odometry) = (tf?, odometry?);
+    let apart = tf.at(stamp_ns)?.inverse() * odometry.at(stamp_ns)?;
+    let is_same = apart.translation.vector.norm() <= SAME_M && apart.rotation.angle() <= SAME_RAD;
+    (!is_same && tf.parent == odometry.parent).then_some([&tf.topic, &odometry.topic])
 }
 
 /// Warns once in a process: pairs, truth and places read the poses of a recording each.
