@@ -88,10 +88,30 @@ macro_rules! kernels {
                     return unsafe { avx2($($arg),*) };
                 }
             }
-            debug_assert_eq!(isa, Isa::BASELINE);
+            #[cfg(target_arch = "aarch64")]
+            dotprod!([$($pairs)?] isa, $body, ($($arg: $ty),*));
+            debug_assert!(isa == Isa::BASELINE || cfg!(target_arch = "aarch64"));
             $body($($pairs::Portable,)? $($arg),*)
         }
     )*};
+}
+
+/// Runs a kernel that gets [`pairs::Pairs`] on CPUs with dot products. No compiler finds their
+/// instruction, so that the others would only be compiled twice.
+#[cfg(target_arch = "aarch64")]
+macro_rules! dotprod {
+    ([] $isa:ident, $body:path, $arguments:tt) => {};
+    ([$pairs:ident] $isa:ident, $body:path, ($($arg:ident: $ty:ty),*)) => {
+        #[target_feature(enable = "neon,dotprod")]
+        fn dotprod($($arg: $ty),*) {
+            // SAFETY: this runs on CPUs that have it.
+            $body(unsafe { $pairs::DotProd::new() }, $($arg),*)
+        }
+        if $isa == Isa::DOTPROD {
+            // SAFETY: as for AVX.
+            return unsafe { dotprod($($arg),*) };
+        }
+    };
 }
 
 kernels! {

@@ -25,6 +25,12 @@ pub fn weight(disparity: i32) -> u32 {
     25 + 4 * disparity.unsigned_abs()
 }
 
+/// [`weight`] by the absolute disparity, modulo 65536.
+#[inline(always)]
+pub(super) fn short_weight(disparity: u16) -> u16 {
+    disparity.wrapping_mul(4).wrapping_add(25)
+}
+
 /// A disparity, counted from the first, and its SSD, in one word.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Match(u32);
