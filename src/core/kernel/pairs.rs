@@ -28,21 +28,52 @@ impl<T> AsRef<[T]> for Group<T> {
     }
 }
 
+/// Two numbers of each row, in the order in which the CPU multiplies them: in pairs or in planes.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub struct RowPairs(
+    #[cfg(not(target_arch = "aarch64"))] Group<[i16; 2]>,
+    #[cfg(target_arch = "aarch64")] [[i16; Group::ROWS]; 2],
+);
+
+impl RowPairs {
+    #[inline(always)]
+    pub const fn new(numbers: [[i16; Group::ROWS]; 2]) -> Self {
+        #[cfg(target_arch = "aarch64")]
+        return Self(numbers);
+        #[cfg(not(target_arch = "aarch64"))]
+        {
+            let mut pairs = Group::splat([0; 2]);
+            let mut l = 0;
+            while l < Group::ROWS {
+                pairs.0[l] = [numbers[0][l], numbers[1][l]];
+                l += 1;
+            }
+            Self(pairs)
+        }
+    }
+}
+
 /// Sums of products on one instruction set. The methods here are those that every CPU of the target
 /// can run.
 pub trait Pairs {
-    /// `sum + a + b + pairs[0][0]·pairs[1][0] + pairs[0][1]·pairs[1][1]` of each row.
+    /// True if choosing between two vectors by a third takes one operation.
+    const SELECTS: bool = cfg!(not(target_arch = "x86_64"));
+
+    /// `sum + squares[0] + squares[1]` and the products of both pairs, of each row. Each of the
+    /// squares is a difference, the last one that of the squares of the numbers of `pairs[1]`.
     #[inline(always)]
-    fn sum(
-        &self,
-        mut sum: Group<u32>,
-        squares: [Group<u32>; 2],
-        pairs: [Group<[i16; 2]>; 2],
-    ) -> Group<u32> {
-        for l in 0..Group::ROWS {
-            sum.0[l] = sum.0[l].wrapping_add(squares[0].0[l].wrapping_add(squares[1].0[l]));
+    fn sum(&self, sum: Group<u32>, squares: [Group<u32>; 2], pairs: [RowPairs; 2]) -> Group<u32> {
+        #[cfg(target_arch = "aarch64")]
+        return arm::sum(sum, squares[0], pairs);
+        #[cfg(not(target_arch = "aarch64"))]
+        {
+            let mut sum = sum;
+            for l in 0..Group::ROWS {
+                sum.0[l] = sum.0[l].wrapping_add(squares[0].0[l].wrapping_add(squares[1].0[l]));
+            }
+            self.add_products(sum, [pairs[0].0, pairs[1].0])
         }
-        self.add_products(sum, pairs)
     }
 
     /// `sum + pairs[0][0]·pairs[1][0] + pairs[0][1]·pairs[1][1]` of each row.
@@ -79,6 +110,24 @@ pub trait Pairs {
         }
         costs
     }
+
+    /// The lesser of each row. They are bits of floats, of which none is negative or not a number.
+    #[inline(always)]
+    fn least(&self, a: Group<i32>, b: Group<i32>) -> Group<i32> {
+        #[cfg(target_arch = "x86_64")]
+        return x86::least_sse2(a, b);
+        #[cfg(not(target_arch = "x86_64"))]
+        return least(a, b);
+    }
+}
+
+/// The lesser of each row.
+#[inline(always)]
+fn least(mut a: Group<i32>, b: Group<i32>) -> Group<i32> {
+    for l in 0..Group::ROWS {
+        a.0[l] = a.0[l].min(b.0[l]);
+    }
+    a
 }
 
 /// 2²³.
@@ -139,7 +188,7 @@ pub use arm::DotProd;
 
 #[cfg(target_arch = "aarch64")]
 mod arm {
-    use super::{Group, Pairs};
+    use super::{Group, Pairs, RowPairs};
     use std::arch::aarch64::*;
     use std::mem::transmute;
 
@@ -170,6 +219,36 @@ mod arm {
                     dot(dot(dots, b, words[1]), c, words[2])
                 }
             })
+        }
+    }
+
+    /// [`Pairs::sum`] with NEON. The squares of the second pair `[c, d]` are added with its
+    /// products: `c² − d² + a·c + b·d = c·(a + c) + d·(b − d)`.
+    #[inline(always)]
+    pub(super) fn sum(
+        sum: Group<u32>,
+        squares: Group<u32>,
+        [first, second]: [RowPairs; 2],
+    ) -> Group<u32> {
+        // SAFETY: arrays of numbers are vectors of their size; and every CPU of this architecture
+        // has NEON.
+        unsafe {
+            let [mut sum, squares] =
+                transmute::<[Group<u32>; 2], [[int32x4_t; 4]; 2]>([sum, squares]);
+            let [[a, b], [c, d]] = transmute::<
+                [[[i16; Group::ROWS]; 2]; 2],
+                [[[int16x8_t; 2]; 2]; 2],
+            >([first.0, second.0]);
+            for i in 0..2 {
+                let (with_c, with_d) = (vaddq_s16(a[i], c[i]), vsubq_s16(b[i], d[i]));
+                let low = vaddq_s32(sum[2 * i], squares[2 * i]);
+                let high = vaddq_s32(sum[2 * i + 1], squares[2 * i + 1]);
+                let low = vmlal_s16(low, vget_low_s16(c[i]), vget_low_s16(with_c));
+                let high = vmlal_high_s16(high, c[i], with_c);
+                sum[2 * i] = vmlal_s16(low, vget_low_s16(d[i]), vget_low_s16(with_d));
+                sum[2 * i + 1] = vmlal_high_s16(high, d[i], with_d);
+            }
+            transmute::<[int32x4_t; 4], Group<u32>>(sum)
         }
     }
 
@@ -239,7 +318,7 @@ pub use x86::{Avx2, Avx512};
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::{Group, Pairs};
+    use super::{Group, Pairs, RowPairs, least};
     use std::arch::x86_64::*;
     use std::mem::transmute;
 
@@ -291,13 +370,25 @@ mod x86 {
         }
     }
 
+    /// [`Pairs::least`] with SSE2, which compares no whole numbers of 32 bits.
+    #[inline(always)]
+    pub(super) fn least_sse2(a: Group<i32>, b: Group<i32>) -> Group<i32> {
+        // SAFETY: see above.
+        unsafe {
+            let [a, b] = transmute::<[Group<i32>; 2], [[__m128; 4]; 2]>([a, b]);
+            transmute::<[__m128; 4], Group<i32>>(std::array::from_fn(|i| _mm_min_ps(a[i], b[i])))
+        }
+    }
+
     impl Pairs for Avx2 {
+        const SELECTS: bool = true;
+
         #[inline(always)]
         fn sum(
             &self,
             sum: Group<u32>,
             [a, b]: [Group<u32>; 2],
-            pairs: [Group<[i16; 2]>; 2],
+            pairs: [RowPairs; 2],
         ) -> Group<u32> {
             // SAFETY: see above.
             let sum = unsafe {
@@ -305,7 +396,7 @@ mod x86 {
                 let half = |i: usize| _mm256_add_epi32(sum[i], _mm256_add_epi32(a[i], b[i]));
                 transmute::<[__m256i; 2], Group<u32>>([half(0), half(1)])
             };
-            self.add_products(sum, pairs)
+            self.add_products(sum, [pairs[0].0, pairs[1].0])
         }
 
         #[inline(always)]
@@ -323,22 +414,29 @@ mod x86 {
         fn costs(&self, floats: Group<u32>, weight: f32, bias: f32) -> Group<f32> {
             fused_costs(floats, weight, bias)
         }
+
+        #[inline(always)]
+        fn least(&self, a: Group<i32>, b: Group<i32>) -> Group<i32> {
+            least(a, b)
+        }
     }
 
     impl Pairs for Avx512 {
+        const SELECTS: bool = true;
+
         #[inline(always)]
         fn sum(
             &self,
             sum: Group<u32>,
             [a, b]: [Group<u32>; 2],
-            pairs: [Group<[i16; 2]>; 2],
+            pairs: [RowPairs; 2],
         ) -> Group<u32> {
             // SAFETY: see above.
             let sum = unsafe {
                 let [sum, a, b] = transmute::<[Group<u32>; 3], [__m512i; 3]>([sum, a, b]);
                 transmute::<__m512i, Group<u32>>(_mm512_add_epi32(sum, _mm512_add_epi32(a, b)))
             };
-            self.add_products(sum, pairs)
+            self.add_products(sum, [pairs[0].0, pairs[1].0])
         }
 
         #[inline(always)]
@@ -354,6 +452,11 @@ mod x86 {
         #[inline(always)]
         fn costs(&self, floats: Group<u32>, weight: f32, bias: f32) -> Group<f32> {
             fused_costs(floats, weight, bias)
+        }
+
+        #[inline(always)]
+        fn least(&self, a: Group<i32>, b: Group<i32>) -> Group<i32> {
+            least(a, b)
         }
     }
 }
