@@ -129,7 +129,7 @@ macro_rules! interleave {
                 // SAFETY: both types are numbers of any value.
                 let [a, b] = unsafe { transmute::<[[Self; $n]; 2], [__m128i; 2]>([a, b]) };
                 // SAFETY: as above; and every CPU of this architecture has SSE2.
-                unsafe { transmute([$x86(a, b), $x86_high(a, b)]) }
+                unsafe { transmute::<[__m128i; 2], [[Self; $n]; 2]>([$x86(a, b), $x86_high(a, b)]) }
             }
 
             #[cfg(target_arch = "aarch64")]
@@ -139,7 +139,7 @@ macro_rules! interleave {
                 // SAFETY: both types are numbers of any value.
                 let [a, b] = unsafe { transmute::<[[Self; $n]; 2], [$vector; 2]>([a, b]) };
                 // SAFETY: as above; and every CPU of this architecture has NEON.
-                unsafe { transmute([$arm(a, b), $arm_high(a, b)]) }
+                unsafe { transmute::<[$vector; 2], [[Self; $n]; 2]>([$arm(a, b), $arm_high(a, b)]) }
             }
 
             #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]

@@ -165,7 +165,7 @@ fn halves(words: Group<u32>) -> [Group<[i16; 2]>; 2] {
         odd[i] = word >> 8;
     }
     // SAFETY: as above.
-    unsafe { [transmute(even), transmute(odd)] }
+    unsafe { transmute::<[[u16; 2 * Group::ROWS]; 2], [Group<[i16; 2]>; 2]>([even, odd]) }
 }
 
 #[cfg(not(target_arch = "x86_64"))]

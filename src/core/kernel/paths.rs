@@ -95,8 +95,7 @@ impl PathBlock {
             &self.lines,
             &mut self.next,
             ([from, from + 1, from + 2], from + 1),
-            costs,
-            from,
+            costs.iter().map(|lanes| part(&lanes.0, from)),
             penalties.small,
             steps(self.x + from, grey, grey_behind, penalties),
             out,
@@ -125,10 +124,10 @@ fn steps<const W: usize>(
 ) -> [[u8; W]; 3] {
     let here = pixels::<W>(grey, x as i32);
     let mut large = [[0; W]; 3];
-    for r in 0..3 {
-        let behind = pixels::<W>(behind, x as i32 + r as i32 - 1);
+    for (from, large) in (x as i32 - 1..).zip(&mut large) {
+        let behind = pixels::<W>(behind, from);
         for l in 0..W {
-            large[r][l] = penalties.large[usize::from(here[l].abs_diff(behind[l]))];
+            large[l] = penalties.large[usize::from(here[l].abs_diff(behind[l]))];
         }
     }
     large
@@ -154,12 +153,11 @@ fn pixels<const W: usize>(row: &[u8], x: i32) -> [u8; W] {
 /// least two slots more than p has disparities, `costs`. In a slot the lanes of q begin at `from`,
 /// those of p at `to`. `out` receives the amount that each path adds to a cost.
 #[inline(always)]
-pub(super) fn advance<const R: usize, const W: usize, const S: usize>(
+pub(super) fn advance<'a, const R: usize, const W: usize, const S: usize>(
     before: &[[[u8; S]; R]],
     now: &mut [[[u8; S]; R]],
     (from, to): ([usize; R], usize),
-    costs: &[impl AsRef<[u8]>],
-    cost_from: usize,
+    costs: impl ExactSizeIterator<Item = &'a [u8; W]>,
     small: u8,
     large: [[u8; W]; R],
     out: impl Iterator<Item = impl PathOutput<R, W>>,
@@ -190,8 +188,7 @@ pub(super) fn advance<const R: usize, const W: usize, const S: usize>(
     let mut fewest = [[OUTSIDE; W]; R];
     let (now, end) = now.split_at_mut(costs.len());
     let slots = before[1..=costs.len()].iter().zip(now);
-    for ((cost, out), (higher, now)) in costs.iter().zip(out).zip(slots) {
-        let cost = part(cost.as_ref(), cost_from);
+    for ((cost, out), (higher, now)) in costs.zip(out).zip(slots) {
         let higher = read(higher);
         let mut added = [[0; W]; R];
         let mut path = [[0; W]; R];
