@@ -348,7 +348,11 @@ kernels! {
 
     /// Winner-takes-all over a row, in both images. Other disparities must be worse by `uniqueness`
     /// per cent.
-    pub fn choose_row(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) = choose::choose::<LANES_16>;
+    pub fn choose_row(
+        totals: &Totals,
+        uniqueness: u32,
+        row: &mut ChosenRow<'_>,
+    ) = choose::choose::<LANES_16>;
 
     /// A row at half size: the low-pass `[1 3 3 1]` of four neighbouring rows in both directions,
     /// edges replicated, `(Σ + 8) >> 4`: quarters of grey levels, 0 ..= 1020.

@@ -85,8 +85,8 @@ pub trait Pairs {
         return add_products(sum, pairs);
     }
 
-    /// `sum − 2 · Σ rows·words` of each row, the sum over nine bytes: words have four bytes each, and
-    /// the last one has one.
+    /// `sum − 2 · Σ rows·words` of each row, the sum over nine bytes: words have four bytes each,
+    /// and the last one has one.
     #[inline(always)]
     fn subtract_twice(
         &self,
