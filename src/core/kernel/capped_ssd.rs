@@ -11,13 +11,16 @@
 use super::Lanes;
 use super::sliding_ssd::{REACH, WINDOW};
 
+/// Difference of a sum and the number kept, which is signed: SSE2 finds no other minimum.
+const BIAS: u16 = 1 << 15;
+
 /// Largest square in a capped sum.
 pub const CAP: u16 = u16::MAX / WINDOW as u16;
 
 /// See [`super::least_ssd`].
 #[inline(always)]
 pub(super) fn least(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [Lanes<u16>]) {
-    out.fill(Lanes([u16::MAX; Lanes::COUNT]));
+    out.fill(Lanes::splat(u16::MAX ^ BIAS));
     for x in REACH + 1..block.len().saturating_sub(REACH) {
         let (come, gone) = (&block[x + REACH], &block[x - REACH - 1]);
         let first = x.saturating_sub(sums.len()).max(REACH + 1);
@@ -36,30 +39,41 @@ pub(super) fn least(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [La
                 let (come, gone) = (square(come, come_other, l), square(gone, gone_other, l));
                 sum.0[l] = sum.0[l].wrapping_add(come).wrapping_sub(gone);
                 // One sum serves both windows.
-                least.0[l] = least.0[l].min(sum.0[l]);
-                there.0[l] = there.0[l].min(sum.0[l]);
+                least.0[l] = lesser(least.0[l], sum.0[l]);
+                there.0[l] = lesser(there.0[l], sum.0[l]);
             }
         }
         // The window at the left edge is new.
         if let Some(sum) = sums.get_mut(x - REACH - 1) {
-            *sum = Lanes::splat(0);
+            *sum = Lanes::splat(BIAS);
             for (a, b) in block[x - REACH..=x + REACH].iter().zip(block) {
                 for l in 0..Lanes::COUNT {
-                    sum.0[l] += square(a, b, l);
+                    sum.0[l] = sum.0[l].wrapping_add(square(a, b, l));
                 }
             }
             meet(&mut least, &mut before[REACH], sum);
         }
         *here = least;
     }
+    for out in out {
+        for l in 0..Lanes::COUNT {
+            out.0[l] ^= BIAS;
+        }
+    }
 }
 
 #[inline(always)]
 fn meet(here: &mut Lanes<u16>, there: &mut Lanes<u16>, sum: &Lanes<u16>) {
     for l in 0..Lanes::COUNT {
-        here.0[l] = here.0[l].min(sum.0[l]);
-        there.0[l] = there.0[l].min(sum.0[l]);
+        here.0[l] = lesser(here.0[l], sum.0[l]);
+        there.0[l] = lesser(there.0[l], sum.0[l]);
     }
+}
+
+/// The lesser of two sums.
+#[inline(always)]
+fn lesser(a: u16, b: u16) -> u16 {
+    (a as i16).min(b as i16) as u16
 }
 
 /// The squares of the differences of two columns, capped.

@@ -32,56 +32,70 @@ pub(super) fn census(rows: [&[u8]; 7], stride: usize, out: &mut [u8]) {
 
 /// See [`super::census_costs`].
 #[inline(always)]
-pub(super) fn costs(
+pub(super) fn costs<const W: usize>(
     shape: &VolumeShape,
     left: &[u8],
     right: &[u8],
     outside: &[u8],
     out: &mut [Lanes<u8>],
 ) {
-    const N: usize = Lanes::COUNT;
     let stride = outside.len();
-    let lanes = |row: &[u8], at: usize| -> [u8; N] {
+    let lanes = |row: &[u8], at: usize| -> [u8; W] {
         *row[at..]
             .first_chunk()
             .expect("a margin after the last block")
     };
+    // Of one length, so that one test of the bounds serves all.
+    let mut planes = [[outside; CENSUS_BYTES]; 2];
+    for b in 0..CENSUS_BYTES {
+        planes[0][b] = &left[b * stride..][..stride];
+        planes[1][b] = &right[b * stride..][..stride];
+    }
     for (block, out) in out.chunks_exact_mut(shape.count).enumerate() {
-        let x = CENSUS_MARGIN + block * N;
-        let mut here = [[0; N]; CENSUS_BYTES];
-        here.iter_mut()
-            .enumerate()
-            .for_each(|(b, here)| *here = lanes(&left[b * stride..], x));
-        let beyond = lanes(outside, x);
-        for (d, out) in (shape.first..).zip(&mut out[..shape.reached_in(block)]) {
-            // Never before the margin, as some pixel has use for the disparity; in the other margin
-            // all are outside.
-            let at = (x as i32 - d).min((stride - N) as i32) as usize;
-            let outside = lanes(outside, at);
-            let mut there = [[0; N]; CENSUS_BYTES];
-            there
-                .iter_mut()
-                .enumerate()
-                .for_each(|(b, there)| *there = lanes(&right[b * stride..], at));
-            for i in 0..N {
-                let mut differing = [0; CENSUS_BYTES];
+        for from in (0..Lanes::COUNT).step_by(W) {
+            let x = CENSUS_MARGIN + block * Lanes::COUNT + from;
+            let mut here = [[0; W]; CENSUS_BYTES];
+            for b in 0..CENSUS_BYTES {
+                here[b] = lanes(planes[0][b], x);
+            }
+            let beyond = lanes(outside, x);
+            for (d, out) in (shape.first..).zip(&mut out[..shape.reached_in(block)]) {
+                // Never before the margin, as some pixel of the block has use for the disparity; in
+                // the other margin all are outside.
+                let at = (x as i32 - d).min((stride - W) as i32) as usize;
+                let outside = lanes(outside, at);
+                let mut there = [[0; W]; CENSUS_BYTES];
                 for b in 0..CENSUS_BYTES {
-                    differing[b] = here[b][i] ^ there[b][i];
+                    there[b] = lanes(planes[1][b], at);
                 }
-                out.0[i] = ones(differing) | outside[i] | beyond[i];
+                let mut costs = [0; W];
+                for i in 0..W {
+                    let mut differing = [0; CENSUS_BYTES];
+                    for b in 0..CENSUS_BYTES {
+                        differing[b] = here[b][i] ^ there[b][i];
+                    }
+                    costs[i] = ones(differing) | outside[i] | beyond[i];
+                }
+                out.0[from..from + W].copy_from_slice(&costs);
             }
         }
     }
 }
 
-/// Number of bits set. Seven bytes are added bit by bit first, which halves the number of counts.
+/// Number of bits set.
 #[inline(always)]
-fn ones([a, b, c, d, e, f, g, h]: [u8; CENSUS_BYTES]) -> u8 {
-    // A full adder: the sum and the carry of three bits.
+fn ones(bytes: [u8; CENSUS_BYTES]) -> u8 {
+    let count = |bits: u8| bits.count_ones() as u8;
+    // Counting is a single instruction.
+    if cfg!(target_arch = "aarch64") {
+        return bytes.into_iter().map(count).sum();
+    }
+    let [a, b, c, d, e, f, g, h] = bytes;
+    // Seven bytes are added bit by bit first, which halves the number of counts. A full adder: the
+    // sum and the carry of three bits.
     let add = |a: u8, b: u8, c: u8| (a ^ b ^ c, a & b | (a ^ b) & c);
     let ((sum_a, carry_a), (sum_b, carry_b)) = (add(a, b, c), add(d, e, f));
     let (ones, carry_c) = add(sum_a, sum_b, g);
     let (twos, fours) = add(carry_a, carry_b, carry_c);
-    let count = |bits: u8| bits.count_ones() as u8;
     count(ones) + 2 * count(twos) + 4 * count(fours) + count(h)
 }

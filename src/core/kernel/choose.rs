@@ -7,14 +7,15 @@ use crate::stereo::Reason;
 const N: usize = Lanes::COUNT;
 
 /// Least sum of eight path costs for a disparity that is not admissible.
-const OUTSIDE: u16 = 8 * super::volume::OUTSIDE as u16;
+const OUTSIDE: i16 = 8 * super::volume::OUTSIDE as i16;
 
 /// Aggregated costs of a row of pixels: sums of eight path costs.
 pub struct Totals {
     shape: VolumeShape,
     span: usize,
-    /// By disparity, then pixel, padded with a block of [`OUTSIDE`] at both ends.
-    sums: Vec<u16>,
+    /// By disparity, then pixel, padded with a block of [`OUTSIDE`] at both ends; and another row,
+    /// so that there is a whole one after the last pixel, too.
+    sums: Vec<i16>,
 }
 
 /// The chosen disparities of a row.
@@ -40,54 +41,70 @@ impl Totals {
         Self {
             shape,
             span,
-            sums: vec![OUTSIDE; shape.count * span],
+            sums: vec![OUTSIDE; (shape.count + 1) * span],
         }
     }
 
-    /// The sums at place `i` of the range, of the pixels from `x` on.
+    /// The sums of the pixels from `x` on, from place `i` of the range on; from each place to the
+    /// next `shift` pixels further.
     #[inline(always)]
-    fn at(&self, i: usize, x: i32) -> &[u16; N] {
-        self.sums[i * self.span..][..self.span][(x + N as i32) as usize..]
-            .first_chunk()
-            .expect("a block at both ends")
+    fn places<const W: usize>(
+        &self,
+        i: usize,
+        x: i32,
+        shift: usize,
+    ) -> impl Iterator<Item = &[i16; W]> {
+        let first = i * self.span + (x + N as i32) as usize;
+        let places = self.sums[first..].chunks_exact(self.span + shift);
+        places.map(|sums| sums.first_chunk().expect("a block"))
     }
 
+    /// The sums of the pixels from `x` on at each place of the range.
     #[inline(always)]
-    pub(super) fn at_mut(&mut self, i: usize, x: usize) -> &mut [u16; N] {
-        self.sums[i * self.span..][..self.span][x + N..]
-            .first_chunk_mut()
-            .expect("a block at both ends")
+    pub(super) fn places_mut<const W: usize>(
+        &mut self,
+        x: usize,
+    ) -> impl Iterator<Item = &mut [i16; W]> {
+        let places = self.sums[x + N..].chunks_exact_mut(self.span);
+        places.map(|sums| sums.first_chunk_mut().expect("a block"))
+    }
+
+    /// The sum at place `i` of the range, of the pixel `x`.
+    #[inline(always)]
+    fn at(&self, i: usize, x: usize) -> i16 {
+        self.sums[i * self.span + x + N]
     }
 }
 
 /// See [`super::choose_row`].
 #[inline(always)]
-pub(super) fn choose(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) {
+pub(super) fn choose<const W: usize>(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) {
     let shape = totals.shape;
-    for (block, (left, why)) in row
+    for (part, (left, why)) in row
         .left
-        .chunks_mut(N)
-        .zip(row.why.chunks_mut(N))
+        .chunks_mut(W)
+        .zip(row.why.chunks_mut(W))
         .enumerate()
     {
-        let (x, reached) = ((block * N) as i32, shape.reached_in(block));
-        let (least, place) = least(totals, 0..reached, |_| x);
-        let other = other(totals, x, reached, &place);
-        let mut beside = [[0; N]; 2];
-        for l in 0..N {
+        let (x, reached) = ((part * W) as i32, shape.reached_in(part * W / N));
+        let places = || totals.places::<W>(0, x, 0).take(reached);
+        let (least, place) = least(0, places());
+        let other = other(places(), &place);
+        let mut beside = [[0; W]; 2];
+        for l in 0..W {
             let sum = |i: usize| {
                 if i < reached {
-                    totals.at(i, x)[l]
+                    totals.at(i, part * W + l)
                 } else {
                     OUTSIDE
                 }
             };
-            let place = usize::from(place[l]);
+            let place = place[l] as usize;
             // Below the first place the index wraps to far beyond `reached`: outside.
             (beside[0][l], beside[1][l]) = (sum(place.wrapping_sub(1)), sum(place + 1));
         }
-        let mut sixteenths = [0; N];
-        for l in 0..N {
+        let mut sixteenths = [0; W];
+        for l in 0..W {
             let found = 16 * (shape.first + i32::from(place[l]))
                 + fraction(beside[0][l], least[l], beside[1][l]);
             sixteenths[l] = if least[l] < OUTSIDE { found as i16 } else { 0 };
@@ -95,8 +112,8 @@ pub(super) fn choose(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) 
         left.copy_from_slice(&sixteenths[..left.len()]);
         for (l, why) in why.iter_mut().enumerate() {
             // Cross-multiplied: a quotient would round.
-            let limit = u32::from(least[l]) * (100 + uniqueness);
-            let ambiguous = (other[l] < OUTSIDE) & (100 * u32::from(other[l]) < limit);
+            let limit = least[l] as u32 * (100 + uniqueness);
+            let ambiguous = (other[l] < OUTSIDE) & (100 * (other[l] as u32) < limit);
             let reason = if ambiguous {
                 Reason::Ambiguous
             } else {
@@ -111,13 +128,14 @@ pub(super) fn choose(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) 
     }
     // The right image's winners come from the same sums (Hirschmüller 2008, section 2.3), along a
     // diagonal of the volume.
-    for (block, right) in row.right.as_chunks_mut::<N>().0.iter_mut().enumerate() {
+    for (part, right) in row.right.as_chunks_mut::<W>().0.iter_mut().enumerate() {
         // The right pixel x meets the left one x + d.
-        let x = (block * N) as i32 + shape.first;
+        let x = (part * W) as i32 + shape.first;
         let place = |x: i32| (x.max(0) as usize).min(shape.count);
-        let met = place(1 - N as i32 - x)..place(shape.width as i32 - x);
-        let (least, place) = least(totals, met, |i| x + i as i32);
-        for l in 0..N {
+        let met = place(1 - W as i32 - x)..place(shape.width as i32 - x);
+        let places = totals.places::<W>(met.start, x + met.start as i32, 1);
+        let (least, place) = least(met.start, places.take(met.len()));
+        for l in 0..W {
             let disparity = (shape.first + i32::from(place[l])) as i16;
             right[l] = if least[l] < OUTSIDE {
                 disparity
@@ -128,23 +146,21 @@ pub(super) fn choose(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) 
     }
 }
 
-/// The least sums over a part of the range and their places, the first at a tie.
+/// The least sums over places of the range, the first of which is `first`, and their places, the
+/// first at a tie.
 #[inline(always)]
-fn least(
-    totals: &Totals,
-    range: std::ops::Range<usize>,
-    x: impl Fn(usize) -> i32,
-) -> ([u16; N], [u16; N]) {
-    let (mut least, mut place) = ([u16::MAX; N], [0u16; N]);
-    for i in range {
-        let sums = totals.at(i, x(i));
-        // Masks and a copy: a choice becomes a conditional store, which is a branch where the
-        // instruction set has none.
-        let (was, before) = (least, place);
-        for l in 0..N {
-            let takes = u16::from(sums[l] < was[l]).wrapping_neg();
-            place[l] = (i as u16 & takes) | (before[l] & !takes);
-            least[l] = was[l].min(sums[l]);
+fn least<'a, const W: usize>(
+    first: usize,
+    places: impl Iterator<Item = &'a [i16; W]>,
+) -> ([i16; W], [i16; W]) {
+    let (mut least, mut place) = ([i16::MAX; W], [0i16; W]);
+    for (i, sums) in places.enumerate() {
+        let sums = *sums;
+        for l in 0..W {
+            // The place increases: the last one that takes the lead is the greatest.
+            let takes = i16::from(sums[l] < least[l]).wrapping_neg();
+            place[l] = place[l].max((first + i) as i16 & takes);
+            least[l] = least[l].min(sums[l]);
         }
     }
     (least, place)
@@ -152,14 +168,17 @@ fn least(
 
 /// The least sums of all disparities except `place` and its neighbours.
 #[inline(always)]
-fn other(totals: &Totals, x: i32, reached: usize, place: &[u16; N]) -> [u16; N] {
-    let mut other = [u16::MAX; N];
-    for i in 0..reached {
-        let sums = totals.at(i, x);
-        for l in 0..N {
+fn other<'a, const W: usize>(
+    places: impl Iterator<Item = &'a [i16; W]>,
+    place: &[i16; W],
+) -> [i16; W] {
+    let mut other = [i16::MAX; W];
+    for (i, sums) in places.enumerate() {
+        for l in 0..W {
             // 0 ..= 2 for the place and its neighbours.
-            let near = (i as u16).wrapping_sub(place[l]).wrapping_add(1);
-            other[l] = other[l].min(sums[l] | u16::from(near <= 2).wrapping_neg());
+            let near = (i as i16).wrapping_sub(place[l]).wrapping_add(1) as u16;
+            let ruled_out = i16::from(near <= 2).wrapping_neg() & i16::MAX;
+            other[l] = other[l].min(sums[l] | ruled_out);
         }
     }
     other
@@ -168,7 +187,7 @@ fn other(totals: &Totals, x: i32, reached: usize, place: &[u16; N]) -> [u16; N] 
 /// Sub-pixel position of the minimum between its neighbours, in 16ths: equiangular, two lines of
 /// opposite slope, as Hamming distances grow linearly.
 #[inline(always)]
-fn fraction(lower: u16, least: u16, higher: u16) -> i32 {
+fn fraction(lower: i16, least: i16, higher: i16) -> i32 {
     let between = (lower < OUTSIDE) & (higher < OUTSIDE);
     let rise = i32::from(lower.max(higher)) - i32::from(least);
     let fall = i32::from(lower) - i32::from(higher);

@@ -14,6 +14,7 @@ pub struct Isa(IsaKind);
 enum IsaKind {
     Avx512,
     Avx2,
+    DotProd,
     Baseline,
 }
 
@@ -25,16 +26,19 @@ impl Isa {
     pub(super) const AVX2: Isa = Isa(IsaKind::Avx2);
     #[cfg(target_arch = "x86_64")]
     pub(super) const AVX512: Isa = Isa(IsaKind::Avx512);
+    #[cfg(target_arch = "aarch64")]
+    pub(super) const DOTPROD: Isa = Isa(IsaKind::DotProd);
 
     /// The instruction sets of this CPU, fastest first.
     pub fn available() -> impl Iterator<Item = Isa> {
-        [IsaKind::Avx512, IsaKind::Avx2, IsaKind::Baseline]
+        use IsaKind::{Avx2, Avx512, Baseline, DotProd};
+        [Avx512, Avx2, DotProd, Baseline]
             .into_iter()
             .filter(|kind| kind.supported())
             .map(Isa)
     }
 
-    /// `avx512`, `avx2`, `neon` or `portable`.
+    /// `avx512`, `avx2`, `dotprod`, `neon` or `portable`.
     pub fn name(self) -> &'static str {
         self.0.name()
     }
@@ -66,6 +70,7 @@ impl IsaKind {
         match self {
             IsaKind::Avx512 => "avx512",
             IsaKind::Avx2 => "avx2",
+            IsaKind::DotProd => "dotprod",
             IsaKind::Baseline if cfg!(target_arch = "aarch64") => "neon",
             IsaKind::Baseline => "portable",
         }
@@ -76,6 +81,7 @@ impl IsaKind {
         let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
         match self {
             IsaKind::Baseline => true,
+            IsaKind::DotProd => false,
             IsaKind::Avx2 => avx2,
             IsaKind::Avx512 => {
                 avx2 && is_x86_feature_detected!("avx512f")
@@ -87,14 +93,24 @@ impl IsaKind {
         }
     }
 
-    #[cfg(not(target_arch = "x86_64"))]
+    #[cfg(target_arch = "aarch64")]
+    fn supported(self) -> bool {
+        match self {
+            IsaKind::Baseline => true,
+            IsaKind::DotProd => std::arch::is_aarch64_feature_detected!("dotprod"),
+            IsaKind::Avx2 | IsaKind::Avx512 => false,
+        }
+    }
+
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
     fn supported(self) -> bool {
         self == IsaKind::Baseline
     }
 }
 
 /// The instruction set in use: the fastest this CPU has, or the one that the environment variable
-/// `SVL_ISA` names (`portable`, `avx2`, `avx512`; `neon` on AArch64). Chosen once per process.
+/// `SVL_ISA` names (`portable`, `avx2`, `avx512`; `neon`, `dotprod` on AArch64). Chosen once per
+/// process.
 ///
 /// # Errors
 /// [`Error::Invalid`] if `SVL_ISA` names one that this CPU lacks: a measurement on another would

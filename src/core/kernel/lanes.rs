@@ -4,6 +4,8 @@
 //! gathered or reduced across lanes, and every load is aligned.
 
 use crate::stereo::Gray;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+use std::mem::transmute;
 
 /// One value per row of a block, [`Lanes::COUNT`] rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,58 +90,73 @@ pub(super) fn transpose_back<T: Copy, C: AsRef<[T]>>(columns: &[C], out: &mut [T
     }
 }
 
-/// Transposes a square of bytes. Interleaving the bytes of both halves rotates the bits of a byte's
-/// position by one, the first to the end: after as many rotations as a row number has bits, row and
-/// column have changed places.
+/// Transposes a square. Interleaving both halves rotates the bits of a number's position by one,
+/// the first to the end: after as many rotations as a row number has bits, row and column have
+/// changed places.
 #[inline(always)]
-pub(super) fn transpose_square(square: &Square) -> Square {
+pub(super) fn transpose_square<T: Interleave<N>, const N: usize>(
+    square: &[[T; N]; N],
+) -> [[T; N]; N] {
     let mut square = *square;
-    for _ in 0..SIDE.ilog2() {
-        let mut interleaved = [[0; SIDE]; SIDE];
+    for _ in 0..N.ilog2() {
+        let mut interleaved = [[T::default(); N]; N];
         for (k, pair) in interleaved.as_chunks_mut::<2>().0.iter_mut().enumerate() {
-            *pair = interleave(square[k], square[k + SIDE / 2]);
+            *pair = T::interleave(square[k], square[k + N / 2]);
         }
         square = interleaved;
     }
     square
 }
 
-/// Interleaves the bytes of both. The code that compilers generate for the plain loop takes eight
+/// Numbers of which N fill a vector of sixteen bytes.
+pub(super) trait Interleave<const N: usize>: Copy + Default {
+    /// Interleaves the numbers of both.
+    fn interleave(a: [Self; N], b: [Self; N]) -> [[Self; N]; 2];
+}
+
+/// [`Interleave`] by instructions: the code that compilers generate for the plain loop takes eight
 /// times as long.
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-fn interleave(a: [u8; SIDE], b: [u8; SIDE]) -> [[u8; SIDE]; 2] {
-    use std::arch::x86_64::{__m128i, _mm_unpackhi_epi8, _mm_unpacklo_epi8};
-    // SAFETY: both types are sixteen bytes of any value.
-    let vector = |bytes: [u8; SIDE]| unsafe { std::mem::transmute::<[u8; SIDE], __m128i>(bytes) };
-    let (a, b) = (vector(a), vector(b));
-    // SAFETY: as above; and every CPU of this architecture has SSE2.
-    unsafe { std::mem::transmute([_mm_unpacklo_epi8(a, b), _mm_unpackhi_epi8(a, b)]) }
+macro_rules! interleave {
+    ($(
+        [$number:ty; $n:literal],
+        $x86:ident $x86_high:ident, $vector:ident $arm:ident $arm_high:ident;
+    )*) => {$(
+        impl Interleave<$n> for $number {
+            #[cfg(target_arch = "x86_64")]
+            #[inline(always)]
+            fn interleave(a: [Self; $n], b: [Self; $n]) -> [[Self; $n]; 2] {
+                use std::arch::x86_64::{__m128i, $x86, $x86_high};
+                // SAFETY: both types are numbers of any value.
+                let [a, b] = unsafe { transmute::<[[Self; $n]; 2], [__m128i; 2]>([a, b]) };
+                // SAFETY: as above; and every CPU of this architecture has SSE2.
+                unsafe { transmute::<[__m128i; 2], [[Self; $n]; 2]>([$x86(a, b), $x86_high(a, b)]) }
+            }
+
+            #[cfg(target_arch = "aarch64")]
+            #[inline(always)]
+            fn interleave(a: [Self; $n], b: [Self; $n]) -> [[Self; $n]; 2] {
+                use std::arch::aarch64::{$arm, $arm_high, $vector};
+                // SAFETY: both types are numbers of any value.
+                let [a, b] = unsafe { transmute::<[[Self; $n]; 2], [$vector; 2]>([a, b]) };
+                // SAFETY: as above; and every CPU of this architecture has NEON.
+                unsafe { transmute::<[$vector; 2], [[Self; $n]; 2]>([$arm(a, b), $arm_high(a, b)]) }
+            }
+
+            #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+            #[inline(always)]
+            fn interleave(a: [Self; $n], b: [Self; $n]) -> [[Self; $n]; 2] {
+                let mut interleaved = [[0; $n]; 2];
+                let pairs = interleaved.as_flattened_mut().as_chunks_mut::<2>().0;
+                for (to, (a, b)) in pairs.iter_mut().zip(a.into_iter().zip(b)) {
+                    *to = [a, b];
+                }
+                interleaved
+            }
+        }
+    )*};
 }
 
-#[cfg(target_arch = "aarch64")]
-#[inline(always)]
-fn interleave(a: [u8; SIDE], b: [u8; SIDE]) -> [[u8; SIDE]; 2] {
-    use std::arch::aarch64::{uint8x16_t, vzip1q_u8, vzip2q_u8};
-    // SAFETY: both types are sixteen bytes of any value.
-    let vector = |bytes: [u8; SIDE]| unsafe { std::mem::transmute::<_, uint8x16_t>(bytes) };
-    let (a, b) = (vector(a), vector(b));
-    // SAFETY: as above; and every CPU of this architecture has NEON.
-    unsafe { std::mem::transmute([vzip1q_u8(a, b), vzip2q_u8(a, b)]) }
-}
-
-#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-#[inline(always)]
-fn interleave(a: [u8; SIDE], b: [u8; SIDE]) -> [[u8; SIDE]; 2] {
-    let mut interleaved = [[0; SIDE]; 2];
-    for (to, (a, b)) in interleaved
-        .as_flattened_mut()
-        .as_chunks_mut::<2>()
-        .0
-        .iter_mut()
-        .zip(a.into_iter().zip(b))
-    {
-        *to = [a, b];
-    }
-    interleaved
+interleave! {
+    [u8; 16], _mm_unpacklo_epi8 _mm_unpackhi_epi8, uint8x16_t vzip1q_u8 vzip2q_u8;
+    [u16; 8], _mm_unpacklo_epi16 _mm_unpackhi_epi16, uint16x8_t vzip1q_u16 vzip2q_u16;
 }

@@ -58,7 +58,8 @@ pub use window_table::{NO_SUM, Proposal, TableSearch, WindowTable, window_sums};
 use crate::stereo::{Gray, Reason, RowMut};
 
 /// Defines, per kernel, a safe function that runs its body compiled for the given instruction set;
-/// a body followed by `, pairs` gets that set's [`pairs::Pairs`] as its first argument.
+/// a body followed by `, pairs` gets that set's [`pairs::Pairs`] as its first argument. The body's
+/// path may contain `LANES_8` and `LANES_16`, the lanes of 8 and 16 bits that fit the registers.
 macro_rules! kernels {
     ($(
         $(#[$doc:meta])*
@@ -70,11 +71,19 @@ macro_rules! kernels {
             {
                 #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,fma")]
                 fn avx512($($arg: $ty),*) {
+                    #[allow(dead_code)]
+                    const LANES_8: usize = 64;
+                    #[allow(dead_code)]
+                    const LANES_16: usize = 64;
                     // SAFETY: this runs on CPUs that have it.
                     $body($(unsafe { $pairs::Avx512::new() },)? $($arg),*)
                 }
                 #[target_feature(enable = "avx2,fma")]
                 fn avx2($($arg: $ty),*) {
+                    #[allow(dead_code)]
+                    const LANES_8: usize = 32;
+                    #[allow(dead_code)]
+                    const LANES_16: usize = 64;
                     // SAFETY: as above.
                     $body($(unsafe { $pairs::Avx2::new() },)? $($arg),*)
                 }
@@ -88,10 +97,34 @@ macro_rules! kernels {
                     return unsafe { avx2($($arg),*) };
                 }
             }
-            debug_assert_eq!(isa, Isa::BASELINE);
+            #[allow(dead_code)]
+            const LANES_8: usize = 16;
+            #[allow(dead_code)]
+            const LANES_16: usize = if cfg!(target_arch = "aarch64") { 64 } else { 32 };
+            #[cfg(target_arch = "aarch64")]
+            dotprod!([$($pairs)?] isa, $body, ($($arg: $ty),*));
+            debug_assert!(isa == Isa::BASELINE || cfg!(target_arch = "aarch64"));
             $body($($pairs::Portable,)? $($arg),*)
         }
     )*};
+}
+
+/// Runs a kernel that gets [`pairs::Pairs`] on CPUs with dot products. No compiler finds their
+/// instruction, so that the others would only be compiled twice.
+#[cfg(target_arch = "aarch64")]
+macro_rules! dotprod {
+    ([] $isa:ident, $body:path, $arguments:tt) => {};
+    ([$pairs:ident] $isa:ident, $body:path, ($($arg:ident: $ty:ty),*)) => {
+        #[target_feature(enable = "neon,dotprod")]
+        fn dotprod($($arg: $ty),*) {
+            // SAFETY: this runs on CPUs that have it.
+            $body(unsafe { $pairs::DotProd::new() }, $($arg),*)
+        }
+        if $isa == Isa::DOTPROD {
+            // SAFETY: as for AVX.
+            return unsafe { dotprod($($arg),*) };
+        }
+    };
 }
 
 kernels! {
@@ -276,7 +309,7 @@ kernels! {
         right: &[u8],
         outside: &[u8],
         out: &mut [Lanes<u8>],
-    ) = census::costs;
+    ) = census::costs::<LANES_8>;
 
     /// Aggregates costs along both directions of the rows from `top` of `image` on, at most a band,
     /// and writes what the paths add to the matching costs. `costs` and `sums` are those rows of
@@ -300,7 +333,7 @@ kernels! {
         grey: [&[u8]; 2],
         penalties: &Penalties,
         sums: &mut [Lanes<u8>],
-    ) = paths::follow;
+    ) = paths::follow::<LANES_8>;
 
     /// Same as [`follow_paths`], but sums all eight path costs: `sums` are what the paths of the
     /// other sweep and those along the row add.
@@ -311,11 +344,15 @@ kernels! {
         penalties: &Penalties,
         sums: [&[Lanes<u8>]; 2],
         totals: &mut Totals,
-    ) = paths::finish;
+    ) = paths::finish::<LANES_8>;
 
     /// Winner-takes-all over a row, in both images. Other disparities must be worse by `uniqueness`
     /// per cent.
-    pub fn choose_row(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) = choose::choose;
+    pub fn choose_row(
+        totals: &Totals,
+        uniqueness: u32,
+        row: &mut ChosenRow<'_>,
+    ) = choose::choose::<LANES_16>;
 
     /// A row at half size: the low-pass `[1 3 3 1]` of four neighbouring rows in both directions,
     /// edges replicated, `(Σ + 8) >> 4`: quarters of grey levels, 0 ..= 1020.

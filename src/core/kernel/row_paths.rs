@@ -21,8 +21,8 @@ pub struct RowPaths {
     added: Vec<[u8; ROWS]>,
     /// P2 of the step from the column before.
     steps: Vec<[u8; ROWS]>,
-    /// Path costs of the column behind, by disparity; none after the last.
-    line: Vec<[u8; ROWS]>,
+    /// Path costs of the column behind, and of this one.
+    lines: [Vec<[[u8; ROWS]; 1]>; 2],
 }
 
 impl RowPaths {
@@ -38,27 +38,27 @@ impl RowPaths {
             costs: lanes(columns * shape.count),
             added: lanes(columns * shape.count),
             steps: lanes(columns),
-            line: lanes(shape.count + 1),
+            lines: [(); 2].map(|()| vec![[[0; ROWS]]; shape.count + 2]),
         }
     }
 }
 
-struct FromLeft<'a>(&'a mut [[u8; ROWS]]);
+struct FromLeft<'a>(&'a mut [u8; ROWS]);
 
 impl PathOutput<1, ROWS> for FromLeft<'_> {
     #[inline(always)]
-    fn put(&mut self, i: usize, _: &[u8; ROWS], [added]: [[u8; ROWS]; 1]) {
-        self.0[i] = added;
+    fn put(self, _: &[u8; ROWS], [added]: [[u8; ROWS]; 1]) {
+        *self.0 = added;
     }
 }
 
 /// Adds to the sums of [`FromLeft`].
-struct FromRight<'a>(&'a mut [[u8; ROWS]]);
+struct FromRight<'a>(&'a mut [u8; ROWS]);
 
 impl PathOutput<1, ROWS> for FromRight<'_> {
     #[inline(always)]
-    fn put(&mut self, i: usize, _: &[u8; ROWS], [added]: [[u8; ROWS]; 1]) {
-        for (sum, added) in self.0[i].iter_mut().zip(added) {
+    fn put(self, _: &[u8; ROWS], [added]: [[u8; ROWS]; 1]) {
+        for (sum, added) in self.0.iter_mut().zip(added) {
             *sum += added;
         }
     }
@@ -79,7 +79,7 @@ pub(super) fn follow(
         costs: transposed,
         added,
         steps,
-        line,
+        lines: [before, now],
     } = paths;
     let (count, stride) = (shape.count, shape.stride());
     let rows = costs.len() / stride;
@@ -111,25 +111,26 @@ pub(super) fn follow(
 
     // From the left: at column 0 no path has begun, so all its costs are `OUTSIDE` and it adds
     // nothing.
-    line.fill([OUTSIDE; ROWS]);
-    let mut least = [OUTSIDE; ROWS];
+    before.fill([[OUTSIDE; ROWS]]);
+    now.fill([[OUTSIDE; ROWS]]);
     for x in 0..shape.width {
         let (costs, added) = (
             &transposed[x * count..][..shape.reached(x)],
             &mut added[x * count..][..count],
         );
         advance(
-            [line.iter_mut()],
-            [&mut least],
-            [0],
+            before,
+            now,
+            ([0], 0),
             costs.iter(),
             penalties.small,
             [steps[x]],
-            FromLeft(added),
+            added.iter_mut().map(FromLeft),
         );
+        std::mem::swap(before, now);
     }
-    line.fill([OUTSIDE; ROWS]);
-    least.fill(OUTSIDE);
+    before.fill([[OUTSIDE; ROWS]]);
+    now.fill([[OUTSIDE; ROWS]]);
     for x in (0..shape.width).rev() {
         let (costs, added) = (
             &transposed[x * count..][..shape.reached(x)],
@@ -138,14 +139,15 @@ pub(super) fn follow(
         // The last column has no column after it.
         let step = steps[(x + 1).min(shape.width - 1)];
         advance(
-            [line.iter_mut()],
-            [&mut least],
-            [0],
+            before,
+            now,
+            ([0], 0),
             costs.iter(),
             penalties.small,
             [step],
-            FromRight(added),
+            added.iter_mut().map(FromRight),
         );
+        std::mem::swap(before, now);
     }
 
     for block in 0..shape.blocks() {

@@ -5,10 +5,14 @@
 //! is compared with neighbours in the other image, and whole lanes enter and leave.
 
 use super::PREFILTER_CAP;
+use super::lanes::transpose_square;
 use crate::stereo::{Reason, RowMut};
 
 /// Pixels whose winners are tested together.
 pub const PIXELS: usize = 64;
+
+/// Side of a square that is transposed.
+const SIDE: usize = 8;
 
 /// Sums at consecutive disparities, the highest first.
 #[derive(Clone, Copy, Debug)]
@@ -98,7 +102,7 @@ impl SadBlock {
                 for (i, row) in square.iter_mut().enumerate() {
                     row.copy_from_slice(&pixels[i * column + sads].0[lane..lane + SIDE]);
                 }
-                for (lanes, row) in lanes.iter_mut().zip(transposed(&square)) {
+                for (lanes, row) in lanes.iter_mut().zip(transpose_square(&square)) {
                     lanes.0[x * SIDE..(x + 1) * SIDE].copy_from_slice(&row);
                 }
             }
@@ -275,57 +279,6 @@ pub(super) fn least(
         block.transpose();
         *out = block.winners(uniqueness);
     }
-}
-
-/// Side of a square that is transposed.
-const SIDE: usize = 8;
-
-/// As [`super::lanes::transpose_square`].
-#[inline(always)]
-fn transposed(square: &[[u16; SIDE]; SIDE]) -> [[u16; SIDE]; SIDE] {
-    let mut square = *square;
-    for _ in 0..SIDE.ilog2() {
-        let mut interleaved = [[0; SIDE]; SIDE];
-        for (k, pair) in interleaved.as_chunks_mut::<2>().0.iter_mut().enumerate() {
-            *pair = interleave(square[k], square[k + SIDE / 2]);
-        }
-        square = interleaved;
-    }
-    square
-}
-
-/// As that of [`super::lanes`].
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-fn interleave(a: [u16; SIDE], b: [u16; SIDE]) -> [[u16; SIDE]; 2] {
-    use std::arch::x86_64::{__m128i, _mm_unpackhi_epi16, _mm_unpacklo_epi16};
-    // SAFETY: both types are eight numbers of any value.
-    let vector = |lanes: [u16; SIDE]| unsafe { std::mem::transmute::<[u16; SIDE], __m128i>(lanes) };
-    let (a, b) = (vector(a), vector(b));
-    // SAFETY: as above; and every CPU of this architecture has SSE2.
-    unsafe { std::mem::transmute([_mm_unpacklo_epi16(a, b), _mm_unpackhi_epi16(a, b)]) }
-}
-
-#[cfg(target_arch = "aarch64")]
-#[inline(always)]
-fn interleave(a: [u16; SIDE], b: [u16; SIDE]) -> [[u16; SIDE]; 2] {
-    use std::arch::aarch64::{uint16x8_t, vzip1q_u16, vzip2q_u16};
-    // SAFETY: both types are eight numbers of any value.
-    let vector = |lanes: [u16; SIDE]| unsafe { std::mem::transmute::<_, uint16x8_t>(lanes) };
-    let (a, b) = (vector(a), vector(b));
-    // SAFETY: as above; and every CPU of this architecture has NEON.
-    unsafe { std::mem::transmute([vzip1q_u16(a, b), vzip2q_u16(a, b)]) }
-}
-
-#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-#[inline(always)]
-fn interleave(a: [u16; SIDE], b: [u16; SIDE]) -> [[u16; SIDE]; 2] {
-    let mut interleaved = [[0; SIDE]; 2];
-    let pairs = interleaved.as_flattened_mut().as_chunks_mut::<2>().0;
-    for (to, (a, b)) in pairs.iter_mut().zip(a.into_iter().zip(b)) {
-        *to = [a, b];
-    }
-    interleaved
 }
 
 /// See [`super::slide_texture`].

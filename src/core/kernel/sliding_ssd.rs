@@ -11,7 +11,7 @@
 //! one operation where an integer product takes two.
 
 use super::Lanes;
-use super::pairs::{BIAS, Group, Pairs};
+use super::pairs::{BIAS, Group, Pairs, RowPairs};
 use std::ops::Range;
 
 /// Half of the one-dimensional window of v1 to v4: it covers x − 4 ..= x + 4.
@@ -23,6 +23,12 @@ pub const WINDOW: usize = 2 * REACH + 1;
 #[inline(always)]
 pub fn weight(disparity: i32) -> u32 {
     25 + 4 * disparity.unsigned_abs()
+}
+
+/// [`weight`] by the absolute disparity, modulo 65536.
+#[inline(always)]
+pub(super) fn short_weight(disparity: u16) -> u16 {
+    disparity.wrapping_mul(4).wrapping_add(25)
 }
 
 /// A disparity, counted from the first, and its SSD, in one word.
@@ -62,46 +68,69 @@ pub(super) struct Winners {
     pub(super) winner: Group<Match>,
 }
 
-/// The cheapest so far.
+/// The cheapest so far. Of winner and place, the instruction set updates the one that takes it
+/// fewer operations.
 #[derive(Clone, Copy)]
 struct Cheapest {
     /// The bits of floats: they compare as whole numbers do, and faster.
     cost: Group<i32>,
     winner: Group<Match>,
+    /// Index of the winner among the sums.
+    place: Group<i16>,
 }
 
 impl Cheapest {
     const NONE: Self = Self {
-        cost: Group::splat(i32::MAX),
+        cost: Group::splat(f32::INFINITY.to_bits() as i32),
         winner: Group::splat(Match::NONE),
+        place: Group::splat(0),
     };
 
     /// Costs below are exact; the others were rounded, but never to a value below.
     const EXACT: f32 = 16_777_216.0;
 
-    /// The cheaper of this one and the disparity of `disparity`.
+    /// The cheaper of this one and the disparity at `place`, a higher one than any before.
     #[inline(always)]
-    fn or(self, pairs: &impl Pairs, sums: Group<u32>, disparity: &WeightedDisparity) -> Self {
+    fn or<P: Pairs>(
+        self,
+        pairs: &P,
+        sums: Group<u32>,
+        disparity: &WeightedDisparity,
+        place: i16,
+    ) -> Self {
         let costs = pairs.costs(sums, disparity.weight, disparity.bias);
+        let mut bits = Group::splat(0);
         let mut cheapest = self;
         for l in 0..Group::ROWS {
-            let (cost, least) = (costs.0[l].to_bits() as i32, self.cost.0[l]);
-            let here = Match(disparity.place ^ sums.0[l]);
-            cheapest.winner.0[l] = if cost < least { here } else { self.winner.0[l] };
-            cheapest.cost.0[l] = least.min(cost);
+            bits.0[l] = costs.0[l].to_bits() as i32;
+            let takes = bits.0[l] < self.cost.0[l];
+            if P::SELECTS {
+                let here = Match(disparity.zero ^ sums.0[l]);
+                cheapest.winner.0[l] = if takes { here } else { self.winner.0[l] };
+            } else {
+                // The last one that takes the lead is the highest.
+                let place = i16::from(takes).wrapping_neg() & place;
+                cheapest.place.0[l] = self.place.0[l].max(place);
+            }
         }
+        cheapest.cost = pairs.least(self.cost, bits);
         cheapest
     }
 
     /// The winners of all `sums`, recomputed in integers where a cost is too large for floats.
     #[inline(always)]
-    fn winners(self, sums: &[Group<u32>], weights: &[WeightedDisparity]) -> Winners {
+    fn winners<P: Pairs>(
+        self,
+        _: &P,
+        sums: &[Group<u32>],
+        disparities: &[WeightedDisparity],
+    ) -> Winners {
         let mut most = 0;
         for cost in self.cost.0 {
             most = cost.max(most);
         }
         if most >= Self::EXACT.to_bits() as i32 {
-            return Winners::in_integers(sums, weights);
+            return Winners::in_integers(sums, disparities);
         }
         let mut cost = Group::splat(0);
         for l in 0..Group::ROWS {
@@ -109,10 +138,14 @@ impl Cheapest {
             // SAFETY: it is a whole number, from 0 to below `EXACT`.
             cost.0[l] = unsafe { exact.to_int_unchecked::<i32>() } as u32;
         }
-        Winners {
-            cost,
-            winner: self.winner,
+        let mut winner = self.winner;
+        if !P::SELECTS {
+            for l in 0..Group::ROWS {
+                let place = self.place.0[l] as usize;
+                winner.0[l] = Match(disparities[place].zero ^ sums[place].0[l]);
+            }
         }
+        Winners { cost, winner }
     }
 }
 
@@ -130,7 +163,7 @@ impl Winners {
                 let cost = ssd(sums.0[l]) * disparity.whole_weight;
                 if cost < winners.cost.0[l] {
                     winners.cost.0[l] = cost;
-                    winners.winner.0[l] = Match(disparity.place ^ sums.0[l]);
+                    winners.winner.0[l] = Match(disparity.zero ^ sums.0[l]);
                 }
             }
         }
@@ -146,7 +179,7 @@ pub(super) struct WeightedDisparity {
     /// −2²³ times the weight.
     bias: f32,
     /// Its [`Match`] with an SSD of 0, XORed with [`ZERO`]: XOR with a sum gives the match.
-    place: u32,
+    zero: u32,
 }
 
 impl WeightedDisparity {
@@ -156,7 +189,7 @@ impl WeightedDisparity {
             whole_weight: weight,
             weight: weight as f32,
             bias: -BIAS * weight as f32,
-            place: index << Match::BITS ^ ZERO,
+            zero: index << Match::BITS ^ ZERO,
         }
     }
 }
@@ -164,14 +197,14 @@ impl WeightedDisparity {
 /// The pixels that enter and leave the windows as they advance to a column.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
-    pixels: Group<[i16; 2]>,
+    pixels: RowPairs,
     /// Difference of the squares.
     squares: Group<u32>,
 }
 
 impl Step {
     pub(super) const NONE: Self = Self {
-        pixels: Group::splat([0; 2]),
+        pixels: RowPairs::new([[0; Group::ROWS]; 2]),
         squares: Group::splat(0),
     };
 
@@ -184,12 +217,15 @@ impl Step {
             rows(&block[x - REACH - 1], group),
         );
         let mut step = Self::NONE;
+        let mut pixels = [[0; Group::ROWS]; 2];
         for l in 0..Group::ROWS {
             // Pixels have 8 bits, so even twice one fits the signed 16 bits of a factor.
-            step.pixels.0[l] = [come[l] as i16 * factors[0], gone[l] as i16 * factors[1]];
+            pixels[0][l] = come[l] as i16 * factors[0];
+            pixels[1][l] = gone[l] as i16 * factors[1];
             let [come, gone] = [come[l], gone[l]].map(u32::from);
             step.squares.0[l] = (come * come).wrapping_sub(gone * gone);
         }
+        step.pixels = RowPairs::new(pixels);
         step
     }
 }
@@ -205,7 +241,7 @@ pub(super) struct RowGroup<'a> {
     left: &'a [Lanes<u16>],
     right: &'a [Lanes<u16>],
     group: usize,
-    /// Steps of the right image.
+    /// Steps of the right image, from its last column to its first: a search goes that way.
     steps: &'a [Step],
 }
 
@@ -218,13 +254,9 @@ impl<'a> RowGroup<'a> {
         group: usize,
         steps: &'a mut [Step],
     ) -> Self {
-        for (u, step) in steps
-            .iter_mut()
-            .enumerate()
-            .take(right.len().saturating_sub(REACH))
-            .skip(REACH + 1)
-        {
-            *step = Step::to(u, right, group, [1, 1]);
+        let width = right.len();
+        for u in REACH + 1..width.saturating_sub(REACH) {
+            steps[width - 1 - u] = Step::to(u, right, group, [1, 1]);
         }
         Self {
             left,
@@ -260,25 +292,28 @@ impl<'a> RowGroup<'a> {
             // (a − b)² = a² − 2ab + b²: the squares slide on their own, and −2ab comes from the
             // factors, for entering and leaving pixels.
             let left = Step::to(x, self.left, self.group, [-2, 2]);
-            let steps = self.steps[fresh..windows.end].iter().rev();
-            for ((sum, disparity), right) in slid.iter_mut().zip(slid_disparities).zip(steps) {
+            let width = self.right.len();
+            let steps = &self.steps[width - windows.end..width - fresh];
+            let slid = slid.iter_mut().zip(slid_disparities).zip(steps);
+            for (place, ((sum, disparity), right)) in (0..).zip(slid) {
                 *sum = pairs.sum(
                     *sum,
                     [left.squares, right.squares],
                     [left.pixels, right.pixels],
                 );
-                cheapest = cheapest.or(pairs, *sum, disparity);
+                cheapest = cheapest.or(pairs, *sum, disparity, place);
             }
         }
-        for ((sum, disparity), u) in new
-            .iter_mut()
-            .zip(new_disparities)
-            .zip((windows.start..fresh).rev())
-        {
+        let first = slid_disparities.len() as i16;
+        for (place, ((sum, disparity), u)) in (first..).zip(
+            new.iter_mut()
+                .zip(new_disparities)
+                .zip((windows.start..fresh).rev()),
+        ) {
             *sum = self.fresh(x, u);
-            cheapest = cheapest.or(pairs, *sum, disparity);
+            cheapest = cheapest.or(pairs, *sum, disparity, place);
         }
-        cheapest.winners(sums, disparities)
+        cheapest.winners(pairs, sums, disparities)
     }
 
     /// The sum of the windows around `x` and `u`.
@@ -316,11 +351,11 @@ mod tests {
         for ssd in (1..1000).chain(48_000..49_000).chain(500_000..501_000) {
             for ssds in [costs_of(ssd, 0), costs_of(ssd, 1)] {
                 let sums = ssds.map(|ssd| Group::splat(ZERO ^ ssd));
-                let found = sums.iter().zip(&disparities);
-                let found = found.fold(Cheapest::NONE, |cheapest, (sums, disparity)| {
-                    cheapest.or(&Portable, *sums, disparity)
+                let found = (0..).zip(sums.iter().zip(&disparities));
+                let found = found.fold(Cheapest::NONE, |cheapest, (place, (sums, disparity))| {
+                    cheapest.or(&Portable, *sums, disparity, place)
                 });
-                let winners = found.winners(&sums, &disparities);
+                let winners = found.winners(&Portable, &sums, &disparities);
                 let costs = [ssds[0] * first, ssds[1] * second];
                 let best = usize::from(costs[1] < costs[0]);
                 assert_eq!(winners.cost, Group::splat(costs[best]), "{ssds:?}");

@@ -2,15 +2,18 @@
 //! cheapest match of a right window in it.
 
 use super::pairs::{Group, Pairs};
-use super::sliding_ssd::{REACH, WINDOW, weight};
+use super::sliding_ssd::{REACH, WINDOW, short_weight, weight};
 use crate::stereo::{Gray, Plane};
+use std::ops::Range;
 
-/// Pairs of pixels of a window; the last pair is half empty.
-const PAIRS: usize = WINDOW.div_ceil(2);
+/// Words of the pixels of a window, four pixels each; the last word has one.
+const WORDS: usize = WINDOW.div_ceil(4);
 /// Windows compared at a time.
 const CHUNK: usize = 2 * Group::ROWS;
 /// Sums a window can have.
 const SUMS: usize = WINDOW * 255 + 1;
+/// Columns whose windows are together in the table.
+const COLUMNS: usize = 64;
 
 /// Windows whose sums differ by up to this are searched first: most windows find their match there,
 /// and its cost bounds the rest of the search.
@@ -19,19 +22,21 @@ const FIRST: u32 = 32;
 pub const NO_SUM: u16 = u16::MAX;
 
 /// A hash table of the left windows that those of a right row may match; the hash of a window is
-/// the sum of its nine pixels.
+/// the block of columns that contains it, and the sum of its nine pixels.
 ///
 /// Buckets are contiguous, so that those of neighbouring sums are one range of indices. The pixels
-/// of a window are in five planes of pairs, so that windows at neighbouring indices are compared in
-/// one vector.
+/// of a window are in three planes of words, so that windows at neighbouring indices are compared
+/// in one vector.
 #[derive(Clone, Debug)]
 pub struct WindowTable {
-    /// Index at which the bucket of each sum begins, and the end of the last one.
+    /// Index at which each bucket begins, and the end of the last one.
     starts: Vec<u32>,
-    /// Per window the rank of its row, then 16 bits for its column. There is room for a chunk after
-    /// the last, also in the other planes.
-    windows: Vec<u32>,
-    pairs: [Vec<[i16; 2]>; PAIRS],
+    /// Column of each window. There is room for a chunk after the last, also in the other planes.
+    columns: Vec<u16>,
+    /// Rank of its row.
+    ranks: Vec<u16>,
+    /// Four pixels each, the first in the lowest byte.
+    words: [Vec<u32>; WORDS],
     /// Sums of the squares of the pixels.
     squares: Vec<u32>,
 }
@@ -42,9 +47,10 @@ impl WindowTable {
     pub fn new(width: usize, row_tolerance: usize) -> Self {
         let places = width * (2 * row_tolerance + 1) + CHUNK;
         Self {
-            starts: vec![0; SUMS + 1],
-            windows: vec![0; places],
-            pairs: std::array::from_fn(|_| vec![[0; 2]; places]),
+            starts: vec![0; width.div_ceil(COLUMNS) * SUMS + 1],
+            columns: vec![0; places],
+            ranks: vec![0; places],
+            words: std::array::from_fn(|_| vec![0; places]),
             squares: vec![0; places],
         }
     }
@@ -53,12 +59,14 @@ impl WindowTable {
     /// `row_tolerance` away. `sums` are their sums, [`NO_SUM`] for windows to be skipped.
     pub fn fill(&mut self, image: &Gray, sums: &Plane<u16>, y: usize, row_tolerance: usize) {
         let rows = || y.saturating_sub(row_tolerance)..sums.height().min(y + row_tolerance + 1);
+        let windows = |row: usize| {
+            let windows = sums.row(row).iter().enumerate();
+            windows.filter(|(_, sum)| **sum != NO_SUM)
+        };
+        let bucket = |x: usize, sum: u16| x / COLUMNS * SUMS + usize::from(sum);
         self.starts.fill(0);
         for row in rows() {
-            sums.row(row)
-                .iter()
-                .filter(|sum| **sum != NO_SUM)
-                .for_each(|&sum| self.starts[usize::from(sum)] += 1);
+            windows(row).for_each(|(x, &sum)| self.starts[bucket(x, sum)] += 1);
         }
         let mut end = 0;
         for start in &mut self.starts {
@@ -69,32 +77,28 @@ impl WindowTable {
         for row in rows() {
             // At equal distance the row above ranks first.
             let rank = 2 * row.abs_diff(y) - usize::from(row < y);
-            for (x, &sum) in sums
-                .row(row)
-                .iter()
-                .enumerate()
-                .filter(|(_, sum)| **sum != NO_SUM)
-            {
-                let start = &mut self.starts[usize::from(sum)];
+            for (x, &sum) in windows(row) {
+                let start = &mut self.starts[bucket(x, sum)];
                 *start -= 1;
                 let place = *start as usize;
-                self.windows[place] = (rank << 16 | x) as u32;
+                (self.columns[place], self.ranks[place]) = (x as u16, rank as u16);
                 let pixels = window(image.row(row), x);
                 self.squares[place] = squares(pixels);
-                self.pairs
+                self.words
                     .iter_mut()
-                    .zip(pairs(pixels))
-                    .for_each(|(pairs, pair)| pairs[place] = pair);
+                    .zip(words(pixels))
+                    .for_each(|(words, word)| words[place] = word);
             }
         }
     }
 
-    /// The indices of the windows whose sum is within `tolerance` of `sum`.
+    /// The indices of the windows in a block of columns whose sum is within `tolerance` of `sum`.
     #[inline(always)]
-    fn near(&self, sum: u32, tolerance: u32) -> std::ops::Range<usize> {
+    fn near(&self, block: usize, sum: u32, tolerance: u32) -> Range<usize> {
         let first = sum.saturating_sub(tolerance) as usize;
         let end = ((sum + tolerance) as usize + 1).min(SUMS);
-        self.starts[first] as usize..self.starts[end] as usize
+        let starts = &self.starts[block * SUMS..][..SUMS + 1];
+        starts[first] as usize..starts[end] as usize
     }
 }
 
@@ -157,25 +161,30 @@ pub(super) fn propose_row(
     out.fill(Proposal::NONE);
     let end = row.len().saturating_sub(REACH);
     for (u, proposal) in out.iter_mut().enumerate().take(end).skip(REACH) {
+        let place = |disparity: i32| (u as i32 + disparity).clamp(0, end as i32) as usize;
+        let columns = place(search.min_disparity)..place(search.max_disparity + 1);
+        let blocks = || columns.start / COLUMNS..columns.end.div_ceil(COLUMNS);
         let window = Window::around(row, u);
-        let mut best = [Candidate::NONE; CHUNK];
-        let near = search
-            .table
-            .near(window.sum, search.sum_tolerance.min(FIRST));
-        window.compare(&pairs, search, near.clone(), &mut best);
-        let tolerance = search.sum_tolerance.min(least(&best).farthest_sum());
-        if tolerance > FIRST {
-            let rest = search.table.near(window.sum, tolerance);
-            window.compare(&pairs, search, rest.start..near.start, &mut best);
-            window.compare(&pairs, search, near.end..rest.end, &mut best);
+        let near = |block: usize, tolerance: u32| {
+            let tolerance = tolerance.min(search.sum_tolerance);
+            search.table.near(block, window.sum, tolerance)
+        };
+        let mut best = Candidate::NONE;
+        for block in blocks() {
+            window.compare(&pairs, search, near(block, FIRST), &mut best);
         }
-        *proposal = least(&best).proposal(search.min_disparity);
+        for block in blocks() {
+            let (first, all) = (near(block, FIRST), near(block, best.farthest_sum()));
+            window.compare(&pairs, search, all.start..first.start, &mut best);
+            window.compare(&pairs, search, first.end..all.end, &mut best);
+        }
+        *proposal = best.proposal(search.min_disparity);
     }
 }
 
 /// A cost, the rank of its row (0, above 1, below 2, two above 3, ...) and its disparity, counted
 /// from the least, in one word: the least word is the best match.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Candidate(u64);
 
 impl Candidate {
@@ -186,16 +195,21 @@ impl Candidate {
         Self(u64::from(cost) << 32 | u64::from(rank_and_index))
     }
 
+    #[inline(always)]
+    fn cost(self) -> u32 {
+        (self.0 >> 32) as u32
+    }
+
     /// Largest difference of sums that can still win: nine differences that sum to s have squares
     /// of at least s² / 9, and no weight is below 25.
     #[inline(always)]
     fn farthest_sum(self) -> u32 {
-        ((self.0 >> 32) as f32 * (9.0 / 25.0)).sqrt() as u32 + 2
+        (self.cost() as f32 * (9.0 / 25.0)).sqrt() as u32 + 2
     }
 
     #[inline(always)]
     fn proposal(self, min_disparity: i32) -> Proposal {
-        let (cost, rank, index) = ((self.0 >> 32) as u32, (self.0 >> 16) as u16, self.0 as u16);
+        let (cost, rank, index) = (self.cost(), (self.0 >> 16) as u16, self.0 as u16);
         if cost == u32::MAX {
             return Proposal::NONE;
         }
@@ -208,15 +222,6 @@ impl Candidate {
             row_offset,
         }
     }
-}
-
-#[inline(always)]
-fn least(candidates: &[Candidate; CHUNK]) -> Candidate {
-    let mut least = u64::MAX;
-    for candidate in candidates {
-        least = least.min(candidate.0);
-    }
-    Candidate(least)
 }
 
 /// The pixels of the window around `x`.
@@ -233,19 +238,19 @@ fn squares(pixels: &[u8; WINDOW]) -> u32 {
 }
 
 #[inline(always)]
-fn pairs(pixels: &[u8; WINDOW]) -> [[i16; 2]; PAIRS] {
+fn words(pixels: &[u8; WINDOW]) -> [u32; WORDS] {
     std::array::from_fn(|k| {
-        [2 * k, 2 * k + 1].map(|i| if i < WINDOW { i16::from(pixels[i]) } else { 0 })
+        let pixel = |i: usize| pixels.get(4 * k + i).copied().unwrap_or(0);
+        u32::from_le_bytes([pixel(0), pixel(1), pixel(2), pixel(3)])
     })
 }
 
 /// A window of the right image.
 struct Window {
-    u: usize,
+    u: u16,
     sum: u32,
     squares: u32,
-    /// Its pixels times −2, the same for all windows that it is compared with.
-    pairs: [Group<[i16; 2]>; PAIRS],
+    words: [u32; WORDS],
 }
 
 impl Window {
@@ -253,63 +258,98 @@ impl Window {
     fn around(row: &[u8], u: usize) -> Self {
         let pixels = window(row, u);
         Self {
-            u,
+            u: u as u16,
             sum: pixels.iter().map(|&pixel| u32::from(pixel)).sum(),
             squares: squares(pixels),
-            pairs: pairs(pixels).map(|pair| Group::splat(pair.map(|pixel| -2 * pixel))),
+            words: words(pixels),
         }
     }
 
-    /// Keeps in `best` the best of its content and the matches at those `places`.
+    /// Keeps in `best` the better of its content and the best match at those `places`.
     #[inline(always)]
     fn compare(
         &self,
         pairs: &impl Pairs,
         search: &TableSearch<'_>,
-        places: std::ops::Range<usize>,
-        best: &mut [Candidate; CHUNK],
+        places: Range<usize>,
+        best: &mut Candidate,
     ) {
         let table = search.table;
-        let first = self.u as i32 + search.min_disparity;
-        let count = (search.max_disparity - search.min_disparity) as u32;
-        for start in places.clone().step_by(CHUNK) {
-            let windows: &[u32; CHUNK] = chunk(&table.windows, start);
-            let len = (places.end - start) as u32;
-            // (l − r)² = l² − 2·l·r + r²
+        // Unrolled: `map` would be a call.
+        let [first, second, third] = &table.words;
+        let words = chunks(first, &places).iter();
+        let words = words
+            .zip(chunks(second, &places))
+            .zip(chunks(third, &places));
+        let windows = chunks(&table.columns, &places).iter();
+        let windows = windows.zip(chunks(&table.ranks, &places));
+        let windows = windows.zip(chunks(&table.squares, &places)).zip(words);
+        let mut count = places.len();
+        for (((columns, ranks), squares), ((first, second), third)) in windows {
             let mut ssds = [0; CHUNK];
-            for (group, ssds) in ssds.as_chunks_mut().0.iter_mut().enumerate() {
-                let start = start + group * Group::ROWS;
-                let mut sums = Group(*chunk(&table.squares, start));
-                for (left, right) in table.pairs.iter().zip(self.pairs) {
-                    sums = pairs.add_products(sums, [Group(*chunk(left, start)), right]);
+            for (g, ssds) in ssds.as_chunks_mut().0.iter_mut().enumerate() {
+                let group = |plane: &[u32; CHUNK]| Group(plane.as_chunks().0[g]);
+                let words = [group(first), group(second), group(third)];
+                // (l − r)² = l² + r² − 2·l·r
+                let mut sums = group(squares);
+                for sum in &mut sums.0 {
+                    *sum += self.squares;
                 }
-                *ssds = sums.0;
+                *ssds = pairs.subtract_twice(sums, words, self.words).0;
             }
             let mut costs = [0; CHUNK];
-            let mut ranks_and_indices = [0; CHUNK];
+            let mut least = u32::MAX;
             for l in 0..CHUNK {
-                let index = ((windows[l] & 0xffff) as i32 - first) as u32;
-                let cost = ssds[l]
-                    .wrapping_add(self.squares)
-                    .wrapping_mul(weight(search.min_disparity.wrapping_add(index as i32)));
-                costs[l] = if (index <= count) & ((l as u32) < len) {
-                    cost
-                } else {
-                    u32::MAX
-                };
-                ranks_and_indices[l] = windows[l] & !0xffff | index & 0xffff;
+                // Right for all admissible matches.
+                let weight = short_weight(columns[l].abs_diff(self.u));
+                costs[l] = ssds[l].wrapping_mul(weight.into());
+                least = least.min(costs[l]);
             }
-            for l in 0..CHUNK {
-                best[l].0 = best[l]
-                    .0
-                    .min(Candidate::new(costs[l], ranks_and_indices[l]).0);
+            // Few chunks have a better match.
+            if least <= best.cost() {
+                *best = self.best(search, columns, ranks, &costs, count).min(*best);
             }
+            count = count.wrapping_sub(CHUNK);
         }
+    }
+
+    /// The best of the first `count` matches of a chunk.
+    #[inline(always)]
+    fn best(
+        &self,
+        search: &TableSearch<'_>,
+        columns: &[u16; CHUNK],
+        ranks: &[u16; CHUNK],
+        costs: &[u32; CHUNK],
+        count: usize,
+    ) -> Candidate {
+        let first = i32::from(self.u) + search.min_disparity;
+        let disparities = (search.max_disparity - search.min_disparity) as u32;
+        let mut admissible = [u32::MAX; CHUNK];
+        let mut least = u32::MAX;
+        for l in 0..CHUNK {
+            let index = (i32::from(columns[l]) - first) as u32;
+            let inside = (index <= disparities) & (l < count);
+            admissible[l] = if inside { costs[l] } else { u32::MAX };
+            least = least.min(admissible[l]);
+        }
+        let mut place = u32::MAX;
+        for l in 0..CHUNK {
+            let index = (i32::from(columns[l]) - first) as u16;
+            let here = u32::from(ranks[l]) << 16 | u32::from(index);
+            place = place.min(if admissible[l] == least {
+                here
+            } else {
+                u32::MAX
+            });
+        }
+        Candidate::new(least, place)
     }
 }
 
+/// The `places` of a plane, and others up to the end of the last chunk.
 #[inline(always)]
-fn chunk<T, const N: usize>(places: &[T], start: usize) -> &[T; N] {
+fn chunks<'a, T>(plane: &'a [T], places: &Range<usize>) -> &'a [[T; CHUNK]] {
     // The planes extend a chunk beyond the last window.
-    places[start..].first_chunk().expect("room for a chunk")
+    &plane[places.start..].as_chunks().0[..places.len().div_ceil(CHUNK)]
 }

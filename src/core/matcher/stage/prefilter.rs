@@ -3,7 +3,7 @@
 //! x-Sobel).
 
 use super::each_row;
-use crate::kernel::{Isa, PIXELS, PREFILTER_CAP, log_row, sobel_row};
+use crate::kernel::{Isa, PREFILTER_CAP, Sads, log_row, sobel_row};
 use crate::matcher::{Parameter, Range};
 use crate::stereo::Gray;
 
@@ -40,8 +40,7 @@ impl Prefilter {
     }
 }
 
-/// A filtered image. Its rows are padded with two blocks of pixels, for kernels that work on whole
-/// blocks.
+/// A filtered image. Its rows are padded, for kernels that compare whole [`Sads`].
 pub struct EdgeImage {
     width: usize,
     stride: usize,
@@ -51,7 +50,7 @@ pub struct EdgeImage {
 impl EdgeImage {
     /// For images of that size.
     pub fn new(width: usize, height: usize) -> Self {
-        let stride = width + 2 * PIXELS;
+        let stride = width + Sads::COUNT;
         Self {
             width,
             stride,
