@@ -318,7 +318,7 @@ pub use x86::{Avx2, Avx512};
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::{Group, Pairs, RowPairs, least};
+    use super::{Group, Pairs, RowPairs};
     use std::arch::x86_64::*;
     use std::mem::transmute;
 
@@ -417,7 +417,7 @@ mod x86 {
 
         #[inline(always)]
         fn least(&self, a: Group<i32>, b: Group<i32>) -> Group<i32> {
-            least(a, b)
+            super::least(a, b)
         }
     }
 
@@ -456,7 +456,7 @@ mod x86 {
 
         #[inline(always)]
         fn least(&self, a: Group<i32>, b: Group<i32>) -> Group<i32> {
-            least(a, b)
+            super::least(a, b)
         }
     }
 }

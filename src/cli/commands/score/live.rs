@@ -14,7 +14,7 @@ use svl::scenario::{PairRange, ScenarioKind, SourceOptions};
 use svl::source::{Limited, Request, are_live_topics};
 
 /// Live topics as recordings.
-pub(super) struct Recorded {
+pub(super) struct LiveRecordings {
     /// The arguments with recordings in place of the live topics.
     pub(super) args: Args,
     /// Pairs that were lost on the way into the recordings.
@@ -23,7 +23,7 @@ pub(super) struct Recorded {
 
 /// Records live topics, each for the seconds of `--to`, one after the other; `None` if there are
 /// none.
-pub(super) fn recorded(args: &Args, quiet: bool) -> anyhow::Result<Option<Recorded>> {
+pub(super) fn recorded(args: &Args, quiet: bool) -> anyhow::Result<Option<LiveRecordings>> {
     let live = args.what.iter().find(|name| are_live_topics(name));
     // A scenario to print describes no live topics, and none are opened for it.
     let Some(live) = live.filter(|_| args.print_scenario.is_none()) else {
@@ -79,7 +79,7 @@ pub(super) fn recorded(args: &Args, quiet: bool) -> anyhow::Result<Option<Record
         alpha: None,
         ..source.clone()
     };
-    Ok(Some(Recorded {
+    Ok(Some(LiveRecordings {
         args: Args {
             what,
             source: remaining,
