@@ -90,7 +90,7 @@ impl Gaps {
                 count: width,
             };
             let grey = image.row(STEPS[1] * row);
-            line.scan(map.bins, map.seen, |x| grey[x], STEPS[0], out);
+            line.scan::<{ STEPS[0] }>(map.bins, map.seen, |x| grey[x], out);
         });
         let rows = height.div_ceil(STEPS[1]);
         let columns = self.along_columns.par_chunks_exact_mut(rows);
@@ -101,7 +101,7 @@ impl Gaps {
                 count: height,
             };
             let grey = |y| image.at(STEPS[0] * column, y);
-            line.scan(map.bins, map.seen, grey, STEPS[1], out);
+            line.scan::<{ STEPS[1] }>(map.bins, map.seen, grey, out);
         });
     }
 
