@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Revision 3 of v5 on the seeds and scenes that docs/results/v5.md names: bash docs/revision3.sh DATASETS
-# Prints, for each set of scenes, right and wrong cells, missed and false obstacles of v5 (revisions 3 and 2), v3, bm and
-# sgm; then calibration error, area of the ROC and the curve of both revisions. Writes docs/pictures/revision3.svg. The
-# reports stay in reports/revision3-*.
+# Prints, for each set of scenes, right and wrong cells, missed and false obstacles of v5 (revisions 3 and 2), v3, bm
+# and sgm; then calibration error, area of the ROC and the curve of both revisions. Writes
+# docs/pictures/revision3.svg. The reports stay in reports/revision3-*.
 set -euo pipefail
 datasets="$(realpath "${1:?the folder of the data sets}")"
 cd "$(dirname "$0")/.."
