@@ -4,9 +4,13 @@ use crate::matchers::allocations;
 use crate::oracle::gaps::Gaps;
 use crate::oracle::scenes::{Scene, pair, pool};
 use crate::oracle::v5::V5;
+use svl_core::depth::decision::VerdictTable;
 use svl_core::kernel::{GAP_TENSORS, GAP_WEIGHTS, Isa};
 use svl_core::matcher::{Algorithm, GapModel, MatchContext, MatchOutput};
 use svl_core::stereo::{CellEvidence, RectifiedPair, StereoPair};
+
+/// The file of revision 3's network.
+const REVISION_3: &[u8] = include_bytes!("../../src/core/matcher/v5/gaps/revision_3.safetensors");
 
 /// A network that prefers something, in a file, with its weights.
 fn network(seed: u64, folder: &tempfile::TempDir) -> (String, Vec<i32>) {
@@ -127,12 +131,56 @@ fn gaps_change_cells_alone() {
     }
 }
 
+/// Named by their files, network and table of revision 3 give its cells.
+#[test]
+fn revision_3_is_its_network_and_its_tables() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path.display().to_string()
+    };
+    let network = write("network.safetensors", REVISION_3);
+    let pair = pair(Scene::Noise, (150, 60), 6, 188, 7);
+    let tables = [
+        ("median", VerdictTable::MEDIAN_3),
+        ("near", VerdictTable::NEAR_3),
+    ];
+    for (target, table) in tables {
+        let table = write(target, table.to_toml().as_bytes());
+        let of = |text: &str, isa, threads| {
+            let output = cells(&text.parse().unwrap(), isa, threads, &pair);
+            (output.disparity, output.grid.unwrap().into_cells())
+        };
+        let files = format!("v5:revision=2,confidence=0.9,gaps={network},table={table}");
+        let expected = of(&files, Isa::BASELINE, 1);
+        let known = expected.1.iter().filter(|cell| cell.depth.is_some());
+        let known = known.count();
+        assert!((1..15).contains(&known), "{target} {known}");
+        let named = format!("v5:revision=3,target={target}");
+        for isa in Isa::available() {
+            for threads in [1, 2, 3, 8] {
+                let got = of(&named, isa, threads);
+                assert!(got == expected, "{target} {isa} {threads}");
+            }
+        }
+        // A table alone is for the revision's network.
+        let table = format!("v5:revision=3,table={table}");
+        assert!(of(&table, Isa::BASELINE, 1) == expected, "{target}");
+    }
+    let plain = write("plain.toml", VerdictTable::MEDIAN_2.to_toml().as_bytes());
+    let refused: Algorithm = format!("v5:revision=3,table={plain}").parse().unwrap();
+    let error = refused.build().err().unwrap().to_string();
+    assert!(
+        error.contains("was fitted without a network, and revision=3 has hash "),
+        "{error}"
+    );
+}
+
 #[test]
 fn nothing_is_allocated_after_the_first_pair() {
-    let folder = tempfile::tempdir().unwrap();
-    let (path, _) = network(4, &folder);
     let pair = pair(Scene::Noise, (150, 60), 6, 150, 7);
-    let algorithm: Algorithm = format!("v5:gaps={path}").parse().unwrap();
+    let algorithm: Algorithm = "v5:revision=3".parse().unwrap();
     let count = pool(1).install(|| {
         let mut matcher = algorithm.build().unwrap();
         let mut output = MatchOutput::new().unwrap();

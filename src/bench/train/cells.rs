@@ -1,6 +1,6 @@
 //! Results of a training, for people.
 
-use super::kinds::KindCells;
+use super::kinds::{KindCells, ReportedCells};
 use super::learned_cells::{LearnedCells, LearnedScenario};
 use super::reliability::{ReliabilityBin, probability, reliability};
 use crate::report::page::{PlotView, fill};
@@ -44,13 +44,6 @@ pub struct ScenarioCells {
     pub fitted: ReportedCells,
     /// By the algorithm's table.
     pub present: ReportedCells,
-}
-
-/// Fractions of all cells.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct ReportedCells {
-    pub right: f64,
-    pub wrong: f64,
 }
 
 /// Least probability of a known cell of algorithms without one of their own: that of v5.
@@ -129,6 +122,7 @@ impl CellTraining {
             kinds: KindCells::all(
                 samples,
                 &by_kind,
+                &scores,
                 present.as_deref(),
                 least_score,
                 scenarios,
@@ -180,6 +174,7 @@ impl CellTraining {
             training: self,
             scenarios: self.scenario_table(),
             kinds: KindCells::table(&self.kinds),
+            confidences: KindCells::confidence_table(&self.kinds),
             charts: [
                 PlotView {
                     title: "Reliability".into(),
@@ -265,6 +260,7 @@ struct TrainingView<'a> {
     training: &'a CellTraining,
     scenarios: Table,
     kinds: Table,
+    confidences: Table,
     charts: [PlotView; 3],
     images: [(); 0],
     identity: Vec<(String, String)>,

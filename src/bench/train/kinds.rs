@@ -7,6 +7,7 @@ use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::report::table::{Table, TableColumn};
 use serde::Serialize;
 use svl_core::Result;
+use svl_core::depth::decision::Decision;
 use svl_data::fit::CellSample;
 use svl_data::fit::filter::RocCurve;
 
@@ -24,6 +25,25 @@ pub struct KindCells {
     pub wrong_at_equal: f64,
     /// Known fraction of all cells, and fraction of these that is wrong, of the first table.
     pub curve: Vec<(f64, f64)>,
+    /// Results of cells that are known from some usual probabilities on.
+    pub by_confidence: Vec<ConfidenceCells>,
+}
+
+/// The cells of a kind that are known from a probability on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ConfidenceCells {
+    pub confidence: f64,
+    /// By a table fitted without their part of the runs.
+    pub without_run: ReportedCells,
+    /// By a table fitted without their kind.
+    pub without_kind: ReportedCells,
+}
+
+/// Fractions of all cells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct ReportedCells {
+    pub right: f64,
+    pub wrong: f64,
 }
 
 /// Figures of a table on one kind.
@@ -44,11 +64,16 @@ pub struct TableFigures {
 /// Points of a curve.
 const POINTS: usize = 50;
 
+/// Probabilities from which cells may be known.
+const CONFIDENCES: [f64; 5] = [0.75, 0.8, 0.85, 0.9, 0.95];
+
 impl KindCells {
-    /// The figures of each kind: `scores` in log odds, in thousandths, by both tables.
+    /// The figures of each kind. Scores are log odds, in thousandths: by the tables without each
+    /// kind, by those without each part of the runs, by the algorithm's.
     pub(super) fn all(
         samples: &[CellSample],
         held_out: &[i64],
+        runs_held_out: &[i64],
         present: Option<&[i64]>,
         least_score: i64,
         scenarios: &[LearnedScenario],
@@ -78,6 +103,24 @@ impl KindCells {
                 wrong.count() as f64 / known.max(1) as f64
             };
             let equal = ranked.iter().filter(|&&i| samples[i].known).count();
+            let reported = |scores: &[i64], least: i64| {
+                let count = |right: bool| {
+                    let of = ranked.iter().filter(|&&i| samples[i].right == right);
+                    of.filter(|&&i| scores[i] >= least).count() as f64 / all.max(1) as f64
+                };
+                ReportedCells {
+                    right: count(true),
+                    wrong: count(false),
+                }
+            };
+            let by_confidence = CONFIDENCES.map(|confidence| {
+                let least = Decision::least_score(confidence);
+                ConfidenceCells {
+                    confidence,
+                    without_run: reported(runs_held_out, least),
+                    without_kind: reported(held_out, least),
+                }
+            });
             let points = (1..=POINTS).map(|point| ranked.len() * point / POINTS);
             Self {
                 name: name.to_owned(),
@@ -88,6 +131,7 @@ impl KindCells {
                 curve: points
                     .map(|known| (known as f64 / all as f64, wrong_of(known)))
                     .collect(),
+                by_confidence: by_confidence.into(),
             }
         };
         kinds.into_iter().map(kind).collect()
@@ -121,6 +165,27 @@ impl KindCells {
                 .chain(figures(kind.present.as_ref()))
                 .chain([format!("{:.2}", 100.0 * kind.wrong_at_equal)]);
             table.push(&kind.name, cells);
+        }
+        table
+    }
+
+    /// The figures of all kinds by confidence.
+    pub(super) fn confidence_table(kinds: &[Self]) -> Table {
+        let mut table = Table::new("Confidence", "kind").with_columns(["known from"]);
+        let heads = ["right, %", "wrong, %"];
+        for group in ["without their runs", "without its kind"] {
+            let columns = heads.map(|head| TableColumn::new(group, head));
+            table.columns.extend(columns);
+        }
+        for kind in kinds {
+            for of in &kind.by_confidence {
+                let percent = |share: f64| format!("{:.2}", 100.0 * share);
+                let figures = |of: &ReportedCells| [percent(of.right), percent(of.wrong)];
+                let cells = std::iter::once(format!("{:.2}", of.confidence))
+                    .chain(figures(&of.without_run))
+                    .chain(figures(&of.without_kind));
+                table.push(&kind.name, cells);
+            }
         }
         table
     }
@@ -212,7 +277,14 @@ mod tests {
             tested: false,
         };
         let scenarios = ["arena", "worlds", "arena"].map(scenario);
-        let kinds = KindCells::all(&samples, &scores, Some(&[0; 6]), 1735, &scenarios);
+        let kinds = KindCells::all(
+            &samples,
+            &scores,
+            &[2000; 6],
+            Some(&[0; 6]),
+            1735,
+            &scenarios,
+        );
         let [arena, worlds] = &kinds[..] else {
             panic!("{kinds:?}");
         };
@@ -233,5 +305,14 @@ mod tests {
         assert_eq!((worlds.held_out.known, worlds.held_out.wrong), (0.5, 1.0));
         assert_eq!(worlds.held_out.area, 0.0);
         assert_eq!(arena.curve.last(), Some(&(1.0, 0.5)));
+        // 2 is 0.88 as log odds: all are known from 0.85 on, and none from 0.9 on.
+        let [.., at_85, at_90, _] = &worlds.by_confidence[..] else {
+            panic!("{worlds:?}");
+        };
+        let reported = |of: ReportedCells| (of.right, of.wrong);
+        assert_eq!((at_85.confidence, at_90.confidence), (0.85, 0.9));
+        assert_eq!(reported(at_85.without_run), (0.5, 0.5));
+        assert_eq!(reported(at_90.without_run), (0.0, 0.0));
+        assert_eq!(reported(at_85.without_kind), (0.0, 0.5));
     }
 }

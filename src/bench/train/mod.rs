@@ -11,10 +11,10 @@ mod report;
 mod scenario_filters;
 mod windows;
 
-pub use cells::{CellTraining, ReportedCells, ScenarioCells};
+pub use cells::{CellTraining, ScenarioCells};
 pub use filter::{EpochProgress, REVISION, TrainSettings, train_filter};
 pub use gaps::{GapTraining, LearnedGaps};
-pub use kinds::{KindCells, TableFigures};
+pub use kinds::{ConfidenceCells, KindCells, ReportedCells, TableFigures};
 pub use learned_cells::{LearnedCells, LearnedScenario, samples_csv};
 pub use reliability::ReliabilityBin;
 pub use report::{FilterTraining, HiddenTrial};

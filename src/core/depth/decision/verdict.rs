@@ -267,6 +267,72 @@ impl VerdictTable {
         ],
     };
 
+    /// For the median of a cell, revision 3 (docs/results/v5.md has the commands that made it).
+    pub const MEDIAN_3: Self = Self {
+        rank: 50,
+        network: Some(Cow::Borrowed("bfe4adebaef937f9")),
+        base: -1907,
+        steps: [
+            Cow::Borrowed(&[(44, 755), (102, 941), (136, 1337), (181, 1843), (261, 2308)]),
+            Cow::Borrowed(&[
+                (179, 963),
+                (245, 1734),
+                (546, 2195),
+                (729, 2511),
+                (986, 3831),
+            ]),
+            Cow::Borrowed(&[]),
+            Cow::Borrowed(&[(111, -247), (363, -1251)]),
+            Cow::Borrowed(&[]),
+            Cow::Borrowed(&[(135, -698), (258, -117), (367, -458), (780, -288)]),
+            Cow::Borrowed(&[(9, -1162), (25, -560), (93, -944), (202, -622), (323, -932)]),
+            Cow::Borrowed(&[(926, 415), (976, 718), (991, 1050)]),
+            Cow::Borrowed(&[
+                (714, 731),
+                (826, 1326),
+                (892, 1766),
+                (936, 2315),
+                (963, 2744),
+                (981, 3014),
+                (993, 3892),
+            ]),
+        ],
+    };
+
+    /// For the nearest quarter of a cell, revision 3.
+    pub const NEAR_3: Self = Self {
+        rank: 75,
+        network: Some(Cow::Borrowed("bfe4adebaef937f9")),
+        base: -1374,
+        steps: [
+            Cow::Borrowed(&[
+                (32, 419),
+                (61, 1131),
+                (111, 1670),
+                (161, 2249),
+                (189, 2699),
+                (219, 3305),
+                (240, 4520),
+                (242, 6446),
+            ]),
+            Cow::Borrowed(&[(282, 373), (440, 822), (639, 1042), (847, 2000)]),
+            Cow::Borrowed(&[(425, 270), (761, 649)]),
+            Cow::Borrowed(&[(58, -213), (145, -606), (350, -907), (488, -1386)]),
+            Cow::Borrowed(&[(497, -175)]),
+            Cow::Borrowed(&[(114, -428), (636, -46)]),
+            Cow::Borrowed(&[
+                (9, -1112),
+                (29, -532),
+                (37, 525),
+                (53, 1174),
+                (71, 698),
+                (400, 908),
+            ]),
+            Cow::Borrowed(&[(926, 1308)]),
+            Cow::Borrowed(&[(947, 416), (963, 692), (973, 1275)]),
+        ],
+    };
+
     /// Parses the table in a file: TOML with `rank`, `base`, `gaps`, the hash of a network, if the
     /// table was fitted with one, and under `[steps]` per feature a list of `[above, score]`, which
     /// rises.

@@ -11,7 +11,6 @@ mod half_map;
 mod level;
 mod sums;
 
-use super::parameter::ParameterFile;
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::depth::decision::{CellPixels, Decision, Feature, SafeChoice, Tolerance, VerdictTable};
 use crate::error::{Error, Result};
@@ -46,7 +45,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "revision",
             unit: "",
-            range: Range::int(2, 1..=2),
+            range: Range::int(2, 1..=3),
             description: "of the algorithm; results of a revision never change",
         },
         Parameter {
@@ -116,7 +115,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             name: "gaps",
             unit: "",
             range: Range::File,
-            description: "network that weighs disparities for gaps, of `svl train gaps`",
+            description: "network that weighs disparities for gaps, of `svl train gaps`, in place \
+                          of revision 3's",
         },
         Parameter {
             name: "rank",
@@ -135,7 +135,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             unit: "",
             range: Range::real(0.0, 0.0..=0.999),
             description: "least probability of a cell that is reported, 0 = the revision's: 0.75, \
-                          from 2 on 0.85",
+                          0.85, 0.9",
         },
     ],
     cells: Some(safe_choice),
@@ -303,19 +303,44 @@ impl V5 {
     }
 }
 
-/// The network for gaps that the parameters name.
-fn gap_network(parameters: &Parameters) -> Result<Option<GapNetwork>> {
-    let Some(file) = parameters.file("gaps") else {
-        return Ok(None);
-    };
-    let model = GapModel::from_bytes(&file.bytes);
-    let model = model.map_err(|why| Error::Usage(format!("{}: {why}", file.path)))?;
-    Ok(Some(model.network()))
+/// The network for gaps that the parameters select, in the bytes of its file.
+struct NetworkFile<'a> {
+    /// The setting that selects it.
+    named: &'a str,
+    bytes: &'a [u8],
 }
 
-/// Identifies a network in the tables that were fitted with it.
-fn network_hash(file: &ParameterFile) -> String {
-    format!("{:016x}", xxhash_rust::xxh3::xxh3_64(&file.bytes))
+impl<'a> NetworkFile<'a> {
+    fn of(parameters: &'a Parameters) -> Option<Self> {
+        match (parameters.file("gaps"), parameters.int("revision")) {
+            (Some(file), _) => Some(Self {
+                named: "gaps=",
+                bytes: &file.bytes,
+            }),
+            (None, 3) => Some(Self {
+                named: "revision=3",
+                bytes: GapModel::REVISION_3,
+            }),
+            (None, _) => None,
+        }
+    }
+
+    /// Identifies it in the tables that were fitted with it.
+    fn hash(&self) -> String {
+        format!("{:016x}", xxhash_rust::xxh3::xxh3_64(self.bytes))
+    }
+}
+
+/// The network for gaps that the parameters select.
+fn gap_network(parameters: &Parameters) -> Result<Option<GapNetwork>> {
+    let Some(NetworkFile { bytes, .. }) = NetworkFile::of(parameters) else {
+        return Ok(None);
+    };
+    let model = GapModel::from_bytes(bytes).map_err(|why| {
+        let path = parameters.file("gaps").map_or("v5", |file| &file.path);
+        Error::Usage(format!("{path}: {why}"))
+    })?;
+    Ok(Some(model.network()))
 }
 
 /// Decision on cells according to the parameters.
@@ -323,7 +348,8 @@ fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
     let table = table(parameters)?;
     let needs_gaps =
         |feature: &Feature| feature.needs_gaps() && !table.steps[*feature as usize].is_empty();
-    if let (Some(file), None) = (parameters.file("table"), parameters.file("gaps"))
+    let network = NetworkFile::of(parameters);
+    if let (Some(file), None) = (parameters.file("table"), &network)
         && let Some(feature) = Feature::ALL.iter().find(|feature| needs_gaps(feature))
     {
         return Err(Error::Usage(format!(
@@ -333,16 +359,16 @@ fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
             feature.name()
         )));
     }
-    let network = parameters.file("gaps").map(network_hash);
+    let hash = network.as_ref().map(NetworkFile::hash);
     if let Some(file) = parameters.file("table")
-        && table.network.as_deref() != network.as_deref()
+        && table.network.as_deref() != hash.as_deref()
     {
         let fitted = match &table.network {
             Some(hash) => format!("was fitted with the network of hash {hash}"),
             None => "was fitted without a network".to_owned(),
         };
         let given = match &network {
-            Some(hash) => format!("gaps= has hash {hash}"),
+            Some(of) => format!("{} has hash {}", of.named, of.hash()),
             None => "gaps= is not given".to_owned(),
         };
         return Err(Error::Usage(format!(
@@ -356,7 +382,8 @@ fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
     };
     let confidence = match (parameters.real("confidence"), parameters.int("revision")) {
         (0.0, 1) => 0.75,
-        (0.0, _) => 0.85,
+        (0.0, 2) => 0.85,
+        (0.0, _) => 0.9,
         (confidence, _) => confidence,
     };
     Ok(SafeChoice {
@@ -368,7 +395,7 @@ fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
         },
         jump: parameters.int("jump"),
         allowance_px: parameters.real("allowance_px"),
-        network,
+        network: hash,
     })
 }
 
@@ -390,9 +417,11 @@ fn table(parameters: &Parameters) -> Result<VerdictTable> {
     }
     Ok(match (target, parameters.int("revision")) {
         ("near", 1) => VerdictTable::NEAR,
-        ("near", _) => VerdictTable::NEAR_2,
+        ("near", 2) => VerdictTable::NEAR_2,
+        ("near", _) => VerdictTable::NEAR_3,
         (_, 1) => VerdictTable::MEDIAN,
-        _ => VerdictTable::MEDIAN_2,
+        (_, 2) => VerdictTable::MEDIAN_2,
+        _ => VerdictTable::MEDIAN_3,
     })
 }
 

@@ -103,9 +103,12 @@ pub(super) fn measure_row(map: &HalfPixels<'_>, y: usize, out: &mut [Quality]) {
         let columns = out.iter_mut().zip(row);
         columns.for_each(|(out, seen)| out.unique += seen);
     }
+    // The window's sum moves along the row.
+    let mut sum = out.iter().take(NEAR).map(|of| of.unique).sum();
     for x in 0..width {
-        let columns = &out[around(x, NEAR, width)];
-        out[x].seen = columns.iter().map(|of| of.unique).sum();
+        sum += out.get(x + NEAR).map_or(0, |of| of.unique);
+        out[x].seen = sum;
+        sum -= x.checked_sub(NEAR).map_or(0, |first| out[first].unique);
     }
     let [least, second, own] =
         [map.least, map.second, map.own].map(|plane| &plane[y * width..][..width]);

@@ -27,14 +27,13 @@ pub(super) struct Line {
 }
 
 impl Line {
-    /// Finds the nearest seen pixels of each `every`-th pixel. `bins` and `seen` are planes
+    /// Finds the nearest seen pixels of each `EVERY`-th pixel. `bins` and `seen` are planes
     /// of pixels; `grey` are the line's own.
-    pub(super) fn scan(
+    pub(super) fn scan<const EVERY: usize>(
         self,
         bins: &[i16],
         seen: &[u8],
         grey: impl Fn(usize) -> u16,
-        every: usize,
         out: &mut [NearestSeen],
     ) {
         for direction in 0..2 {
@@ -51,9 +50,9 @@ impl Line {
                 let here = grey(i);
                 last.barrier = last.barrier.max(here.abs_diff(before));
                 before = here;
-                if i.is_multiple_of(every) {
+                if i.is_multiple_of(EVERY) {
                     let barrier = other.barrier.max(last.barrier);
-                    out[i / every][direction] = [last, SeenPixel { barrier, ..other }];
+                    out[i / EVERY][direction] = [last, SeenPixel { barrier, ..other }];
                 }
                 let place = self.first + i * self.step;
                 if seen[place] == 1 {

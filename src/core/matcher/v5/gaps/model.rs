@@ -22,6 +22,9 @@ const WEIGHT: f32 = 256.0;
 const BIAS: f32 = 64.0 * WEIGHT;
 
 impl GapModel {
+    /// The file of revision 3's network (docs/results/v5.md has the commands that made it).
+    pub(in super::super) const REVISION_3: &[u8] = include_bytes!("revision_3.safetensors");
+
     /// Rounds the weights of a network in floats, in the order of [`GAP_TENSORS`].
     ///
     /// # Errors
