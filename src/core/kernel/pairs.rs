@@ -117,17 +117,19 @@ pub trait Pairs {
         #[cfg(target_arch = "x86_64")]
         return x86::least_sse2(a, b);
         #[cfg(not(target_arch = "x86_64"))]
-        return least(a, b);
+        return a.lesser(b);
     }
 }
 
-/// The lesser of each row.
-#[inline(always)]
-fn least(mut a: Group<i32>, b: Group<i32>) -> Group<i32> {
-    for l in 0..Group::ROWS {
-        a.0[l] = a.0[l].min(b.0[l]);
+impl Group<i32> {
+    /// The lesser of each row.
+    #[inline(always)]
+    fn lesser(mut self, other: Self) -> Self {
+        for l in 0..Group::ROWS {
+            self.0[l] = self.0[l].min(other.0[l]);
+        }
+        self
     }
-    a
 }
 
 /// 2²³.
@@ -417,7 +419,7 @@ mod x86 {
 
         #[inline(always)]
         fn least(&self, a: Group<i32>, b: Group<i32>) -> Group<i32> {
-            super::least(a, b)
+            a.lesser(b)
         }
     }
 
@@ -456,7 +458,7 @@ mod x86 {
 
         #[inline(always)]
         fn least(&self, a: Group<i32>, b: Group<i32>) -> Group<i32> {
-            super::least(a, b)
+            a.lesser(b)
         }
     }
 }
