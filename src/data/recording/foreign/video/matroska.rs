@@ -82,13 +82,20 @@ impl<R: Read> RawPictures<R> {
     /// A number whose first byte tells its length by its zeros: a size, or with the marking bit an
     /// identifier. `None` at the end.
     fn number(&mut self, is_size: bool) -> io::Result<Option<u64>> {
-        let Some(first) = self.input.by_ref().bytes().next().transpose()? else {
-            return Ok(None);
+        let mut first = [0];
+        let read = loop {
+            match self.input.read(&mut first) {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                read => break read?,
+            }
         };
-        let length = first.leading_zeros().min(7);
+        if read == 0 {
+            return Ok(None);
+        }
+        let length = first[0].leading_zeros().min(7);
         let kept = if is_size { 0x7F >> length } else { 0xFF };
         (0..length)
-            .try_fold(u64::from(first & kept), |number, _| {
+            .try_fold(u64::from(first[0] & kept), |number, _| {
                 let [byte] = self.array()?;
                 Ok(number << 8 | u64::from(byte))
             })
