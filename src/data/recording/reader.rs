@@ -131,8 +131,8 @@ impl Reader {
         self.source.unpaired()
     }
 
-    /// Number of the unpaired images whose partner could not be read, if so many pairs and images
-    /// could not.
+    /// Number of the unpaired images whose partner could not be read. `unreadable`: number of pairs
+    /// and images that could not be read.
     pub fn partners_of_unreadable(&self, unreadable: u64) -> u64 {
         self.source.partners_of_unreadable(unreadable)
     }

@@ -2,7 +2,6 @@
 
 use super::transforms::Transforms;
 use crate::recording::messages::Channel;
-use nalgebra::Isometry3;
 
 /// Limits on cameras that are parallel and side by side: rotation in radians, and the other two
 /// axes as a fraction of the baseline. Wider than the rounding of the programs that write them.
@@ -28,7 +27,7 @@ impl BaselineSearch {
 
     /// False if there are no static transforms, or they have the cameras' already.
     pub(super) fn may_be_found(&self, left: &str, right: &str) -> bool {
-        self.has_transforms && left != right && self.pose(left, right).is_none()
+        self.has_transforms && left != right && self.transforms.between(left, right).is_none()
     }
 
     pub(super) fn take_in(&mut self, channel: &Channel, data: &[u8]) {
@@ -41,7 +40,7 @@ impl BaselineSearch {
     /// The baseline if the cameras are parallel and side by side.
     ///
     /// # Errors
-    /// The reason why there is none.
+    /// The reason why they have no baseline.
     pub(super) fn metres(&self, left: &str, right: &str) -> Result<f64, String> {
         let none = "the calibrations have no baseline (fourth column of P)";
         if left == right {
@@ -49,7 +48,7 @@ impl BaselineSearch {
                 "{none}, and both cameras are in one frame, '{left}'"
             ));
         }
-        let Some(pose) = self.pose(left, right) else {
+        let Some(pose) = self.transforms.between(left, right) else {
             return Err(format!(
                 "{none}, and no static transform leads from '{left}' to '{right}'"
             ));
@@ -102,11 +101,5 @@ impl BaselineSearch {
         };
         (!std::mem::replace(&mut self.has_warned, true))
             .then(|| format!("{}: {warning}", channel.topic))
-    }
-
-    /// The pose of the right camera in the left one.
-    fn pose(&self, left: &str, right: &str) -> Option<Isometry3<f64>> {
-        let pose = self.transforms.between(left, right);
-        pose.filter(|_| left != right)
     }
 }
