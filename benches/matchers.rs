@@ -13,7 +13,7 @@
 use criterion::{Criterion, Throughput};
 use svl::arena::{Arena, ArenaConfig};
 use svl::kernel::Isa;
-use svl::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput};
+use svl::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput, Value};
 use svl::stereo::{RectifiedPair, StereoPair};
 
 /// Sizes with their disparities `0..=N`.
@@ -80,9 +80,10 @@ fn bench(
     max_disparity: u16,
     isa: Isa,
 ) {
-    let algorithm: Algorithm = format!("{name}:max_disparity={max_disparity}")
-        .parse()
-        .expect("every matcher has it");
+    let algorithm: Algorithm = name.parse().expect("it is registered");
+    let range = Value::Int(max_disparity.into());
+    // An algorithm without a range has no such parameter.
+    let algorithm = algorithm.with("max_disparity", &range).unwrap_or(algorithm);
     let mut matcher = algorithm
         .build_on(isa)
         .expect("the instruction set is available");

@@ -46,26 +46,42 @@ fn every_reason_occurs_and_no_other() {
     use Reason::{Ambiguous, Border, Inconsistent, SelfCheck, Unmatched, Untextured, Valid};
     for spec in MATCHERS.iter().filter(|spec| spec.matches_images()) {
         let (settings, reasons) = match spec.name {
-            "dp" => ("", &[Valid][..]),
-            "v1" => ("", &[Valid, Border, Ambiguous, Inconsistent][..]),
+            "dp" => ("max_disparity=20", &[Valid][..]),
+            "v1" => (
+                "max_disparity=20",
+                &[Valid, Border, Ambiguous, Inconsistent][..],
+            ),
             "v2" => (
-                ",spread_threshold=4",
+                "max_disparity=20,spread_threshold=4",
                 &[Valid, Border, Untextured, Ambiguous, Inconsistent][..],
             ),
-            "v3" => ("", &[Valid, Border, Untextured, SelfCheck][..]),
-            "v4" => ("", &[Valid, Border, Untextured, SelfCheck, Unmatched][..]),
-            "v5" => ("", &[Valid, Border, Ambiguous, Inconsistent][..]),
+            "v3" => (
+                "max_disparity=20",
+                &[Valid, Border, Untextured, SelfCheck][..],
+            ),
+            "v4" => (
+                "max_disparity=20",
+                &[Valid, Border, Untextured, SelfCheck, Unmatched][..],
+            ),
+            "v5" => (
+                "max_disparity=20",
+                &[Valid, Border, Ambiguous, Inconsistent][..],
+            ),
             "bm" => (
-                ",symmetry_tolerance=0,block_size=5",
+                "max_disparity=20,symmetry_tolerance=0,block_size=5",
                 &[Valid, Border, Untextured, Ambiguous, Inconsistent][..],
             ),
             "sgm" => (
-                ",min_disparity=2",
+                "max_disparity=20,min_disparity=2",
                 &[Valid, Border, Ambiguous, Inconsistent][..],
+            ),
+            "pushbroom" => (
+                "disparity=5,block_size=5,threshold=1,invariance=5",
+                &[Valid, Border, Untextured, Ambiguous, Unmatched][..],
             ),
             other => panic!("no reasons are expected of {other}"),
         };
-        let algorithm = format!("{}:max_disparity=20{settings}", spec.name);
+        let algorithm = format!("{}:{settings}", spec.name);
         let noisy = Scene::ALL.map(|scene| (scene, 9));
         let mut occurring = [false; Reason::ALL.len()];
         for (scene, noise) in noisy.into_iter().chain([(Scene::Constant, 0)]) {

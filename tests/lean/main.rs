@@ -14,6 +14,7 @@ mod expected;
 mod gaps;
 mod matchers;
 mod oracle;
+mod pushbroom;
 mod rectify;
 mod sgm;
 mod solve;

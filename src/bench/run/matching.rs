@@ -156,7 +156,8 @@ impl<'a> Matching<'a> {
         // continue with other results.
         let is_known = |entry: &RunMatcher, i: usize| {
             let is_needed = needs_maps || self.needed.get(i) != Some(&false);
-            logged[i].is_some() && entry.is_verified && !is_needed
+            let is_free = !is_needed && !entry.matcher.remembers();
+            logged[i].is_some() && entry.is_verified && is_free
         };
         // In turns, so that a slow moment of the machine affects all algorithms.
         let mut rounds: Vec<_> = self.matchers.0.iter().map(|_| Ok(Vec::new())).collect();

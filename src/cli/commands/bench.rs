@@ -102,10 +102,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// The algorithm with that range of disparities, unless it sets its own.
+/// The algorithm with that range of disparities, unless it has none or sets its own.
 fn with_range(algorithm: &Algorithm, max_disparity: u16) -> svl::Result<Algorithm> {
     let label = algorithm.label();
-    if label.contains("max_disparity=") {
+    if label.contains("max_disparity=") || algorithm.spec().parameter("max_disparity").is_none() {
         return Ok(algorithm.clone());
     }
     let joint = if label.contains(':') { ',' } else { ':' };

@@ -47,6 +47,10 @@ impl Matcher for FilteredMatcher {
         self.matcher.program()
     }
 
+    fn remembers(&self) -> bool {
+        self.matcher.remembers()
+    }
+
     fn batch(&self) -> usize {
         self.matcher.batch()
     }

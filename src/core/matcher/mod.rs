@@ -11,6 +11,7 @@ mod method;
 mod mirrored;
 mod parameter;
 mod program;
+mod pushbroom;
 mod quotes;
 mod sgm;
 pub mod stage;
@@ -32,7 +33,7 @@ use crate::error::{Error, Result, nearest};
 use crate::filter::{FilterModel, Filters};
 use crate::kernel::{Isa, isa};
 use crate::stereo::{
-    Cell, CellRule, DepthGrid, DisparityMap, Frame, RectifiedPair, Rgb, Rig, Truth,
+    Cell, CellRule, DepthGrid, DisparityMap, Frame, Pose, RectifiedPair, Rgb, Rig, Truth,
 };
 use crate::timing::Clock;
 use filtered::FilteredMatcher;
@@ -58,6 +59,11 @@ pub trait Matcher: Send {
         None
     }
 
+    /// True if a result depends on the pairs before, so that none of a run can be left out.
+    fn remembers(&self) -> bool {
+        false
+    }
+
     /// Number of pairs it matches at once.
     fn batch(&self) -> usize {
         1
@@ -81,6 +87,8 @@ pub struct MatchContext<'a> {
     pub truth: Option<&'a Truth>,
     /// The rig of a calibrated pair.
     pub rig: Option<Rig>,
+    /// Pose of the left camera in the world, if the source has it.
+    pub pose: Option<Pose>,
     /// Shape of the depth grid, and the rule for a known cell.
     pub grid: GridSettings,
     /// Rule for a right cell.
@@ -90,7 +98,7 @@ pub struct MatchContext<'a> {
 }
 
 impl Default for MatchContext<'_> {
-    /// No rig, the thesis's grid, the default cell rule, the threads of rayon's current pool.
+    /// No rig, no pose, the thesis's grid, the default cell rule, the threads of rayon's current pool.
     fn default() -> Self {
         Self {
             sequence: 0,
@@ -98,6 +106,7 @@ impl Default for MatchContext<'_> {
             color: None,
             truth: None,
             rig: None,
+            pose: None,
             grid: GridSettings::default(),
             cells: CellRule::default(),
             threads: rayon::current_num_threads(),
@@ -114,6 +123,7 @@ impl<'a> MatchContext<'a> {
             color: frame.color.as_ref(),
             truth: frame.truth.as_ref(),
             rig: frame.rig().copied(),
+            pose: frame.pose,
             grid,
             cells,
             ..Self::default()
@@ -215,6 +225,7 @@ pub const MATCHERS: &[MatcherSpec] = &[
     v5::SPEC,
     bm::SPEC,
     sgm::SPEC,
+    pushbroom::SPEC,
     truth::SPEC,
     blind::SPEC,
     #[cfg(feature = "exec")]
@@ -239,6 +250,11 @@ impl MatcherSpec {
     /// True if it matches images in this process: not a program, `truth` or `blind`.
     pub fn matches_images(&self) -> bool {
         !["exec", "truth", "blind"].contains(&self.name)
+    }
+
+    /// Its parameter of that name.
+    pub fn parameter(&self, name: &str) -> Option<&'static Parameter> {
+        self.parameters.iter().find(|p| p.name == name)
     }
 
     /// Its name, then its aliases.
@@ -342,7 +358,7 @@ pub fn with_paths(
     };
     let setting = |setting: &str| {
         let (name, value) = setting.split_once('=')?;
-        let parameter = spec.parameters.iter().find(|p| p.name == name)?;
+        let parameter = spec.parameter(name)?;
         let replaced = match parameter.range {
             Range::File if !value.is_empty() => file(unquote(value)),
             // The only text is a command.
