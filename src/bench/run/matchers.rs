@@ -3,7 +3,7 @@
 use crate::report::LoggedResult;
 use std::collections::VecDeque;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
-use svl_core::stereo::{DisparityMap, RectifiedPair, Rig};
+use svl_core::stereo::{DisparityMap, Frame, RectifiedPair, Rig};
 use svl_core::timing::StageTimes;
 use svl_core::{Error, Result};
 use svl_data::manifest::Manifest;
@@ -30,6 +30,8 @@ pub(super) struct RunMatcher {
     pub(super) max_disparity: Option<i32>,
     /// True if the user was warned of the range.
     warned_of_range: bool,
+    /// True if the user was warned that it remembers nothing.
+    warned_of_poses: bool,
     /// The size of images that it has memory for, once it was measured.
     pub(super) warm_for: Option<(usize, usize)>,
     /// Results of the next pairs, where it matches several at once.
@@ -55,6 +57,7 @@ impl RunMatcher {
             max_disparity: algorithm.max_disparity(),
             // Obstacles beyond the range are not missed behind a filter that says "too close".
             warned_of_range: !algorithm.filters().is_empty(),
+            warned_of_poses: false,
             warm_for: None,
             ahead: VecDeque::new(),
         })
@@ -209,6 +212,15 @@ impl RunMatcher {
         let is_short = nearest_m >= obstacle_m;
         let is_first = is_short && !std::mem::replace(&mut self.warned_of_range, true);
         is_first.then_some(nearest_m)
+    }
+
+    /// Warns once if it remembers earlier pairs, and this one has no pose.
+    pub(super) fn check_pose(&mut self, frame: &Frame) {
+        let lacks_pose = self.matcher.remembers() && frame.pose.is_none();
+        if lacks_pose && !std::mem::replace(&mut self.warned_of_poses, true) {
+            let label = &self.label;
+            tracing::warn!("{label}: the pairs have no poses, so it remembers nothing of them");
+        }
     }
 
     /// Compares its result of a pair with that of an earlier part of the run.

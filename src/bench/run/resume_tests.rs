@@ -62,6 +62,7 @@ impl Source for Floors {
 /// Sees the floor, unless it fails, and counts its matchings.
 struct SeesFloor {
     fails: bool,
+    remembers: bool,
     matchings: Arc<AtomicU64>,
 }
 
@@ -83,15 +84,27 @@ impl Matcher for SeesFloor {
         }
         Ok(())
     }
+
+    fn remembers(&self) -> bool {
+        self.remembers
+    }
 }
 
-/// The run through three algorithms, of which the last may fail, into a folder; it resumes with
-/// what `earlier` holds. Returns its rows and the number of matchings.
+/// A property of the last of three algorithms.
+#[derive(Clone, Copy, PartialEq)]
+enum Last {
+    LikeOthers,
+    Fails,
+    Remembers,
+}
+
+/// The run through three algorithms into a folder; it resumes with what `earlier` holds. Returns
+/// its rows and the number of matchings.
 fn scored(
     folder: &Path,
     earlier: Option<&Path>,
     every: Option<usize>,
-    last_fails: bool,
+    last: Last,
 ) -> (Vec<Row>, u64) {
     let algorithms = ALGORITHMS.map(|name| name.parse().unwrap());
     let mut manifest = Manifest::new("floors", &algorithms).unwrap();
@@ -106,7 +119,8 @@ fn scored(
     let mut matchers = Matchers::new(&algorithms).unwrap();
     for (i, entry) in matchers.0.iter_mut().enumerate() {
         entry.matcher = Box::new(SeesFloor {
-            fails: last_fails && i == 2,
+            fails: last == Last::Fails && i == 2,
+            remembers: last == Last::Remembers && i == 2,
             matchings: Arc::clone(&matchings),
         });
     }
@@ -142,8 +156,8 @@ fn only_pairs_whose_truth_is_points_are_matched_again() {
     for (every, matched_again) in [(1, 1), (4, PAIRS)] {
         let [first, second] =
             ["first", "second"].map(|n| folder.path().join(format!("{n}{every}")));
-        scored(&first, None, Some(every), false);
-        let (_, matchings) = scored(&second, Some(&first), Some(every), false);
+        scored(&first, None, Some(every), Last::LikeOthers);
+        let (_, matchings) = scored(&second, Some(&first), Some(every), Last::LikeOthers);
         // One more sets up the memory.
         assert_eq!(matchings, of_all * (1 + matched_again), "{every}");
         for table in ["rows.csv", "cells.csv"] {
@@ -162,8 +176,18 @@ fn an_algorithm_that_failed_before_is_one_of_those_that_agree() {
         let of_rows = rows.iter().map(|row| row.metrics.get("agreed"));
         of_rows.collect()
     };
-    let (rows, _) = scored(&first, None, None, true);
+    let (rows, _) = scored(&first, None, None, Last::Fails);
     assert_eq!(agreed(rows), [None; 2 * PAIRS as usize]);
-    let (rows, _) = scored(&second, Some(&first), None, false);
+    let (rows, _) = scored(&second, Some(&first), None, Last::LikeOthers);
     assert_eq!(agreed(rows), [Some(1.0); 3 * PAIRS as usize]);
+}
+
+#[test]
+fn an_algorithm_that_remembers_matches_all_pairs_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = ["first", "second"].map(|name| folder.path().join(name));
+    scored(&first, None, Some(1), Last::Remembers);
+    let (_, matchings) = scored(&second, Some(&first), Some(1), Last::Remembers);
+    // One of each sets up the memory; two match one pair, the last one all.
+    assert_eq!(matchings, 3 + 2 + PAIRS);
 }

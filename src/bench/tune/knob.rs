@@ -78,9 +78,9 @@ const GRID: [Parameter; 4] = [
         unit: "",
         range: Range::Choice {
             default: "median",
-            options: &["median", "safe"],
+            options: &["median", "stixels", "safe"],
         },
-        description: "what a cell reports: its median, or what is safe to report",
+        description: "what a cell reports: its median, that of its stixels, or what is safe to report",
     },
 ];
 
@@ -261,6 +261,7 @@ impl TunedSetting {
                 "min_valid" => Value::Real(self.grid.min_valid),
                 _ => Value::Choice(match self.grid.decision {
                     CellDecision::Median => "median",
+                    CellDecision::Stixels => "stixels",
                     CellDecision::Safe => "safe",
                 }),
             },
@@ -302,6 +303,9 @@ impl TunedSetting {
                     ("columns", Value::Int(columns)) => grid.columns = *columns as usize,
                     ("rows", Value::Int(rows)) => grid.rows = *rows as usize,
                     ("min_valid", Value::Real(share)) => grid.min_valid = *share,
+                    ("decision", Value::Choice("stixels")) => {
+                        grid.decision = CellDecision::Stixels;
+                    }
                     ("decision", Value::Choice("safe")) => grid.decision = CellDecision::Safe,
                     _ => grid.decision = CellDecision::Median,
                 }
@@ -401,7 +405,7 @@ mod tests {
         assert_eq!(walk("bm", "block_size", false, false, 9), ["7", "5"]);
         assert_eq!(walk("bm", "prefilter", false, false, 2), ["log", "xsobel"]);
         assert_eq!(walk("v3", "subpixel", true, true, 2), ["true", "false"]);
-        assert_eq!(walk("v3", "decision", true, false, 1), ["safe"]);
+        assert_eq!(walk("v3", "decision", true, false, 1), ["stixels"]);
     }
 
     #[test]
@@ -437,7 +441,7 @@ mod tests {
         says(refused("block_size", "8"), "is even");
         says(refused("block_size", "99"), "a whole number in 5..=31");
         says(refused("clear_m", "0.1"), "must be below");
-        says(refused("decision", "mean"), "median, safe");
+        says(refused("decision", "mean"), "median, stixels, safe");
         let refused = bm.stepped(&knob(&setting("exec"), "command"), true, false);
         says(refused.unwrap_err().to_string(), "type a value");
     }

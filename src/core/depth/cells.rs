@@ -2,6 +2,7 @@
 
 use super::decision::safe_grid;
 use super::grid::{CellDecision, GridSettings, grid};
+use super::stixels::stixel_grid;
 use crate::stereo::{CellRule, DepthGrid, Gray, Plane, Rig};
 
 /// The grid of a matcher's disparities, by the decision in the settings; `left` is the left image,
@@ -15,6 +16,7 @@ pub fn cells(
 ) -> DepthGrid {
     match settings.decision {
         CellDecision::Median => grid(disparity, settings, rig),
+        CellDecision::Stixels => stixel_grid(disparity, settings, rig),
         CellDecision::Safe => safe_grid(disparity, left, settings, rule, rig),
     }
 }

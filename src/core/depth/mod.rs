@@ -6,6 +6,7 @@ pub mod decision;
 mod grid;
 mod pinhole;
 mod projection;
+mod stixels;
 
 pub use cells::cells;
 pub use curve::DistanceCurve;
@@ -13,3 +14,4 @@ pub(crate) use grid::grid_with;
 pub use grid::{CellDecision, GridSettings, MIN_VALID, grid};
 pub use pinhole::PinholeFit;
 pub use projection::project;
+pub use stixels::{GroundPlane, Stixel, Stixels};
