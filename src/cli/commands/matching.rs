@@ -8,13 +8,13 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 use svl::calibrate::files::read_calib;
-use svl::depth::GridSettings;
+use svl::depth::{GridSettings, Stixels};
 use svl::manifest::Manifest;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::outputs::{Outputs, write};
 use svl::recording::CellReport;
 use svl::report::evidence::EvidencePage;
-use svl::stereo::{DepthGrid, Reason, RectifiedPair};
+use svl::stereo::{DepthGrid, Reason, RectifiedPair, Rig};
 use svl::timing::Stage;
 use svl::{depth, files, overlay};
 
@@ -28,6 +28,7 @@ Examples:
   svl match im0.png im1.png -o d.pfm --calib calib.txt     distances too
   svl match im0.png im1.png -o cloud.ply --calib calib.txt
   svl match im0.png im1.png --algo v5 -o d.pfm --evidence cells.html
+  svl match im0.png im1.png --algo sgm -o d.pfm --stixels stixels.png
 
 OUT.png is 16-bit, KITTI's form: 256·disparity, 0 = none. OUT.pfm has +inf
 for none. CLOUD.ply has a point in metres and its grey value per pixel with
@@ -56,6 +57,12 @@ pub(crate) struct Args {
     /// Picture of the disparities
     #[arg(long, value_name = "P.png", value_parser = usage::ending(&["png"]))]
     preview: Option<PathBuf>,
+    /// Table of the stixels (left, top, width, height, surface, …), or a picture of them
+    #[arg(
+        long, value_name = "S.csv|S.png",
+        value_parser = usage::ending(&["csv", "png"])
+    )]
+    stixels: Option<PathBuf>,
     /// HTML page that shows why each cell of v5 is known, or is not
     #[arg(long, value_name = "C.html", value_parser = usage::ending(&["html"]))]
     evidence: Option<PathBuf>,
@@ -110,6 +117,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         Some(&args.output),
         args.why.as_ref(),
         args.preview.as_ref(),
+        args.stixels.as_ref(),
         args.evidence.as_ref(),
     ];
     let mut outputs = Outputs::claim(
@@ -156,12 +164,18 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         files::write_why(path, &map)?;
     }
     if let Some(path) = &args.preview {
-        let max_px = map
-            .disparity()
-            .pixels()
-            .filter(|d| d.is_finite())
-            .fold(1.0, f32::max);
+        let finite = map.disparity().pixels().filter(|d| d.is_finite());
+        let max_px = finite.fold(1.0, f32::max);
         files::write_png(path, width, height, &overlay::preview(&map, max_px))?;
+    }
+    if let Some(path) = &args.stixels {
+        let stixels = Stixels::new(map.disparity());
+        if files::has_ending(path, "png") {
+            let picture = overlay::stixels(pair.left(), &stixels);
+            files::write_png(path, width, height, &picture)?;
+        } else {
+            write(path, table(&stixels, rig.as_ref())?)?;
+        }
     }
     let settings = GridSettings::default();
     let grid = own_grid.unwrap_or_else(|| depth::grid(map.disparity(), settings, rig.as_ref()));
@@ -206,6 +220,57 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     } else {
         print(&report.text()?)
     }
+}
+
+/// A row of the table of stixels.
+#[derive(Serialize)]
+struct StixelRow {
+    left: usize,
+    top: usize,
+    width: usize,
+    height: usize,
+    surface: &'static str,
+    disparity_px: f32,
+    slope_px: f32,
+    support: f32,
+    /// At the middle row.
+    distance_m: Option<f64>,
+}
+
+impl StixelRow {
+    const COLUMNS: [&'static str; 9] = [
+        "left",
+        "top",
+        "width",
+        "height",
+        "surface",
+        "disparity_px",
+        "slope_px",
+        "support",
+        "distance_m",
+    ];
+}
+
+fn table(stixels: &Stixels, rig: Option<&Rig>) -> anyhow::Result<String> {
+    // A table without stixels has its header, too.
+    let mut csv = csv::WriterBuilder::new()
+        .has_headers(false)
+        .from_writer(Vec::new());
+    csv.write_record(StixelRow::COLUMNS)?;
+    for stixel in &stixels.stixels {
+        csv.serialize(StixelRow {
+            left: stixel.columns.start,
+            top: stixel.rows.start,
+            width: stixel.columns.len(),
+            height: stixel.rows.len(),
+            surface: if stixel.is_ground { "ground" } else { "object" },
+            disparity_px: stixel.disparity_px,
+            slope_px: stixel.slope,
+            support: stixel.support,
+            distance_m: rig.and_then(|rig| rig.depth_m(stixel.disparity_px.into())),
+        })?;
+    }
+    Ok(String::from_utf8(csv.into_inner()?)?)
 }
 
 /// Distances row by row, none if unknown.

@@ -61,8 +61,12 @@ impl GroundPlane {
                 per_row: fitted.z as f32,
             };
         }
-        // It comes nearer towards the robot.
-        (plane.per_row > 0.0).then_some(plane)
+        // It comes nearer towards the robot, and its horizon is still about where it was tried: a
+        // wall in front of the robot has none.
+        let horizon = -plane.at(0.5 * (width - 1) as f32, 0.0) / plane.per_row;
+        let last = (height - 1) as f32;
+        let is_seen = horizon > 2.0 * HORIZON.0 * last && horizon < last;
+        (plane.per_row > 0.0 && is_seen).then_some(plane)
     }
 
     /// The disparity at a pixel; 0 and below is above the horizon.
