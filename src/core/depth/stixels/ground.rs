@@ -21,8 +21,9 @@ const HORIZON: (f32, f32) = (-0.1, 0.8);
 const HORIZONS: usize = 46;
 /// Disparities of the bottom row that are tried, pixels.
 const BOTTOM_PX: std::ops::RangeInclusive<usize> = 4..=256;
-/// A line exists if this fraction of the disparities below its horizon lies on it.
-const MIN_ON_LINE: f32 = 0.3;
+/// A line exists if this fraction of the disparities below its horizon, in the lower half of the
+/// image, lies on it.
+const MIN_ON_LINE: f32 = 0.2;
 /// Distances from the plane of the disparities that it is fitted to, pixels, step by step.
 const FIT_PX: [f32; 4] = [3.0, 3.0, 2.0, 1.5];
 /// The fewest measurements of a plane.
@@ -118,8 +119,9 @@ fn line(measured: &Plane<f32>) -> Option<GroundPlane> {
     for i in 0..HORIZONS {
         let share = i as f32 / (HORIZONS - 1) as f32;
         let horizon = last * (HORIZON.0 + share * (HORIZON.1 - HORIZON.0));
-        let first = (horizon.max(-1.0) + 1.0) as usize;
-        let least = MIN_ON_LINE * below[first.min(height)] as f32;
+        // A wall above the middle is no ground.
+        let first = ((horizon + 1.0) as usize).max(height / 2);
+        let least = MIN_ON_LINE * below[first] as f32;
         for bottom in BOTTOM_PX {
             let per_row = bottom as f32 / (last - horizon);
             let on_line = (first..height).map(|y| {

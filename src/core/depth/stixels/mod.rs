@@ -54,8 +54,10 @@ pub struct Stixels {
 
 /// The measurements are medians of blocks: at most so many in a row, and in a column.
 const BLOCKS: (usize, usize) = (64, 120);
-/// A stixel has disparities in at least this fraction of its rows, and in so many rows of blocks.
-const MIN_SUPPORT: f32 = 0.5;
+/// An object has disparities in at least this fraction of its rows; the ground, whose plane is that
+/// of all columns, in this one; each in so many rows of blocks.
+const OBJECT_SUPPORT: f32 = 0.5;
+const GROUND_SUPPORT: f32 = 0.25;
 const MIN_BLOCKS: usize = 3;
 
 impl Stixels {
@@ -75,7 +77,11 @@ impl Stixels {
             for segment in segmentation.column(column, expected) {
                 let rows = segment.rows.start * block.1..(segment.rows.end * block.1).min(height);
                 let support = segment.measured as f32 / segment.rows.len() as f32;
-                if segment.measured < MIN_BLOCKS || support < MIN_SUPPORT {
+                let least = match segment.object_px {
+                    Some(_) => OBJECT_SUPPORT,
+                    None => GROUND_SUPPORT,
+                };
+                if segment.measured < MIN_BLOCKS || support < least {
                     continue;
                 }
                 let center = 0.5 * (rows.start + rows.end - 1) as f32;
