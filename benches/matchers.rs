@@ -1,5 +1,5 @@
-//! Criterion's statistics of the matchers on a pair of the arena, one thread: how a change moved
-//! them.
+//! Criterion's statistics of the matchers and of the decisions on cells, on a pair of the arena, one
+//! thread: how a change moved them.
 //!
 //! ```text
 //! cargo bench                       # all of them
@@ -12,9 +12,10 @@
 
 use criterion::{Criterion, Throughput};
 use svl::arena::{Arena, ArenaConfig};
+use svl::depth::{CellDecision, GridSettings, cells};
 use svl::kernel::Isa;
 use svl::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput, Value};
-use svl::stereo::{RectifiedPair, StereoPair};
+use svl::stereo::{CellRule, RectifiedPair, StereoPair};
 
 /// Sizes with their disparities `0..=N`.
 const SIZES: [(usize, usize, u16); 2] = [(320, 240, 80), (640, 480, 128)];
@@ -30,6 +31,7 @@ fn main() {
             matchers(&mut criterion, size);
         }
         instruction_sets(&mut criterion);
+        decisions(&mut criterion);
         criterion.final_summary();
     });
 }
@@ -60,6 +62,31 @@ fn instruction_sets(criterion: &mut Criterion) {
     for isa in Isa::available() {
         bench(criterion, isa.name(), "v3", &pair, max_disparity, isa);
     }
+}
+
+/// The decisions on the cells of sgm's map.
+fn decisions(criterion: &mut Criterion) {
+    let (width, height, _) = SIZES[0];
+    let pair = pair(width, height);
+    let sgm: Algorithm = "sgm".parse().expect("it is registered");
+    let matched = sgm.match_pair(RectifiedPair::assume(&pair), None);
+    let map = matched.expect("the pair can be matched").disparity;
+    let mut group = criterion.benchmark_group("decisions");
+    for decision in [
+        CellDecision::Median,
+        CellDecision::Stixels,
+        CellDecision::Safe,
+    ] {
+        let settings = GridSettings {
+            decision,
+            ..GridSettings::default()
+        };
+        let rule = CellRule::Disparity { tolerance_px: 2.0 };
+        group.bench_function(format!("{decision:?}"), |bencher| {
+            bencher.iter(|| cells(map.disparity(), pair.left(), settings, rule, None));
+        });
+    }
+    group.finish();
 }
 
 fn pair(width: usize, height: usize) -> StereoPair {

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Revision 3 of v5 on the seeds and scenes that docs/results/v5.md names: bash docs/revision3.sh DATASETS
+# Revision 3 of v5 on the seeds and scenes that docs/results/v5.md names: bash docs/revision3.sh DATASETS [MODEL.onnx]
+# The network, if one is named, matches every tenth pair through adapters/svl_onnx.py (PYTHON has onnxruntime).
 # Prints, for each set of scenes, right and wrong cells, missed and false obstacles of v5 (revisions 3 and 2), v3, bm
 # and sgm; then calibration error, area of the ROC and the curve of both revisions. Writes
 # docs/pictures/revision3.svg. The reports stay in reports/revision3-*.
@@ -9,10 +10,16 @@ cd "$(dirname "$0")/.."
 svl() { cargo run --profile "${PROFILE:-release}" --quiet --locked -- "$@"; }
 algorithms=(--algo v5:revision=3,confidence=0.001/0.9 --algo v5:revision=2,confidence=0.001/0.85
   --algo v3 --algo bm:uniqueness=0/15/60 --algo sgm:uniqueness=0/5/60)
+network="${2:+network=exec:command='${PYTHON:-python3} adapters/svl_onnx.py $2',max_disparity=127,timeout_s=300}"
 score() {
   local name="$1"
   shift
   svl score "$@" "${algorithms[@]}" --rerun none --quiet -o "reports/revision3-$name" >/dev/null
+  if [ -n "$network" ]; then
+    local every=10
+    case "$name" in playground | street | middlebury) every=1 ;; esac
+    svl score "$@" --every "$every" --algo "$network" --rerun none --quiet -o "reports/revision3-$name-network" >/dev/null
+  fi
 }
 
 score playground scenarios/eth3d.toml --data "$datasets" --scenes eth3d-playground_1l
@@ -27,6 +34,7 @@ score courses reports/revision3-drive/course-*-truth.mcap
 python3 - << 'PYTHON'
 import collections
 import csv
+import os
 
 ALL = {"3": "v5:revision=3,confidence=0.001", "2": "v5:revision=2,confidence=0.001"}
 ENDS = [0, 0.2, 0.4, 0.6, 0.75, 0.85, 0.9, 0.95, 0.98, 1.000001]  # those of `svl train cells`
@@ -37,8 +45,9 @@ SETS["two real pairs"] = ["playground", "street"]
 
 def judged(part):
     """The cells of a report that have a truth."""
-    rows = csv.DictReader(open(f"reports/revision3-{part}/cells.csv"))
-    return (row for row in rows if row["verdict"] != "no-truth")
+    for report in (f"reports/revision3-{part}/cells.csv", f"reports/revision3-{part}-network/cells.csv"):
+        if os.path.exists(report):
+            yield from (row for row in csv.DictReader(open(report)) if row["verdict"] != "no-truth")
 
 
 def curve(ranked, total, shares):
@@ -101,7 +110,10 @@ for name, parts in SETS.items():
 
 # A small chart per set: wrong against known cells.
 SIDE, LEFT, TOP, MOST = 200, 46, 46, 20.0
-COLOURS = {"v5:revision=3": "#0072B2", "v5:revision=2": "#56B4E9", "v3": "#999999", "bm": "#E69F00", "sgm": "#009E73"}
+COLOURS = {"v5:revision=3": "#0072B2", "v5:revision=2": "#56B4E9", "v3": "#999999", "bm": "#E69F00", "sgm": "#009E73",
+           "network": "#D55E00"}
+if not any("network" in chart["points"] for chart in charts.values()):
+    del COLOURS["network"]
 svg = []
 for i, (name, chart) in enumerate(list(charts.items())[:5]):
     x0, y0 = LEFT + i % 3 * (SIDE + LEFT + 14), TOP + i // 3 * (SIDE + TOP + 30)

@@ -34,13 +34,13 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "disparity",
             unit: "px",
-            range: Range::int(29, 1..=511),
+            range: Range::int(22, 1..=511),
             description: "the one disparity that is compared",
         },
         Parameter {
             name: "block_size",
             unit: "px",
-            range: Range::int(9, 3..=31),
+            range: Range::int(11, 3..=31),
             description: "side of the square blocks, which do not overlap",
         },
         Parameter {
