@@ -17,6 +17,12 @@ const BIAS: u16 = 1 << 15;
 /// Largest square in a capped sum.
 pub const CAP: u16 = u16::MAX / WINDOW as u16;
 
+/// What a square is kept with. Where one enters a sum and one leaves, it cancels out.
+const RAISE: u16 = u16::MAX - CAP;
+
+/// The number kept for a sum to which no square has been added.
+const EMPTY: u16 = BIAS.wrapping_sub(RAISE.wrapping_mul(WINDOW as u16));
+
 /// See [`super::least_ssd`].
 #[inline(always)]
 pub(super) fn least(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [Lanes<u16>]) {
@@ -45,7 +51,7 @@ pub(super) fn least(block: &[Lanes<u16>], sums: &mut [Lanes<u16>], out: &mut [La
         }
         // The window at the left edge is new.
         if let Some(sum) = sums.get_mut(x - REACH - 1) {
-            *sum = Lanes::splat(BIAS);
+            *sum = Lanes::splat(EMPTY);
             for (a, b) in block[x - REACH..=x + REACH].iter().zip(block) {
                 for l in 0..Lanes::COUNT {
                     sum.0[l] = sum.0[l].wrapping_add(square(a, b, l));
@@ -76,10 +82,11 @@ fn lesser(a: u16, b: u16) -> u16 {
     (a as i16).min(b as i16) as u16
 }
 
-/// The squares of the differences of two columns, capped.
+/// The squares of the differences of two columns, capped, plus [`RAISE`]: a saturating sum caps in
+/// one operation, and SSE2 finds no minimum of numbers without a sign.
 #[inline(always)]
 fn square(a: &Lanes<u16>, b: &Lanes<u16>, l: usize) -> u16 {
     // Pixels have 8 bits, so the square is right modulo 65536 whatever the difference's sign.
     let difference = a.0[l].wrapping_sub(b.0[l]);
-    difference.wrapping_mul(difference).min(CAP)
+    difference.wrapping_mul(difference).saturating_add(RAISE)
 }

@@ -12,20 +12,58 @@ pub const CENSUS_BYTES: usize = 8;
 /// Elements before the first pixel in a plane of censuses, and after the last block of pixels.
 pub const CENSUS_MARGIN: usize = Lanes::COUNT;
 
+/// Pixels of a block with those around it, in a row.
+const SPAN: usize = Lanes::COUNT + 2 * CENSUS_REACH[0];
+
+/// Where the neighbours of a block's first pixel are, in rows of [`SPAN`].
+const NEIGHBOURS: [usize; 62] = {
+    let window = 2 * CENSUS_REACH[0] + 1;
+    let mut places = [0; 62];
+    let mut i = 0;
+    while i < places.len() {
+        // The middle one is left out.
+        let k = if i < places.len() / 2 { i } else { i + 1 };
+        places[i] = k / window * SPAN + k % window;
+        i += 1;
+    }
+    places
+};
+
 /// See [`super::census_row`].
 #[inline(always)]
 pub(super) fn census(rows: [&[u8]; 7], stride: usize, out: &mut [u8]) {
+    const N: usize = Lanes::COUNT;
     let [reach_x, reach_y] = CENSUS_REACH;
-    let (width, window) = (rows[0].len() - 2 * reach_x, 2 * reach_x + 1);
-    let centres = &rows[reach_y][reach_x..][..width];
-    out.chunks_mut(stride)
-        .for_each(|plane| plane[..width].fill(0));
-    let neighbours = (0..7 * window).filter(|&k| k != reach_y * window + reach_x);
-    for (bit, k) in neighbours.enumerate() {
-        let plane = &mut out[bit / 8 * stride..][..width];
-        let neighbours = &rows[k / window][k % window..][..width];
-        for ((byte, &neighbour), &centre) in plane.iter_mut().zip(neighbours).zip(centres) {
-            *byte |= u8::from(neighbour < centre) << (bit % 8);
+    let width = rows[0].len() - 2 * reach_x;
+    for x in (0..width).step_by(N) {
+        // Blocks of one size, so that the compiler knows how many vectors they are.
+        let mut around = [[0; SPAN]; 7];
+        for (around, row) in around.iter_mut().zip(rows) {
+            let row = &row[x..];
+            match row.first_chunk() {
+                Some(row) => *around = *row,
+                None => around[..row.len()].copy_from_slice(row),
+            }
+        }
+        let around = around.as_flattened();
+        let pixels = |first: usize| -> &[u8; N] {
+            let pixels = around[first..].first_chunk();
+            pixels.expect("pixels of a block")
+        };
+        let centres = pixels(reach_y * SPAN + reach_x);
+        let pixels_left = N.min(width - x);
+        for (places, plane) in NEIGHBOURS.chunks(8).zip(out.chunks_mut(stride)) {
+            let mut bits = [0; N];
+            // From the highest bit down.
+            for &place in places.iter().rev() {
+                let neighbours = pixels(place);
+                for l in 0..N {
+                    // SSE2 compares no numbers without a sign.
+                    let darker = centres[l].saturating_sub(neighbours[l]).min(1);
+                    bits[l] = bits[l] << 1 | darker;
+                }
+            }
+            plane[x..x + pixels_left].copy_from_slice(&bits[..pixels_left]);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Filters of grey rows: vertical smoothing, prefilters of block matching, the median of three by
 //! three, bilinear resampling.
 
+use super::pairs::{Group, Pairs};
 use crate::stereo::Gray;
 
 /// Pixels smoothed together.
@@ -8,33 +9,74 @@ const SMOOTHED: usize = 64;
 
 /// See [`super::smooth_row`].
 #[inline(always)]
-pub(super) fn smooth(image: &Gray, y: usize, weights: &[u32], out: &mut [u8]) {
-    let last = image.height() - 1;
+pub(super) fn smooth(pairs: impl Pairs, image: &Gray, y: usize, weights: &[u32], out: &mut [u8]) {
+    // The first weight has up to 17 bits, the others have 15.
+    let split = [(weights[0] >> 2) as i16, (weights[0] & 3) as i16];
     for (block, out) in out.chunks_mut(SMOOTHED).enumerate() {
-        let start = block * SMOOTHED;
-        // Blocks of one size, so that the compiler knows how many vectors they are.
-        let pixels = |y: usize| -> [u8; SMOOTHED] {
-            let row = &image.row(y)[start..];
-            row.first_chunk().copied().unwrap_or_else(|| {
-                let mut pixels = [0; SMOOTHED];
-                pixels[..row.len()].copy_from_slice(row);
-                pixels
-            })
-        };
+        let x = block * SMOOTHED;
         // Half of the divisor: the shift below then rounds to nearest.
         let mut sums = [1 << 15; SMOOTHED];
-        let centre = pixels(y);
+        let mut planes = [[0; SMOOTHED]; 2];
+        let centre = smoothed_pixels(image, y, x);
         for i in 0..SMOOTHED {
-            sums[i] += weights[0] * u32::from(centre[i]);
+            planes[0][i] = i16::from(centre[i]) << 2;
+            planes[1][i] = i16::from(centre[i]);
         }
-        for (k, &weight) in weights.iter().enumerate().skip(1) {
-            let (above, below) = (pixels(y.saturating_sub(k)), pixels((y + k).min(last)));
-            for i in 0..SMOOTHED {
-                sums[i] += weight * (u32::from(above[i]) + u32::from(below[i]));
-            }
+        add_planes(&pairs, &mut sums, &planes, split);
+        let (two, one) = weights[1..].as_chunks::<2>();
+        for (i, &[near, far]) in two.iter().enumerate() {
+            sum_rows(image, y, 2 * i + 1, x, &mut planes[0]);
+            sum_rows(image, y, 2 * i + 2, x, &mut planes[1]);
+            add_planes(&pairs, &mut sums, &planes, [near as i16, far as i16]);
+        }
+        if let &[last] = one {
+            sum_rows(image, y, weights.len() - 1, x, &mut planes[0]);
+            // The other plane has no weight.
+            add_planes(&pairs, &mut sums, &planes, [last as i16, 0]);
         }
         let smoothed = sums.map(|sum| (sum >> 16) as u8);
         out.copy_from_slice(&smoothed[..out.len()]);
+    }
+}
+
+/// Pixels of row `y` from `x` on, zero beyond its end. Their number is fixed, so that the compiler
+/// knows how many vectors they are.
+#[inline(always)]
+fn smoothed_pixels(image: &Gray, y: usize, x: usize) -> [u8; SMOOTHED] {
+    let row = &image.row(y)[x..];
+    match row.first_chunk() {
+        Some(row) => *row,
+        None => {
+            let mut pixels = [0; SMOOTHED];
+            pixels[..row.len()].copy_from_slice(row);
+            pixels
+        }
+    }
+}
+
+/// Sums of the pixels `distance` above and below row `y`, from `x` on.
+#[inline(always)]
+fn sum_rows(image: &Gray, y: usize, distance: usize, x: usize, out: &mut [i16; SMOOTHED]) {
+    let above = smoothed_pixels(image, y.saturating_sub(distance), x);
+    let below = smoothed_pixels(image, (y + distance).min(image.height() - 1), x);
+    for i in 0..SMOOTHED {
+        out[i] = i16::from(above[i]) + i16::from(below[i]);
+    }
+}
+
+/// Adds two planes of numbers by their weights.
+#[inline(always)]
+fn add_planes(
+    pairs: &impl Pairs,
+    sums: &mut [u32; SMOOTHED],
+    planes: &[[i16; SMOOTHED]; 2],
+    weights: [i16; 2],
+) {
+    let [a, b] = planes.each_ref().map(|plane| plane.as_chunks().0);
+    let sums = sums.as_chunks_mut().0;
+    for (sums, (&a, &b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+        let planes = pairs.pair_up(&[a, b]);
+        *sums = pairs.add_weighted(Group(*sums), planes, weights).0;
     }
 }
 

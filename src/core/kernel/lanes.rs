@@ -159,4 +159,5 @@ macro_rules! interleave {
 interleave! {
     [u8; 16], _mm_unpacklo_epi8 _mm_unpackhi_epi8, uint8x16_t vzip1q_u8 vzip2q_u8;
     [u16; 8], _mm_unpacklo_epi16 _mm_unpackhi_epi16, uint16x8_t vzip1q_u16 vzip2q_u16;
+    [i16; 8], _mm_unpacklo_epi16 _mm_unpackhi_epi16, int16x8_t vzip1q_s16 vzip2q_s16;
 }

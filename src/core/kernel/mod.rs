@@ -132,7 +132,7 @@ kernels! {
     ///
     /// `weights[k]` belongs to the rows `y - k` and `y + k`; with both sides counted they sum to
     /// 65536.
-    pub fn smooth_row(image: &Gray, y: usize, weights: &[u32], out: &mut [u8]) = filter::smooth;
+    pub fn smooth_row(image: &Gray, y: usize, weights: &[u32], out: &mut [u8]) = filter::smooth, pairs;
 
     /// For each row of `inputs` and each row of `weights`, both `stride` long, the bias plus the
     /// sum of their products: one row of `out` per row of `inputs`. `stride` is a multiple of
@@ -160,7 +160,7 @@ kernels! {
 
     /// Marks the pixels of `row` where the fine difference of Gaussians answers at least as
     /// strongly as the coarse one.
-    pub fn textured_row(row: &[u8], taps: &DogTaps, out: &mut [bool]) = texture::dog;
+    pub fn textured_row(row: &[u8], taps: &DogTaps, out: &mut [bool]) = texture::dog, pairs;
 
     /// Marks the pixels of `row` whose window has `9·ΣI² − (ΣI)²` of at least `least`; none where
     /// no window fits.

@@ -5,6 +5,8 @@
 //! one load less; the matching of v1 to v3 takes two thirds of the time.
 
 #[cfg(not(target_arch = "aarch64"))]
+use super::lanes::Interleave;
+#[cfg(not(target_arch = "aarch64"))]
 use std::mem::transmute;
 
 /// A number for each of sixteen rows; 32-bit numbers fill a vector of AVX-512.
@@ -37,19 +39,24 @@ pub struct RowPairs(
 );
 
 impl RowPairs {
+    /// Zeros.
+    pub const NONE: Self = Self(
+        #[cfg(not(target_arch = "aarch64"))]
+        Group::splat([0; 2]),
+        #[cfg(target_arch = "aarch64")]
+        [[0; Group::ROWS]; 2],
+    );
+
     #[inline(always)]
-    pub const fn new(numbers: [[i16; Group::ROWS]; 2]) -> Self {
+    pub fn new(numbers: [[i16; Group::ROWS]; 2]) -> Self {
         #[cfg(target_arch = "aarch64")]
         return Self(numbers);
         #[cfg(not(target_arch = "aarch64"))]
         {
-            let mut pairs = Group::splat([0; 2]);
-            let mut l = 0;
-            while l < Group::ROWS {
-                pairs.0[l] = [numbers[0][l], numbers[1][l]];
-                l += 1;
-            }
-            Self(pairs)
+            let [a, b] = numbers.each_ref().map(|numbers| numbers.as_chunks().0);
+            let pairs = [i16::interleave(a[0], b[0]), i16::interleave(a[1], b[1])];
+            // SAFETY: both are the same numbers in the same order.
+            Self(unsafe { transmute::<[[[i16; 8]; 2]; 2], Group<[i16; 2]>>(pairs) })
         }
     }
 }
@@ -83,6 +90,30 @@ pub trait Pairs {
         return x86::add_products_sse2(sum, pairs);
         #[cfg(not(target_arch = "x86_64"))]
         return add_products(sum, pairs);
+    }
+
+    /// The numbers of both planes as pairs.
+    #[inline(always)]
+    fn pair_up(&self, planes: &[[i16; Group::ROWS]; 2]) -> RowPairs {
+        RowPairs::new(*planes)
+    }
+
+    /// `sum` and the numbers of each row by their weights.
+    #[inline(always)]
+    fn add_weighted(&self, sum: Group<u32>, numbers: RowPairs, weights: [i16; 2]) -> Group<u32> {
+        #[cfg(target_arch = "aarch64")]
+        {
+            let mut sum = sum;
+            for (numbers, weight) in numbers.0.iter().zip(weights) {
+                for l in 0..Group::ROWS {
+                    let product = i32::from(numbers[l]) * i32::from(weight);
+                    sum.0[l] = sum.0[l].wrapping_add_signed(product);
+                }
+            }
+            sum
+        }
+        #[cfg(not(target_arch = "aarch64"))]
+        self.add_products(sum, [numbers.0, Group::splat(weights)])
     }
 
     /// `sum − 2 · Σ rows·words` of each row, the sum over nine bytes: words have four bytes each,
@@ -386,6 +417,18 @@ mod x86 {
         const SELECTS: bool = true;
 
         #[inline(always)]
+        fn pair_up(&self, planes: &[[i16; Group::ROWS]; 2]) -> RowPairs {
+            // SAFETY: see above.
+            unsafe {
+                let [a, b] = transmute::<[[i16; Group::ROWS]; 2], [__m256i; 2]>(*planes);
+                // Instructions interleave halves: each half gets what the pairs there need.
+                let [a, b] = [a, b].map(|v| _mm256_permute4x64_epi64::<0b11_01_10_00>(v));
+                let pairs = [_mm256_unpacklo_epi16(a, b), _mm256_unpackhi_epi16(a, b)];
+                RowPairs(transmute::<[__m256i; 2], Group<[i16; 2]>>(pairs))
+            }
+        }
+
+        #[inline(always)]
         fn sum(
             &self,
             sum: Group<u32>,
@@ -425,6 +468,21 @@ mod x86 {
 
     impl Pairs for Avx512 {
         const SELECTS: bool = true;
+
+        #[inline(always)]
+        fn pair_up(&self, planes: &[[i16; Group::ROWS]; 2]) -> RowPairs {
+            let mut order = [0; 2 * Group::ROWS];
+            for l in 0..Group::ROWS {
+                [order[2 * l], order[2 * l + 1]] = [l as i16, (Group::ROWS + l) as i16];
+            }
+            // SAFETY: see above.
+            unsafe {
+                let order = transmute::<[i16; 2 * Group::ROWS], __m512i>(order);
+                let planes = transmute::<[[i16; Group::ROWS]; 2], __m512i>(*planes);
+                let pairs = _mm512_permutexvar_epi16(order, planes);
+                RowPairs(transmute::<__m512i, Group<[i16; 2]>>(pairs))
+            }
+        }
 
         #[inline(always)]
         fn sum(

@@ -12,13 +12,15 @@ use crate::stereo::Gray;
 
 const N: usize = Lanes::COUNT;
 const ROWS: usize = RowPaths::ROWS;
+/// Squares across a block.
+const PARTS: usize = N / SIDE;
 
 /// The paths along the rows of a band. It holds one thread's scratch.
 pub struct RowPaths {
     shape: VolumeShape,
-    /// By column, then disparity.
-    costs: Vec<[u8; ROWS]>,
-    added: Vec<[u8; ROWS]>,
+    /// By sixteen columns, then disparity: columns of rows.
+    costs: Vec<Square>,
+    added: Vec<Square>,
     /// P2 of the step from the column before.
     steps: Vec<[u8; ROWS]>,
     /// Path costs of the column behind, and of this one.
@@ -31,13 +33,13 @@ impl RowPaths {
 
     /// Paths over volumes of that shape.
     pub fn new(shape: VolumeShape) -> Self {
-        let lanes = |count: usize| vec![[0; ROWS]; count];
         let columns = shape.padded();
+        let squares = vec![Square::default(); columns / SIDE * shape.count];
         Self {
             shape,
-            costs: lanes(columns * shape.count),
-            added: lanes(columns * shape.count),
-            steps: lanes(columns),
+            costs: squares.clone(),
+            added: squares,
+            steps: vec![[0; ROWS]; columns],
             lines: [(); 2].map(|()| vec![[[0; ROWS]]; shape.count + 2]),
         }
     }
@@ -83,20 +85,19 @@ pub(super) fn follow(
     } = paths;
     let (count, stride) = (shape.count, shape.stride());
     let rows = costs.len() / stride;
-    for block in 0..shape.blocks() {
-        for i in 0..shape.reached_in(block) {
-            for l in (0..N).step_by(ROWS) {
-                let mut square = Square::default();
-                for row in 0..ROWS {
-                    // A band at the bottom may have fewer rows; the content of the others does not
-                    // matter.
-                    let lanes = &costs[row.min(rows - 1) * stride + block * count + i].0;
-                    square[row].copy_from_slice(&lanes[l..][..ROWS]);
-                }
-                for (column, lanes) in transpose_square(&square).iter().enumerate() {
-                    transposed[(block * N + l + column) * count + i] = *lanes;
-                }
+    for (part, squares) in transposed.chunks_exact_mut(count).enumerate() {
+        let (block, part) = (part / PARTS, part % PARTS);
+        let squares = &mut squares[..shape.reached_in(block)];
+        // A band at the bottom may have fewer rows; the content of the others does not matter.
+        let lanes: [_; ROWS] = std::array::from_fn(|row| {
+            &costs[row.min(rows - 1) * stride + block * count..][..squares.len()]
+        });
+        for (i, to) in squares.iter_mut().enumerate() {
+            let mut square = Square::default();
+            for row in 0..ROWS {
+                square[row] = lanes[row][i].0.as_chunks().0[part];
             }
+            *to = transpose_square(&square);
         }
     }
     for (block, steps) in steps.as_chunks_mut::<ROWS>().0.iter_mut().enumerate() {
@@ -114,52 +115,48 @@ pub(super) fn follow(
     before.fill([[OUTSIDE; ROWS]]);
     now.fill([[OUTSIDE; ROWS]]);
     for x in 0..shape.width {
-        let (costs, added) = (
-            &transposed[x * count..][..shape.reached(x)],
-            &mut added[x * count..][..count],
-        );
+        let (first, column) = (x / SIDE * count, x % SIDE);
+        let costs = &transposed[first..][..shape.reached(x)];
+        let added = &mut added[first..][..count];
         advance(
             before,
             now,
             ([0], 0),
-            costs.iter(),
+            costs.iter().map(|square| &square[column]),
             penalties.small,
             [steps[x]],
-            added.iter_mut().map(FromLeft),
+            added.iter_mut().map(|square| FromLeft(&mut square[column])),
         );
         std::mem::swap(before, now);
     }
     before.fill([[OUTSIDE; ROWS]]);
     now.fill([[OUTSIDE; ROWS]]);
     for x in (0..shape.width).rev() {
-        let (costs, added) = (
-            &transposed[x * count..][..shape.reached(x)],
-            &mut added[x * count..][..count],
-        );
+        let (first, column) = (x / SIDE * count, x % SIDE);
+        let costs = &transposed[first..][..shape.reached(x)];
+        let added = &mut added[first..][..count];
         // The last column has no column after it.
         let step = steps[(x + 1).min(shape.width - 1)];
         advance(
             before,
             now,
             ([0], 0),
-            costs.iter(),
+            costs.iter().map(|square| &square[column]),
             penalties.small,
             [step],
-            added.iter_mut().map(FromRight),
+            added
+                .iter_mut()
+                .map(|square| FromRight(&mut square[column])),
         );
         std::mem::swap(before, now);
     }
 
-    for block in 0..shape.blocks() {
-        for i in 0..shape.reached_in(block) {
-            for l in (0..N).step_by(ROWS) {
-                let mut square = Square::default();
-                for (column, lanes) in square.iter_mut().enumerate() {
-                    *lanes = added[(block * N + l + column) * count + i];
-                }
-                for (row, part) in transpose_square(&square).iter().take(rows).enumerate() {
-                    sums[row * stride + block * count + i].0[l..][..ROWS].copy_from_slice(part);
-                }
+    for (part, squares) in added.chunks_exact(count).enumerate() {
+        let (block, part) = (part / PARTS, part % PARTS);
+        for (i, square) in squares[..shape.reached_in(block)].iter().enumerate() {
+            for (row, lanes) in transpose_square(square).iter().take(rows).enumerate() {
+                let sums = &mut sums[row * stride + block * count + i].0;
+                sums.as_chunks_mut().0[part] = *lanes;
             }
         }
     }

@@ -204,7 +204,7 @@ pub(super) struct Step {
 
 impl Step {
     pub(super) const NONE: Self = Self {
-        pixels: RowPairs::new([[0; Group::ROWS]; 2]),
+        pixels: RowPairs::NONE,
         squares: Group::splat(0),
     };
 

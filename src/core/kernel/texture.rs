@@ -1,13 +1,14 @@
 //! Texture tests of the pixels of a row: two differences of Gaussians compared (thesis, section
 //! 5.3.3), and the standard deviation of a window (section 5.3.2).
 
+use super::pairs::{Group, Pairs};
 use super::sliding_ssd::{REACH, WINDOW};
 
 /// Fixed-point weights (65536 = 1) of the fine and the coarse difference of Gaussians at distance 0
 /// ..= 12.
 ///
 /// Both are even functions, but the taps cover −12 ..= +11: distance 12 counts on the left side
-/// only.
+/// only. The weight of distance 0 has at most 21 bits with its sign, the others have 16.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DogTaps {
     pub fine: [i32; DogTaps::REACH + 1],
@@ -23,11 +24,31 @@ impl DogTaps {
 const BLOCK: usize = 64;
 /// Reach of the Gaussians.
 const TAPS: usize = DogTaps::REACH;
+/// The number of distances, in pairs. Distance 0 takes a pair of its own.
+const PAIRS: usize = 1 + TAPS / 2;
+/// Low bits of the weight of distance 0: the rest fits 16 bits, too, and so does a pixel times
+/// their power of two.
+const LOW_BITS: u32 = 6;
+
+/// The weights of a difference of Gaussians, in pairs.
+#[inline(always)]
+fn weight_pairs(taps: &[i32; TAPS + 1]) -> [[i16; 2]; PAIRS] {
+    let mut weights = [[0; 2]; PAIRS];
+    let low = taps[0] & ((1 << LOW_BITS) - 1);
+    weights[0] = [(taps[0] >> LOW_BITS) as i16, low as i16];
+    for (weights, taps) in weights[1..].iter_mut().zip(taps[1..].as_chunks::<2>().0) {
+        *weights = taps.map(|tap| tap as i16);
+    }
+    weights
+}
 
 /// See [`super::textured_row`].
 #[inline(always)]
-pub(super) fn dog(row: &[u8], taps: &DogTaps, out: &mut [bool]) {
+pub(super) fn dog(pairs: impl Pairs, row: &[u8], taps: &DogTaps, out: &mut [bool]) {
     let last = row.len() - 1;
+    let (fine, coarse) = (weight_pairs(&taps.fine), weight_pairs(&taps.coarse));
+    // The pixels, raised and plain, and then the sums of those at each distance on both sides.
+    let mut planes = [[0; BLOCK]; 2 * PAIRS];
     for (block, out) in out.chunks_mut(BLOCK).enumerate() {
         let start = block * BLOCK;
         // around[i] is pixel start + i - TAPS, edges replicated.
@@ -36,24 +57,35 @@ pub(super) fn dog(row: &[u8], taps: &DogTaps, out: &mut [bool]) {
         around[..missing].fill(row[0]);
         let source = &row[start + missing - TAPS..row.len().min(start + BLOCK + TAPS)];
         around[missing..][..source.len()].copy_from_slice(source);
-        let mut fine = [0i32; BLOCK];
-        let mut coarse = [0i32; BLOCK];
-        for i in 0..BLOCK {
-            let centre = i32::from(around[i + TAPS]);
-            let leftmost = i32::from(around[i]);
-            fine[i] = taps.fine[0] * centre + taps.fine[TAPS] * leftmost;
-            coarse[i] = taps.coarse[0] * centre + taps.coarse[TAPS] * leftmost;
+        let mut numbers = [0; BLOCK + 2 * TAPS];
+        for i in 0..numbers.len() {
+            numbers[i] = i16::from(around[i]);
         }
-        for k in 1..TAPS {
+        let (centre, sides) = planes.split_at_mut(2);
+        for i in 0..BLOCK {
+            centre[0][i] = numbers[i + TAPS] << LOW_BITS;
+            centre[1][i] = numbers[i + TAPS];
+        }
+        for (k, sums) in (1..TAPS).zip(&mut *sides) {
             for i in 0..BLOCK {
-                let both = i32::from(around[i + TAPS - k]) + i32::from(around[i + TAPS + k]);
-                fine[i] += taps.fine[k] * both;
-                coarse[i] += taps.coarse[k] * both;
+                sums[i] = numbers[i + TAPS - k] + numbers[i + TAPS + k];
             }
         }
+        sides[TAPS - 1].copy_from_slice(&numbers[..BLOCK]);
         let mut textured = [false; BLOCK];
-        for i in 0..BLOCK {
-            textured[i] = fine[i].abs() >= coarse[i].abs();
+        for (i, textured) in textured.as_chunks_mut().0.iter_mut().enumerate() {
+            let mut sums = [Group::splat(0); 2];
+            for (pair, planes) in planes.as_chunks().0.iter().enumerate() {
+                let numbers = planes.each_ref().map(|plane| plane.as_chunks().0[i]);
+                let numbers = pairs.pair_up(&numbers);
+                sums[0] = pairs.add_weighted(sums[0], numbers, fine[pair]);
+                sums[1] = pairs.add_weighted(sums[1], numbers, coarse[pair]);
+            }
+            *textured = [false; Group::ROWS];
+            let [Group(fine), Group(coarse)] = sums;
+            for l in 0..Group::ROWS {
+                textured[l] = (fine[l] as i32).abs() >= (coarse[l] as i32).abs();
+            }
         }
         out.copy_from_slice(&textured[..out.len()]);
     }

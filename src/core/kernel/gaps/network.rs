@@ -168,14 +168,13 @@ fn activate(sums: [Group<u32>; 2]) -> Group<[i16; 2]> {
     out
 }
 
-/// Adds a layer of `2·N` outputs in pairs: `sum` has the sum of an output so far.
+/// Computes a layer of `2·N` outputs in pairs; `sum` is the sum of an output. It writes to memory
+/// that was cleared once: a result of its own would be cleared in each call.
 #[inline(always)]
-fn layer<const N: usize>(sum: impl Fn(usize) -> Group<u32>) -> Inputs<N> {
-    let mut out = [Group::splat([0; 2]); N];
+fn layer<const N: usize>(out: &mut Inputs<N>, sum: impl Fn(usize) -> Group<u32>) {
     for (i, out) in out.iter_mut().enumerate() {
         *out = activate([sum(2 * i), sum(2 * i + 1)]);
     }
-    out
 }
 
 #[inline(always)]
@@ -198,8 +197,10 @@ pub(in super::super) fn weigh(
         ..
     } = candidates;
     let pairs = &pairs;
-    let z: Inputs<{ PIXEL / 2 }> =
-        layer(|i| add(pairs, bias(of.pixel_bias[i]), pixel, &of.pixel[i]));
+    let mut z = [Group::splat([0; 2]); PIXEL / 2];
+    layer(&mut z, |i| {
+        add(pairs, bias(of.pixel_bias[i]), pixel, &of.pixel[i])
+    });
     // The pixel's part of each hypothesis.
     let mut of_pixel = [bias(0); HIDDEN];
     for (out, weights) in of_pixel.iter_mut().zip(&of.hypothesis_pixel) {
@@ -208,7 +209,7 @@ pub(in super::super) fn weigh(
     let mut hidden = [[Group::splat([0; 2]); HIDDEN / 2]; HYPOTHESES];
     let mut mean = [Group::splat([0_i16; 2]); HIDDEN / 2];
     for (k, hidden) in hidden.iter_mut().enumerate() {
-        *hidden = layer(|i| {
+        layer(hidden, |i| {
             let mut sum = of_pixel[i];
             for l in 0..LANES {
                 sum.0[l] = sum.0[l].wrapping_add_signed(of.hypothesis_bias[k][i]);
@@ -236,9 +237,11 @@ pub(in super::super) fn weigh(
     let none = add(pairs, bias(of.none_bias), &mean, &of.none_mean);
     let mut scores = [[i32::MIN; LANES]; HYPOTHESES + 1];
     scores[HYPOTHESES] = score(add(pairs, none, &z, &of.none_pixel));
+    let mut choice = [Group::splat([0; 2]); CHOICE / 2];
     for k in 0..HYPOTHESES {
-        let choice: Inputs<{ CHOICE / 2 }> =
-            layer(|i| add(pairs, of_mean[i], &hidden[k], &of.choice[i]));
+        layer(&mut choice, |i| {
+            add(pairs, of_mean[i], &hidden[k], &of.choice[i])
+        });
         let of_k = score(add(pairs, bias(1 << (TO_SCORE - 1)), &choice, &of.score));
         let lanes = scores[k].iter_mut().zip(of_k).zip(exists[k]);
         lanes.for_each(|((out, score), exists)| *out = if exists { score } else { i32::MIN });

@@ -2,7 +2,7 @@
 
 use super::super::census::HalfImage;
 use super::super::half_map::HalfPixels;
-use super::super::sums::StripSums;
+use super::super::sums::{PixelSums, StripSums};
 use super::lines::{NONE, NearestSeen, SeenPixel};
 use crate::kernel::{GapCandidates, Group, HYPOTHESES, Isa, describe_hypotheses};
 use crate::stereo::Reason;
@@ -215,25 +215,13 @@ impl Measured<'_> {
         for exists in &mut of.exists {
             exists[lane] = false;
         }
-        let mut put = |k: usize, hypothesis: Hypothesis| {
-            assert!(k < HYPOTHESES);
-            let bin = hypothesis.bin;
-            let disparity = ((bin as u32 + 8) / 16).min(half.count as u32 - 1) as usize;
-            let small = ((bin as u32 + 16) / 32).min(quarter.count as u32 - 1) as usize;
-            of.exists[k][lane] = true;
-            of.bin[k][lane] = bin;
-            of.distance[k][lane] = hypothesis.distance;
-            of.barrier[k][lane] = hypothesis.barrier;
-            of.grey[k][lane] = (here - hypothesis.grey).abs();
-            of.excess[k][lane] = path_sums.at(disparity) - least;
-            of.quarter_excess[k][lane] = small_sums.at(small) - small_least;
-            let there = x.checked_sub(disparity);
-            of.leads_out[k][lane] = there.is_none().into();
-            of.right[k][lane] = there.map_or(0, |x| 16 * i32::from(right[x]) - bin);
-            of.seen[k][lane] = hypothesis.quality.seen.into();
-            of.unique[k][lane] = hypothesis.quality.unique.into();
-            of.own[k][lane] = hypothesis.quality.own.into();
-            of.ends[k][lane] = hypothesis.ends;
+        let measured = HypothesisPixel {
+            x,
+            grey: here,
+            right,
+            counts: [half.count, quarter.count],
+            sums: [&path_sums, &small_sums],
+            least: [least, small_least],
         };
         let own = Hypothesis {
             bin: half.bins[pixel].into(),
@@ -243,7 +231,7 @@ impl Measured<'_> {
             ends: 0,
             quality: self.quality[pixel],
         };
-        put(0, own);
+        measured.put(of, lane, 0, own);
         let lines = [
             &self.along_rows[row * self.lattice.0 + column],
             &self.along_columns[column * self.lattice.1 + row],
@@ -267,14 +255,14 @@ impl Measured<'_> {
                 if first.at != NONE {
                     let found = find(first);
                     nearest[direction] = Some(found);
-                    put(1 + 2 * axis + direction, found);
+                    measured.put(of, lane, 1 + 2 * axis + direction, found);
                 }
                 if other.at != NONE {
-                    put(5 + 2 * axis + direction, find(other));
+                    measured.put(of, lane, 5 + 2 * axis + direction, find(other));
                 }
             }
             if let [Some(a), Some(b)] = nearest {
-                put(9 + axis, Hypothesis::between(a, b));
+                measured.put(of, lane, 9 + axis, Hypothesis::between(a, b));
             }
         }
         let small_hypothesis = Hypothesis {
@@ -282,7 +270,7 @@ impl Measured<'_> {
             quality: small_quality,
             ..own
         };
-        put(11, small_hypothesis);
+        measured.put(of, lane, 11, small_hypothesis);
 
         of.filled[lane] = half.filled[pixel].into();
         let agrees = matches!(half.why[pixel], Reason::Valid | Reason::Ambiguous);
@@ -311,6 +299,46 @@ impl Measured<'_> {
         for (to, feature) in of.pixel.iter_mut().zip(features) {
             to[lane] = feature;
         }
+    }
+}
+
+/// A pixel of which hypotheses are measured; of pairs, the first is at half size, the second at
+/// quarter size.
+struct HypothesisPixel<'a> {
+    x: usize,
+    grey: i32,
+    /// The right image's winners, up to the pixel's column.
+    right: &'a [u8],
+    counts: [usize; 2],
+    sums: [&'a PixelSums<'a>; 2],
+    /// The pixel's least path costs.
+    least: [i32; 2],
+}
+
+impl HypothesisPixel<'_> {
+    /// Measures hypothesis `k`. A function, because a closure would read each variable and test
+    /// each bound again.
+    fn put(&self, of: &mut GapCandidates, lane: usize, k: usize, hypothesis: Hypothesis) {
+        assert!(k < HYPOTHESES);
+        // The compiler then knows that it is within bounds.
+        let lane = lane % LANES;
+        let bin = hypothesis.bin;
+        let disparity = ((bin as u32 + 8) / 16).min(self.counts[0] as u32 - 1) as usize;
+        let small = ((bin as u32 + 16) / 32).min(self.counts[1] as u32 - 1) as usize;
+        of.exists[k][lane] = true;
+        of.bin[k][lane] = bin;
+        of.distance[k][lane] = hypothesis.distance;
+        of.barrier[k][lane] = hypothesis.barrier;
+        of.grey[k][lane] = (self.grey - hypothesis.grey).abs();
+        of.excess[k][lane] = self.sums[0].at(disparity) - self.least[0];
+        of.quarter_excess[k][lane] = self.sums[1].at(small) - self.least[1];
+        let there = self.x.checked_sub(disparity);
+        of.leads_out[k][lane] = there.is_none().into();
+        of.right[k][lane] = there.map_or(0, |x| 16 * i32::from(self.right[x]) - bin);
+        of.seen[k][lane] = hypothesis.quality.seen.into();
+        of.unique[k][lane] = hypothesis.quality.unique.into();
+        of.own[k][lane] = hypothesis.quality.own.into();
+        of.ends[k][lane] = hypothesis.ends;
     }
 }
 
