@@ -1,5 +1,5 @@
-//! Criterion's statistics of the matchers and of the decisions on cells, on a pair of the arena, one
-//! thread: how a change moved them.
+//! Criterion's statistics of the matchers, and of the decisions on cells, on a pair of the arena,
+//! one thread: how a change moved them.
 //!
 //! ```text
 //! cargo bench                       # all of them

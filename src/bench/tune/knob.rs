@@ -80,7 +80,7 @@ const GRID: [Parameter; 4] = [
             default: "median",
             options: &["median", "stixels", "safe"],
         },
-        description: "what a cell reports: its median, that of its stixels, or what is safe to report",
+        description: "what a cell reports: its median, that of its stixels, or what is safe",
     },
 ];
 

@@ -132,7 +132,8 @@ kernels! {
     ///
     /// `weights[k]` belongs to the rows `y - k` and `y + k`; with both sides counted they sum to
     /// 65536.
-    pub fn smooth_row(image: &Gray, y: usize, weights: &[u32], out: &mut [u8]) = filter::smooth, pairs;
+    pub fn smooth_row(image: &Gray, y: usize, weights: &[u32], out: &mut [u8]) =
+        filter::smooth, pairs;
 
     /// For each row of `inputs` and each row of `weights`, both `stride` long, the bias plus the
     /// sum of their products: one row of `out` per row of `inputs`. `stride` is a multiple of

@@ -98,7 +98,8 @@ pub struct MatchContext<'a> {
 }
 
 impl Default for MatchContext<'_> {
-    /// No rig, no pose, the thesis's grid, the default cell rule, the threads of rayon's current pool.
+    /// No rig, no pose, the thesis's grid, the default cell rule, the threads of rayon's current
+    /// pool.
     fn default() -> Self {
         Self {
             sequence: 0,

@@ -93,7 +93,7 @@ struct Pushbroom {
     invariance: u32,
     hits: usize,
     keep: u64,
-    memory: Memory,
+    memory: SeenPoints,
     scratch: Scratch,
 }
 
@@ -109,12 +109,12 @@ struct Scratch {
 
 /// Points of obstacles in the world, in the order of the pairs in which they were seen.
 #[derive(Default)]
-struct Memory {
+struct SeenPoints {
     points: VecDeque<(u64, Point3<f64>)>,
     last: u64,
 }
 
-impl Memory {
+impl SeenPoints {
     /// Prepares for a pair: points that are too old are dropped, those of the same pair, which is
     /// matched once more, and all at the start of another run.
     fn begin(&mut self, sequence: u64, keep: u64) {
@@ -134,13 +134,13 @@ impl Memory {
 }
 
 /// A pair, to compare blocks of.
-struct Blocks<'a> {
+struct BlockPair<'a> {
     side: usize,
     images: [&'a Gray; 2],
     laplacians: [&'a [u8]; 2],
 }
 
-impl Blocks<'_> {
+impl BlockPair<'_> {
     /// Sum of the Laplacians of a block of the left (0) or the right (1) image.
     fn interest(&self, image: usize, (x, y): (usize, usize)) -> u32 {
         let (width, plane) = (self.images[image].width(), self.laplacians[image]);
@@ -172,7 +172,7 @@ impl Pushbroom {
             invariance: parameters.int("invariance") as u32,
             hits: parameters.int("hits") as usize,
             keep: parameters.int("memory") as u64,
-            memory: Memory::default(),
+            memory: SeenPoints::default(),
             scratch: Scratch::default(),
         }
     }
@@ -192,7 +192,7 @@ impl Pushbroom {
         why.clear();
         why.resize(width * height, Reason::Border);
         let [left, right] = &*laplacians;
-        let blocks = Blocks {
+        let blocks = BlockPair {
             side,
             images: [pair.left(), pair.right()],
             laplacians: [left, right],
@@ -278,7 +278,7 @@ impl Pushbroom {
 
 /// True if a block of the left image also matches near infinity, in rows above and below, too.
 fn repeats(
-    blocks: &Blocks<'_>,
+    blocks: &BlockPair<'_>,
     percent: u32,
     (x, y): (usize, usize),
     infinity: i32,
