@@ -82,9 +82,9 @@ pub(super) fn dog(pairs: impl Pairs, row: &[u8], taps: &DogTaps, out: &mut [bool
                 sums[1] = pairs.add_weighted(sums[1], numbers, coarse[pair]);
             }
             *textured = [false; Group::ROWS];
-            let [Group(fine), Group(coarse)] = sums;
-            for l in 0..Group::ROWS {
-                textured[l] = (fine[l] as i32).abs() >= (coarse[l] as i32).abs();
+            let [fine, coarse] = &sums;
+            for (l, textured) in textured.iter_mut().enumerate() {
+                *textured = (fine.0[l] as i32).abs() >= (coarse.0[l] as i32).abs();
             }
         }
         out.copy_from_slice(&textured[..out.len()]);
