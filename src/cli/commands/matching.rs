@@ -57,7 +57,7 @@ pub(crate) struct Args {
     /// Picture of the disparities
     #[arg(long, value_name = "P.png", value_parser = usage::ending(&["png"]))]
     preview: Option<PathBuf>,
-    /// Table of the stixels (left, top, width, height, surface, …), or a picture of them
+    /// Table or picture of the stixels
     #[arg(
         long, value_name = "S.csv|S.png",
         value_parser = usage::ending(&["csv", "png"])

@@ -87,6 +87,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "cells",
             "why",
             "preview",
+            "stixels",
             "evidence",
             "error_map",
             "figure",
