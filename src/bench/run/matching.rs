@@ -88,9 +88,11 @@ impl<'a> Matching<'a> {
     ) -> Self {
         let labels = matchers.0.iter().map(|entry| entry.label.clone());
         let failures = labels.map(|label| (label, 0)).collect();
-        // Pairs of a run that was interrupted.
-        let entries = matchers.0.iter_mut();
-        entries.for_each(|entry| entry.ahead.clear());
+        for entry in &mut matchers.0 {
+            // Pairs of a run that was interrupted.
+            entry.ahead.clear();
+            entry.matcher.forget();
+        }
         Self {
             matchers,
             judge: start.judge,

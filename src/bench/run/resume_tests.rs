@@ -64,6 +64,7 @@ struct SeesFloor {
     fails: bool,
     remembers: bool,
     matchings: Arc<AtomicU64>,
+    forgotten: Arc<AtomicU64>,
 }
 
 impl Matcher for SeesFloor {
@@ -87,6 +88,10 @@ impl Matcher for SeesFloor {
 
     fn remembers(&self) -> bool {
         self.remembers
+    }
+
+    fn forget(&mut self) {
+        self.forgotten.fetch_add(1, Ordering::Relaxed);
     }
 }
 
@@ -115,13 +120,14 @@ fn scored(
     let rows = Outbox::default();
     let mut sinks: Vec<Box<dyn Sink>> =
         vec![Box::new(TableSink::in_folder(folder, &rows).unwrap())];
-    let matchings = Arc::new(AtomicU64::new(0));
+    let [matchings, forgotten] = [0, 0].map(|n| Arc::new(AtomicU64::new(n)));
     let mut matchers = Matchers::new(&algorithms).unwrap();
     for (i, entry) in matchers.0.iter_mut().enumerate() {
         entry.matcher = Box::new(SeesFloor {
             fails: last == Last::Fails && i == 2,
             remembers: last == Last::Remembers && i == 2,
             matchings: Arc::clone(&matchings),
+            forgotten: Arc::clone(&forgotten),
         });
     }
     let start = RunStart {
@@ -138,6 +144,8 @@ fn scored(
     );
     ran.unwrap();
     crate::sink::finish(sinks).unwrap();
+    // Nobody knows pairs of another run.
+    assert_eq!(forgotten.load(Ordering::Relaxed), ALGORITHMS.len() as u64);
     (rows.take(), matchings.load(Ordering::Relaxed))
 }
 

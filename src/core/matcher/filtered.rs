@@ -51,6 +51,10 @@ impl Matcher for FilteredMatcher {
         self.matcher.remembers()
     }
 
+    fn forget(&mut self) {
+        self.matcher.forget();
+    }
+
     fn batch(&self) -> usize {
         self.matcher.batch()
     }

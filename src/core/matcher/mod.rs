@@ -64,6 +64,9 @@ pub trait Matcher: Send {
         false
     }
 
+    /// Forgets the pairs before: another run begins.
+    fn forget(&mut self) {}
+
     /// Number of pairs it matches at once.
     fn batch(&self) -> usize {
         1

@@ -27,7 +27,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
     summary: "block matching at one disparity, remembered by the poses of the pairs: a few \
               obstacle points, at a fraction of the time",
     about: "It needs poses to remember: the arena, drives and recordings with odometry have them. \
-            Cells without obstacle points are unknown.",
+            Cells without obstacle points are unknown. A run that begins later, or takes every \
+            N-th pair, remembers less.",
     paper: "Barry and Tedrake, Pushbroom Stereo for High-Speed Navigation in Cluttered \
             Environments, ICRA 2015",
     parameters: &[
@@ -116,7 +117,7 @@ struct SeenPoints {
 
 impl SeenPoints {
     /// Prepares for a pair: points that are too old are dropped, those of the same pair, which is
-    /// matched once more, and all at the start of another run.
+    /// matched once more, and all if the pair comes before the last one.
     fn begin(&mut self, sequence: u64, keep: u64) {
         if sequence < self.last {
             self.points.clear();
@@ -343,6 +344,10 @@ impl Matcher for Pushbroom {
 
     fn remembers(&self) -> bool {
         self.keep > 0
+    }
+
+    fn forget(&mut self) {
+        self.memory = SeenPoints::default();
     }
 }
 

@@ -72,7 +72,10 @@ impl Stixels {
         for column in 0..measured.width() {
             let columns = column * block.0..((column + 1) * block.0).min(width);
             let x = 0.5 * (columns.start + columns.end - 1) as f32;
-            let middle = |row: usize| 0.5 * (2 * row * block.1 + block.1 - 1) as f32;
+            let middle = |row: usize| {
+                let end = ((row + 1) * block.1).min(height);
+                0.5 * (row * block.1 + end - 1) as f32
+            };
             let expected = |row: usize| ground.map(|plane| plane.at(x, middle(row)));
             for segment in segmentation.column(column, expected) {
                 let rows = segment.rows.start * block.1..(segment.rows.end * block.1).min(height);
@@ -135,11 +138,14 @@ fn medians(disparity: &Plane<f32>, block: (usize, usize)) -> Plane<f32> {
     let mut median = |column: usize, row: usize| {
         values.clear();
         let columns = column * block.0..((column + 1) * block.0).min(width);
-        for y in row * block.1..((row + 1) * block.1).min(height) {
-            let pixels = disparity.row(y)[columns.clone()].iter();
-            values.extend(pixels.filter(|d| d.is_finite()));
+        let rows = row * block.1..((row + 1) * block.1).min(height);
+        // Blocks at the right and the bottom may be smaller.
+        let pixels = columns.len() * rows.len();
+        for y in rows {
+            let row = &disparity.row(y)[columns.clone()];
+            values.extend(row.iter().filter(|d| d.is_finite()));
         }
-        if 2 * values.len() < block.0 * block.1 || values.is_empty() {
+        if 2 * values.len() < pixels || values.is_empty() {
             return f32::INFINITY;
         }
         let middle = values.len() / 2;
@@ -248,6 +254,15 @@ mod tests {
             let map = Plane::from_fn(width, height, |_, _| -2.0).unwrap();
             Stixels::new(&map).render((width, height));
         }
+    }
+
+    #[test]
+    fn the_last_block_may_be_smaller() {
+        // Blocks of 11 x 5 pixels: the last column has three, the last row two.
+        let size = (641, 482);
+        let map = Plane::from_fn(size.0, size.1, |_, _| 20.0).unwrap();
+        let stixels = Stixels::new(&map);
+        assert!(stixels.render(size).pixels().all(|d| d == 20.0));
     }
 
     #[test]
