@@ -36,6 +36,8 @@ pub(super) struct Segmentation<'a> {
     object: Vec<f32>,
     /// The same as ground.
     ground: Vec<f32>,
+    /// The ground's disparity per row from the bottom, below the horizon.
+    expected: Vec<Option<f32>>,
     /// Sums and numbers of the first measurements.
     sums: Vec<(f32, usize)>,
     /// The best segmentations of the first rows that end on the ground, and on an object.
@@ -66,6 +68,7 @@ impl<'a> Segmentation<'a> {
             steps,
             object: vec![0.0; steps * (height + 1)],
             ground: vec![0.0; height + 1],
+            expected: vec![None; height],
             sums: vec![(0.0, 0); height + 1],
             best: vec![[None; 2]; height],
         }
@@ -81,7 +84,9 @@ impl<'a> Segmentation<'a> {
         let height = self.measured.height();
         // From the bottom up.
         let disparity = |i: usize| self.measured.get(column, height - 1 - i);
-        let ground = |i: usize| expected(height - 1 - i).filter(|px| *px > 0.0);
+        for (i, px) in self.expected.iter_mut().enumerate() {
+            *px = expected(height - 1 - i).filter(|px| *px > 0.0);
+        }
         let misfit = |d: f32, px: f32| {
             let e = d - px;
             (0.5 * e * e).min(MISFIT)
@@ -96,7 +101,7 @@ impl<'a> Segmentation<'a> {
                 (sum, count)
             };
             self.ground[i + 1] = self.ground[i]
-                + match ground(i) {
+                + match self.expected[i] {
                     Some(px) if is_measured => misfit(d, px),
                     Some(_) => 0.0,
                     // Nothing above the horizon is ground.
@@ -113,40 +118,47 @@ impl<'a> Segmentation<'a> {
                 *cost = before + own;
             }
         }
-        for end in 0..height {
-            self.best[end] = [None; 2];
-            for start in 0..=end {
-                let below = start.checked_sub(1).map(|last| self.best[last]);
+        self.best.fill([None; 2]);
+        // Segments from `start` on: the best segmentation below them is complete.
+        for start in 0..height {
+            let below = Below::new(start.checked_sub(1).map(|last| self.best[last]));
+            let foot = self.expected[start];
+            let (cost, before) = below.of_ground(foot);
+            for end in start..height {
                 let on_ground = self.ground[end + 1] - self.ground[start];
-                if ground(end).is_some() && on_ground.is_finite() {
-                    let foot = ground(start);
-                    let order = |kind: usize, below_px: f32| match kind {
-                        GROUND => None,
-                        _ if foot.is_some_and(|px| px > below_px + SAME_PX) => Some(IMPOSSIBLE),
-                        _ => Some(0.0),
-                    };
-                    let ending = ending(below, on_ground, start, f32::NAN, order);
-                    keep(&mut self.best[end][GROUND], ending);
+                if !on_ground.is_finite() {
+                    break;
                 }
+                keep(
+                    &mut self.best[end][GROUND],
+                    Ending {
+                        cost: cost + SEGMENT + on_ground,
+                        start,
+                        before,
+                        disparity_px: f32::NAN,
+                    },
+                );
+            }
+            let (sum_before, count_before) = self.sums[start];
+            for end in start..height {
                 let (sum, count) = self.sums[end + 1];
-                let (sum_before, count_before) = self.sums[start];
                 if count == count_before {
                     continue;
                 }
                 let px = (sum - sum_before) / (count - count_before) as f32;
-                let step = ((px / STEP_PX).round().max(0.0) as usize).min(self.steps - 1);
+                // The nearest step; negative disparities have the first.
+                let step = ((px / STEP_PX + 0.5) as usize).min(self.steps - 1);
                 let costs = [end + 1, start].map(|i| self.object[i * self.steps + step]);
-                let foot = ground(start);
-                let order = |kind: usize, below_px: f32| {
-                    Some(match (kind, foot) {
-                        (GROUND, Some(foot)) if px < foot - SAME_PX => IMPOSSIBLE,
-                        (GROUND, Some(foot)) if px > foot + SAME_PX => FLOATING,
-                        (OBJECT, _) if px > below_px + SAME_PX => FLOATING,
-                        _ => 0.0,
-                    })
-                };
-                let ending = ending(below, costs[0] - costs[1], start, px, order);
-                keep(&mut self.best[end][OBJECT], ending);
+                let (cost, before) = below.of_object(foot, px);
+                keep(
+                    &mut self.best[end][OBJECT],
+                    Ending {
+                        cost: cost + SEGMENT + (costs[0] - costs[1]),
+                        start,
+                        before,
+                        disparity_px: px,
+                    },
+                );
             }
         }
         self.segments(column)
@@ -185,41 +197,61 @@ impl<'a> Segmentation<'a> {
     }
 }
 
-/// The ending with a segment from `start` on, behind the best ones `below` it; `order` is the cost
-/// of the two kinds above each other, given the lower one's kind and disparity.
-fn ending(
-    below: Option<[Option<Ending>; 2]>,
-    cost: f32,
-    start: usize,
-    disparity_px: f32,
-    order: impl Fn(usize, f32) -> Option<f32>,
-) -> Option<Ending> {
-    let whole = |before: Option<usize>, before_cost: f32| Ending {
-        cost: before_cost + SEGMENT + cost,
-        start,
-        before,
-        disparity_px,
-    };
-    let Some(below) = below else {
-        return Some(whole(None, 0.0));
-    };
-    let behind = |kind: usize| {
-        let lower = below[kind]?;
-        Some(whole(
-            Some(kind),
-            lower.cost + order(kind, lower.disparity_px)?,
-        ))
-    };
-    match [GROUND, OBJECT].map(behind) {
-        [Some(a), Some(b)] => Some(if b.cost < a.cost { b } else { a }),
-        [a, b] => a.or(b),
+/// The best segmentations below a segment, infinitely costly where there are none.
+struct Below {
+    /// True at the bottom of the column.
+    is_bottom: bool,
+    ground: f32,
+    object: f32,
+    object_px: f32,
+}
+
+impl Below {
+    fn new(best: Option<[Option<Ending>; 2]>) -> Self {
+        let [ground, object] = best.unwrap_or_default();
+        Self {
+            is_bottom: best.is_none(),
+            ground: ground.map_or(f32::INFINITY, |ending| ending.cost),
+            object: object.map_or(f32::INFINITY, |ending| ending.cost),
+            object_px: object.map_or(0.0, |ending| ending.disparity_px),
+        }
+    }
+
+    /// Cost and kind below ground whose lowest disparity is `foot`: never ground.
+    fn of_ground(&self, foot: Option<f32>) -> (f32, Option<usize>) {
+        let is_in_front = foot.is_some_and(|px| px > self.object_px + SAME_PX);
+        match self.is_bottom {
+            true => (0.0, None),
+            false if is_in_front => (self.object + IMPOSSIBLE, Some(OBJECT)),
+            false => (self.object, Some(OBJECT)),
+        }
+    }
+
+    /// The lesser cost and its kind below an object at `px`, where the ground has `foot`.
+    fn of_object(&self, foot: Option<f32>, px: f32) -> (f32, Option<usize>) {
+        if self.is_bottom {
+            return (0.0, None);
+        }
+        let on_ground = match foot {
+            Some(foot) if px < foot - SAME_PX => self.ground + IMPOSSIBLE,
+            Some(foot) if px > foot + SAME_PX => self.ground + FLOATING,
+            _ => self.ground,
+        };
+        let on_object = if px > self.object_px + SAME_PX {
+            self.object + FLOATING
+        } else {
+            self.object
+        };
+        if on_object < on_ground {
+            (on_object, Some(OBJECT))
+        } else {
+            (on_ground, Some(GROUND))
+        }
     }
 }
 
-fn keep(best: &mut Option<Ending>, other: Option<Ending>) {
-    if let Some(other) = other
-        && best.is_none_or(|best| other.cost < best.cost)
-    {
+fn keep(best: &mut Option<Ending>, other: Ending) {
+    if other.cost < best.map_or(f32::INFINITY, |best| best.cost) {
         *best = Some(other);
     }
 }
