@@ -135,16 +135,14 @@ fn points_come_nearer_with_the_robot() {
 fn the_nearest_point_is_in_front() {
     let mut walk = Walk::new("pushbroom:disparity=10,block_size=5,invariance=5");
     walk.step(0, true, Some(0.0));
-    // The wall stands half as far away, and once more at the distance of the search.
-    let both = seen(&walk.step(1, true, Some(0.5)));
-    assert!(
-        both.last().is_some_and(|d| (d - 20.0).abs() < 1e-4),
-        "{both:?}"
-    );
+    // The remembered wall is half as far away as the one that this pair shows behind it.
+    let both = walk.step(1, true, Some(0.5));
+    let near = both.iter().filter(|d| (**d - 20.0).abs() < 1e-4).count();
+    assert!(near as f64 > 0.95 * both.len() as f64, "{near}");
 }
 
 #[test]
-fn points_are_kept_for_so_many_pairs() {
+fn points_are_kept_as_long_as_the_parameter_says() {
     let mut walk = Walk::new("pushbroom:disparity=10,block_size=5,invariance=5,memory=2");
     walk.step(7, true, Some(0.0));
     assert!(!seen(&walk.step(9, false, Some(0.0))).is_empty());

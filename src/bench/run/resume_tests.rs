@@ -144,7 +144,7 @@ fn scored(
     );
     ran.unwrap();
     crate::sink::finish(sinks).unwrap();
-    // Nobody knows pairs of another run.
+    // No algorithm remembers pairs of another run.
     assert_eq!(forgotten.load(Ordering::Relaxed), ALGORITHMS.len() as u64);
     (rows.take(), matchings.load(Ordering::Relaxed))
 }

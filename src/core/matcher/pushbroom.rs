@@ -150,8 +150,14 @@ impl BlockPair<'_> {
             .sum()
     }
 
-    /// True if a block of the left image matches one of the right image, below a percentage.
-    fn match_below(&self, percent: u32, left: (usize, usize), right: (usize, usize)) -> bool {
+    /// True if a block of the left image, of that interest, matches one of the right image, below a
+    /// percentage.
+    fn match_below(
+        &self,
+        percent: u32,
+        (left, interest): ((usize, usize), u32),
+        right: (usize, usize),
+    ) -> bool {
         let rows = (0..self.side).map(|row| {
             let left = &self.images[0].row(left.1 + row)[left.0..][..self.side];
             let right = &self.images[1].row(right.1 + row)[right.0..][..self.side];
@@ -159,7 +165,7 @@ impl BlockPair<'_> {
             differences.map(u32::from).sum::<u32>()
         });
         let sad = rows.sum::<u32>();
-        100 * sad < percent * (self.interest(0, left) + self.interest(1, right))
+        100 * sad < percent * (interest + self.interest(1, right))
     }
 }
 
@@ -206,10 +212,10 @@ impl Pushbroom {
                 if x < shift {
                     continue;
                 }
-                let (block, matching) = ((x, y), (x - shift, y));
-                let is_plain =
-                    blocks.interest(0, block) < least || blocks.interest(1, matching) < least;
-                let reason = if is_plain {
+                let (corner, matching) = ((x, y), (x - shift, y));
+                let interest = blocks.interest(0, corner);
+                let block = (corner, interest);
+                let reason = if interest < least || blocks.interest(1, matching) < least {
                     Reason::Untextured
                 } else if !blocks.match_below(self.threshold, block, matching) {
                     Reason::Unmatched
@@ -218,7 +224,7 @@ impl Pushbroom {
                 {
                     Reason::Ambiguous
                 } else {
-                    matches.push(block);
+                    matches.push(corner);
                     Reason::Valid
                 };
                 for y in y..y + side {
@@ -281,7 +287,7 @@ impl Pushbroom {
 fn repeats(
     blocks: &BlockPair<'_>,
     percent: u32,
-    (x, y): (usize, usize),
+    block: ((usize, usize), u32),
     infinity: i32,
     (width, height): (usize, usize),
 ) -> bool {
@@ -289,10 +295,11 @@ fn repeats(
         let at = at.checked_add_signed(offset as isize)?;
         (at + blocks.side <= size).then_some(at)
     };
+    let (x, y) = block.0;
     let mut rows = ROWS.step_by(ROW_STEP).filter_map(|o| inside(y, o, height));
     rows.any(|v| {
         let mut columns = NEAR_INFINITY.filter_map(|o| inside(x, o - infinity, width));
-        columns.any(|u| blocks.match_below(percent, (x, y), (u, v)))
+        columns.any(|u| blocks.match_below(percent, block, (u, v)))
     })
 }
 

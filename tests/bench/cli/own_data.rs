@@ -93,6 +93,28 @@ fn what_a_folder_loses_is_counted() {
 }
 
 #[test]
+fn an_algorithm_that_needs_poses_says_once_that_there_are_none() {
+    let fixture = Fixture::new();
+    for i in 0..3 {
+        let [left, right] = ["left", "right"].map(|side| format!("p/{side}/{i}.pgm"));
+        fixture.write_pair(&left, &right, (160, 96), 22);
+    }
+    let warnings = |line: &str| {
+        let ran = fixture.svl(line);
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        ran.stderr.matches("no poses").count()
+    };
+    assert_eq!(warnings("replay p --algo pushbroom --rows a.csv"), 1);
+    assert_eq!(
+        warnings("replay p --algo pushbroom:memory=0 --rows b.csv"),
+        0
+    );
+    // The arena has them.
+    fixture.write_short_arena("short.toml", 3);
+    assert_eq!(warnings("score short.toml --algo pushbroom -o r"), 0);
+}
+
+#[test]
 fn images_of_12_bits_are_not_dark() {
     let fixture = Fixture::new();
     let write = |name: &str, value: u16| {

@@ -16,7 +16,7 @@ pub struct GroundPlane {
     pub per_row: f32,
 }
 
-/// The horizon lies within these fractions of the height, and the line is tried at so many.
+/// Range of the horizon, fractions of the height, and the number of horizons tried.
 const HORIZON: (f32, f32) = (-0.1, 0.8);
 const HORIZONS: usize = 46;
 /// Disparities of the bottom row that are tried, pixels.
@@ -31,7 +31,7 @@ const MIN_FITTED: usize = 50;
 
 impl GroundPlane {
     /// The ground of a plane of measured disparities, infinite where there is none.
-    pub fn fit(measured: &Plane<f32>) -> Option<Self> {
+    pub(super) fn fit(measured: &Plane<f32>) -> Option<Self> {
         let (width, height) = measured.size();
         let mut plane = line(measured)?;
         for (step, limit_px) in FIT_PX.into_iter().enumerate() {
@@ -108,7 +108,7 @@ fn line(measured: &Plane<f32>) -> Option<GroundPlane> {
                 }
             }
         }
-        below[y + 1] = row.iter().filter(|d| d.is_finite()).count() as u32;
+        below[y] = row.iter().filter(|d| d.is_finite()).count() as u32;
     }
     // Number of measurements from a row to the bottom.
     for y in (0..height).rev() {

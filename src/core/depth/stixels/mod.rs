@@ -52,10 +52,10 @@ pub struct Stixels {
     pub ground: Option<GroundPlane>,
 }
 
-/// The measurements are medians of blocks: at most so many in a row, and in a column.
+/// Greatest number of blocks in a row and in a column; their medians are the measurements.
 const BLOCKS: (usize, usize) = (64, 120);
-/// An object has disparities in at least this fraction of its rows; the ground, whose plane is that
-/// of all columns, in this one; each in so many rows of blocks.
+/// Least fraction of an object's rows with disparities; that of the ground, whose plane is fitted to
+/// all columns; and the fewest rows of blocks of either.
 const OBJECT_SUPPORT: f32 = 0.5;
 const GROUND_SUPPORT: f32 = 0.25;
 const MIN_BLOCKS: usize = 3;

@@ -21,7 +21,7 @@ const SEGMENT: f32 = 4.0;
 const FLOATING: f32 = 3.0;
 /// Cost of an object seen through the ground, and of ground in front of the object below it.
 const IMPOSSIBLE: f32 = 12.0;
-/// Differences up to this are none, pixels.
+/// Disparities that differ by at most this count as equal, pixels.
 const SAME_PX: f32 = 1.0;
 
 /// Disparities of objects are tried in steps of this, pixels.
@@ -253,5 +253,143 @@ impl Below {
 fn keep(best: &mut Option<Ending>, other: Ending) {
     if other.cost < best.map_or(f32::INFINITY, |best| best.cost) {
         *best = Some(other);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The segments of a column by the definition of their costs: each sum is computed anew, and
+    /// the best segmentations below are tried one by one.
+    fn by_definition(column: &[f32], expected: &[Option<f32>]) -> Vec<Segment> {
+        let height = column.len();
+        // From the bottom up.
+        let measured: Vec<_> = column.iter().rev().copied().collect();
+        let ground: Vec<_> = expected.iter().rev().copied().collect();
+        let misfit = |i: usize, px: f32| match measured[i] - px {
+            _ if measured[i].is_infinite() => 0.0,
+            e => (0.5 * e * e).min(MISFIT),
+        };
+        // Per last row and kind: cost, disparity, and the ends of the segments with their kinds.
+        type Found = (f32, f32, Vec<(usize, usize, usize, f32)>);
+        let mut best: Vec<[Option<Found>; 2]> = vec![[None, None]; height];
+        for end in 0..height {
+            for start in 0..=end {
+                let seen: Vec<_> = (start..=end).filter(|&i| measured[i].is_finite()).collect();
+                let on_ground = (start..=end)
+                    .map(|i| ground[i].map(|px| misfit(i, px)))
+                    .sum::<Option<f32>>();
+                let mean = seen.iter().map(|&i| measured[i]).sum::<f32>() / seen.len() as f32;
+                let step = (mean / STEP_PX).round() * STEP_PX;
+                let as_object = (start..=end).map(|i| misfit(i, step)).sum::<f32>();
+                for kind in [GROUND, OBJECT] {
+                    let (own, px) = match (kind, on_ground) {
+                        (GROUND, Some(cost)) => (cost, f32::NAN),
+                        (OBJECT, _) if !seen.is_empty() => (as_object, mean),
+                        _ => continue,
+                    };
+                    let mut lower: Vec<(f32, Vec<_>)> = Vec::new();
+                    if start == 0 {
+                        lower.push((0.0, Vec::new()));
+                    } else {
+                        for below in [GROUND, OBJECT] {
+                            let Some((cost, below_px, segments)) = &best[start - 1][below] else {
+                                continue;
+                            };
+                            let order = match (below, kind, ground[start]) {
+                                (GROUND, GROUND, _) => continue,
+                                (GROUND, _, Some(foot)) if px < foot - SAME_PX => IMPOSSIBLE,
+                                (GROUND, _, Some(foot)) if px > foot + SAME_PX => FLOATING,
+                                (OBJECT, GROUND, Some(foot)) if foot > below_px + SAME_PX => {
+                                    IMPOSSIBLE
+                                }
+                                (OBJECT, OBJECT, _) if px > below_px + SAME_PX => FLOATING,
+                                _ => 0.0,
+                            };
+                            lower.push((cost + order, segments.clone()));
+                        }
+                    }
+                    for (cost, mut segments) in lower {
+                        let whole = cost + SEGMENT + own;
+                        if best[end][kind]
+                            .as_ref()
+                            .is_none_or(|(least, ..)| whole < *least)
+                        {
+                            segments.push((start, end, kind, px));
+                            best[end][kind] = Some((whole, px, segments));
+                        }
+                    }
+                }
+            }
+        }
+        let found = best[height - 1].iter().flatten();
+        let least = found.min_by(|a, b| a.0.total_cmp(&b.0));
+        let segments = least.map_or(Vec::new(), |(.., segments)| segments.clone());
+        let segment = |(start, end, kind, px): (usize, usize, usize, f32)| {
+            let seen: Vec<_> = (start..=end).filter(|&i| measured[i].is_finite()).collect();
+            let (first, last) = (seen.first()?, seen.last()?);
+            Some(Segment {
+                rows: height - 1 - last..height - first,
+                measured: seen.len(),
+                object_px: (kind == OBJECT).then_some(px),
+            })
+        };
+        segments.into_iter().filter_map(segment).collect()
+    }
+
+    #[test]
+    fn segments_are_those_of_the_definition() {
+        let mut state = 1_u64;
+        let mut random = |most: u64| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 33) % most
+        };
+        let mut kinds = [0; 2];
+        for case in 0..400 {
+            let height = 1 + random(24) as usize;
+            let horizon = random(2 * height as u64) as f32 - 3.0;
+            let has_ground = case % 4 != 0;
+            let expected: Vec<_> = (0..height)
+                .map(|y| Some(1.5 * (y as f32 - horizon)).filter(|px| has_ground && *px > 0.0))
+                .collect();
+            let mut object = random(30) as f32;
+            let column: Vec<_> = (0..height)
+                .map(|y| {
+                    if random(6) == 0 {
+                        object = random(30) as f32;
+                    }
+                    let noise = random(1000) as f32 / 700.0;
+                    match (random(5), expected[y]) {
+                        (0, _) => f32::INFINITY,
+                        (1 | 2, Some(px)) => px + noise,
+                        _ => object + noise,
+                    }
+                })
+                .collect();
+            let measured = Plane::from_vec(1, height, column.clone()).unwrap();
+            let found = Segmentation::new(&measured).column(0, |y| expected[y]);
+            let defined = by_definition(&column, &expected);
+            assert_eq!(
+                found.len(),
+                defined.len(),
+                "{column:?}: {found:?} {defined:?}"
+            );
+            for (found, defined) in found.iter().zip(&defined) {
+                assert_eq!(
+                    (&found.rows, found.measured),
+                    (&defined.rows, defined.measured),
+                    "{column:?}"
+                );
+                kinds[usize::from(found.object_px.is_some())] += 1;
+                match (found.object_px, defined.object_px) {
+                    (Some(a), Some(b)) => assert!((a - b).abs() < 1e-3, "{a} {b}"),
+                    (a, b) => assert_eq!(a, b),
+                }
+            }
+        }
+        assert!(kinds.iter().all(|n| *n > 100), "{kinds:?}");
     }
 }
