@@ -25,17 +25,17 @@ score() {
   for decision in median stixels; do
     with "$decision" "$scenario"
     [ "$decision" = median ] && algorithms=("${own[@]}" "${dense[@]}") || algorithms=("${dense[@]}")
-    svl score "reports/rivals-$decision.toml" "${algorithms[@]}" "$@" --rerun none --quiet \
+    svl score "reports/rivals-$decision.toml" "${algorithms[@]}" "$@" --quiet \
       -o "reports/rivals-$name-$decision" > /dev/null
   done
 }
 
-score arena scenarios/arena.toml --seeds 31..33
-score worlds scenarios/worlds.toml --seeds 2001..2020
-score shapes scenarios/shapes.toml --seeds 2001..2020
-score middlebury scenarios/middlebury.toml --data "$datasets"
-score playground scenarios/eth3d.toml --data "$datasets" --scenes eth3d-playground_1l
-score street scenarios/kitti2012.toml --data "$datasets" --scenes kitti2012-000000_10
+score arena scenarios/arena.toml --seeds 31..33 --rerun none
+score worlds scenarios/worlds.toml --seeds 2001..2020 --rerun none
+score shapes scenarios/shapes.toml --seeds 2001..2020 --rerun none
+score middlebury scenarios/middlebury.toml --data "$datasets" --rerun none
+score playground scenarios/eth3d.toml --data "$datasets" --scenes eth3d-playground_1l --rerun none
+score street scenarios/kitti2012.toml --data "$datasets" --scenes kitti2012-000000_10 --rerun none
 score drives scenarios/drive.toml --drives none --seeds "${COURSES:-1001..1020}"
 
 python3 - << 'PYTHON'
