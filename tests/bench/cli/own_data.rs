@@ -104,11 +104,11 @@ fn an_algorithm_that_needs_poses_says_once_that_there_are_none() {
         assert_eq!(ran.code, Some(0), "{}", ran.stderr);
         ran.stderr.matches("no poses").count()
     };
-    assert_eq!(warnings("replay p --algo pushbroom --rows a.csv"), 1);
-    assert_eq!(
-        warnings("replay p --algo pushbroom:memory=0 --rows b.csv"),
-        0
-    );
+    fixture.run("record p -o p.mcap");
+    let replays =
+        |algo: &str, rows: &str| warnings(&format!("replay p.mcap --algo {algo} --rows {rows}"));
+    assert_eq!(replays("pushbroom", "a.csv"), 1);
+    assert_eq!(replays("pushbroom:memory=0", "b.csv"), 0);
     // The arena has them.
     fixture.write_short_arena("short.toml", 3);
     assert_eq!(warnings("score short.toml --algo pushbroom -o r"), 0);
