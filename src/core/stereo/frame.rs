@@ -211,8 +211,8 @@ impl Truth {
     }
 }
 
-/// Density of a truth, which decides how it is shrunk along with a pair. The rule for a cell
-/// depends on the number of its pixels with truth.
+/// Density of a truth, which decides how it is shrunk along with a pair and how its cells are
+/// scored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TruthDensity {

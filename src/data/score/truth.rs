@@ -1,7 +1,8 @@
 //! The truth of a frame by cells: the reference for every score of cells.
 //!
-//! The pixels with truth represent the cell if they are at least half of its pixels. If they are
-//! fewer, the cell is scored by its points ([`SparseCell`]), or not at all.
+//! The pixels of a dense truth represent the cell if they are at least half of its pixels. If they
+//! are fewer, or points of a sensor, the cell is scored by its points ([`SparseCell`]), or not at
+//! all.
 
 use super::cells::{CellJudgement, depth_at, judge_cells};
 use super::sparse::SparseCell;
@@ -9,7 +10,8 @@ use std::borrow::Cow;
 use std::ops::Range;
 use svl_core::depth::{self, CellDecision, GridSettings};
 use svl_core::stereo::{
-    Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, Plane, Rig, Truth, TruthOrigin,
+    Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, Plane, Rig, Truth, TruthDensity,
+    TruthOrigin,
 };
 
 /// Least fraction of a cell's pixels with known truth for the cell to have a dense truth.
@@ -30,7 +32,7 @@ pub struct TrueCells {
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct TrueCell {
-    /// The points of a truth that covers less than half of the pixels.
+    /// The points of a sparse truth, or of one that covers less than half of the pixels.
     pub sparse: Option<SparseCell>,
     /// `None` if the cell is not scored.
     pub quarter: Option<TrueQuarter>,
@@ -50,6 +52,7 @@ impl TrueCells {
     pub fn new(frame: &Frame, shape: GridShape, rule: CellRule) -> Option<Self> {
         let (truth, rig) = (frame.truth.as_ref()?, frame.rig());
         let is_reference = matches!(truth.kind.origin, TruthOrigin::Reference(_));
+        let are_points = truth.kind.density == TruthDensity::Sparse;
         let settings = GridSettings {
             min_valid: if is_reference {
                 depth::MIN_VALID
@@ -62,14 +65,17 @@ impl TrueCells {
         let mut grid = depth::grid(&truth.disparity, settings, rig);
         let true_cell = |(place, cell): ((usize, usize), &mut Cell)| {
             let (columns, rows) = shape.pixels(place, truth.disparity.size());
-            let is_sparse = cell.depth.is_none() && cell.valid_share > 0.0 && !is_reference;
-            let sparse = is_sparse.then(|| SparseCell::new(&truth.disparity, &columns, &rows));
-            if let Some(points) = sparse.as_ref().filter(|points| points.is_scored(rule, rig)) {
-                let [p20, median, p80] = [20, 50, 80].map(|p| points.truth.percentile(p));
-                cell.depth = Some(CellDepth {
-                    p20_px: p20,
-                    p80_px: p80,
-                    ..depth_at(median, rig)
+            let is_sparse = are_points || cell.depth.is_none() && !is_reference;
+            let sparse = (is_sparse && cell.valid_share > 0.0)
+                .then(|| SparseCell::new(&truth.disparity, &columns, &rows));
+            if let Some(points) = &sparse {
+                cell.depth = points.is_scored(rule, rig).then(|| {
+                    let [p20, median, p80] = [20, 50, 80].map(|p| points.truth.percentile(p));
+                    CellDepth {
+                        p20_px: p20,
+                        p80_px: p80,
+                        ..depth_at(median, rig)
+                    }
                 });
             }
             let quarter = cell.depth.map(|_| match &sparse {
@@ -199,7 +205,7 @@ fn clear_px(rule: CellRule, rig: Option<&Rig>) -> f64 {
 mod tests {
     use super::*;
     use crate::score::{SurfaceTally, Verdict};
-    use svl_core::stereo::{Geometry, Gray, StereoPair, TruthDensity, TruthKind};
+    use svl_core::stereo::{Geometry, Gray, StereoPair, TruthKind};
 
     const RULE: CellRule = CellRule::Disparity { tolerance_px: 2.0 };
 
@@ -269,6 +275,33 @@ mod tests {
         let moved = cells.reported(&reported, &map);
         let tally = SurfaceTally::new(&frame, &cells, &moved, RULE);
         (cells.judge(&moved)[0], tally)
+    }
+
+    #[test]
+    fn points_are_weighted_however_many_they_are() {
+        // A floor of 16 rows; all pixels of its upper half, every fourth of the lower one.
+        let disparity = Plane::from_fn(16, 16, |x, y| {
+            if y < 8 || (x + y) % 4 == 0 {
+                y as f32
+            } else {
+                f32::INFINITY
+            }
+        });
+        let disparity = disparity.unwrap();
+        let median = |density| {
+            let origin = TruthOrigin::Exact;
+            let frame = frame(disparity.clone(), TruthKind { density, origin });
+            let one = GridShape {
+                columns: 1,
+                rows: 1,
+            };
+            let cells = TrueCells::new(&frame, one, RULE).unwrap();
+            cells.grid().cell(0, 0).depth.unwrap().median_px
+        };
+        assert_eq!(
+            [TruthDensity::Dense, TruthDensity::Sparse].map(median),
+            [4.0, 7.0]
+        );
     }
 
     #[test]

@@ -102,6 +102,10 @@ pub(super) enum Form {
     },
     /// Value divided by a scale that goes with the image's height; 0 is unknown.
     ScaledBySize(&'static [(usize, f32)]),
+    /// Points of a laser scanner: value divided by `scale`, 0 where there is none.
+    Points {
+        scale: f32,
+    },
 }
 
 /// Source of the visibility to both cameras, without a mask.

@@ -5,11 +5,8 @@ use super::entry::{CalibFile, Dataset, FileNames, Form, PairFiles, Part, Seen, T
 
 const LICENCE: &str = "CC BY-NC-SA 3.0";
 
-/// 16-bit PNG, 0 if the laser scanner has no point.
-pub(super) const KITTI_PNG: Form = Form::Scaled {
-    scale: 256.0,
-    zero_unknown: true,
-};
+/// 16-bit PNG.
+pub(super) const KITTI_PNG: Form = Form::Points { scale: 256.0 };
 
 /// Cameras 0 and 1 are grey, 2 and 3 coloured; the truth is that of camera 0. Of each scene only
 /// the pair `_10` has truth.

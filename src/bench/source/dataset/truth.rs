@@ -3,7 +3,7 @@
 use super::entry::{Form, Seen};
 use super::files;
 use std::path::{Path, PathBuf};
-use svl_core::stereo::{Plane, Truth, Visibility, cross_check};
+use svl_core::stereo::{Plane, Truth, TruthDensity, TruthKind, Visibility, cross_check};
 use svl_core::{Error, Result};
 use svl_data::files::{read_mask, read_pfm, read_scaled_disparity};
 
@@ -42,7 +42,13 @@ pub(super) fn read(
             .transpose()?,
         (None, Seen::Unknown) => None,
     };
-    Ok(Some(Truth::exact(disparity, visibility)))
+    Ok(Some(Truth {
+        kind: TruthKind {
+            density: truth.form.density(),
+            ..TruthKind::default()
+        },
+        ..Truth::exact(disparity, visibility)
+    }))
 }
 
 impl Form {
@@ -51,10 +57,18 @@ impl Form {
         self.scale(height).is_some()
     }
 
+    fn density(&self) -> TruthDensity {
+        match self {
+            Self::Points { .. } => TruthDensity::Sparse,
+            Self::Pfm | Self::Scaled { .. } | Self::ScaledBySize(_) => TruthDensity::Dense,
+        }
+    }
+
     /// Divisor of the file's values, and true if 0 is unknown.
     fn scale(&self, height: usize) -> Option<(f32, bool)> {
         match *self {
             Self::Pfm => Some((1.0, false)),
+            Self::Points { scale } => Some((scale, true)),
             Self::Scaled {
                 scale,
                 zero_unknown,
