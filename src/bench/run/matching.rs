@@ -136,7 +136,7 @@ impl<'a> Matching<'a> {
         let pair = frame.rectified()?;
         let context = MatchContext::of(frame, self.judge.grid, self.judge.cells);
         for entry in &mut self.matchers.0 {
-            entry.check_pose(frame);
+            entry.check(frame);
         }
         if self.rounds.is_some() {
             let (obstacle_m, _) = self.judge.cells.obstacle_and_clear_m();

@@ -51,7 +51,7 @@ impl LearnedCells {
         console: &dyn Console,
     ) -> Result<()> {
         scenario.algorithms = vec![algorithm.clone()];
-        let mut matchers = Matchers::new(&scenario.algorithms)?;
+        let mut matchers = Matchers::new(&scenario.algorithms)?.without_warnings();
         let manifest = Manifest::new(&scenario.name, &scenario.algorithms)?;
         let before = self.samples.len();
         let fitted = if tested {

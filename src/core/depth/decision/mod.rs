@@ -49,6 +49,17 @@ pub struct SafeChoice {
     pub network: Option<String>,
 }
 
+impl SafeChoice {
+    /// What is wrong with its probabilities, if the table was fitted without the network, or with
+    /// another.
+    pub fn misfit(&self) -> Option<&'static str> {
+        (self.network.as_deref() != self.decision.table.network.as_deref()).then_some(
+            "no table= is given, so its probabilities are of a table that was fitted without this \
+             network: `svl train cells` makes one",
+        )
+    }
+}
+
 /// The pixels of a cell, collected: each votes for its bin, or for several and for none.
 #[derive(Clone, Debug)]
 pub struct CellPixels {
