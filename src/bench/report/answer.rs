@@ -39,6 +39,10 @@ pub(super) fn answer_metrics(kind: RunKind) -> Vec<&'static Metric> {
 impl Summary {
     /// Finds the best algorithms. `rows` and `drives`: those that the summary is of.
     pub fn find_leads(&mut self, rows: &[Row], drives: &[DriveRow]) {
+        // The algorithms of a part have other runs each.
+        if self.shard.is_some() {
+            return;
+        }
         let rows: Vec<_> = rows.iter().filter(|row| row.stress.is_none()).collect();
         let lead = |metric| self.lead(metric, &rows, drives);
         let metrics = answer_metrics(self.kind()).into_iter();
@@ -155,6 +159,12 @@ impl Summary {
 
     /// The answer in one or two sentences; none for a single algorithm, whose row suffices.
     pub fn answer(&self) -> Vec<String> {
+        if let Some(shard) = &self.shard {
+            return vec![format!(
+                "This is part {shard} of a run: `svl merge` joins the parts and compares the \
+                 algorithms."
+            )];
+        }
         if self.algorithms.iter().filter(|a| a.pairs > 0).count() < 2 {
             return Vec::new();
         }

@@ -35,6 +35,9 @@ pub struct Summary {
     pub algorithms: Vec<AlgorithmSummary>,
     /// By number of the checkpoint, then as the algorithms.
     pub checkpoints: Vec<CheckpointSummary>,
+    /// The part of a sharded run that it is of, such as `1/2`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shard: Option<String>,
     /// The best algorithms by the headline metrics; found by [`Summary::find_leads`].
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub leads: Vec<Lead>,
@@ -237,6 +240,7 @@ impl Summary {
     pub fn complete(&mut self, manifest: &mut Manifest) {
         self.times.clone_from(&manifest.times);
         self.warnings.clone_from(&manifest.warnings);
+        self.shard.clone_from(&manifest.shard);
         self.slow_profile = slow_profile(manifest.profile.as_deref());
         for record in &manifest.algorithms {
             if record.name == "truth" {
@@ -373,6 +377,7 @@ impl Summary {
             truth: truths(rows)?,
             algorithms,
             checkpoints,
+            shard: None,
             leads: Vec::new(),
             failed: Vec::new(),
             warnings: Vec::new(),

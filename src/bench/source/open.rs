@@ -108,7 +108,11 @@ pub const SOURCES: &[SourceKind] = &[
         recognizes: |name| is_file(name, &["toml"]),
         open: |request| {
             let scenario = Scenario::read(Path::new(request.name))?;
-            open_arena(&scenario, request.seed.unwrap_or(1))
+            let first = match &scenario.source {
+                ScenarioSource::Arena { seeds, .. } => seeds.first().copied(),
+                _ => None,
+            };
+            open_arena(&scenario, request.seed.or(first).unwrap_or(1))
         },
     },
     SourceKind {

@@ -7,8 +7,9 @@ use crate::report::page::{PlotView, fill};
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::report::table::{Table, TableColumn, TerminalStyle};
 use serde::Serialize;
+use std::collections::HashSet;
 use svl_core::Result;
-use svl_core::depth::decision::{Decision, VerdictTable};
+use svl_core::depth::decision::{Decision, SafeChoice, VerdictTable};
 use svl_core::matcher::Algorithm;
 use svl_data::fit::{CellFit, CellSample};
 
@@ -46,43 +47,38 @@ pub struct ScenarioCells {
     pub present: ReportedCells,
 }
 
-/// Least probability of a known cell of algorithms without one of their own: that of v5.
-const CONFIDENCE: f64 = 0.85;
-
 impl CellTraining {
     /// Figures of a fit of the table of `algorithm` to the first of the samples; the others, of
-    /// scenarios that are only tested, were no part of it.
-    ///
-    /// # Errors
-    /// Those of [`Algorithm::safe_choice`].
-    pub fn new(algorithm: &Algorithm, learned: &LearnedCells, fit: &CellFit) -> Result<Self> {
+    /// scenarios that are only tested, were no part of it. `choice`: the algorithm's decision.
+    pub fn new(
+        algorithm: &Algorithm,
+        choice: &SafeChoice,
+        learned: &LearnedCells,
+        fit: &CellFit,
+    ) -> Self {
         let LearnedCells {
             samples, scenarios, ..
         } = learned;
-        let choice = algorithm.safe_choice()?;
-        let least_score = choice
-            .as_ref()
-            .map_or(Decision::least_score(CONFIDENCE), |choice| {
-                choice.decision.least_score
-            });
+        let Decision {
+            least_score, table, ..
+        } = &choice.decision;
+        let least_score = *least_score;
         let score = |table: &VerdictTable, sample: &CellSample| {
             table.score(&sample.evidence.unwrap_or_default())
         };
         let tested = samples[fit.held_out.len()..].iter();
         let tested: Vec<_> = tested.map(|sample| score(&fit.table, sample)).collect();
-        let with_tested = |fitted: &[i64]| [fitted, &tested].concat();
-        let scores = with_tested(&fit.held_out);
-        let by_kind = if fit.held_out_kind.is_empty() {
-            scores.clone()
-        } else {
-            with_tested(&fit.held_out_kind)
-        };
-        let present = choice.as_ref().map(|choice| {
-            let scores = samples
-                .iter()
-                .map(|sample| score(&choice.decision.table, sample));
-            scores.collect::<Vec<_>>()
-        });
+        let scores = [fit.held_out.as_slice(), &tested].concat();
+        let fitted = learned.kinds();
+        // Also of what is only tested: a table that was fitted to other runs of its kind knows it.
+        let mut by_kind = Vec::with_capacity(samples.len());
+        for scenario in scenarios {
+            let kind = fitted.iter().position(|kind| *kind == scenario.kind);
+            let table = kind.map_or(Some(&fit.table), |kind| fit.without_kind.get(kind));
+            let own = &samples[by_kind.len()..][..scenario.cells];
+            by_kind.extend(own.iter().map(|of| table.map(|table| score(table, of))));
+        }
+        let present: Vec<_> = samples.iter().map(|sample| score(table, sample)).collect();
         let mut first = 0;
         let scenario = |of: &LearnedScenario| {
             let range = first..first + of.cells;
@@ -99,8 +95,7 @@ impl CellTraining {
                     wrong: share(wrong.len()),
                 }
             };
-            let mut groups: Vec<_> = own.iter().map(|sample| sample.group).collect();
-            groups.dedup();
+            let groups: HashSet<_> = own.iter().map(|sample| sample.group).collect();
             ScenarioCells {
                 name: of.name.clone(),
                 tested: of.tested,
@@ -114,22 +109,15 @@ impl CellTraining {
         let reportable: Vec<_> = (0..fit.held_out.len())
             .filter(|&i| samples[i].is_reportable())
             .collect();
-        Ok(Self {
+        Self {
             algorithm: algorithm.label().to_owned(),
             steps: fit.table.steps.iter().map(|steps| steps.len()).sum(),
             confidence: probability(least_score),
             scenarios: scenarios.iter().map(scenario).collect(),
-            kinds: KindCells::all(
-                samples,
-                &by_kind,
-                &scores,
-                present.as_deref(),
-                least_score,
-                scenarios,
-            ),
+            kinds: KindCells::all(samples, &by_kind, &scores, &present, least_score, scenarios),
             reliability: reliability(samples, &reportable, &scores),
             losses: fit.losses.clone(),
-        })
+        }
     }
 
     /// The page: one file without scripts, all texts escaped.
@@ -265,4 +253,62 @@ struct TrainingView<'a> {
     images: [(); 0],
     identity: Vec<(String, String)>,
     incomplete: Option<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::CellEvidence;
+
+    #[test]
+    fn tests_of_a_fitted_kind_are_scored_without_it() {
+        let algorithm: Algorithm = "v5".parse().unwrap();
+        let choice = algorithm.safe_choice().unwrap().unwrap();
+        let sample = CellSample {
+            group: 0,
+            evidence: Some(CellEvidence {
+                report: 8,
+                target: 8,
+                features: [0; CellEvidence::FEATURES],
+            }),
+            right: true,
+            known: true,
+        };
+        let base = |base| VerdictTable {
+            base,
+            ..choice.decision.table.clone()
+        };
+        let scenario = |(kind, tested): (&str, bool)| LearnedScenario {
+            name: kind.to_owned(),
+            kind: kind.to_owned(),
+            cells: 1,
+            tested,
+        };
+        // Scenarios of the fit come first. The tables without a kind know nothing, the others all.
+        let known = |scenarios: &[(&str, bool)], fitted: usize, without: usize| {
+            let mut learned = LearnedCells::default();
+            learned.samples = vec![sample.clone(); scenarios.len()];
+            learned.scenarios = scenarios.iter().copied().map(scenario).collect();
+            let fit = CellFit {
+                table: base(90_000),
+                held_out: vec![90_000; fitted],
+                without_kind: vec![base(-90_000); without],
+                losses: Vec::new(),
+            };
+            let training = CellTraining::new(&algorithm, &choice, &learned, &fit);
+            let kinds = training.kinds.iter();
+            let known = kinds.map(|kind| kind.held_out.map(|figures| figures.known));
+            known.collect::<Vec<_>>()
+        };
+        let two = [
+            ("arena", false),
+            ("worlds", false),
+            ("worlds", true),
+            ("own", true),
+        ];
+        assert_eq!(known(&two, 2, 2), [Some(0.0), Some(0.0), Some(1.0)]);
+        // One kind alone is never held out.
+        let one = [("worlds", false), ("worlds", true), ("own", true)];
+        assert_eq!(known(&one, 1, 0), [None, Some(1.0)]);
+    }
 }

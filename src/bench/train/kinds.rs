@@ -17,12 +17,12 @@ pub struct KindCells {
     pub name: String,
     /// With a truth.
     pub cells: usize,
-    /// By a table fitted without the kind.
-    pub held_out: TableFigures,
-    /// By the algorithm's table; `None` if the scenarios decide.
-    pub present: Option<TableFigures>,
+    /// By a table fitted without the kind; `None` if it is fitted to this kind alone.
+    pub held_out: Option<TableFigures>,
+    /// By the algorithm's table.
+    pub present: TableFigures,
     /// Wrong fraction of the known cells if the first table knows as many as the second.
-    pub wrong_at_equal: f64,
+    pub wrong_at_equal: Option<f64>,
     /// Known fraction of all cells, and fraction of these that is wrong, of the first table.
     pub curve: Vec<(f64, f64)>,
     /// Results of cells that are known from some usual probabilities on.
@@ -35,8 +35,8 @@ pub struct ConfidenceCells {
     pub confidence: f64,
     /// By a table fitted without their part of the runs.
     pub without_run: ReportedCells,
-    /// By a table fitted without their kind.
-    pub without_kind: ReportedCells,
+    /// By a table fitted without their kind, if there is one.
+    pub without_kind: Option<ReportedCells>,
 }
 
 /// Fractions of all cells.
@@ -69,12 +69,12 @@ const CONFIDENCES: [f64; 5] = [0.75, 0.8, 0.85, 0.9, 0.95];
 
 impl KindCells {
     /// The figures of each kind. Scores are log odds, in thousandths: by the tables without each
-    /// kind, by those without each part of the runs, by the algorithm's.
+    /// kind, where there is one; by those without each part of the runs; by the algorithm's.
     pub(super) fn all(
         samples: &[CellSample],
-        held_out: &[i64],
+        held_out: &[Option<i64>],
         runs_held_out: &[i64],
-        present: Option<&[i64]>,
+        present: &[i64],
         least_score: i64,
         scenarios: &[LearnedScenario],
     ) -> Vec<Self> {
@@ -95,9 +95,15 @@ impl KindCells {
             let figures = |scores: &[i64], is_known: &dyn Fn(usize) -> bool| {
                 TableFigures::new(samples, &ranked, all, scores, is_known)
             };
-            let by_held_out = figures(held_out, &|i| held_out[i] >= least_score);
-            let by_present = present.map(|scores| figures(scores, &|i| samples[i].known));
-            ranked.sort_by_key(|&i| std::cmp::Reverse(held_out[i]));
+            let is_held_out = ranked.iter().all(|&i| held_out[i].is_some());
+            let without: Vec<_> = held_out
+                .iter()
+                .map(|score| score.unwrap_or(i64::MIN))
+                .collect();
+            let by_held_out =
+                is_held_out.then(|| figures(&without, &|i| without[i] >= least_score));
+            let by_present = figures(present, &|i| samples[i].known);
+            ranked.sort_by_key(|&i| std::cmp::Reverse(without[i]));
             let wrong_of = |known: usize| {
                 let wrong = ranked[..known].iter().filter(|&&i| !samples[i].right);
                 wrong.count() as f64 / known.max(1) as f64
@@ -118,16 +124,17 @@ impl KindCells {
                 ConfidenceCells {
                     confidence,
                     without_run: reported(runs_held_out, least),
-                    without_kind: reported(held_out, least),
+                    without_kind: is_held_out.then(|| reported(&without, least)),
                 }
             });
-            let points = (1..=POINTS).map(|point| ranked.len() * point / POINTS);
+            let points = if is_held_out { 1..=POINTS } else { 1..=0 };
+            let points = points.map(|point| ranked.len() * point / POINTS);
             Self {
                 name: name.to_owned(),
                 cells: all,
                 held_out: by_held_out,
                 present: by_present,
-                wrong_at_equal: wrong_of(equal),
+                wrong_at_equal: is_held_out.then(|| wrong_of(equal)),
                 curve: points
                     .map(|known| (known as f64 / all as f64, wrong_of(known)))
                     .collect(),
@@ -160,10 +167,12 @@ impl KindCells {
                     format!("{:.3}", of.area),
                 ]
             };
+            let equal = kind.wrong_at_equal;
+            let equal = equal.map_or_else(String::new, |wrong| format!("{:.2}", 100.0 * wrong));
             let cells = std::iter::once(kind.cells.to_string())
-                .chain(figures(Some(&kind.held_out)))
-                .chain(figures(kind.present.as_ref()))
-                .chain([format!("{:.2}", 100.0 * kind.wrong_at_equal)]);
+                .chain(figures(kind.held_out.as_ref()))
+                .chain(figures(Some(&kind.present)))
+                .chain([equal]);
             table.push(&kind.name, cells);
         }
         table
@@ -180,10 +189,10 @@ impl KindCells {
         for kind in kinds {
             for of in &kind.by_confidence {
                 let percent = |share: f64| format!("{:.2}", 100.0 * share);
-                let figures = |of: &ReportedCells| [percent(of.right), percent(of.wrong)];
+                let figures = |of: ReportedCells| [percent(of.right), percent(of.wrong)];
                 let cells = std::iter::once(format!("{:.2}", of.confidence))
-                    .chain(figures(&of.without_run))
-                    .chain(figures(&of.without_kind));
+                    .chain(figures(of.without_run))
+                    .chain(of.without_kind.map(figures).unwrap_or_default());
                 table.push(&kind.name, cells);
             }
         }
@@ -269,7 +278,7 @@ mod tests {
             sample(true, true),
             sample(false, true),
         ];
-        let scores = [3000, -3000, 2000, 1000, 4000, -4000];
+        let scores = [3000, -3000, 2000, 1000, 4000, -4000].map(Some);
         let scenario = |kind: &str| LearnedScenario {
             name: kind.to_owned(),
             kind: kind.to_owned(),
@@ -277,33 +286,27 @@ mod tests {
             tested: false,
         };
         let scenarios = ["arena", "worlds", "arena"].map(scenario);
-        let kinds = KindCells::all(
-            &samples,
-            &scores,
-            &[2000; 6],
-            Some(&[0; 6]),
-            1735,
-            &scenarios,
-        );
+        let kinds = KindCells::all(&samples, &scores, &[2000; 6], &[0; 6], 1735, &scenarios);
         let [arena, worlds] = &kinds[..] else {
             panic!("{kinds:?}");
         };
         assert_eq!((arena.cells, worlds.cells), (4, 2));
         // Two of four are known, both right; the algorithm knows all, half of them wrong.
-        assert_eq!((arena.held_out.known, arena.held_out.wrong), (0.5, 0.0));
-        let present = arena.present.unwrap();
+        let [arena_without, worlds_without] = [arena, worlds].map(|of| of.held_out.unwrap());
+        assert_eq!((arena_without.known, arena_without.wrong), (0.5, 0.0));
+        let present = arena.present;
         assert_eq!(
             (present.known, present.wrong, present.area),
             (1.0, 0.5, 0.5)
         );
-        assert_eq!((arena.wrong_at_equal, arena.held_out.area), (0.5, 1.0));
+        assert_eq!((arena.wrong_at_equal, arena_without.area), (Some(0.5), 1.0));
         // Predicted 95.3 and 98.2 % of two right ones, 4.7 and 1.8 % of two wrong ones.
-        assert!((arena.held_out.calibration_error - 0.0325).abs() < 1e-3);
+        assert!((arena_without.calibration_error - 0.0325).abs() < 1e-3);
         // One half is predicted, and one half right.
         assert_eq!(present.calibration_error, 0.0);
         // The only known one of the other kind is wrong, and ranked above the right one.
-        assert_eq!((worlds.held_out.known, worlds.held_out.wrong), (0.5, 1.0));
-        assert_eq!(worlds.held_out.area, 0.0);
+        assert_eq!((worlds_without.known, worlds_without.wrong), (0.5, 1.0));
+        assert_eq!(worlds_without.area, 0.0);
         assert_eq!(arena.curve.last(), Some(&(1.0, 0.5)));
         // 2 is 0.88 as log odds: all are known from 0.85 on, and none from 0.9 on.
         let [.., at_85, at_90, _] = &worlds.by_confidence[..] else {
@@ -313,6 +316,15 @@ mod tests {
         assert_eq!((at_85.confidence, at_90.confidence), (0.85, 0.9));
         assert_eq!(reported(at_85.without_run), (0.5, 0.5));
         assert_eq!(reported(at_90.without_run), (0.0, 0.0));
-        assert_eq!(reported(at_85.without_kind), (0.0, 0.5));
+        assert_eq!(at_85.without_kind.map(reported), Some((0.0, 0.5)));
+        // Without a table that was fitted to other kinds there are no such figures.
+        let scenario = LearnedScenario {
+            cells: 6,
+            ..scenarios[0].clone()
+        };
+        let one = &KindCells::all(&samples, &[None; 6], &[2000; 6], &[0; 6], 1735, &[scenario])[0];
+        assert_eq!((one.held_out, one.wrong_at_equal), (None, None));
+        assert!(one.curve.is_empty() && one.by_confidence[0].without_kind.is_none());
+        assert_eq!(reported(one.by_confidence[0].without_run), (0.5, 0.5));
     }
 }

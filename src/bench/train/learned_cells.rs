@@ -5,15 +5,15 @@ use crate::run::{Matchers, frames_through};
 use crate::runs::runs;
 use crate::sink::{CollectSink, RunStart};
 use crate::source::Source;
-use std::collections::BTreeSet;
+use std::collections::HashSet;
 use std::path::Path;
 use svl_core::depth::decision::Feature;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::CellEvidence;
-use svl_core::{Error, Result, joined};
+use svl_core::{Error, Result};
 use svl_data::fit::{CellFit, CellSample, CellTarget, FOLDS, cell_samples, fit_cells};
 use svl_data::manifest::Manifest;
-use svl_data::scenario::Scenario;
+use svl_data::scenario::{Scenario, ScenarioSource};
 
 /// The cells of all scenarios.
 #[derive(Default)]
@@ -22,6 +22,8 @@ pub struct LearnedCells {
     /// Runs and scenes.
     pub groups: Vec<String>,
     pub scenarios: Vec<LearnedScenario>,
+    /// Hashes of the pairs to fit to.
+    pairs: HashSet<u128>,
 }
 
 /// A scenario's part of the samples.
@@ -54,18 +56,14 @@ impl LearnedCells {
         let mut matchers = Matchers::new(&scenario.algorithms)?.without_warnings();
         let manifest = Manifest::new(&scenario.name, &scenario.algorithms)?;
         let before = self.samples.len();
-        let fitted = if tested {
-            self.fitted_groups().len()
-        } else {
-            0
-        };
+        let are_scenes = matches!(scenario.source, ScenarioSource::Dataset { .. });
         for run in runs(&scenario, console)? {
             let (mut run, judge) = run.open(&scenario, console, None)?;
             let of_frame = {
                 let judge = judge.clone();
                 CollectSink::new(move |judged| {
                     let samples = cell_samples(&judge, judged, target, 0);
-                    (judged.frame.name.clone(), samples)
+                    (judged.frame.name.clone(), judged.frame.pair.hash(), samples)
                 })
             };
             let start = RunStart::new(&manifest, run.seed, &judge);
@@ -73,32 +71,33 @@ impl LearnedCells {
             let of_seed = run
                 .seed
                 .map(|seed| format!("{} seed {seed}", scenario.kind()));
-            let name = of_seed.unwrap_or_else(|| run.name());
+            let recording = run.record.as_ref().map(|record| record.path.clone());
+            let name = of_seed.or(recording).unwrap_or_else(|| run.name());
             let title = format!("learn {}, {name}", scenario.name);
             let watch = Watch::new(console, &title, run.pairs(), None);
             let collected = frames_through(&mut run, &mut matchers, &start, of_frame, watch)?;
-            for (scene, samples) in collected {
-                let group = self.group(scene.map_or(name.clone(), |scene| scene));
+            for (scene, pair, samples) in collected {
+                if !tested {
+                    self.pairs.insert(pair);
+                } else if self.pairs.contains(&pair) {
+                    let cure = "use other seeds, scenes or recordings";
+                    return Err(Error::Invalid(format!(
+                        "{}: tests what is fitted too: a pair of {name}; {cure}",
+                        path.display()
+                    )));
+                }
+                // The pairs of a recording resemble each other, whatever their names.
+                let scene = scene.filter(|_| are_scenes);
+                let group = self.group(scene.unwrap_or_else(|| name.clone()));
                 let samples = samples.into_iter();
                 self.samples
                     .extend(samples.map(|sample| CellSample { group, ..sample }));
             }
         }
         let cells = self.samples.len() - before;
-        let of_fit = self.samples[before..].iter().map(|sample| sample.group);
-        let of_fit: BTreeSet<_> = of_fit.filter(|group| *group < fitted).collect();
-        if !of_fit.is_empty() {
-            let names = joined(of_fit.into_iter().map(|group| &self.groups[group]));
-            return Err(Error::Invalid(format!(
-                "{}: tests what is fitted too: {names}; use other seeds, scenes or recordings",
-                path.display()
-            )));
-        }
         if !self.samples[before..].iter().any(CellSample::is_reportable) {
-            let cure = "frames need a truth, and the algorithm has to give evidence for its cells: \
-                        v5 does, others with decision = \"safe\" under [grid]";
             return Err(Error::Invalid(format!(
-                "{}: has no cells to learn from; {cure}",
+                "{}: has no cells to learn from; frames need a truth",
                 path.display()
             )));
         }
@@ -155,7 +154,7 @@ impl LearnedCells {
     }
 
     /// The kinds of the scenes that are fitted to.
-    fn kinds(&self) -> Vec<&str> {
+    pub(super) fn kinds(&self) -> Vec<&str> {
         let mut kinds: Vec<_> = self.fitted_scenarios().map(|of| of.kind.as_str()).collect();
         kinds.sort_unstable();
         kinds.dedup();

@@ -20,8 +20,8 @@ pub struct CellFit {
     /// Per sample, in order, the log odds in thousandths from a table fitted without the sample's
     /// fold; the least number if there is nothing to report.
     pub held_out: Vec<i64>,
-    /// The same, from tables fitted without the sample's kind; empty if there is only one.
-    pub held_out_kind: Vec<i64>,
+    /// Per kind a table fitted without it; empty if there is only one.
+    pub without_kind: Vec<VerdictTable>,
     /// Mean logistic loss of held-out samples by the number of steps, from 0 on.
     pub losses: Vec<f64>,
 }
@@ -116,25 +116,26 @@ pub fn fit_cells(
     // The fewest steps whose loss is within a thousandth of the best.
     let steps = losses.iter().position(|loss| *loss <= 1.001 * best);
     let steps = steps.unwrap_or_default();
-    let scores = |folds: &[(Vec<Model>, Vec<usize>)]| {
-        let mut scores = vec![i64::MIN; samples.len()];
-        for (path, test) in folds {
-            let table = data.table(&path[steps.min(path.len() - 1)], rank);
-            for &i in test {
-                scores[i] = table.score(&samples[i].evidence.unwrap_or_default());
-            }
+    let table = |path: &[Model]| data.table(&path[steps.min(path.len() - 1)], rank);
+    let mut held_out = vec![i64::MIN; samples.len()];
+    for (path, test) in &folds {
+        let table = table(path);
+        for &i in test {
+            held_out[i] = table.score(&samples[i].evidence.unwrap_or_default());
         }
-        scores
-    };
-    let held_out_kind = match kinds.iter().max() {
+    }
+    let without_kind = match kinds.iter().max() {
         None | Some(0) => Vec::new(),
-        Some(last) => scores(&cross(last + 1, steps, &|i| kinds[i])?),
+        Some(last) => {
+            let folds = cross(last + 1, steps, &|i| kinds[i])?;
+            folds.iter().map(|(path, _)| table(path)).collect()
+        }
     };
     let path = data.path(&reportable, steps);
     progress().then(|| CellFit {
         table: data.table(&path[path.len() - 1], rank),
-        held_out: scores(&folds),
-        held_out_kind,
+        held_out,
+        without_kind,
         losses,
     })
 }
@@ -418,11 +419,13 @@ mod tests {
 
     /// Log loss of the cells of the last kind, with its runs held out and with the kind held out.
     fn losses_of_the_last_kind(fit: &CellFit, samples: &[CellSample], kinds: &[usize]) -> [f64; 2] {
-        [&fit.held_out, &fit.held_out_kind].map(|scores| {
+        let without = |i: usize| fit.without_kind[2].score(&samples[i].evidence.unwrap());
+        let scores: [&dyn Fn(usize) -> i64; 2] = [&|i| fit.held_out[i], &without];
+        scores.map(|score| {
             let of_kind = (0..samples.len()).filter(|&i| kinds[i] == 2);
             let losses = of_kind.map(|i| {
                 let sign = if samples[i].right { -1000.0 } else { 1000.0 };
-                (scores[i] as f64 / sign).exp().ln_1p()
+                (score(i) as f64 / sign).exp().ln_1p()
             });
             losses.sum()
         })
@@ -434,7 +437,7 @@ mod tests {
         let weights = vec![1.0; samples.len()];
         let one_kind = vec![0; samples.len()];
         let fit = || fit_cells(&samples, &one_kind, &weights, 75, || true).unwrap();
-        assert!(fit().held_out_kind.is_empty());
+        assert!(fit().without_kind.is_empty());
         let (one, two) = (fit(), fit());
         assert_eq!((one.table, one.held_out), (two.table, two.held_out));
         assert!(fit_cells(&samples, &one_kind, &weights, 75, || false).is_none());

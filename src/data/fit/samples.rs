@@ -1,7 +1,7 @@
 //! Cells of frames with a truth, as samples for the verdict table.
 
 use crate::score::{Judge, Judged, depth_at, is_right};
-use svl_core::matcher::Algorithm;
+use svl_core::depth::decision::SafeChoice;
 use svl_core::stereo::{Cell, CellDepth, CellEvidence};
 use svl_core::{Error, Result};
 
@@ -35,21 +35,18 @@ pub enum CellTarget {
 }
 
 impl CellTarget {
-    /// Target of an algorithm's cells.
+    /// Target of a decision on cells.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a percentile that is not a target's; the faults of a table's file.
-    pub fn of(algorithm: &Algorithm) -> Result<Self> {
-        let choice = algorithm.safe_choice()?;
-        match choice.map_or(50, |choice| choice.decision.rank) {
+    /// [`Error::Usage`] for a percentile that is not a target's.
+    pub fn of(choice: &SafeChoice) -> Result<Self> {
+        match choice.decision.rank {
             50 => Ok(Self::Median),
             75 => Ok(Self::Near),
             rank => {
-                let label = algorithm.label();
                 let cure = "leave rank out; target=near asks for the nearest quarter";
-                Err(Error::Usage(format!(
-                    "{label}: nothing is scored at rank {rank}: {cure}"
-                )))
+                let message = format!("nothing is scored at rank {rank}: {cure}");
+                Err(Error::Usage(message))
             }
         }
     }

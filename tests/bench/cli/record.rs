@@ -164,3 +164,25 @@ fn topics_of_another_programs_recording_are_named() {
     ";
     fixture.fails(wrong);
 }
+
+#[test]
+fn a_scenario_is_recorded_with_its_first_seed() {
+    let fixture = Fixture::new();
+    let short = fixture.write_short_arena("short.toml", 2);
+    let text = std::fs::read_to_string(&short).unwrap();
+    fixture.write(
+        "later.toml",
+        text.replace("seeds = [1, 2]", "seeds = [7, 8]"),
+    );
+    let seed = |line: &str| {
+        fixture.run(&format!("record {line} --force -o run.mcap -q"));
+        let info = fixture.run("info run.mcap");
+        let line = info
+            .lines()
+            .find(|line| line.starts_with("writer"))
+            .map(str::to_owned);
+        line.unwrap().split_once("seed ").unwrap().1.to_owned()
+    };
+    assert_eq!(seed("later.toml"), "7");
+    assert_eq!(seed("later.toml --seed 3"), "3");
+}

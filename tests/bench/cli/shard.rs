@@ -60,6 +60,15 @@ fn parts_make_the_tables_and_hashes_of_one_machine() {
         }
         assert_eq!(hashes(&all), hashes("whole"));
     }
+    // A part compares nothing: its algorithms have other runs each.
+    let words = "This is part 1/3 of a run";
+    assert_says(&fixture.text("part-3-1/summary.md"), &[words, "svl merge"]);
+    assert_says(
+        &fixture.text("part-3-1/summary.json"),
+        &["\"shard\": \"1/3\""],
+    );
+    assert!(!fixture.text("part-3-1/summary.json").contains("\"leads\""));
+    assert!(!fixture.text("all-3/summary.md").contains("This is part"));
     let page = fixture.text("all-3/index.html");
     assert_says(&page, &["part-3-2", "id=\"parts\""]);
 }

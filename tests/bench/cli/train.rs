@@ -1,6 +1,7 @@
 //! `svl train`.
 
 use super::fixture::{Fixture, assert_says};
+use crate::recording::bag::png;
 
 const TRAIN: &str = "-q train cells short.toml --seeds 4..7 --algo v5:max_disparity=64";
 
@@ -177,6 +178,30 @@ fn gaps_are_learned_and_cells_after_them() {
             .count()
     };
     assert_eq!(known("v5:gaps=gaps.safetensors,table=voted.toml"), 15);
+    // Without its table the probabilities are not the network's.
+    let warned = |algorithm: &str| {
+        let ran = fixture.svl(&format!(
+            "match l.pgm r.pgm -o d.pfm --force --algo {algorithm}"
+        ));
+        ran.stderr.matches("no table= is given").count()
+    };
+    assert_eq!(warned("v5:gaps=gaps.safetensors"), 1);
+    assert_eq!(warned("v5:gaps=gaps.safetensors,table=voted.toml"), 0);
+    assert_eq!(warned("v5:revision=3"), 0);
+    assert_eq!(warned("v5:revision=3,gaps=gaps.safetensors"), 1);
+    let score = "score short.toml --rerun none --algo v5:gaps=gaps.safetensors -o r";
+    let ran = fixture.svl(score);
+    assert_eq!(
+        ran.stderr.matches("no table= is given").count(),
+        1,
+        "{}",
+        ran.stderr
+    );
+    assert!(
+        fixture
+            .text("r/summary.json")
+            .contains("no table= is given")
+    );
     fixture.fails(
         "match l.pgm r.pgm -o d.pfm --force --algo v5:table=voted.toml => 2: voted.toml | 'voted' \
          | gaps=FILE
@@ -193,14 +218,77 @@ fn gaps_are_learned_and_cells_after_them() {
 fn what_cannot_be_learned_is_refused_in_one_line() {
     let fixture = short_arena();
     fixture.fails(
-        "-q train cells short.toml --seeds 4..5 -o t.toml --algo v3 => 1: short.toml | no cells to \
-         learn from | v5 does
+        "-q train cells short.toml --seeds 4..5 -o t.toml --algo v3 => 2: --algo v3 | no table of \
+         cells | v5
         -q train cells short.toml --seeds 4 -o t.toml => 1: one run cannot be held out
         -q train cells short.toml --test short.toml -o t.toml => 1: short.toml | tests what is \
-         fitted too | seed
+         fitted too | arena seed 1
+        -q train cells short.toml --seeds 4..5 -o short.toml --force => 2: short.toml | named twice
+        -q train gaps short.toml --seeds 4..5 -o t.safetensors --force --epochs 0 => 2: --epochs
         -q train gaps short.toml --seeds 4 -o t.safetensors => 1: one run cannot be held out",
     );
     assert!(!fixture.path("t.toml").exists());
+}
+
+/// Videos of eight pairs each, named alike, whose truth is wrong in the right half; a scenario of
+/// each.
+fn write_videos(fixture: &Fixture) {
+    for (video, shift) in [("one", 5), ("two", 9), ("three", 13)] {
+        for i in 0..8 {
+            let [left, right] = ["left", "right"].map(|side| format!("{video}/{side}/{i}.pgm"));
+            fixture.write_pair(&left, &right, (160, 96), shift + i % 2);
+            // Focal length 100 px, baseline 0.1 m; in millimetres.
+            let depth = (0..160 * 96).map(|at| match at % 160 {
+                0..80 => 10_000 / (shift + i % 2) as u16,
+                _ => 9000,
+            });
+            let depth: Vec<_> = depth.collect();
+            fixture.write(&format!("{video}/depth/{i}.png"), png((160, 96), &depth));
+        }
+        let calib = "cam0=[100 0 80; 0 100 48; 0 0 1]\ncam1=[100 0 80; 0 100 48; 0 0 1]\n\
+                     doffs=0\nbaseline=100\nwidth=160\nheight=96\nndisp=16\n";
+        fixture.write(&format!("{video}/calib.txt"), calib);
+        fixture.write(&format!("{video}.toml"), of_videos(&[video]));
+    }
+}
+
+fn of_videos(videos: &[&str]) -> String {
+    format!(
+        "name = \"own\"\n[source]\nkind = \"recording\"\nfiles = {videos:?}\n\
+         truth = \"depth/*.png\"\n"
+    )
+}
+
+#[test]
+fn recordings_are_held_out_whole() {
+    let fixture = Fixture::new();
+    write_videos(&fixture);
+    fixture.write("both.toml", of_videos(&["one", "two"]));
+    fixture.fails("-q train cells one.toml -o t.toml => 1: one run cannot be held out");
+    let train = "-q train cells both.toml --json";
+    let json = fixture.json(&format!("{train} -o t.toml --samples t.csv"));
+    assert_eq!(json["scenarios"][0]["groups"], 2, "{json}");
+    let samples = fixture.text("t.csv");
+    let groups = samples.lines().skip(1).map(|line| line.split(',').next());
+    let groups: std::collections::BTreeSet<_> = groups.flatten().collect();
+    assert_eq!(groups.len(), 2, "{groups:?}");
+    // Nothing is held out by kind where there is one.
+    let kind = &json["kinds"][0];
+    assert!(
+        kind["held_out"].is_null() && kind["wrong_at_equal"].is_null(),
+        "{kind}"
+    );
+    // Names are alike in another video, and pairs in a copy with other names.
+    fixture.run(&format!("{train} --test three.toml -o other.toml"));
+    fixture.run("record two --truth depth/*.png -o two.mcap");
+    fixture.write(
+        "copy.toml",
+        of_videos(&["two.mcap"]).replace("truth = \"depth/*.png\"\n", ""),
+    );
+    fixture.fails(
+        "-q train cells both.toml --test copy.toml -o u.toml => 1: copy.toml | tests what is \
+         fitted too | two.mcap",
+    );
 }
 
 #[test]

@@ -40,7 +40,7 @@ pub(crate) struct Args {
         value_parser = usage::within(0.001..=1e9)
     )]
     duration: Option<f64>,
-    /// Seed of the textures, path and noise of a simulated source [default: 1]
+    /// Seed of the textures, path and noise of a simulated source [default: a scenario's first, 1]
     #[arg(
         long, value_name = "N", allow_negative_numbers = true,
         value_parser = usage::within(0..=u64::MAX)

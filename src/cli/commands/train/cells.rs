@@ -53,7 +53,7 @@ pub(crate) struct Args {
     /// Replace files that exist
     #[arg(long)]
     force: bool,
-    /// Algorithm whose cells are learned: v5, or any in scenarios with decision = "safe"
+    /// v5 with the parameters that its cells are learned with
     #[arg(
         long, value_name = "ALGO", default_value = "v5",
         value_parser = usage::algorithm
@@ -73,13 +73,21 @@ pub(crate) struct Args {
 const FEWEST: usize = 20;
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let target = CellTarget::of(&args.algo)?;
+    let label = args.algo.label();
+    let Some(choice) = args.algo.safe_choice()? else {
+        return Err(usage::wrong(format!(
+            "--algo {label}: has no table of cells; v5 has one"
+        )));
+    };
+    let target =
+        CellTarget::of(&choice).map_err(|error| usage::wrong(format!("{label}: {error}")))?;
     let page = args.output.with_extension("html");
-    let paths = [&args.output, &page].into_iter().chain(&args.samples);
-    let mut outputs = Outputs::claim(args.force, [], paths.map(PathBuf::as_path))?;
+    let paths: Vec<_> = args.scenarios.iter().chain(&args.test).collect();
+    let inputs = paths.iter().map(|path| path.as_path());
+    let files = [&args.output, &page].into_iter().chain(&args.samples);
+    let mut outputs = Outputs::claim(args.force, inputs, files.map(PathBuf::as_path))?;
     let terminal = &Terminal { quiet };
     let mut learned = LearnedCells::default();
-    let paths: Vec<_> = args.scenarios.iter().chain(&args.test).collect();
     let scenarios = paths.iter().map(|path| Scenario::read(path));
     let mut scenarios = scenarios.collect::<svl::Result<Vec<_>>>()?;
     let named = args.scenarios[0].display().to_string();
@@ -121,9 +129,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let Some(mut fit) = fit else {
         bail!("interrupted; nothing is written");
     };
-    let choice = args.algo.safe_choice()?;
-    fit.table.network = choice.and_then(|choice| choice.network).map(Into::into);
-    let training = CellTraining::new(&args.algo, &learned, &fit)?;
+    fit.table.network = choice.network.clone().map(Into::into);
+    let training = CellTraining::new(&args.algo, &choice, &learned, &fit);
     let manifest = Manifest::new("train cells", std::slice::from_ref(&args.algo))?;
     outputs.set_aside()?;
     let head = header(&manifest, learned.fitted_groups(), &training);

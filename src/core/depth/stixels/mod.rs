@@ -54,8 +54,8 @@ pub struct Stixels {
 
 /// Greatest number of blocks in a row and in a column; their medians are the measurements.
 const BLOCKS: (usize, usize) = (64, 120);
-/// Least fraction of an object's rows with disparities; that of the ground, whose plane is fitted to
-/// all columns; and the fewest rows of blocks of either.
+/// Least fraction of an object's rows with disparities; that of the ground, whose plane is fitted
+/// to all columns; and the fewest rows of blocks of either.
 const OBJECT_SUPPORT: f32 = 0.5;
 const GROUND_SUPPORT: f32 = 0.25;
 const MIN_BLOCKS: usize = 3;

@@ -26,11 +26,14 @@ const SAME_PX: f32 = 1.0;
 
 /// Disparities of objects are tried in steps of this, pixels.
 const STEP_PX: f32 = 0.5;
-const MAX_STEPS: usize = 1024;
+/// Twice what the greatest range of svl's algorithms needs; disparities beyond count as the last.
+const MAX_STEPS: usize = 8192;
 
 /// Memory for the columns of a plane of measurements.
 pub(super) struct Segmentation<'a> {
     measured: &'a Plane<f32>,
+    /// The disparity of the first step, a multiple of [`STEP_PX`].
+    first_px: f32,
     steps: usize,
     /// Costs of the first rows from the bottom as an object, per step of disparity.
     object: Vec<f32>,
@@ -59,12 +62,14 @@ const OBJECT: usize = 1;
 
 impl<'a> Segmentation<'a> {
     pub(super) fn new(measured: &'a Plane<f32>) -> Self {
-        let finite = measured.pixels().filter(|d| d.is_finite());
-        let most = finite.fold(0.0, f32::max);
+        let finite = || measured.pixels().filter(|d| d.is_finite());
+        let most = finite().fold(0.0, f32::max);
+        let first_px = (finite().fold(most, f32::min) / STEP_PX).floor() * STEP_PX;
         let height = measured.height();
-        let steps = ((most / STEP_PX).ceil() as usize + 1).min(MAX_STEPS);
+        let steps = (((most - first_px) / STEP_PX).ceil() as usize + 1).min(MAX_STEPS);
         Self {
             measured,
+            first_px,
             steps,
             object: vec![0.0; steps * (height + 1)],
             ground: vec![0.0; height + 1],
@@ -111,7 +116,7 @@ impl<'a> Segmentation<'a> {
             let before = &before[i * self.steps..];
             for (step, (cost, before)) in costs.iter_mut().zip(before).enumerate() {
                 let own = if is_measured {
-                    misfit(d, step as f32 * STEP_PX)
+                    misfit(d, self.first_px + step as f32 * STEP_PX)
                 } else {
                     0.0
                 };
@@ -146,8 +151,9 @@ impl<'a> Segmentation<'a> {
                     continue;
                 }
                 let px = (sum - sum_before) / (count - count_before) as f32;
-                // The nearest step; negative disparities have the first.
-                let step = ((px / STEP_PX + 0.5) as usize).min(self.steps - 1);
+                // The nearest step.
+                let step = (px - self.first_px) / STEP_PX + 0.5;
+                let step = (step as usize).min(self.steps - 1);
                 let costs = [end + 1, start].map(|i| self.object[i * self.steps + step]);
                 let (cost, before) = below.of_object(foot, px);
                 keep(
@@ -281,7 +287,7 @@ mod tests {
                     .map(|i| ground[i].map(|px| misfit(i, px)))
                     .sum::<Option<f32>>();
                 let mean = seen.iter().map(|&i| measured[i]).sum::<f32>() / seen.len() as f32;
-                let step = (mean / STEP_PX).round() * STEP_PX;
+                let step = (mean / STEP_PX + 0.5).floor() * STEP_PX;
                 let as_object = (start..=end).map(|i| misfit(i, step)).sum::<f32>();
                 for kind in [GROUND, OBJECT] {
                     let (own, px) = match (kind, on_ground) {
@@ -355,11 +361,13 @@ mod tests {
             let expected: Vec<_> = (0..height)
                 .map(|y| Some(1.5 * (y as f32 - horizon)).filter(|px| has_ground && *px > 0.0))
                 .collect();
-            let mut object = random(30) as f32;
+            // Far beyond the ground, and behind infinity, as where the cameras converge.
+            let offset = [0.0, 700.0, -100.0][if has_ground { 0 } else { case / 4 % 3 }];
+            let mut object = random(30) as f32 + offset;
             let column: Vec<_> = (0..height)
                 .map(|y| {
                     if random(6) == 0 {
-                        object = random(30) as f32;
+                        object = random(30) as f32 + offset;
                     }
                     let noise = random(1000) as f32 / 700.0;
                     match (random(5), expected[y]) {
