@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # v5 beside matchers that were built for the same question (docs/results/rivals.md): bash docs/rivals.sh DATASETS
-# Prints, for each set of scenes, right and wrong cells and missed and false obstacles of v5 (revisions 2 and 3),
-# pushbroom, and v3, bm and sgm with the median of each cell and with that of its stixels; then the drives. The reports
-# stay in reports/rivals-*.
+# Prints, for each set of scenes, of v5 (revisions 2 and 3), pushbroom, and v3, bm and sgm with the median of each cell and
+# with that of its stixels: right and wrong cells, missed and false obstacles by the median, near obstacles missed by the
+# nearest quarter, and wrong cells of the known ones with their 95 % interval (bootstrap over the seeds); then the drives.
+# The reports stay in reports/rivals-*.
 set -euo pipefail
 datasets="$(realpath "${1:?the folder of the data sets}")"
 cd "$(dirname "$0")/.."
@@ -41,24 +42,39 @@ score drives scenarios/drive.toml --drives none --seeds "${COURSES:-1001..1020}"
 python3 - << 'PYTHON'
 import collections
 import csv
+import random
 
 SETS = {name: [name] for name in ("arena", "worlds", "shapes", "middlebury")}
 SETS["two real pairs"] = ["playground", "street"]
 for name, parts in SETS.items():
-    counts = collections.defaultdict(collections.Counter)
+    counts = collections.defaultdict(lambda: collections.defaultdict(collections.Counter))
+    near = collections.defaultdict(collections.Counter)
     for part in parts:
         for decision in ("median", "stixels"):
+            label = lambda row: row["algorithm"] + (", stixels" if decision == "stixels" else "")
             for row in csv.DictReader(open(f"reports/rivals-{part}-{decision}/cells.csv")):
                 if row["verdict"] != "no-truth":
-                    of = counts[row["algorithm"] + (", stixels" if decision == "stixels" else "")]
+                    of = counts[label(row)][row["seed"]]
                     of[row["verdict"]] += 1
                     of["all"] += 1
                     of["missed"] += row["missed_obstacle"] == "true"
                     of["false"] += row["false_obstacle"] == "true"
-    print(f"\n{name}\n\n| algorithm | right / wrong, % of the cells | missed / false obstacles |\n|---|---:|---:|")
-    for algorithm, of in counts.items():
+            for row in csv.DictReader(open(f"reports/rivals-{part}-{decision}/summary.csv")):
+                near[label(row)].update({key: int(row[key] or 0) for key in ("missed25", "near25")})
+    print(f"\n{name}\n\n| algorithm | right / wrong, % of the cells | missed / false obstacles | near ones missed "
+          "| wrong, % of the known |\n|---|---:|---:|---:|---:|")
+    for algorithm, seeds in counts.items():
+        of = sum(seeds.values(), collections.Counter())
         right, wrong = (100 * of[verdict] / of["all"] for verdict in ("right", "wrong"))
-        print(f"| {algorithm} | {right:.1f} / {wrong:.2f} | {of['missed']} / {of['false']} |")
+        known = lambda of: 100 * of["wrong"] / max(of["right"] + of["wrong"], 1)
+        interval = ""
+        if len(seeds) > 9:
+            dice = random.Random(1)
+            draws = (dice.choices(list(seeds.values()), k=len(seeds)) for _ in range(2000))
+            sums = sorted(known(sum(draw, collections.Counter())) for draw in draws)
+            interval = f" ({sums[50]:.1f}–{sums[1949]:.1f})"
+        print(f"| {algorithm} | {right:.1f} / {wrong:.2f} | {of['missed']} / {of['false']} "
+              f"| {near[algorithm]['missed25']} of {near[algorithm]['near25']} | {known(of):.2f}{interval} |")
 print("\ndrives\n\n| algorithm | courses | finished, % | collisions | near misses | driven, m |\n|---|---:|---:|---:|---:|---:|")
 for decision in ("median", "stixels"):
     sums = collections.defaultdict(collections.Counter)

@@ -178,12 +178,18 @@ pub fn cached_run(
         ScenarioSource::Arena { config, .. } => Some(config.frames),
         _ => None,
     };
-    let mut watch = Watch::new(console, &format!("record arena, seed {seed}"), pairs, table);
+    let kind = scenario.kind();
+    let mut watch = Watch::new(
+        console,
+        &format!("record {kind}, seed {seed}"),
+        pairs,
+        table,
+    );
     let cached = record::cached_run(folder, scenario, seed, &mut watch);
     if interrupt::requested() {
-        return Err(Error::Invalid(
-            "interrupted while recording the arena".into(),
-        ));
+        return Err(Error::Invalid(format!(
+            "interrupted while recording {kind}"
+        )));
     }
     cached
 }

@@ -11,7 +11,10 @@
 //!
 //! Departures from the paper: points are kept in world coordinates for a number of pairs, not in a
 //! state estimator's octree; near the edge of the image only the positions of the second search
-//! that are inside count; cells of the depth grid are decided here, known from a few blocks on.
+//! that are inside count; blocks have 11 × 11 pixels by default, not 5 × 5, which was better in the
+//! arena; the Laplacian is the absolute one of four neighbours; the second search does not ask
+//! whether the right block is plain; cells of the depth grid are decided here, known from a few
+//! blocks on.
 
 use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
 use crate::depth::GridSettings;

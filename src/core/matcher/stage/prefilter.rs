@@ -26,8 +26,8 @@ impl Prefilter {
             default: "xsobel",
             options: &["xsobel", "log"],
         },
-        description: "edges to match: horizontal ones, or the Laplacian of a Gaussian of the \
-                      Small Vision System",
+        description: "images to match: horizontal gradients (vertical edges), or the Laplacian of \
+                      a Gaussian of the Small Vision System",
     };
 
     /// The prefilter that an option of [`Prefilter::CHOICE`] names.

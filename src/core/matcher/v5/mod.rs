@@ -74,7 +74,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         },
         Parameter {
             name: "edge",
-            unit: "1/4 grey level",
+            unit: "× 1/4 grey level",
             range: Range::int(40, 1..=1020),
             description: "difference of neighbours beyond which p2 falls in proportion",
         },
@@ -86,7 +86,7 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         },
         Parameter {
             name: "jump",
-            unit: "1/8 px",
+            unit: "× 1/8 px",
             range: Range::int(16, 0..=4096),
             description: "gaps between disparities that differ by more belong to the farther one",
         },
