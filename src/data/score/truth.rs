@@ -1,8 +1,8 @@
 //! The truth of a frame by cells: the reference for every score of cells.
 //!
-//! The pixels of a dense truth represent the cell if they are at least half of its pixels. If they
-//! are fewer, or points of a sensor, the cell is scored by its points ([`SparseCell`]), or not at
-//! all.
+//! Pixels with truth represent the cell if they are at least half of its pixels; if they are fewer,
+//! where they are decides whether it is scored ([`SparseCell`]). Points of a sensor, and fewer
+//! pixels, are weighted.
 
 use super::cells::{CellJudgement, depth_at, judge_cells};
 use super::sparse::SparseCell;
@@ -68,14 +68,15 @@ impl TrueCells {
             let is_sparse = are_points || cell.depth.is_none() && !is_reference;
             let sparse = (is_sparse && cell.valid_share > 0.0)
                 .then(|| SparseCell::new(&truth.disparity, &columns, &rows));
-            if let Some(points) = &sparse {
-                cell.depth = points.is_scored(rule, rig).then(|| {
-                    let [p20, median, p80] = [20, 50, 80].map(|p| points.truth.percentile(p));
-                    CellDepth {
-                        p20_px: p20,
-                        p80_px: p80,
-                        ..depth_at(median, rig)
-                    }
+            // Points on half of the pixels represent the cell wherever they are.
+            let is_scored =
+                |points: &&SparseCell| cell.depth.is_some() || points.is_scored(rule, rig);
+            if let Some(points) = sparse.as_ref().filter(is_scored) {
+                let [p20, median, p80] = [20, 50, 80].map(|p| points.truth.percentile(p));
+                cell.depth = Some(CellDepth {
+                    p20_px: p20,
+                    p80_px: p80,
+                    ..depth_at(median, rig)
                 });
             }
             let quarter = cell.depth.map(|_| match &sparse {
