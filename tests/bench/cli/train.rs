@@ -305,6 +305,12 @@ fn a_table_of_ones_own_decides_the_cells() {
             .count()
     };
     assert_eq!(known("v5:table=good.toml"), 15);
+    let ran = fixture.svl("match l.pgm r.pgm -o d.pfm --force --algo v5:rank=60");
+    assert!(
+        ran.stderr.contains("a table for another rank"),
+        "{}",
+        ran.stderr
+    );
     fixture.write("good.toml", "rank = 50\nbase = -9000\n");
     assert_eq!(known("v5:table=good.toml"), 0);
 }

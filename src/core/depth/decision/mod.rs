@@ -50,13 +50,23 @@ pub struct SafeChoice {
 }
 
 impl SafeChoice {
-    /// What is wrong with its probabilities, if the table was fitted without the network, or with
-    /// another.
+    /// What is wrong with its probabilities, if the table was fitted without the network, with
+    /// another, or to another part of a cell.
     pub fn misfit(&self) -> Option<&'static str> {
-        (self.network.as_deref() != self.decision.table.network.as_deref()).then_some(
-            "no table= is given, so its probabilities are of a table that was fitted without this \
-             network: `svl train cells` makes one",
-        )
+        let Decision { rank, table, .. } = &self.decision;
+        if self.network.as_deref() != table.network.as_deref() {
+            Some(
+                "no table= is given, so its probabilities are of a table that was fitted without \
+                 this network: `svl train cells` makes one",
+            )
+        } else if *rank != table.rank {
+            Some(
+                "its probabilities are of a table for another rank: leave rank= out, or take \
+                 target=near",
+            )
+        } else {
+            None
+        }
     }
 }
 
