@@ -287,7 +287,7 @@ mod tests {
         // Scenarios of the fit come first. The tables without a kind know nothing, the others all.
         let known = |scenarios: &[(&str, bool)], fitted: usize, without: usize| {
             let mut learned = LearnedCells::default();
-            learned.samples = vec![sample.clone(); scenarios.len()];
+            learned.samples = vec![sample; scenarios.len()];
             learned.scenarios = scenarios.iter().copied().map(scenario).collect();
             let fit = CellFit {
                 table: base(90_000),

@@ -127,7 +127,7 @@ impl KindCells {
                     without_kind: is_held_out.then(|| reported(&without, least)),
                 }
             });
-            let points = if is_held_out { 1..=POINTS } else { 1..=0 };
+            let points = 1..=if is_held_out { POINTS } else { 0 };
             let points = points.map(|point| ranked.len() * point / POINTS);
             Self {
                 name: name.to_owned(),
