@@ -244,14 +244,9 @@ record! {
         probability: Option<f64>,
         /// Perturbation of the pair, if any.
         stress: Option<String>,
-        /// Number of points of a truth that covers less than half of the cell: with `no-truth` too
-        /// few. Absent if the truth is dense or missing.
+        /// Number of points of a sparse truth: with `no-truth` too few. Absent if the truth is
+        /// dense or missing.
         true_points: Option<u64>,
-        /// Reported disparity at those points, which is compared with the truth: the report, moved
-        /// by the difference between the algorithm's map there and in the whole cell.
-        at_points_px: Option<f64>,
-        /// Reported distance at those points.
-        at_points_m: Option<f64>,
     }
 }
 

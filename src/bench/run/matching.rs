@@ -156,11 +156,10 @@ impl<'a> Matching<'a> {
             }
         }
         let logged = self.logged(frame);
-        let needs_maps = logged.iter().any(Option::is_some) && self.judge.needs_maps(frame);
         // The first result of a log is matched again: another program behind the same command would
         // continue with other results.
         let is_known = |entry: &RunMatcher, i: usize| {
-            let is_needed = needs_maps || self.needed.get(i) != Some(&false);
+            let is_needed = self.needed.get(i) != Some(&false);
             let is_free = !is_needed && !entry.matcher.remembers();
             logged[i].is_some() && entry.is_verified && is_free
         };

@@ -237,8 +237,6 @@ impl RunIdentity {
                     probability: cell.probability,
                     stress: self.stress.clone(),
                     true_points: judgement.points.map(|points| points as u64),
-                    at_points_px: judgement.at_points.map(|d| d.median_px.into()),
-                    at_points_m: judgement.at_points.and_then(|d| d.distance_m),
                 }
             };
         estimate.grid.iter().enumerate().map(row).collect()

@@ -70,21 +70,19 @@ pub fn cell_samples(
     let (Some(truth), Some(scored)) = (&judged.true_cells, judged.estimates.first()) else {
         return Vec::new();
     };
-    let (estimate, map) = (&scored.estimate, scored.estimate.disparity.disparity());
     let rig = judged.frame.rig();
     let rule = judge.cells.for_rig(rig.is_some());
     let wanted: Vec<_> = match target {
         CellTarget::Median => truth.grid().iter().map(|(_, cell)| cell.depth).collect(),
         CellTarget::Near => truth.near().collect(),
     };
-    let cells = estimate.grid.iter().zip(wanted).enumerate();
-    let sample = |(i, ((_, cell), wanted)): (usize, ((_, &Cell), Option<CellDepth>))| {
+    let cells = scored.estimate.grid.iter().zip(wanted);
+    let sample = |((_, cell), wanted): ((_, &Cell), Option<CellDepth>)| {
         let reported = cell.evidence.map(|evidence| {
             let median_px = evidence.report as f32 / svl_core::depth::decision::BINS_PER_PX as f32;
             depth_at(median_px, rig)
         });
         let reported = reported.filter(|depth| depth.median_px > 0.0);
-        let reported = reported.map(|depth| truth.at_truth(i, depth, map));
         Some(CellSample {
             group,
             evidence: cell.evidence,

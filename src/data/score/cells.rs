@@ -42,11 +42,8 @@ pub struct CellJudgement {
     pub missed_obstacle: bool,
     /// Reported nearer than `obstacle_m`, truly farther than `clear_m`.
     pub false_obstacle: bool,
-    /// The number of the truth's points if they cover less than half of the cell; absent if the
-    /// truth is dense or missing.
+    /// The number of the truth's points, if it is sparse; absent if it is dense or missing.
     pub points: Option<usize>,
-    /// The report at those points, which is compared with the truth.
-    pub at_points: Option<CellDepth>,
 }
 
 impl CellJudgement {
@@ -58,7 +55,6 @@ impl CellJudgement {
         missed_obstacle: false,
         false_obstacle: false,
         points: None,
-        at_points: None,
     };
 }
 
@@ -171,7 +167,6 @@ fn judge_cell(
             && reported.is_some_and(|r| r.distance_m.is_none_or(|z| z > clear_m)),
         false_obstacle: distances.is_some_and(|(z_true, z)| z < obstacle_m && z_true > clear_m),
         points: None,
-        at_points: None,
     }
 }
 

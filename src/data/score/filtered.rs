@@ -87,8 +87,7 @@ impl FilterTally {
             })
         });
         let before = estimate.unfiltered.as_ref();
-        let map = estimate.disparity.disparity();
-        let before = before.map(|grid| true_cells.judge(&true_cells.reported(grid, map)));
+        let before = before.map(|grid| true_cells.judge(grid));
         let right_before = |with_filter: bool| {
             let before = before.as_ref().filter(|_| knows_surfaces)?;
             Some(count(&|i, place| {

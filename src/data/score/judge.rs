@@ -109,13 +109,6 @@ impl Judge {
         TrueCells::new(frame, self.grid.shape(), self.rule(frame))
     }
 
-    /// True if scoring the frame's cells needs the maps besides their grids: its truth is points,
-    /// to which reports are moved.
-    pub fn needs_maps(&self, frame: &Frame) -> bool {
-        self.true_cells(frame)
-            .is_some_and(|truth| truth.moves_reports())
-    }
-
     /// The support of each estimate; only frames without truth need it.
     fn supports(&self, frame: &Frame, estimates: &[Estimate]) -> Vec<CellSupport> {
         if frame.truth.is_some() || estimates.is_empty() {
@@ -148,12 +141,9 @@ impl Judge {
     ) -> JudgedEstimate {
         let map = &estimate.disparity;
         let rule = self.rule(frame);
-        let reported = |truth: &TrueCells| truth.reported(&estimate.grid, map.disparity());
-        let at_truth = true_cells.map(|truth| (truth, reported(truth)));
-        let at_truth = at_truth.as_ref();
-        let cells = at_truth.map(|(truth, reported)| truth.judge(reported));
+        let cells = true_cells.map(|truth| truth.judge(&estimate.grid));
         let surfaces =
-            at_truth.map(|(truth, reported)| SurfaceTally::new(frame, truth, reported, rule));
+            true_cells.map(|truth| SurfaceTally::new(frame, truth, &estimate.grid, rule));
         let filtered = true_cells
             .zip(cells.as_deref())
             .map(|(truth, cells)| FilterTally::new(frame, truth, &estimate, cells, rule));

@@ -1,10 +1,8 @@
 //! Cells with sparse truth: points of a lidar, KITTI or a laser scan.
 //!
 //! Points are distributed differently in a cell than its pixels, so their median is not the cell's.
-//! Two things correct for that: every part of the cell that has points counts equally, however many
-//! it has; and a report is moved by the difference between the algorithm's own map at the points
-//! and in the whole cell. `tests/bench/arena/sparse.rs` compares the scores with those of a dense
-//! truth.
+//! Therefore every part of the cell that has points counts equally, however many it has.
+//! `tests/bench/arena/sparse.rs` compares the scores with those of a dense truth.
 
 use super::cells::{depth_at, is_right};
 use std::ops::Range;
@@ -21,7 +19,7 @@ const COVERED: f64 = 0.5;
 /// lines across a slanted surface is not the cell's.
 const SPREAD: f64 = 0.75;
 
-/// Fewest points of a cell, and fewest of them at which a map has a disparity.
+/// Fewest points of a cell.
 const MIN_POINTS: usize = 10;
 
 /// Greatest distance of the points' centre from the cell's, as a fraction of its sides, if they
@@ -31,8 +29,8 @@ const OFF_CENTRE: f64 = 0.2;
 /// The points of a cell.
 #[derive(Clone, Debug)]
 pub(super) struct SparseCell {
-    /// Column, row and weight.
-    points: Vec<(usize, usize, f64)>,
+    /// Number of points.
+    pub count: usize,
     /// The true disparities.
     pub truth: Weighted,
     /// True if enough parts have points.
@@ -89,13 +87,8 @@ impl SparseCell {
             ),
             covered: is_spread && with_points as f64 >= COVERED * parts as f64,
             centred: offset(|p| p.0, columns).max(offset(|p| p.1, rows)) <= OFF_CENTRE,
-            points,
+            count: points.len(),
         }
-    }
-
-    /// Number of points.
-    pub fn count(&self) -> usize {
-        self.points.len()
     }
 
     /// True if the points determine the score: those in half of the cell's parts do; others only if
@@ -106,32 +99,7 @@ impl SparseCell {
             // The nearer one has the smaller tolerance.
             is_right(&near, Some(&far), rule) == Some(true)
         };
-        self.count() >= MIN_POINTS && (self.covered || self.centred && points_agree())
-    }
-
-    /// True if reports are moved to the points; points in only a part of the cell move none.
-    pub fn moves_reports(&self) -> bool {
-        self.covered
-    }
-
-    /// Excess of the map's median at the points over that in the whole cell; 0 if the points cover
-    /// only a part of the cell, or the map has too few disparities at them.
-    pub fn map_offset(&self, map: &Plane<f32>, columns: &Range<usize>, rows: &Range<usize>) -> f32 {
-        let known = |&(x, y, weight): &(usize, usize, f64)| {
-            let d = map.get(x, y);
-            d.is_finite().then_some((d, weight))
-        };
-        let at_points: Vec<_> = self.points.iter().filter_map(known).collect();
-        if at_points.len() < MIN_POINTS || !self.moves_reports() {
-            return 0.0;
-        }
-        let mut all: Vec<f32> = Vec::with_capacity(columns.len() * rows.len());
-        for y in rows.clone() {
-            all.extend(map.row(y)[columns.clone()].iter().filter(|d| d.is_finite()));
-        }
-        let middle = (all.len() - 1) / 2;
-        let (_, median, _) = all.select_nth_unstable_by(middle, f32::total_cmp);
-        Weighted::new(at_points).percentile(50) - *median
+        self.count >= MIN_POINTS && (self.covered || self.centred && points_agree())
     }
 }
 
@@ -235,21 +203,5 @@ mod tests {
         } else {
             NONE
         }));
-    }
-
-    #[test]
-    fn a_map_is_read_at_the_points() {
-        // The true points are in the even rows, where the map has the row numbers.
-        let points = cell(|_, y| if y % 2 == 0 { y as f32 } else { NONE });
-        let offset = |map: &dyn Fn(usize, usize) -> f32| {
-            let map = Plane::from_fn(16, 16, map).unwrap();
-            points.map_offset(&map, &(0..16), &(0..16))
-        };
-        assert_eq!(offset(&|_, y| y as f32), 6.0 - 7.0);
-        // Nine disparities at the points are too few.
-        assert_eq!(
-            offset(&|x, y| if x < 9 && y == 0 { 3.0 } else { NONE }),
-            0.0
-        );
     }
 }

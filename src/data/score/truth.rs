@@ -6,12 +6,10 @@
 
 use super::cells::{CellJudgement, depth_at, judge_cells};
 use super::sparse::SparseCell;
-use std::borrow::Cow;
 use std::ops::Range;
 use svl_core::depth::{self, CellDecision, GridSettings};
 use svl_core::stereo::{
-    Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, Plane, Rig, Truth, TruthDensity,
-    TruthOrigin,
+    Cell, CellDepth, CellRule, DepthGrid, Frame, GridShape, Rig, Truth, TruthDensity, TruthOrigin,
 };
 
 /// Least fraction of a cell's pixels with known truth for the cell to have a dense truth.
@@ -27,7 +25,6 @@ pub struct TrueCells {
     /// In raster order.
     cells: Vec<TrueCell>,
     rule: CellRule,
-    rig: Option<Rig>,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -86,13 +83,7 @@ impl TrueCells {
             TrueCell { sparse, quarter }
         };
         let cells = shape.iter().zip(grid.cells_mut()).map(true_cell).collect();
-        let rig = rig.copied();
-        Some(Self {
-            grid,
-            cells,
-            rule,
-            rig,
-        })
+        Some(Self { grid, cells, rule })
     }
 
     /// Per cell the median true disparity and its distance, if the cell is scored.
@@ -111,54 +102,11 @@ impl TrueCells {
         &self.cells
     }
 
-    /// A cell's report at the position of its truth: for a sparse truth the report moved by the
-    /// difference between the algorithm's map at the points and in the whole cell.
-    pub fn at_truth(&self, cell: usize, report: CellDepth, map: &Plane<f32>) -> CellDepth {
-        let TrueCell { sparse, quarter } = &self.cells[cell];
-        let Some(points) = sparse.as_ref().filter(|_| quarter.is_some()) else {
-            return report;
-        };
-        let shape = self.grid.shape();
-        let place = (cell % shape.columns, cell / shape.columns);
-        let (columns, rows) = shape.pixels(place, map.size());
-        let offset_px = points.map_offset(map, &columns, &rows);
-        CellDepth {
-            p20_px: report.p20_px,
-            p80_px: report.p80_px,
-            ..depth_at(report.median_px + offset_px, self.rig.as_ref())
-        }
-    }
-
-    /// True if a report may be moved ([`TrueCells::at_truth`]), so that its map is needed.
-    pub fn moves_reports(&self) -> bool {
-        let points = |cell: &TrueCell| cell.sparse.as_ref().is_some_and(SparseCell::moves_reports);
-        self.cells
-            .iter()
-            .any(|cell| cell.quarter.is_some() && points(cell))
-    }
-
-    /// [`TrueCells::at_truth`] for a grid. A cell that is too close claims only a side, and is
-    /// unchanged.
-    pub fn reported<'a>(&self, reported: &'a DepthGrid, map: &Plane<f32>) -> Cow<'a, DepthGrid> {
-        debug_assert_eq!(self.grid.shape(), reported.shape());
-        let mut moved = Cow::Borrowed(reported);
-        if self.cells.iter().any(|cell| cell.sparse.is_some()) {
-            let cells = moved.to_mut().cells_mut().enumerate();
-            for (i, cell) in cells.filter(|(_, cell)| !cell.too_close) {
-                cell.depth = cell.depth.map(|depth| self.at_truth(i, depth, map));
-            }
-        }
-        moved
-    }
-
-    /// Scores every cell, in raster order; `reported` is the result of [`TrueCells::reported`].
+    /// Scores every cell, in raster order.
     pub fn judge(&self, reported: &DepthGrid) -> Vec<CellJudgement> {
         let mut judgements = judge_cells(&self.grid, reported, self.rule);
-        let cells = self.cells.iter().zip(reported.iter());
-        for (judgement, (cell, (_, reported))) in judgements.iter_mut().zip(cells) {
-            judgement.points = cell.sparse.as_ref().map(SparseCell::count);
-            let is_by_points = judgement.points.is_some() && cell.quarter.is_some();
-            judgement.at_points = reported.depth.filter(|_| is_by_points);
+        for (judgement, cell) in judgements.iter_mut().zip(&self.cells) {
+            judgement.points = cell.sparse.as_ref().map(|points| points.count);
         }
         judgements
     }
@@ -206,7 +154,7 @@ fn clear_px(rule: CellRule, rig: Option<&Rig>) -> f64 {
 mod tests {
     use super::*;
     use crate::score::{SurfaceTally, Verdict};
-    use svl_core::stereo::{Geometry, Gray, StereoPair, TruthKind};
+    use svl_core::stereo::{Geometry, Gray, Plane, StereoPair, TruthKind};
 
     const RULE: CellRule = CellRule::Disparity { tolerance_px: 2.0 };
 
@@ -273,9 +221,8 @@ mod tests {
         let cells = TrueCells::new(&frame, shape, RULE).unwrap();
         let map = Plane::from_fn(16, 40, |_, y| map(y)).unwrap();
         let reported = depth::grid(&map, shape.into(), None);
-        let moved = cells.reported(&reported, &map);
-        let tally = SurfaceTally::new(&frame, &cells, &moved, RULE);
-        (cells.judge(&moved)[0], tally)
+        let tally = SurfaceTally::new(&frame, &cells, &reported, RULE);
+        (cells.judge(&reported)[0], tally)
     }
 
     #[test]
@@ -306,23 +253,13 @@ mod tests {
     }
 
     #[test]
-    fn a_report_is_moved_to_the_points() {
-        // The points' median is 16, their 75th percentile 28, the map's median at them 16 of 19.
-        let (right, tally) = floor(|y| y as f32);
+    fn a_report_is_compared_with_the_points() {
+        // The points' median is 16, their 75th percentile 28.
+        let (right, tally) = floor(|_| 17.5);
         assert_eq!((right.verdict, right.points), (Verdict::Right, Some(160)));
         assert_eq!((tally.right, tally.near_right), (1, 0));
-        let (off, tally) = floor(|y| y as f32 + 2.5);
+        let (off, tally) = floor(|_| 18.5);
         assert_eq!((off.verdict, tally.wrong), (Verdict::Wrong, 1));
-        assert_eq!(off.at_points.map(|depth| depth.median_px), Some(18.5));
-        // No disparities at the points: the report itself.
-        let between = |y: usize| {
-            if y.is_multiple_of(4) {
-                f32::INFINITY
-            } else {
-                18.5
-            }
-        };
-        assert_eq!(floor(between).0.verdict, Verdict::Wrong);
         let rule = |d| (floor(|_| d).1.right, floor(|_| d).1.near_right);
         assert_eq!([18.5, 26.0, 28.0].map(rule), [(0, 0), (0, 1), (0, 1)]);
     }

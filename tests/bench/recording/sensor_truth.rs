@@ -14,7 +14,7 @@ use svl::scenario::SourceOptions;
 use svl::score::{CellJudgement, CellTally, TrueCells, Verdict};
 use svl::source::{Request, open_recording};
 use svl::stereo::{
-    CellRule, DepthGrid, DisparityMap, Frame, Plane, RectifiedPair, Truth, TruthDensity, TruthKind,
+    CellRule, DepthGrid, Frame, Plane, RectifiedPair, Truth, TruthDensity, TruthKind,
 };
 
 const FRAMES: u64 = 40;
@@ -96,11 +96,11 @@ fn sampled(exact: &Frame, sensor: &Frame) -> Frame {
 }
 
 /// The scores of all frames' cells against the truths of `frames`.
-fn judged(frames: &[Frame], matched: &[(DisparityMap, DepthGrid)]) -> Vec<CellJudgement> {
+fn judged(frames: &[Frame], matched: &[DepthGrid]) -> Vec<CellJudgement> {
     let pairs = frames.iter().zip(matched);
-    let judged = pairs.map(|(frame, (map, grid))| {
+    let judged = pairs.map(|(frame, grid)| {
         let truth = TrueCells::new(frame, grid.shape(), CellRule::default()).unwrap();
-        truth.judge(&truth.reported(grid, map.disparity()))
+        truth.judge(grid)
     });
     judged.flatten().collect()
 }
@@ -129,16 +129,15 @@ fn alike(a: &[CellJudgement], b: &[CellJudgement]) -> f64 {
     equal as f64 / both.len() as f64
 }
 
-/// Each algorithm's maps and grids of the frames.
-fn matched(frames: &[Frame]) -> [Vec<(DisparityMap, DepthGrid)>; 3] {
+/// Each algorithm's grids of the frames.
+fn matched(frames: &[Frame]) -> [Vec<DepthGrid>; 3] {
     ALGORITHMS.map(|name| {
         let algorithm: Algorithm = name.parse().unwrap();
         let of = |frame: &Frame| {
             let pair = RectifiedPair::assume(&frame.pair);
             let output = algorithm.match_pair(pair, frame.rig().copied()).unwrap();
-            let map = output.disparity;
-            let grid = grid(map.disparity(), GridSettings::default(), frame.rig());
-            (map, grid)
+            let map = output.disparity.disparity();
+            grid(map, GridSettings::default(), frame.rig())
         };
         frames.iter().map(of).collect()
     })

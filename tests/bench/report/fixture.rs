@@ -85,8 +85,6 @@ pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
         probability: (verdict == Verdict::Right).then_some(0.75),
         stress: None,
         true_points: None,
-        at_points_px: None,
-        at_points_m: None,
     }
 }
 
