@@ -5,7 +5,7 @@ use crate::run::{Matchers, frames_through};
 use crate::runs::runs;
 use crate::sink::{CollectSink, RunStart};
 use crate::source::Source;
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::path::Path;
 use svl_core::depth::decision::Feature;
 use svl_core::matcher::Algorithm;
@@ -22,8 +22,8 @@ pub struct LearnedCells {
     /// Runs and scenes.
     pub groups: Vec<String>,
     pub scenarios: Vec<LearnedScenario>,
-    /// Hashes of the pairs to fit to.
-    pairs: HashSet<u128>,
+    /// Groups and kinds of the pairs to fit to, by their hashes.
+    pairs: HashMap<u128, (usize, String)>,
 }
 
 /// A scenario's part of the samples.
@@ -77,18 +77,30 @@ impl LearnedCells {
             let watch = Watch::new(console, &title, run.pairs(), None);
             let collected = frames_through(&mut run, &mut matchers, &start, of_frame, watch)?;
             for (scene, pair, samples) in collected {
-                if !tested {
-                    self.pairs.insert(pair);
-                } else if self.pairs.contains(&pair) {
+                // The pairs of a recording resemble each other, whatever their names.
+                let scene = scene.filter(|_| are_scenes);
+                let group = self.group(scene.unwrap_or_else(|| name.clone()));
+                let place = (group, scenario.kind().to_owned());
+                let fitted = self.pairs.get(&pair);
+                if tested && fitted.is_some() {
                     let cure = "use other seeds, scenes or recordings";
                     return Err(Error::Invalid(format!(
                         "{}: tests what is fitted too: a pair of {name}; {cure}",
                         path.display()
                     )));
                 }
-                // The pairs of a recording resemble each other, whatever their names.
-                let scene = scene.filter(|_| are_scenes);
-                let group = self.group(scene.unwrap_or_else(|| name.clone()));
+                if let Some((other, kind)) = fitted.filter(|fitted| **fitted != place) {
+                    // Held out in one place, they would be fitted to in the other.
+                    let other = &self.groups[*other];
+                    return Err(Error::Invalid(format!(
+                        "{}: a pair of {name} is one of {other} ({kind}), too; name each \
+                         recording once",
+                        path.display()
+                    )));
+                }
+                if !tested {
+                    self.pairs.insert(pair, place);
+                }
                 let samples = samples.into_iter();
                 self.samples
                     .extend(samples.map(|sample| CellSample { group, ..sample }));

@@ -287,8 +287,13 @@ fn recordings_are_held_out_whole() {
     );
     fixture.fails(
         "-q train cells both.toml --test copy.toml -o u.toml => 1: copy.toml | tests what is \
-         fitted too | two.mcap",
+         fitted too | two.mcap
+        -q train cells both.toml copy.toml -o u.toml => 1: copy.toml | a pair of | two.mcap | \
+         is one of | name each recording once",
     );
+    let with_test = format!("{train} --test three.toml -o tested.toml --samples tested.csv");
+    fixture.run(&with_test);
+    assert_eq!(fixture.text("tested.csv"), samples);
 }
 
 #[test]

@@ -19,8 +19,9 @@ use svl::train::{CellTraining, LearnedCells, samples_csv};
 /// Runs an algorithm over scenarios with ground truth, and collects for every cell what was
 /// measured and whether its report would be right. Fits a logistic regression, whose steps turn the
 /// measurements into a probability, and writes it as a table that `--algo v5:table=FILE` reads,
-/// with a page of its results. Runs and scenes are held out in five parts, never single cells, and
-/// all figures are of held-out cells. Each kind of scenes is held out as a whole, too: the arena
+/// with a page of its results. Runs and scenes are held out in five parts, never single cells: all
+/// figures of the new table are of held-out cells. Those of the table in use are not, if it was
+/// fitted to them. Each kind of scenes is held out as a whole, too: the arena
 /// and its variants, random worlds, shapes, each data set. Equal data give equal tables.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -137,7 +138,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     write(&args.output, head + &fit.table.to_toml())?;
     write(&page, training.page(manifest.entries())?)?;
     if let Some(path) = &args.samples {
-        write(path, samples_csv(&learned.samples, &learned.groups)?)?;
+        write(path, samples_csv(samples, &learned.groups)?)?;
     }
     outputs.commit();
     if args.json {

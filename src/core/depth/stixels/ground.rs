@@ -19,8 +19,10 @@ pub struct GroundPlane {
 /// Range of the horizon, fractions of the height, and the number of horizons tried.
 const HORIZON: (f32, f32) = (-0.1, 0.8);
 const HORIZONS: usize = 46;
-/// Disparities of the bottom row that are tried, pixels.
-const BOTTOM_PX: std::ops::RangeInclusive<usize> = 4..=256;
+/// Disparities of the bottom row that are tried, pixels: up to the first limit, or to the greatest
+/// measured one below the second.
+const BOTTOM_PX: usize = 4;
+const MOST_BOTTOM_PX: (usize, usize) = (256, 2048);
 /// A line exists if this fraction of the disparities below its horizon, in the lower half of the
 /// image, lies on it.
 const MIN_ON_LINE: f32 = 0.2;
@@ -94,7 +96,12 @@ impl GroundPlane {
 /// The line of the v-disparity image with the most disparities, as a plane.
 fn line(measured: &Plane<f32>) -> Option<GroundPlane> {
     let (width, height) = measured.size();
-    let bins = *BOTTOM_PX.end() + 2;
+    let greatest = measured
+        .pixels()
+        .filter(|d| d.is_finite())
+        .fold(0.0, f32::max);
+    let most = (greatest as usize).clamp(MOST_BOTTOM_PX.0, MOST_BOTTOM_PX.1);
+    let bins = most + 2;
     let mut counts = vec![0_u32; height * bins];
     let mut below = vec![0_u32; height + 1];
     for y in 0..height {
@@ -122,7 +129,7 @@ fn line(measured: &Plane<f32>) -> Option<GroundPlane> {
         // A wall above the middle is no ground.
         let first = ((horizon + 1.0) as usize).max(height / 2);
         let least = MIN_ON_LINE * below[first] as f32;
-        for bottom in BOTTOM_PX {
+        for bottom in BOTTOM_PX..=most {
             let per_row = bottom as f32 / (last - horizon);
             let on_line = (first..height).map(|y| {
                 let bin = (per_row * (y as f32 - horizon)).round() as usize;

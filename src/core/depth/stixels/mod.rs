@@ -211,6 +211,17 @@ mod tests {
     }
 
     #[test]
+    fn a_steep_floor_is_ground() {
+        // 1.5 pixels a row: 330 at the bottom.
+        let steep = |_: usize, y: usize| (1.5 * (y as f32 - 19.5)).max(6.0);
+        let stixels = of(steep);
+        let ground = stixels.ground.unwrap();
+        assert!((ground.per_row - 1.5).abs() < 0.02, "{ground:?}");
+        let (worst, missing) = compare(&stixels, steep);
+        assert!(worst < 3.0 && missing < 0.05, "{worst} {missing}");
+    }
+
+    #[test]
     fn holes_and_outliers_do_not_matter() {
         // A third of the pixels has no disparity, in every ninth block all are wrong.
         let spoiled = |x: usize, y: usize| match (x / 5, y / 2) {

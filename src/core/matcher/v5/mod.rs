@@ -122,8 +122,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             name: "rank",
             unit: "%",
             range: Range::int(0, 0..=99),
-            description: "percentile of the cell's disparities that is reported, 0 = the target's: 50, \
-                          near 75",
+            description: "percentile of the cell's disparities that is reported, 0 = the \
+                          target's: 50, near 75",
         },
         Parameter {
             name: "allowance_px",
