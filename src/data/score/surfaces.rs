@@ -33,8 +33,7 @@ pub struct SurfaceTally {
 }
 
 impl SurfaceTally {
-    /// Scores the cells of `reported` against the frame's truth; it is the result of
-    /// [`TrueCells::reported`].
+    /// Scores the cells of `reported` against the frame's truth.
     pub fn new(
         frame: &Frame,
         true_cells: &TrueCells,
