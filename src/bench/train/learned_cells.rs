@@ -63,7 +63,7 @@ impl LearnedCells {
                 let judge = judge.clone();
                 CollectSink::new(move |judged| {
                     let samples = cell_samples(&judge, judged, target, 0);
-                    (judged.frame.name.clone(), judged.frame.pair.hash(), samples)
+                    (judged.frame.name.clone(), judged.pair_hash(), samples)
                 })
             };
             let start = RunStart::new(&manifest, run.seed, &judge);

@@ -224,7 +224,6 @@ fn what_cannot_be_learned_is_refused_in_one_line() {
         -q train cells short.toml --test short.toml -o t.toml => 1: short.toml | tests what is \
          fitted too | arena seed 1
         -q train cells short.toml --seeds 4..5 -o short.toml --force => 2: short.toml | named twice
-        -q train gaps short.toml --seeds 4..5 -o t.safetensors --force --epochs 0 => 2: --epochs
         -q train gaps short.toml --seeds 4 -o t.safetensors => 1: one run cannot be held out",
     );
     assert!(!fixture.path("t.toml").exists());

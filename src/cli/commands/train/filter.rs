@@ -125,8 +125,7 @@ fn scaling(text: &str) -> Result<Scaling, String> {
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let page = args.output.with_extension("html");
-    let inputs = args.labelled.iter().map(PathBuf::as_path);
-    let mut outputs = Outputs::claim(args.force, inputs, [args.output.as_path(), &page])?;
+    let mut outputs = Outputs::claim(args.force, [], [args.output.as_path(), &page])?;
     let spec = args.kind.spec();
     let features = Features {
         scaling: args.scaling.unwrap_or(spec.features.scaling),

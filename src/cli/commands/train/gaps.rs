@@ -62,8 +62,7 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let inputs = args.scenarios.iter().map(PathBuf::as_path);
-    let mut outputs = Outputs::claim(args.force, inputs, [args.output.as_path()])?;
+    let mut outputs = Outputs::claim(args.force, [], [args.output.as_path()])?;
     let terminal = &Terminal { quiet };
     let scenarios = args.scenarios.iter().map(|path| Scenario::read(path));
     let mut scenarios = scenarios.collect::<svl::Result<Vec<_>>>()?;
