@@ -41,6 +41,7 @@ impl Source for BoardSource {
             name: None,
             pair: self.board.pair(sequence)?,
             geometry: Geometry::Raw,
+            calibration: None,
             pose: None,
             truth: None,
             color: None,

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{CellRule, Frame, GridShape, Rig};
 use svl_core::{Error, Result};
-use svl_data::recording::{PairGeometry, Reader};
+use svl_data::recording::{PairGeometry, RawCamera, Reader};
 use svl_data::scenario::SourceOptions;
 use svl_data::score::TrueCells;
 
@@ -81,15 +81,15 @@ impl SourceFacts {
         })?;
         let none = || Error::format(name, "has no pairs");
         let (first, is_constant) = first.ok_or_else(none)?;
-        let rig = first.rig().copied();
+        let (rig, raw) = (first.rig().copied(), RawCamera::from_frame(&first));
         let Recorded { focal_px, topics } = recorded(&opened, name)?;
         Ok(Self {
             size_px: first.pair.size(),
-            geometry: match opened.raw {
+            geometry: match raw {
                 Some(_) => PairGeometry::Raw,
                 None => PairGeometry::from(&first.geometry),
             },
-            focal_px: match &opened.raw {
+            focal_px: match raw {
                 Some(raw) => Some(raw.intrinsics.focal_px()),
                 None => focal_px.or(rig.map(|rig| (rig.focal_px(), rig.focal_px()))),
             },

@@ -3,7 +3,7 @@
 use super::{FolderTruth, Source};
 use svl_core::Result;
 use svl_core::stereo::{Frame, Losses};
-use svl_data::recording::{RawCamera, TruthTopic};
+use svl_data::recording::TruthTopic;
 
 /// The measurements of another sensor.
 pub enum SensorTruth {
@@ -15,13 +15,11 @@ pub enum SensorTruth {
 pub struct MeasuredSource {
     source: Box<dyn Source>,
     truth: SensorTruth,
-    raw: Option<RawCamera>,
 }
 
 impl MeasuredSource {
-    /// `raw`: the left camera, if svl rectifies the pairs of `source`.
-    pub fn new(source: Box<dyn Source>, truth: SensorTruth, raw: Option<RawCamera>) -> Self {
-        Self { source, truth, raw }
+    pub fn new(source: Box<dyn Source>, truth: SensorTruth) -> Self {
+        Self { source, truth }
     }
 }
 
@@ -37,10 +35,9 @@ impl Source for MeasuredSource {
     fn next(&mut self) -> Result<Option<Frame>> {
         let mut frame = self.source.next()?;
         if let Some(frame) = &mut frame {
-            let raw = self.raw.as_ref();
             match &mut self.truth {
-                SensorTruth::Topic(truth) => truth.attach(frame, raw)?,
-                SensorTruth::Files(truth) => truth.attach(frame, raw)?,
+                SensorTruth::Topic(truth) => truth.attach(frame)?,
+                SensorTruth::Files(truth) => truth.attach(frame)?,
             }
         }
         Ok(frame)

@@ -8,13 +8,10 @@ use super::{
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use svl_core::rectify::Rectifier;
-use svl_core::stereo::StereoCalibration;
+use svl_core::stereo::{LengthUnit, StereoCalibration};
 use svl_core::{Error, Result};
 use svl_data::manifest::{Manifest, RunRecord, hash, hash_bytes};
-use svl_data::recording::{
-    CALIBRATION, Header, RawCamera, Recording, RecordingFormat, SCENARIO, Writer,
-};
+use svl_data::recording::{CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, Writer};
 use svl_data::scenario::{CropScale, PairRange};
 use tempfile::TempDir;
 
@@ -40,8 +37,6 @@ pub struct Opened {
     pub(super) own_calibration: Option<StereoCalibration>,
     /// The truth of another sensor, if one was requested.
     pub(super) truth: Option<SensorTruth>,
-    /// The left camera before svl rectified the pairs.
-    pub(super) raw: Option<RawCamera>,
     /// Shortcomings of a folder, or of a recording that svl did not write.
     pub(super) remarks: Vec<String>,
 }
@@ -89,7 +84,6 @@ impl Opened {
             notes: Vec::new(),
             own_calibration: None,
             truth: None,
-            raw: None,
             remarks: Vec::new(),
         }
     }
@@ -124,13 +118,11 @@ impl Opened {
     fn rectified(mut self, request: &Request<'_>) -> Result<Self> {
         let name = self.source.name();
         let (calib, alpha) = (request.calib(), request.options.alpha);
-        let (rectifier, by, files) = match (&calib, &self.own_calibration) {
+        let (calibration, by, files) = match (&calib, &self.own_calibration) {
             (Calib::File(path), _) => {
                 let (calibration, files) = calibration::read(path)?;
                 let calibration = calibration::framed(calibration, alpha)?;
-                let rectifier = Rectifier::new(&calibration)?;
-                self.raw = raw_camera(&calibration, &rectifier);
-                if rectifier.rig().is_none() {
+                if calibration.unit() == LengthUnit::Squares {
                     let cure = "`svl calibrate convert --unit squares=SIDE_IN_METRES` sets \
                                 their size";
                     tracing::warn!(
@@ -139,7 +131,7 @@ impl Opened {
                     );
                 }
                 let names: Vec<_> = files.iter().map(|(name, _)| name.as_str()).collect();
-                (Some(rectifier), names.join(", "), files)
+                (Some(calibration), names.join(", "), files)
             }
             (Calib::Estimate, _) => {
                 let by = "an estimate from its pictures".to_owned();
@@ -154,10 +146,7 @@ impl Opened {
                     Some(_) => "the recording's own calibration",
                     None => "the folder's own calibration",
                 };
-                let by = by.to_owned();
-                let rectifier = Rectifier::new(own)?;
-                self.raw = raw_camera(own, &rectifier);
-                (Some(rectifier), by, CalibrationFiles::new())
+                (Some(own.clone()), by.to_owned(), CalibrationFiles::new())
             }
             (Calib::None, _) if alpha.is_some() => {
                 return Err(Error::Usage(
@@ -175,8 +164,9 @@ impl Opened {
                 return Ok(self);
             }
         };
-        self.source = Box::new(match rectifier {
-            Some(rectifier) => RectifiedSource::new(self.source, rectifier)?,
+        self.source = Box::new(match calibration {
+            Some(own) if calib == Calib::Own => RectifiedSource::by_pairs(self.source, own)?,
+            Some(calibration) => RectifiedSource::new(self.source, calibration)?,
             None => {
                 let framing = calibration::framing(alpha.unwrap_or(0.0));
                 RectifiedSource::estimated(self.source, &framing)?
@@ -190,7 +180,7 @@ impl Opened {
     /// Gives the pairs the truth of another sensor, if one was requested.
     pub(super) fn measured(mut self) -> Self {
         if let Some(truth) = self.truth.take() {
-            self.source = Box::new(MeasuredSource::new(self.source, truth, self.raw));
+            self.source = Box::new(MeasuredSource::new(self.source, truth));
         }
         self
     }
@@ -238,11 +228,4 @@ impl Opened {
         }
         Ok(writer)
     }
-}
-
-fn raw_camera(calibration: &StereoCalibration, rectifier: &Rectifier) -> Option<RawCamera> {
-    Some(RawCamera {
-        intrinsics: *calibration.left(),
-        rotation: rectifier.rotation()?,
-    })
 }

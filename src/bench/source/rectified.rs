@@ -2,14 +2,22 @@
 
 use super::Source;
 use std::collections::VecDeque;
-use svl_core::rectify::{EpipolarGeometry, Framing, Rectifier, matches, uncalibrated};
-use svl_core::stereo::{Frame, Geometry, Gray, StereoPair};
+use std::sync::Arc;
+use svl_core::rectify::{EpipolarGeometry, Framing, Rectifier, bouguet, matches, uncalibrated};
+use svl_core::stereo::{Frame, Geometry, Gray, Losses, StereoCalibration, StereoPair};
 use svl_core::{Error, Result};
 
 /// A source whose raw pairs are rectified: its frames are [`Geometry::Rectified`].
 pub struct RectifiedSource {
     source: Box<dyn Source>,
     rectifier: Rectifier,
+    /// The calibration of the rectifier; none of an estimate.
+    calibration: Option<Arc<StereoCalibration>>,
+    /// True if a pair with a calibration of its own is rectified by that.
+    follows_pairs: bool,
+    /// Pairs that were rectified, and those that could not be.
+    rectified: u64,
+    unreadable: u64,
     /// Frames read ahead for the estimate, still raw.
     ahead: VecDeque<Frame>,
     /// Buffers that the next pair is rectified into: the raw images of the last one.
@@ -22,12 +30,25 @@ const ESTIMATED_FROM: usize = 8;
 const TOLERANCE_PX: f64 = 2.0;
 
 impl RectifiedSource {
-    /// Rectifies the raw pairs of `source` with a calibration.
+    /// Rectifies the raw pairs of `source` by one calibration.
     ///
     /// # Errors
-    /// [`Error::Dimensions`].
-    pub fn new(source: Box<dyn Source>, rectifier: Rectifier) -> Result<Self> {
-        Self::ahead(source, rectifier, VecDeque::new())
+    /// [`Error::Dimensions`], and those of [`Rectifier::new`].
+    pub fn new(source: Box<dyn Source>, calibration: StereoCalibration) -> Result<Self> {
+        let (rectifier, calibration) = prepared(calibration)?;
+        Self::ahead(source, rectifier, Some(calibration), VecDeque::new())
+    }
+
+    /// Rectifies each raw pair of `source` by its own calibration, or by that of the pair before it
+    /// if it has none; by `first` before any has.
+    ///
+    /// # Errors
+    /// As [`RectifiedSource::new`].
+    pub fn by_pairs(source: Box<dyn Source>, first: StereoCalibration) -> Result<Self> {
+        Ok(Self {
+            follows_pairs: true,
+            ..Self::new(source, first)?
+        })
     }
 
     /// Rectifies the raw pairs of `source` without a calibration, by matches in its first ones:
@@ -56,12 +77,13 @@ impl RectifiedSource {
         };
         let homographies = uncalibrated(&agreeing, size, framing).map_err(context)?;
         let rectifier = Rectifier::uncalibrated(&homographies, size)?;
-        Self::ahead(source, rectifier, ahead)
+        Self::ahead(source, rectifier, None, ahead)
     }
 
     fn ahead(
         source: Box<dyn Source>,
         rectifier: Rectifier,
+        calibration: Option<Arc<StereoCalibration>>,
         ahead: VecDeque<Frame>,
     ) -> Result<Self> {
         let (width, height) = rectifier.size();
@@ -69,6 +91,10 @@ impl RectifiedSource {
         Ok(Self {
             source,
             rectifier,
+            calibration,
+            follows_pairs: false,
+            rectified: 0,
+            unreadable: 0,
             ahead,
             spare: [blank()?, blank()?],
         })
@@ -80,6 +106,13 @@ impl RectifiedSource {
         if frame.rig().is_some() || frame.truth.is_some() {
             let why = "its pairs are rectified already, with rig or truth: omit --calib";
             return Err(Error::Invalid(format!("{}: {why}", self.source.name())));
+        }
+        if self.follows_pairs
+            && let Some(own) = &frame.calibration
+            && self.calibration.as_ref() != Some(own)
+        {
+            let (rectifier, calibration) = prepared(StereoCalibration::clone(own))?;
+            (self.rectifier, self.calibration) = (rectifier, Some(calibration));
         }
         let [left, right] = &mut self.spare;
         let context = |e: Error| {
@@ -102,6 +135,7 @@ impl RectifiedSource {
             pair: StereoPair::new(left, right)?,
             color,
             geometry: Geometry::Rectified(self.rectifier.rig().copied()),
+            calibration: self.calibration.clone(),
             // The pose is that of the left camera, which rectification rotates.
             pose: frame
                 .pose
@@ -121,11 +155,34 @@ impl Source for RectifiedSource {
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        let frame = match self.ahead.pop_front() {
-            Some(frame) => Some(frame),
-            None => self.source.next()?,
-        };
-        frame.map(|frame| self.rectified(frame)).transpose()
+        loop {
+            let ahead = self.ahead.pop_front().map(|frame| Ok(Some(frame)));
+            let Some(frame) = ahead.unwrap_or_else(|| self.source.next())? else {
+                return Ok(None);
+            };
+            match self.rectified(frame) {
+                Ok(frame) => {
+                    self.rectified += 1;
+                    return Ok(Some(frame));
+                }
+                // The calibration is of another size than this pair, but not than others.
+                Err(error) if self.rectified > 0 => {
+                    if self.unreadable == 0 {
+                        tracing::warn!("{error}; this pair is dropped");
+                    }
+                    self.unreadable += 1;
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    fn finish(&mut self, taken: u64) -> Losses {
+        let losses = self.source.finish(taken);
+        Losses {
+            unreadable: losses.unreadable + self.unreadable,
+            ..losses
+        }
     }
 
     fn seek(&mut self, index: u64) -> Result<bool> {
@@ -135,6 +192,18 @@ impl Source for RectifiedSource {
         }
         Ok(seeks)
     }
+}
+
+/// The rectifier of a calibration, which has its rectification then.
+fn prepared(calibration: StereoCalibration) -> Result<(Rectifier, Arc<StereoCalibration>)> {
+    let calibration = match calibration.rectification() {
+        Some(_) => calibration,
+        None => {
+            let rectification = bouguet(&calibration, &Framing::default())?;
+            calibration.with_rectification(rectification)
+        }
+    };
+    Ok((Rectifier::new(&calibration)?, Arc::new(calibration)))
 }
 
 /// A source whose raw pairs are declared rectified by the user (`--calib none`).
@@ -157,10 +226,14 @@ impl Source for AssumeRectified<'_> {
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let mut frame = self.0.next()?;
-        if let Some(Frame { geometry, .. }) = &mut frame
+        if let Some(Frame {
+            geometry,
+            calibration,
+            ..
+        }) = &mut frame
             && *geometry == Geometry::Raw
         {
-            *geometry = Geometry::Rectified(None);
+            (*geometry, *calibration) = (Geometry::Rectified(None), None);
         }
         Ok(frame)
     }

@@ -62,6 +62,8 @@ struct Receiver {
     heard: [Option<Instant>; 2],
     /// Size and geometry of the first pair.
     first: Option<((usize, usize), Geometry)>,
+    /// Start of the clock by which pairs wait for their calibrations.
+    began: Instant,
 }
 
 /// Opens the topics that a request names, or those found by type and name.
@@ -87,6 +89,7 @@ pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
         dropped: 0,
         heard: [None; 2],
         first: None,
+        began: Instant::now(),
     };
     let first = receiver.begin(stopped)?;
     let pairs = &receiver.pairs;
@@ -284,7 +287,7 @@ impl Receiver {
     /// The next pair that can be read.
     fn pop(&mut self) -> Option<Frame> {
         loop {
-            match self.pairs.pop()? {
+            match self.pairs.pop(self.began.elapsed().as_nanos() as u64)? {
                 Err(reason) => self.report_unreadable(&reason),
                 Ok(frame) if self.cannot_be_rectified(&frame) => {
                     let (width, height) = frame.pair.size();
@@ -303,12 +306,14 @@ impl Receiver {
         }
     }
 
-    /// True for a raw pair unlike the first one, by which svl chose the rectification.
+    /// True for a raw pair unlike the first one, by which svl chose the rectification, if it has no
+    /// calibration of its own.
     fn cannot_be_rectified(&mut self, frame: &Frame) -> bool {
         let own = (frame.pair.size(), frame.geometry);
         let (size, geometry) = *self.first.get_or_insert(own);
         let is_raw = |geometry| geometry == Geometry::Raw;
-        is_raw(frame.geometry) && (own.0 != size || !is_raw(geometry))
+        let is_alike = own.0 == size || frame.calibration.is_some();
+        is_raw(frame.geometry) && !(is_raw(geometry) && is_alike)
     }
 
     /// Messages lost of both cameras.

@@ -1,9 +1,12 @@
 //! Frames and estimates: the data that flow from a source through the matchers into the sinks.
 
-use super::{DepthGrid, DisparityMap, Plane, RectifiedPair, Rgb, Rig, StereoPair};
+use super::{
+    DepthGrid, DisparityMap, Plane, RectifiedPair, Rgb, Rig, StereoCalibration, StereoPair,
+};
 use crate::error::{Error, Result};
 use crate::timing::StageTimes;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Pose of the left camera's optical frame (x right, y down, z forward) in the world (z up),
 /// metres.
@@ -20,6 +23,9 @@ pub struct Frame {
     pub name: Option<String>,
     pub pair: StereoPair,
     pub geometry: Geometry,
+    /// The cameras before rectification: of a raw pair, what would rectify it, if its source says
+    /// so; of one that was rectified since, what it was rectified by.
+    pub calibration: Option<Arc<StereoCalibration>>,
     pub pose: Option<Pose>,
     pub truth: Option<Truth>,
     /// Left and right in colour, of the pair's size, if the source has it. For display only:
@@ -37,6 +43,7 @@ impl Frame {
             name: None,
             pair,
             geometry,
+            calibration: None,
             pose: None,
             truth: None,
             color: None,

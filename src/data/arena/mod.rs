@@ -269,6 +269,7 @@ impl ArenaWorld {
             name: None,
             pair: StereoPair::new(left, right?)?,
             geometry: Geometry::Rectified(Some(self.rig)),
+            calibration: None,
             pose: Some(pose),
             truth: Some(truth),
             color: None,

@@ -275,6 +275,7 @@ impl Coordinator {
             geometry: self
                 .rig
                 .map_or(Geometry::Raw, |rig| Geometry::Rectified(Some(rig))),
+            calibration: None,
             pose: None,
             truth: None,
             color: None,

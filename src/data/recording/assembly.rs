@@ -269,6 +269,7 @@ fn frame(left: PairMessages, right: PairMessages) -> Result<Frame, String> {
             PairGeometry::Raw => Geometry::Raw,
             PairGeometry::Rectified => Geometry::Rectified(rig),
         },
+        calibration: None,
         pose: left.pose,
         truth,
         color,

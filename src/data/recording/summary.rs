@@ -290,6 +290,7 @@ impl SummaryScan {
                     images.push(StampedImage {
                         place: self.places,
                         stamp_ns: of_image.unwrap_or(stamp_ns),
+                        log_ns: stamp_ns,
                         bytes: data.len(),
                     });
                     self.places += 1;

@@ -154,7 +154,7 @@ fn a_calibration_that_changes_is_noticed() {
         &[
             "/cam1/camera_info",
             "-14.000, then -28.000",
-            "the last one before",
+            "each pair uses that of its stamp",
         ],
     );
 }

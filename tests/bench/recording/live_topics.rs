@@ -36,7 +36,7 @@ fn pairs() -> TopicPairs {
 }
 
 fn drain(pairs: &mut TopicPairs) -> Vec<Frame> {
-    let frames = std::iter::from_fn(|| pairs.pop());
+    let frames = std::iter::from_fn(|| pairs.pop(0));
     frames.map(|frame| frame.unwrap()).collect()
 }
 

@@ -92,7 +92,7 @@ fn with_truth(path: &Path, topic: &str) -> Vec<Frame> {
     let mut truth = reader.truth(&selection).unwrap();
     let mut frames = Vec::new();
     while let Some(mut frame) = reader.next_pair().unwrap() {
-        truth.attach(&mut frame, None).unwrap();
+        truth.attach(&mut frame).unwrap();
         frames.push(frame);
     }
     frames

@@ -179,6 +179,7 @@ impl Scene {
             name: Some(self.name.clone()),
             truth: truth::read(|name| self.file(name), pair.size())?,
             geometry: Geometry::Rectified(self.rig(pair.size())?),
+            calibration: None,
             pair,
             color,
             pose: None,

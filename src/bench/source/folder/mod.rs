@@ -162,6 +162,7 @@ impl FolderSource {
             name: Some(String::from_utf8_lossy(&files.key).into_owned()),
             pair,
             geometry: self.geometry,
+            calibration: None,
             pose: self.poses[number],
             truth: None,
             color,

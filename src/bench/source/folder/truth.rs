@@ -122,12 +122,12 @@ impl FolderTruth {
     }
 
     /// Attaches the truth of the file with the frame's name, or else, of those whose names are
-    /// times, of the one nearest to its stamp. `raw`: the left camera, if svl rectified the pair.
+    /// times, of the one nearest to its stamp.
     ///
     /// # Errors
     /// [`Error::Format`] for a pair without a rig, and for depth images of raw pairs or of another
     /// size.
-    pub fn attach(&mut self, frame: &mut Frame, raw: Option<&RawCamera>) -> Result<()> {
+    pub fn attach(&mut self, frame: &mut Frame) -> Result<()> {
         let Some(rig) = frame.rig().copied() else {
             let why = "pairs without a calibration have no distances to compare: --calib FILE";
             return Err(self.wrong(why));
@@ -140,7 +140,7 @@ impl FolderTruth {
         };
         self.has_found = true;
         self.warn_of_time(frame, &path, apart_ns);
-        let size = frame.pair.size();
+        let (size, raw) = (frame.pair.size(), RawCamera::from_frame(frame));
         let disparity = if has_ending(&path, "bin") {
             read_points(&path).map(|points| {
                 let pose = self.scanner.unwrap_or_default();

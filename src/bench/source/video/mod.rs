@@ -176,6 +176,7 @@ impl Source for VideoSource {
             name: None,
             pair,
             geometry: Geometry::Raw,
+            calibration: None,
             pose: None,
             truth: None,
             color,

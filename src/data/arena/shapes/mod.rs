@@ -79,6 +79,7 @@ impl Shapes {
             name: None,
             pair: StereoPair::new(left?, right?)?,
             geometry: Geometry::Rectified(Some(self.rig)),
+            calibration: None,
             pose: None,
             truth: Some(layers.truth(size)?),
             color: None,

@@ -3,15 +3,19 @@
 use super::camera::{self, Calibration, CalibrationChange};
 use super::{Foreign, topics};
 use crate::recording::messages::Channel;
-use svl_core::stereo::{Geometry, Rig};
+use std::sync::Arc;
+use svl_core::stereo::{Geometry, Rig, Side, StereoCalibration};
+
+/// Time for which calibrations are kept for pairs out of order.
+const KEPT_NS: u64 = 10_000_000_000;
 
 impl Foreign {
     /// True if the images are raw according to the calibration. Distortion is ignored on a
     /// rectified topic: ROS has one CameraInfo for the raw and the rectified image.
     pub(super) fn are_raw(&self) -> bool {
-        let is_raw = |(topic, camera): (&String, &Option<Calibration>)| {
+        let is_raw = |(topic, camera): (&String, &Option<Arc<Calibration>>)| {
             !topics::is_of_rectified(topic)
-                && camera.as_ref().is_some_and(Calibration::is_of_raw_camera)
+                && camera.as_deref().is_some_and(Calibration::is_of_raw_camera)
         };
         self.images.iter().zip(&self.cameras).any(is_raw)
     }
@@ -74,59 +78,85 @@ impl Foreign {
         }
     }
 
+    /// True if the messages so far lack the calibration of a camera that has a topic for it.
     pub(super) fn lacks_calibration(&self) -> bool {
-        self.calibrations
-            .iter()
-            .zip(&self.cameras)
-            .any(|(topic, camera)| topic.is_some() && camera.is_none())
+        let mut tracks = self.calibrations.iter().zip(&self.tracks);
+        tracks.any(|(topic, track)| topic.is_some() && track.is_empty())
     }
 
-    /// Stores the first calibration of a camera.
-    pub(super) fn calibrate_first(&mut self, channel: &Channel, data: &[u8]) -> Result<(), String> {
-        for (topic, camera) in self.calibrations.iter().zip(&mut self.cameras) {
-            if topic.as_ref() == Some(&channel.topic) && camera.is_none() {
-                *camera = Some(camera::decode(channel, data)?);
-            }
-        }
-        Ok(())
+    /// What rectifies raw pairs, by the current calibrations.
+    ///
+    /// # Errors
+    /// The missing part.
+    pub(super) fn stereo_calibration(&self) -> Result<StereoCalibration, String> {
+        let [left, right] = self.both()?;
+        camera::calibration(left, right, self.baseline_m).map_err(|why| self.why_no_rig(why))
     }
 
-    /// Stores the next calibration of a camera, and warns of the first that differs from the
-    /// previous one.
+    /// Stores a calibration by its stamp.
     pub(super) fn calibrate(
         &mut self,
         channel: &Channel,
         log_time: u64,
         data: &[u8],
     ) -> Result<(), String> {
-        let mut change = None;
-        for (topic, camera) in self.calibrations.iter().zip(&mut self.cameras) {
-            if topic.as_ref() == Some(&channel.topic) {
-                let next = camera::decode(channel, data)?;
-                let before = camera.as_ref();
-                change = change.or_else(|| before.and_then(|before| before.change(&next)));
-                *camera = Some(next);
+        for side in Side::BOTH {
+            let place = side as usize;
+            if self.calibrations[place].as_ref() == Some(&channel.topic) {
+                let (stamp_ns, calibration) = camera::decode(channel, log_time, data)?;
+                self.tracks[place].insert(stamp_ns, calibration);
+                // Before the first pair the first ones decide what kind of images there are.
+                if self.sequence == 0 {
+                    self.cameras[place] = self.tracks[place].first().cloned();
+                }
             }
-        }
-        if let Some(change) = change
-            && !std::mem::replace(&mut self.warned_of_change, true)
-        {
-            self.warn_of_change(&channel.topic, log_time, &change);
         }
         Ok(())
     }
 
-    fn warn_of_change(&self, topic: &str, log_time: u64, change: &CalibrationChange) {
-        let used = if self.are_raw() {
-            "all pairs are rectified by the first one"
-        } else {
-            "each pair uses the last one before it"
-        };
+    /// Makes the calibrations of a pair with these stamps the current ones. Warns of the first that
+    /// differs from that of the pair before it, and of pairs before the first one.
+    pub(super) fn calibrate_pair(&mut self, stamps: [u64; 2]) {
+        let mut change = None;
+        for (place, stamp_ns) in stamps.into_iter().enumerate() {
+            let track = &mut self.tracks[place];
+            let Some(next) = track.at(stamp_ns).cloned() else {
+                continue;
+            };
+            let topic = self.calibrations[place].as_deref().unwrap_or_default();
+            if let Some(first_ns) = track.first_ns().filter(|first_ns| *first_ns > stamp_ns)
+                && !std::mem::replace(&mut self.warned_of_late_calibration, true)
+            {
+                tracing::warn!(
+                    "{}: {topic}: its first calibration is {:.3} s after the first pair; the pairs \
+                     before it use that one",
+                    self.name,
+                    (first_ns - stamp_ns) as f64 / 1e9
+                );
+            }
+            track.forget_before(stamp_ns.saturating_sub(KEPT_NS));
+            let before = self.cameras[place].replace(Arc::clone(&next));
+            // The first pair is pair 1 here: what was before it is no change.
+            let before = before.filter(|_| self.sequence > 1);
+            let differs = before.and_then(|before| before.change(&next));
+            change = change.or(differs.map(|change| (topic.to_owned(), change)));
+        }
+        self.wait
+            .iter_mut()
+            .for_each(|wait| wait.count(change.is_some()));
+        if let Some((topic, change)) = change
+            && !std::mem::replace(&mut self.warned_of_change, true)
+        {
+            self.warn_of_change(&topic, stamps[0], &change);
+        }
+    }
+
+    fn warn_of_change(&self, topic: &str, stamp_ns: u64, change: &CalibrationChange) {
         tracing::warn!(
-            "{}: {topic}: the calibration changes at {:.3} s ({change}); {used}: if it is wrong, \
-             --from and --to omit that part, or --calib FILE replaces it",
+            "{}: {topic}: the calibration changes at {:.3} s ({change}); each pair uses that of its \
+             stamp: if it is wrong, --from and --to omit that part, or --calib FILE replaces it",
             self.name,
-            log_time as f64 / 1e9
+            stamp_ns as f64 / 1e9
         );
     }
 }

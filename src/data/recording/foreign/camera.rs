@@ -1,6 +1,6 @@
 //! Camera calibrations in messages of ROS 2 and Foxglove, and the rig of two of them.
 
-use super::{json, realsense};
+use super::{head, json, realsense};
 use crate::recording::messages::Channel;
 use crate::recording::{decode_protobuf, ros};
 use nalgebra::{Matrix3, Matrix3x4, Rotation3};
@@ -36,7 +36,26 @@ pub(super) fn is_calibration(channel: &Channel) -> bool {
     SCHEMAS.contains(&channel.schema.as_str()) || realsense::is_calibration(channel)
 }
 
-pub(super) fn decode(channel: &Channel, data: &[u8]) -> Result<Calibration, String> {
+/// A calibration and its stamp; one without a stamp has its log time.
+///
+/// # Errors
+/// The reason why it cannot be read.
+pub(super) fn decode(
+    channel: &Channel,
+    log_time: u64,
+    data: &[u8],
+) -> Result<(u64, Calibration), String> {
+    let calibration = decode_calibration(channel, data)?;
+    // RealSense's is a text.
+    let stamp = if realsense::is_calibration(channel) {
+        None
+    } else {
+        head(channel, data)?.0
+    };
+    Ok((stamp.unwrap_or(log_time), calibration))
+}
+
+fn decode_calibration(channel: &Channel, data: &[u8]) -> Result<Calibration, String> {
     match (channel.schema.as_str(), channel.encoding.as_str()) {
         ("sensor_msgs/msg/CameraInfo", "cdr" | "ros1") => Ok(from_camera_info(ros::read(
             channel,
@@ -177,6 +196,11 @@ impl Calibration {
         })
     }
 
+    #[cfg(test)]
+    pub(super) fn size(&self) -> (u32, u32) {
+        self.size
+    }
+
     /// Focal lengths along x and y: from K for a raw camera, else from P. `None` if unknown.
     pub(super) fn focal_px(&self, is_raw: bool) -> Option<(f64, f64)> {
         let focal = if is_raw {
@@ -307,6 +331,18 @@ pub(super) fn calibration(
     Ok(calibration
         .map_err(|e| e.to_string())?
         .with_rectification(rectification))
+}
+
+#[cfg(test)]
+pub(super) fn calibration_of_size(size: (u32, u32)) -> Calibration {
+    Calibration {
+        size,
+        model: String::new(),
+        k: vec![],
+        d: vec![],
+        r: vec![],
+        p: vec![],
+    }
 }
 
 #[cfg(test)]

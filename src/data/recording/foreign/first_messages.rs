@@ -1,6 +1,8 @@
 //! The first messages of a source: calibrations, the cameras' frames and baseline, and the number
 //! of bits that 16-bit images use.
 
+use super::camera_track::CameraTrack;
+use super::stamp_order::HOLD_NS;
 use super::{Foreign, Selection, head, image, video};
 use crate::files::{BitDepth, DECIDING_PAIRS};
 use crate::recording::messages::Channel;
@@ -10,6 +12,11 @@ use svl_core::Result;
 #[derive(Default)]
 pub(super) struct FirstMessages {
     images: FirstImages,
+    /// The earliest stamp of each camera's images.
+    first_ns: [Option<u64>; 2],
+    /// The latest log time, and that at which the calibrations were there.
+    log_ns: u64,
+    calibrated_ns: Option<u64>,
 }
 
 impl FirstMessages {
@@ -20,16 +27,44 @@ impl FirstMessages {
             return false;
         };
         let wants_baseline = foreign.lacks_baseline() && foreign.baseline.may_be_found(left, right);
-        !foreign.lacks_calibration() && self.images.are_enough() && !wants_baseline
+        self.have_first_calibrations(foreign) && self.images.are_enough() && !wants_baseline
+    }
+
+    /// True if the first calibrations are known. In a file, one that is after its images may not be
+    /// the earliest: those of the next second decide.
+    fn have_first_calibrations(&self, foreign: &Foreign) -> bool {
+        let is_before = |(track, first_ns): (&CameraTrack, Option<u64>)| {
+            let stamps = track.first_ns().zip(first_ns);
+            stamps.is_none_or(|(calibration_ns, image_ns)| calibration_ns <= image_ns)
+        };
+        let are_before = foreign.tracks.iter().zip(self.first_ns).all(is_before);
+        let is_past = |found_ns: u64| self.log_ns >= found_ns.saturating_add(HOLD_NS);
+        let are_settled = foreign.wait.is_some() || self.calibrated_ns.is_some_and(is_past);
+        !foreign.lacks_calibration() && (are_before || are_settled)
     }
 
     /// Takes a message in. An unreadable one is reported when its turn comes.
-    pub(super) fn take_in(&mut self, foreign: &mut Foreign, channel: &Channel, data: &[u8]) {
-        drop(foreign.calibrate_first(channel, data));
+    pub(super) fn take_in(
+        &mut self,
+        foreign: &mut Foreign,
+        channel: &Channel,
+        log_ns: u64,
+        data: &[u8],
+    ) {
+        self.log_ns = self.log_ns.max(log_ns);
+        drop(foreign.calibrate(channel, log_ns, data));
+        if !foreign.lacks_calibration() {
+            self.calibrated_ns.get_or_insert(log_ns);
+        }
         self.images.take_in(&foreign.images, channel, data);
-        for (topic, frame) in foreign.images.iter().zip(&mut foreign.frames) {
-            if *topic == channel.topic && frame.is_none() {
-                *frame = head(channel, data).ok().map(|(_, frame)| frame);
+        let cameras = foreign.images.iter().zip(&mut foreign.frames);
+        for ((topic, frame), first_ns) in cameras.zip(&mut self.first_ns) {
+            if *topic == channel.topic
+                && let Ok((stamp, name)) = head(channel, data)
+            {
+                frame.get_or_insert(name);
+                let stamp_ns = stamp.unwrap_or(log_ns);
+                *first_ns = Some(first_ns.map_or(stamp_ns, |first_ns| first_ns.min(stamp_ns)));
             }
         }
         foreign.baseline.take_in(channel, data);

@@ -1,6 +1,7 @@
 //! Pairs of live ROS 2 topics, formed as those of a bag: the same topics, readers and pairing.
 
-use super::stamp_pairing::StampPairing;
+use super::calibration_wait::CalibrationWait;
+use super::stamp_order::ImagePairing;
 use super::transforms::Transforms;
 use super::{FirstMessages, Foreign, Selection, camera, head, image, video};
 use crate::recording::messages::Channel;
@@ -78,7 +79,8 @@ impl TopicPairs {
                 "{topic}: {schema}, a video, which svl reads from a bag: record it first"
             ));
         }
-        foreign.partners = StampPairing::new(selection.max_skew_ns).with_limit(WAITING_BYTES);
+        foreign.partners = ImagePairing::live(selection.max_skew_ns, WAITING_BYTES);
+        foreign.wait = Some(CalibrationWait::default());
         foreign.jumps = Some(0);
         let mut needed: Vec<Channel> = Vec::new();
         let names = foreign.images.iter();
@@ -115,7 +117,7 @@ impl TopicPairs {
         let Some(first) = &mut self.first else {
             return true;
         };
-        first.take_in(&mut self.foreign, channel, data);
+        first.take_in(&mut self.foreign, channel, 0, data);
         first.are_enough(&self.foreign)
     }
 
@@ -161,11 +163,17 @@ impl TopicPairs {
             .map_err(|why| format!("{}: {why}", channel.topic))
     }
 
-    /// The next pair that is ready.
+    /// The next pair that is ready. `now_ns`: the time of a clock that never jumps. A pair waits for
+    /// the calibrations of its stamp, at most 0.2 s and one period, then has the last ones before;
+    /// after ten pairs with unchanged calibrations none waits.
     ///
     /// # Errors
     /// The reason why two images that belong together cannot be a pair.
-    pub fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
+    pub fn pop(&mut self, now_ns: u64) -> Option<std::result::Result<Frame, String>> {
+        self.foreign
+            .wait
+            .iter_mut()
+            .for_each(|wait| wait.set_now(now_ns));
         self.foreign.pop()
     }
 
@@ -250,10 +258,10 @@ mod tests {
         data[name] = b'l';
         for end in 0..data.len() {
             let taken = pairs.take_in(0, 0, &data[..end]);
-            assert!(taken.is_err() || pairs.pop().is_none(), "{end} bytes");
+            assert!(taken.is_err() || pairs.pop(0).is_none(), "{end} bytes");
         }
         assert_eq!(pairs.take_in(0, 0, &data), Ok(()));
         assert_eq!(pairs.take_in(1, 0, &data), Ok(()));
-        assert_eq!(pairs.pop().unwrap().unwrap().pair.left(), &image);
+        assert_eq!(pairs.pop(0).unwrap().unwrap().pair.left(), &image);
     }
 }

@@ -3,8 +3,10 @@
 
 mod baseline;
 mod bayer;
+mod calibration_wait;
 mod calibrations;
 mod camera;
+mod camera_track;
 mod first_messages;
 mod image;
 mod json;
@@ -14,6 +16,7 @@ mod pixels;
 mod poses;
 mod realsense;
 mod sensor;
+mod stamp_order;
 mod stamp_pairing;
 mod topics;
 mod transforms;
@@ -33,14 +36,17 @@ use super::messages::{Channel, FileEvent};
 use super::{PairSource, Recording};
 use crate::files::BitDepth;
 use baseline::BaselineSearch;
+use calibration_wait::CalibrationWait;
 use camera::Calibration;
+use camera_track::CameraTrack;
 use first_messages::FirstMessages;
 use nalgebra::UnitQuaternion;
 use pixels::MessageImage;
 use poses::PoseReader;
-use stamp_pairing::StampPairing;
+use stamp_order::ImagePairing;
+use std::sync::Arc;
 use svl_core::counted;
-use svl_core::stereo::{Exposure, Frame, Pose, Side, StereoCalibration};
+use svl_core::stereo::{Exposure, Frame, Geometry, Pose, Side, StereoCalibration};
 use svl_core::{Error, Result};
 use transforms::Transforms;
 use video::VideoTopic;
@@ -55,12 +61,20 @@ enum PairImage {
     Picture(u64),
 }
 
+/// An image, or the reason why it cannot be read.
+type ReadImage = std::result::Result<PairImage, String>;
+
+/// The images of a pair, left and right, with their stamps.
+type PairImages = [(u64, ReadImage); 2];
+
 /// Pairs the images of two topics by stamp.
 pub(super) struct Foreign {
     images: [String; 2],
     calibrations: [Option<String>; 2],
-    /// The last calibration of each camera so far; before any, the first in the recording.
-    cameras: [Option<Calibration>; 2],
+    /// The calibrations of each camera so far, and those before the first pair.
+    tracks: [CameraTrack; 2],
+    /// Those of the last pair; before any, the first ones.
+    cameras: [Option<Arc<Calibration>>; 2],
     /// The baseline in the static transforms, if the calibrations have none.
     baseline_m: Option<f64>,
     baseline: BaselineSearch,
@@ -68,7 +82,9 @@ pub(super) struct Foreign {
     poses: Option<PoseReader>,
     /// The frame of each camera's first image; empty if it names none.
     frames: [Option<String>; 2],
-    partners: StampPairing<std::result::Result<PairImage, String>>,
+    partners: ImagePairing<ReadImage>,
+    /// Waits for the calibrations of live pairs; those of a file are there.
+    wait: Option<CalibrationWait>,
     /// The videos of topics that hold such.
     videos: [Option<VideoTopic>; 2],
     depth: BitDepth,
@@ -83,9 +99,10 @@ pub(super) struct Foreign {
     size: (usize, usize),
     /// The recording's name in warnings.
     name: String,
-    /// True once the user was warned: of a changed calibration, of images without a stamp, of
-    /// images that share one.
+    /// True once the user was warned: of a changed calibration, of pairs before the first one, of
+    /// images without a stamp, of images that share one.
     warned_of_change: bool,
+    warned_of_late_calibration: bool,
     warned_of_stamps: bool,
     warned_of_order: bool,
     /// The last stamp of each camera.
@@ -111,9 +128,11 @@ impl Foreign {
             // rig. The bit depth is also decided before the first pair.
             while !first.are_enough(&foreign) {
                 match messages.next() {
-                    Ok(Some(FileEvent::Message { channel, data, .. })) => {
-                        first.take_in(&mut foreign, channel, &data);
-                    }
+                    Ok(Some(FileEvent::Message {
+                        channel,
+                        log_time,
+                        data,
+                    })) => first.take_in(&mut foreign, channel, log_time, &data),
                     Ok(Some(_)) => {}
                     Ok(None) | Err(_) => break,
                 }
@@ -157,12 +176,14 @@ impl Foreign {
         Ok(Self {
             images,
             calibrations,
+            tracks: Default::default(),
             cameras: [None, None],
             baseline_m: None,
             baseline: BaselineSearch::new(channels),
             poses: None,
             frames: [None, None],
-            partners: StampPairing::new(selection.max_skew_ns),
+            partners: ImagePairing::of_file(selection.max_skew_ns),
+            wait: None,
             videos: [None, None],
             depth: BitDepth::FULL,
             max_skew_ns: selection.max_skew_ns,
@@ -173,11 +194,25 @@ impl Foreign {
             size: (0, 0),
             name,
             warned_of_change: false,
+            warned_of_late_calibration: false,
             warned_of_stamps: false,
             warned_of_order: false,
             last_ns: [None; 2],
             jumps: None,
         })
+    }
+
+    /// The next two images that are a pair, once their calibrations are there or are not waited for
+    /// any more.
+    fn next_images(&mut self) -> Option<PairImages> {
+        let Some(wait) = &mut self.wait else {
+            return self.partners.pop();
+        };
+        let pair = wait.next(|| self.partners.pop())?;
+        let stamps = pair.images.each_ref().map(|(stamp_ns, _)| *stamp_ns);
+        let mut tracks = self.calibrations.iter().zip(&self.tracks).zip(stamps);
+        let are_there = tracks.all(|((topic, track), stamp)| topic.is_none() || track.has(stamp));
+        wait.release(pair, are_there)
     }
 
     /// The stamp of an image message, if it has one, and the image.
@@ -189,7 +224,7 @@ impl Foreign {
         side: Side,
         channel: &Channel,
         data: &[u8],
-    ) -> std::result::Result<(Option<u64>, std::result::Result<PairImage, String>), String> {
+    ) -> std::result::Result<(Option<u64>, ReadImage), String> {
         let Some(video) = &mut self.videos[side as usize] else {
             let (stamp, image) = image::decode(channel, data)?;
             return Ok((stamp, image.map(PairImage::Image)));
@@ -241,7 +276,7 @@ impl Foreign {
                     back as f64 / 1e9
                 );
             }
-            self.partners.forget_later(side, stamp);
+            self.partners.pairing_mut().forget_later(side, stamp);
         }
         let is_repeated = last == Some(stamp);
         if is_repeated && !std::mem::replace(&mut self.warned_of_order, true) {
@@ -262,6 +297,7 @@ impl PairSource for Foreign {
         log_time: u64,
         data: &[u8],
     ) -> std::result::Result<Option<Frame>, String> {
+        self.partners.advance(log_time);
         let is_of_use = self.images.contains(&channel.topic)
             || self
                 .calibrations
@@ -292,15 +328,15 @@ impl PairSource for Foreign {
                     _ => 0,
                 };
                 self.check_stamp(side, stamp, log_time);
-                self.partners
-                    .push(side, stamp.unwrap_or(log_time), image, bytes);
+                let stamp_ns = stamp.unwrap_or(log_time);
+                self.partners.push(side, stamp_ns, log_time, image, bytes);
             }
         }
         self.calibrate(channel, log_time, data).map(|()| None)
     }
 
     fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
-        let [(left_ns, left), (right_ns, right)] = self.partners.pop()?;
+        let [(left_ns, left), (right_ns, right)] = self.next_images()?;
         let sequence = self.sequence;
         self.sequence += 1;
         let exposure = Exposure {
@@ -324,13 +360,17 @@ impl PairSource for Foreign {
             self.pairs += 1;
             self.size = pair.size();
         }
+        self.calibrate_pair([left_ns, right_ns]);
         let (geometry, pose) = (self.geometry(), self.pose(left_ns));
+        let is_raw = geometry == Geometry::Raw;
+        let calibration = is_raw.then(|| self.stereo_calibration().ok()).flatten();
         let frame = pair.map(|(pair, color)| Frame {
             sequence,
             stamp_ns: left_ns,
             name: None,
             pair,
             geometry,
+            calibration: calibration.map(Arc::new),
             pose,
             truth: None,
             color,
@@ -341,6 +381,7 @@ impl PairSource for Foreign {
 
     fn end(&mut self) {
         self.partners.end();
+        self.wait.iter_mut().for_each(CalibrationWait::end);
     }
 
     fn pairs(&self) -> u64 {
@@ -348,7 +389,7 @@ impl PairSource for Foreign {
     }
 
     fn unpaired(&self) -> u64 {
-        self.partners.unpaired()
+        self.partners.pairing().unpaired()
     }
 
     /// An image with a stamp has its partner, even if its pixels cannot be read. If images of both
@@ -358,11 +399,11 @@ impl PairSource for Foreign {
     }
 
     fn outside(&self) -> u64 {
-        self.partners.outside()
+        self.partners.pairing().outside()
     }
 
     fn late(&self) -> u64 {
-        self.partners.late()
+        self.partners.pairing().late()
     }
 
     fn topics(&self) -> [&str; 2] {
@@ -372,7 +413,7 @@ impl PairSource for Foreign {
     fn stamps(&self) -> PairStamps {
         PairStamps::Nearest {
             topics: self.images.clone(),
-            pairing: Box::new(StampPairing::new(self.max_skew_ns)),
+            pairing: Box::new(ImagePairing::of_file(self.max_skew_ns)),
             next: 0,
         }
     }
@@ -386,7 +427,7 @@ impl PairSource for Foreign {
         let [lefts, rights] = self.counts;
         let milliseconds = |ns: u64| ns as f64 / 1e6;
         let skew = milliseconds(self.max_skew_ns);
-        let miss = match self.partners.nearest_miss_ns() {
+        let miss = match self.partners.pairing().nearest_miss_ns() {
             Some(ns) => format!(": at best {} ms, see --max-skew-ms", milliseconds(ns)),
             None => String::new(),
         };
@@ -418,10 +459,7 @@ impl PairSource for Foreign {
     }
 
     fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
-        self.are_raw().then(|| {
-            let [left, right] = self.both()?;
-            camera::calibration(left, right, self.baseline_m).map_err(|why| self.why_no_rig(why))
-        })
+        self.are_raw().then(|| self.stereo_calibration())
     }
 
     fn frame_id(&self) -> Option<&str> {
@@ -440,6 +478,7 @@ pub(super) struct StampedImage {
     /// Index of the image among all images of the recording.
     pub place: u64,
     pub stamp_ns: u64,
+    pub log_ns: u64,
     pub bytes: usize,
 }
 
@@ -450,18 +489,18 @@ pub(super) fn pair_stamps(images: [&[StampedImage]; 2]) -> (Vec<i64>, UnpairedIm
     let sides = sides.flat_map(|(side, images)| images.iter().map(move |image| (side, *image)));
     let mut images: Vec<_> = sides.collect();
     images.sort_by_key(|(_, image)| image.place);
-    let mut partners = StampPairing::new(Selection::MAX_SKEW_NS);
+    let mut partners = ImagePairing::of_file(Selection::MAX_SKEW_NS);
     let mut skews = Vec::new();
-    let mut pop = |partners: &mut StampPairing<()>| {
+    let mut pop = |partners: &mut ImagePairing<()>| {
         while let Some([(left, ()), (right, ())]) = partners.pop() {
             skews.push(right.wrapping_sub(left).cast_signed());
         }
     };
     for (side, image) in images {
-        partners.push(side, image.stamp_ns, (), image.bytes);
+        partners.push(side, image.stamp_ns, image.log_ns, (), image.bytes);
         pop(&mut partners);
     }
     partners.end();
     pop(&mut partners);
-    (skews, partners.unpaired_images())
+    (skews, partners.pairing().unpaired_images())
 }

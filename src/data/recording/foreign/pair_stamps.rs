@@ -1,6 +1,6 @@
 //! The stamps of a recording's pairs, without their images.
 
-use super::stamp_pairing::StampPairing;
+use super::stamp_order::ImagePairing;
 use crate::recording::TopicKind;
 use crate::recording::messages::Channel;
 use crate::recording::sync::StereoSync;
@@ -13,7 +13,7 @@ pub(in crate::recording) enum PairStamps {
     /// By the stamps of two topics, as in [`super::Foreign`].
     Nearest {
         topics: [String; 2],
-        pairing: Box<StampPairing<()>>,
+        pairing: Box<ImagePairing<()>>,
         next: u64,
     },
 }
@@ -41,13 +41,15 @@ impl PairStamps {
             Self::Nearest {
                 topics, pairing, ..
             } => {
+                pairing.advance(log_time);
                 let of_topic = |side: &Side| topics[*side as usize] == channel.topic;
                 let Some(side) = Side::BOTH.into_iter().find(of_topic) else {
                     return;
                 };
                 // An unreadable message is reported when its turn comes.
                 if let Ok((stamp, _)) = head(channel, data) {
-                    pairing.push(side, stamp.unwrap_or(log_time), (), data.len());
+                    let stamp_ns = stamp.unwrap_or(log_time);
+                    pairing.push(side, stamp_ns, log_time, (), data.len());
                 }
             }
         }

@@ -176,6 +176,7 @@ pub(in crate::recording) fn head(
             Ok((stamp, frame_id))
         }
         ("foxglove.RawImage", _) => foxglove!(RawImage),
+        ("foxglove.CameraCalibration", _) => foxglove!(CameraCalibration),
         ("foxglove.CompressedImage", _) => foxglove!(CompressedImage),
         ("foxglove.CompressedVideo", _) => foxglove!(CompressedVideo),
         ("foxglove.PointCloud", _) => foxglove!(PointCloud),

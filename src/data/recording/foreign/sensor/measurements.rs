@@ -86,7 +86,7 @@ impl Measurements {
         (frame, unit_m): (&str, Option<f32>),
         kind: &'static MeasuredKind,
         mut of_pairs: PairStamps,
-        look: &mut dyn FnMut(&Channel, &[u8]),
+        look: &mut dyn FnMut(&Channel, u64, &[u8]),
     ) -> Result<std::result::Result<Self, String>> {
         let (mut pairs, mut stamps) = (Vec::new(), Vec::new());
         let (mut starts, mut next) = (Vec::new(), 0);
@@ -104,7 +104,7 @@ impl Measurements {
                 else {
                     continue;
                 };
-                look(channel, &data);
+                look(channel, log_time, &data);
                 of_pairs.take_in(channel, log_time, &data, kind::head, &mut pairs);
                 if channel.topic == topic {
                     let head = kind::head(channel, &data);

@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity};
 use svl_core::{Error, Result, did_you_mean, joined};
 pub use view::RawCamera;
-use view::{Setup, View};
+use view::{PairCamera, Setup, View};
 
 /// Difference of stamps, seconds, above which a measurement that cannot be moved is reported: 5 mm
 /// at 1 m/s.
@@ -42,8 +42,8 @@ pub struct TruthTopic {
     topic: String,
     measurements: Measurements,
     setup: Setup,
-    /// Projection of measurements into the left camera, known from the first pair on.
-    view: Option<View>,
+    /// Projection of measurements into the left camera of the last pair.
+    view: Option<(PairCamera, View)>,
     poses: Option<PoseReader>,
     without: u64,
     /// True once the user was warned of a measurement that is not of the pair's time.
@@ -122,16 +122,19 @@ impl TruthTopic {
             }));
         };
         let kind = kind::of(channel).map_err(wrong)?;
-        let setup = Setup::find(recording, &channels, topics[0], topic, kind)?.map_err(wrong)?;
+        let setup = Setup::find(recording, &channels, topics[0], topic, kind)?;
+        let mut setup = setup.map_err(wrong)?;
+        let sensor_frame = setup.sensor_frame().to_owned();
+        let sensor = (sensor_frame.as_str(), setup.unit_m());
         let mut conflict = None;
-        let mut look = |channel: &Channel, data: &[u8]| {
+        let mut look = |channel: &Channel, log_time: u64, data: &[u8]| {
+            setup.take_in(channel, log_time, data);
             if conflict.is_none() {
                 let found = setup.conflict(channel, data);
                 conflict = found.map(|found| format!("{}: {found}", channel.topic));
             }
         };
         let of = (topic.as_str(), *max_skew_ns);
-        let sensor = (setup.sensor_frame(), setup.unit_m());
         let measurements = Measurements::find(recording, of, sensor, kind, pairs, &mut look)?;
         if let Some(conflict) = conflict {
             let path = recording.path().display();
@@ -158,12 +161,12 @@ impl TruthTopic {
     }
 
     /// Attaches to the frame the truth from the nearest measurement within the limit, if there is
-    /// one. `raw`: the left camera, if svl rectified the pair.
+    /// one.
     ///
     /// # Errors
     /// [`Error::Format`] for a pair without a rig, and for depth images whose position relative to
     /// the left image is unknown; [`Error::Io`].
-    pub fn attach(&mut self, frame: &mut Frame, raw: Option<&RawCamera>) -> Result<()> {
+    pub fn attach(&mut self, frame: &mut Frame) -> Result<()> {
         let Some(rig) = frame.rig().copied() else {
             let why = "pairs without a calibration have no distances to compare: --calib FILE";
             return Err(self.wrong(why));
@@ -173,18 +176,18 @@ impl TruthTopic {
             self.without += 1;
             return Ok(());
         };
-        let size = frame.pair.size();
+        let camera = self.setup.pair_camera(frame, rig, stamp_ns);
         let view = match self.view.take() {
-            Some(view) => view,
-            None => {
-                let view = self.setup.view(&self.topic, &measured, &rig, size, raw);
+            Some((of, view)) if of == camera => view,
+            _ => {
+                let view = self.setup.view(&self.topic, &measured, &camera);
                 view.map_err(|reason| self.wrong(&reason))?
             }
         };
-        let motion = self.motion(stamp_ns, frame.stamp_ns, raw);
-        let disparity = view.disparities(&measured, motion.as_ref(), &rig, size);
+        let motion = self.motion(stamp_ns, frame.stamp_ns, &camera);
+        let disparity = view.disparities(&measured, motion.as_ref(), &rig, camera.size);
         let density = view.density(motion.is_some());
-        self.view = Some(view);
+        self.view = Some((camera, view));
         let disparity = disparity.map_err(|reason| self.wrong(&reason))?;
         frame.truth = Some(Truth::of_sensor(disparity, density, &self.topic));
         Ok(())
@@ -197,7 +200,7 @@ impl TruthTopic {
         &mut self,
         measured_ns: u64,
         pair_ns: u64,
-        raw: Option<&RawCamera>,
+        camera: &PairCamera,
     ) -> Option<Isometry3<f64>> {
         if measured_ns == pair_ns {
             return None;
@@ -205,7 +208,7 @@ impl TruthTopic {
         let left = self.setup.left_frame();
         let mut pose = |stamp_ns| self.poses.as_mut()?.at(left, stamp_ns);
         if let (Some(then), Some(now)) = (pose(measured_ns), pose(pair_ns)) {
-            let rotation = self.setup.rotation(raw);
+            let rotation = self.setup.rotation(camera);
             return Some(rotation * now.inverse() * then * rotation.inverse());
         }
         let apart_s = measured_ns.abs_diff(pair_ns) as f64 / 1e9;

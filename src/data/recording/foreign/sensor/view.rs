@@ -4,13 +4,15 @@ use super::kind::{self, Measured, MeasuredKind};
 use super::transforms::{Conflict, Transforms, plain};
 use super::{Channel, FileEvent, Plane, Recording, Rig, TruthDensity};
 use super::{topics, truth};
-use crate::recording::foreign::camera::{self, Calibration};
+use crate::recording::foreign::camera::Calibration;
+use crate::recording::foreign::camera_track::CameraTrack;
 use crate::recording::foreign::realsense;
 use crate::recording::ros;
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
+use std::sync::Arc;
 use svl_core::Result;
 use svl_core::depth::project;
-use svl_core::stereo::Intrinsics;
+use svl_core::stereo::{Frame, Geometry, Intrinsics};
 
 /// A depth image's camera is the left one if their focal lengths and principal points differ by
 /// less.
@@ -24,6 +26,30 @@ pub struct RawCamera {
     pub rotation: UnitQuaternion<f64>,
 }
 
+impl RawCamera {
+    /// The left camera of a frame, if svl rectified it.
+    pub fn from_frame(frame: &Frame) -> Option<Self> {
+        let is_raw = frame.geometry == Geometry::Raw;
+        let calibration = frame.calibration.as_ref().filter(|_| !is_raw)?;
+        let rectification = calibration.rectification()?;
+        Some(Self {
+            intrinsics: *calibration.left(),
+            rotation: UnitQuaternion::from_rotation_matrix(&rectification.left),
+        })
+    }
+}
+
+/// Everything that the projection into the left camera of a pair depends on.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct PairCamera {
+    pub(super) rig: Rig,
+    pub(super) size: (usize, usize),
+    pub(super) raw: Option<RawCamera>,
+    /// The calibrations of the left camera and of a depth image, as published.
+    left: Option<Arc<Calibration>>,
+    own: Option<Arc<Calibration>>,
+}
+
 /// Pose of the sensor, and the cameras of the recording.
 pub(super) struct Setup {
     /// Pose of the sensor in the left camera's frame.
@@ -32,9 +58,11 @@ pub(super) struct Setup {
     is_left: bool,
     /// True if its messages have the pixels of a rectified camera by definition.
     is_rectified: bool,
-    left: Option<Calibration>,
-    /// Calibration of a depth image.
-    own: Option<Calibration>,
+    left: CameraTrack,
+    /// Calibrations of depth images.
+    own: CameraTrack,
+    /// Topics of both.
+    infos: [Option<String>; 2],
     transforms: Transforms,
     /// Metres per step of the depth images, if the recording says so.
     unit_m: Option<f32>,
@@ -46,9 +74,9 @@ pub(super) struct Setup {
 #[derive(Default)]
 struct Found {
     left_frame: Option<String>,
-    left: Option<Calibration>,
+    left: CameraTrack,
     frame: Option<std::result::Result<String, String>>,
-    own: Option<Calibration>,
+    own: CameraTrack,
     unit_m: Option<f32>,
     transforms: Transforms,
     /// All transforms including those that may move, which only an error names.
@@ -77,8 +105,8 @@ impl Setup {
         for file in recording.files() {
             let mut messages = file.messages()?;
             let is_found = |found: &Found| {
-                (left_info.is_none() || found.left.is_some())
-                    && (own_info.is_none() || found.own.is_some())
+                (left_info.is_none() || !found.left.is_empty())
+                    && (own_info.is_none() || !found.own.is_empty())
                     && (unit.is_none() || found.unit_m.is_some())
                     && found.pose().is_ok()
             };
@@ -102,11 +130,11 @@ impl Setup {
                     let read = kind.read(channel, log_time, &data);
                     found.frame = Some(read.and_then(|_| Ok(kind::head(channel, &data)?.1)));
                 }
-                if of(&left_info) && found.left.is_none() {
-                    found.left = camera::decode(channel, &data).ok();
+                if of(&left_info) {
+                    found.left.read(channel, log_time, &data);
                 }
-                if of(&own_info) && found.own.is_none() {
-                    found.own = camera::decode(channel, &data).ok();
+                if of(&own_info) {
+                    found.own.read(channel, log_time, &data);
                 }
                 if of(&unit) && found.unit_m.is_none() {
                     let value = ros::read(channel, &data, ros::string);
@@ -128,6 +156,7 @@ impl Setup {
             is_rectified: kind.is_disparity(),
             left: found.left,
             own: found.own,
+            infos: [left_info, own_info],
             transforms: found.transforms,
             unit_m: found.unit_m,
             frames: [
@@ -148,15 +177,35 @@ impl Setup {
         &self.frames[0]
     }
 
+    /// Stores a calibration of the left camera or of depth images.
+    pub(super) fn take_in(&mut self, channel: &Channel, log_time: u64, data: &[u8]) {
+        for (topic, track) in self.infos.iter().zip([&mut self.left, &mut self.own]) {
+            if topic.as_ref() == Some(&channel.topic) {
+                track.read(channel, log_time, data);
+            }
+        }
+    }
+
+    /// The left camera of a frame with that rig, and that of a measurement of `measured_ns`.
+    pub(super) fn pair_camera(&self, frame: &Frame, rig: Rig, measured_ns: u64) -> PairCamera {
+        PairCamera {
+            rig,
+            size: frame.pair.size(),
+            raw: RawCamera::from_frame(frame),
+            left: self.left.at(frame.stamp_ns).cloned(),
+            own: self.own.at(measured_ns).cloned(),
+        }
+    }
+
     /// The rotation of the rectification.
-    pub(super) fn rotation(&self, raw: Option<&RawCamera>) -> UnitQuaternion<f64> {
+    pub(super) fn rotation(&self, camera: &PairCamera) -> UnitQuaternion<f64> {
         // Pairs rectified before they were recorded have the rotation in their CameraInfo; that of
         // an uncalibrated camera is all zeros.
         let own_rotation = || {
-            let rotation = self.left.as_ref()?.rotation().ok()?;
+            let rotation = camera.left.as_ref()?.rotation().ok()?;
             Some(UnitQuaternion::from_rotation_matrix(&rotation))
         };
-        match raw {
+        match camera.raw {
             Some(raw) => raw.rotation,
             None => own_rotation().unwrap_or_else(UnitQuaternion::identity),
         }
@@ -175,7 +224,7 @@ impl Setup {
             .flatten()
     }
 
-    /// The projection of measurements like `measured` into the left camera of pairs of `size`.
+    /// The projection of measurements like `measured` into the left camera of a pair.
     ///
     /// # Errors
     /// The missing part.
@@ -183,11 +232,11 @@ impl Setup {
         &self,
         topic: &str,
         measured: &Measured,
-        rig: &Rig,
-        size: (usize, usize),
-        raw: Option<&RawCamera>,
+        camera: &PairCamera,
     ) -> std::result::Result<View, String> {
-        let left_from_sensor = self.rotation(raw) * self.left_from_sensor;
+        let &PairCamera { size, raw, .. } = camera;
+        let rig = &camera.rig;
+        let left_from_sensor = self.rotation(camera) * self.left_from_sensor;
         let Measured::Depth(depth) = measured else {
             return Ok(View::Points(left_from_sensor));
         };
@@ -195,9 +244,9 @@ impl Setup {
         let is_rectified = self.is_rectified || topics::is_of_rectified(topic);
         // Disparities, and images named so, have the pixels of the rectified camera: of raw pairs,
         // those by the projection in the left camera's CameraInfo.
-        let of_left = self.left.as_ref();
+        let of_left = camera.left.as_ref();
         let of_left = of_left.filter(|_| is_rectified && self.is_left && raw.is_some());
-        let own = self.own.as_ref().or(of_left).map(|own| {
+        let own = camera.own.as_ref().or(of_left).map(|own| {
             own.check_size((width, height))
                 .and_then(|()| pinhole(own, is_rectified, depth.size()))
         });

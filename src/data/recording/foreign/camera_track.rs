@@ -1,0 +1,109 @@
+//! The calibrations of one camera by their stamps, and the one of each image.
+
+use super::camera::{self, Calibration};
+use crate::recording::messages::Channel;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Limit on calibrations that are kept: an hour at 250 a second, 40 bytes each.
+const MAX_KEPT: usize = 1_000_000;
+
+/// The calibrations of a camera. ROS publishes an image before its `camera_info`, and bags are out
+/// of order, so that only the stamps say which belong together.
+#[derive(Default)]
+pub(super) struct CameraTrack(BTreeMap<u64, Arc<Calibration>>);
+
+impl CameraTrack {
+    /// Adds a calibration. Equal ones share their memory, so that a change is a change of address.
+    pub(super) fn insert(&mut self, stamp_ns: u64, calibration: Calibration) {
+        let before = self.0.range(..=stamp_ns).next_back();
+        let after = self.0.range(stamp_ns..).next();
+        let mut neighbours = before.into_iter().chain(after).map(|(_, known)| known);
+        let known = neighbours.find(|known| known.change(&calibration).is_none());
+        let calibration = known.cloned().unwrap_or_else(|| Arc::new(calibration));
+        self.0.insert(stamp_ns, calibration);
+        if self.0.len() > MAX_KEPT {
+            self.0.pop_first();
+        }
+    }
+
+    /// Adds the calibration in a message, if it can be read.
+    pub(super) fn read(&mut self, channel: &Channel, log_time: u64, data: &[u8]) {
+        if let Ok((stamp_ns, calibration)) = camera::decode(channel, log_time, data) {
+            self.insert(stamp_ns, calibration);
+        }
+    }
+
+    /// The calibration of an image: that of its own stamp; else the last one before it; else the
+    /// first after it.
+    pub(super) fn at(&self, stamp_ns: u64) -> Option<&Arc<Calibration>> {
+        let before = self.0.range(..=stamp_ns).next_back();
+        let found = before.or_else(|| self.0.first_key_value());
+        found.map(|(_, calibration)| calibration)
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// True if there is one of that very stamp.
+    pub(super) fn has(&self, stamp_ns: u64) -> bool {
+        self.0.contains_key(&stamp_ns)
+    }
+
+    /// The first calibration.
+    pub(super) fn first(&self) -> Option<&Arc<Calibration>> {
+        self.0.first_key_value().map(|(_, calibration)| calibration)
+    }
+
+    /// Stamp of the first calibration.
+    pub(super) fn first_ns(&self) -> Option<u64> {
+        self.0.first_key_value().map(|(&stamp_ns, _)| stamp_ns)
+    }
+
+    /// Drops those that no image from that stamp on can have.
+    pub(super) fn forget_before(&mut self, stamp_ns: u64) {
+        if let Some((&last, _)) = self.0.range(..=stamp_ns).next_back()
+            && self.first_ns() < Some(last)
+        {
+            self.0 = self.0.split_off(&last);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::camera::calibration_of_size;
+    use super::*;
+
+    #[test]
+    fn an_image_has_the_calibration_of_its_stamp() {
+        let mut track = CameraTrack::default();
+        assert!(track.at(5).is_none() && track.is_empty());
+        for (stamp, width) in [(30, 3), (10, 1), (20, 2)] {
+            track.insert(stamp, calibration_of_size((width, 1)));
+        }
+        let width = |track: &CameraTrack, stamp| track.at(stamp).unwrap().size().0;
+        // Its own, the last one before it, and the first after it.
+        let found = [20, 29, 30, 99, 5].map(|stamp| width(&track, stamp));
+        assert_eq!(found, [2, 2, 3, 3, 1]);
+        assert!(track.has(20) && !track.has(21) && track.first_ns() == Some(10));
+        track.forget_before(25);
+        assert_eq!([25, 30, 5].map(|stamp| width(&track, stamp)), [2, 3, 2]);
+        track.forget_before(1);
+        assert_eq!(track.first_ns(), Some(20));
+    }
+
+    #[test]
+    fn equal_calibrations_are_one() {
+        let mut track = CameraTrack::default();
+        for (stamp, width) in [(1, 7), (2, 7), (3, 8), (0, 7)] {
+            track.insert(stamp, calibration_of_size((width, 1)));
+        }
+        let is_same = |a, b| Arc::ptr_eq(track.at(a).unwrap(), track.at(b).unwrap());
+        assert_eq!(
+            [is_same(1, 2), is_same(0, 2), is_same(2, 3)],
+            [true, true, false]
+        );
+    }
+}
