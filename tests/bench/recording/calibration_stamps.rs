@@ -5,7 +5,7 @@ use super::frames::{PERIOD_NS, image};
 use crate::cli::fixture::Fixture;
 use crate::common::assert_says;
 use std::path::Path;
-use svl::recording::Reader;
+use svl::recording::{LiveTopic, Reader, Selection, TopicPairs};
 use svl::stereo::{Frame, Rig};
 
 const START_NS: u64 = 1_700_000_000_000_000_000;
@@ -228,4 +228,72 @@ fn half_a_second_out_of_order_changes_nothing() {
             assert!(found == expected, "{} pairs", found.len());
         }
     }
+}
+
+const MS: u64 = 1_000_000;
+
+/// Live topics, fed by hand.
+struct Live {
+    pairs: TopicPairs,
+    now_ns: u64,
+}
+
+impl Live {
+    fn new() -> Self {
+        let topics = Shot::FIRST.messages(0, CAMERAS).map(|message| LiveTopic {
+            name: message.topic.to_owned(),
+            schema: message.schema.to_owned(),
+        });
+        let pairs = TopicPairs::new("ros2:", &topics, &Selection::default()).unwrap();
+        let mut live = Self { pairs, now_ns: 0 };
+        for message in Shot::FIRST.messages(0, CAMERAS) {
+            live.pairs.look_at(live.place(message.topic), &message.data);
+        }
+        live.pairs.begin().unwrap();
+        live
+    }
+
+    fn place(&self, topic: &str) -> usize {
+        self.pairs.topics().position(|name| name == topic).unwrap()
+    }
+
+    fn send(&mut self, message: &Message) {
+        let place = self.place(message.topic);
+        self.pairs.take_in(place, 0, &message.data).unwrap();
+    }
+
+    /// The column of the principal point in the pair of the images sent, whose calibrations come
+    /// that much later, and the milliseconds after which there was a pair.
+    fn pair(&mut self, i: u64, x: u32, calibrated_after_ms: Option<u64>) -> (f64, u64) {
+        let shot = Shot { x, ..Shot::FIRST };
+        let [left, right, infos @ ..] = shot.messages(i, CAMERAS);
+        [left, right].iter().for_each(|image| self.send(image));
+        for waited_ms in 0..1000 {
+            if calibrated_after_ms == Some(waited_ms) {
+                infos.iter().for_each(|info| self.send(info));
+            }
+            let pair = self.pairs.pop(self.now_ns);
+            self.now_ns += MS;
+            if let Some(pair) = pair {
+                return (pair.unwrap().rig().unwrap().center_px().0, waited_ms);
+            }
+        }
+        panic!("no pair {i}");
+    }
+}
+
+#[test]
+fn live_pairs_wait_for_their_calibrations_until_these_are_settled() {
+    let mut live = Live::new();
+    // The first calibrations were there before the first pair.
+    assert_eq!(live.pair(0, 0, Some(3)), (12.0, 0));
+    assert_eq!(live.pair(1, 2, Some(3)), (10.0, 3));
+    // The period is 67 ms; without calibrations the last ones are used.
+    assert_eq!(live.pair(2, 4, None), (10.0, 67));
+    for i in 3..12 {
+        assert_eq!(live.pair(i, 2, Some(5)), (10.0, 5), "{i}");
+    }
+    // Ten pairs with the same calibrations: a change takes effect one pair later.
+    assert_eq!(live.pair(12, 6, Some(5)), (10.0, 0));
+    assert_eq!(live.pair(13, 6, Some(0)), (6.0, 0));
 }

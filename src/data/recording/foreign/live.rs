@@ -163,9 +163,9 @@ impl TopicPairs {
             .map_err(|why| format!("{}: {why}", channel.topic))
     }
 
-    /// The next pair that is ready. `now_ns`: the time of a clock that never jumps. A pair waits for
-    /// the calibrations of its stamp, at most 0.2 s and one period, then has the last ones before;
-    /// after ten pairs with unchanged calibrations none waits.
+    /// The next pair that is ready. `now_ns`: the time of a clock that never jumps. A pair waits
+    /// for the calibrations of its stamp, at most 0.2 s and one period, then has the last ones
+    /// before; after ten pairs with unchanged calibrations none waits.
     ///
     /// # Errors
     /// The reason why two images that belong together cannot be a pair.

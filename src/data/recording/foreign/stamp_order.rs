@@ -16,7 +16,7 @@ const MAX_BYTES: usize = 256 << 20;
 /// Sorts images by stamp. Beyond the time in the log for which they wait, beyond the limit of their
 /// bytes, and where the clock jumps back, the order is that of the file.
 pub(super) struct StampOrder<T> {
-    waiting: BTreeMap<Key, Waiting<T>>,
+    waiting: BTreeMap<Key, HeldImage<T>>,
     /// Log time and key of those that wait, and of some that do not any more.
     by_log: BinaryHeap<Reverse<(u64, Key)>>,
     /// All keys up to this one are due.
@@ -35,7 +35,7 @@ pub(super) struct StampOrder<T> {
 /// Jumps of the clock before it, stamp, arrivals before it.
 type Key = (u64, u64, u64);
 
-struct Waiting<T> {
+struct HeldImage<T> {
     image: T,
     bytes: usize,
 }
@@ -66,7 +66,7 @@ impl<T> StampOrder<T> {
         let key = (self.epoch, stamp_ns, self.arrivals);
         self.arrivals += 1;
         self.bytes += bytes;
-        self.waiting.insert(key, Waiting { image, bytes });
+        self.waiting.insert(key, HeldImage { image, bytes });
         self.by_log.push(Reverse((log_ns, key)));
         self.advance(log_ns);
     }
@@ -91,7 +91,7 @@ impl<T> StampOrder<T> {
     pub(super) fn pop(&mut self) -> Option<T> {
         let first = *self.waiting.first_key_value()?.0;
         let is_due = self.ended || self.bytes > MAX_BYTES || Some(first) <= self.due;
-        let Waiting { image, bytes } = is_due.then(|| self.waiting.remove(&first))??;
+        let HeldImage { image, bytes } = is_due.then(|| self.waiting.remove(&first))??;
         self.bytes -= bytes;
         Some(image)
     }
