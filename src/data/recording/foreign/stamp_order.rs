@@ -16,11 +16,11 @@ const MAX_BYTES: usize = 256 << 20;
 /// Sorts images by stamp. Beyond the time in the log for which they wait, beyond the limit of their
 /// bytes, and where the clock jumps back, the order is that of the file.
 pub(super) struct StampOrder<T> {
-    waiting: BTreeMap<Key, HeldImage<T>>,
+    waiting: BTreeMap<StampKey, HeldImage<T>>,
     /// Log time and key of those that wait, and of some that do not any more.
-    by_log: BinaryHeap<Reverse<(u64, Key)>>,
+    by_log: BinaryHeap<Reverse<(u64, StampKey)>>,
     /// All keys up to this one are due.
-    due: Option<Key>,
+    due: Option<StampKey>,
     /// The latest log time.
     log_ns: u64,
     bytes: usize,
@@ -33,7 +33,7 @@ pub(super) struct StampOrder<T> {
 }
 
 /// Jumps of the clock before it, stamp, arrivals before it.
-type Key = (u64, u64, u64);
+type StampKey = (u64, u64, u64);
 
 struct HeldImage<T> {
     image: T,
