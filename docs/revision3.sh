@@ -83,8 +83,8 @@ for name, parts in SETS.items():
         of = counts[row["algorithm"]]
         of[row["verdict"]] += 1
         of["all"] += 1
-        of["missed"] += row["missed_obstacle"] == "true"
-        of["false"] += row["false_obstacle"] == "true"
+        of["missed"] += row["missed_median"] == "true"
+        of["false"] += row["false_median"] == "true"
         # Without a report: nothing was seen, or the report is infinity.
         if row["algorithm"] in ALL.values() and row["verdict"] != "unknown":
             cells[row["algorithm"]].append((float(row["probability"]), row["verdict"] == "right"))

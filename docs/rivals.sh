@@ -57,10 +57,10 @@ for name, parts in SETS.items():
                     of = counts[label(row)][row["seed"]]
                     of[row["verdict"]] += 1
                     of["all"] += 1
-                    of["missed"] += row["missed_obstacle"] == "true"
-                    of["false"] += row["false_obstacle"] == "true"
+                    of["missed"] += row["missed_median"] == "true"
+                    of["false"] += row["false_median"] == "true"
             for row in csv.DictReader(open(f"reports/rivals-{part}-{decision}/summary.csv")):
-                near[label(row)].update({key: int(row[key] or 0) for key in ("missed25", "near25")})
+                near[label(row)].update({key: int(row[key] or 0) for key in ("missed", "near")})
     print(f"\n{name}\n\n| algorithm | right / wrong, % of the cells | missed / false obstacles | near ones missed "
           "| wrong, % of the known |\n|---|---:|---:|---:|---:|")
     for algorithm, seeds in counts.items():
@@ -74,7 +74,7 @@ for name, parts in SETS.items():
             sums = sorted(known(sum(draw, collections.Counter())) for draw in draws)
             interval = f" ({sums[50]:.1f}–{sums[1949]:.1f})"
         print(f"| {algorithm} | {right:.1f} / {wrong:.2f} | {of['missed']} / {of['false']} "
-              f"| {near[algorithm]['missed25']} of {near[algorithm]['near25']} | {known(of):.2f}{interval} |")
+              f"| {near[algorithm]['missed']} of {near[algorithm]['near']} | {known(of):.2f}{interval} |")
 print("\ndrives\n\n| algorithm | courses | finished, % | collisions | near misses | driven, m |\n|---|---:|---:|---:|---:|---:|")
 for decision in ("median", "stixels"):
     sums = collections.defaultdict(collections.Counter)

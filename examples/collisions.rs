@@ -22,10 +22,10 @@ const PREDICTORS: [Predictor; 6] = [
         Some(100.0 - share(s, a, "cells_right")?)
     }),
     ("unknown cells, %", |s, a| share(s, a, "cells_unknown")),
-    ("missed per 100 pairs", |s, a| {
-        per_pair(s, a, "missed_obstacles")
+    ("missed_median per 100 pairs", |s, a| {
+        per_pair(s, a, "missed_median")
     }),
-    ("missed25 per 100 pairs", |s, a| per_pair(s, a, "missed25")),
+    ("missed per 100 pairs", |s, a| per_pair(s, a, "missed")),
     ("checkpoints failed, %", checkpoints_failed),
 ];
 

@@ -146,7 +146,8 @@ impl ReportContent {
 /// not know the other parts.
 fn warn_of_nothing_scored(manifest: &Manifest, summary: &Summary) {
     let mut of = summary.algorithms.iter();
-    let of = of.find(|of| of.scored_cells == Some(0) && manifest.shard.is_none());
+    let of =
+        of.find(|of| of.scored().is_some_and(|(_, cells)| cells == 0) && manifest.shard.is_none());
     if let Some(of) = of {
         tracing::warn!(
             "{}: no cell of {} has enough of a ground truth to be scored against it",

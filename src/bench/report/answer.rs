@@ -15,8 +15,8 @@ use svl_data::score::{Better, Metric, MetricUnit, RunKind};
 /// Fraction of wrong cells above which an algorithm is not called best by any metric.
 pub(super) const MOST_WRONG: f64 = 0.1;
 
-/// Fraction of unknown near obstacles above which its number of missed ones says nothing.
-const MOST_UNKNOWN: f64 = 0.5;
+/// Fraction of found near obstacles below which its number of missed ones says nothing.
+const MIN_FOUND: f64 = 0.5;
 
 /// The same of pixels off by more than 2 px.
 const MOST_BAD: f64 = 0.2;
@@ -28,7 +28,7 @@ const LEAST: f64 = 0.1;
 /// The metrics by which algorithms are called best.
 pub(super) fn answer_metrics(kind: RunKind) -> Vec<&'static Metric> {
     let names: &[&str] = match kind {
-        RunKind::Distances => &["right", "wrong", "missed25"],
+        RunKind::Distances => &["right", "wrong", "missed"],
         RunKind::Disparities => &["bad2"],
         RunKind::Courses => &["finished", "collisions"],
         RunKind::NoTruth => &["unrivalled", "agreed"],
@@ -58,7 +58,7 @@ impl Summary {
         // The best of all is the first of equal ones.
         let mut ranked = self.ranked_algorithms();
         ranked.retain(|a| self.is_candidate(a) && value(a).is_some());
-        if metric.name == "missed25" {
+        if metric.name == "missed" {
             ranked.retain(|a| self.sees_near_obstacles(a));
         }
         ranked.sort_by(|a, b| better_first(metric, value(a), value(b)));
@@ -143,10 +143,10 @@ impl Summary {
         }
     }
 
-    /// False if most near obstacles are unknown: they are not missed, but not seen, either.
+    /// False if few near obstacles are found: unknown ones are not missed, either.
     fn sees_near_obstacles(&self, algorithm: &AlgorithmSummary) -> bool {
-        let unknown = Metric::find("unknown25").and_then(|metric| algorithm.value(metric));
-        unknown.is_none_or(|unknown| unknown <= MOST_UNKNOWN)
+        let found = Metric::find("found").and_then(|metric| algorithm.value(metric));
+        found.is_none_or(|found| found >= MIN_FOUND)
     }
 
     /// [`Self::is_usable`] in words.
@@ -306,14 +306,14 @@ impl Summary {
     }
 
     /// A value in a sentence. An algorithm that reports little misses little, so a number of missed
-    /// obstacles has the fraction of unknown ones with it.
+    /// obstacles has the fraction of found ones with it.
     fn value_words(&self, metric: &Metric, label: &str, of: f64) -> String {
-        let unknown = Metric::find("unknown25").filter(|_| metric.name == "missed25");
-        let unknown = unknown.and_then(|unknown| {
-            let share = self.value(label, unknown, None)?;
-            Some(format!(" with {} unknown", value(unknown, share)))
+        let found = Metric::find("found").filter(|_| metric.name == "missed");
+        let found = found.and_then(|found| {
+            let share = self.value(label, found, None)?;
+            Some(format!(" with {} found", value(found, share)))
         });
-        value(metric, of) + &unknown.unwrap_or_default()
+        value(metric, of) + &found.unwrap_or_default()
     }
 }
 

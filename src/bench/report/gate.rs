@@ -1,7 +1,7 @@
 //! Limits of a run's metrics, and the gate result of a run: `svl score --gate`.
 
 use super::junit::{TestCase, TestResult};
-use super::summary::Summary;
+use super::summary::{AlgorithmSummary, Summary};
 use serde::Serialize;
 use svl_data::manifest::{AlgorithmRecord, Manifest};
 use svl_data::scenario::Limit;
@@ -91,7 +91,7 @@ pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> V
             algorithm: Some(algorithm.label.clone()),
             value,
             state,
-            scored: of.and_then(|of| of.scored_pairs.zip(of.scored_cells)),
+            scored: of.and_then(AlgorithmSummary::scored),
             caution: summary.caution().filter(|_| limit.metric.against_truth),
         }
     };

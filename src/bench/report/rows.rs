@@ -56,6 +56,11 @@ impl<'a> CsvCells<'a> {
     }
 }
 
+/// The name of a field's column: that of the field, also where it is a keyword.
+pub(super) fn column_name(field: &'static str) -> &'static str {
+    field.strip_prefix("r#").unwrap_or(field)
+}
+
 /// Declares a row of one list of fields, each a column or several.
 macro_rules! record {
     ($(#[$about:meta])* $name:ident { $($(#[doc = $doc:literal])* $field:ident: $kind:ty,)* }) => {
@@ -67,7 +72,7 @@ macro_rules! record {
             fn columns() -> Vec<$crate::report::columns::ColumnDescription> {
                 let mut columns = Vec::new();
                 $(<$kind as $crate::report::rows::RowField>::columns(
-                    stringify!($field),
+                    $crate::report::rows::column_name(stringify!($field)),
                     concat!($($doc),*),
                     &mut columns,
                 );)*
@@ -84,7 +89,7 @@ macro_rules! record {
                 cells: $crate::report::rows::CsvCells<'_>,
             ) -> std::result::Result<Self, String> {
                 Ok(Self {$(
-                    $field: $crate::report::rows::RowField::parse(stringify!($field), cells)?,
+                    $field: $crate::report::rows::RowField::parse($crate::report::rows::column_name(stringify!($field)), cells)?,
                 )*})
             }
 
@@ -93,7 +98,7 @@ macro_rules! record {
                 $(
                     let fields: Vec<_> = rows.iter().map(|row| &row.$field).collect();
                     columns.extend($crate::report::rows::RowField::stored(
-                        stringify!($field),
+                        $crate::report::rows::column_name(stringify!($field)),
                         &fields,
                     ));
                 )*
@@ -231,11 +236,18 @@ record! {
         true_distance_m: Option<f64>,
         /// Result of the cell: right, wrong, unknown or no-truth.
         verdict: Verdict,
-        /// Truly nearer than the scenario's `obstacle_m`, reported farther than its `clear_m`.
-        missed_obstacle: bool,
-        /// The reverse of `missed`: truly farther than `clear_m`, reported nearer than
+        /// The median is truly nearer than the scenario's `obstacle_m` and reported farther than its
+        /// `clear_m`.
+        missed_median: bool,
+        /// The reverse of `missed_median`: truly farther than `clear_m`, reported nearer than
         /// `obstacle_m`.
-        false_obstacle: bool,
+        false_median: bool,
+        /// The nearest quarter of the cell is truly nearer than `obstacle_m`, and the cell is
+        /// reported farther than `clear_m`.
+        missed: bool,
+        /// The cell is reported nearer than `obstacle_m`, and less than 5 % of it is truly nearer
+        /// than `clear_m`.
+        r#false: bool,
         /// Name of the recording, if the scenario has recordings.
         run: Option<String>,
         /// State of the cell, as the algorithm reports it.

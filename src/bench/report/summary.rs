@@ -90,6 +90,11 @@ pub struct RunScope {
     pub sizes: Vec<(u32, u32)>,
     /// Recordings, courses or seeds.
     pub runs: u64,
+    /// Pairs and cells that were scored against a truth, of the algorithm with the most; `None`
+    /// without one.
+    pub scored: Option<(u64, u64)>,
+    /// The most cells of a pair that were scored.
+    pub cells_of_pair: u64,
 }
 
 /// An algorithm without a result of some pairs, which `failures.csv` lists.
@@ -157,11 +162,6 @@ record! {
         memory_mb: Option<f64>,
         /// Mean time of filters over the same pairs.
         filters_ms: Option<f64>,
-        /// Number of pairs that were scored against a ground truth; absent if no pair has one.
-        scored_pairs: Option<u64>,
-        /// Number of cells that were scored against a ground truth, over all pairs; absent if no
-        /// pair has one.
-        scored_cells: Option<u64>,
         /// Number of pairs that it failed on, perturbed ones included.
         failed_pairs: u64,
     }
@@ -199,11 +199,22 @@ impl RunScope {
             pairs: pairs.len() as u64,
             sizes: sizes.into_iter().collect(),
             runs: runs.len() as u64,
+            scored: None,
+            cells_of_pair: rows
+                .iter()
+                .filter_map(|row| row.metrics.get("scored_cells"))
+                .fold(0.0, f64::max) as u64,
         }
     }
 }
 
 impl AlgorithmSummary {
+    /// Numbers of pairs and of cells that were scored against a truth; `None` if no pair has one.
+    pub fn scored(&self) -> Option<(u64, u64)> {
+        let count = |name| self.totals.get(name).map(|count| count as u64);
+        count("scored_pairs").zip(count("scored_cells"))
+    }
+
     /// The value of a metric of frames, absent if the run does not measure it; for other metrics
     /// see [`Summary::value`].
     pub fn value(&self, metric: &Metric) -> Option<f64> {
@@ -230,9 +241,19 @@ impl Summary {
             Ok(Self {
                 scope: RunScope::new(rows),
                 ..Self::from_frames(&frame, &checkpoints)?
-            })
+            }
+            .with_scored())
         });
         summary.map_err(|e| Error::Invalid(format!("summary of {} rows: {e}", rows.len())))
+    }
+
+    fn with_scored(mut self) -> Self {
+        self.scope.scored = self
+            .algorithms
+            .iter()
+            .filter_map(AlgorithmSummary::scored)
+            .max();
+        self
     }
 
     /// Completes the manifest with the digests of pairs and results, and the summary with the
@@ -266,7 +287,11 @@ impl Summary {
             } else if record.failed_pairs > 0 {
                 self.algorithms.push(AlgorithmSummary {
                     algorithm: record.label.clone(),
-                    scored_pairs: (!self.truth.is_empty()).then_some(0),
+                    totals: if self.truth.is_empty() {
+                        MetricTotals::default()
+                    } else {
+                        MetricTotals(MetricValues::from([("scored_pairs", 0.0)]))
+                    },
                     failed_pairs: record.failed_pairs,
                     ..AlgorithmSummary::default()
                 });
@@ -340,6 +365,10 @@ impl Summary {
     /// Adds the results of drives.
     pub fn add_drives(&mut self, rows: &[DriveRow]) {
         self.drives = drives::summarize(rows, None);
+        // Each algorithm drives its own way and sees pairs of its own.
+        if !rows.is_empty() {
+            self.scope.pairs = self.algorithms.iter().map(|a| a.pairs).sum();
+        }
         super::stress::add_drives(&mut self.stress, &self.drives, rows);
     }
 
@@ -441,7 +470,6 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         other_ms,
     ] = speed.stages_ms.map(Some);
     let time_per_gd_s = speed.time_per_gd_s();
-    let (scored_pairs, scored_cells) = scored(rows)?.unzip();
     Ok(AlgorithmSummary {
         algorithm: first(rows, "algorithm")?,
         pairs: rows.height() as u64,
@@ -462,28 +490,8 @@ fn algorithm(rows: &DataFrame) -> PolarsResult<AlgorithmSummary> {
         results_hash: Some(digest(rows.column("result_hash")?.str()?.iter().flatten())),
         outliers: Some(speed.outliers()),
         memory_mb: None,
-        scored_pairs,
-        scored_cells,
         failed_pairs: 0,
     })
-}
-
-/// Numbers of pairs and cells with a ground truth; none if no pair has one.
-fn scored(rows: &DataFrame) -> PolarsResult<Option<(u64, u64)>> {
-    if rows.column("truth")?.null_count() == rows.height() {
-        return Ok(None);
-    }
-    let mut of_pairs = vec![0; rows.height()];
-    for column in ["cells_right", "cells_wrong", "cells_unknown"] {
-        let counts = rows.column(column)?.u64()?;
-        for (of_pair, count) in of_pairs.iter_mut().zip(counts.iter()) {
-            *of_pair += count.unwrap_or_default();
-        }
-    }
-    let pixels = rows.column("invalid")?.f64()?;
-    let pairs = of_pairs.iter().zip(pixels.iter());
-    let pairs = pairs.filter(|(cells, pixels)| **cells > 0 || pixels.is_some());
-    Ok(Some((pairs.count() as u64, of_pairs.iter().sum())))
 }
 
 fn totals(rows: &DataFrame) -> PolarsResult<MetricTotals> {

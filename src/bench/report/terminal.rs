@@ -99,6 +99,16 @@ impl Summary {
         metrics.iter().filter(|m| !has(m)).copied().collect()
     }
 
+    /// The numbers of scored pairs and cells, if they are not all.
+    fn scored_words(&self) -> Option<String> {
+        let (pairs, cells) = self.scope.scored.filter(|_| self.drives.is_empty())?;
+        if pairs < self.scope.pairs {
+            return Some(format!("{pairs} scored with {}", counted(cells, "cell")));
+        }
+        let all = pairs * self.scope.cells_of_pair;
+        (cells < all).then(|| format!("{cells} of {all} cells scored"))
+    }
+
     /// The extent of the run in words: pairs, size, runs, origin of the truth.
     pub fn scope_words(&self) -> String {
         let scope = &self.scope;
@@ -120,7 +130,12 @@ impl Summary {
             _ => self.caution().unwrap_or_default(),
         };
         let pairs = format!("{}{size}", counted(scope.pairs, "pair"));
-        let parts = [Some(pairs), courses.or(runs), Some(truth)];
+        let parts = [
+            Some(pairs),
+            self.scored_words(),
+            courses.or(runs),
+            Some(truth),
+        ];
         let parts: Vec<_> = parts
             .into_iter()
             .flatten()

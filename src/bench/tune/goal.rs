@@ -149,7 +149,13 @@ impl Goal {
         let (objective, bounds) = if has_truth {
             (
                 "right",
-                &["wrong<=1x", "missed<=1x", "blind<=1x", "time<=1.5x"][..],
+                &[
+                    "wrong<=1x",
+                    "missed<=1x",
+                    "found>=1x",
+                    "blind<=1x",
+                    "time<=1.5x",
+                ][..],
             )
         } else {
             ("unrivalled", &["time<=1.5x"][..])

@@ -347,7 +347,8 @@ pub fn found(
         objective: goal.objective.name,
         axes: space.axes.iter().map(ToString::to_string).collect(),
         tried,
-        finalists: ranked.len(),
+        // The reference is among the ranked ones.
+        finalists: ranked.len().saturating_sub(1),
         front,
         training,
         test,

@@ -41,7 +41,8 @@ pub struct TunedAlgorithm {
     pub objective: &'static str,
     /// Axes of the search.
     pub axes: Vec<String>,
-    /// Number of settings that were tried, and of those that were run on all training pairs.
+    /// Number of settings that were tried beside the reference, and of those among them that were
+    /// run on all training pairs.
     pub tried: usize,
     pub finalists: usize,
     /// The settings that no other one dominates, with their values on the training pairs.

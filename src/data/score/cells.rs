@@ -38,12 +38,28 @@ pub struct CellJudgement {
     pub true_px: Option<f64>,
     /// True distance, metres; `None` without truth, without a rig, or at infinity.
     pub true_m: Option<f64>,
-    /// Truly nearer than the rule's `obstacle_m`, reported farther than its `clear_m`.
-    pub missed_obstacle: bool,
-    /// Reported nearer than `obstacle_m`, truly farther than `clear_m`.
-    pub false_obstacle: bool,
+    /// By the median: truly nearer than the rule's `obstacle_m`, reported farther than its
+    /// `clear_m`.
+    pub missed_median: bool,
+    /// By the median: reported nearer than `obstacle_m`, truly farther than `clear_m`.
+    pub false_median: bool,
+    /// By the nearest quarter; none of a cell that is not scored.
+    pub near: NearJudgement,
     /// The number of the truth's points, if it is sparse; absent if it is dense or missing.
     pub points: Option<usize>,
+}
+
+/// The score of a cell by its nearest quarter: what a robot would hit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NearJudgement {
+    /// The nearest quarter is nearer than the rule's `obstacle_m`.
+    pub is_near: bool,
+    /// Near, and reported farther than the rule's `clear_m`.
+    pub missed: bool,
+    /// Near, and reported as too close or at most at `clear_m`.
+    pub found: bool,
+    /// Reported nearer than `obstacle_m`, and nearly all of the cell is farther than `clear_m`.
+    pub falsely: bool,
 }
 
 impl CellJudgement {
@@ -52,8 +68,14 @@ impl CellJudgement {
         verdict: Verdict::NoTruth,
         true_px: None,
         true_m: None,
-        missed_obstacle: false,
-        false_obstacle: false,
+        missed_median: false,
+        false_median: false,
+        near: NearJudgement {
+            is_near: false,
+            missed: false,
+            found: false,
+            falsely: false,
+        },
         points: None,
     };
 }
@@ -64,8 +86,8 @@ pub struct CellTally {
     pub right: usize,
     pub wrong: usize,
     pub unknown: usize,
-    pub missed_obstacles: usize,
-    pub false_obstacles: usize,
+    pub missed_median: usize,
+    pub false_median: usize,
 }
 
 impl CellTally {
@@ -80,8 +102,8 @@ impl CellTally {
             right: count(|j| j.verdict == Verdict::Right),
             wrong: count(|j| j.verdict == Verdict::Wrong),
             unknown: count(|j| j.verdict == Verdict::Unknown),
-            missed_obstacles: count(|j| j.missed_obstacle),
-            false_obstacles: count(|j| j.false_obstacle),
+            missed_median: count(|j| j.missed_median),
+            false_median: count(|j| j.false_median),
         }
     }
 }
@@ -163,9 +185,10 @@ fn judge_cell(
         verdict,
         true_px: truth.map(|t| t.median_px.into()),
         true_m,
-        missed_obstacle: true_m.is_some_and(|t| t < obstacle_m)
+        missed_median: true_m.is_some_and(|t| t < obstacle_m)
             && reported.is_some_and(|r| r.distance_m.is_none_or(|z| z > clear_m)),
-        false_obstacle: distances.is_some_and(|(z_true, z)| z < obstacle_m && z_true > clear_m),
+        false_median: distances.is_some_and(|(z_true, z)| z < obstacle_m && z_true > clear_m),
+        near: NearJudgement::default(),
         points: None,
     }
 }
@@ -214,16 +237,16 @@ mod tests {
         assert_eq!(judged(0.30, 0.321).verdict, Verdict::Wrong);
         assert_eq!(judged(2.00, 2.09).verdict, Verdict::Right);
         assert_eq!(judged(2.00, 2.11).verdict, Verdict::Wrong);
-        assert!(judged(0.39, 0.91).missed_obstacle && !judged(0.39, 0.89).missed_obstacle);
-        assert!(!judged(0.41, 0.91).missed_obstacle);
-        assert!(judged(0.91, 0.39).false_obstacle && !judged(0.89, 0.39).false_obstacle);
+        assert!(judged(0.39, 0.91).missed_median && !judged(0.39, 0.89).missed_median);
+        assert!(!judged(0.41, 0.91).missed_median);
+        assert!(judged(0.91, 0.39).false_median && !judged(0.89, 0.39).false_median);
     }
 
     #[test]
     fn obstacles_missed_and_invented() {
-        assert!(judged(0.4, 0.8).missed_obstacle && !judged(0.4, 0.7).missed_obstacle);
-        assert!(judged(0.8, 0.4).false_obstacle && !judged(0.7, 0.4).false_obstacle);
-        assert!(!judged(0.6, 2.0).missed_obstacle);
+        assert!(judged(0.4, 0.8).missed_median && !judged(0.4, 0.7).missed_median);
+        assert!(judged(0.8, 0.4).false_median && !judged(0.7, 0.4).false_median);
+        assert!(!judged(0.6, 2.0).missed_median);
     }
 
     #[test]
@@ -239,7 +262,7 @@ mod tests {
         };
         let judgement = judge_cell(Some(&truth), Some(&infinity), CellRule::default());
         assert_eq!(
-            (judgement.verdict, judgement.missed_obstacle),
+            (judgement.verdict, judgement.missed_median),
             (Verdict::Wrong, true)
         );
         assert_eq!(

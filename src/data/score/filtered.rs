@@ -42,6 +42,10 @@ impl FilterTally {
         else {
             return Self::default();
         };
+        // Nothing is measured where no cell has enough of a truth.
+        if cells.iter().all(|cell| cell.verdict == Verdict::NoTruth) {
+            return Self::default();
+        }
         let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
         let px = |distance_m| rig.disparity_px(distance_m) as f32;
         let (obstacle_px, clear_px) = (px(obstacle_m), px(clear_m));

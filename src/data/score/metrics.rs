@@ -48,6 +48,15 @@ impl FrameFacts<'_> {
         self.cells(count).filter(|_| self.has_distances())
     }
 
+    /// Number of scored cells; `None` without truth.
+    fn scored(&self) -> Option<usize> {
+        self.cells.as_ref().map(CellTally::scored)
+    }
+
+    fn has_scored_pixels(&self) -> bool {
+        self.pixels.is_some_and(|pixels| pixels.invalid().is_some())
+    }
+
     fn surfaces(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
         let is_scored = self.cells.as_ref().is_some_and(|cells| cells.scored() > 0);
         let surfaces = self.surfaces.as_ref().filter(|_| is_scored);
@@ -116,9 +125,10 @@ pub enum RunKind {
 impl RunKind {
     /// The kind of a run of pairs by the metrics that it has.
     pub fn from_measured(has: impl Fn(&str) -> bool) -> Self {
+        // Numbers of scored pairs and cells may be 0.
         let mut truths = METRICS
             .iter()
-            .filter(|m| m.against_truth && m.column().is_some());
+            .filter(|m| m.against_truth && m.column().is_some() && m.group != "scored");
         if has("missed") {
             Self::Distances
         } else if truths.any(|metric| has(metric.name)) {
@@ -280,15 +290,15 @@ pub const METRICS: &[Metric] = &[
         level: MetricLevel::Headline(&[RunKind::NoTruth]),
     },
     Metric {
-        name: "missed",
+        name: "missed_median",
         words: "missed obstacles, by median",
         group: "by median",
         head: "missed",
         unit: MetricUnit::Count,
         better: Better::Less,
         origin: MetricOrigin::Frame {
-            column: "missed_obstacles",
-            of: |facts| facts.obstacles(|cells| cells.missed_obstacles),
+            column: "missed_median",
+            of: |facts| facts.obstacles(|cells| cells.missed_median),
             total: MetricTotal::Sum,
         },
         note: Some(|rule| {
@@ -302,15 +312,15 @@ pub const METRICS: &[Metric] = &[
         ..DETAIL
     },
     Metric {
-        name: "false",
+        name: "false_median",
         words: "false obstacles, by median",
         group: "by median",
         head: "false",
         unit: MetricUnit::Count,
         better: Better::Less,
         origin: MetricOrigin::Frame {
-            column: "false_obstacles",
-            of: |facts| facts.obstacles(|cells| cells.false_obstacles),
+            column: "false_median",
+            of: |facts| facts.obstacles(|cells| cells.false_median),
             total: MetricTotal::Sum,
         },
         ..DETAIL
@@ -381,14 +391,14 @@ pub const METRICS: &[Metric] = &[
         ..DETAIL
     },
     Metric {
-        name: "missed25",
+        name: "missed",
         words: "missed near obstacles",
         group: "near obstacles",
         head: "missed",
         unit: MetricUnit::Count,
         better: Better::Less,
         origin: MetricOrigin::Frame {
-            column: "missed25",
+            column: "missed",
             of: |facts| facts.near_obstacles(|cells| cells.missed),
             total: MetricTotal::Sum,
         },
@@ -405,17 +415,40 @@ pub const METRICS: &[Metric] = &[
         ..DETAIL
     },
     Metric {
-        name: "false5",
+        name: "false",
         words: "false near obstacles",
         group: "near obstacles",
         head: "false",
         unit: MetricUnit::Count,
         better: Better::Less,
         origin: MetricOrigin::Frame {
-            column: "false5",
+            column: "false",
             of: |facts| facts.near_obstacles(|cells| cells.falsely),
             total: MetricTotal::Sum,
         },
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
+    },
+    Metric {
+        name: "found",
+        words: "found near obstacles",
+        group: "near obstacles",
+        head: "found %",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        origin: MetricOrigin::Frame {
+            column: "found",
+            of: |facts| facts.near_obstacles(|cells| cells.found),
+            total: MetricTotal::ShareOf(&["near"]),
+        },
+        note: Some(|rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells reported at most at {clear_m} m, or as too close, of all whose nearest \
+                 quarter is nearer than {obstacle_m} m: an unknown one is neither found nor missed"
+            );
+            ("found", words)
+        }),
         level: MetricLevel::Headline(&[RunKind::Distances]),
         ..DETAIL
     },
@@ -444,20 +477,20 @@ pub const METRICS: &[Metric] = &[
         ..DETAIL
     },
     Metric {
-        name: "near25",
+        name: "near",
         words: "near obstacles",
         group: "near obstacles",
         head: "all",
         unit: MetricUnit::Count,
         origin: MetricOrigin::Frame {
-            column: "near25",
+            column: "near",
             of: |facts| facts.near_obstacles(|cells| cells.near),
             total: MetricTotal::Sum,
         },
         note: Some(|rule| {
             let (obstacle_m, _) = rule.obstacle_and_clear_m();
             let words = format!(
-                "near obstacles, cells whose nearest quarter is nearer than {obstacle_m} m (all), \
+                "near obstacles: cells whose nearest quarter is nearer than {obstacle_m} m (all), \
                  and the fraction of them in which nothing is reported (unknown)"
             );
             ("all, unknown", words)
@@ -465,14 +498,14 @@ pub const METRICS: &[Metric] = &[
         ..DETAIL
     },
     Metric {
-        name: "unknown25",
+        name: "near_unknown",
         words: "unknown near obstacles",
         group: "near obstacles",
         head: "unknown, %",
         origin: MetricOrigin::Frame {
-            column: "unknown25",
+            column: "near_unknown",
             of: |facts| facts.near_obstacles(|cells| cells.near_unknown),
-            total: MetricTotal::ShareOf(&["near25"]),
+            total: MetricTotal::ShareOf(&["near"]),
         },
         better: Better::Less,
         ..DETAIL
@@ -705,6 +738,41 @@ pub const METRICS: &[Metric] = &[
         ..DETAIL
     },
     Metric {
+        name: "scored_pairs",
+        words: "scored pairs",
+        group: "scored",
+        head: "scored pairs",
+        unit: MetricUnit::Count,
+        origin: MetricOrigin::Frame {
+            column: "scored_pairs",
+            of: |facts| {
+                Some(f64::from(u8::from(
+                    facts.scored()? > 0 || facts.has_scored_pixels(),
+                )))
+            },
+            total: MetricTotal::Sum,
+        },
+        note: Some(|_| {
+            let words = "pairs and cells with enough of a truth: all other numbers against truth are \
+                         of these";
+            ("scored", words.into())
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "scored_cells",
+        words: "scored cells",
+        group: "scored",
+        head: "scored cells",
+        unit: MetricUnit::Count,
+        origin: MetricOrigin::Frame {
+            column: "scored_cells",
+            of: |facts| facts.scored().map(|cells| cells as f64),
+            total: MetricTotal::Sum,
+        },
+        ..DETAIL
+    },
+    Metric {
         name: "passed",
         words: "frames passed",
         head: "passed",
@@ -780,6 +848,39 @@ impl Metric {
         METRICS.iter().find(|metric| metric.name == name)
     }
 
+    /// The metric of that name, or of that heading in a table, `%` or not, for which `fits` is true.
+    ///
+    /// # Errors
+    /// One line with the names: all, or those of the metrics that share the heading.
+    pub fn named(name: &str, fits: impl Fn(&Self) -> bool) -> Result<&'static Self, String> {
+        let plain = |text: &str| text.trim_end_matches(['%', ',', ' ']).to_owned();
+        let is_headed = |metric: &&Self| {
+            let has = |head: &str| plain(head) == plain(name);
+            // The median time has the percentiles beside it.
+            has(metric.head) || metric.name == "time" && has("p99")
+        };
+        let names = |metrics: &[&Self]| {
+            let names: Vec<_> = metrics.iter().map(|metric| metric.name).collect();
+            names.join(", ")
+        };
+        let all: Vec<_> = METRICS.iter().filter(|metric| fits(metric)).collect();
+        if let Some(found) = all.iter().find(|metric| metric.name == name) {
+            return Ok(found);
+        }
+        let headed: Vec<_> = all.iter().copied().filter(is_headed).collect();
+        match headed[..] {
+            [found] => Ok(found),
+            [] => Err(format!(
+                "there is no metric '{name}'; expected one of {}",
+                names(&all)
+            )),
+            _ => Err(format!(
+                "'{name}' heads several columns; which of {}?",
+                names(&headed)
+            )),
+        }
+    }
+
     /// Its column in rows and summary, with the aggregation; `None` if it is not per frame.
     pub fn column(&self) -> Option<(&'static str, MetricTotal)> {
         match self.origin {
@@ -846,8 +947,14 @@ impl Serialize for Metric {
 }
 
 /// Values of a frame or a run for the metrics of [`METRICS`] that have a column.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MetricValues([Option<f64>; METRICS.len()]);
+
+impl Default for MetricValues {
+    fn default() -> Self {
+        Self([None; METRICS.len()])
+    }
+}
 
 impl MetricValues {
     /// One frame of one algorithm.
@@ -924,6 +1031,47 @@ mod tests {
                 assert!(parts.iter().all(|part| Metric::find(part).is_some()));
             }
         }
+    }
+
+    #[test]
+    fn every_heading_names_its_metric() {
+        let named = |text: &str| Metric::named(text, |_| true);
+        for metric in METRICS {
+            assert_eq!(named(metric.name), Ok(metric));
+            let alike = METRICS.iter().filter(|other| other.head == metric.head);
+            if alike.count() == 1 && Metric::find(metric.head).is_none() {
+                assert_eq!(named(metric.head), Ok(metric), "{}", metric.head);
+            }
+        }
+        let found = [
+            "p50",
+            "p99",
+            "cover",
+            ">2 px",
+            "found",
+            "found %",
+            "hits/100 m",
+        ]
+        .map(named);
+        let expected = [
+            "time",
+            "time",
+            "coverage",
+            "bad2",
+            "found",
+            "found",
+            "collisions",
+        ];
+        assert_eq!(found.map(|metric| metric.unwrap().name), expected);
+        assert!(
+            named("rigth")
+                .unwrap_err()
+                .contains("there is no metric 'rigth'")
+        );
+        // Without the one of that name, the heading is that of two.
+        let others = Metric::named("right", |metric| metric.name != "right");
+        let expected = "'right' heads several columns; which of right_surface, right_near?";
+        assert_eq!(others, Err(expected.to_owned()));
     }
 
     #[test]

@@ -16,7 +16,7 @@ mod surfaces;
 mod truth;
 
 pub(crate) use cells::depth_at;
-pub use cells::{CellJudgement, CellTally, Verdict, is_right, judge_cells};
+pub use cells::{CellJudgement, CellTally, NearJudgement, Verdict, is_right, judge_cells};
 pub use checkpoint::{
     CellExpectation, CellFinding, Checkpoint, CheckpointFrame, CheckpointPlace, CheckpointTally,
     ExpectedCell, LabelledPair, RunPart,

@@ -10,9 +10,6 @@ use svl_core::stereo::{CellDepth, CellRule, DepthGrid, Frame, Plane, Rig};
 /// Least fraction of a cell's true pixels that a report must agree with.
 const NAMED: f64 = 0.25;
 
-/// Greatest fraction of a cell that is not clear if a reported obstacle is false.
-const CLEAR: f64 = 0.05;
-
 /// Counts over the cells of a frame with truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SurfaceTally {
@@ -23,8 +20,9 @@ pub struct SurfaceTally {
     pub near: usize,
     /// Those of them that are unknown.
     pub near_unknown: usize,
-    /// Those of them that are reported as clear.
+    /// Those of them that are reported as clear, and those that are not.
     pub missed: usize,
+    pub found: usize,
     /// Cells reported as an obstacle that are nearly all clear.
     pub falsely: usize,
     /// Scored by the nearest quarter instead of the median.
@@ -44,7 +42,6 @@ impl SurfaceTally {
         let (Some(truth), shape) = (&frame.truth, reported.shape()) else {
             return tally;
         };
-        let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
         let truths = true_cells.grid().iter().zip(true_cells.cells());
         for (((place, median), of_truth), (_, cell)) in truths.zip(reported.iter()) {
             let (Some(median), Some(quarter)) = (&median.depth, &of_truth.quarter) else {
@@ -53,10 +50,13 @@ impl SurfaceTally {
             if judged_by_distance(rule) && median.distance_m.is_none() {
                 continue;
             }
-            let near_obstacle = quarter.near.distance_m.is_some_and(|z| z < obstacle_m);
-            tally.near += usize::from(near_obstacle);
+            let near = quarter.judge(cell, rule);
+            tally.near += usize::from(near.is_near);
+            tally.missed += usize::from(near.missed);
+            tally.found += usize::from(near.found);
+            tally.falsely += usize::from(near.falsely);
             let Some(report) = &cell.depth else {
-                tally.near_unknown += usize::from(near_obstacle);
+                tally.near_unknown += usize::from(near.is_near);
                 continue;
             };
             let median_px = f64::from(median.median_px);
@@ -85,10 +85,6 @@ impl SurfaceTally {
             } else {
                 tally.near_wrong += 1;
             }
-            let is_clear = report.distance_m.is_none_or(|z| z > clear_m);
-            let is_obstacle = report.distance_m.is_some_and(|z| z < obstacle_m);
-            tally.missed += usize::from(near_obstacle && is_clear);
-            tally.falsely += usize::from(is_obstacle && quarter.not_clear < CLEAR);
         }
         tally
     }

@@ -4,7 +4,7 @@
 //! where they are decides whether it is scored ([`SparseCell`]). Points of a sensor, and fewer
 //! pixels, are weighted.
 
-use super::cells::{CellJudgement, depth_at, judge_cells};
+use super::cells::{CellJudgement, NearJudgement, Verdict, depth_at, judge_cells};
 use super::sparse::SparseCell;
 use std::ops::Range;
 use svl_core::depth::{self, CellDecision, GridSettings};
@@ -15,8 +15,12 @@ use svl_core::stereo::{
 /// Least fraction of a cell's pixels with known truth for the cell to have a dense truth.
 const MIN_KNOWN: f64 = 0.5;
 
-/// Percentile of the true disparities that represents the nearest quarter.
+/// Percentile of the true disparities that represents the nearest quarter: of n in ascending order
+/// the one of rank ⌊0.75 n⌋ + 1, so 3841 of 5120.
 const NEAR_PERCENT: usize = 75;
+
+/// Greatest fraction of a cell that is not clear if a reported obstacle is false.
+const CLEAR: f64 = 0.05;
 
 /// The truth of a frame's cells.
 #[derive(Clone, Debug)]
@@ -105,8 +109,15 @@ impl TrueCells {
     /// Scores every cell, in raster order.
     pub fn judge(&self, reported: &DepthGrid) -> Vec<CellJudgement> {
         let mut judgements = judge_cells(&self.grid, reported, self.rule);
-        for (judgement, cell) in judgements.iter_mut().zip(&self.cells) {
+        let reports = reported.iter().map(|(_, cell)| cell);
+        for ((judgement, cell), report) in judgements.iter_mut().zip(&self.cells).zip(reports) {
             judgement.points = cell.sparse.as_ref().map(|points| points.count);
+            if let Some(quarter) = cell
+                .quarter
+                .filter(|_| judgement.verdict != Verdict::NoTruth)
+            {
+                judgement.near = quarter.judge(report, self.rule);
+            }
         }
         judgements
     }
@@ -135,6 +146,26 @@ impl TrueQuarter {
         }
     }
 
+    /// Scores the report of a cell by its nearest quarter.
+    pub fn judge(&self, cell: &Cell, rule: CellRule) -> NearJudgement {
+        let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+        let is_near = self.near.distance_m.is_some_and(|z| z < obstacle_m);
+        let Some(report) = &cell.depth else {
+            return NearJudgement {
+                is_near,
+                ..NearJudgement::default()
+            };
+        };
+        let is_clear = report.distance_m.is_none_or(|z| z > clear_m);
+        let is_obstacle = report.distance_m.is_some_and(|z| z < obstacle_m);
+        NearJudgement {
+            is_near,
+            missed: is_near && is_clear && !cell.too_close,
+            found: is_near && (!is_clear || cell.too_close),
+            falsely: is_obstacle && self.not_clear < CLEAR,
+        }
+    }
+
     fn of_points(points: &SparseCell, rule: CellRule, rig: Option<&Rig>) -> Self {
         let clear_px = clear_px(rule, rig);
         Self {
@@ -153,7 +184,7 @@ fn clear_px(rule: CellRule, rig: Option<&Rig>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::score::{SurfaceTally, Verdict};
+    use crate::score::SurfaceTally;
     use svl_core::stereo::{Geometry, Gray, Plane, StereoPair, TruthKind};
 
     const RULE: CellRule = CellRule::Disparity { tolerance_px: 2.0 };

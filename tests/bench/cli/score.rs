@@ -116,7 +116,7 @@ fn real_scenes_score_as_measured() {
         ["cells_right", "cells_wrong", "cells_unknown"].map(|key| v3[key].as_u64().unwrap());
     assert_eq!(cells, [186, 23, 133]);
     // Scored by disparities: obstacles are not measured, so the number of missed ones is not 0.
-    assert!(v3["missed_obstacles"].is_null() && v3["false_obstacles"].is_null());
+    assert!(v3["missed"].is_null() && v3["false"].is_null());
     let page = fixture
         .path("reports/middlebury/index.html")
         .metadata()
@@ -250,7 +250,7 @@ fn truth_is_the_best_line_and_checks_the_checkpoints() {
     // An algorithm that does not see an obstacle does not miss it.
     assert_says(
         &fixture.text("both/index.html"),
-        &["near unknown, %", "near missed"],
+        &["near found %", "near missed"],
     );
     fixture.run("score short.toml -q --check");
     assert!(fixture.path("reports/arena-check/index.html").exists());

@@ -113,7 +113,7 @@ fn shares(judged: &[CellJudgement]) -> (usize, [f64; 3], usize) {
     (
         all,
         counts.map(|n| 100.0 * n as f64 / all as f64),
-        tally.missed_obstacles,
+        tally.missed_median,
     )
 }
 

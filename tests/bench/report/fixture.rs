@@ -75,8 +75,10 @@ pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
         true_median_px: Some(36.0),
         true_distance_m: Some(0.4),
         verdict,
-        missed_obstacle: verdict == Verdict::Wrong,
-        false_obstacle: false,
+        missed_median: verdict == Verdict::Wrong,
+        false_median: false,
+        missed: verdict == Verdict::Wrong,
+        r#false: false,
         run: Some("own.mcap".into()),
         state: Some(match verdict {
             Verdict::Unknown => CellState::Unknown,

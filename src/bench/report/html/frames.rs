@@ -153,7 +153,7 @@ fn wrong_cells(shot: &FrameShot) -> Vec<String> {
 }
 
 fn wrong(cell: &CellRow) -> String {
-    let obstacle = match (cell.missed_obstacle, cell.false_obstacle) {
+    let obstacle = match (cell.missed, cell.r#false) {
         (true, _) => ", obstacle missed",
         (_, true) => ", false obstacle",
         _ => "",

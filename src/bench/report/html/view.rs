@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use svl_core::{Result, matcher};
 use svl_data::manifest::Manifest;
 use svl_data::overlay::{algorithm_color, viridis};
-use svl_data::score::{ColumnChoice, Metric};
+use svl_data::score::ColumnChoice;
 
 #[derive(Serialize)]
 pub(super) struct ReportPageView<'a> {
@@ -257,7 +257,7 @@ impl<'a> HeadlineView<'a> {
                 .find(|a| page.summary.is_candidate(a))
                 .or(ranked.first())
                 .map(|a| a.algorithm.as_str()),
-            near: ranked.iter().find_map(|a| a.totals.get("near25")),
+            near: ranked.iter().find_map(|a| a.totals.get("near")),
             pictured: labels.filter(is_pictured).collect(),
             times: (
                 times().fold(f64::INFINITY, f64::min),
@@ -290,12 +290,7 @@ impl HeadlineView<'_> {
 fn headline(page: &ReportPage) -> Table {
     let mut table = match page.summary.columns {
         ColumnChoice::Headline => {
-            let mut metrics = ColumnChoice::Headline.metrics(page.summary.kind());
-            // The page has room for it: obstacles that an algorithm does not see are not missed.
-            let unknown = Metric::find("unknown25");
-            if let Some(place) = metrics.iter().position(|metric| metric.name == "missed25") {
-                metrics.splice(place..place, unknown);
-            }
+            let metrics = ColumnChoice::Headline.metrics(page.summary.kind());
             let mut wide = page.summary.metric_table(&ColumnChoice::Named(metrics));
             wide.remove_optional_columns();
             wide

@@ -15,7 +15,7 @@ use svl::outputs::{Outputs, write};
 use svl::report::{GateResult, GateState, Summary, TestCase, TestResult, junit};
 use svl::run::complete;
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
-use svl::score::{ColumnChoice, METRICS, Metric};
+use svl::score::{ColumnChoice, Metric};
 use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget, Viewer};
 
 /// Score algorithms on a scenario or on recordings into a report
@@ -321,11 +321,7 @@ fn pass_check(summary: &Summary) -> anyhow::Result<()> {
 }
 
 fn metric(name: &str) -> Result<&'static Metric, String> {
-    let sortable = |metric: &&Metric| metric.is_of_frames();
-    let names = METRICS.iter().filter(sortable).map(|metric| metric.name);
-    let expected = || names.clone().collect::<Vec<_>>().join(", ");
-    let found = Metric::find(name).filter(sortable);
-    found.ok_or_else(|| format!("no such metric; expected one of {}", expected()))
+    Metric::named(name, Metric::is_of_frames)
 }
 
 /// The JSON that `--json` prints.

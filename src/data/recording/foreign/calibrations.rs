@@ -154,7 +154,8 @@ impl Foreign {
     fn warn_of_change(&self, topic: &str, stamp_ns: u64, change: &CalibrationChange) {
         tracing::warn!(
             "{}: {topic}: the calibration changes at {:.3} s ({change}); each pair uses that of \
-             its stamp: if it is wrong, --from and --to omit that part, or --calib FILE replaces it",
+             its stamp: if it is wrong, --from and --to omit that part, or --calib FILE replaces \
+             it",
             self.name,
             stamp_ns as f64 / 1e9
         );

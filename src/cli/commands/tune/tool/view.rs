@@ -23,12 +23,13 @@ const ROOMY: (u16, u16) = (100, 32);
 const PICTURE: u16 = 14;
 
 /// Metrics that are shown where there is no room for all.
-const FIRST: [&str; 10] = [
+const FIRST: [&str; 11] = [
     "right",
     "wrong",
     "known",
     "missed",
     "false",
+    "found",
     "coverage",
     "bad2",
     "unrivalled",
