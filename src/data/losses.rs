@@ -135,6 +135,7 @@ impl Missing {
             cut,
             outside: _,
             without_truth: _,
+            jumped: _,
             skipped: _,
             grabber: _,
         } = self.losses;
@@ -224,7 +225,14 @@ impl RunEnding {
         let outside = counted(self.missing.losses.outside, "image");
         let outside = (self.missing.losses.outside > 0)
             .then(|| format!("{outside} outside the overlap of both cameras"));
-        let parts = [allowed.map(|words| words + ", as is allowed"), outside];
+        let jumped = counted(self.missing.losses.jumped, "pair");
+        let jumped = (self.missing.losses.jumped > 0)
+            .then(|| format!("{jumped} whose truth is of another time, between which poses jump"));
+        let parts = [
+            allowed.map(|words| words + ", as is allowed"),
+            outside,
+            jumped,
+        ];
         let parts: Vec<_> = parts.into_iter().flatten().collect();
         (!parts.is_empty()).then(|| parts.join("; "))
     }

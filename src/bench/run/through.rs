@@ -105,6 +105,13 @@ pub fn report_losses(name: &str, losses: &Losses) {
         let frames = counted(losses.without_truth, "pair");
         tracing::warn!("{name}: {frames} without a measurement of the truth: not scored");
     }
+    if losses.jumped > 0 {
+        let frames = counted(losses.jumped, "pair");
+        tracing::warn!(
+            "{name}: {frames} with a measurement of another time that poses which jump cannot \
+             move: not scored"
+        );
+    }
 }
 
 /// Fails for a run that lost more than is allowed.

@@ -44,11 +44,13 @@ impl Source for MeasuredSource {
     }
 
     fn finish(&mut self, taken: u64) -> Losses {
+        let (without_truth, jumped) = match &self.truth {
+            SensorTruth::Topic(truth) => (truth.without(), truth.jumped()),
+            SensorTruth::Files(truth) => (truth.without(), 0),
+        };
         Losses {
-            without_truth: match &self.truth {
-                SensorTruth::Topic(truth) => truth.without(),
-                SensorTruth::Files(truth) => truth.without(),
-            },
+            without_truth,
+            jumped,
             ..self.source.finish(taken)
         }
     }

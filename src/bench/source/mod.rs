@@ -92,6 +92,11 @@ pub trait Source: Send {
             .map_or(Ok(false), |source| source.seek(index))
     }
 
+    /// The reason why frames have no pose though the source has poses.
+    fn why_no_pose(&self) -> Option<String> {
+        self.wrapped()?.why_no_pose()
+    }
+
     /// Ends the source and returns its losses. `taken`: frames that were used.
     fn finish(&mut self, taken: u64) -> Losses {
         let wrapped = self.wrapped_mut();

@@ -83,6 +83,12 @@ impl Source for RecordingSource {
         self.reader.seek(index)
     }
 
+    fn why_no_pose(&self) -> Option<String> {
+        // Of a bag of several files, the reason is not looked for.
+        let summary = self.reader.recording().summary().ok()?;
+        summary.poses?.unusable
+    }
+
     fn finish(&mut self, _: u64) -> Losses {
         let reported = self.reader.partners_of_unreadable(self.unreadable);
         Losses {

@@ -177,10 +177,13 @@ impl RunSource {
             start_ns: self.start_ns,
             stress: self.stress.map(|stress| stress.to_string()),
         };
-        match self.source.first() {
+        match self.source.first().cloned() {
             Some(frame) => {
+                let why_no_pose = || self.source.why_no_pose();
                 let mut checkpoints = judge.checkpoints.iter();
-                checkpoints.try_for_each(|checkpoint| checkpoint.check_frame(frame, &run))?;
+                checkpoints.try_for_each(|checkpoint| {
+                    checkpoint.check_frame(&frame, &run, &why_no_pose)
+                })?;
             }
             // Nothing can be scored: the reason is reported before a report is begun.
             None => drop(self.source.next()?),

@@ -381,6 +381,9 @@ pub struct Losses {
     pub broken: BTreeMap<String, u64>,
     /// Frames for which the requested truth has no measurement, if it has any.
     pub without_truth: u64,
+    /// Frames whose measurement is of another time and cannot be moved to theirs, as the poses
+    /// jump in between.
+    pub jumped: u64,
     /// Frames of a truncated or corrupt video.
     pub cut: u64,
     /// Pairs that were not requested.
@@ -406,6 +409,7 @@ impl Losses {
             unreadable,
             broken,
             without_truth,
+            jumped,
             cut,
             skipped,
             grabber,
@@ -418,6 +422,7 @@ impl Losses {
             *self.broken.entry(topic).or_default() += messages;
         }
         self.without_truth += without_truth;
+        self.jumped += jumped;
         self.cut += cut;
         self.skipped += skipped;
         self.grabber = grabber.or(self.grabber.take());

@@ -73,8 +73,8 @@ pub use bag::{files, is_bag, only_file};
 pub use cells::{AlgorithmCells, CellReport};
 pub use dialect::{Dialect, RecordingFormat};
 pub use foreign::{
-    LiveTopic, RawCamera, Selection, TopicPairs, TruthSelection, TruthTopic, UnpairedImages,
-    VideoSummary,
+    FramePoses, LiveTopic, PoseStep, PoseSummary, RawCamera, Selection, TopicPairs, TruthSelection,
+    TruthTopic, UnpairedImages, VideoSummary,
 };
 pub use header::{Header, StampOrigin};
 pub use images::ImageFormat;
@@ -85,7 +85,7 @@ pub use result::{AlgorithmResult, PairResult, StoredResults};
 pub use ros::{ResultMessage, ResultOptions, diagnostics, result_messages, scan_transform};
 pub use salvage::DamagedPart;
 pub use skew::{SkewBin, SkewSummary};
-pub use summary::{Gap, Misalignment, RecordingSummary, Topic};
+pub use summary::{ClockJump, Gap, Misalignment, RecordingSummary, Topic};
 pub use sync::PairGeometry;
 pub use topic_file::TopicFile;
 pub use truth::disparities;

@@ -2,8 +2,8 @@
 
 use super::container::{Container, unpack_message};
 use super::foreign::{
-    Selection, StampedImage, UnpairedImages, VideoScan, VideoSummary, choose, head, is_image,
-    is_video, pair_stamps,
+    PoseSummary, Selection, StampedImage, UnpairedImages, VideoScan, VideoSummary, choose, head,
+    is_image, is_video, pair_stamps, pose_summary,
 };
 use super::messages::{Channel, EventReader, FileEvent, Messages};
 use super::ros1_bag::Ros1Messages;
@@ -22,6 +22,9 @@ use svl_core::stereo::Side;
 
 /// Two pairs more than this many median periods apart are separated by a gap.
 const GAP_PERIODS: f64 = 1.5;
+
+/// Messages of a healthy recording are less out of order.
+const CLOCK_JUMP_NS: u64 = 500_000_000;
 
 /// The contents of an MCAP file, read completely. Works for any MCAP file, intact or corrupt.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -63,10 +66,13 @@ pub struct RecordingSummary {
     pub end_ns: u64,
     /// Complete pairs; in other programs' recordings those that `svl replay` forms by stamp.
     pub pairs: u64,
-    /// Median period of the left images; `None` if their topic or their rate is unknown.
+    /// Median period of the left images by their own stamps; `None` if their topic or their rate is
+    /// unknown.
     pub period_ns: Option<u64>,
     /// Intervals of more than 1.5 median periods between left images.
     pub gaps: Vec<Gap>,
+    /// Where the stamps of the left images jump against the log times.
+    pub clock_jumps: Vec<ClockJump>,
     /// Right stamp minus left stamp, over all pairs; `None` if unknown.
     pub skew: Option<SkewSummary>,
     /// Unpaired images, as counted by the recorder.
@@ -75,6 +81,8 @@ pub struct RecordingSummary {
     pub drops_before: u64,
     /// Images without a partner in another program's recording.
     pub unpaired: Option<UnpairedImages>,
+    /// The poses in another program's recording, if it has any.
+    pub poses: Option<PoseSummary>,
     /// Its topics of videos, by name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub videos: BTreeMap<String, VideoSummary>,
@@ -114,6 +122,15 @@ pub struct Gap {
     /// Stamp of the last pair before it.
     pub after_ns: u64,
     pub length_ns: u64,
+}
+
+/// A jump of the clock that stamps the left images, against that of the log times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct ClockJump {
+    /// Stamp of the last image before it.
+    pub after_ns: u64,
+    /// Positive for a jump ahead.
+    pub by_ns: i64,
 }
 
 impl Recording {
@@ -199,6 +216,8 @@ struct SummaryScan {
     stamps: BTreeMap<String, Vec<u64>>,
     /// Images of other programs, by topic, in file order, with their number.
     foreign: BTreeMap<String, Vec<StampedImage>>,
+    /// The frame of the first of them.
+    frames: BTreeMap<String, String>,
     places: u64,
     videos: BTreeMap<String, VideoScan>,
     pairs: u64,
@@ -210,6 +229,7 @@ struct SummaryScan {
     drops: u64,
     drops_before: Option<u64>,
     unpaired: Option<UnpairedImages>,
+    poses: Option<PoseSummary>,
     losses: Vec<DamagedPart>,
     missing: BTreeMap<String, u64>,
     checksums: bool,
@@ -283,9 +303,12 @@ impl SummaryScan {
                     video.is_none_or(|video| video.or_default().take_in(channel, data));
                 // An unreadable message is reported by `svl replay`, and is not counted as an image
                 // here.
-                if let Ok((of_image, _)) = of_image
+                if let Ok((of_image, frame)) = of_image
                     && is_decodable
                 {
+                    if !self.frames.contains_key(&channel.topic) {
+                        self.frames.insert(channel.topic.clone(), frame);
+                    }
                     let images = self.foreign.entry(channel.topic.clone()).or_default();
                     images.push(StampedImage {
                         place: self.places,
@@ -325,6 +348,12 @@ impl SummaryScan {
             self.pairs = skews.len() as u64;
             self.skews = skews;
             self.unpaired = Some(unpaired);
+            let frame = self.frames.get(&topics[0]).map_or("", String::as_str);
+            let stamps = images(&topics[0]).iter().map(|image| image.stamp_ns);
+            // Damage is reported with the pairs.
+            self.poses = pose_summary(recording, channels, frame, stamps)
+                .ok()
+                .flatten();
         }
         // Calibrations are for images of one size, so their geometry is known once there is a pair.
         self.geometry = Reader::new(recording.clone(), &Selection::default())
@@ -341,7 +370,13 @@ impl SummaryScan {
             .stereo
             .as_ref()
             .map_or(TopicKind::Image(Side::Left).topic(), |[left, _]| left);
-        let mut left_stamps = self.stamps.remove(left).unwrap_or_default();
+        let images = self.foreign.get(left).map_or(&[][..], Vec::as_slice);
+        let clock_jumps = clock_jumps(images);
+        let mut left_stamps = if images.is_empty() {
+            self.stamps.remove(left).unwrap_or_default()
+        } else {
+            images.iter().map(|image| image.stamp_ns).collect()
+        };
         left_stamps.sort_unstable();
         // A duplicate would count as a period of 0.
         left_stamps.dedup();
@@ -408,10 +443,12 @@ impl SummaryScan {
                     length_ns,
                 })
                 .collect(),
+            clock_jumps,
             skew,
             drops: self.drops,
             drops_before: self.drops_before.unwrap_or_default(),
             unpaired: self.unpaired,
+            poses: self.poses,
             videos: self
                 .videos
                 .into_iter()
@@ -419,6 +456,22 @@ impl SummaryScan {
                 .collect(),
         }
     }
+}
+
+/// Where the stamps of images in file order jump against their log times: a clock that was set, or a
+/// camera that began anew.
+fn clock_jumps(images: &[StampedImage]) -> Vec<ClockJump> {
+    let jump = |pair: &[StampedImage]| {
+        let [last, next] = pair else { return None };
+        let step = |to: u64, from: u64| to.wrapping_sub(from).cast_signed();
+        let stamps = step(next.stamp_ns, last.stamp_ns);
+        let by_ns = stamps.saturating_sub(step(next.log_ns, last.log_ns));
+        (by_ns.unsigned_abs() > CLOCK_JUMP_NS).then_some(ClockJump {
+            after_ns: last.stamp_ns,
+            by_ns,
+        })
+    };
+    images.windows(2).filter_map(jump).collect()
 }
 
 /// Summarizes the row offsets of an algorithm's results; `None` without any.

@@ -9,8 +9,8 @@ use crate::cli::shared::terminal::{
 use std::path::PathBuf;
 use svl::manifest::Manifest;
 use svl::recording::{
-    Misalignment, Recording, RecordingSummary, SkewSummary, StampOrigin, Topic, UnpairedImages,
-    VideoSummary, is_bag,
+    FramePoses, Misalignment, PoseSummary, Recording, RecordingSummary, SkewSummary, StampOrigin,
+    Topic, UnpairedImages, VideoSummary, is_bag,
 };
 use svl::report::table::{Table, TerminalStyle};
 use svl::source::{Heard, Request, SourceFacts, are_live_topics, listen};
@@ -230,6 +230,8 @@ fn table(summary: &RecordingSummary, mut lines: Vec<String>, facts: Vec<String>)
     }
     lines.extend(summary.misalignment.iter().map(misalignment));
     lines.extend(gaps(summary));
+    lines.extend(clock(summary));
+    lines.extend(summary.poses.iter().flat_map(poses));
     lines.extend(missing(&summary.missing));
     if !summary.is_intact() {
         lines.extend(losses(&summary.losses));
@@ -423,6 +425,80 @@ fn gaps(summary: &RecordingSummary) -> Vec<String> {
         ));
     }
     lines
+}
+
+/// Jumps of the stamps of the left images against the log times.
+fn clock(summary: &RecordingSummary) -> Vec<String> {
+    let jumps = &summary.clock_jumps;
+    if jumps.is_empty() {
+        return Vec::new();
+    }
+    let many = counted(jumps.len() as u64, "time");
+    let mut lines = vec![format!(
+        "clock      the stamps of the left images jump {many} against the log times"
+    )];
+    lines.extend(jumps.iter().take(LISTED).map(|jump| {
+        let way = if jump.by_ns < 0 { "back" } else { "ahead" };
+        format!(
+            "           {way} by {} after {}",
+            seconds(jump.by_ns.unsigned_abs()),
+            seconds(jump.after_ns)
+        )
+    }));
+    if jumps.len() > LISTED {
+        let more = jumps.len() - LISTED;
+        lines.push(format!("           and {more} more; --json lists them"));
+    }
+    lines
+}
+
+/// The poses of each frame, and the images that have one.
+fn poses(summary: &PoseSummary) -> Vec<String> {
+    let PoseSummary {
+        frames,
+        images,
+        placed,
+        unusable,
+    } = summary;
+    let of_frame = |of: &FramePoses| {
+        let rate = of.rate_hz.map(|hz| format!(", {hz:.2} a second"));
+        let largest = of.largest.map(|step| {
+            format!(
+                ", largest step {:.3} m, {:.1}° in {:.0} ms",
+                step.metres,
+                step.radians.to_degrees(),
+                (step.end_ns - step.start_ns) as f64 / 1e6
+            )
+        });
+        let jumps = (of.jumps > 0).then(|| {
+            let many = counted(of.jumps, "step");
+            format!("; {many} that no robot makes, across which no truth is moved")
+        });
+        format!(
+            "{}: {} → {}, {}{}{}{}",
+            of.topic,
+            of.parent,
+            of.frame,
+            counted(of.poses, "pose"),
+            rate.unwrap_or_default(),
+            largest.unwrap_or_default(),
+            jumps.unwrap_or_default()
+        )
+    };
+    let mut lines: Vec<_> = frames.iter().take(LISTED).map(of_frame).collect();
+    if frames.len() > LISTED {
+        let more = frames.len() - LISTED;
+        lines.push(format!("and {more} more frames; --json lists them"));
+    }
+    lines.push(match unusable {
+        None => format!("all {images} left images have one"),
+        Some(reason) => format!("{placed} of {images} left images have one: {reason}"),
+    });
+    let label = |(i, line): (usize, &String)| {
+        let label = if i == 0 { "poses" } else { "" };
+        format!("{label:COLUMN$}{line}")
+    };
+    lines.iter().enumerate().map(label).collect()
 }
 
 fn topics(topics: &[Topic]) -> Table {

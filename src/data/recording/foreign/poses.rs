@@ -1,12 +1,14 @@
 //! Poses of a camera in the world: by the transforms of `/tf`, or by nav_msgs/Odometry, with the
 //! static ones between robot and camera.
 
+use super::motion::{PoseStep, jump, steps};
 use super::transforms::{Placed, StampedTransform, Transforms, plain};
 use crate::recording::Recording;
 use crate::recording::messages::{Channel, EventReader, FileEvent};
 use crate::recording::ros;
 use nalgebra::Isometry3;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 use std::sync::{Mutex, PoisonError};
 use svl_core::Result;
 
@@ -38,6 +40,25 @@ pub(super) struct PoseReader {
     moving: [BTreeMap<String, Moving>; 2],
 }
 
+/// What the pose of a frame is for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum PoseUse {
+    /// Its place in the topmost frame above it.
+    Place,
+    /// Its motion between two stamps: in the frame of the odometry, if there is one. That is
+    /// continuous, and `map` jumps (REP 105).
+    Motion,
+}
+
+/// The motion of a frame between two stamps.
+pub(super) enum Motion {
+    Known(Isometry3<f64>),
+    /// The poses around the stamps jump.
+    Jump(PoseStep),
+    /// Poses around the stamps are missing.
+    Unknown,
+}
+
 /// The step from a frame to its parent.
 enum ChainLink<'a> {
     Moving(&'a Moving),
@@ -50,6 +71,27 @@ impl<'a> ChainLink<'a> {
             Self::Moving(moving) => Some(moving),
             Self::Fixed(_) => None,
         }
+    }
+}
+
+/// A frame with its poses.
+pub(super) struct PosesOfFrame<'a> {
+    pub frame: &'a str,
+    moving: &'a Moving,
+}
+
+impl<'a> PosesOfFrame<'a> {
+    pub(super) fn topic(&self) -> &'a str {
+        &self.moving.topic
+    }
+
+    pub(super) fn parent(&self) -> &'a str {
+        &self.moving.parent
+    }
+
+    /// Sorted by their stamps.
+    pub(super) fn poses(&self) -> &'a [(u64, Isometry3<f64>)] {
+        &self.moving.poses
     }
 }
 
@@ -85,34 +127,87 @@ impl PoseReader {
     /// The pose of `frame` in the topmost frame above it, if a moving one is on the way; `None` if
     /// no two poses around the stamp are near enough.
     pub(super) fn at(&mut self, frame: &str, stamp_ns: u64) -> Option<Isometry3<f64>> {
-        self.read_until(frame, stamp_ns.saturating_add(AHEAD_NS));
-        let links = self.chain(frame);
-        let mut pose = (!links.is_empty()).then(Isometry3::identity)?;
-        for link in links {
-            pose = match link {
-                ChainLink::Fixed(own) => own * pose,
-                ChainLink::Moving(moving) => moving.at(stamp_ns)? * pose,
-            };
+        self.read_until(frame, PoseUse::Place, stamp_ns.saturating_add(AHEAD_NS));
+        pose(&self.chain(frame, PoseUse::Place), stamp_ns)
+    }
+
+    /// The pose of `frame` at the first stamp, in `frame` at the second one.
+    pub(super) fn motion(&mut self, frame: &str, [from_ns, to_ns]: [u64; 2]) -> Motion {
+        let [first_ns, last_ns] = [from_ns.min(to_ns), from_ns.max(to_ns)];
+        self.read_until(frame, PoseUse::Motion, last_ns.saturating_add(AHEAD_NS));
+        let links = self.chain(frame, PoseUse::Motion);
+        let (Some(from), Some(to)) = (pose(&links, from_ns), pose(&links, to_ns)) else {
+            return Motion::Unknown;
+        };
+        let around = first_ns.saturating_sub(AHEAD_NS)..=last_ns.saturating_add(AHEAD_NS);
+        if let Some(jump) = jump(&chain_steps(&links, around), [first_ns, last_ns]) {
+            return Motion::Jump(*jump);
         }
-        Some(pose)
+        let top = links.iter().rev().find_map(ChainLink::moving);
+        if let Some(top) = top.filter(|top| is_map(&top.parent)) {
+            warn_once(format!(
+                "{}: {}: poses in '{}' move the truth, as there is none in an odometry frame: a map \
+                 is corrected in jumps",
+                self.recording.path().display(),
+                top.topic,
+                top.parent
+            ));
+        }
+        Motion::Known(to.inverse() * from)
+    }
+
+    /// Reads all poses.
+    pub(super) fn read_all(&mut self) {
+        self.read_until("", PoseUse::Place, u64::MAX);
+    }
+
+    /// All frames that move.
+    pub(super) fn frames(&self) -> impl Iterator<Item = PosesOfFrame<'_>> {
+        let all = self.moving.iter().flatten();
+        all.map(|(frame, moving)| PosesOfFrame { frame, moving })
+    }
+
+    /// The frames that move on the way from `frame` to the topmost one.
+    pub(super) fn chain_of<'a>(&'a self, frame: &'a str) -> Vec<PosesOfFrame<'a>> {
+        let chain = self.chain(frame, PoseUse::Place);
+        let moving = chain.iter().filter_map(ChainLink::moving);
+        let of = |moving: &'a Moving| self.frames().find(|of| std::ptr::eq(of.moving, moving));
+        moving.filter_map(of).collect()
     }
 
     /// The links above a frame; none if nothing moves there.
-    fn chain<'a>(&'a self, frame: &'a str) -> Vec<ChainLink<'a>> {
+    fn chain<'a>(&'a self, frame: &'a str, of: PoseUse) -> Vec<ChainLink<'a>> {
         // Odometry may move a frame that has a static parent as well: that of an inertial sensor.
-        let chains = [false, true].map(|odometry_first| self.chain_by(frame, odometry_first));
+        let orders = [Order::Transforms, Order::OdometryOverFixed, Order::Odometry];
+        let mut chains = orders.map(|order| self.chain_by(frame, order));
+        if of == PoseUse::Motion {
+            for chain in &mut chains {
+                let is_odometry = |link: &ChainLink<'_>| {
+                    link.moving()
+                        .is_some_and(|moving| is_odometry(&moving.parent))
+                };
+                if let Some(top) = chain.iter().rposition(is_odometry) {
+                    chain.truncate(top + 1);
+                    return std::mem::take(chain);
+                }
+            }
+        }
         let moves = |links: &Vec<ChainLink<'_>>| links.iter().any(|link| link.moving().is_some());
         chains.into_iter().find(moves).unwrap_or_default()
     }
 
-    fn chain_by<'a>(&'a self, frame: &'a str, odometry_first: bool) -> Vec<ChainLink<'a>> {
+    fn chain_by<'a>(&'a self, frame: &'a str, order: Order) -> Vec<ChainLink<'a>> {
         let [tf, odometry] = &self.moving;
         let (mut frame, mut links) = (plain(frame), Vec::new());
         while links.len() < MAX_CHAIN {
-            let fixed = self.fixed.parent(frame);
+            let (fixed, of_tf) = (self.fixed.parent(frame), tf.get(frame));
             let of_odometry = odometry.get(frame);
-            let of_odometry = of_odometry.filter(|_| odometry_first || fixed.is_none());
-            frame = match (tf.get(frame).or(of_odometry), fixed) {
+            let moving = match order {
+                Order::Transforms => of_tf.or(of_odometry.filter(|_| fixed.is_none())),
+                Order::OdometryOverFixed => of_tf.or(of_odometry),
+                Order::Odometry => of_odometry.or(of_tf),
+            };
+            frame = match (moving, fixed) {
                 (Some(moving), _) => {
                     links.push(ChainLink::Moving(moving));
                     &moving.parent
@@ -129,15 +224,15 @@ impl PoseReader {
     }
 
     /// True if all moving links above a frame, at least one, have poses up to that time.
-    fn is_read(&self, frame: &str, until_ns: u64) -> bool {
-        let chain = self.chain(frame);
+    fn is_read(&self, frame: &str, of: PoseUse, until_ns: u64) -> bool {
+        let chain = self.chain(frame, of);
         let is_late = |moving: &Moving| moving.poses.last().is_some_and(|last| last.0 >= until_ns);
         !chain.is_empty() && chain.iter().filter_map(ChainLink::moving).all(is_late)
     }
 
     /// Reads on until the frame's poses reach this time, or to the end of the recording.
-    fn read_until(&mut self, frame: &str, until_ns: u64) {
-        let mut is_read = self.is_read(frame, until_ns);
+    fn read_until(&mut self, frame: &str, of: PoseUse, until_ns: u64) {
+        let mut is_read = self.is_read(frame, of, until_ns);
         while !self.has_ended && !is_read {
             match self.messages.next() {
                 Ok(Some(FileEvent::Message {
@@ -176,7 +271,7 @@ impl PoseReader {
                             ));
                         }
                     }
-                    is_read = self.is_read(frame, until_ns);
+                    is_read = self.is_read(frame, of, until_ns);
                 }
                 Ok(Some(_)) => {}
                 // Damage is reported with the pairs.
@@ -193,6 +288,55 @@ impl PoseReader {
             }
         }
     }
+}
+
+/// Where a frame has several parents: which of them is used.
+#[derive(Clone, Copy)]
+enum Order {
+    /// That of `/tf`, a static one, that of odometry.
+    Transforms,
+    /// That of `/tf`, that of odometry, a static one.
+    OdometryOverFixed,
+    /// That of odometry, that of `/tf`, a static one.
+    Odometry,
+}
+
+/// True for the world frame of an odometry: `odom`, `robot1/odom`, `camera_odom_frame`.
+fn is_odometry(frame: &str) -> bool {
+    frame.to_ascii_lowercase().contains("odom")
+}
+
+/// True for the frame of a map, in which poses are corrected.
+fn is_map(frame: &str) -> bool {
+    let frame = frame.to_ascii_lowercase();
+    ["map", "earth", "utm"]
+        .iter()
+        .any(|name| frame.contains(name))
+}
+
+/// The pose of the lowest frame of a chain in its topmost one.
+fn pose(links: &[ChainLink<'_>], stamp_ns: u64) -> Option<Isometry3<f64>> {
+    let mut pose = (!links.is_empty()).then(Isometry3::identity)?;
+    for link in links {
+        pose = match link {
+            ChainLink::Fixed(own) => *own * pose,
+            ChainLink::Moving(moving) => moving.at(stamp_ns)? * pose,
+        };
+    }
+    Some(pose)
+}
+
+/// The motions of the lowest frame of a chain between all of its poses in that time.
+fn chain_steps(links: &[ChainLink<'_>], within_ns: RangeInclusive<u64>) -> Vec<PoseStep> {
+    let moving = links.iter().filter_map(ChainLink::moving);
+    let stamps: BTreeSet<u64> = moving
+        .flat_map(|moving| moving.stamps(&within_ns))
+        .collect();
+    steps(
+        stamps
+            .into_iter()
+            .filter_map(|at| Some((at, pose(links, at)?))),
+    )
 }
 
 /// The topics of `/tf` and of odometry, if these contradict each other on the pose of a frame.
@@ -250,6 +394,19 @@ fn odometry(channel: &Channel, data: &[u8]) -> std::result::Result<Vec<StampedTr
 }
 
 impl Moving {
+    /// The stamps of its poses in that time.
+    fn stamps(&self, within_ns: &RangeInclusive<u64>) -> impl Iterator<Item = u64> {
+        let first = self
+            .poses
+            .partition_point(|(stamp, _)| stamp < within_ns.start());
+        let end = self
+            .poses
+            .partition_point(|(stamp, _)| stamp <= within_ns.end());
+        self.poses[first..end.max(first)]
+            .iter()
+            .map(|(stamp, _)| *stamp)
+    }
+
     /// The pose at that time, between those before and after it.
     fn at(&self, stamp_ns: u64) -> Option<Isometry3<f64>> {
         let after = self.poses.partition_point(|(stamp, _)| *stamp < stamp_ns);

@@ -220,11 +220,17 @@ impl Checkpoint {
         !(self.order.is_empty() && self.expected.is_empty())
     }
 
-    /// Rejects a run by its first frame if nothing could ever pass.
+    /// Rejects a run by its first frame if nothing could ever pass. `why_no_pose`: the reason why
+    /// the frames of a source with poses have none.
     ///
     /// # Errors
     /// [`Error::Invalid`] with the missing input and the remedy.
-    pub fn check_frame(&self, frame: &Frame, run: &RunPart) -> Result<()> {
+    pub fn check_frame(
+        &self,
+        frame: &Frame,
+        run: &RunPart,
+        why_no_pose: &dyn Fn() -> Option<String>,
+    ) -> Result<()> {
         if !run.is_in(self.file.as_deref()) {
             return Ok(());
         }
@@ -246,8 +252,12 @@ impl Checkpoint {
             ));
         }
         if matches!(self.place, CheckpointPlace::Pose { .. }) && frame.pose.is_none() {
+            let none = why_no_pose().map_or_else(
+                || format!("{of} has none"),
+                |reason| format!("those of {of} are not usable ({reason})"),
+            );
             return self.wrong(format!(
-                "at_m needs poses, and {of} has none: name its frames by frames or seconds"
+                "at_m needs poses, and {none}: name its frames by frames or seconds"
             ));
         }
         Ok(())

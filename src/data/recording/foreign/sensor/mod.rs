@@ -6,13 +6,13 @@ mod measurements;
 mod points;
 mod view;
 
-use super::poses::PoseReader;
+use super::motion::PoseStep;
+use super::poses::{Motion, PoseReader};
 use super::{PairStamps, topics, transforms};
 use crate::recording::messages::{Channel, EventReader, FileEvent};
 use crate::recording::{Recording, truth};
 pub(in crate::recording) use kind::head;
 use measurements::Measurements;
-use nalgebra::Isometry3;
 use std::collections::BTreeSet;
 use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity};
 use svl_core::{Error, Result, did_you_mean, joined};
@@ -46,6 +46,7 @@ pub struct TruthTopic {
     view: Option<(PairCamera, View)>,
     poses: Option<PoseReader>,
     without: u64,
+    jumped: u64,
     /// True once the user was warned of a measurement that is not of the pair's time.
     warned_of_time: bool,
 }
@@ -151,6 +152,7 @@ impl TruthTopic {
             view: None,
             poses: PoseReader::open(recording, &channels)?,
             without: 0,
+            jumped: 0,
             warned_of_time: false,
         })
     }
@@ -158,6 +160,11 @@ impl TruthTopic {
     /// Number of pairs so far without a measurement.
     pub fn without(&self) -> u64 {
         self.without
+    }
+
+    /// Number of measurements so far that are not used, as the poses around them jump.
+    pub fn jumped(&self) -> u64 {
+        self.jumped
     }
 
     /// Attaches to the frame the truth from the nearest measurement within the limit, if there is
@@ -184,7 +191,16 @@ impl TruthTopic {
                 view.map_err(|reason| self.wrong(&reason))?
             }
         };
-        let motion = self.motion(stamp_ns, frame.stamp_ns, &camera);
+        let motion = match self.motion(stamp_ns, frame.stamp_ns, &camera) {
+            Motion::Known(motion) => Some(motion),
+            Motion::Unknown => None,
+            Motion::Jump(jump) => {
+                self.warn_of_jump(stamp_ns, frame.stamp_ns, &jump);
+                self.jumped += 1;
+                self.view = Some((camera, view));
+                return Ok(());
+            }
+        };
         let disparity = view.disparities(&measured, motion.as_ref(), &rig, camera.size);
         let density = view.density(motion.is_some());
         self.view = Some((camera, view));
@@ -194,22 +210,21 @@ impl TruthTopic {
     }
 
     /// The motion of points of a static world, from the rectified left camera at the measurement's
-    /// time to that at the pair's; `None` if the times are equal or the poses unknown, of which the
-    /// user is warned.
-    fn motion(
-        &mut self,
-        measured_ns: u64,
-        pair_ns: u64,
-        camera: &PairCamera,
-    ) -> Option<Isometry3<f64>> {
+    /// time to that at the pair's; unknown if the times are equal or the poses unknown, of which
+    /// the user is warned.
+    fn motion(&mut self, measured_ns: u64, pair_ns: u64, camera: &PairCamera) -> Motion {
         if measured_ns == pair_ns {
-            return None;
+            return Motion::Unknown;
         }
         let left = self.setup.left_frame();
-        let mut pose = |stamp_ns| self.poses.as_mut()?.at(left, stamp_ns);
-        if let (Some(then), Some(now)) = (pose(measured_ns), pose(pair_ns)) {
-            let rotation = self.setup.rotation(camera);
-            return Some(rotation * now.inverse() * then * rotation.inverse());
+        let poses = self.poses.as_mut();
+        match poses.map(|poses| poses.motion(left, [measured_ns, pair_ns])) {
+            Some(Motion::Known(motion)) => {
+                let rotation = self.setup.rotation(camera);
+                return Motion::Known(rotation * motion * rotation.inverse());
+            }
+            Some(Motion::Jump(jump)) => return Motion::Jump(jump),
+            Some(Motion::Unknown) | None => {}
         }
         let apart_s = measured_ns.abs_diff(pair_ns) as f64 / 1e9;
         if apart_s > UNMOVED_S && !std::mem::replace(&mut self.warned_of_time, true) {
@@ -223,7 +238,24 @@ impl TruthTopic {
                 apart_s * 90.0
             );
         }
-        None
+        Motion::Unknown
+    }
+
+    /// Warns once of poses that jump between a measurement and its pair.
+    fn warn_of_jump(&self, measured_ns: u64, pair_ns: u64, jump: &PoseStep) {
+        if self.jumped == 0 {
+            tracing::warn!(
+                "{}: --truth {}: the measurement of {:.3} s is not used: between it and its pair \
+                 the poses jump by {:.2} m and {:.1}° in {:.0} ms, and it cannot be moved to {:.3} s",
+                self.recording.path().display(),
+                self.topic,
+                measured_ns as f64 / 1e9,
+                jump.metres,
+                jump.radians.to_degrees(),
+                (jump.end_ns - jump.start_ns) as f64 / 1e6,
+                pair_ns as f64 / 1e9,
+            );
+        }
     }
 
     fn wrong(&self, reason: &str) -> Error {
