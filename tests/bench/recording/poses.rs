@@ -264,3 +264,132 @@ fn a_checkpoint_by_place_is_scored_in_a_bag() {
         assert!(rows.iter().all(|row| row.frames == 0));
     }
 }
+
+/// A wall 2 m ahead, seen 12 ms after the second pair from nearer.
+fn late_wall() -> Message {
+    let late_ns = 12_000_000;
+    let z = 2.0 - SPEED * late_ns as f64 / 1e9;
+    let points = (0..60).map(|i| [f64::from(i % 10) * 0.006, f64::from(i / 10) * 0.006, z]);
+    let points: Vec<_> = points.map(|point| point.map(|v| v as f32)).collect();
+    cloud("cam", START_NS + PERIOD_NS + late_ns, &points)
+}
+
+/// True from the second pair on, in all poses of [`messages`] but those before it.
+fn is_after_the_second(stamp: u64) -> bool {
+    stamp > START_NS + PERIOD_NS
+}
+
+const FACING_AHEAD: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+
+#[test]
+fn a_map_that_is_corrected_moves_no_truth() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = |messages: Vec<Message>| {
+        let path = bag::write(folder.path(), &messages);
+        truths(&path)[1].clone().map(|truth| truth.disparity)
+    };
+    let by_odometry: Vec<_> = messages(moving).into_iter().chain([late_wall()]).collect();
+    let expected = truth(by_odometry.clone()).unwrap();
+    // The map is corrected by 3 m between the pair and its measurement, the robot's odometry is
+    // not.
+    let corrected = by_odometry.into_iter().flat_map(|message| {
+        let x = if is_after_the_second(message.log_time) {
+            3.0
+        } else {
+            0.0
+        };
+        let map = (message.topic == "/tf").then(|| {
+            let frames = ["map", "odom"];
+            transform("/tf", message.log_time, frames, [x, 0.0, 0.0], FACING_AHEAD)
+        });
+        std::iter::once(message).chain(map)
+    });
+    assert_eq!(truth(corrected.collect()), Some(expected));
+}
+
+/// A robot's poses in a frame, which jump by 3 m after the second pair.
+fn jumping(stamp: u64, parent: &str) -> Message {
+    let by = if is_after_the_second(stamp) { 3.0 } else { 0.0 };
+    let at = [x_at(stamp) - by, 1.0, 0.0];
+    transform("/tf", stamp, [parent, "base_link"], at, FACING_AHEAD)
+}
+
+#[test]
+fn poses_that_jump_move_no_truth_and_are_reported() {
+    let fixture = Fixture::new();
+    let poses: [(fn(u64) -> Message, _); 3] = [
+        (|stamp| jumping(stamp, "odom"), true),
+        (|stamp| jumping(stamp, "map"), true),
+        (moving, false),
+    ];
+    for (i, (pose, jumps)) in poses.into_iter().enumerate() {
+        let report = format!("r{i}");
+        let all: Vec<_> = messages(pose).into_iter().chain([late_wall()]).collect();
+        let path = bag::write(&fixture.path(""), &all);
+        assert_eq!(truths(&path)[1].is_none(), jumps);
+        let ran = fixture.svl(&format!(
+            "score bag.mcap --truth /points --algo v3 -o {report}"
+        ));
+        let words = [
+            "--truth /points: the measurement of",
+            "the poses jump by 2.94 m and 0.0° in 40 ms",
+            "1 pair with a measurement of another time that poses which jump cannot move",
+        ];
+        for words in words {
+            assert_eq!(ran.stderr.contains(words), jumps, "{}", ran.stderr);
+        }
+        let summary = std::fs::read_to_string(fixture.path(&report).join("summary.json")).unwrap();
+        let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+        let jumped = summary.pointer("/missing/jumped").and_then(|n| n.as_u64());
+        assert_eq!(jumped, Some(u64::from(jumps)), "{summary:#}");
+        let info = fixture.svl("info bag.mcap").done();
+        let info = info.split_whitespace().collect::<Vec<_>>().join(" ");
+        let words = "that no robot makes, across which no truth is moved";
+        assert_eq!(info.contains(words), jumps, "{info}");
+    }
+}
+
+#[test]
+fn poses_of_a_map_alone_move_the_truth_with_a_warning() {
+    let fixture = Fixture::new();
+    let in_map: fn(u64) -> Message = |stamp| {
+        let at = [x_at(stamp), 1.0, 0.0];
+        transform("/tf", stamp, ["map", "base_link"], at, FACING_AHEAD)
+    };
+    for (pose, is_warned) in [(in_map, true), (moving, false)] {
+        let all: Vec<_> = messages(pose).into_iter().chain([late_wall()]).collect();
+        let path = bag::write(&fixture.path(""), &all);
+        assert!(truths(&path)[1].is_some());
+        let ran = fixture.svl("record bag.mcap --truth /points -o x.mcap --force");
+        let words = "poses in 'map' move the truth, as there is none in an odometry frame";
+        assert_eq!(ran.stderr.contains(words), is_warned, "{}", ran.stderr);
+    }
+}
+
+#[test]
+fn info_says_why_poses_are_not_usable() {
+    let fixture = Fixture::new();
+    let late: fn(u64) -> Message = |stamp| moving(stamp + 60_000_000_000);
+    let without_camera = messages(moving).split_off(1);
+    for (messages, reason) in [
+        (messages(moving), "all 2 left images have one"),
+        (
+            without_camera,
+            "0 of 2 left images have one: no transform leads from 'cam', the left camera, to a \
+             frame that moves",
+        ),
+        (
+            messages(late),
+            "0 of 2 left images have one: /tf: the poses of 'base_link' are from",
+        ),
+    ] {
+        bag::write(&fixture.path(""), &messages);
+        let info = fixture.svl("info bag.mcap").done();
+        let info = info.split_whitespace().collect::<Vec<_>>().join(" ");
+        let words = [
+            "poses /tf: odom → base_link, 8 poses, 25.00 a second",
+            reason,
+        ];
+        assert_says(&info, &words);
+    }
+}
