@@ -136,6 +136,7 @@ impl Missing {
             outside: _,
             without_truth: _,
             jumped: _,
+            copies: _,
             skipped: _,
             grabber: _,
         } = self.losses;
@@ -228,12 +229,16 @@ impl RunEnding {
         let jumped = counted(self.missing.losses.jumped, "pair");
         let jumped = (self.missing.losses.jumped > 0)
             .then(|| format!("{jumped} whose truth is of another time, between which poses jump"));
+        let copies = self.missing.losses.copies.iter().map(|(run, pairs)| {
+            let copies = if *pairs == 1 { "copy" } else { "copies" };
+            format!("{pairs} {copies} of pairs of {run}, each scored once")
+        });
         let parts = [
             allowed.map(|words| words + ", as is allowed"),
             outside,
             jumped,
         ];
-        let parts: Vec<_> = parts.into_iter().flatten().collect();
+        let parts: Vec<_> = parts.into_iter().flatten().chain(copies).collect();
         (!parts.is_empty()).then(|| parts.join("; "))
     }
 }

@@ -41,6 +41,7 @@ fn frame(sequence: u64, rig: bool) -> Frame {
             rig.then(|| Rig::new(40.0, (19.5, 14.5), 0.05, 0.0).unwrap()),
         ),
         calibration: None,
+        recorded: None,
         pose: rig.then(|| Pose::translation(0.01 * sequence as f64, 0.0, 0.1)),
         truth: Some(Truth::exact(truth, None)),
         color: None,

@@ -9,12 +9,12 @@ use crate::report::{GateResult, ResultLog, Summary};
 use crate::run::{Matchers, Outcome, Pace, ending, run_through};
 use crate::runs::{self, ScoredSource, warn_of_own_reference};
 use crate::sink::{LiveTable, RunInfo, RunStart, SinkRequest, Sinks, ViewerRequest};
-use crate::source::{RunSource, Source};
+use crate::source::{PairRegister, RunSource, Source};
 use std::path::PathBuf;
 use svl_core::{Error, Result};
 use svl_data::losses::RunEnding;
 use svl_data::manifest::Manifest;
-use svl_data::scenario::{PairRange, ScenarioSource};
+use svl_data::scenario::{PairRange, Scenario, ScenarioSource};
 use svl_data::score::Judge;
 use svl_data::stress::Stress;
 
@@ -149,13 +149,16 @@ pub(super) fn evaluate(
     let live = LiveTable::default();
     let units = RunUnit::all(plan, &runs);
     let mut runs: Vec<_> = runs.into_iter().map(Some).collect();
+    let mut registers = RunRegisters::new(scenario)?;
     let mut open = |unit: &RunUnit| {
+        let register = registers.before(unit, console)?;
         // Perturbed runs are opened again.
         let run = match runs[unit.place].take_if(|_| unit.stress.is_none()) {
             Some(run) => run,
             None => runs::run_at(scenario, unit.place, console)?,
         };
-        let (mut run, mut judge) = run.open(scenario, console, Some(&live))?;
+        let (run, mut judge) = run.open(scenario, console, Some(&live))?;
+        let mut run = run.registered(&scenario.name, &register, true);
         if plan.shard.is_some() {
             run = run.digested();
         }
@@ -212,6 +215,46 @@ pub(super) fn evaluate(
         holds_earlier: false,
         inputs,
     })
+}
+
+/// The pairs of a scenario's runs, of each perturbation anew.
+struct RunRegisters<'a> {
+    scenario: &'a Scenario,
+    stress: Option<Stress>,
+    register: PairRegister,
+    /// Number of runs that were registered.
+    runs: usize,
+}
+
+impl<'a> RunRegisters<'a> {
+    fn new(scenario: &'a Scenario) -> Result<Self> {
+        Ok(Self {
+            scenario,
+            stress: None,
+            register: PairRegister::new(&scenario.algorithms)?,
+            runs: 0,
+        })
+    }
+
+    /// The register with the recordings before that of the unit: those of other shards are read
+    /// now.
+    fn before(&mut self, unit: &RunUnit<'_>, console: &dyn Console) -> Result<PairRegister> {
+        if self.stress != unit.stress {
+            // The user was warned of what was fitted to.
+            (self.stress, self.register, self.runs) = (unit.stress, PairRegister::default(), 0);
+        }
+        if matches!(self.scenario.source, ScenarioSource::Recording(_)) {
+            for place in self.runs..unit.place {
+                let run = runs::run_at(self.scenario, place, console)?;
+                let (run, _) = run.open(self.scenario, console, None)?;
+                let mut run = run.registered(&self.scenario.name, &self.register, true);
+                // The shard that scores it reports what cannot be read.
+                while let Ok(Some(_)) = run.next() {}
+            }
+        }
+        self.runs = unit.place + 1;
+        Ok(self.register.clone())
+    }
 }
 
 /// A run through some of the algorithms, unperturbed or perturbed.

@@ -105,6 +105,10 @@ pub fn report_losses(name: &str, losses: &Losses) {
         let frames = counted(losses.without_truth, "pair");
         tracing::warn!("{name}: {frames} without a measurement of the truth: not scored");
     }
+    for (run, pairs) in &losses.copies {
+        let pairs = counted(*pairs, "pair");
+        tracing::warn!("{name}: {pairs} dropped: pairs of {run} too, which are scored once");
+    }
     if losses.jumped > 0 {
         let frames = counted(losses.jumped, "pair");
         tracing::warn!(

@@ -42,6 +42,7 @@ impl Source for BoardSource {
             pair: self.board.pair(sequence)?,
             geometry: Geometry::Raw,
             calibration: None,
+            recorded: None,
             pose: None,
             truth: None,
             color: None,

@@ -18,6 +18,7 @@ mod opened;
 mod recording;
 mod rectified;
 mod reference;
+mod registered;
 mod request;
 mod resized;
 #[cfg(feature = "ros2")]
@@ -43,6 +44,7 @@ pub use opened::{Heard, Opened};
 pub use recording::RecordingSource;
 pub use rectified::{AssumeRectified, RectifiedSource};
 pub use reference::ReferenceSource;
+pub use registered::{PairRegister, RegisteredSource};
 pub use request::Request;
 pub use resized::Resized;
 pub use runs::{RunSource, run_request};

@@ -157,9 +157,10 @@ impl Source for RectifiedSource {
     fn next(&mut self) -> Result<Option<Frame>> {
         loop {
             let ahead = self.ahead.pop_front().map(|frame| Ok(Some(frame)));
-            let Some(frame) = ahead.unwrap_or_else(|| self.source.next())? else {
+            let Some(mut frame) = ahead.unwrap_or_else(|| self.source.next())? else {
                 return Ok(None);
             };
+            frame.keep_id();
             match self.rectified(frame) {
                 Ok(frame) => {
                     self.rectified += 1;

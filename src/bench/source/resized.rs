@@ -33,9 +33,11 @@ impl Source for Resized {
     fn next(&mut self) -> Result<Option<Frame>> {
         let frame = self.source.next()?;
         let name = self.source.name();
-        frame
-            .map(|frame| self.resizer.resized(frame, &name))
-            .transpose()
+        let resized = |mut frame: Frame| {
+            frame.keep_id();
+            self.resizer.resized(frame, &name)
+        };
+        frame.map(resized).transpose()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::opened::Opened;
 use super::request::Request;
-use super::{Limited, Source, StressedSource};
+use super::{Limited, PairRegister, RegisteredSource, Source, StressedSource};
 use std::io::ErrorKind;
 use std::sync::{Arc, Mutex, PoisonError};
 use svl_core::stereo::Frame;
@@ -46,6 +46,8 @@ pub struct RunSource {
     pub seed: Option<u64>,
     /// The recording that it reads, where it is one.
     pub record: Option<RunRecord>,
+    /// Scenario and seed of the simulation that a recording is of.
+    simulated: Option<String>,
     start_ns: u64,
     stress: Option<Stress>,
     digest: Option<Digest>,
@@ -91,7 +93,11 @@ impl RunSource {
     /// A recording.
     pub fn of_recording(run: &RecordingRun, opened: Opened) -> Self {
         let record = opened.record(&run.name, &run.path);
-        Self::ahead(opened.source, None, Some(record), opened.start_ns)
+        let simulated = opened.header.simulated();
+        Self {
+            simulated,
+            ..Self::ahead(opened.source, None, Some(record), opened.start_ns)
+        }
     }
 
     fn ahead(
@@ -108,9 +114,27 @@ impl RunSource {
             seed,
             record,
             start_ns: start_ns.unwrap_or(first_ns),
+            simulated: None,
             stress: None,
             digest: None,
             last: None,
+        }
+    }
+
+    /// The run without the pairs that runs before it have. `seeks`: false if all its pairs have to
+    /// be registered.
+    #[must_use]
+    pub fn registered(self, scenario: &str, register: &PairRegister, seeks: bool) -> Self {
+        let of_seed = self.seed.map(|seed| format!("{scenario} seed {seed}"));
+        let name = of_seed.clone().unwrap_or_else(|| self.name());
+        let simulated = of_seed.or(self.simulated);
+        let source = Box::new(self.source);
+        let source = RegisteredSource::new(source, register, (name, simulated), seeks);
+        let start_ns = Some(self.start_ns);
+        Self {
+            digest: self.digest,
+            stress: self.stress,
+            ..Self::ahead(Box::new(source), self.seed, self.record, start_ns)
         }
     }
 

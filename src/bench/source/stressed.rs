@@ -61,7 +61,8 @@ impl Source for StressedSource {
 
     fn next(&mut self) -> Result<Option<Frame>> {
         let frames = self.stress.earlier_frames();
-        while let Some(frame) = self.source.next()? {
+        while let Some(mut frame) = self.source.next()? {
+            frame.keep_id();
             if frames > 0 && frame.name.is_some() {
                 return Err(Error::Usage(format!(
                     "stress {}: uses images of neighbouring pairs, and scenes of a data set have \

@@ -4,7 +4,7 @@ use crate::console::{Console, Unit, Watch};
 use crate::run::{Matchers, frames_through};
 use crate::runs::runs;
 use crate::sink::{CollectSink, RunStart};
-use crate::source::Source;
+use crate::source::{PairRegister, Source};
 use serde::Serialize;
 use svl_core::matcher::{GapModel, GapSampler};
 use svl_core::{Error, Result, counted, interrupt};
@@ -23,6 +23,7 @@ const FOLD: usize = 5;
 pub struct LearnedGaps {
     pub runs: Vec<String>,
     samples: Vec<Vec<GapSample>>,
+    register: PairRegister,
 }
 
 /// Figures of a training.
@@ -43,11 +44,13 @@ impl LearnedGaps {
     /// Adds the gaps of a scenario's runs.
     ///
     /// # Errors
-    /// Those of the runs; [`Error::Invalid`] for frames without truth.
+    /// Those of the runs; [`Error::Invalid`] for frames without truth, [`Error::Usage`] for
+    /// recordings that share pairs.
     pub fn learn(&mut self, scenario: &Scenario, console: &dyn Console) -> Result<()> {
         let manifest = Manifest::new(&scenario.name, &[])?;
         for run in runs(scenario, console)? {
-            let (mut run, judge) = run.open(scenario, console, None)?;
+            let (run, judge) = run.open(scenario, console, None)?;
+            let mut run = run.registered(&scenario.name, &self.register, true);
             let of_seed = run
                 .seed
                 .map(|seed| format!("{} seed {seed}", scenario.name));
@@ -59,6 +62,7 @@ impl LearnedGaps {
             let watch = Watch::new(console, &format!("gaps of {name}"), run.pairs(), None);
             let collected =
                 frames_through(&mut run, &mut Matchers::none(), &start, of_frame, watch)?;
+            self.register.refuse_copies()?;
             let samples = collected.into_iter().collect::<Result<Vec<_>>>()?.concat();
             if samples.is_empty() {
                 return Err(Error::Invalid(format!(
@@ -88,8 +92,9 @@ impl LearnedGaps {
             return Err(Error::Invalid(message));
         }
         let last = runs.min(FOLD) - 1;
+        let is_held = move |run: usize| run % FOLD == last;
         let part = |is_held_out: bool| {
-            let of_part = move |(i, _): &(usize, _)| (i % FOLD == last) == is_held_out;
+            let of_part = move |(i, _): &(usize, _)| is_held(*i) == is_held_out;
             let of_part = self.samples.iter().enumerate().filter(of_part);
             of_part
                 .map(|(_, samples)| samples.clone())
@@ -117,19 +122,20 @@ impl LearnedGaps {
             interrupted: fit.interrupted,
         };
         let mut model = GapModel::rounded(&fit.weights).map_err(Error::Invalid)?;
-        model.facts = training.facts(settings, &self.runs);
+        model.facts = training.facts(settings);
+        let fitted = self.register.fitted(|run| !is_held(run));
+        model.facts.extend(fitted.facts());
         Ok((model, training))
     }
 }
 
 impl GapTraining {
     /// Facts for the network's file.
-    fn facts(&self, settings: GapSettings, runs: &[String]) -> svl_core::filter::ModelFacts {
+    fn facts(&self, settings: GapSettings) -> svl_core::filter::ModelFacts {
         let last = self.epochs.last();
         let loss = last.map_or(f64::NAN, |last| last.held_out);
         let facts = [
             ("svl", env!("CARGO_PKG_VERSION").to_owned()),
-            ("runs", runs.join(", ")),
             ("seed", settings.seed.to_string()),
             ("epochs", self.epochs.len().to_string()),
             ("held_out_loss", format!("{loss:.4}")),

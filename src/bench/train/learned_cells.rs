@@ -4,12 +4,11 @@ use crate::console::{Console, Watch};
 use crate::run::{Matchers, frames_through};
 use crate::runs::runs;
 use crate::sink::{CollectSink, RunStart};
-use crate::source::Source;
-use std::collections::HashMap;
+use crate::source::{PairRegister, Source};
 use std::path::Path;
 use svl_core::depth::decision::Feature;
 use svl_core::matcher::Algorithm;
-use svl_core::stereo::CellEvidence;
+use svl_core::stereo::{CellEvidence, FittedTo};
 use svl_core::{Error, Result};
 use svl_data::fit::{CellFit, CellSample, CellTarget, FOLDS, cell_samples, fit_cells};
 use svl_data::manifest::Manifest;
@@ -22,8 +21,9 @@ pub struct LearnedCells {
     /// Runs and scenes.
     pub groups: Vec<String>,
     pub scenarios: Vec<LearnedScenario>,
-    /// Groups and kinds of the pairs to fit to, by their hashes.
-    pairs: HashMap<u128, (usize, String)>,
+    register: PairRegister,
+    /// By registered run: true if it is no part of the fit.
+    tested_runs: Vec<bool>,
 }
 
 /// A scenario's part of the samples.
@@ -42,7 +42,8 @@ impl LearnedCells {
     /// Adds the cells of a scenario, which is in the file at `path`, through an algorithm.
     ///
     /// # Errors
-    /// Those of the runs; [`Error::Invalid`] for a scenario without cells to learn from.
+    /// Those of the runs; [`Error::Invalid`] for a scenario without cells to learn from,
+    /// [`Error::Usage`] for recordings that share pairs.
     pub fn learn(
         &mut self,
         mut scenario: Scenario,
@@ -58,12 +59,14 @@ impl LearnedCells {
         let before = self.samples.len();
         let are_scenes = matches!(scenario.source, ScenarioSource::Dataset { .. });
         for run in runs(&scenario, console)? {
-            let (mut run, judge) = run.open(&scenario, console, None)?;
+            let (run, judge) = run.open(&scenario, console, None)?;
+            let mut run = run.registered(&scenario.name, &self.register, true);
+            self.tested_runs.push(tested);
             let of_frame = {
                 let judge = judge.clone();
                 CollectSink::new(move |judged| {
                     let samples = cell_samples(&judge, judged, target, 0);
-                    (judged.frame.name.clone(), judged.pair_hash(), samples)
+                    (judged.frame.name.clone(), samples)
                 })
             };
             let start = RunStart::new(&manifest, run.seed, &judge);
@@ -76,31 +79,12 @@ impl LearnedCells {
             let title = format!("learn {}, {name}", scenario.name);
             let watch = Watch::new(console, &title, run.pairs(), None);
             let collected = frames_through(&mut run, &mut matchers, &start, of_frame, watch)?;
-            for (scene, pair, samples) in collected {
+            // Held out in one place, they would be fitted to in the other.
+            self.register.refuse_copies()?;
+            for (scene, samples) in collected {
                 // The pairs of a recording resemble each other, whatever their names.
                 let scene = scene.filter(|_| are_scenes);
                 let group = self.group(scene.unwrap_or_else(|| name.clone()));
-                let place = (group, scenario.kind().to_owned());
-                let fitted = self.pairs.get(&pair);
-                if tested && fitted.is_some() {
-                    let cure = "use other seeds, scenes or recordings";
-                    return Err(Error::Invalid(format!(
-                        "{}: tests what is fitted too: a pair of {name}; {cure}",
-                        path.display()
-                    )));
-                }
-                if let Some((other, kind)) = fitted.filter(|fitted| **fitted != place) {
-                    // Held out in one place, they would be fitted to in the other.
-                    let other = &self.groups[*other];
-                    return Err(Error::Invalid(format!(
-                        "{}: a pair of {name} is one of {other} ({kind}), too; name each \
-                         recording once",
-                        path.display()
-                    )));
-                }
-                if !tested {
-                    self.pairs.insert(pair, place);
-                }
                 let samples = samples.into_iter();
                 self.samples
                     .extend(samples.map(|sample| CellSample { group, ..sample }));
@@ -153,12 +137,9 @@ impl LearnedCells {
         FOLDS + 1 + if kinds > 1 { kinds } else { 0 }
     }
 
-    /// The runs and scenes that were fitted to.
-    pub fn fitted_groups(&self) -> &[String] {
-        let groups = self.samples[..self.fitted()].iter();
-        let last = groups.map(|sample| sample.group).max();
-        // Those of scenarios that are only tested come after them.
-        &self.groups[..last.map_or(0, |last| last + 1)]
+    /// The runs that were fitted to, with their pairs.
+    pub fn fitted_to(&self) -> FittedTo {
+        self.register.fitted(|run| !self.tested_runs[run])
     }
 
     fn fitted_scenarios(&self) -> impl Iterator<Item = &LearnedScenario> {

@@ -72,8 +72,8 @@ fn model(
         .into_iter()
         .map(|training| LabelledRuns::open(training, None, console));
     let runs = runs.collect::<Result<_>>()?;
-    let (mut samples, _) = windows(kind, spec.features, settings.range_px, runs, console)?;
-    let (model, training) = train(&mut samples, &settings, console)?;
+    let (mut samples, fitted) = windows(kind, spec.features, settings.range_px, runs, console)?;
+    let (model, training) = train(&mut samples, &fitted, &settings, console)?;
     if training.interrupted {
         return Err(Error::Invalid(format!(
             "interrupted while the filter {kind} was trained"

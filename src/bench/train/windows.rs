@@ -5,10 +5,11 @@ use crate::console::{Console, Unit, Watch};
 use crate::run::{Matchers, frames_through};
 use crate::runs::{ScoredSource, runs};
 use crate::sink::{CollectSink, RunStart};
-use crate::source::Source;
-use std::collections::{BTreeSet, HashMap};
+use crate::source::{PairRegister, Source};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use svl_core::filter::{Features, FilterKind, FilterModel, Spectrum};
+use svl_core::stereo::FittedTo;
 use svl_core::{Error, Result, interrupt};
 use svl_data::fit::filter::{
     EpochError, FitSettings, FrameLabels, SamplePart, WindowLabels, WindowSamples,
@@ -39,18 +40,18 @@ impl LabelledRuns {
     }
 }
 
-/// The windows of all runs, and the runs' names. `range_px` is the range of disparities.
+/// The windows of all runs, and the runs that a filter of them is fitted to. `range_px` is the range of disparities.
 pub fn windows(
     kind: FilterKind,
     features: Features,
     range_px: f64,
     labelled: Vec<LabelledRuns>,
     console: &dyn Console,
-) -> Result<(WindowSamples, Vec<String>)> {
+) -> Result<(WindowSamples, FittedTo)> {
     let recordings = labelled.iter().map(|of| of.runs.len()).sum();
     let mut samples = WindowSamples::new(kind, features, SamplePart::deal(recordings));
-    let mut names: Vec<String> = Vec::new();
-    let mut owners = HashMap::new();
+    let register = PairRegister::default();
+    let mut group = 0;
     for of in labelled {
         let LabelledRuns {
             scenario,
@@ -59,13 +60,13 @@ pub fn windows(
         } = of;
         let mut frames = BTreeSet::new();
         for run in runs {
-            let (mut run, judge) = run.open(&scenario, console, None)?;
+            let (run, judge) = run.open(&scenario, console, None)?;
+            let mut run = run.registered(&scenario.name, &register, true);
             let of_seed = run
                 .seed
                 .map(|seed| format!("{} seed {seed}", scenario.name));
             let name = of_seed.unwrap_or_else(|| run.name());
             let manifest = Manifest::new(&scenario.name, &[])?;
-            let group = names.len();
             let of_frame = {
                 let (mut spectrum, empty) = (Spectrum::new(features.window), samples.empty());
                 let labels = labels.clone();
@@ -79,25 +80,19 @@ pub fn windows(
                         None => WindowLabels::Truth { range_px },
                     };
                     let added = samples.add(&mut spectrum, frame, group, &labels);
-                    added.map(|()| (frame.sequence, judged.pair_hash(), samples))
+                    added.map(|()| (frame.sequence, samples))
                 })
             };
             let start = RunStart::new(&manifest, run.seed, &judge);
             let watch = Watch::new(console, &format!("windows of {name}"), run.pairs(), None);
             let collected =
                 frames_through(&mut run, &mut Matchers::none(), &start, of_frame, watch)?;
+            // Training and test are never on the same pairs.
+            register.refuse_copies()?;
             let before = samples.samples.len();
             for of_frame in collected {
-                let (sequence, pair, of_frame) =
+                let (sequence, of_frame) =
                     of_frame.map_err(|e| Error::Invalid(format!("{name}: {e}")))?;
-                // Training and test are never on the same pairs.
-                let owner = owners.entry(pair).or_insert(group);
-                if let Some(other) = names.get(*owner) {
-                    return Err(Error::Usage(format!(
-                        "{name}: frame {sequence} is a frame of {other}, too; name each recording \
-                         once"
-                    )));
-                }
                 frames.insert(sequence);
                 samples.append(of_frame);
             }
@@ -108,7 +103,7 @@ pub fn windows(
                     kind.spec().categories[0]
                 )));
             }
-            names.push(name);
+            group += 1;
         }
         if let Some((path, labels)) = labels
             && let Some(sequence) = labels.sequences().find(|of| !frames.contains(of))
@@ -120,12 +115,15 @@ pub fn windows(
             )));
         }
     }
-    Ok((samples, names))
+    let is_fitted = |run: usize| samples.parts[run] != SamplePart::Test;
+    let fitted = register.fitted(is_fitted);
+    Ok((samples, fitted))
 }
 
 /// Trains with a progress bar; Ctrl-C ends it with the best network so far.
 pub fn train(
     samples: &mut WindowSamples,
+    fitted: &FittedTo,
     settings: &TrainSettings,
     console: &dyn Console,
 ) -> Result<(FilterModel, FilterTraining)> {
@@ -145,5 +143,7 @@ pub fn train(
         !interrupt::requested()
     };
     let isa = svl_core::kernel::isa()?;
-    train_filter(samples, settings, isa, &mut after)
+    let (mut model, training) = train_filter(samples, settings, isa, &mut after)?;
+    model.facts.extend(fitted.facts());
+    Ok((model, training))
 }

@@ -6,9 +6,9 @@ use crate::console::{Bar, Console, Unit};
 use crate::report::compare::{changes, total};
 use crate::report::{OBJECTIVES, Row, pareto_front};
 use crate::run::{Matchers, Monitor, Pace};
-use crate::runs::runs;
+use crate::runs::{self, runs};
 use crate::sink::{Outbox, RunStart, Sink, TableSink, finish};
-use crate::source::Source;
+use crate::source::{PairRegister, Source};
 use std::sync::Arc;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::Frame;
@@ -55,17 +55,18 @@ impl SearchData {
     /// without it a part is held out.
     ///
     /// # Errors
-    /// Those of the sources; [`Error::Usage`] for a test on pairs of the search.
+    /// Those of the sources; [`Error::Usage`] for recordings that share pairs.
     pub fn read(
         scenario: &Scenario,
         tested: Option<Scenario>,
         wanted: usize,
         console: &dyn Console,
     ) -> Result<Self> {
+        let register = PairRegister::new(&scenario.algorithms)?;
         if let Some(tested) = tested {
-            let training = parts(scenario, wanted, console)?;
-            let test = parts(&tested, TEST_PAIRS * wanted, console)?;
-            refuse_same(&training, &test)?;
+            let training = parts(scenario, wanted, (&register, false), console)?;
+            let test = parts(&tested, TEST_PAIRS * wanted, (&register, false), console)?;
+            register.refuse_copies()?;
             return Ok(Self {
                 training,
                 test,
@@ -74,7 +75,9 @@ impl SearchData {
             });
         }
         // A part of the runs is held out, or of one run its end, or of scenes every third.
-        let mut training = parts(scenario, wanted * 3 / 2, console)?;
+        let is_one = runs::count(scenario)? == 1;
+        let mut training = parts(scenario, wanted * 3 / 2, (&register, is_one), console)?;
+        register.refuse_copies()?;
         let (test, caution) = match &mut training[..] {
             [only] => {
                 let frames = std::mem::take(&mut only.frames);
@@ -123,32 +126,20 @@ impl SearchData {
     }
 }
 
-/// Refuses a test on pairs of the search.
-fn refuse_same(training: &[HeldRun], test: &[HeldRun]) -> Result<()> {
-    let hashes: std::collections::BTreeSet<_> = training
-        .iter()
-        .flat_map(|part| part.frames.iter().map(|frame| frame.pair.hash()))
-        .collect();
-    for part in test {
-        if part
-            .frames
-            .iter()
-            .any(|frame| hashes.contains(&frame.pair.hash()))
-        {
-            let cure = "a test on pairs that were searched on proves nothing: name others";
-            return Err(Error::Usage(format!("{}: {cure}", part.name)));
-        }
-    }
-    Ok(())
-}
-
-/// About `wanted` pairs of the runs of a scenario, equally many of each.
-fn parts(scenario: &Scenario, wanted: usize, console: &dyn Console) -> Result<Vec<HeldRun>> {
+/// About `wanted` pairs of the runs of a scenario, equally many of each. The others are registered
+/// too, unless they may be skipped.
+fn parts(
+    scenario: &Scenario,
+    wanted: usize,
+    (register, skips): (&PairRegister, bool),
+    console: &dyn Console,
+) -> Result<Vec<HeldRun>> {
     let runs = runs(scenario, console)?;
     let count = runs.len().max(1);
     let mut parts = Vec::new();
     for run in runs {
         let (run, judge) = run.open(scenario, console, None)?;
+        let run = run.registered(&scenario.name, register, skips);
         let (seed, mut name) = (run.seed, run.name());
         if let Some(seed) = seed {
             name = format!("{} seed {seed}", scenario.name);

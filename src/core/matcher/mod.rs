@@ -33,7 +33,7 @@ use crate::error::{Error, Result, nearest};
 use crate::filter::{FilterModel, Filters};
 use crate::kernel::{Isa, isa};
 use crate::stereo::{
-    Cell, CellRule, DepthGrid, DisparityMap, Frame, Pose, RectifiedPair, Rgb, Rig, Truth,
+    Cell, CellRule, DepthGrid, DisparityMap, FittedTo, Frame, Pose, RectifiedPair, Rgb, Rig, Truth,
 };
 use crate::timing::Clock;
 use filtered::FilteredMatcher;
@@ -488,6 +488,23 @@ impl Algorithm {
     pub fn safe_choice(&self) -> Result<Option<SafeChoice>> {
         let choice = self.spec.cells.map(|choice| choice(&self.parameters));
         choice.transpose()
+    }
+
+    /// The runs that its learned numbers were fitted to: those of its table and network, and of its
+    /// filters.
+    ///
+    /// # Errors
+    /// As [`Algorithm::safe_choice`]; the fault in the facts of a filter.
+    pub fn fitted(&self) -> Result<Vec<FittedTo>> {
+        let mut fitted = self
+            .safe_choice()?
+            .map_or_else(Vec::new, |choice| choice.fitted);
+        for filter in &self.filters {
+            let of_filter = FittedTo::of_facts(&filter.facts);
+            fitted
+                .push(of_filter.map_err(|why| Error::Invalid(format!("{}: {why}", self.label())))?);
+        }
+        Ok(fitted)
     }
 
     /// A matcher on the instruction set in use, [`crate::kernel::isa`].

@@ -1,7 +1,7 @@
 //! Frames and estimates: the data that flow from a source through the matchers into the sinks.
 
 use super::{
-    DepthGrid, DisparityMap, Plane, RectifiedPair, Rgb, Rig, StereoCalibration, StereoPair,
+    DepthGrid, DisparityMap, PairId, Plane, RectifiedPair, Rgb, Rig, StereoCalibration, StereoPair,
 };
 use crate::error::{Error, Result};
 use crate::timing::StageTimes;
@@ -32,6 +32,8 @@ pub struct Frame {
     /// matchers use the pair, which is its luma ([`super::Gray::from_color`]).
     pub color: Option<[Rgb; 2]>,
     pub exposure: Exposure,
+    /// Identity of the recorded pair, where the pixels are others by now ([`Frame::keep_id`]).
+    pub recorded: Option<PairId>,
 }
 
 impl Frame {
@@ -48,7 +50,18 @@ impl Frame {
             truth: None,
             color: None,
             exposure: Exposure::default(),
+            recorded: None,
         }
+    }
+
+    /// Identity of the pair as it was recorded.
+    pub fn id(&self) -> PairId {
+        self.recorded.unwrap_or_else(|| PairId::new(self))
+    }
+
+    /// Keeps the identity of the pair, before its pixels are changed.
+    pub fn keep_id(&mut self) {
+        self.recorded = Some(self.id());
     }
 
     /// Approximate memory use in bytes: two images, also in colour if present; four bytes per
@@ -384,6 +397,9 @@ pub struct Losses {
     /// Frames whose measurement is of another time and cannot be moved to theirs, as the poses
     /// jump in between.
     pub jumped: u64,
+    /// Pairs that an earlier recording of the run has too, by its name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub copies: BTreeMap<String, u64>,
     /// Frames of a truncated or corrupt video.
     pub cut: u64,
     /// Pairs that were not requested.
@@ -410,6 +426,7 @@ impl Losses {
             broken,
             without_truth,
             jumped,
+            copies,
             cut,
             skipped,
             grabber,
@@ -423,6 +440,9 @@ impl Losses {
         }
         self.without_truth += without_truth;
         self.jumped += jumped;
+        for (run, pairs) in copies {
+            *self.copies.entry(run).or_default() += pairs;
+        }
         self.cut += cut;
         self.skipped += skipped;
         self.grabber = grabber.or(self.grabber.take());

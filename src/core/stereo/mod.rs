@@ -14,6 +14,7 @@ mod calibration;
 mod disparity;
 mod frame;
 mod grid;
+mod identity;
 mod image;
 mod intrinsics;
 mod occlusion;
@@ -29,6 +30,7 @@ pub use frame::{
     TruthKind, TruthOrigin, Visibility,
 };
 pub use grid::{Cell, CellDepth, CellEvidence, CellRule, CellState, DepthGrid, GridShape};
+pub use identity::{FittedTo, PairId};
 pub use image::{Gray, MAX_SIDE, Plane, Rgb};
 pub use intrinsics::Intrinsics;
 pub use occlusion::cross_check;

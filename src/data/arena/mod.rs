@@ -270,6 +270,7 @@ impl ArenaWorld {
             pair: StereoPair::new(left, right?)?,
             geometry: Geometry::Rectified(Some(self.rig)),
             calibration: None,
+            recorded: None,
             pose: Some(pose),
             truth: Some(truth),
             color: None,

@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use svl_core::depth::decision::{Feature, VerdictTable};
-use svl_core::stereo::CellEvidence;
+use svl_core::stereo::{CellEvidence, FittedTo};
 
 /// A fitted table, with its figures on the samples.
 #[derive(Clone, Debug)]
@@ -324,6 +324,7 @@ impl Data {
             rank,
             base: thousandths(model.base),
             network: None,
+            fitted: FittedTo::default(),
             steps,
         }
     }

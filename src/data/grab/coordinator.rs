@@ -276,6 +276,7 @@ impl Coordinator {
                 .rig
                 .map_or(Geometry::Raw, |rig| Geometry::Rectified(Some(rig))),
             calibration: None,
+            recorded: None,
             pose: None,
             truth: None,
             color: None,

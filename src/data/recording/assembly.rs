@@ -270,6 +270,7 @@ fn frame(left: PairMessages, right: PairMessages) -> Result<Frame, String> {
             PairGeometry::Rectified => Geometry::Rectified(rig),
         },
         calibration: None,
+        recorded: None,
         pose: left.pose,
         truth,
         color,

@@ -36,6 +36,14 @@ pub struct Header {
     pub frame_id: Option<String>,
 }
 
+impl Header {
+    /// Scenario and seed of a simulated run: `arena seed 4`.
+    pub fn simulated(&self) -> Option<String> {
+        let (scenario, seed) = (self.scenario.as_ref()?, self.seed?);
+        Some(format!("{scenario} seed {seed}"))
+    }
+}
+
 /// Origin of the stamps of a source without stamps, with pairs per second. The skew is then
 /// unknown.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]

@@ -81,6 +81,9 @@ pub struct RecordingSummary {
     pub drops_before: u64,
     /// Images without a partner in another program's recording.
     pub unpaired: Option<UnpairedImages>,
+    /// Images of each camera that are equal to the one before, left and right: pictures of a camera
+    /// at rest, or of one that repeats them.
+    pub repeated_images: [u64; 2],
     /// The poses in another program's recording, if it has any.
     pub poses: Option<PoseSummary>,
     /// Its topics of videos, by name.
@@ -230,6 +233,8 @@ struct SummaryScan {
     drops_before: Option<u64>,
     unpaired: Option<UnpairedImages>,
     poses: Option<PoseSummary>,
+    /// Hash of the last image of each topic, and the number of those equal to the one before.
+    repeated: BTreeMap<String, (u64, u64)>,
     losses: Vec<DamagedPart>,
     missing: BTreeMap<String, u64>,
     checksums: bool,
@@ -290,6 +295,10 @@ impl SummaryScan {
         let seconds = (topic.end_ns - topic.start_ns) as f64 / 1e9;
         topic.rate_hz = (seconds > 0.0).then(|| (topic.messages - 1) as f64 / seconds);
         if is_image(channel) {
+            let hash = xxhash_rust::xxh3::xxh3_64(without_stamp(channel, data));
+            let repeated = self.repeated.entry(channel.topic.clone()).or_default();
+            repeated.1 += u64::from(repeated.0 == hash);
+            repeated.0 = hash;
             match self.stamps.get_mut(&channel.topic) {
                 Some(stamps) => stamps.push(stamp_ns),
                 None => drop(self.stamps.insert(channel.topic.clone(), vec![stamp_ns])),
@@ -370,6 +379,12 @@ impl SummaryScan {
             .stereo
             .as_ref()
             .map_or(TopicKind::Image(Side::Left).topic(), |[left, _]| left);
+        let right = self
+            .stereo
+            .as_ref()
+            .map_or(TopicKind::Image(Side::Right).topic(), |[_, right]| right);
+        let repeated = |topic: &str| self.repeated.get(topic).map_or(0, |(_, images)| *images);
+        let repeated_images = [left, right].map(repeated);
         let images = self.foreign.get(left).map_or(&[][..], Vec::as_slice);
         let clock_jumps = clock_jumps(images);
         let mut left_stamps = if images.is_empty() {
@@ -448,6 +463,7 @@ impl SummaryScan {
             drops: self.drops,
             drops_before: self.drops_before.unwrap_or_default(),
             unpaired: self.unpaired,
+            repeated_images,
             poses: self.poses,
             videos: self
                 .videos
@@ -456,6 +472,18 @@ impl SummaryScan {
                 .collect(),
         }
     }
+}
+
+/// The bytes of an image's message behind its stamp, which comes first in all of them.
+fn without_stamp<'a>(channel: &Channel, data: &'a [u8]) -> &'a [u8] {
+    let stamp = match (channel.encoding.as_str(), data) {
+        // A number and the stamp; or the encapsulation and the stamp.
+        ("ros1" | "cdr", _) => 12,
+        // The first field, a message of its own.
+        ("protobuf", [0x0a, len, ..]) => 2 + usize::from(*len),
+        _ => 0,
+    };
+    data.get(stamp..).unwrap_or(data)
 }
 
 /// Where the stamps of images in file order jump against their log times: a clock that was set, or a

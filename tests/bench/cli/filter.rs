@@ -55,7 +55,7 @@ fn a_recording_is_not_named_twice() {
     write_floors(&fixture, "floors.toml", 3);
     fixture.fails(
         "-q train filter floors.toml floors.toml --kind floor --hidden 2 -o f.safetensors => \
-         2: floors seed 11: frame 0 is a frame of floors seed 11 | name each recording once",
+         2: floors seed 11: has 3 pairs of floors seed 11: name each recording once",
     );
 }
 
@@ -68,7 +68,7 @@ fn the_page_of_a_training_shows_errors_and_curves() {
             "false rejection",
             "Training and validation",
             "Falsely accepted",
-            "floors seed 11",
+            "floors seed 12",
         ],
     );
 }
@@ -375,7 +375,7 @@ fn what_cannot_be_trained_or_run_is_refused_in_one_line() {
     std::fs::write(fixture.path("cut.safetensors"), cut).unwrap();
     fixture.fails(
         "-q train filter short.toml --kind floor -o t.safetensors => 1: 2 recordings | three
-        -q train filter a.mcap b.mcap c.mcap --kind floor -o t.safetensors => 2: b.mcap: frame 0
+        -q train filter a.mcap b.mcap c.mcap --kind floor -o t.safetensors => 2: b.mcap: has 3 pairs of a.mcap
         -q train filter short.toml --seeds 1..3 --kind too-close -o t.safetensors => 1: at least 20
         label frames v4l2:/dev/video0,/dev/video2 --kind floor => 1: record them first
         label windows a.mcap --kind floor --from-truth => 1: a.floor.csv

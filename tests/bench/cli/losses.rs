@@ -189,7 +189,9 @@ fn with_a_bad_pair() -> Fixture {
     for (run, pair) in (0..2).flat_map(|run| (0..3).map(move |pair| (run, pair))) {
         let first = if (run, pair) == (1, 1) { 7 } else { 9 };
         for side in ["left", "right"] {
-            let mut pixels: Vec<u8> = (0..800).map(|i| (i * (i + pair) % 251) as u8).collect();
+            let mut pixels: Vec<u8> = (0..800)
+                .map(|i| (i * (i + pair + 3 * run) % 251) as u8)
+                .collect();
             pixels[0] = first;
             let name = format!("run{run}/{side}/{pair}.pgm");
             fixture.write(&name, pgm(40, 20, &pixels));

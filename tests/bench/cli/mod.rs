@@ -11,6 +11,7 @@ mod calibrate_board;
 mod calibrate_convert;
 mod calibrate_distance;
 mod compare;
+mod copies;
 mod datasets;
 mod description;
 mod drive;

@@ -221,8 +221,8 @@ fn what_cannot_be_learned_is_refused_in_one_line() {
         "-q train cells short.toml --seeds 4..5 -o t.toml --algo v3 => 2: --algo v3 | no table of \
          cells | v5
         -q train cells short.toml --seeds 4 -o t.toml => 1: one run cannot be held out
-        -q train cells short.toml --test short.toml -o t.toml => 1: short.toml | tests what is \
-         fitted too | arena seed 1
+        -q train cells short.toml --test short.toml -o t.toml => 2: arena seed 1: has 12 pairs \
+         of arena seed 1: name each recording once
         -q train cells short.toml --seeds 4..5 -o short.toml --force => 2: short.toml | named twice
         -q train gaps short.toml --seeds 4 -o t.safetensors => 1: one run cannot be held out",
     );
@@ -285,10 +285,12 @@ fn recordings_are_held_out_whole() {
         of_videos(&["two.mcap"]).replace("truth = \"depth/*.png\"\n", ""),
     );
     fixture.fails(
-        "-q train cells both.toml --test copy.toml -o u.toml => 1: copy.toml | tests what is \
-         fitted too | two.mcap
-        -q train cells both.toml copy.toml -o u.toml => 1: copy.toml | a pair of | two.mcap | \
-         is one of | name each recording once",
+        "-q train cells both.toml --test copy.toml -o u.toml => 2: two.mcap: has 8 pairs of two: \
+         name each recording once
+        -q train cells both.toml copy.toml -o u.toml => 2: two.mcap: has 8 pairs of two: name \
+         each recording once
+        -q train gaps both.toml copy.toml -o u.safetensors => 2: two.mcap: has 8 pairs of two: \
+         name each recording once",
     );
     let with_test = format!("{train} --test three.toml -o tested.toml --samples tested.csv");
     fixture.run(&with_test);

@@ -180,6 +180,7 @@ impl Scene {
             truth: truth::read(|name| self.file(name), pair.size())?,
             geometry: Geometry::Rectified(self.rig(pair.size())?),
             calibration: None,
+            recorded: None,
             pair,
             color,
             pose: None,

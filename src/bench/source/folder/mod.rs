@@ -163,6 +163,7 @@ impl FolderSource {
             pair,
             geometry: self.geometry,
             calibration: None,
+            recorded: None,
             pose: self.poses[number],
             truth: None,
             color,

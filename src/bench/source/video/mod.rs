@@ -177,6 +177,7 @@ impl Source for VideoSource {
             pair,
             geometry: Geometry::Raw,
             calibration: None,
+            recorded: None,
             pose: None,
             truth: None,
             color,

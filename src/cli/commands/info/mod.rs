@@ -230,6 +230,7 @@ fn table(summary: &RecordingSummary, mut lines: Vec<String>, facts: Vec<String>)
     }
     lines.extend(summary.misalignment.iter().map(misalignment));
     lines.extend(gaps(summary));
+    lines.extend(repeated(summary));
     lines.extend(clock(summary));
     lines.extend(summary.poses.iter().flat_map(poses));
     lines.extend(missing(&summary.missing));
@@ -425,6 +426,13 @@ fn gaps(summary: &RecordingSummary) -> Vec<String> {
         ));
     }
     lines
+}
+
+/// Images that are equal to the one before.
+fn repeated(summary: &RecordingSummary) -> Option<String> {
+    let [left, right] = summary.repeated_images;
+    (left + right > 0)
+        .then(|| format!("equal      {left} left and {right} right images equal the one before"))
 }
 
 /// Jumps of the stamps of the left images against the log times.

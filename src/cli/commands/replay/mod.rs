@@ -28,7 +28,7 @@ use svl::sink::{
     CollectSink, PublishRequest, RerunDetail, RerunTarget, RunInfo, RunStart, SinkRequest, Sinks,
     ViewerRequest,
 };
-use svl::source::{Request, are_live_topics};
+use svl::source::{PairRegister, RegisteredSource, Request, are_live_topics};
 use svl::train::with_filters;
 use svl::{Error, counted};
 use verify::{Earlier, Verification};
@@ -225,6 +225,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let algorithms = with_filters(algorithms, &filters);
     let mut matchers = Matchers::new(&algorithms)?;
     warn_of_own_reference(&args.options, &algorithms)?;
+    let run = (opened.source.name(), opened.header.simulated());
+    let register = PairRegister::new(&algorithms)?;
+    let source = RegisteredSource::new(opened.source, &register, run, true);
+    opened.source = Box::new(source);
 
     outputs.set_aside()?;
     let mut manifest = Manifest {

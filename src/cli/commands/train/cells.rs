@@ -130,11 +130,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let Some(mut fit) = fit else {
         bail!("interrupted; nothing is written");
     };
+    fit.table.fitted = learned.fitted_to();
     fit.table.network = choice.network.clone().map(Into::into);
     let training = CellTraining::new(&args.algo, &choice, &learned, &fit);
     let manifest = Manifest::new("train cells", std::slice::from_ref(&args.algo))?;
     outputs.set_aside()?;
-    let head = header(&manifest, learned.fitted_groups(), &training);
+    let head = header(&manifest, &training);
     write(&args.output, head + &fit.table.to_toml())?;
     write(&page, training.page(manifest.entries())?)?;
     if let Some(path) = &args.samples {
@@ -151,16 +152,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
 }
 
 /// Facts in the table's file.
-fn header(manifest: &Manifest, groups: &[String], training: &CellTraining) -> String {
+fn header(manifest: &Manifest, training: &CellTraining) -> String {
     let revision = manifest.git_revision.as_deref().unwrap_or("unknown");
     let algorithm = &training.algorithm;
     let fitted = training.scenarios.iter().filter(|of| !of.tested);
     let scenarios = svl::joined(fitted.map(|of| &of.name));
     format!(
         "# Table of cells, made by `svl train cells`, svl {} ({revision}), {}.\n# Of {algorithm}, \
-         from: {scenarios}.\n# Runs and scenes: {}\n\n",
-        manifest.svl,
-        manifest.began,
-        groups.join(", ")
+         from: {scenarios}.\n\n",
+        manifest.svl, manifest.began,
     )
 }

@@ -134,7 +134,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let terminal = &Terminal { quiet };
     let labelled = labelled(args, terminal)?;
-    let (mut samples, names) =
+    let (mut samples, fitted) =
         windows(args.kind, features, args.max_disparity, labelled, terminal)?;
     let (hidden, seeds) = match &args.hidden {
         None => (vec![spec.hidden], vec![args.seed]),
@@ -147,12 +147,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         most_epochs: args.epochs,
         range_px: args.max_disparity,
     };
-    let (model, training) = train(&mut samples, &settings, terminal)?;
+    let (model, training) = train(&mut samples, &fitted, &settings, terminal)?;
     let manifest = Manifest::new("train filter", &[])?;
     outputs.set_aside()?;
     write(&args.output, model.to_bytes())?;
     let mut identity = manifest.entries();
-    identity.push(("recordings".to_owned(), names.join(", ")));
+    identity.push(("fitted to".to_owned(), fitted.runs.join(", ")));
     write(&page, training.page(identity)?)?;
     outputs.commit();
     let (file, page) = (args.output.display(), page.display());

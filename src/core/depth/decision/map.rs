@@ -66,8 +66,10 @@ pub fn safe_grid(
         jump,
         allowance_px,
         network: _,
+        fitted: _,
     } = SafeChoice {
         network: None,
+        fitted: Vec::new(),
         decision: Decision {
             rank: 50,
             slack: 10,

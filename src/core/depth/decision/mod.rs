@@ -17,7 +17,7 @@ pub use map::{FilledMap, safe_grid};
 pub use tolerance::Tolerance;
 pub use verdict::{Feature, VerdictTable};
 
-use crate::stereo::{Cell, CellDepth, CellEvidence, Rig};
+use crate::stereo::{Cell, CellDepth, CellEvidence, FittedTo, Rig};
 
 /// Bins per pixel of disparity.
 pub const BINS_PER_PX: i32 = 8;
@@ -47,6 +47,8 @@ pub struct SafeChoice {
     /// Hash of the network that weighs disparities for gaps, for the table's
     /// [`network`](VerdictTable::network).
     pub network: Option<String>,
+    /// The runs that table and network were fitted to.
+    pub fitted: Vec<FittedTo>,
 }
 
 impl SafeChoice {

@@ -1,6 +1,6 @@
 //! Log odds that a cell's report is right, from the evidence on the cell.
 
-use crate::stereo::CellEvidence;
+use crate::stereo::{CellEvidence, FittedTo};
 use std::borrow::Cow;
 
 /// One piece of evidence on a cell.
@@ -74,6 +74,46 @@ impl Feature {
     }
 }
 
+/// The runs that the tables of revision 1 were fitted to (specification of v5, section 7).
+const REVISION_1: FittedTo = FittedTo::built_in(&[
+    Cow::Borrowed("arena seed 4..6"),
+    Cow::Borrowed("arena seed 31"),
+]);
+
+/// Those of revision 2, and of revision 3 (docs/results/v5.md has the commands).
+const REVISION_2: FittedTo = FittedTo::built_in(&[
+    Cow::Borrowed("arena seed 4..10"),
+    Cow::Borrowed("arena-row seed 4..10"),
+    Cow::Borrowed("arena-gain seed 4..10"),
+    Cow::Borrowed("arena-noise seed 4..10"),
+    Cow::Borrowed("tsukuba"),
+    Cow::Borrowed("venus"),
+    Cow::Borrowed("barn1"),
+    Cow::Borrowed("bull"),
+    Cow::Borrowed("cones"),
+    Cow::Borrowed("teddy"),
+    Cow::Borrowed("middlebury2006/Art"),
+    Cow::Borrowed("middlebury2006/Baby1"),
+    Cow::Borrowed("middlebury2006/Books"),
+    Cow::Borrowed("middlebury2006/Cloth3"),
+    Cow::Borrowed("middlebury2006/Reindeer"),
+    Cow::Borrowed("middlebury2006/Wood1"),
+    Cow::Borrowed("middlebury2014q/Adirondack"),
+    Cow::Borrowed("middlebury2014q/ArtL"),
+    Cow::Borrowed("middlebury2014q/Motorcycle"),
+    Cow::Borrowed("middlebury2014q/MotorcycleE"),
+    Cow::Borrowed("middlebury2014q/Piano"),
+    Cow::Borrowed("middlebury2014q/PianoL"),
+    Cow::Borrowed("middlebury2014q/Playroom"),
+]);
+
+const REVISION_3: FittedTo = FittedTo::built_in(&[
+    Cow::Borrowed("arena seed 41..60"),
+    Cow::Borrowed("arena-training seed 41..60"),
+    Cow::Borrowed("worlds-training seed 41..60"),
+    Cow::Borrowed("shapes-training seed 41..60"),
+]);
+
 /// Greatest number in a table's file.
 const MAX_VALUE: u64 = 1_000_000_000;
 
@@ -83,6 +123,10 @@ struct TableFile {
     rank: i64,
     base: i64,
     gaps: Option<String>,
+    #[serde(default)]
+    fitted_runs: Vec<String>,
+    #[serde(default)]
+    fitted_pairs: String,
     #[serde(default)]
     steps: std::collections::BTreeMap<String, Vec<(i64, i64)>>,
 }
@@ -111,6 +155,8 @@ pub struct VerdictTable {
     pub base: i64,
     /// Hash of the network for gaps with which it was fitted.
     pub network: Option<Cow<'static, str>>,
+    /// The runs and pairs that it was fitted to.
+    pub fitted: FittedTo,
     /// By feature: pairs of a value and the score above it.
     pub steps: [Cow<'static, [(i64, i64)]>; Feature::ALL.len()],
 }
@@ -120,6 +166,7 @@ impl VerdictTable {
     pub const MEDIAN: Self = Self {
         rank: 50,
         network: None,
+        fitted: REVISION_1,
         base: -131,
         steps: [
             Cow::Borrowed(&[
@@ -153,6 +200,7 @@ impl VerdictTable {
     pub const NEAR: Self = Self {
         rank: 75,
         network: None,
+        fitted: REVISION_1,
         base: -1066,
         steps: [
             Cow::Borrowed(&[
@@ -190,6 +238,7 @@ impl VerdictTable {
     pub const MEDIAN_2: Self = Self {
         rank: 50,
         network: None,
+        fitted: REVISION_2,
         base: 2561,
         steps: [
             Cow::Borrowed(&[
@@ -231,6 +280,7 @@ impl VerdictTable {
     pub const NEAR_2: Self = Self {
         rank: 75,
         network: None,
+        fitted: REVISION_2,
         base: 1175,
         steps: [
             Cow::Borrowed(&[
@@ -271,6 +321,7 @@ impl VerdictTable {
     pub const MEDIAN_3: Self = Self {
         rank: 50,
         network: Some(Cow::Borrowed("bfe4adebaef937f9")),
+        fitted: REVISION_3,
         base: -1907,
         steps: [
             Cow::Borrowed(&[(44, 755), (102, 941), (136, 1337), (181, 1843), (261, 2308)]),
@@ -303,6 +354,7 @@ impl VerdictTable {
     pub const NEAR_3: Self = Self {
         rank: 75,
         network: Some(Cow::Borrowed("bfe4adebaef937f9")),
+        fitted: REVISION_3,
         base: -1374,
         steps: [
             Cow::Borrowed(&[
@@ -369,6 +421,10 @@ impl VerdictTable {
             rank: file.rank,
             base: file.base,
             network: file.gaps.map(Cow::Owned),
+            fitted: FittedTo::parse(
+                file.fitted_runs.iter().map(String::as_str),
+                &file.fitted_pairs,
+            )?,
             steps: Feature::ALL
                 .map(|feature| Cow::Owned(steps.remove(feature.name()).unwrap_or_default())),
         })
@@ -379,9 +435,19 @@ impl VerdictTable {
         use std::fmt::Write;
         let network = self.network.as_ref();
         let gaps = network.map_or_else(String::new, |hash| format!("gaps = \"{hash}\"\n"));
+        let quoted = |run: &Cow<'_, str>| run.replace('\\', "\\\\").replace('"', "\\\"");
+        let runs = self.fitted.runs.iter();
+        let runs: Vec<_> = runs
+            .map(|run| format!("    \"{}\",\n", quoted(run)))
+            .collect();
         let mut text = format!(
-            "rank = {}\nbase = {}\n{gaps}\n[steps]\n",
-            self.rank, self.base
+            "rank = {}\nbase = {}\n{gaps}{} = [\n{}]\n{} = \"{}\"\n\n[steps]\n",
+            self.rank,
+            self.base,
+            FittedTo::RUNS,
+            runs.concat(),
+            FittedTo::PAIRS,
+            self.fitted.pairs_text(),
         );
         let features = Feature::ALL.into_iter().zip(&self.steps);
         for (feature, steps) in features.filter(|(of, steps)| !of.needs_gaps() || !steps.is_empty())

@@ -15,11 +15,12 @@ use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Paramete
 use crate::depth::decision::{CellPixels, Decision, Feature, SafeChoice, Tolerance, VerdictTable};
 use crate::error::{Error, Result};
 use crate::kernel::{GapCandidates, GapNetwork, Isa, STEPS, WinnerTest};
-use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, Reason, RectifiedPair, Rig};
+use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, FittedTo, Reason, RectifiedPair, Rig};
 use crate::timing::Stage;
 use gaps::Gaps;
 use level::MatchLevel;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 pub use gaps::GapModel;
 
@@ -304,6 +305,14 @@ impl V5 {
     }
 }
 
+/// The runs that the built-in network was fitted to (docs/results/v5.md, "Learned gaps").
+const REVISION_3: FittedTo = FittedTo::built_in(&[
+    Cow::Borrowed("arena seed 101..110"),
+    Cow::Borrowed("arena-training seed 101..110"),
+    Cow::Borrowed("worlds-training seed 1..40"),
+    Cow::Borrowed("shapes-training seed 1..40"),
+]);
+
 /// The network for gaps that the parameters select, in the bytes of its file.
 struct NetworkFile<'a> {
     /// The setting that selects it.
@@ -324,6 +333,17 @@ impl<'a> NetworkFile<'a> {
             }),
             (None, _) => None,
         }
+    }
+
+    /// The runs that it was fitted to.
+    ///
+    /// # Errors
+    /// The fault in its file.
+    fn fitted(&self) -> std::result::Result<FittedTo, String> {
+        if self.bytes.as_ptr() == GapModel::REVISION_3.as_ptr() {
+            return Ok(REVISION_3);
+        }
+        FittedTo::of_facts(&GapModel::from_bytes(self.bytes)?.facts)
     }
 
     /// Identifies it in the tables that were fitted with it.
@@ -377,6 +397,11 @@ fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
             file.path
         )));
     }
+    let fitted_network = network.as_ref().map(|network| {
+        let fitted = network.fitted();
+        fitted.map_err(|why| Error::Usage(format!("{}: {why}", network.named)))
+    });
+    let fitted = [Some(table.fitted.clone()), fitted_network.transpose()?];
     let rank = match parameters.int("rank") {
         0 => table.rank,
         rank => i64::from(rank),
@@ -397,6 +422,7 @@ fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
         jump: parameters.int("jump"),
         allowance_px: parameters.real("allowance_px"),
         network: hash,
+        fitted: fitted.into_iter().flatten().collect(),
     })
 }
 

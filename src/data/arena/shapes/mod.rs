@@ -80,6 +80,7 @@ impl Shapes {
             pair: StereoPair::new(left?, right?)?,
             geometry: Geometry::Rectified(Some(self.rig)),
             calibration: None,
+            recorded: None,
             pose: None,
             truth: Some(layers.truth(size)?),
             color: None,

@@ -380,6 +380,7 @@ impl PairSource for Foreign {
             truth: None,
             color,
             exposure,
+            recorded: None,
         });
         Some(frame.map_err(|e| format!("the pair at {left_ns} ns: {e}")))
     }

@@ -1,0 +1,217 @@
+//! Pairs that a command has taken, each once: the one register of copies, and of pairs that
+//! learned files were fitted to.
+
+use super::Source;
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use svl_core::matcher::Algorithm;
+use svl_core::stereo::{FittedTo, Frame, Losses, PairId};
+use svl_core::{Error, Result, counted};
+
+/// Stamps from this on are of a clock (1973), not counted from the first pair: recordings share
+/// them only if they show the same moments.
+const MIN_CLOCK_NS: u64 = 100_000_000_000_000_000;
+
+/// The pairs of the runs of a command. Clones share it.
+#[derive(Clone, Default)]
+pub struct PairRegister(Arc<Mutex<Pairs>>);
+
+#[derive(Default)]
+struct Pairs {
+    runs: Vec<String>,
+    /// The run that each pair belongs to.
+    owners: HashMap<PairId, usize>,
+    by_stamps: HashMap<[u64; 2], usize>,
+    /// Pairs of a run that belong to an earlier one.
+    copies: BTreeMap<[usize; 2], u64>,
+    learned: Vec<LearnedNumbers>,
+}
+
+/// The runs that the learned numbers of an algorithm were fitted to; the user is warned of each
+/// algorithm once.
+struct LearnedNumbers {
+    label: String,
+    fitted: Vec<FittedTo>,
+    is_reported: bool,
+}
+
+impl PairRegister {
+    /// An empty one, which warns of pairs that these algorithms were fitted to.
+    ///
+    /// # Errors
+    /// Those of [`Algorithm::fitted`].
+    pub fn new(algorithms: &[Algorithm]) -> Result<Self> {
+        let learned = algorithms.iter().map(|algorithm| {
+            Ok(LearnedNumbers {
+                label: algorithm.label().to_owned(),
+                fitted: algorithm.fitted()?,
+                is_reported: false,
+            })
+        });
+        let pairs = Pairs {
+            learned: learned.collect::<Result<_>>()?,
+            ..Pairs::default()
+        };
+        Ok(Self(Arc::new(Mutex::new(pairs))))
+    }
+
+    /// Refuses recordings that share pairs: they would be trained on and tested on.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] with the two recordings.
+    pub fn refuse_copies(&self) -> Result<()> {
+        let pairs = self.lock();
+        let Some(([run, owner], n)) = pairs.copies.first_key_value() else {
+            return Ok(());
+        };
+        Err(Error::Usage(format!(
+            "{}: has {} of {}: name each recording once, for training or for the test",
+            pairs.runs[*run],
+            counted(*n, "pair"),
+            pairs.runs[*owner]
+        )))
+    }
+
+    /// The runs that are fitted to, of all in the order in which they were registered, with their
+    /// pairs.
+    pub fn fitted(&self, is_fitted: impl Fn(usize) -> bool) -> FittedTo {
+        let pairs = self.lock();
+        let runs = pairs.runs.iter().enumerate();
+        let runs = runs.filter(|(run, _)| is_fitted(*run));
+        let runs = runs.map(|(_, name)| name.clone()).collect();
+        let ids = pairs.owners.iter().filter(|(_, run)| is_fitted(**run));
+        FittedTo::new(runs, ids.map(|(id, _)| *id))
+    }
+
+    fn begin(&self, run: String) -> usize {
+        let mut pairs = self.lock();
+        pairs.runs.push(run);
+        pairs.runs.len() - 1
+    }
+
+    fn name(&self, run: usize) -> String {
+        self.lock().runs[run].clone()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Pairs> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Pairs {
+    /// Warns once of each algorithm that was fitted to the frame.
+    fn warn_of_training(&mut self, run: &str, simulated: Option<&str>, frame: &Frame) {
+        for of in self.learned.iter_mut().filter(|of| !of.is_reported) {
+            if of.fitted.iter().any(|fitted| fitted.has(simulated, frame)) {
+                of.is_reported = true;
+                let scene = frame.name.as_deref().unwrap_or(run);
+                tracing::warn!(
+                    "{}: was fitted to pairs of {scene}: scores on what it was fitted to say \
+                     little of other recordings",
+                    of.label
+                );
+            }
+        }
+    }
+}
+
+/// A source without the pairs that the register has already.
+pub struct RegisteredSource {
+    source: Box<dyn Source>,
+    register: PairRegister,
+    run: usize,
+    /// Its name among what learned files were fitted to, if it is simulated.
+    simulated: Option<String>,
+    seeks: bool,
+    copies: BTreeMap<usize, u64>,
+    /// Pairs with the stamps, but not the pixels, of a pair of another run.
+    same_stamps: BTreeMap<usize, u64>,
+}
+
+impl RegisteredSource {
+    /// A run of that name, and the name and seed of the simulation that it is of. `seeks`: false if
+    /// all pairs have to be registered, so that none may be skipped.
+    pub fn new(
+        source: Box<dyn Source>,
+        register: &PairRegister,
+        (name, simulated): (String, Option<String>),
+        seeks: bool,
+    ) -> Self {
+        Self {
+            run: register.begin(name),
+            source,
+            register: register.clone(),
+            simulated,
+            seeks,
+            copies: BTreeMap::new(),
+            same_stamps: BTreeMap::new(),
+        }
+    }
+
+    /// Registers a pair; false if it is a copy.
+    fn is_new(&mut self, frame: &Frame) -> bool {
+        let id = frame.id();
+        let mut pairs = self.register.lock();
+        let pairs = &mut *pairs;
+        // In one recording, stamps that were never set are equal, and so are the pictures of a
+        // camera at rest.
+        let owner = *pairs.owners.entry(id).or_insert(self.run);
+        if owner != self.run {
+            *self.copies.entry(owner).or_default() += 1;
+            *pairs.copies.entry([self.run, owner]).or_default() += 1;
+            return false;
+        }
+        let first = *pairs.by_stamps.entry(id.stamps_ns).or_insert(self.run);
+        if first != self.run && id.stamps_ns[0] >= MIN_CLOCK_NS {
+            *self.same_stamps.entry(first).or_default() += 1;
+        }
+        let run = pairs.runs[self.run].clone();
+        pairs.warn_of_training(&run, self.simulated.as_deref(), frame);
+        true
+    }
+}
+
+impl Source for RegisteredSource {
+    fn wrapped(&self) -> Option<&dyn Source> {
+        Some(&*self.source)
+    }
+
+    fn wrapped_mut(&mut self) -> Option<&mut dyn Source> {
+        Some(&mut *self.source)
+    }
+
+    fn next(&mut self) -> Result<Option<Frame>> {
+        while let Some(frame) = self.source.next()? {
+            if self.is_new(&frame) {
+                return Ok(Some(frame));
+            }
+        }
+        Ok(None)
+    }
+
+    fn seek(&mut self, index: u64) -> Result<bool> {
+        if self.seeks {
+            self.source.seek(index)
+        } else {
+            Ok(false)
+        }
+    }
+
+    fn finish(&mut self, taken: u64) -> Losses {
+        let name = self.register.name(self.run);
+        for (other, n) in &self.same_stamps {
+            tracing::warn!(
+                "{name}: {} with the stamps of pairs of {}, but other pixels: what both recordings \
+                 show counts twice",
+                counted(*n, "pair"),
+                self.register.name(*other)
+            );
+        }
+        let copies: u64 = self.copies.values().sum();
+        let mut losses = self.source.finish(taken + copies);
+        for (owner, n) in std::mem::take(&mut self.copies) {
+            *losses.copies.entry(self.register.name(owner)).or_default() += n;
+        }
+        losses
+    }
+}

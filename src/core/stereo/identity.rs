@@ -1,0 +1,211 @@
+//! Identity of a recorded pair, and of what a learned file was fitted to.
+
+use super::Frame;
+use std::borrow::Cow;
+
+/// Identity of a pair as it was recorded, before rectification, crop, scale and perturbation: its
+/// pixels and the stamps of both images. Copies of a recording have the same pairs, compressed or
+/// not, in any format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct PairId {
+    pixels: u128,
+    /// Of the left and of the right image, nanoseconds.
+    pub stamps_ns: [u64; 2],
+}
+
+impl PairId {
+    pub(super) fn new(frame: &Frame) -> Self {
+        let left_ns = frame.stamp_ns;
+        let skew_ns = frame.exposure.skew_ns.unwrap_or(0);
+        Self {
+            pixels: frame.pair.hash(),
+            stamps_ns: [left_ns, left_ns.wrapping_add_signed(skew_ns)],
+        }
+    }
+
+    /// Its short form in the files of learned numbers: two of a million pairs share one by chance
+    /// once in two times.
+    fn short(&self) -> u64 {
+        let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
+        hasher.update(&self.pixels.to_le_bytes());
+        for stamp in self.stamps_ns {
+            hasher.update(&stamp.to_le_bytes());
+        }
+        hasher.digest() >> (64 - SHORT_BITS)
+    }
+}
+
+const SHORT_BITS: u32 = 40;
+
+/// Hexadecimal digits of a short form.
+const SHORT_DIGITS: usize = SHORT_BITS as usize / 4;
+
+/// The runs and pairs that a learned file was fitted to.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FittedTo {
+    /// Recordings, data-set scenes, and simulated runs: `arena seed 4`, `arena seed 4..10`.
+    pub runs: Cow<'static, [Cow<'static, str>]>,
+    /// Short forms of the pairs' identities, sorted; none for what svl has built in.
+    pairs: Vec<u64>,
+}
+
+impl FittedTo {
+    /// Keys of the facts in the files of learned numbers.
+    pub const RUNS: &str = "fitted_runs";
+    pub const PAIRS: &str = "fitted_pairs";
+
+    /// That of a built-in table or network.
+    pub const fn built_in(runs: &'static [Cow<'static, str>]) -> Self {
+        Self {
+            runs: Cow::Borrowed(runs),
+            pairs: Vec::new(),
+        }
+    }
+
+    pub fn new(runs: Vec<String>, pairs: impl Iterator<Item = PairId>) -> Self {
+        let mut pairs: Vec<_> = pairs.map(|id| id.short()).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        Self {
+            runs: runs.into_iter().map(Cow::Owned).collect(),
+            pairs,
+        }
+    }
+
+    /// From the facts of a file; empty where it has none.
+    ///
+    /// # Errors
+    /// The fault in the list of pairs.
+    pub fn parse<'a>(runs: impl Iterator<Item = &'a str>, pairs: &str) -> Result<Self, String> {
+        let (chunks, rest) = pairs.as_bytes().as_chunks::<SHORT_DIGITS>();
+        let short = |digits: &[u8; SHORT_DIGITS]| {
+            let text = std::str::from_utf8(digits).ok()?;
+            u64::from_str_radix(text, 16).ok()
+        };
+        let pairs: Option<Vec<_>> = chunks.iter().map(short).collect();
+        let pairs = pairs.filter(|pairs| rest.is_empty() && pairs.is_sorted());
+        let wrong = || {
+            format!(
+                "its '{}' is not a sorted list of {SHORT_DIGITS} hexadecimal digits each",
+                Self::PAIRS
+            )
+        };
+        Ok(Self {
+            runs: runs.map(|run| Cow::Owned(run.to_owned())).collect(),
+            pairs: pairs.ok_or_else(wrong)?,
+        })
+    }
+
+    /// From the facts of a network, with its runs in lines.
+    pub(crate) fn of_facts(facts: &crate::filter::ModelFacts) -> Result<Self, String> {
+        let fact = |key: &str| facts.get(key).map_or("", String::as_str);
+        Self::parse(fact(Self::RUNS).lines(), fact(Self::PAIRS))
+    }
+
+    /// As facts of a network.
+    pub fn facts(&self) -> [(String, String); 2] {
+        [
+            (Self::RUNS.to_owned(), self.runs.join("\n")),
+            (Self::PAIRS.to_owned(), self.pairs_text()),
+        ]
+    }
+
+    /// The short forms of its pairs as text.
+    pub fn pairs_text(&self) -> String {
+        let pairs = self.pairs.iter();
+        pairs
+            .map(|pair| format!("{pair:0SHORT_DIGITS$x}"))
+            .collect()
+    }
+
+    /// True if the frame is one of its pairs. `run`: the simulated run that the frame is of, which
+    /// identifies it if the pairs are not known, as the name of a data-set scene does.
+    pub fn has(&self, run: Option<&str>, frame: &Frame) -> bool {
+        if !self.pairs.is_empty() {
+            return self.pairs.binary_search(&frame.id().short()).is_ok();
+        }
+        let names = [run, frame.name.as_deref()].into_iter().flatten();
+        let mut runs = names.flat_map(|name| self.runs.iter().map(move |of| (of, name)));
+        runs.any(|(of, name)| of == name || has_seed(of, name).unwrap_or(false))
+    }
+}
+
+/// True if `arena seed 4..10` has `arena seed 7`.
+fn has_seed(runs: &str, run: &str) -> Option<bool> {
+    let (name, seed) = run.rsplit_once(' ')?;
+    let (of, seeds) = runs.rsplit_once(' ')?;
+    let (first, last) = seeds.split_once("..")?;
+    let [first, last, seed] = [first, last, seed].map(|number| number.parse::<u64>().ok());
+    Some(of == name && (first?..=last?).contains(&seed?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stereo::{Exposure, Geometry, Gray, StereoPair};
+
+    fn frame(gray: u8, stamp_ns: u64, skew_ns: Option<i64>) -> Frame {
+        let image = |gray| Gray::filled(4, 3, gray).unwrap();
+        let pair = StereoPair::new(image(gray), image(7)).unwrap();
+        Frame {
+            stamp_ns,
+            exposure: Exposure {
+                skew_ns,
+                ..Exposure::default()
+            },
+            ..Frame::new(pair, Geometry::Raw)
+        }
+    }
+
+    #[test]
+    fn a_pair_is_its_pixels_and_its_stamps() {
+        let id = frame(1, 50, Some(-3)).id();
+        assert_eq!(id, frame(1, 50, Some(-3)).id());
+        assert_eq!(frame(1, 50, None).id(), frame(1, 50, Some(0)).id());
+        for other in [
+            frame(2, 50, Some(-3)),
+            frame(1, 51, Some(-3)),
+            frame(1, 50, None),
+        ] {
+            assert_ne!(id, other.id());
+        }
+        // It stays that of the recording when the pixels change.
+        let mut changed = frame(1, 50, Some(-3));
+        changed.keep_id();
+        changed.pair = frame(9, 0, None).pair;
+        assert_eq!(changed.id(), id);
+    }
+
+    #[test]
+    fn what_was_fitted_to_comes_back_from_facts() {
+        let ids = (0..50).map(|i| frame(i, 0, None).id());
+        let runs = vec!["night, wet.mcap".to_owned(), "arena seed 4".to_owned()];
+        let fitted = FittedTo::new(runs, ids);
+        let facts = fitted.facts().into();
+        assert_eq!(FittedTo::of_facts(&facts), Ok(fitted.clone()));
+        assert!(fitted.has(None, &frame(49, 0, None)));
+        // Pairs decide where they are known, not names.
+        assert!(!fitted.has(Some("arena seed 4"), &frame(50, 0, None)));
+        for wrong in ["0", "000000000g", "00000000020000000001"] {
+            assert!(FittedTo::parse([].into_iter(), wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn simulated_runs_are_known_by_their_seeds() {
+        const FITTED: FittedTo = FittedTo::built_in(&[
+            Cow::Borrowed("arena seed 4..10"),
+            Cow::Borrowed("worlds seed 3"),
+            Cow::Borrowed("teddy"),
+        ]);
+        let has = |run: &str| FITTED.has(Some(run), &frame(0, 0, None));
+        assert!(has("arena seed 4") && has("arena seed 10") && has("worlds seed 3"));
+        assert!(!has("arena seed 3") && !has("arena seed 11") && !has("worlds seed 4"));
+        assert!(!has("arena seed x") && !has("teddy bear"));
+        let scene = Frame {
+            name: Some("teddy".to_owned()),
+            ..frame(0, 0, None)
+        };
+        assert!(FITTED.has(None, &scene));
+    }
+}

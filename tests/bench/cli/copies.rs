@@ -1,0 +1,191 @@
+//! Copies of recordings, and learned files that were fitted to what they are scored on.
+
+use super::fixture::Fixture;
+use crate::common::assert_says;
+use serde_json::Value;
+use svl::report::{Row, read_rows};
+
+/// `run.mcap`, 12 pairs with truth, and copies of it: as it is, compressed, cut, and as a ROS 2
+/// bag.
+fn copied() -> Fixture {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 12);
+    fixture.run("record short.toml --seed 1 -q -o run.mcap");
+    std::fs::copy(fixture.path("run.mcap"), fixture.path("copy.mcap")).unwrap();
+    fixture.run("record run.mcap -q --compress -o packed.mcap");
+    fixture.run("record run.mcap -q --from 0.3 -o cut.mcap");
+    fixture.run("record run.mcap -q --ros2 -o ros.mcap");
+    fixture
+}
+
+fn summary(fixture: &Fixture, report: &str) -> Value {
+    serde_json::from_str(&fixture.text(&format!("{report}/summary.json"))).unwrap()
+}
+
+#[test]
+fn copies_are_scored_once_and_reported() {
+    let fixture = copied();
+    let names = "run.mcap copy.mcap packed.mcap cut.mcap ros.mcap";
+    let score = format!("score {names} --algo v3 --rerun none");
+    let ran = fixture.svl(&format!("{score} -o all"));
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    for copy in ["copy.mcap", "packed.mcap", "ros.mcap"] {
+        let words =
+            format!("{copy}: 12 pairs dropped: pairs of run.mcap too, which are scored once");
+        assert_says(&ran.stderr, &[words.as_str()]);
+    }
+    fixture.run("score run.mcap --algo v3 --rerun none -o alone");
+    let rows = |report: &str| {
+        let rows: Vec<Row> = read_rows(&fixture.path(&format!("{report}/rows.csv"))).unwrap();
+        let hash = |row: Row| (row.run, row.sequence, row.pair_hash);
+        rows.into_iter().map(hash).collect::<Vec<_>>()
+    };
+    assert_eq!(rows("all"), rows("alone"));
+    let copies = summary(&fixture, "all")["missing"]["copies"]["run.mcap"].clone();
+    assert!(copies.as_u64() > Some(3 * 12), "{copies}");
+    for page in ["all/index.html", "all/summary.md"] {
+        assert_says(
+            &fixture.text(page),
+            &["copies of pairs of run.mcap, each scored once"],
+        );
+    }
+    // Shards score what the whole run does.
+    for shard in ["1/2", "2/2"] {
+        let part = &shard[..1];
+        fixture.run(&format!("{score} --shard {shard} -q -o part{part}"));
+    }
+    fixture.run("merge part1 part2 -q -o merged");
+    assert_eq!(rows("merged"), rows("all"));
+    // Perturbed, the pairs are those of the recording still.
+    fixture.run("score run.mcap cut.mcap --algo v3 --rerun none --stress noise=4 -q -o stressed");
+    let rows: Vec<Row> = read_rows(&fixture.path("stressed/rows.csv")).unwrap();
+    assert_eq!(rows.len(), 24);
+}
+
+#[test]
+fn pictures_of_a_camera_at_rest_stay_pairs() {
+    let fixture = Fixture::new();
+    fixture.write_pair("p/left/0.pgm", "p/right/0.pgm", (64, 32), 7);
+    for i in 1..4 {
+        for side in ["left", "right"] {
+            let from = fixture.path(&format!("p/{side}/0.pgm"));
+            std::fs::copy(from, fixture.path(&format!("p/{side}/{i}.pgm"))).unwrap();
+        }
+    }
+    let ran = fixture.svl("score p --algo v3:max_disparity=8 --rerun none -o r");
+    assert!(!ran.stderr.contains("dropped"), "{}", ran.stderr);
+    let rows: Vec<Row> = read_rows(&fixture.path("r/rows.csv")).unwrap();
+    assert_eq!(rows.len(), 4);
+    fixture.run("record p -q -o p.mcap");
+    fixture.run("record p.mcap --ros2 -q -o ros.mcap");
+    for recording in ["p.mcap", "ros.mcap"] {
+        let info = fixture.run(&format!("info {recording}"));
+        assert_says(
+            &info,
+            &["equal      3 left and 3 right images equal the one before"],
+        );
+    }
+}
+
+#[test]
+fn training_and_search_refuse_copies() {
+    let fixture = copied();
+    fixture.run("record short.toml --seed 2 -q -o other.mcap");
+    let files = |name: &str, files: &str| {
+        let text = format!(
+            "name = \"{name}\"\nalgorithms = [\"v5\"]\n[source]\nkind = \"recording\"\n\
+             files = [{files}]\n"
+        );
+        fixture.write(&format!("{name}.toml"), text);
+    };
+    files("mine", "\"run.mcap\", \"other.mcap\"");
+    files("cut", "\"cut.mcap\"");
+    let refused = "2: cut.mcap: has | pairs of run.mcap: name each recording once";
+    fixture.fails(&format!(
+        "-q train cells mine.toml cut.toml -o t.toml => {refused}
+        -q train gaps mine.toml cut.toml --epochs 1 -o t.safetensors => {refused}
+        -q tune run.mcap other.mcap cut.mcap --auto --trials 4 -o t.toml => {refused}
+        -q tune run.mcap --auto --trials 4 --test cut.toml -o t.toml => {refused}"
+    ));
+}
+
+/// Scores with the number of warnings that its numbers are of training.
+fn warnings(fixture: &Fixture, line: &str) -> usize {
+    let ran = fixture.svl(line);
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    ran.stderr.matches("was fitted to pairs of").count()
+}
+
+#[test]
+fn scores_on_what_was_fitted_to_are_warned_of() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 12);
+    fixture.run("-q train gaps short.toml --seeds 104..106 --epochs 1 -o gaps.safetensors");
+    fixture.run("-q train cells short.toml --seeds 107..109 -o own.toml");
+    for seed in [104, 106, 108, 109] {
+        fixture.run(&format!(
+            "record short.toml --seed {seed} -q -o {seed}.mcap"
+        ));
+    }
+    fixture.run("record 108.mcap --ros2 -q -o ros.mcap");
+    let own = "--algo own=v5:table=own.toml";
+    let score = |what: &str, algo: &str, report: &str| {
+        let line = format!("score {what} {algo} --rerun none -o {report}");
+        warnings(&fixture, &line)
+    };
+    let gaps = "--algo v5:gaps=gaps.safetensors";
+    assert_eq!(score("short.toml --seeds 104..105", gaps, "a"), 1);
+    // Each fifth run is held out, of fewer the last; the last here.
+    assert_eq!(score("106.mcap", gaps, "b"), 0);
+    assert_eq!(score("104.mcap", gaps, "c"), 1);
+    assert_eq!(score("104.mcap", own, "d"), 0);
+    assert_eq!(score("108.mcap 109.mcap ros.mcap", own, "e"), 1);
+    let words = "was fitted to pairs of";
+    assert_eq!(
+        summary(&fixture, "e")["warnings"]
+            .to_string()
+            .matches(words)
+            .count(),
+        1
+    );
+    for page in ["e/index.html", "e/summary.md"] {
+        assert_eq!(fixture.text(page).matches(words).count(), 1, "{page}");
+    }
+    assert_eq!(
+        warnings(&fixture, "replay ros.mcap --algo v5:table=own.toml"),
+        1
+    );
+    assert_eq!(
+        warnings(&fixture, "replay 106.mcap --algo v5:table=own.toml"),
+        0
+    );
+    let tune = "tune 108.mcap 109.mcap --auto --trials 4 -o t.toml --algo v5:table=own.toml";
+    assert_eq!(warnings(&fixture, tune), 1);
+    // Built-in tables know the names of simulated runs.
+    fixture.write(
+        "arena.toml",
+        fixture.text("short.toml").replace("\"short\"", "\"arena\""),
+    );
+    assert_eq!(score("arena.toml --seeds 3..4", "--algo v5", "f"), 1);
+    assert_eq!(score("arena.toml --seeds 3..3", "--algo v5", "g"), 0);
+}
+
+#[test]
+fn recordings_of_the_same_moments_are_warned_of() {
+    let fixture = Fixture::new();
+    fixture.write_euroc("60.0");
+    for (recording, shift) in [("a.mcap", 3), ("b.mcap", 4)] {
+        for (camera, shift) in [("cam0", 0), ("cam1", shift)] {
+            let csv =
+                "#timestamp [ns],filename\n1700000000000000000,a.pgm\n1700000000050000000,b.pgm\n";
+            fixture.write(&format!("mav0/{camera}/data.csv"), csv);
+            let image = |name: &str| format!("mav0/{camera}/data/{name}.pgm");
+            fixture.write_pair(&image("a"), "other.pgm", (64, 48), shift);
+            fixture.write_pair("other.pgm", &image("b"), (64, 48), shift);
+        }
+        fixture.run(&format!("record . --calib none -q -o {recording}"));
+    }
+    let ran = fixture.svl("score a.mcap b.mcap --algo v3:max_disparity=8 --rerun none -o r");
+    let words = ["b.mcap: 1 pair with the stamps of pairs of a.mcap, but other pixels"];
+    assert_says(&ran.stderr, &words);
+}
