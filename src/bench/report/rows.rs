@@ -89,7 +89,10 @@ macro_rules! record {
                 cells: $crate::report::rows::CsvCells<'_>,
             ) -> std::result::Result<Self, String> {
                 Ok(Self {$(
-                    $field: $crate::report::rows::RowField::parse($crate::report::rows::column_name(stringify!($field)), cells)?,
+                    $field: $crate::report::rows::RowField::parse(
+                        $crate::report::rows::column_name(stringify!($field)),
+                        cells,
+                    )?,
                 )*})
             }
 
@@ -236,8 +239,8 @@ record! {
         true_distance_m: Option<f64>,
         /// Result of the cell: right, wrong, unknown or no-truth.
         verdict: Verdict,
-        /// The median is truly nearer than the scenario's `obstacle_m` and reported farther than its
-        /// `clear_m`.
+        /// The median is truly nearer than the scenario's `obstacle_m` and reported farther than
+        /// its `clear_m`.
         missed_median: bool,
         /// The reverse of `missed_median`: truly farther than `clear_m`, reported nearer than
         /// `obstacle_m`.

@@ -14,10 +14,10 @@ const MIN_CLOCK_NS: u64 = 100_000_000_000_000_000;
 
 /// The pairs of the runs of a command. Clones share it.
 #[derive(Clone, Default)]
-pub struct PairRegister(Arc<Mutex<Pairs>>);
+pub struct PairRegister(Arc<Mutex<RegisteredPairs>>);
 
 #[derive(Default)]
-struct Pairs {
+struct RegisteredPairs {
     runs: Vec<String>,
     /// The run that each pair belongs to.
     owners: HashMap<PairId, usize>,
@@ -48,9 +48,9 @@ impl PairRegister {
                 is_reported: false,
             })
         });
-        let pairs = Pairs {
+        let pairs = RegisteredPairs {
             learned: learned.collect::<Result<_>>()?,
-            ..Pairs::default()
+            ..RegisteredPairs::default()
         };
         Ok(Self(Arc::new(Mutex::new(pairs))))
     }
@@ -93,16 +93,18 @@ impl PairRegister {
         self.lock().runs[run].clone()
     }
 
-    fn lock(&self) -> MutexGuard<'_, Pairs> {
+    fn lock(&self) -> MutexGuard<'_, RegisteredPairs> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Pairs {
+impl RegisteredPairs {
     /// Warns once of each algorithm that was fitted to the frame.
     fn warn_of_training(&mut self, run: &str, simulated: Option<&str>, frame: &Frame) {
+        let names = [simulated, frame.name.as_deref()].into_iter().flatten();
+        let id = frame.id();
         for of in self.learned.iter_mut().filter(|of| !of.is_reported) {
-            if of.fitted.iter().any(|fitted| fitted.has(simulated, frame)) {
+            if of.fitted.iter().any(|fitted| fitted.has(id, names.clone())) {
                 of.is_reported = true;
                 let scene = frame.name.as_deref().unwrap_or(run);
                 tracing::warn!(

@@ -40,7 +40,8 @@ impl LabelledRuns {
     }
 }
 
-/// The windows of all runs, and the runs that a filter of them is fitted to. `range_px` is the range of disparities.
+/// The windows of all runs, and the runs that a filter of them is fitted to. `range_px` is the
+/// range of disparities.
 pub fn windows(
     kind: FilterKind,
     features: Features,

@@ -59,10 +59,11 @@ impl SearchData {
     pub fn read(
         scenario: &Scenario,
         tested: Option<Scenario>,
+        algorithms: &[Algorithm],
         wanted: usize,
         console: &dyn Console,
     ) -> Result<Self> {
-        let register = PairRegister::new(&scenario.algorithms)?;
+        let register = PairRegister::new(algorithms)?;
         if let Some(tested) = tested {
             let training = parts(scenario, wanted, (&register, false), console)?;
             let test = parts(&tested, TEST_PAIRS * wanted, (&register, false), console)?;

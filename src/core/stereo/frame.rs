@@ -56,7 +56,8 @@ impl Frame {
 
     /// Identity of the pair as it was recorded.
     pub fn id(&self) -> PairId {
-        self.recorded.unwrap_or_else(|| PairId::new(self))
+        let new = || PairId::new(&self.pair, self.stamp_ns, self.exposure.skew_ns);
+        self.recorded.unwrap_or_else(new)
     }
 
     /// Keeps the identity of the pair, before its pixels are changed.

@@ -1,7 +1,8 @@
 //! Identity of a recorded pair, and of what a learned file was fitted to.
 
-use super::Frame;
+use super::StereoPair;
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// Identity of a pair as it was recorded, before rectification, crop, scale and perturbation: its
 /// pixels and the stamps of both images. Copies of a recording have the same pairs, compressed or
@@ -14,11 +15,11 @@ pub struct PairId {
 }
 
 impl PairId {
-    pub(super) fn new(frame: &Frame) -> Self {
-        let left_ns = frame.stamp_ns;
-        let skew_ns = frame.exposure.skew_ns.unwrap_or(0);
+    /// `left_ns`: stamp of the left image. `skew_ns`: right stamp minus left stamp, if known.
+    pub fn new(pair: &StereoPair, left_ns: u64, skew_ns: Option<i64>) -> Self {
+        let skew_ns = skew_ns.unwrap_or(0);
         Self {
-            pixels: frame.pair.hash(),
+            pixels: pair.hash(),
             stamps_ns: [left_ns, left_ns.wrapping_add_signed(skew_ns)],
         }
     }
@@ -97,7 +98,7 @@ impl FittedTo {
     }
 
     /// From the facts of a network, with its runs in lines.
-    pub(crate) fn of_facts(facts: &crate::filter::ModelFacts) -> Result<Self, String> {
+    pub(crate) fn of_facts(facts: &BTreeMap<String, String>) -> Result<Self, String> {
         let fact = |key: &str| facts.get(key).map_or("", String::as_str);
         Self::parse(fact(Self::RUNS).lines(), fact(Self::PAIRS))
     }
@@ -118,14 +119,15 @@ impl FittedTo {
             .collect()
     }
 
-    /// True if the frame is one of its pairs. `run`: the simulated run that the frame is of, which
-    /// identifies it if the pairs are not known, as the name of a data-set scene does.
-    pub fn has(&self, run: Option<&str>, frame: &Frame) -> bool {
+    /// True if it was fitted to the pair. `names`: the simulated run or the data-set scene that the
+    /// pair is of, which identifies it if the pairs are not known.
+    pub fn has<'a>(&self, id: PairId, names: impl IntoIterator<Item = &'a str>) -> bool {
         if !self.pairs.is_empty() {
-            return self.pairs.binary_search(&frame.id().short()).is_ok();
+            return self.pairs.binary_search(&id.short()).is_ok();
         }
-        let names = [run, frame.name.as_deref()].into_iter().flatten();
-        let mut runs = names.flat_map(|name| self.runs.iter().map(move |of| (of, name)));
+        let mut runs = names
+            .into_iter()
+            .flat_map(|name| self.runs.iter().map(move |of| (of, name)));
         runs.any(|(of, name)| of == name || has_seed(of, name).unwrap_or(false))
     }
 }
@@ -142,50 +144,33 @@ fn has_seed(runs: &str, run: &str) -> Option<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::{Exposure, Geometry, Gray, StereoPair};
+    use crate::stereo::Gray;
 
-    fn frame(gray: u8, stamp_ns: u64, skew_ns: Option<i64>) -> Frame {
+    fn id(gray: u8, left_ns: u64, skew_ns: Option<i64>) -> PairId {
         let image = |gray| Gray::filled(4, 3, gray).unwrap();
         let pair = StereoPair::new(image(gray), image(7)).unwrap();
-        Frame {
-            stamp_ns,
-            exposure: Exposure {
-                skew_ns,
-                ..Exposure::default()
-            },
-            ..Frame::new(pair, Geometry::Raw)
-        }
+        PairId::new(&pair, left_ns, skew_ns)
     }
 
     #[test]
     fn a_pair_is_its_pixels_and_its_stamps() {
-        let id = frame(1, 50, Some(-3)).id();
-        assert_eq!(id, frame(1, 50, Some(-3)).id());
-        assert_eq!(frame(1, 50, None).id(), frame(1, 50, Some(0)).id());
-        for other in [
-            frame(2, 50, Some(-3)),
-            frame(1, 51, Some(-3)),
-            frame(1, 50, None),
-        ] {
-            assert_ne!(id, other.id());
+        assert_eq!(id(1, 50, Some(-3)), id(1, 50, Some(-3)));
+        assert_eq!(id(1, 50, None), id(1, 50, Some(0)));
+        for other in [id(2, 50, Some(-3)), id(1, 51, Some(-3)), id(1, 50, None)] {
+            assert_ne!(id(1, 50, Some(-3)), other);
         }
-        // It stays that of the recording when the pixels change.
-        let mut changed = frame(1, 50, Some(-3));
-        changed.keep_id();
-        changed.pair = frame(9, 0, None).pair;
-        assert_eq!(changed.id(), id);
     }
 
     #[test]
     fn what_was_fitted_to_comes_back_from_facts() {
-        let ids = (0..50).map(|i| frame(i, 0, None).id());
+        let ids = (0..50).map(|i| id(i, 0, None));
         let runs = vec!["night, wet.mcap".to_owned(), "arena seed 4".to_owned()];
         let fitted = FittedTo::new(runs, ids);
         let facts = fitted.facts().into();
         assert_eq!(FittedTo::of_facts(&facts), Ok(fitted.clone()));
-        assert!(fitted.has(None, &frame(49, 0, None)));
+        assert!(fitted.has(id(49, 0, None), []));
         // Pairs decide where they are known, not names.
-        assert!(!fitted.has(Some("arena seed 4"), &frame(50, 0, None)));
+        assert!(!fitted.has(id(50, 0, None), ["arena seed 4"]));
         for wrong in ["0", "000000000g", "00000000020000000001"] {
             assert!(FittedTo::parse([].into_iter(), wrong).is_err(), "{wrong}");
         }
@@ -198,14 +183,9 @@ mod tests {
             Cow::Borrowed("worlds seed 3"),
             Cow::Borrowed("teddy"),
         ]);
-        let has = |run: &str| FITTED.has(Some(run), &frame(0, 0, None));
+        let has = |run: &str| FITTED.has(id(0, 0, None), [run]);
         assert!(has("arena seed 4") && has("arena seed 10") && has("worlds seed 3"));
         assert!(!has("arena seed 3") && !has("arena seed 11") && !has("worlds seed 4"));
-        assert!(!has("arena seed x") && !has("teddy bear"));
-        let scene = Frame {
-            name: Some("teddy".to_owned()),
-            ..frame(0, 0, None)
-        };
-        assert!(FITTED.has(None, &scene));
+        assert!(!has("arena seed x") && !has("teddy bear") && has("teddy"));
     }
 }

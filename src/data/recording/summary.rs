@@ -486,8 +486,8 @@ fn without_stamp<'a>(channel: &Channel, data: &'a [u8]) -> &'a [u8] {
     data.get(stamp..).unwrap_or(data)
 }
 
-/// Where the stamps of images in file order jump against their log times: a clock that was set, or a
-/// camera that began anew.
+/// Where the stamps of images in file order jump against their log times: a clock that was set, or
+/// a camera that began anew.
 fn clock_jumps(images: &[StampedImage]) -> Vec<ClockJump> {
     let jump = |pair: &[StampedImage]| {
         let [last, next] = pair else { return None };

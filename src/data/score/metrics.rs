@@ -753,8 +753,8 @@ pub const METRICS: &[Metric] = &[
             total: MetricTotal::Sum,
         },
         note: Some(|_| {
-            let words = "pairs and cells with enough of a truth: all other numbers against truth are \
-                         of these";
+            let words = "pairs and cells with enough of a truth: all other numbers against truth \
+                         are of these";
             ("scored", words.into())
         }),
         ..DETAIL
@@ -848,7 +848,8 @@ impl Metric {
         METRICS.iter().find(|metric| metric.name == name)
     }
 
-    /// The metric of that name, or of that heading in a table, `%` or not, for which `fits` is true.
+    /// The metric of that name, or of that heading in a table, `%` or not, for which `fits` is
+    /// true.
     ///
     /// # Errors
     /// One line with the names: all, or those of the metrics that share the heading.

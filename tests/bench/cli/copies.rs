@@ -162,12 +162,10 @@ fn scores_on_what_was_fitted_to_are_warned_of() {
     let tune = "tune 108.mcap 109.mcap --auto --trials 4 -o t.toml --algo v5:table=own.toml";
     assert_eq!(warnings(&fixture, tune), 1);
     // Built-in tables know the names of simulated runs.
-    fixture.write(
-        "arena.toml",
-        fixture.text("short.toml").replace("\"short\"", "\"arena\""),
-    );
-    assert_eq!(score("arena.toml --seeds 3..4", "--algo v5", "f"), 1);
-    assert_eq!(score("arena.toml --seeds 3..3", "--algo v5", "g"), 0);
+    assert_eq!(score("short.toml --seeds 3..4", "--algo v5", "f"), 1);
+    assert_eq!(score("short.toml --seeds 3..3", "--algo v5", "g"), 0);
+    fixture.run("record short.toml --seed 4 -q -o 4.mcap");
+    assert_eq!(score("4.mcap", "--algo v5", "h"), 1);
 }
 
 #[test]

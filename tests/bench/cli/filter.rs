@@ -375,7 +375,8 @@ fn what_cannot_be_trained_or_run_is_refused_in_one_line() {
     std::fs::write(fixture.path("cut.safetensors"), cut).unwrap();
     fixture.fails(
         "-q train filter short.toml --kind floor -o t.safetensors => 1: 2 recordings | three
-        -q train filter a.mcap b.mcap c.mcap --kind floor -o t.safetensors => 2: b.mcap: has 3 pairs of a.mcap
+        -q train filter a.mcap b.mcap c.mcap --kind floor -o t.safetensors => 2: b.mcap: has \
+         3 pairs of a.mcap
         -q train filter short.toml --seeds 1..3 --kind too-close -o t.safetensors => 1: at least 20
         label frames v4l2:/dev/video0,/dev/video2 --kind floor => 1: record them first
         label windows a.mcap --kind floor --from-truth => 1: a.floor.csv

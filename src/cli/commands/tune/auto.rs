@@ -62,6 +62,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     } = SearchData::read(
         &scenario,
         tested(args, &scenario)?,
+        &algorithms,
         args.search.pairs,
         terminal,
     )?;

@@ -51,7 +51,7 @@ enum PoseUse {
 }
 
 /// The motion of a frame between two stamps.
-pub(super) enum Motion {
+pub(super) enum PoseMotion {
     Known(Isometry3<f64>),
     /// The poses around the stamps jump.
     Jump(PoseStep),
@@ -132,28 +132,28 @@ impl PoseReader {
     }
 
     /// The pose of `frame` at the first stamp, in `frame` at the second one.
-    pub(super) fn motion(&mut self, frame: &str, [from_ns, to_ns]: [u64; 2]) -> Motion {
+    pub(super) fn motion(&mut self, frame: &str, [from_ns, to_ns]: [u64; 2]) -> PoseMotion {
         let [first_ns, last_ns] = [from_ns.min(to_ns), from_ns.max(to_ns)];
         self.read_until(frame, PoseUse::Motion, last_ns.saturating_add(AHEAD_NS));
         let links = self.chain(frame, PoseUse::Motion);
         let (Some(from), Some(to)) = (pose(&links, from_ns), pose(&links, to_ns)) else {
-            return Motion::Unknown;
+            return PoseMotion::Unknown;
         };
         let around = first_ns.saturating_sub(AHEAD_NS)..=last_ns.saturating_add(AHEAD_NS);
         if let Some(jump) = jump(&chain_steps(&links, around), [first_ns, last_ns]) {
-            return Motion::Jump(*jump);
+            return PoseMotion::Jump(*jump);
         }
         let top = links.iter().rev().find_map(ChainLink::moving);
         if let Some(top) = top.filter(|top| is_map(&top.parent)) {
             warn_once(format!(
-                "{}: {}: poses in '{}' move the truth, as there is none in an odometry frame: a map \
-                 is corrected in jumps",
+                "{}: {}: poses in '{}' move the truth, as there is none in an odometry frame: a \
+                 map is corrected in jumps",
                 self.recording.path().display(),
                 top.topic,
                 top.parent
             ));
         }
-        Motion::Known(to.inverse() * from)
+        PoseMotion::Known(to.inverse() * from)
     }
 
     /// Reads all poses.
@@ -178,7 +178,11 @@ impl PoseReader {
     /// The links above a frame; none if nothing moves there.
     fn chain<'a>(&'a self, frame: &'a str, of: PoseUse) -> Vec<ChainLink<'a>> {
         // Odometry may move a frame that has a static parent as well: that of an inertial sensor.
-        let orders = [Order::Transforms, Order::OdometryOverFixed, Order::Odometry];
+        let orders = [
+            ParentOrder::Transforms,
+            ParentOrder::OdometryOverFixed,
+            ParentOrder::Odometry,
+        ];
         let mut chains = orders.map(|order| self.chain_by(frame, order));
         if of == PoseUse::Motion {
             for chain in &mut chains {
@@ -196,16 +200,16 @@ impl PoseReader {
         chains.into_iter().find(moves).unwrap_or_default()
     }
 
-    fn chain_by<'a>(&'a self, frame: &'a str, order: Order) -> Vec<ChainLink<'a>> {
+    fn chain_by<'a>(&'a self, frame: &'a str, order: ParentOrder) -> Vec<ChainLink<'a>> {
         let [tf, odometry] = &self.moving;
         let (mut frame, mut links) = (plain(frame), Vec::new());
         while links.len() < MAX_CHAIN {
             let (fixed, of_tf) = (self.fixed.parent(frame), tf.get(frame));
             let of_odometry = odometry.get(frame);
             let moving = match order {
-                Order::Transforms => of_tf.or(of_odometry.filter(|_| fixed.is_none())),
-                Order::OdometryOverFixed => of_tf.or(of_odometry),
-                Order::Odometry => of_odometry.or(of_tf),
+                ParentOrder::Transforms => of_tf.or(of_odometry.filter(|_| fixed.is_none())),
+                ParentOrder::OdometryOverFixed => of_tf.or(of_odometry),
+                ParentOrder::Odometry => of_odometry.or(of_tf),
             };
             frame = match (moving, fixed) {
                 (Some(moving), _) => {
@@ -292,7 +296,7 @@ impl PoseReader {
 
 /// Where a frame has several parents: which of them is used.
 #[derive(Clone, Copy)]
-enum Order {
+enum ParentOrder {
     /// That of `/tf`, a static one, that of odometry.
     Transforms,
     /// That of `/tf`, that of odometry, a static one.

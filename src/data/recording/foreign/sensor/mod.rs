@@ -7,7 +7,7 @@ mod points;
 mod view;
 
 use super::motion::PoseStep;
-use super::poses::{Motion, PoseReader};
+use super::poses::{PoseMotion, PoseReader};
 use super::{PairStamps, topics, transforms};
 use crate::recording::messages::{Channel, EventReader, FileEvent};
 use crate::recording::{Recording, truth};
@@ -192,9 +192,9 @@ impl TruthTopic {
             }
         };
         let motion = match self.motion(stamp_ns, frame.stamp_ns, &camera) {
-            Motion::Known(motion) => Some(motion),
-            Motion::Unknown => None,
-            Motion::Jump(jump) => {
+            PoseMotion::Known(motion) => Some(motion),
+            PoseMotion::Unknown => None,
+            PoseMotion::Jump(jump) => {
                 self.warn_of_jump(stamp_ns, frame.stamp_ns, &jump);
                 self.jumped += 1;
                 self.view = Some((camera, view));
@@ -212,19 +212,19 @@ impl TruthTopic {
     /// The motion of points of a static world, from the rectified left camera at the measurement's
     /// time to that at the pair's; unknown if the times are equal or the poses unknown, of which
     /// the user is warned.
-    fn motion(&mut self, measured_ns: u64, pair_ns: u64, camera: &PairCamera) -> Motion {
+    fn motion(&mut self, measured_ns: u64, pair_ns: u64, camera: &PairCamera) -> PoseMotion {
         if measured_ns == pair_ns {
-            return Motion::Unknown;
+            return PoseMotion::Unknown;
         }
         let left = self.setup.left_frame();
         let poses = self.poses.as_mut();
         match poses.map(|poses| poses.motion(left, [measured_ns, pair_ns])) {
-            Some(Motion::Known(motion)) => {
+            Some(PoseMotion::Known(motion)) => {
                 let rotation = self.setup.rotation(camera);
-                return Motion::Known(rotation * motion * rotation.inverse());
+                return PoseMotion::Known(rotation * motion * rotation.inverse());
             }
-            Some(Motion::Jump(jump)) => return Motion::Jump(jump),
-            Some(Motion::Unknown) | None => {}
+            Some(PoseMotion::Jump(jump)) => return PoseMotion::Jump(jump),
+            Some(PoseMotion::Unknown) | None => {}
         }
         let apart_s = measured_ns.abs_diff(pair_ns) as f64 / 1e9;
         if apart_s > UNMOVED_S && !std::mem::replace(&mut self.warned_of_time, true) {
@@ -238,7 +238,7 @@ impl TruthTopic {
                 apart_s * 90.0
             );
         }
-        Motion::Unknown
+        PoseMotion::Unknown
     }
 
     /// Warns once of poses that jump between a measurement and its pair.
@@ -246,7 +246,8 @@ impl TruthTopic {
         if self.jumped == 0 {
             tracing::warn!(
                 "{}: --truth {}: the measurement of {:.3} s is not used: between it and its pair \
-                 the poses jump by {:.2} m and {:.1}° in {:.0} ms, and it cannot be moved to {:.3} s",
+                 the poses jump by {:.2} m and {:.1}° in {:.0} ms, and it cannot be moved to \
+                 {:.3} s",
                 self.recording.path().display(),
                 self.topic,
                 measured_ns as f64 / 1e9,
