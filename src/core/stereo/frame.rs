@@ -384,6 +384,8 @@ pub struct Losses {
     /// Frames whose measurement is of another time and cannot be moved to theirs, as the poses
     /// jump in between.
     pub jumped: u64,
+    /// Pixels of the truth that are impossible, and dropped.
+    pub impossible: u64,
     /// Frames of a truncated or corrupt video.
     pub cut: u64,
     /// Pairs that were not requested.
@@ -410,6 +412,7 @@ impl Losses {
             broken,
             without_truth,
             jumped,
+            impossible,
             cut,
             skipped,
             grabber,
@@ -423,6 +426,7 @@ impl Losses {
         }
         self.without_truth += without_truth;
         self.jumped += jumped;
+        self.impossible += impossible;
         self.cut += cut;
         self.skipped += skipped;
         self.grabber = grabber.or(self.grabber.take());
