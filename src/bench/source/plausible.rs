@@ -159,7 +159,7 @@ mod tests {
             let image = Gray::filled(40, 2, 0)?;
             let rig = Rig::new(50.0, (20.0, 1.0), 0.1, 0.0)?;
             let mut disparity = Plane::filled(40, 2, d)?;
-            disparity.set(0, 0, if d < 40.0 { 41.0 } else { d });
+            disparity.set(0, 0, if d < 40.0 { 6000.0 } else { d });
             Ok(Some(Frame {
                 truth: (!d.is_nan()).then(|| Truth::exact(disparity, None)),
                 ..Frame::new(

@@ -10,19 +10,25 @@ const MIN_PIXELS: usize = 200;
 /// other's: a shift of 10 px doubles it on KITTI's pairs.
 const BETTER: f64 = 0.7;
 
-/// True if the right image, shifted by `one`, is clearly more like the left image than shifted by
-/// `other`. A pixel that a disparity moves out of the right image differs by as much as grey levels
-/// can.
+/// Disparities that are wrong by this much match worse, pixels.
+const WRONG_PX: f32 = 7.0;
+/// Median difference of grey levels of a good match.
+const MAX_DIFFERENCE: f64 = 16.0;
+
+/// True if the right image, shifted by `one`, is like the left image, and clearly more so than
+/// shifted by `other` and by disparities beside `one`. A pixel that a disparity moves out of the
+/// right image differs by as much as grey levels can.
 pub fn is_better_match(pair: &StereoPair, one: &Plane<f32>, other: &Plane<f32>) -> bool {
     let (width, height) = pair.size();
     if one.size() != (width, height) || other.size() != (width, height) {
         return false;
     }
     let step = ((width * height) as f64 / PIXELS).sqrt().ceil().max(1.0) as usize;
-    let mut differences = [Vec::new(), Vec::new()];
+    let mut differences = [const { Vec::new() }; 4];
     for y in (step / 2..height).step_by(step) {
         for x in (step / 2..width).step_by(step) {
-            let shifts = [one.get(x, y), other.get(x, y)];
+            let (d, of_other) = (one.get(x, y), other.get(x, y));
+            let shifts = [d, of_other, d - WRONG_PX, d + WRONG_PX];
             if shifts.iter().any(|d| !d.is_finite()) {
                 continue;
             }
@@ -41,9 +47,10 @@ pub fn is_better_match(pair: &StereoPair, one: &Plane<f32>, other: &Plane<f32>) 
     if differences[0].len() < MIN_PIXELS {
         return false;
     }
-    let [one, other] = differences.map(|values| upper_median(values).unwrap_or(255.0));
+    let [one, others @ ..] = differences.map(|values| upper_median(values).unwrap_or(255.0));
     // Two grey levels are noise.
-    one < BETTER * other && other - one > 2.0
+    let is_better = |other: &f64| one < BETTER * other && other - one > 2.0;
+    one <= MAX_DIFFERENCE && others.iter().all(is_better)
 }
 
 #[cfg(test)]
@@ -63,7 +70,11 @@ mod tests {
         let plane = |d: f32| Plane::filled(size.0, size.1, d).unwrap();
         let is_better = |one: f32, other: f32| is_better_match(&pair, &plane(one), &plane(other));
         assert!(is_better(7.0, 20.0) && is_better(7.0, 500.0));
-        assert!(!is_better(20.0, 7.0) && !is_better(20.0, 30.0) && !is_better(7.0, 7.0));
+        assert!(!is_better(20.0, 7.0) && !is_better(7.0, 7.0));
+        assert!(
+            (8..60).all(|d| !is_better(d as f32, 100.0)),
+            "all are wrong"
+        );
         assert!(!is_better(f32::INFINITY, 20.0));
         let plain = Gray::filled(size.0, size.1, 90).unwrap();
         let pair = StereoPair::new(plain.clone(), plain).unwrap();

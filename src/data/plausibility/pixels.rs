@@ -11,8 +11,9 @@ const MIN_M: f64 = 0.001;
 const MAX_M: f64 = 10_000.0;
 /// Distances that a median probably has, metres.
 const LIKELY_M: std::ops::RangeInclusive<f64> = 0.1..=300.0;
-/// A truth is impossible as a whole if more than this fraction of its pixels is too near, or less
-/// of them is possible: its 90th percentile decides.
+/// A truth is impossible as a whole if its 90th percentile is: if more than this fraction of its
+/// pixels is too near, or less is possible. Of distances beyond the image's width, the median
+/// decides.
 const TENTH: f64 = 0.1;
 /// Disparities at infinity, despite the rounding of their file, pixels.
 const INFINITE_PX: f64 = 1e-4;
@@ -37,6 +38,8 @@ pub struct PixelCheck {
 #[derive(Clone, Copy, PartialEq)]
 enum Place {
     TooNear,
+    /// Matches outside the right image, at a distance that another sensor may have measured.
+    Outside,
     Possible,
     Infinite,
     TooFar,
@@ -59,15 +62,15 @@ pub fn remove_impossible(frame: &mut Frame) -> PixelCheck {
         removed: counts.removed(),
         refusal: None,
     };
-    if check.removed == 0 {
-        return check;
-    }
     if let Some(fault) = counts.fault() {
         check.refusal = Some(places.refusal(truth, fault));
     }
+    if check.removed == 0 {
+        return check;
+    }
     truth.disparity = truth.disparity.map(|d| {
         let is_kept = match places.of(d.into()) {
-            Place::Possible => true,
+            Place::Possible | Place::Outside => true,
             Place::Infinite => !counts.are_zeros_none(),
             Place::TooNear | Place::TooFar | Place::BeyondInfinity => false,
         };
@@ -82,6 +85,7 @@ struct Counts {
     /// All but those at infinity.
     known: u64,
     near: u64,
+    outside: u64,
     far: u64,
     beyond: u64,
     infinite: u64,
@@ -117,7 +121,7 @@ impl Counts {
         let possible = self.known - self.far - self.beyond;
         if self.known < MIN_PIXELS {
             None
-        } else if self.near as f64 > tenth {
+        } else if self.near as f64 > tenth || 2 * (self.near + self.outside) > self.known {
             Some(Fault::TooNear)
         } else if (possible as f64) >= tenth {
             None
@@ -153,7 +157,8 @@ impl Places<'_> {
         }
         match rig.depth_m(disparity) {
             None => Place::BeyondInfinity,
-            Some(z) if z < MIN_M || disparity >= self.width as f64 => Place::TooNear,
+            Some(z) if z < MIN_M => Place::TooNear,
+            Some(_) if disparity >= self.width as f64 => Place::Outside,
             Some(z) if z > MAX_M => Place::TooFar,
             Some(_) => Place::Possible,
         }
@@ -174,6 +179,7 @@ impl Places<'_> {
                     continue;
                 }
                 Place::TooNear => counts.near += 1,
+                Place::Outside => counts.outside += 1,
                 Place::TooFar => counts.far += 1,
                 Place::BeyondInfinity => counts.beyond += 1,
                 Place::Possible => {}
@@ -313,15 +319,16 @@ mod tests {
     #[test]
     fn single_impossible_pixels_are_removed() {
         let mut values = vec![5.0; 40];
-        // Beyond the width; beyond infinity; 33 km away; one that is possible.
-        values[..4].copy_from_slice(&[40.0, -1.0, 1.5e-4, 39.0]);
+        // Half a millimetre away; beyond infinity; 33 km away; one that another sensor may see.
+        values[..4].copy_from_slice(&[9000.0, -1.0, 1.5e-4, 41.0]);
         let (check, left) = checked(&values, true);
         assert_eq!((check.known, check.removed, check.refusal), (40, 3, None));
         assert!(left[..3].iter().all(|d| d.is_infinite()));
-        assert_eq!(left[3..5], [39.0, 5.0]);
+        assert_eq!(left[3..5], [41.0, 5.0]);
         // Without a rig, a negative disparity may be one of a cropped image.
         let (check, left) = checked(&values, false);
-        assert_eq!((check.removed, left[1]), (1, -1.0));
+        // Its matches are those of the images.
+        assert_eq!((check.removed, left[1], left[3]), (2, -1.0, f32::INFINITY));
     }
 
     #[test]
@@ -347,14 +354,14 @@ mod tests {
         for part in [
             "median disparity is 3125 px (0.0016 m)",
             "40 px wide",
-            "likely --truth 'd/*.png:unit=1'",
+            "likely --truth 'd/*.png:unit=1', or the baseline is in millimetres",
         ] {
             assert!(words.contains(part), "{words}");
         }
         let words = refusal(5.0 / 20_000.0);
         assert!(words.contains("(20000 m)"), "{words}");
         assert!(
-            words.ends_with("likely --truth 'd/*.png:unit=0.000001'"),
+            words.contains("likely --truth 'd/*.png:unit=0.000001', or "),
             "{words}"
         );
         assert!(refusal(-3.0).contains("opposite sign"));

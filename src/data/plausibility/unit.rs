@@ -68,8 +68,37 @@ impl std::fmt::Display for TruthUnit {
     }
 }
 
-/// The cure for a truth whose distances should be `factor` times as long.
+/// Factors that a wrong calibration explains too.
+const CAUSES: [(f64, &str); 4] = [
+    (
+        2.0,
+        "the calibration is of images of twice the size, or its baseline twice too long",
+    ),
+    (
+        0.5,
+        "the calibration is of images of half the size, or its baseline half too short",
+    ),
+    (
+        1000.0,
+        "the baseline is in millimetres where metres are expected",
+    ),
+    (
+        0.001,
+        "the truth is in millimetres where metres are expected, or the baseline in kilometres",
+    ),
+];
+
+/// The cure for a truth whose distances should be `factor` times as long, or for the calibration.
 pub(super) fn cure(origin: &TruthOrigin, factor: f64) -> String {
+    let unit = unit_cure(origin, factor);
+    match CAUSES.iter().find(|(known, _)| *known == usual(factor)) {
+        Some((_, cause)) => format!("{unit}, or {cause}: --calib FILE"),
+        None => unit,
+    }
+}
+
+/// The cure by another unit.
+fn unit_cure(origin: &TruthOrigin, factor: f64) -> String {
     match origin {
         TruthOrigin::Sensor(name) => {
             let (name, unit) = TruthUnit::split(name).unwrap_or((name, None));
@@ -199,8 +228,14 @@ mod tests {
                 "likely a unit 1000 times as long, --truth '/depth:unit=METRES'",
             ),
         ] {
-            assert_eq!(cure(&sensor(name), factor), words);
+            assert_eq!(unit_cure(&sensor(name), factor), words);
         }
+        let words = cure(&sensor("d/*.png"), 0.5);
+        assert_eq!(
+            words,
+            "likely --truth 'd/*.png:unit=0.0005', or the calibration is of images of half the \
+             size, or its baseline half too short: --calib FILE"
+        );
         let words = disparity_cure("d/*.png", 0.2561);
         assert_eq!(
             words.as_deref(),

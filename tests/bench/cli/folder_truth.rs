@@ -208,7 +208,7 @@ fn disparity_images_are_read_as_such() {
     assert_eq!(truth("disp_occ_0/*.png").disparity.get(1, 0), 8.0);
     assert_says(
         &fixture.run("info w"),
-        &["cells, in the first pair; 8.0 .. 8.0 px, median 8.0 px"],
+        &["cells, in the first pair; 8.0 .. 8.0 px, median"],
     );
 }
 
@@ -251,11 +251,12 @@ fn a_truth_of_another_unit_is_named_with_the_likely_one() {
         ],
     );
     // A single impossible pixel is dropped and counted.
-    let mut values = vec![625u16; WALL.0 * WALL.1];
+    let mut values = vec![6250u16; WALL.0 * WALL.1];
     values[5] = 1;
     fixture.write("w/one/0.png", png(WALL, &values));
-    let ran = score("one/*.png");
-    let words = "pair 0: 1 of 19200 pixels of the truth (sensor one/*.png) are impossible";
+    let ran = score("one/*.png:unit=0.0001");
+    let words =
+        "pair 0: 1 of 19200 pixels of the truth (sensor one/*.png:unit=0.0001) are impossible";
     assert_eq!(ran.stderr.matches(words).count(), 1, "{}", ran.stderr);
     assert_says(&fixture.text("r/summary.json"), &["\"impossible\": 1"]);
     assert_says(

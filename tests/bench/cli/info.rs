@@ -85,7 +85,6 @@ fn the_first_pairs_answer_the_first_questions() {
         "pairs      3: /stereo/left/image_rect, 10.00 a second, with /stereo/right/image_rect",
         "images     320x240 px\nfocal      328.05 px\nbaseline   0.0440 m\nnearest    0.180 m",
         "truth      --truth /truth/depth: scores 45 of 45 cells, in 3 of the first 3 pairs; ",
-        " m, median ",
     ];
     assert_says(&fixture.run("info ros.mcap"), &lines);
 

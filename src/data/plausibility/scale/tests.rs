@@ -78,7 +78,7 @@ fn a_constant_factor_is_named_with_the_unit_that_cures_it() {
             "its distances are {factor} times those of every algorithm (bm, v3); \
              likely --truth 'd/*.png:{cure}'"
         );
-        assert_eq!(words, expected);
+        assert!(words.starts_with(&expected), "{words}");
     }
     let words = doubt("d/*.png", -1.0).unwrap();
     assert!(words.contains("the opposite sign"), "{words}");
