@@ -63,6 +63,8 @@ mod tests {
         let size = (120, 40);
         let texture = |x: usize, y: usize| {
             let mixed = ((x * 7919 + y * 104_729) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            // Without this, some shifts are like others.
+            let mixed = (mixed ^ mixed >> 29).wrapping_mul(0xBF58_476D_1CE4_E5B9);
             (mixed >> 56) as u8
         };
         let image = |shift| Gray::from_fn(size.0, size.1, |x, y| texture(x + shift, y)).unwrap();

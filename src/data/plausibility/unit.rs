@@ -104,8 +104,12 @@ fn unit_cure(origin: &TruthOrigin, factor: f64) -> String {
             let (name, unit) = TruthUnit::split(name).unwrap_or((name, None));
             match unit.or_else(|| usual_unit(name)) {
                 Some(unit) => format!("likely --truth '{name}:{}'", unit.times(factor)),
-                None => format!(
+                None if name.contains('*') => format!(
                     "likely a unit {} times as long, --truth '{name}:unit=METRES'",
+                    rounded(factor)
+                ),
+                None => format!(
+                    "likely its distances times {}: messages have metres, 16-bit images millimetres",
                     rounded(factor)
                 ),
             }
@@ -224,8 +228,8 @@ mod tests {
             ),
             (
                 "/depth",
-                1000.0,
-                "likely a unit 1000 times as long, --truth '/depth:unit=METRES'",
+                256.0,
+                "likely its distances times 256: messages have metres, 16-bit images millimetres",
             ),
         ] {
             assert_eq!(unit_cure(&sensor(name), factor), words);
