@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 use svl_core::stereo::Losses;
 use svl_core::{Error, Result};
 use svl_data::losses::{FailedPairs, Missing};
-use threads::{Taken, in_batches, in_turn, side_by_side};
+use threads::{TakenFrames, in_batches, in_turn, side_by_side};
 
 /// Watches a run and may end it.
 pub trait Monitor {
@@ -127,7 +127,7 @@ pub fn run(
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let has_free_core = cores > rayon::current_num_threads();
     let reads_ahead = has_free_core && !source.listens();
-    let mut taken = Taken::default();
+    let mut taken = TakenFrames::default();
     let begun = sinks.iter_mut().try_for_each(|sink| sink.begin_run(start));
     let ran = begun.and_then(|()| {
         if matching.is_measured() && !source.listens() {

@@ -18,7 +18,7 @@ pub(super) fn in_turn(
     source: &mut dyn Source,
     matching: &mut Matching<'_>,
     sinks: &mut [Box<dyn Sink>],
-    taken: &mut Taken,
+    taken: &mut TakenFrames,
 ) -> Result<()> {
     while let Some(frame) = source.next()? {
         let matched = matching.matched(&frame)?;
@@ -43,7 +43,7 @@ pub(super) fn side_by_side(
     source: &mut dyn Source,
     matching: &mut Matching<'_>,
     sinks: &mut [Box<dyn Sink>],
-    taken: &mut Taken,
+    taken: &mut TakenFrames,
 ) -> Result<()> {
     std::thread::scope(|scope| {
         let (read, frames) = sync_channel(BETWEEN);
@@ -108,7 +108,7 @@ pub(super) fn in_batches(
     source: &mut dyn Source,
     matching: &mut Matching<'_>,
     sinks: &mut [Box<dyn Sink>],
-    taken: &mut Taken,
+    taken: &mut TakenFrames,
 ) -> Result<()> {
     let judge = matching.judge;
     let mut waiting = Waiting::new(matching.matchers.0.len());
@@ -222,12 +222,12 @@ fn in_own_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
 
 /// The frames that every sink took.
 #[derive(Default)]
-pub(super) struct Taken {
+pub(super) struct TakenFrames {
     pub(super) frames: u64,
     pub(super) scales: TruthScales,
 }
 
-impl Taken {
+impl TakenFrames {
     fn push(&mut self, judge: &Judge, sinks: &mut [Box<dyn Sink>], judged: &Judged) -> Result<()> {
         judge.check_pair(judged)?;
         self.scales.observe(judged);

@@ -159,8 +159,8 @@ impl Limited {
             let all = self.source.pairs().filter(|all| *all > read);
             let behind = all.map(|all| format!(", with {} behind it", counted(all - read, "pair")));
             tracing::warn!(
-                "{name}: --to ends the reading at pair {pair}{}: its stamp is {:.3} s after that of \
-                 the pair before, by a gap or a clock that jumps; `svl info` lists both",
+                "{name}: --to ends the reading at pair {pair}{}: its stamp is {:.3} s after that \
+                 of the pair before, by a gap or a clock that jumps; `svl info` lists both",
                 behind.unwrap_or_default(),
                 ns as f64 / 1e9
             );

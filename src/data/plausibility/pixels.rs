@@ -95,7 +95,7 @@ struct Counts {
 
 /// The fault of a whole truth.
 #[derive(Clone, Copy, PartialEq)]
-enum Fault {
+enum TruthFault {
     TooNear,
     TooFar,
     Negative,
@@ -116,19 +116,19 @@ impl Counts {
         self.near + self.far + self.beyond + zeros
     }
 
-    fn fault(&self) -> Option<Fault> {
+    fn fault(&self) -> Option<TruthFault> {
         let tenth = self.known as f64 * TENTH;
         let possible = self.known - self.far - self.beyond;
         if self.known < MIN_PIXELS {
             None
         } else if self.near as f64 > tenth || 2 * (self.near + self.outside) > self.known {
-            Some(Fault::TooNear)
+            Some(TruthFault::TooNear)
         } else if (possible as f64) >= tenth {
             None
         } else if self.beyond > self.far {
-            Some(Fault::Negative)
+            Some(TruthFault::Negative)
         } else {
-            Some(Fault::TooFar)
+            Some(TruthFault::TooFar)
         }
     }
 }
@@ -192,14 +192,14 @@ impl Places<'_> {
     }
 
     /// The median and the 90th percentile of an impossible truth, in words, with the likely unit.
-    fn refusal(&self, truth: &Truth, fault: Fault) -> String {
+    fn refusal(&self, truth: &Truth, fault: TruthFault) -> String {
         let known = truth.disparity.pixels().map(f64::from);
         let is_known = |d: &f64| d.is_finite() && self.of(*d) != Place::Infinite;
         let mut sorted: Vec<_> = known.filter(is_known).collect();
         sorted.sort_unstable_by(f64::total_cmp);
         let at = |share| nearest_rank(&sorted, share).unwrap_or_default();
         let [median, near] = [0.5, 1.0 - TENTH].map(at);
-        if fault == Fault::Negative {
+        if fault == TruthFault::Negative {
             return format!(
                 "its disparities are negative, the median {median:.1} px: the opposite sign, or \
                  left and right are swapped"
@@ -211,7 +211,7 @@ impl Places<'_> {
             None => format!("{} px", rounded(d)),
         };
         let origin = &truth.kind.origin;
-        let likely = likely(origin, fault == Fault::TooFar, |factor| {
+        let likely = likely(origin, fault == TruthFault::TooFar, |factor| {
             let scaled = |d: f64| (d - self.infinite_px()) / factor + self.infinite_px();
             let is_likely = match self.rig {
                 Some(_) => metres(scaled(median)).is_some_and(|z| LIKELY_M.contains(&z)),

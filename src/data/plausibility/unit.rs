@@ -109,7 +109,8 @@ fn unit_cure(origin: &TruthOrigin, factor: f64) -> String {
                     rounded(factor)
                 ),
                 None => format!(
-                    "likely its distances times {}: messages have metres, 16-bit images millimetres",
+                    "likely its distances times {}: messages have metres, 16-bit images \
+                     millimetres",
                     rounded(factor)
                 ),
             }

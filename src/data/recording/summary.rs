@@ -471,7 +471,8 @@ impl SummaryScan {
     }
 }
 
-/// Where the stamps of images in file order jump: a clock that was set, or a camera that began anew.
+/// Where the stamps of images in file order jump: a clock that was set, or a camera that began
+/// anew.
 fn clock_jumps(images: &[StampedImage]) -> Vec<ClockJump> {
     let jump = |pair: &[StampedImage]| {
         let [last, next] = pair else { return None };

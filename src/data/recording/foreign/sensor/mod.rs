@@ -246,7 +246,8 @@ impl TruthTopic {
         if self.jumped == 0 {
             tracing::warn!(
                 "{}: --truth {}: the measurement of {:.3} s is not used: between it and its pair \
-                 the poses jump by {:.2} m and {:.1}° in {:.0} ms, and it cannot be moved to {:.3} s",
+                 the poses jump by {:.2} m and {:.1}° in {:.0} ms, and it cannot be moved to \
+                 {:.3} s",
                 self.recording.path().display(),
                 self.topic,
                 measured_ns as f64 / 1e9,

@@ -126,7 +126,8 @@ fn bytes(kind: i32) -> usize {
 }
 
 /// The points of whole steps; any remaining bytes are padding.
-/// The points of a cloud; one at its origin is no measurement, as organized clouds have zeros there.
+/// The points of a cloud; one at its origin is no measurement, as organized clouds have zeros
+/// there.
 fn points(data: &[u8], step: usize, fields: Fields) -> impl Iterator<Item = Point3<f64>> {
     let points = data.chunks_exact(step).map(move |point| {
         Point3::from(fields.map(|(offset, kind)| {
