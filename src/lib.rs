@@ -39,7 +39,7 @@ pub use svl_core::{
 };
 pub use svl_data::{
     BuildInfo, agreement, arena, bootstrap, fetch, files, fit, grab, losses, manifest, memory,
-    overlay, recording, resize, scenario, score, slow_profile, stress,
+    overlay, plausibility, recording, resize, scenario, score, slow_profile, stress,
 };
 pub use svl_thesis as reproduce;
 #[cfg(feature = "rerun")]

@@ -56,7 +56,7 @@ const PACKAGES: [Package; 8] = [
             &["arena", "stress", "fetch", "manifest"],
             &["grab", "recording", "score"],
             &["scenario"],
-            &["resize", "fit", "drive"],
+            &["resize", "fit", "drive", "plausibility"],
         ],
     },
     Package {

@@ -5,8 +5,8 @@ use crate::record;
 use crate::sink::LiveTable;
 use crate::source::dataset::{Scene, SceneSource};
 use crate::source::{
-    self, Limited, Opened, RecordingSource, ReferenceSource, Request, RunSource, Source,
-    run_request,
+    self, Limited, Opened, PlausibleSource, RecordingSource, ReferenceSource, Request, RunSource,
+    Source, run_request,
 };
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -107,7 +107,7 @@ fn read(scenario: &Scenario, source: impl Source + 'static) -> Result<Box<dyn So
     let source = Limited::new(Box::new(source), scenario.options.range(), None);
     let references = scenario.options.references()?;
     Ok(match &references[..] {
-        [] => Box::new(source),
+        [] => Box::new(PlausibleSource::new(Box::new(source))),
         references => Box::new(ReferenceSource::new(Box::new(source), references)?),
     })
 }

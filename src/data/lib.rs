@@ -18,6 +18,7 @@ pub mod manifest;
 pub mod memory;
 pub mod overlay;
 mod pairing;
+pub mod plausibility;
 pub mod recording;
 pub mod resize;
 pub mod scenario;

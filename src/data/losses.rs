@@ -1,7 +1,7 @@
 //! Losses of a run: missing pairs, the limit on them, and the state of the run at its end.
 
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{Display, Formatter};
 use svl_core::counted;
 use svl_core::stereo::Losses;
@@ -91,6 +91,9 @@ pub struct Missing {
     pub losses: Losses,
     /// By the label of the algorithm.
     pub algorithms: BTreeMap<String, FailedPairs>,
+    /// Reasons to doubt the truth, in words.
+    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
+    pub doubts: BTreeSet<String>,
 }
 
 /// Pairs of an algorithm.
@@ -106,6 +109,7 @@ impl Missing {
     pub fn add(&mut self, other: Self) {
         self.pairs += other.pairs;
         self.losses.add(other.losses);
+        self.doubts.extend(other.doubts);
         for (label, of) in other.algorithms {
             self.add_failures(label, of);
         }
@@ -137,6 +141,7 @@ impl Missing {
             without_truth: _,
             jumped: _,
             copies: _,
+            impossible: _,
             skipped: _,
             grabber: _,
         } = self.losses;
@@ -233,10 +238,14 @@ impl RunEnding {
             let copies = if *pairs == 1 { "copy" } else { "copies" };
             format!("{pairs} {copies} of pairs of {run}, each scored once")
         });
+        let impossible = counted(self.missing.losses.impossible, "pixel");
+        let impossible = (self.missing.losses.impossible > 0)
+            .then(|| format!("{impossible} of the truth that are impossible"));
         let parts = [
             allowed.map(|words| words + ", as is allowed"),
             outside,
             jumped,
+            impossible,
         ];
         let parts: Vec<_> = parts.into_iter().flatten().chain(copies).collect();
         (!parts.is_empty()).then(|| parts.join("; "))
@@ -255,6 +264,7 @@ mod tests {
             pairs,
             losses,
             algorithms: failed.iter().enumerate().map(of).collect(),
+            doubts: BTreeSet::new(),
         }
     }
 

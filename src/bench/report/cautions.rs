@@ -12,6 +12,8 @@ impl Summary {
             .iter()
             .map(|why| format!("incomplete: {why}"));
         let note = self.ending.note().map(|note| format!("not scored: {note}"));
+        let doubts = self.ending.missing.doubts.iter();
+        let doubts = doubts.map(|doubt| format!("the truth is doubtful: {doubt}"));
         let failed = self.failed.iter().map(|f| {
             let pairs = if f.on_every_pair {
                 "every pair".to_owned()
@@ -29,7 +31,11 @@ impl Summary {
             format!("{name} answers far later than the time that it reports, which is not ranked")
         });
         let profile = self.slow_profile.clone();
-        let parts = incomplete.chain(note).chain(failed).chain(doubtful);
+        let parts = incomplete
+            .chain(doubts)
+            .chain(note)
+            .chain(failed)
+            .chain(doubtful);
         parts.chain(profile).chain(self.outliers()).collect()
     }
 

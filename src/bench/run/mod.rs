@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 use svl_core::stereo::Losses;
 use svl_core::{Error, Result};
 use svl_data::losses::{FailedPairs, Missing};
-use threads::{in_batches, in_turn, side_by_side};
+use threads::{TakenFrames, in_batches, in_turn, side_by_side};
 
 /// Watches a run and may end it.
 pub trait Monitor {
@@ -78,6 +78,8 @@ pub struct Outcome {
     pub interrupted: bool,
     /// Everything of the source that is in no frame.
     pub losses: Losses,
+    /// The reason to doubt the truth, by what the algorithms see.
+    pub doubt: Option<String>,
 }
 
 impl Outcome {
@@ -91,6 +93,7 @@ impl Outcome {
             pairs: self.frames,
             losses: self.losses.clone(),
             algorithms: self.failures.iter().map(of).collect(),
+            doubts: self.doubt.iter().cloned().collect(),
         }
     }
 }
@@ -124,7 +127,7 @@ pub fn run(
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let has_free_core = cores > rayon::current_num_threads();
     let reads_ahead = has_free_core && !source.listens();
-    let mut taken = 0;
+    let mut taken = TakenFrames::default();
     let begun = sinks.iter_mut().try_for_each(|sink| sink.begin_run(start));
     let ran = begun.and_then(|()| {
         if matching.is_measured() && !source.listens() {
@@ -143,10 +146,15 @@ pub fn run(
         ran => ran,
     };
     let outcome = Outcome {
-        frames: taken,
+        frames: taken.frames,
         failures: matching.failures,
         interrupted: matching.interrupted,
-        losses: source.finish(taken),
+        losses: source.finish(taken.frames),
+        // Perturbed pairs have the truth of the others.
+        doubt: taken
+            .scales
+            .doubt()
+            .filter(|_| start.judge.run.stress.is_none()),
     };
     let error = ran.as_ref().err().map(ToString::to_string);
     let end = RunEnd {

@@ -10,6 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use svl_core::Result;
 use svl_core::stereo::Frame;
+use svl_data::plausibility::TruthScales;
 use svl_data::score::{Judge, Judged};
 
 /// Runs everything in the calling thread, frame by frame.
@@ -17,13 +18,12 @@ pub(super) fn in_turn(
     source: &mut dyn Source,
     matching: &mut Matching<'_>,
     sinks: &mut [Box<dyn Sink>],
-    taken: &mut u64,
+    taken: &mut TakenFrames,
 ) -> Result<()> {
     while let Some(frame) = source.next()? {
         let matched = matching.matched(&frame)?;
         let judged = judged(matching.judge, frame, matched);
-        push(matching.judge, sinks, &judged)?;
-        *taken += 1;
+        taken.push(matching.judge, sinks, &judged)?;
         if source.listens() {
             source.hear(&judged);
         }
@@ -43,7 +43,7 @@ pub(super) fn side_by_side(
     source: &mut dyn Source,
     matching: &mut Matching<'_>,
     sinks: &mut [Box<dyn Sink>],
-    taken: &mut u64,
+    taken: &mut TakenFrames,
 ) -> Result<()> {
     std::thread::scope(|scope| {
         let (read, frames) = sync_channel(BETWEEN);
@@ -63,8 +63,7 @@ pub(super) fn side_by_side(
         let push_all = move || {
             for (frame, matched) in received {
                 let judged = judged(judge, frame, matched);
-                push(judge, sinks, &judged)?;
-                *taken += 1;
+                taken.push(judge, sinks, &judged)?;
                 // At the end the receiver is gone.
                 let _ = give_back.send(spent(judged));
             }
@@ -109,7 +108,7 @@ pub(super) fn in_batches(
     source: &mut dyn Source,
     matching: &mut Matching<'_>,
     sinks: &mut [Box<dyn Sink>],
-    taken: &mut u64,
+    taken: &mut TakenFrames,
 ) -> Result<()> {
     let judge = matching.judge;
     let mut waiting = Waiting::new(matching.matchers.0.len());
@@ -143,8 +142,7 @@ pub(super) fn in_batches(
             let push_all = || -> Result<Vec<Spent>> {
                 let mut back = Vec::new();
                 for judged in received {
-                    push(judge, sinks, &judged)?;
-                    *taken += 1;
+                    taken.push(judge, sinks, &judged)?;
                     back.push(spent(judged));
                 }
                 sinks.iter_mut().try_for_each(|sink| sink.settle())?;
@@ -221,9 +219,22 @@ fn in_own_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     idle().push(pool);
     done
 }
-fn push(judge: &Judge, sinks: &mut [Box<dyn Sink>], judged: &Judged) -> Result<()> {
-    judge.check_pair(judged)?;
-    sinks.iter_mut().try_for_each(|sink| sink.take(judged))
+
+/// The frames that every sink took.
+#[derive(Default)]
+pub(super) struct TakenFrames {
+    pub(super) frames: u64,
+    pub(super) scales: TruthScales,
+}
+
+impl TakenFrames {
+    fn push(&mut self, judge: &Judge, sinks: &mut [Box<dyn Sink>], judged: &Judged) -> Result<()> {
+        judge.check_pair(judged)?;
+        self.scales.observe(judged);
+        sinks.iter_mut().try_for_each(|sink| sink.take(judged))?;
+        self.frames += 1;
+        Ok(())
+    }
 }
 
 fn spent(judged: Judged) -> Spent {

@@ -51,6 +51,10 @@ pub fn frames_through<T: Send + 'static>(
     let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(sink)];
     let (outcome, ran) = run_through(source, matchers, start, Pace::Asap, &mut sinks, monitor);
     ran?;
+    // Reports show it among their cautions.
+    if let Some(doubt) = &outcome.doubt {
+        tracing::warn!("{}: the truth is doubtful: {doubt}", source.name());
+    }
     if outcome.interrupted {
         return Err(Error::Invalid("interrupted; nothing is written".to_owned()));
     }

@@ -7,7 +7,6 @@ mod pictures;
 #[cfg(feature = "ros2")]
 mod publish;
 mod recording;
-mod scale;
 mod table;
 mod viewer;
 
@@ -17,7 +16,6 @@ pub use live::LiveTable;
 pub(crate) use pictures::frame_shot;
 pub use pictures::{PictureSink, ReportPictures};
 pub use recording::RecordingSink;
-use scale::ScaleSink;
 pub(crate) use table::RunIdentity;
 pub use table::TableSink;
 pub use viewer::{
@@ -202,7 +200,6 @@ impl Sinks {
                 sinks.push(Box::new(TableSink::in_folder(folder, &rows)?));
                 sinks.push(Box::new(CheckpointSink::in_folder(folder, &checkpoints)?));
                 sinks.push(Box::new(PictureSink::new(&pictures)));
-                sinks.push(Box::<ScaleSink>::default());
             }
         }
         let tables = match request.report {

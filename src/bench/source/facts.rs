@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{CellRule, Frame, GridShape, Rig};
 use svl_core::{Error, Result};
+use svl_data::plausibility::{Spread, TruthSpread};
 use svl_data::recording::{PairGeometry, RawCamera, Reader};
 use svl_data::scenario::SourceOptions;
 use svl_data::score::TrueCells;
@@ -55,6 +56,11 @@ pub struct TruthFacts {
     /// Cells of the default grid in the pairs that were looked at, and of them those scored.
     pub cells: u64,
     pub scored_cells: u64,
+    /// Least, middle and greatest disparity and distance of these pairs.
+    pub disparity_px: Option<Spread>,
+    pub distance_m: Option<Spread>,
+    /// Pixels that are impossible, or zeros in place of none, and not used.
+    pub impossible_pixels: u64,
     /// Reason why it cannot be a truth.
     pub error: Option<String>,
 }
@@ -72,13 +78,16 @@ impl SourceFacts {
             open(request)?
         };
         let (mut own, mut has_truth) = (TruthFacts::default(), false);
+        let mut spread = TruthSpread::default();
         let mut first: Option<(Frame, bool)> = None;
         look(&mut *opened.source, |frame| {
             own.count(&frame);
+            spread.add(&frame);
             has_truth |= frame.truth.is_some();
             let (first, is_constant) = first.get_or_insert_with(|| (frame.clone(), true));
             *is_constant &= first.pair.size() == frame.pair.size() && first.rig() == frame.rig();
         })?;
+        own.summarize(&spread, &mut *opened.source);
         let none = || Error::format(name, "has no pairs");
         let (first, is_constant) = first.ok_or_else(none)?;
         let (rig, raw) = (first.rig().copied(), RawCamera::from_frame(&first));
@@ -171,7 +180,8 @@ impl TruthFacts {
             is_asked_for: true,
             ..Self::default()
         };
-        if !has_rig {
+        // Disparities in the files of a folder need no calibration.
+        if !has_rig && is_recording {
             let cure = "needs a calibration of the pairs: --calib FILE";
             facts.error = Some(cure.to_owned());
             return facts;
@@ -188,10 +198,23 @@ impl TruthFacts {
         } else {
             open(&request)
         };
-        let looked =
-            opened.and_then(|mut opened| look(&mut *opened.source, |frame| facts.count(&frame)));
+        let looked = opened.and_then(|mut opened| {
+            let mut spread = TruthSpread::default();
+            look(&mut *opened.source, |frame| {
+                facts.count(&frame);
+                spread.add(&frame);
+            })?;
+            facts.summarize(&spread, &mut *opened.source);
+            Ok(())
+        });
         facts.error = looked.err().map(|error| error.to_string());
         facts
+    }
+
+    /// Adds the spread of the values, and the pixels that the source dropped.
+    fn summarize(&mut self, spread: &TruthSpread, source: &mut dyn Source) {
+        [self.disparity_px, self.distance_m] = spread.spreads();
+        self.impossible_pixels = source.finish(self.pairs).impossible;
     }
 
     fn count(&mut self, frame: &Frame) {

@@ -7,7 +7,8 @@ use super::opened::Opened;
 use super::request::Request;
 use super::video::is_video;
 use super::{
-    ArenaSource, BoardSource, FolderSource, LiveSource, RecordingSource, SensorTruth, VideoSource,
+    ArenaSource, BoardSource, FolderSource, FolderTruth, LiveSource, RecordingSource, SensorTruth,
+    VideoSource,
 };
 use std::path::Path;
 use svl_core::{Error, Result, joined};
@@ -405,11 +406,13 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
     }
     let source = FolderSource::new(path, &folder)?;
     let truth = request.truth().map(|truth| source.truth(&truth));
+    let truth = truth.transpose()?;
     let header = Header {
         stamps: source.stamps(),
         bits: source.bits(),
         ..header
     };
+    let of_truth = truth.as_ref().and_then(FolderTruth::note);
     let (own_calibration, unread) = match source.calibration() {
         Ok(own) => (own.clone(), None),
         Err(reason) => (None, Some(reason)),
@@ -420,9 +423,9 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         .map(|note| format!("{}: {note}", request.name));
     Ok(Opened {
         own_calibration,
-        truth: truth.transpose()?.map(SensorTruth::Files),
         remarks: unread.map(lacks).into_iter().collect(),
-        notes: note.into_iter().collect(),
+        notes: note.into_iter().chain(of_truth).collect(),
+        truth: truth.map(SensorTruth::Files),
         ..Opened::new(source, header, stem)
     })
 }

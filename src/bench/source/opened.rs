@@ -3,7 +3,8 @@
 use super::calibration::{self, Calib, CalibrationFiles};
 use super::request::Request;
 use super::{
-    Limited, MeasuredSource, RectifiedSource, ReferenceSource, Resized, SensorTruth, Source,
+    Limited, MeasuredSource, PlausibleSource, RectifiedSource, ReferenceSource, Resized,
+    SensorTruth, Source,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -104,10 +105,14 @@ impl Opened {
             self.source = Box::new(limited);
         }
         self = self.rectified(request)?.measured();
+        let references = request.options.references()?;
+        // Raw pairs calibrate cameras, and references replace the truth.
+        if !request.raw && references.is_empty() {
+            self.source = Box::new(PlausibleSource::new(self.source));
+        }
         if window != CropScale::default() {
             self.source = Box::new(Resized::new(self.source, window));
         }
-        let references = request.options.references()?;
         if !references.is_empty() {
             self.source = Box::new(ReferenceSource::new(self.source, &references)?);
         }

@@ -401,6 +401,8 @@ pub struct Losses {
     /// Pairs that an earlier recording of the run has too, by its name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub copies: BTreeMap<String, u64>,
+    /// Pixels of the truth that are impossible, and dropped.
+    pub impossible: u64,
     /// Frames of a truncated or corrupt video.
     pub cut: u64,
     /// Pairs that were not requested.
@@ -428,6 +430,7 @@ impl Losses {
             without_truth,
             jumped,
             copies,
+            impossible,
             cut,
             skipped,
             grabber,
@@ -444,6 +447,7 @@ impl Losses {
         for (run, pairs) in copies {
             *self.copies.entry(run).or_default() += pairs;
         }
+        self.impossible += impossible;
         self.cut += cut;
         self.skipped += skipped;
         self.grabber = grabber.or(self.grabber.take());

@@ -17,21 +17,7 @@ const MILLIMETRE: f32 = 0.001;
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] for other files.
 pub fn read_depth(path: &Path, unit_m: Option<f32>) -> Result<Plane<f32>> {
-    let (values, is_integer) = if has_ending(path, "npy") {
-        npz::read_npy(path)?
-    } else if has_ending(path, "npz") {
-        (npz::values(path)?, false)
-    } else if has_ending(path, "pfm") {
-        (pfm::values(path)?, false)
-    } else {
-        match read_image(path)? {
-            DecodedImage::Gray16(steps) => (steps.map(f32::from), true),
-            _ => {
-                let why = "is not an image of one channel of 16 bits, as depths are";
-                return Err(Error::format(path, why));
-            }
-        }
-    };
+    let (values, is_integer) = values(path, false)?;
     Ok(values.map(|value| {
         // As in messages, where integers are millimetres.
         let depth = if is_integer {
@@ -47,7 +33,44 @@ pub fn read_depth(path: &Path, unit_m: Option<f32>) -> Result<Plane<f32>> {
     }))
 }
 
-/// The points of KITTI's velodyne `.bin`, metres in the scanner's frame.
+/// Disparities, `+∞` for none, from the same files and images of 8 bits, whose values are `scale`
+/// times the disparity; 0 is none.
+///
+/// # Errors
+/// As [`read_depth`].
+pub fn read_disparity_steps(path: &Path, scale: f32) -> Result<Plane<f32>> {
+    let (values, _) = values(path, true)?;
+    Ok(values.map(|value| {
+        if value == 0.0 || !value.is_finite() {
+            f32::INFINITY
+        } else {
+            value / scale
+        }
+    }))
+}
+
+/// The values of a file, and true if they are integers.
+fn values(path: &Path, may_have_8_bits: bool) -> Result<(Plane<f32>, bool)> {
+    if has_ending(path, "npy") {
+        return npz::read_npy(path);
+    }
+    if has_ending(path, "npz") {
+        return Ok((npz::values(path)?, false));
+    }
+    if has_ending(path, "pfm") {
+        return Ok((pfm::values(path)?, false));
+    }
+    match read_image(path)? {
+        DecodedImage::Gray16(steps) => Ok((steps.map(f32::from), true)),
+        DecodedImage::Gray(steps) if may_have_8_bits => Ok((steps.map(f32::from), true)),
+        _ => {
+            let why = "is not an image of one channel of 16 bits, as depths are";
+            Err(Error::format(path, why))
+        }
+    }
+}
+
+/// The points of KITTI's velodyne `.bin`, metres in the scanner's frame; one at its origin is none.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::Format`] for a file that does not consist of whole points.
@@ -66,7 +89,8 @@ pub fn read_points(path: &Path) -> Result<Vec<Point3<f64>>> {
         };
         Point3::from([0, 4, 8].map(|at| f64::from(number(at))))
     });
-    Ok(points.collect())
+    let is_measured = |point: &Point3<f64>| *point != Point3::origin();
+    Ok(points.filter(is_measured).collect())
 }
 
 #[cfg(test)]
@@ -80,6 +104,8 @@ mod tests {
         let numbers = [1.5f32, -2.0, 0.25, 9.0].map(f32::to_le_bytes).concat();
         std::fs::write(&path, &numbers).unwrap();
         assert_eq!(read_points(&path).unwrap(), [Point3::new(1.5, -2.0, 0.25)]);
+        std::fs::write(&path, [vec![0; 16], numbers.clone()].concat()).unwrap();
+        assert_eq!(read_points(&path).unwrap().len(), 1, "zeros are no point");
         for cut in [0, 15] {
             std::fs::write(&path, &numbers[..cut]).unwrap();
             assert!(read_points(&path).is_err(), "{cut}");
@@ -102,6 +128,9 @@ mod tests {
         let metres = array("<f4", &[1.5f32, -1.0].map(f32::to_le_bytes).concat());
         let found = depths(&metres, None);
         assert!(found[0] == 1.5 && found[1].is_nan());
+        let scaled = array("<u2", &[0, 0, 0, 3]);
+        let disparities = read_disparity_steps(&scaled, 256.0).unwrap();
+        assert_eq!(disparities.row(0), [f32::INFINITY, 3.0]);
         std::fs::write(&metres, b"\x93NUMPY").unwrap();
         assert!(read_depth(&metres, None).is_err());
     }

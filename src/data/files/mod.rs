@@ -16,7 +16,7 @@ mod rvl;
 pub use cloud::{pixel_points, write_ply};
 pub use columns::ColumnPlaces;
 pub use decoded::{BitDepth, DECIDING_PAIRS, DecodedImage};
-pub use depth::{read_depth, read_points};
+pub use depth::{read_depth, read_disparity_steps, read_points};
 pub use disparity::{
     has_ending, read_estimate, read_scaled_disparity, read_truth, write_disparity, write_why,
 };

@@ -221,6 +221,8 @@ struct SummaryScan {
     foreign: BTreeMap<String, Vec<StampedImage>>,
     /// The frame of the first of them.
     frames: BTreeMap<String, String>,
+    /// The left images of svl's own recordings, by their `/stereo/sync`, in file order.
+    synced: Vec<StampedImage>,
     places: u64,
     videos: BTreeMap<String, VideoScan>,
     pairs: u64,
@@ -333,6 +335,12 @@ impl SummaryScan {
             && let Ok(sync) = StereoSync::decode(&channel.schema, data)
         {
             self.pairs += 1;
+            self.synced.push(StampedImage {
+                place: self.pairs,
+                stamp_ns: sync.left_stamp_ns,
+                log_ns: stamp_ns,
+                bytes: 0,
+            });
             self.skews.extend(sync.exposure.skew_ns);
             self.sequences.insert(sync.sequence);
             self.geometry.insert(sync.geometry);
@@ -386,19 +394,24 @@ impl SummaryScan {
         let repeated = |topic: &str| self.repeated.get(topic).map_or(0, |(_, images)| *images);
         let repeated_images = [left, right].map(repeated);
         let images = self.foreign.get(left).map_or(&[][..], Vec::as_slice);
-        let clock_jumps = clock_jumps(images);
-        let mut left_stamps = if images.is_empty() {
-            self.stamps.remove(left).unwrap_or_default()
-        } else {
-            images.iter().map(|image| image.stamp_ns).collect()
+        // Of svl's own, the stamps of the pairs; of images without any, the log times.
+        let logged = || {
+            let stamps = self.stamps.get(left).into_iter().flatten();
+            let image = |&stamp_ns: &u64| StampedImage {
+                place: 0,
+                stamp_ns,
+                log_ns: stamp_ns,
+                bytes: 0,
+            };
+            stamps.map(image).collect::<Vec<_>>()
         };
-        left_stamps.sort_unstable();
-        // A duplicate would count as a period of 0.
-        left_stamps.dedup();
-        let steps: Vec<_> = left_stamps
-            .windows(2)
-            .map(|pair| (pair[0], pair[1] - pair[0]))
-            .collect();
+        let images = match (images, &self.synced[..]) {
+            ([], []) => &logged()[..],
+            ([], synced) => synced,
+            (images, _) => images,
+        };
+        let clock_jumps = clock_jumps(images);
+        let steps = steps(images);
         let mut periods: Vec<_> = steps.iter().map(|&(_, step)| step).collect();
         periods.sort_unstable();
         // Nominal stamps do not reveal the rate.
@@ -486,20 +499,43 @@ fn without_stamp<'a>(channel: &Channel, data: &'a [u8]) -> &'a [u8] {
     data.get(stamp..).unwrap_or(data)
 }
 
-/// Where the stamps of images in file order jump against their log times: a clock that was set, or
-/// a camera that began anew.
+/// Where the stamps of images in file order jump: a clock that was set, or a camera that began
+/// anew.
 fn clock_jumps(images: &[StampedImage]) -> Vec<ClockJump> {
     let jump = |pair: &[StampedImage]| {
         let [last, next] = pair else { return None };
-        let step = |to: u64, from: u64| to.wrapping_sub(from).cast_signed();
-        let stamps = step(next.stamp_ns, last.stamp_ns);
-        let by_ns = stamps.saturating_sub(step(next.log_ns, last.log_ns));
-        (by_ns.unsigned_abs() > CLOCK_JUMP_NS).then_some(ClockJump {
+        Some(ClockJump {
             after_ns: last.stamp_ns,
-            by_ns,
+            by_ns: jump_ns(last, next)?,
         })
     };
     images.windows(2).filter_map(jump).collect()
+}
+
+/// The jump of the stamps against the log times. Stamps that go back jump even if the log times go
+/// with them, as in svl's own recordings.
+fn jump_ns(last: &StampedImage, next: &StampedImage) -> Option<i64> {
+    let step = |to: u64, from: u64| to.wrapping_sub(from).cast_signed();
+    let stamps = step(next.stamp_ns, last.stamp_ns);
+    let against_log = stamps.saturating_sub(step(next.log_ns, last.log_ns));
+    let is_jump = |ns: &i64| ns.unsigned_abs() > CLOCK_JUMP_NS;
+    let back = Some(stamps).filter(|stamps| *stamps < 0);
+    Some(against_log).filter(is_jump).or(back.filter(is_jump))
+}
+
+/// The stamps of images and the times to the next, in the order of the stamps between two jumps: a
+/// jump is no gap.
+fn steps(images: &[StampedImage]) -> Vec<(u64, u64)> {
+    let parts = images.chunk_by(|last, next| jump_ns(last, next).is_none());
+    let of_part = |part: &[StampedImage]| {
+        let mut stamps: Vec<_> = part.iter().map(|image| image.stamp_ns).collect();
+        stamps.sort_unstable();
+        // A duplicate would count as a period of 0.
+        stamps.dedup();
+        let steps = stamps.windows(2).map(|pair| (pair[0], pair[1] - pair[0]));
+        steps.collect::<Vec<_>>()
+    };
+    parts.flat_map(of_part).collect()
 }
 
 /// Summarizes the row offsets of an algorithm's results; `None` without any.

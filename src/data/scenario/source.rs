@@ -80,8 +80,8 @@ pub struct SourceOptions {
     pub max_skew_ms: Option<f64>,
     /// Topic of another sensor in the recording that measures the truth: a depth image, a
     /// disparity image, a point cloud or a laser scan; of a folder, the files: `depth/*.png`,
-    /// `velodyne/*.bin`, with the unit in metres `depth/*.png:unit=0.0002`. It takes the place of
-    /// the recording's own truth
+    /// `velodyne/*.bin`, with the unit in metres `depth/*.png:unit=0.0002`, or disparities
+    /// `disp_occ_0/*.png:disparity=256`. It takes the place of the recording's own truth
     #[arg(long, value_name = "TOPIC|PATTERN", value_parser = NonEmptyStringValueParser::new())]
     pub truth: Option<String>,
     /// Largest difference of the stamps of a pair and its measurement [default: 20]

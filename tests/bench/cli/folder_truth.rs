@@ -4,7 +4,7 @@ use super::fixture::{Fixture, assert_says};
 use crate::recording::bag::png;
 use svl::scenario::SourceOptions;
 use svl::source::{Request, open};
-use svl::stereo::{Frame, TruthDensity};
+use svl::stereo::{Frame, TruthDensity, TruthOrigin};
 
 const SIZE: (usize, usize) = (40, 24);
 const CALIB: &str = "cam0=[50 0 20; 0 50 12; 0 0 1]\ncam1=[50 0 20; 0 50 12; 0 0 1]\ndoffs=0\n\
@@ -140,6 +140,128 @@ fn what_is_no_truth_is_refused_in_one_line() {
     assert_says(
         &ran.stderr,
         &["1700000000.00.png: is not an image of one channel of 16 bits"],
+    );
+}
+
+/// A pair of 160x120 with a disparity of 8 px everywhere, so at 0.625 m.
+fn wall(fixture: &Fixture) {
+    fixture.write_pair("w/left/0.pgm", "w/right/0.pgm", WALL, 8);
+    let calib = CALIB.replace("width=40\nheight=24", "width=160\nheight=120");
+    fixture.write("w/calib.txt", calib);
+}
+
+const WALL: (usize, usize) = (160, 120);
+
+/// The wall's value, zero at every seventh pixel.
+fn of_wall(value: u16) -> Vec<u8> {
+    let at = |i| if i % 7 == 0 { 0 } else { value };
+    png(WALL, &(0..WALL.0 * WALL.1).map(at).collect::<Vec<_>>())
+}
+
+#[test]
+fn disparity_images_are_read_as_such() {
+    let fixture = Fixture::new();
+    wall(&fixture);
+    for name in ["disp_occ_0", "other"] {
+        fixture.write(&format!("w/{name}/0.png"), of_wall(8 * 256));
+    }
+    fixture.write("w/half/0.png", of_wall(8 * 128));
+    fixture.write("w/metres/0.png", of_wall(625));
+    let truth = |pattern: &str| frames(&fixture, "w", pattern)[0].truth.clone().unwrap();
+    for (pattern, name) in [
+        // As said, by the name, and by the images.
+        ("other/*.png:disparity=256", "other/*.png:disparity=256"),
+        ("disp_occ_0/*.png", "disp_occ_0/*.png:disparity=256"),
+        ("other/*.png", "other/*.png:disparity=256"),
+        ("half/*.png:disparity=128", "half/*.png:disparity=128"),
+    ] {
+        let truth = truth(pattern);
+        assert_eq!(truth.kind.origin, TruthOrigin::Sensor(name.to_owned()));
+        let disparity = |x| truth.disparity.get(x, 0);
+        assert_eq!([0, 1].map(disparity), [f32::INFINITY, 8.0], "{pattern}");
+    }
+    // Depths stay depths, also where their name misleads.
+    assert!((truth("metres/*.png").disparity.get(1, 0) - 8.0).abs() < 1e-5);
+    let misnamed = truth("disp_occ_0/*.png:unit=0.001");
+    assert!((f64::from(misnamed.disparity.get(1, 0)) - 5.0 / 2.048).abs() < 1e-5);
+    for (pattern, words) in [
+        (
+            "disp_occ_0/*.png",
+            "by their names they are disparities, read as :disparity=256",
+        ),
+        (
+            "other/*.png",
+            "match the two images as disparities and not as depths",
+        ),
+    ] {
+        let ran = fixture.svl(&["record", "w", "-o", "x.mcap", "--force", "--truth", pattern]);
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        let said = ran.stdout + &ran.stderr;
+        assert_eq!(said.matches(words).count(), 1, "{said}");
+    }
+    assert_says(
+        &fixture.run("info w"),
+        &["truth      --truth disp_occ_0/*.png: scores 15 of 15 cells, in the first pair; 0.625"],
+    );
+    // Without a calibration, disparities are a truth all the same.
+    std::fs::remove_file(fixture.path("w/calib.txt")).unwrap();
+    assert_eq!(truth("disp_occ_0/*.png").disparity.get(1, 0), 8.0);
+    assert_says(
+        &fixture.run("info w"),
+        &["cells, in the first pair; 8.0 .. 8.0 px, median"],
+    );
+}
+
+#[test]
+fn a_truth_of_another_unit_is_named_with_the_likely_one() {
+    let fixture = Fixture::new();
+    wall(&fixture);
+    let score = |pattern: &str| {
+        let args = ["score", "w", "--algo", "bm", "--algo", "sgm", "-o", "r"];
+        fixture.svl(&[&args[..], &["--truth", pattern]].concat())
+    };
+    // TUM's 1/5000 m, read as millimetres.
+    fixture.write("w/depth/0.png", of_wall(3125));
+    let ran = score("depth/*.png");
+    let doubt = "the truth is doubtful: its distances are 5 times those of every algorithm \
+                 (bm, sgm); likely --truth 'depth/*.png:unit=0.0002'";
+    let said = ran.stdout + &ran.stderr;
+    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert_eq!(said.matches(doubt).count(), 1, "{said}");
+    let summary: serde_json::Value = serde_json::from_str(&fixture.text("r/summary.json")).unwrap();
+    assert!(
+        summary.to_string().contains("its distances are 5 times"),
+        "{summary}"
+    );
+    assert_says(
+        &fixture.text("r/index.html"),
+        &["its distances are 5 times"],
+    );
+    let ran = score("depth/*.png:unit=0.0002");
+    assert!(!(ran.stdout + &ran.stderr).contains("doubtful"));
+    // 0.6 mm is no distance.
+    let ran = score("depth/*.png:unit=0.0000002");
+    assert_eq!(ran.code, Some(2), "{}", ran.stderr);
+    fixture.write("w/near/0.png", of_wall(625));
+    score("near/*.png:unit=0.000001").failed(
+        1,
+        &[
+            "is impossible: its median disparity is 8000 px (0.000625 m)",
+            "likely --truth 'near/*.png:unit=0.001'",
+        ],
+    );
+    // A single impossible pixel is dropped and counted.
+    let mut values = vec![6250u16; WALL.0 * WALL.1];
+    values[5] = 1;
+    fixture.write("w/one/0.png", png(WALL, &values));
+    let ran = score("one/*.png:unit=0.0001");
+    let words =
+        "pair 0: 1 of 19200 pixels of the truth (sensor one/*.png:unit=0.0001) are impossible";
+    assert_eq!(ran.stderr.matches(words).count(), 1, "{}", ran.stderr);
+    assert_says(&fixture.text("r/summary.json"), &["\"impossible\": 1"]);
+    assert_says(
+        &fixture.text("r/index.html"),
+        &["1 pixel of the truth that are impossible"],
     );
 }
 

@@ -61,9 +61,22 @@ fn the_first_pairs_answer_the_first_questions() {
     let truth = |topic: &str, is_asked_for: bool| {
         serde_json::json!([{
             "topic": topic, "is_asked_for": is_asked_for, "pairs": 3, "scored_pairs": 3,
-            "cells": 45, "scored_cells": 45, "error": null
+            "cells": 45, "scored_cells": 45, "impossible_pixels": 0,
+            "disparity_px": own["truths"][0]["disparity_px"],
+            "distance_m": own["truths"][0]["distance_m"], "error": null
         }])
     };
+    let of_truth = |unit: &str, key: &str| own["truths"][0][unit][key].as_f64().unwrap();
+    for unit in ["disparity_px", "distance_m"] {
+        let [min, median, max] = ["min", "median", "max"].map(|key| of_truth(unit, key));
+        assert!(
+            0.0 < min && min < median && median < max,
+            "{unit}: {min} {median} {max}"
+        );
+    }
+    // The nearest point has the greatest disparity.
+    let fb = rig(&own, "focal_px") * 0.044;
+    assert!((fb / of_truth("disparity_px", "max") - of_truth("distance_m", "min")).abs() < 1e-6);
     assert_eq!(own["truths"], truth("/truth/depth", false));
     let ros = first("ros.mcap");
     assert_eq!(ros["truths"], truth("/truth/depth", true));
@@ -71,7 +84,7 @@ fn the_first_pairs_answer_the_first_questions() {
     let lines = [
         "pairs      3: /stereo/left/image_rect, 10.00 a second, with /stereo/right/image_rect",
         "images     320x240 px\nfocal      328.05 px\nbaseline   0.0440 m\nnearest    0.180 m",
-        "truth      --truth /truth/depth: scores 45 of 45 cells, in 3 of the first 3 pairs",
+        "truth      --truth /truth/depth: scores 45 of 45 cells, in 3 of the first 3 pairs; ",
     ];
     assert_says(&fixture.run("info ros.mcap"), &lines);
 

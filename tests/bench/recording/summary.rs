@@ -2,7 +2,7 @@
 
 use super::bag;
 use super::frames::{PERIOD_NS, bare, full, record, summarize};
-use svl::recording::{Gap, ImageFormat, SkewSummary, UnpairedImages};
+use svl::recording::{Gap, ImageFormat, RecordingSummary, SkewSummary, UnpairedImages};
 use svl::stereo::Frame;
 
 const SIZE: (usize, usize) = (24, 16);
@@ -122,6 +122,67 @@ fn a_bag_s_images_without_a_partner_are_counted_at_its_edges_and_inside() {
     };
     assert_eq!((summary.pairs, summary.unpaired), (14, Some(unpaired)));
     assert_eq!(summary.skew.map(|skew| skew.max_ns), Some(0));
+}
+
+#[test]
+fn clocks_that_jump_are_no_gaps() {
+    let folder = tempfile::tempdir().unwrap();
+    // svl's own recording, whose log times are its stamps, after a clock that was set back by 20 s.
+    let frames: Vec<Frame> = (0..20)
+        .map(|i| {
+            let mut frame = bare(i, SIZE);
+            frame.stamp_ns -= if i < 10 { 0 } else { 20_000_000_000 };
+            // A gap of two periods behind the jump.
+            frame.stamp_ns += if i < 15 { 0 } else { PERIOD_NS };
+            frame
+        })
+        .collect();
+    let summary = summarize(&record(folder.path(), &frames, ImageFormat::Raw)).unwrap();
+    let jumps = |summary: &RecordingSummary| {
+        let jumps = summary.clock_jumps.iter();
+        jumps
+            .map(|jump| (jump.after_ns, jump.by_ns))
+            .collect::<Vec<_>>()
+    };
+    let back = -20_000_000_000 + PERIOD_NS as i64;
+    assert_eq!(jumps(&summary), [(frames[9].stamp_ns, back)]);
+    let gap = Gap {
+        after_ns: frames[14].stamp_ns,
+        length_ns: 2 * PERIOD_NS,
+    };
+    assert_eq!(
+        (summary.period_ns, &summary.gaps[..]),
+        (Some(PERIOD_NS), &[gap][..])
+    );
+
+    // A bag whose stamps jump ahead and back again, while its log times go on.
+    const START_NS: u64 = 1_700_000_000_000_000_000;
+    let jump_ns = |i: u64| {
+        if (10..20).contains(&i) {
+            3_600_000_000_000
+        } else {
+            0
+        }
+    };
+    let messages = |i: u64| {
+        let (log_time, stamp) = (
+            START_NS + i * PERIOD_NS,
+            START_NS + i * PERIOD_NS + jump_ns(i),
+        );
+        ["/cam0/image", "/cam1/image"].map(|topic| {
+            let image = bag::ros_image(topic, log_time, SIZE, "mono8", &[7; 24 * 16]);
+            super::stamps::stamped(&image, stamp, log_time)
+        })
+    };
+    let messages: Vec<_> = (1..30).flat_map(messages).collect();
+    let summary = summarize(&bag::write(folder.path(), &messages)).unwrap();
+    let hour = 3_600_000_000_000;
+    let expected = [
+        (START_NS + 9 * PERIOD_NS, hour),
+        (START_NS + 19 * PERIOD_NS + hour as u64, -hour),
+    ];
+    assert_eq!(jumps(&summary), expected);
+    assert_eq!((summary.period_ns, summary.gaps), (Some(PERIOD_NS), vec![]));
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! Files beside a folder's images that measure the truth: depth images, KITTI's laser scans.
+//! Files beside a folder's images that measure the truth: depth images, disparities, KITTI's laser
+//! scans.
 
 use super::layout::{Cameras, Images, Layout, find_ending};
 use super::stamps::epoch_ns;
@@ -6,21 +7,28 @@ use nalgebra::Isometry3;
 use std::path::{Path, PathBuf};
 use svl_calibrate::files::read_scanner;
 use svl_core::depth::project;
-use svl_core::stereo::{Frame, Truth, TruthDensity};
+use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity};
 use svl_core::{Error, Result, counted};
-use svl_data::files::{has_ending, read_depth, read_points};
+use svl_data::files::{has_ending, read_depth, read_disparity_steps, read_points};
+use svl_data::plausibility::{TruthUnit, is_better_match};
 use svl_data::recording::{RawCamera, TruthSelection, disparities};
 
 /// Extensions of the files that are read.
 const ENDINGS: &[&str] = &["png", "tif", "tiff", "npy", "npz", "pfm", "bin"];
 /// Patterns that `svl info` looks for: the folders of other programs and of KITTI.
-const USUAL: [&str; 4] = [
+const USUAL: [&str; 7] = [
     "depth/*.png",
     "depth/*.npy",
+    "disp_occ_0/*.png",
+    "disp_occ/*.png",
+    "disparity/*.png",
     "velodyne_points/data/*.bin",
     "velodyne/*.bin",
 ];
-const UNIT: &str = ":unit=";
+/// Images that have integers for values.
+const INTEGERS: [&str; 3] = ["png", "tif", "tiff"];
+/// KITTI's images are 256 times the disparity.
+const KITTI: TruthUnit = TruthUnit::Disparity(256.0);
 /// Difference of time above which a measurement is reported.
 const LATE_NS: u64 = 5_000_000;
 
@@ -28,8 +36,10 @@ const LATE_NS: u64 = 5_000_000;
 pub struct FolderTruth {
     folder: PathBuf,
     pattern: String,
-    /// Metres per step of the depth images.
-    unit_m: Option<f32>,
+    /// Meaning of the files' values, if they are not those that depths have by default.
+    unit: Option<TruthUnit>,
+    /// True if their names say that they are disparities.
+    is_recognized: bool,
     /// By the part at `*` of their names.
     files: Images,
     /// Those by stamp whose names are times.
@@ -38,6 +48,8 @@ pub struct FolderTruth {
     /// Pose of the laser scanner in the left camera.
     scanner: Option<Isometry3<f64>>,
     without: u64,
+    /// True once the first pair with integers was looked at.
+    has_decided: bool,
     /// True once a pair had a file.
     has_found: bool,
     /// Reported so far, each once.
@@ -61,16 +73,8 @@ impl FolderTruth {
         layout: Option<&Layout>,
         selection: &TruthSelection,
     ) -> Result<Self> {
-        let (pattern, unit) = match selection.topic.split_once(UNIT) {
-            Some((pattern, unit)) => (pattern, Some(unit)),
-            None => (selection.topic.as_str(), None),
-        };
+        let (pattern, said) = TruthUnit::split(&selection.topic)?;
         let usage = |why: &str| Error::Usage(format!("--truth '{}': {why}", selection.topic));
-        let number = |unit: &str| unit.parse().ok().filter(|unit| (1e-6..=1e3).contains(unit));
-        let unit_m = match unit.map(number) {
-            Some(None) => return Err(usage("the unit is metres per step, as unit=0.001")),
-            unit => unit.flatten(),
-        };
         if pattern.matches('*').count() != 1 {
             return Err(usage(
                 "is a pattern with one * for the part that is equal in the names of the images",
@@ -90,18 +94,21 @@ impl FolderTruth {
             let why = format!("--truth '{pattern}': {why}");
             return Err(Error::format(folder, why));
         }
+        let recognized = by_name(pattern).filter(|_| said.is_none());
         let stamp = |(key, path): (&Vec<u8>, &PathBuf)| Some((epoch_ns(key)?, path.clone()));
         let times = found.iter().filter_map(stamp).collect();
         let has_scans = found.values().any(|path| has_ending(path, "bin"));
         Ok(Self {
             folder: folder.to_owned(),
             pattern: pattern.to_owned(),
-            unit_m,
+            unit: said.or(recognized),
+            is_recognized: recognized.is_some(),
             files: found,
             times,
             max_skew_ns: selection.max_skew_ns,
             scanner: has_scans.then(|| scanner(folder, layout)).transpose()?,
             without: 0,
+            has_decided: false,
             has_found: false,
             told: Told::default(),
         })
@@ -116,6 +123,22 @@ impl FolderTruth {
         usual.map(str::to_owned).collect()
     }
 
+    /// The meaning of its values, where their names say it and the user does not.
+    pub fn note(&self) -> Option<String> {
+        let unit = self.unit.filter(|_| self.is_recognized)?;
+        Some(format!(
+            "--truth '{}': by their names they are disparities, read as :{unit}; :unit=0.001 is \
+             for depths in millimetres",
+            self.pattern
+        ))
+    }
+
+    /// Its files with the meaning of their values.
+    fn name(&self) -> String {
+        let unit = self.unit.map(|unit| format!(":{unit}"));
+        self.pattern.clone() + &unit.unwrap_or_default()
+    }
+
     /// Number of pairs so far without a file.
     pub fn without(&self) -> u64 {
         self.without
@@ -128,10 +151,12 @@ impl FolderTruth {
     /// [`Error::Format`] for a pair without a rig, and for depth images of raw pairs or of another
     /// size.
     pub fn attach(&mut self, frame: &mut Frame) -> Result<()> {
-        let Some(rig) = frame.rig().copied() else {
+        let is_disparity = matches!(self.unit, Some(TruthUnit::Disparity(_)));
+        let rig = frame.rig().copied();
+        if rig.is_none() && !is_disparity {
             let why = "pairs without a calibration have no distances to compare: --calib FILE";
             return Err(self.wrong(why));
-        };
+        }
         frame.truth = None;
         let Some((path, apart_ns)) = self.file(frame) else {
             self.without += 1;
@@ -142,18 +167,13 @@ impl FolderTruth {
         self.warn_of_time(frame, &path, apart_ns);
         let (size, raw) = (frame.pair.size(), RawCamera::from_frame(frame));
         let disparity = if has_ending(&path, "bin") {
-            read_points(&path).map(|points| {
-                let pose = self.scanner.unwrap_or_default();
-                let rotation = raw.map(|raw| raw.rotation).unwrap_or_default();
-                let points = points.iter().map(|point| rotation * (pose * point));
-                project(points, &rig, size)
-            })
+            self.points(&path, rig, raw, size)
         } else if raw.is_some() {
             let why = "its depth images belong to the images before svl rectifies them; rectify \
                        all of them first, or give --calib none if they are rectified";
             return Err(self.wrong(why));
         } else {
-            read_depth(&path, self.unit_m).map(|depth| disparities(&depth, &rig))
+            self.disparity(&path, rig, frame)
         };
         let disparity = match disparity {
             Ok(disparity) => disparity,
@@ -180,8 +200,56 @@ impl FolderTruth {
         } else {
             TruthDensity::Dense
         };
-        frame.truth = Some(Truth::of_sensor(disparity, density, &self.pattern));
+        frame.truth = Some(Truth::of_sensor(disparity, density, &self.name()));
         Ok(())
+    }
+
+    /// The disparities of a laser scan.
+    fn points(
+        &self,
+        path: &Path,
+        rig: Option<Rig>,
+        raw: Option<RawCamera>,
+        size: (usize, usize),
+    ) -> Result<Plane<f32>> {
+        let rig = rig.ok_or_else(|| self.wrong("laser scans need a calibration: --calib FILE"))?;
+        let points = read_points(path)?;
+        let pose = self.scanner.unwrap_or_default();
+        let rotation = raw.map(|raw| raw.rotation).unwrap_or_default();
+        let points = points.iter().map(|point| rotation * (pose * point));
+        Ok(project(points, &rig, size))
+    }
+
+    /// The disparities of a file of depths or disparities. Of the first one that does not say which
+    /// it has, the pair decides.
+    fn disparity(&mut self, path: &Path, rig: Option<Rig>, frame: &Frame) -> Result<Plane<f32>> {
+        let unit_m = match (self.unit, rig) {
+            (Some(TruthUnit::Disparity(scale)), _) => return read_disparity_steps(path, scale),
+            (Some(TruthUnit::Depth(unit_m)), _) => Some(unit_m),
+            (None, _) => None,
+        };
+        let depth = read_depth(path, unit_m)?;
+        let rig = rig.ok_or_else(|| self.wrong("depths need a calibration: --calib FILE"))?;
+        let of_depth = disparities(&depth, &rig);
+        let has_integers = INTEGERS.iter().any(|ending| has_ending(path, ending));
+        let is_open = self.unit.is_none() && has_integers && !self.has_decided;
+        if is_open && of_depth.size() == frame.pair.size() {
+            self.has_decided = true;
+            let TruthUnit::Disparity(scale) = KITTI else {
+                return Ok(of_depth);
+            };
+            let as_disparity = read_disparity_steps(path, scale)?;
+            if is_better_match(&frame.pair, &as_disparity, &of_depth) {
+                tracing::warn!(
+                    "--truth '{}': its values match the two images as disparities and not as \
+                     depths: read as :{KITTI}; :unit=0.001 is for depths in millimetres",
+                    self.pattern
+                );
+                self.unit = Some(KITTI);
+                return Ok(as_disparity);
+            }
+        }
+        Ok(of_depth)
     }
 
     /// Warns once of names and times that fit no pair.
@@ -237,6 +305,20 @@ impl FolderTruth {
         let reason = format!("--truth '{}', {files}: {why}", self.pattern);
         Error::format(&self.folder, reason)
     }
+}
+
+/// The meaning of values in a folder of disparities: integers as KITTI's, floats in pixels.
+fn by_name(pattern: &str) -> Option<TruthUnit> {
+    let is_disparity = pattern.to_lowercase().contains("disp");
+    let has_integers = INTEGERS
+        .iter()
+        .any(|ending| has_ending(Path::new(pattern), ending));
+    let unit = if has_integers {
+        KITTI
+    } else {
+        TruthUnit::Disparity(1.0)
+    };
+    (is_disparity && !has_ending(Path::new(pattern), "bin")).then_some(unit)
 }
 
 /// The pose of KITTI's scanner, by the calibrations in the folder or the two above it.

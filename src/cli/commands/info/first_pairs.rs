@@ -1,5 +1,7 @@
 //! The facts that the first pairs of a recording or a folder show, as lines of `svl info`.
 
+use svl::counted;
+use svl::plausibility::Spread;
 use svl::recording::PairGeometry;
 use svl::source::{NearestDistance, SourceFacts, TruthFacts};
 
@@ -69,6 +71,9 @@ fn truth(facts: &TruthFacts) -> String {
         scored_pairs,
         cells,
         scored_cells,
+        disparity_px,
+        distance_m,
+        impossible_pixels,
         error,
     } = facts;
     let option = if *is_asked_for { "--truth " } else { "" };
@@ -80,5 +85,19 @@ fn truth(facts: &TruthFacts) -> String {
         1 => "the first pair".to_owned(),
         n => format!("{scored_pairs} of the first {n} pairs"),
     };
-    format!("truth      {option}{topic}: scores {scored_cells} of {cells} cells, in {of_pairs}")
+    let spread = |spread: &Spread, unit: &str, digits: usize| {
+        let Spread { min, median, max } = spread;
+        format!("; {min:.digits$} .. {max:.digits$} {unit}, median {median:.digits$} {unit}")
+    };
+    let distance = distance_m.as_ref().map(|metres| spread(metres, "m", 3));
+    let disparity = disparity_px.as_ref().map(|px| spread(px, "px", 1));
+    let impossible = (*impossible_pixels > 0).then(|| {
+        let pixels = counted(*impossible_pixels, "pixel");
+        format!("; {pixels} impossible, or zeros in place of none: not used")
+    });
+    format!(
+        "truth      {option}{topic}: scores {scored_cells} of {cells} cells, in {of_pairs}{}{}",
+        distance.or(disparity).unwrap_or_default(),
+        impossible.unwrap_or_default()
+    )
 }

@@ -443,7 +443,7 @@ fn clock(summary: &RecordingSummary) -> Vec<String> {
     }
     let many = counted(jumps.len() as u64, "time");
     let mut lines = vec![format!(
-        "clock      the stamps of the left images jump {many} against the log times"
+        "clock      the stamps of the left images jump {many}"
     )];
     lines.extend(jumps.iter().take(LISTED).map(|jump| {
         let way = if jump.by_ns < 0 { "back" } else { "ahead" };

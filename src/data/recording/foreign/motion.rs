@@ -107,7 +107,7 @@ mod tests {
         // A robot that drives is compared with its own speed.
         assert!(!is_jump(1.0, ahead(0.07)) && is_jump(1.0, ahead(0.09)));
         assert!(!is_jump(30.0, ahead(0.1)) && is_jump(30.0, ahead(0.3)));
-        let turned = |angle| UnitQuaternion::from_euler_angles(0.0, 0.0, angle).into();
+        let turned = |angle| UnitQuaternion::from_euler_angles(0.0, 0.0, angle);
         let turned = |angle| Isometry3::from_parts(ahead(0.0).translation, turned(angle));
         assert!(!is_jump(1.0, turned(0.15)) && is_jump(1.0, turned(0.25)));
         // Between other stamps it moves as before.

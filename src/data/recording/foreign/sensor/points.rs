@@ -61,7 +61,7 @@ pub(super) fn foxglove_cloud(_: &Channel, data: &[u8]) -> Result<Points, String>
 
 pub(super) fn ros_scan(channel: &Channel, data: &[u8]) -> Result<Points, String> {
     let scan = ros::read(channel, data, ros::laser_scan)?;
-    let within = |range: f64| range >= scan.range_min && range <= scan.range_max;
+    let within = |range: f64| range > 0.0 && range >= scan.range_min && range <= scan.range_max;
     let ranges = scan.ranges.iter().enumerate();
     // Beyond the limits of the sensor there is no measurement (sensor_msgs/LaserScan); NaN is
     // outside them.
@@ -126,8 +126,10 @@ fn bytes(kind: i32) -> usize {
 }
 
 /// The points of whole steps; any remaining bytes are padding.
+/// The points of a cloud; one at its origin is no measurement, as organized clouds have zeros
+/// there.
 fn points(data: &[u8], step: usize, fields: Fields) -> impl Iterator<Item = Point3<f64>> {
-    data.chunks_exact(step).map(move |point| {
+    let points = data.chunks_exact(step).map(move |point| {
         Point3::from(fields.map(|(offset, kind)| {
             let field = &point[offset..][..bytes(kind)];
             match (field.first_chunk::<4>(), field.first_chunk::<8>()) {
@@ -136,7 +138,8 @@ fn points(data: &[u8], step: usize, fields: Fields) -> impl Iterator<Item = Poin
                 (None, None) => f64::NAN,
             }
         }))
-    })
+    });
+    points.filter(|point| *point != Point3::origin())
 }
 
 fn pose(pose: Option<Pose>) -> Result<Isometry3<f64>, String> {
@@ -166,5 +169,23 @@ fn pose(pose: Option<Pose>) -> Result<Isometry3<f64>, String> {
         Ok(pose)
     } else {
         Err("its pose is not finite".to_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_at_the_sensor_is_none() {
+        let numbers = [[0.0f32; 3], [1.0, 0.0, 0.0], [-0.0; 3]];
+        let data: Vec<_> = numbers
+            .as_flattened()
+            .iter()
+            .flat_map(|n| n.to_le_bytes())
+            .collect();
+        let fields = [(0, FLOAT32), (4, FLOAT32), (8, FLOAT32)];
+        let found: Vec<_> = points(&data, 12, fields).collect();
+        assert_eq!(found, [Point3::new(1.0, 0.0, 0.0)]);
     }
 }

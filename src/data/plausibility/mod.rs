@@ -1,0 +1,12 @@
+//! Plausibility of a truth: pixels that cannot be, a unit that cannot be, and a constant factor
+//! against every algorithm of a run.
+
+mod pictures;
+mod pixels;
+mod scale;
+mod unit;
+
+pub use pictures::is_better_match;
+pub use pixels::{PixelCheck, Spread, TruthSpread, remove_impossible};
+pub use scale::TruthScales;
+pub use unit::TruthUnit;
