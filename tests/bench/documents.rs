@@ -42,8 +42,8 @@ const PARSED: &[(&str, &str)] = &[
         "cli::replay has such rows",
     ),
     (
-        "svl score pictures/ --truth 'depth/",
-        "cli::folder_truth has depth images",
+        "svl score pictures/ --truth 'd",
+        "cli::folder_truth has such images",
     ),
     (
         "svl score drive_0001_sync/",
