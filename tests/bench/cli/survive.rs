@@ -111,7 +111,11 @@ fn a_recovery_that_saves_less_than_the_file_has_is_incomplete() {
     answer.failed(4, &["bad.mcap: recovered, but for 1 damaged part, "]);
     assert!(!pairs(&fixture.path("saved.mcap")).is_empty());
     // Only the record in which it ends is lost.
-    std::fs::write(fixture.path("cut.mcap"), &fixture.bytes("sim.mcap")[..middle]).unwrap();
+    std::fs::write(
+        fixture.path("cut.mcap"),
+        &fixture.bytes("sim.mcap")[..middle],
+    )
+    .unwrap();
     fixture.run("recover cut.mcap -o rest.mcap");
 }
 

@@ -28,7 +28,8 @@ const EXTENDED: [u8; 11] = [
 ];
 
 /// The fields of a record in order, as in the suite's JSON: `2`, `4` and `8` bytes, `s` a string,
-/// `b` and `l` bytes with a short or a long length, `m` a map, `c` one from numbers of 2 to 8 bytes.
+/// `b` and `l` bytes with a short or a long length, `r` the rest, `m` and `c` maps of strings or
+/// numbers.
 const LAYOUTS: [(&str, u8, &[(char, &str)]); 12] = [
     ("Header", op::HEADER, &[('s', "profile"), ('s', "library")]),
     (
