@@ -12,8 +12,8 @@ use svl::recording::{Recording, Recovery};
 ///
 /// Copies all intact topics, schemas, messages, attachments and metadata into a new file, chunk by
 /// chunk, whichever program wrote them. A chunk that does not match its CRC is skipped; where a
-/// length is damaged, reading resynchronizes at the next record that proves to be one. Exit status 4
-/// reports that the file has more than could be copied; the incomplete record in which it ends
+/// length is damaged, reading resynchronizes at the next record that proves to be one. Exit status
+/// 4 reports that the file has more than could be copied; the incomplete record in which it ends
 /// does not count. The damaged file is not changed.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  svl recover killed.mcap -o saved.mcap && svl info saved.mcap")]
