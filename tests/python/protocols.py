@@ -66,7 +66,7 @@ def kitti(estimate, truth):
         error = np.abs(np.where(disparity > 0, disparity, -1) - truth)[pixels]
         for t in range(1, 6):
             scores[f"out{t}{suffix}"] = 100 * np.mean(error > t)
-        scores[f"d1_all{suffix}"] = 100 * np.mean((error > 3) & (error / truth[pixels] > 0.05))
+        scores[f"d1_all{suffix}"] = 100 * np.mean((error > 3) & (np.float32(error / truth[pixels]) > np.float64(0.05)))
     scores["avgerr"] = np.abs(estimate - truth)[found].mean()
     scores["avgerr_dense"] = np.abs(dense - truth)[judged].mean()
     return scores

@@ -12,8 +12,9 @@ use svl::recording::{Recording, Recovery};
 ///
 /// Copies all intact topics, schemas, messages, attachments and metadata into a new file, chunk by
 /// chunk, whichever program wrote them. A chunk that does not match its CRC is skipped; where a
-/// length is damaged, reading resynchronizes at the next record that proves to be one. The damaged
-/// file is not changed.
+/// length is damaged, reading resynchronizes at the next record that proves to be one. Exit status
+/// 4 reports that the file has more than could be copied; the incomplete record in which it ends
+/// does not count. The damaged file is not changed.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  svl recover killed.mcap -o saved.mcap && svl info saved.mcap")]
 pub(crate) struct Args {
@@ -38,10 +39,30 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let recovery = damaged.recover(&args.output)?;
     outputs.commit();
     if args.json {
-        print_json(&recovery)
+        print_json(&recovery)?;
     } else {
-        print(&table(args, &recovery)?)
+        print(&table(args, &recovery)?)?;
     }
+    check_all_saved(args, &recovery)
+}
+
+/// # Errors
+/// [`svl::Error::Incomplete`] if the damaged file has more than was saved.
+fn check_all_saved(args: &Args, recovery: &Recovery) -> anyhow::Result<()> {
+    if !recovery.partial {
+        return Ok(());
+    }
+    let missing: u64 = recovery.missing.values().sum();
+    let missing = match missing {
+        0 => String::new(),
+        _ => format!(", {} missing", counted(missing, "message")),
+    };
+    let words = format!(
+        "{}: recovered, but for {}{missing}",
+        args.file.display(),
+        counted(recovery.losses.len(), "damaged part"),
+    );
+    Err(svl::Error::Incomplete(words).into())
 }
 
 fn table(args: &Args, recovery: &Recovery) -> anyhow::Result<String> {

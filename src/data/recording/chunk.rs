@@ -1,6 +1,6 @@
 //! One chunk of an MCAP file, decompressed and checked before it is used.
 
-use super::layout::{MAX_RECORD, body_size, u32_at, u64_at};
+use super::layout::{MAX_RECORD, known_size, u32_at, u64_at};
 use mcap::records::{Record, op};
 use std::io::Read as _;
 use std::ops::Range;
@@ -18,7 +18,7 @@ pub(super) struct Chunk {
 }
 
 /// Decompressed size of a chunk's records, read from the start of its record of `length` bytes;
-/// `None` if that cannot be the start of a chunk.
+/// `None` if that cannot be the start of a chunk with records.
 pub(super) fn chunk_size(record: &[u8], length: u64) -> Option<u64> {
     let name = u32_at(record, 28)? as usize;
     let compression = record.get(32..)?.get(..name)?;
@@ -30,7 +30,8 @@ pub(super) fn chunk_size(record: &[u8], length: u64) -> Option<u64> {
     };
     // A cheap test that most byte patterns which merely look like chunks fail.
     let times_are_in_order = u64_at(record, 0)? <= u64_at(record, 8)?;
-    (fits && times_are_in_order && body_size(op::CHUNK, record) == Some(length)).then_some(size)
+    let is_used = size > 0 && known_size(op::CHUNK, record, length).is_some();
+    (fits && times_are_in_order && is_used).then_some(size)
 }
 
 impl Chunk {
@@ -69,7 +70,7 @@ impl Chunk {
         else {
             return Err("it is none".to_owned());
         };
-        if body_size(op::CHUNK, record) != Some(record.len() as u64) {
+        if known_size(op::CHUNK, record, record.len() as u64).is_none() {
             return Err("its lengths do not agree".to_owned());
         }
         let (size, records) = (header.uncompressed_size, &mut self.records);

@@ -41,10 +41,10 @@ fn fields(opcode: u8) -> Option<&'static [Field]> {
     })
 }
 
-/// The length of a record's body according to the lengths in it. `body` may be a prefix that ends
-/// after the last of them. `None` if the kind of record does not determine it, or `body` is too
-/// short.
-pub(super) fn body_size(opcode: u8, body: &[u8]) -> Option<u64> {
+/// The length of the known fields of a record's body, according to the lengths in it. `body` may be
+/// a prefix that ends after the last of them. `None` if the kind of record does not determine it,
+/// or `body` is too short.
+pub(super) fn fields_size(opcode: u8, body: &[u8]) -> Option<u64> {
     fields(opcode)?.iter().try_fold(0_u64, |size, field| {
         let at = usize::try_from(size);
         // Checked: damaged lengths may be as large as 2⁶⁴ - 1.
@@ -56,7 +56,15 @@ pub(super) fn body_size(opcode: u8, body: &[u8]) -> Option<u64> {
     })
 }
 
-/// True if the fields of this kind of record determine its length.
+/// The length of the known fields of a record whose body has `length` bytes, see [`fields_size`];
+/// `None` if the record cannot have that length. MCAP extends records by fields at their end, which
+/// readers ignore, except for footer and end of data.
+pub(super) fn known_size(opcode: u8, body: &[u8], length: u64) -> Option<u64> {
+    let may_grow = !matches!(opcode, op::FOOTER | op::DATA_END);
+    fields_size(opcode, body).filter(|&size| size == length || may_grow && size < length)
+}
+
+/// True if this kind of record consists of known fields, and maybe more behind them.
 pub(super) fn has_fields(opcode: u8) -> bool {
     fields(opcode).is_some()
 }

@@ -91,6 +91,8 @@ pub(super) struct Messages {
     /// chunks.
     beforehand: Vec<Declared>,
     missing: BTreeMap<String, u64>,
+    /// True if a summary counts records that were not found.
+    lacks: bool,
 }
 
 /// The summary section of a file.
@@ -205,6 +207,7 @@ impl Messages {
             past: Vec::new(),
             beforehand,
             missing: BTreeMap::new(),
+            lacks: false,
         }
     }
 
@@ -256,6 +259,11 @@ impl Messages {
             self.records.take_losses(),
             std::mem::take(&mut self.missing),
         )
+    }
+
+    /// True if the file has, by its summary or by what was skipped, more than was read.
+    pub(super) fn has_more(&self) -> bool {
+        self.lacks || self.records.has_skipped()
     }
 
     /// True if all messages read so far are covered by a CRC.
@@ -464,10 +472,6 @@ impl Messages {
                 *sum = sum.saturating_add(missing);
             }
         }
-        // Damage found before explains missing records.
-        if self.records.has_losses() {
-            return Ok(());
-        }
         let lacking = [
             (messages, "message"),
             (
@@ -484,7 +488,9 @@ impl Messages {
             .filter(|(n, _)| *n > 0)
             .map(|(n, noun)| counted(*n, noun))
             .collect();
-        if lacking.is_empty() {
+        self.lacks |= !lacking.is_empty();
+        // Damage found before explains missing records.
+        if lacking.is_empty() || self.records.has_losses() {
             return Ok(());
         }
         self.records.missing(&format!(

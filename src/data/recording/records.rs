@@ -17,7 +17,7 @@
 use super::bag::not_mcap;
 use super::chunk::Chunk;
 use super::file::{FileReader, McapFile};
-use super::layout::{HEAD, MAX_RECORD, body_size, u32_at, u64_at};
+use super::layout::{HEAD, MAX_RECORD, known_size, u32_at, u64_at};
 use super::salvage::{self, DamagedPart, Salvage};
 use mcap::records::{Record, op};
 use std::cell::Cell;
@@ -56,6 +56,8 @@ pub(super) struct Records {
     finished: bool,
     /// True if messages without a CRC were read: in this data section, and before.
     unchecked: [bool; 2],
+    /// True if records were skipped, apart from the one in which the file ends.
+    skipped: bool,
     salvage: Option<Salvage>,
 }
 
@@ -101,6 +103,7 @@ impl Records {
                 .begin(records.len)
                 .map_err(io)?
                 .ok_or_else(|| no_mcap(file))?;
+            records.skipped = at > mcap::MAGIC.len() as u64;
             records.seek(at)?;
         }
         records.salvage = Some(salvage);
@@ -124,6 +127,7 @@ impl Records {
             has_chunks: false,
             finished: false,
             unchecked: [false; 2],
+            skipped: false,
             salvage: None,
         })
     }
@@ -161,6 +165,11 @@ impl Records {
             .take()
             .map(Salvage::into_losses)
             .unwrap_or_default()
+    }
+
+    /// True if records were skipped, apart from the one in which the file ends.
+    pub(super) fn has_skipped(&self) -> bool {
+        self.skipped
     }
 
     /// True if any part of the current file was skipped.
@@ -280,7 +289,7 @@ impl Records {
     pub(super) fn parse(&self, opcode: u8) -> std::result::Result<Record<'_>, String> {
         let body = self.body();
         // mcap 0.25 panics on an attachment that ends before its CRC.
-        if opcode == op::ATTACHMENT && body_size(opcode, body) != Some(body.len() as u64) {
+        if opcode == op::ATTACHMENT && known_size(opcode, body, body.len() as u64).is_none() {
             return Err("an attachment is truncated".to_owned());
         }
         mcap::parse_record(opcode, body).map_err(|e| format!("a record cannot be read: {e}"))
@@ -391,10 +400,10 @@ impl Records {
         }
         if let Some(salvage) = &mut self.salvage
             && salvage
-                .covers_others(opcode, self.start..self.at)
+                .covers_others(opcode, &self.body, self.start..self.at)
                 .map_err(|e| Error::io(&self.path, e))?
         {
-            self.pass_over(self.at, "an apparent private record covers others")?;
+            self.pass_over(self.at, "the unknown part of a record covers others")?;
             return Ok(Top::Passed);
         }
         if let Some(salvage) = &mut self.salvage
@@ -484,10 +493,13 @@ impl Records {
     /// Skips the current record and records the reason; an error without salvage.
     pub(super) fn lose(&mut self, reason: &str) -> Result<()> {
         match &mut self.salvage {
-            Some(salvage) if self.in_chunk => salvage.note(self.start..self.at, reason),
-            _ => return self.pass_over(self.at, reason),
+            Some(salvage) if self.in_chunk => {
+                self.skipped = true;
+                salvage.note(self.start..self.at, reason);
+                Ok(())
+            }
+            _ => self.pass_over(self.at, reason),
         }
-        Ok(())
     }
 
     /// Records that something is missing; an error without salvage.
@@ -501,7 +513,10 @@ impl Records {
 
     /// Skips a part whose end is unknown.
     fn cut(&mut self, reason: &str) -> Result<Top> {
-        self.pass_over(self.len, reason).map(|()| Top::Passed)
+        let skipped = self.skipped;
+        self.pass_over(self.len, reason)?;
+        self.skipped = skipped || self.at < self.len;
+        Ok(Top::Passed)
     }
 
     /// Skips the current record up to `end`, or resynchronizes before it at a proven record; an
@@ -514,6 +529,7 @@ impl Records {
             .pass_over(self.start..self.at, end, reason)
             .map_err(|e| Error::io(&self.path, e))?;
         self.finished = found == self.len;
+        self.skipped = true;
         self.seek(found)
     }
 

@@ -30,6 +30,9 @@ pub struct Recovery {
     /// Messages counted in the file's own summary but not found, by topic. Empty if it has no
     /// summary.
     pub missing: BTreeMap<String, u64>,
+    /// True if the file has more than was recovered: corrupt records, or some that its summary
+    /// counts. The record in which a truncated file ends is no such record.
+    pub partial: bool,
     /// True if CRCs cover all recovered messages. Otherwise they may contain changed bytes.
     pub checksums: bool,
 }
@@ -121,6 +124,10 @@ fn recover_ros1(from: &McapFile, to: &Path) -> Result<Recovery> {
         *recovery.messages.entry(topic.clone()).or_default() += 1;
     }
     recovery.losses = messages.take_losses();
+    recovery.partial = recovery
+        .losses
+        .iter()
+        .any(|loss| loss.bytes > 0 && loss.at_byte + loss.bytes < from.len());
     if recovery.messages.is_empty() {
         drop(copy);
         let _ = std::fs::remove_file(to);
@@ -152,6 +159,7 @@ impl Copier {
         }
         let recovery = &mut self.recovery;
         (recovery.losses, recovery.missing) = messages.take_losses();
+        recovery.partial = messages.has_more();
         recovery.checksums = messages.is_checked();
         recovery.pairs = recovery
             .messages

@@ -1,7 +1,7 @@
 //! Salvage: skips and records the damaged parts of a file.
 
 use super::file::FileReader;
-use super::layout::{body_size, has_fields, is_record};
+use super::layout::{HEAD, fields_size, has_fields, is_record, known_size};
 use super::search::RecordSearch;
 use std::io;
 use std::ops::Range;
@@ -124,7 +124,15 @@ impl Salvage {
     ) -> io::Result<u64> {
         // Not at `sure` itself, where the corrupt record begins.
         let from = self.sure + 1;
-        let found = self.search.next(from..end)?.unwrap_or(end);
+        // Nor at the skipped record, which its known part may prove.
+        let before = self.search.next(from..read.start)?;
+        let found = match before {
+            Some(found) => found,
+            None => {
+                let after = from.max(read.start + 1);
+                self.search.next(after..end)?.unwrap_or(end)
+            }
+        };
         // Bytes read before and again after the search count, or two corrupt lengths could loop.
         self.search.spend(read.end.saturating_sub(found));
         self.sure = found;
@@ -138,15 +146,21 @@ impl Salvage {
         Ok(found)
     }
 
-    /// True if the bytes at `place`, which look like a private record, contain other proven
-    /// records. After damage any byte from 0x80 on looks like a private record, and the bytes after
-    /// it like its length.
-    pub(super) fn covers_others(&mut self, opcode: u8, place: Range<u64>) -> io::Result<bool> {
-        if opcode < PRIVATE || !self.has_losses() {
-            return Ok(false);
-        }
-        let found = self.search.next(place.start + 1..place.end)?;
-        Ok(found.is_some())
+    /// True if the unknown part of the record at `place` contains other proven records: its length
+    /// is corrupt. After damage any byte from 0x80 on looks like a private record, and the bytes
+    /// after it like its length.
+    pub(super) fn covers_others(
+        &mut self,
+        opcode: u8,
+        body: &[u8],
+        place: Range<u64>,
+    ) -> io::Result<bool> {
+        let unknown = match fields_size(opcode, body) {
+            Some(size) => place.start + HEAD + size,
+            None if opcode >= PRIVATE && self.has_losses() => place.start + 1,
+            None => place.end,
+        };
+        Ok(unknown < place.end && self.search.next(unknown..place.end)?.is_some())
     }
 
     /// Trusts the record at `place` if it can be proven.
@@ -166,7 +180,7 @@ pub(super) fn examine(opcode: u8, body: &[u8]) -> Result<(), String> {
     if !is_record(opcode) && opcode < PRIVATE {
         return Err(format!("a record is of the unknown kind {opcode:#04x}"));
     }
-    if has_fields(opcode) && body_size(opcode, body) != Some(body.len() as u64) {
+    if has_fields(opcode) && known_size(opcode, body, body.len() as u64).is_none() {
         return Err("the lengths of a record do not agree".to_owned());
     }
     Ok(())

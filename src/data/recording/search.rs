@@ -5,6 +5,7 @@
 //! - a chunk with consistent lengths that decompresses into complete records, and matches its CRC
 //!   or, without a CRC, is followed by another record;
 //! - an attachment that matches its CRC;
+//! - such a chunk or attachment with unknown fields behind its own, followed by another record;
 //! - metadata with consistent lengths, or the end of the data section, followed by another record;
 //! - the magic of an appended file.
 //!
@@ -13,7 +14,7 @@
 
 use super::chunk::{Chunk, chunk_size};
 use super::file::FileReader;
-use super::layout::{HEAD, MAX_RECORD, body_size, is_record, u64_at};
+use super::layout::{HEAD, MAX_RECORD, is_record, known_size, u64_at};
 use mcap::records::{Record, op};
 use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::ops::Range;
@@ -22,7 +23,8 @@ use std::ops::Range;
 const WINDOW: usize = 1 << 18;
 /// Bytes of a record that suffice for a first check.
 const LOOK: usize = 64;
-/// Limit on the length of an attachment up to its data, and of metadata, for the search.
+/// Limit on the length of an attachment up to its data, of metadata, and of the unknown fields of
+/// any record, for the search.
 const MAX_BESIDE: u64 = 1 << 16;
 
 /// Searches one file.
@@ -54,12 +56,16 @@ impl RecordSearch {
     /// # Errors
     /// Those of reading the file.
     pub(super) fn next(&mut self, range: Range<u64>) -> io::Result<Option<u64>> {
-        let mut window = vec![0; WINDOW];
+        let mut window = Vec::new();
         let mut at = range.start;
         while at < range.end && self.budget > 0 {
-            let bytes = WINDOW.min(usize::try_from(self.len - at).unwrap_or(WINDOW));
+            let left = (range.end - at)
+                .saturating_add(LOOK as u64)
+                .min(self.len - at);
+            let bytes = WINDOW.min(usize::try_from(left).unwrap_or(WINDOW));
+            window.resize(bytes, 0);
             self.file.seek(SeekFrom::Start(at))?;
-            self.file.read_exact(&mut window[..bytes])?;
+            self.file.read_exact(&mut window)?;
             // Records that begin near the end of the window are examined in the next one.
             let last = at + bytes as u64 == self.len;
             let places = if last { bytes } else { bytes - LOOK };
@@ -101,29 +107,35 @@ impl RecordSearch {
         }
         match head[0] {
             op::CHUNK => {
-                let Some(size) = chunk_size(&head[HEAD as usize..], length) else {
+                let record = &head[HEAD as usize..];
+                let (Some(size), Some(known)) = (
+                    chunk_size(record, length),
+                    near_size(op::CHUNK, record, length),
+                ) else {
                     return Ok(false);
                 };
-                self.read(body, length)?;
+                self.read(body, known)?;
                 let opened =
                     self.chunk.open(&self.body).is_ok() && self.chunk.has_only_complete_records();
                 self.chunk.clear();
                 // A chunk with a corrupt length may still decompress into records, across those
                 // that follow.
-                let fits = opened && (self.chunk.has_crc() || self.goes_on(body + length)?);
-                Ok(self.paid(fits, length + size))
+                let is_sure = self.chunk.has_crc() && known == length;
+                let fits = opened && (is_sure || self.goes_on(body + length)?);
+                Ok(self.paid(fits, known + size))
             }
             op::ATTACHMENT => {
                 let start = length.min(MAX_BESIDE);
                 self.read(body, start)?;
-                if body_size(op::ATTACHMENT, &self.body) != Some(length) {
+                let Some(known) = near_size(op::ATTACHMENT, &self.body, length) else {
                     return Ok(self.paid(false, start));
-                }
-                self.read(body, length)?;
+                };
+                self.read(body, known)?;
                 // Without a CRC any bytes could be an attachment.
                 let has_crc = self.body.last_chunk() != Some(&[0; 4]);
-                let fits = has_crc && mcap::parse_record(op::ATTACHMENT, &self.body).is_ok();
-                Ok(self.paid(fits, length))
+                let opened = has_crc && mcap::parse_record(op::ATTACHMENT, &self.body).is_ok();
+                let fits = opened && (known == length || self.goes_on(body + length)?);
+                Ok(self.paid(fits, known))
             }
             op::METADATA if length <= MAX_BESIDE => {
                 self.read(body, length)?;
@@ -133,7 +145,7 @@ impl RecordSearch {
                     _ => false,
                 };
                 let fits = named
-                    && body_size(op::METADATA, &self.body) == Some(length)
+                    && known_size(op::METADATA, &self.body, length).is_some()
                     && self.goes_on(body + length)?;
                 Ok(self.paid(fits, length))
             }
@@ -154,7 +166,7 @@ impl RecordSearch {
             return Ok(false);
         };
         self.read(at + HEAD, length)?;
-        let fits = body_size(op::HEADER, &self.body) == Some(length);
+        let fits = known_size(op::HEADER, &self.body, length).is_some();
         Ok(self.paid(fits, length))
     }
 
@@ -187,4 +199,9 @@ impl RecordSearch {
         self.file.seek(SeekFrom::Start(at))?;
         self.file.read_exact(&mut self.body)
     }
+}
+
+/// Length of the known fields of a record, if few unknown ones follow.
+fn near_size(opcode: u8, body: &[u8], length: u64) -> Option<u64> {
+    known_size(opcode, body, length).filter(|known| length - known <= MAX_BESIDE)
 }

