@@ -41,6 +41,9 @@ impl ColumnChoice {
         if names == ["all"] {
             return Ok(Self::All);
         }
+        if names.contains(&"all") {
+            return Err("'all' stands alone: it names every column".to_owned());
+        }
         let find = |name: &&str| Metric::named(name, |_| true);
         let metrics = names.iter().map(find).collect::<Result<Vec<_>, _>>()?;
         let is_repeated = |i: usize| metrics[..i].contains(&metrics[i]);

@@ -868,6 +868,11 @@ impl Metric {
         if let Some(found) = all.iter().find(|metric| metric.name == name) {
             return Ok(found);
         }
+        // `unknown, %` is a heading of its own, and `unknown` the name of another metric.
+        let mut exact = all.iter().filter(|metric| metric.head == name);
+        if let (Some(found), None) = (exact.next(), exact.next()) {
+            return Ok(found);
+        }
         let headed: Vec<_> = all.iter().copied().filter(is_headed).collect();
         match headed[..] {
             [found] => Ok(found),
