@@ -352,6 +352,8 @@ fn frame(i: u64) -> svl::Result<stereo::Frame> {
         )),
         color: None,
         exposure: stereo::Exposure::default(),
+        recorded: None,
+        calibration: None,
     })
 }
 

@@ -2,7 +2,7 @@
 //! learned files were fitted to.
 
 use super::Source;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{FittedTo, Frame, Losses, PairId};
@@ -18,10 +18,13 @@ pub struct PairRegister(Arc<Mutex<RegisteredPairs>>);
 
 #[derive(Default)]
 struct RegisteredPairs {
-    runs: Vec<String>,
+    /// Each with the scenario and seed of the simulation that it is of.
+    runs: Vec<(String, Option<String>)>,
     /// The run that each pair belongs to.
     owners: HashMap<PairId, usize>,
-    by_stamps: HashMap<[u64; 2], usize>,
+    by_stamps: HashMap<[u64; 2], Vec<usize>>,
+    /// Runs of the same moments, which the user was warned of.
+    same_moments: BTreeSet<[usize; 2]>,
     /// Pairs of a run that belong to an earlier one.
     copies: BTreeMap<[usize; 2], u64>,
     learned: Vec<LearnedNumbers>,
@@ -66,9 +69,9 @@ impl PairRegister {
         };
         Err(Error::Usage(format!(
             "{}: has {} of {}: name each recording once, for training or for the test",
-            pairs.runs[*run],
+            pairs.runs[*run].0,
             counted(*n, "pair"),
-            pairs.runs[*owner]
+            pairs.runs[*owner].0
         )))
     }
 
@@ -78,19 +81,19 @@ impl PairRegister {
         let pairs = self.lock();
         let runs = pairs.runs.iter().enumerate();
         let runs = runs.filter(|(run, _)| is_fitted(*run));
-        let runs = runs.map(|(_, name)| name.clone()).collect();
+        let runs = runs.map(|(_, (name, _))| name.clone()).collect();
         let ids = pairs.owners.iter().filter(|(_, run)| is_fitted(**run));
         FittedTo::new(runs, ids.map(|(id, _)| *id))
     }
 
-    fn begin(&self, run: String) -> usize {
+    fn begin(&self, run: (String, Option<String>)) -> usize {
         let mut pairs = self.lock();
         pairs.runs.push(run);
         pairs.runs.len() - 1
     }
 
     fn name(&self, run: usize) -> String {
-        self.lock().runs[run].clone()
+        self.lock().runs[run].0.clone()
     }
 
     fn lock(&self) -> MutexGuard<'_, RegisteredPairs> {
@@ -99,9 +102,33 @@ impl PairRegister {
 }
 
 impl RegisteredPairs {
+    /// Warns once of two runs with pairs of the same stamps, which are no copies. Stamps of
+    /// simulations are alike in all, so that only those of one seed are of the same moments.
+    fn warn_of_same_moments(&mut self, run: usize, id: PairId) {
+        let others = self.by_stamps.entry(id.stamps_ns).or_default();
+        if others.last() != Some(&run) {
+            others.push(run);
+        }
+        for &other in others.iter().filter(|other| **other != run) {
+            let [(name, simulated), (first, of_first)] = [&self.runs[run], &self.runs[other]];
+            let is_same = match simulated {
+                Some(_) => simulated == of_first,
+                None => id.stamps_ns[0] >= MIN_CLOCK_NS,
+            };
+            if is_same && self.same_moments.insert([run, other]) {
+                tracing::warn!(
+                    "{name}: has pairs with the stamps of pairs of {first}, but other pixels: what \
+                     both recordings show counts twice"
+                );
+            }
+        }
+    }
+
     /// Warns once of each algorithm that was fitted to the frame.
-    fn warn_of_training(&mut self, run: &str, simulated: Option<&str>, frame: &Frame) {
-        let names = [simulated, frame.name.as_deref()].into_iter().flatten();
+    fn warn_of_training(&mut self, run: usize, frame: &Frame) {
+        let (run, simulated) = &self.runs[run];
+        let names = [simulated.as_deref(), frame.name.as_deref()];
+        let names = names.into_iter().flatten();
         let id = frame.id();
         for of in self.learned.iter_mut().filter(|of| !of.is_reported) {
             if of.fitted.iter().any(|fitted| fitted.has(id, names.clone())) {
@@ -122,12 +149,8 @@ pub struct RegisteredSource {
     source: Box<dyn Source>,
     register: PairRegister,
     run: usize,
-    /// Its name among what learned files were fitted to, if it is simulated.
-    simulated: Option<String>,
     seeks: bool,
     copies: BTreeMap<usize, u64>,
-    /// Pairs with the stamps, but not the pixels, of a pair of another run.
-    same_stamps: BTreeMap<usize, u64>,
 }
 
 impl RegisteredSource {
@@ -136,17 +159,15 @@ impl RegisteredSource {
     pub fn new(
         source: Box<dyn Source>,
         register: &PairRegister,
-        (name, simulated): (String, Option<String>),
+        run: (String, Option<String>),
         seeks: bool,
     ) -> Self {
         Self {
-            run: register.begin(name),
+            run: register.begin(run),
             source,
             register: register.clone(),
-            simulated,
             seeks,
             copies: BTreeMap::new(),
-            same_stamps: BTreeMap::new(),
         }
     }
 
@@ -163,12 +184,8 @@ impl RegisteredSource {
             *pairs.copies.entry([self.run, owner]).or_default() += 1;
             return false;
         }
-        let first = *pairs.by_stamps.entry(id.stamps_ns).or_insert(self.run);
-        if first != self.run && id.stamps_ns[0] >= MIN_CLOCK_NS {
-            *self.same_stamps.entry(first).or_default() += 1;
-        }
-        let run = pairs.runs[self.run].clone();
-        pairs.warn_of_training(&run, self.simulated.as_deref(), frame);
+        pairs.warn_of_same_moments(self.run, id);
+        pairs.warn_of_training(self.run, frame);
         true
     }
 }
@@ -200,15 +217,6 @@ impl Source for RegisteredSource {
     }
 
     fn finish(&mut self, taken: u64) -> Losses {
-        let name = self.register.name(self.run);
-        for (other, n) in &self.same_stamps {
-            tracing::warn!(
-                "{name}: {} with the stamps of pairs of {}, but other pixels: what both recordings \
-                 show counts twice",
-                counted(*n, "pair"),
-                self.register.name(*other)
-            );
-        }
         let copies: u64 = self.copies.values().sum();
         let mut losses = self.source.finish(taken + copies);
         for (owner, n) in std::mem::take(&mut self.copies) {

@@ -119,11 +119,11 @@ impl FittedTo {
             .collect()
     }
 
-    /// True if it was fitted to the pair. `names`: the simulated run or the data-set scene that the
-    /// pair is of, which identifies it if the pairs are not known.
+    /// True if it was fitted to the pair, or to the simulated run or data-set scene of it, by its
+    /// names.
     pub fn has<'a>(&self, id: PairId, names: impl IntoIterator<Item = &'a str>) -> bool {
-        if !self.pairs.is_empty() {
-            return self.pairs.binary_search(&id.short()).is_ok();
+        if self.pairs.binary_search(&id.short()).is_ok() {
+            return true;
         }
         let mut runs = names
             .into_iter()
@@ -169,8 +169,9 @@ mod tests {
         let facts = fitted.facts().into();
         assert_eq!(FittedTo::of_facts(&facts), Ok(fitted.clone()));
         assert!(fitted.has(id(49, 0, None), []));
-        // Pairs decide where they are known, not names.
-        assert!(!fitted.has(id(50, 0, None), ["arena seed 4"]));
+        assert!(!fitted.has(id(50, 0, None), ["arena seed 5"]));
+        // Other pairs of a run are no test, either.
+        assert!(fitted.has(id(50, 0, None), ["arena seed 4"]));
         for wrong in ["0", "000000000g", "00000000020000000001"] {
             assert!(FittedTo::parse([].into_iter(), wrong).is_err(), "{wrong}");
         }

@@ -184,6 +184,6 @@ fn recordings_of_the_same_moments_are_warned_of() {
         fixture.run(&format!("record . --calib none -q -o {recording}"));
     }
     let ran = fixture.svl("score a.mcap b.mcap --algo v3:max_disparity=8 --rerun none -o r");
-    let words = ["b.mcap: 1 pair with the stamps of pairs of a.mcap, but other pixels"];
+    let words = ["b.mcap: has pairs with the stamps of pairs of a.mcap, but other pixels"];
     assert_says(&ran.stderr, &words);
 }

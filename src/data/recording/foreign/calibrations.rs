@@ -1,6 +1,7 @@
 //! The calibrations of a recording's cameras, and what they say of its images.
 
 use super::camera::{self, Calibration, CalibrationChange};
+use super::poses::warn_once;
 use super::{Foreign, topics};
 use crate::recording::messages::Channel;
 use std::sync::Arc;
@@ -104,7 +105,11 @@ impl Foreign {
             let place = side as usize;
             if self.calibrations[place].as_ref() == Some(&channel.topic) {
                 let (stamp_ns, calibration) = camera::decode(channel, log_time, data)?;
-                self.tracks[place].insert(stamp_ns, calibration);
+                let fault = self.tracks[place].add((stamp_ns, log_time), calibration);
+                if let Some(fault) = fault {
+                    let (name, topic) = (&self.name, &channel.topic);
+                    warn_once(format!("{name}: {topic}: {}", fault.words()));
+                }
                 // Before the first pair the first ones decide what kind of images there are.
                 if self.sequence == 0 {
                     self.cameras[place] = self.tracks[place].first().cloned();
@@ -134,6 +139,7 @@ impl Foreign {
                     (first_ns - stamp_ns) as f64 / 1e9
                 );
             }
+            track.give(stamp_ns);
             track.forget_before(stamp_ns.saturating_sub(KEPT_NS));
             let before = self.cameras[place].replace(Arc::clone(&next));
             // The first pair is pair 1 here: what was before it is no change.

@@ -11,62 +11,116 @@ const MAX_KEPT: usize = 1_000_000;
 /// The calibrations of a camera. ROS publishes an image before its `camera_info`, and bags are out
 /// of order, so that only the stamps say which belong together.
 #[derive(Default)]
-pub(super) struct CameraTrack(BTreeMap<u64, Arc<Calibration>>);
+pub(super) struct CameraTrack {
+    calibrations: BTreeMap<u64, Arc<Calibration>>,
+    /// Greatest stamp of an image that was given its calibration.
+    given_ns: Option<u64>,
+}
+
+/// A calibration that could not be used as its stamp says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum StampFault {
+    /// Another calibration has the same stamp; its log time is used.
+    Repeated,
+    /// It came after images of its stamp had been given another one.
+    Late,
+}
+
+impl StampFault {
+    pub(super) fn words(self) -> &'static str {
+        match self {
+            Self::Repeated => {
+                "different calibrations have one stamp: the later ones are used by their log times"
+            }
+            Self::Late => {
+                "a calibration is more than a second behind the images of its stamp, which have \
+                 the one before it; `mcap sort FILE -o SORTED.mcap` helps if log times are right"
+            }
+        }
+    }
+}
 
 impl CameraTrack {
+    /// Adds a calibration by its stamp, or by its log time if another one has that stamp.
+    pub(super) fn add(
+        &mut self,
+        (stamp_ns, log_ns): (u64, u64),
+        calibration: Calibration,
+    ) -> Option<StampFault> {
+        let known = self.calibrations.get(&stamp_ns);
+        if known.is_some_and(|known| known.change(&calibration).is_some()) {
+            self.insert(log_ns.max(stamp_ns + 1), calibration);
+            return Some(StampFault::Repeated);
+        }
+        let is_given = self.given_ns.is_some_and(|given_ns| stamp_ns <= given_ns);
+        let differs = |used: &Arc<Calibration>| used.change(&calibration).is_some();
+        let is_late = is_given && self.at(stamp_ns).is_some_and(differs);
+        self.insert(stamp_ns, calibration);
+        is_late.then_some(StampFault::Late)
+    }
+
+    /// Notes that an image of that stamp has its calibration.
+    pub(super) fn give(&mut self, stamp_ns: u64) {
+        self.given_ns = self.given_ns.max(Some(stamp_ns));
+    }
+
     /// Adds a calibration. Equal ones share their memory, so that a change is a change of address.
-    pub(super) fn insert(&mut self, stamp_ns: u64, calibration: Calibration) {
-        let before = self.0.range(..=stamp_ns).next_back();
-        let after = self.0.range(stamp_ns..).next();
+    fn insert(&mut self, stamp_ns: u64, calibration: Calibration) {
+        let before = self.calibrations.range(..=stamp_ns).next_back();
+        let after = self.calibrations.range(stamp_ns..).next();
         let mut neighbours = before.into_iter().chain(after).map(|(_, known)| known);
         let known = neighbours.find(|known| known.change(&calibration).is_none());
         let calibration = known.cloned().unwrap_or_else(|| Arc::new(calibration));
-        self.0.insert(stamp_ns, calibration);
-        if self.0.len() > MAX_KEPT {
-            self.0.pop_first();
+        self.calibrations.insert(stamp_ns, calibration);
+        if self.calibrations.len() > MAX_KEPT {
+            self.calibrations.pop_first();
         }
     }
 
     /// Adds the calibration in a message, if it can be read.
     pub(super) fn read(&mut self, channel: &Channel, log_time: u64, data: &[u8]) {
         if let Ok((stamp_ns, calibration)) = camera::decode(channel, log_time, data) {
-            self.insert(stamp_ns, calibration);
+            self.add((stamp_ns, log_time), calibration);
         }
     }
 
     /// The calibration of an image: that of its own stamp; else the last one before it; else the
     /// first after it.
     pub(super) fn at(&self, stamp_ns: u64) -> Option<&Arc<Calibration>> {
-        let before = self.0.range(..=stamp_ns).next_back();
-        let found = before.or_else(|| self.0.first_key_value());
+        let before = self.calibrations.range(..=stamp_ns).next_back();
+        let found = before.or_else(|| self.calibrations.first_key_value());
         found.map(|(_, calibration)| calibration)
     }
 
     pub(super) fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.calibrations.is_empty()
     }
 
     /// True if there is one of that very stamp.
     pub(super) fn has(&self, stamp_ns: u64) -> bool {
-        self.0.contains_key(&stamp_ns)
+        self.calibrations.contains_key(&stamp_ns)
     }
 
     /// The first calibration.
     pub(super) fn first(&self) -> Option<&Arc<Calibration>> {
-        self.0.first_key_value().map(|(_, calibration)| calibration)
+        self.calibrations
+            .first_key_value()
+            .map(|(_, calibration)| calibration)
     }
 
     /// Stamp of the first calibration.
     pub(super) fn first_ns(&self) -> Option<u64> {
-        self.0.first_key_value().map(|(&stamp_ns, _)| stamp_ns)
+        self.calibrations
+            .first_key_value()
+            .map(|(&stamp_ns, _)| stamp_ns)
     }
 
     /// Drops those that no image from that stamp on can have.
     pub(super) fn forget_before(&mut self, stamp_ns: u64) {
-        if let Some((&last, _)) = self.0.range(..=stamp_ns).next_back()
+        if let Some((&last, _)) = self.calibrations.range(..=stamp_ns).next_back()
             && self.first_ns() < Some(last)
         {
-            self.0 = self.0.split_off(&last);
+            self.calibrations = self.calibrations.split_off(&last);
         }
     }
 }
@@ -92,6 +146,20 @@ mod tests {
         assert_eq!([25, 30, 5].map(|stamp| width(&track, stamp)), [2, 3, 2]);
         track.forget_before(1);
         assert_eq!(track.first_ns(), Some(20));
+    }
+
+    #[test]
+    fn calibrations_of_one_stamp_and_late_ones_are_faults() {
+        let of_width = |width| calibration_of_size((width, 1));
+        let mut track = CameraTrack::default();
+        assert_eq!(track.add((10, 10), of_width(1)), None);
+        assert_eq!(track.add((10, 20), of_width(1)), None);
+        assert_eq!(track.add((10, 30), of_width(2)), Some(StampFault::Repeated));
+        let widths = [10, 29, 30].map(|stamp| track.at(stamp).unwrap().size().0);
+        assert_eq!(widths, [1, 1, 2]);
+        track.give(50);
+        assert_eq!(track.add((40, 90), of_width(2)), None);
+        assert_eq!(track.add((45, 95), of_width(3)), Some(StampFault::Late));
     }
 
     #[test]

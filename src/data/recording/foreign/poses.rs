@@ -260,12 +260,9 @@ impl PoseReader {
                         let stamp = stamp.unwrap_or(log_time);
                         let topic = &channel.topic;
                         let other = add(&mut self.moving[kind], topic, &child, placed, stamp);
-                        if let Some(first) = other {
-                            warn_once(format!(
-                                "{}: {topic}: poses of '{child}', which {first} has too; those of \
-                                 {first} are used",
-                                self.recording.path().display()
-                            ));
+                        if let Some(why) = other {
+                            let path = self.recording.path().display();
+                            warn_once(format!("{path}: {topic}: poses of '{child}' {why}"));
                         }
                         if let Some([used, other]) = contradiction(&self.moving, &child, stamp) {
                             warn_once(format!(
@@ -351,13 +348,18 @@ fn contradiction<'a>(
 ) -> Option<[&'a str; 2]> {
     let [tf, odometry] = moving.each_ref().map(|of| of.get(child));
     let (tf, odometry) = (tf?, odometry?);
-    let apart = tf.at(stamp_ns)?.inverse() * odometry.at(stamp_ns)?;
-    let is_same = apart.translation.vector.norm() <= SAME_M && apart.rotation.angle() <= SAME_RAD;
+    let is_same = is_same(&tf.at(stamp_ns)?, &odometry.at(stamp_ns)?);
     (!is_same && tf.parent == odometry.parent).then_some([&tf.topic, &odometry.topic])
 }
 
+/// True if two poses differ by less than the noise of an estimate.
+fn is_same(one: &Isometry3<f64>, other: &Isometry3<f64>) -> bool {
+    let apart = one.inverse() * other;
+    apart.translation.vector.norm() <= SAME_M && apart.rotation.angle() <= SAME_RAD
+}
+
 /// Warns once in a process: pairs, truth and places read the poses of a recording each.
-fn warn_once(warning: String) {
+pub(super) fn warn_once(warning: String) {
     static WARNED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
     let mut warned = WARNED.lock().unwrap_or_else(PoisonError::into_inner);
     if warned.len() < MAX_WARNINGS && !warned.contains(&warning) {
@@ -366,8 +368,8 @@ fn warn_once(warning: String) {
     }
 }
 
-/// Adds a pose. Returns the topic that has the frame's poses, if it is another: two that differ
-/// would be one jumping track.
+/// Adds a pose. Returns the reason why it is not used: two tracks of a frame would be one that
+/// jumps, and of poses with one stamp tf2 keeps the first, too.
 fn add(
     moving: &mut BTreeMap<String, Moving>,
     topic: &str,
@@ -381,11 +383,19 @@ fn add(
         poses: Vec::new(),
     });
     if own.topic != topic {
-        return Some(own.topic.clone());
+        let first = &own.topic;
+        return Some(format!(
+            ", which {first} has too; those of {first} are used"
+        ));
     }
     // A second parent contradicts the first one.
     if own.parent == parent && own.poses.len() < MAX_POSES {
         let at = own.poses.partition_point(|(other, _)| *other <= stamp);
+        let last = at.checked_sub(1).map(|i| own.poses[i]);
+        if let Some((_, first)) = last.filter(|(other, _)| *other == stamp) {
+            let words = "differ at one stamp; the first of each stamp is used";
+            return (!is_same(&first, &pose)).then(|| words.to_owned());
+        }
         own.poses.insert(at, (stamp, pose));
     }
     None
@@ -445,7 +455,11 @@ mod tests {
         let other = ("map".to_owned(), Isometry3::identity());
         add(&mut moving, "/tf", "base", other, 150_000_000);
         let first = add(&mut moving, "/odom", "base", at(7.0), 150_000_000);
-        assert_eq!(first.as_deref(), Some("/tf"));
+        assert!(first.unwrap().contains("which /tf has too"));
+        // Of poses at one stamp the first is kept, as by tf2.
+        assert_eq!(add(&mut moving, "/tf", "base", at(2.0), 200_000_000), None);
+        let second = add(&mut moving, "/tf", "base", at(7.0), 200_000_000);
+        assert!(second.unwrap().contains("differ at one stamp"));
         add(&mut moving, "/tf", "base", at(9.0), 900_000_000);
         let x = |ms: u64| {
             let pose = moving["base"].at(ms * 1_000_000)?;
