@@ -371,6 +371,17 @@ fn info_says_why_poses_are_not_usable() {
     let fixture = Fixture::new();
     let late: fn(u64) -> Message = |stamp| moving(stamp + 60_000_000_000);
     let without_camera = messages(moving).split_off(1);
+    let unnormed: fn(u64) -> Message = |stamp| {
+        let frames = ["odom", "base_link"];
+        transform("/tf", stamp, frames, [0.0; 3], [0.0, 0.0, 0.0, 2.0])
+    };
+    bag::write(&fixture.path(""), &messages(unnormed));
+    let info = fixture.svl("info bag.mcap").done();
+    let info = info.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert_says(
+        &info,
+        &["8 messages of /tf cannot be used: its transform of 'base_link' in 'odom' is invalid"],
+    );
     for (messages, reason) in [
         (messages(moving), "all 2 left images have one"),
         (

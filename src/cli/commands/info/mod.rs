@@ -467,6 +467,7 @@ fn poses(summary: &PoseSummary) -> Vec<String> {
         images,
         placed,
         unusable,
+        faulty,
     } = summary;
     let of_frame = |of: &FramePoses| {
         let rate = of.rate_hz.map(|hz| format!(", {hz:.2} a second"));
@@ -502,6 +503,10 @@ fn poses(summary: &PoseSummary) -> Vec<String> {
         None => format!("all {images} left images have one"),
         Some(reason) => format!("{placed} of {images} left images have one: {reason}"),
     });
+    lines.extend(faulty.iter().map(|(topic, (messages, why))| {
+        let messages = counted(*messages, "message");
+        format!("{messages} of {topic} cannot be used: {why}")
+    }));
     let label = |(i, line): (usize, &String)| {
         let label = if i == 0 { "poses" } else { "" };
         format!("{label:COLUMN$}{line}")

@@ -4,6 +4,7 @@ use super::motion::{self, PoseStep};
 use super::poses::{PoseReader, PosesOfFrame};
 use crate::recording::Recording;
 use crate::recording::messages::Channel;
+use std::collections::BTreeMap;
 use svl_core::Result;
 
 /// The poses of a recording, and the images that have one.
@@ -16,6 +17,8 @@ pub struct PoseSummary {
     pub placed: u64,
     /// The reason why images have none.
     pub unusable: Option<String>,
+    /// Messages that cannot be used, by topic, with the first reason.
+    pub faulty: BTreeMap<String, (u64, String)>,
 }
 
 /// The poses of one frame in its parent.
@@ -80,6 +83,7 @@ pub(in crate::recording) fn pose_summary(
         images,
         placed,
         unusable,
+        faulty: reader.faulty().clone(),
     }))
 }
 

@@ -38,6 +38,8 @@ pub(super) struct PoseReader {
     /// By the name of the moving frame: those of `/tf`, and those of odometry, which are used where
     /// `/tf` has none.
     moving: [BTreeMap<String, Moving>; 2],
+    /// Messages that cannot be used, by topic, with the first reason.
+    faulty: BTreeMap<String, (u64, String)>,
 }
 
 /// What the pose of a frame is for.
@@ -121,6 +123,7 @@ impl PoseReader {
             has_ended: false,
             fixed: Transforms::default(),
             moving: Default::default(),
+            faulty: BTreeMap::new(),
         }))
     }
 
@@ -159,6 +162,11 @@ impl PoseReader {
     /// Reads all poses.
     pub(super) fn read_all(&mut self) {
         self.read_until("", PoseUse::Place, u64::MAX);
+    }
+
+    /// Messages that cannot be used, by topic, with the first reason.
+    pub(super) fn faulty(&self) -> &BTreeMap<String, (u64, String)> {
+        &self.faulty
     }
 
     /// All frames that move.
@@ -256,7 +264,17 @@ impl PoseReader {
                     } else {
                         continue;
                     };
-                    for (child, placed, stamp) in found.unwrap_or_default() {
+                    let found = found.unwrap_or_else(|why| {
+                        let path = self.recording.path().display();
+                        warn_once(format!(
+                            "{path}: {}: a pose is not used: {why}",
+                            channel.topic
+                        ));
+                        let topic = channel.topic.clone();
+                        self.faulty.entry(topic).or_insert((0, why)).0 += 1;
+                        Vec::new()
+                    });
+                    for (child, placed, stamp) in found {
                         let stamp = stamp.unwrap_or(log_time);
                         let topic = &channel.topic;
                         let other = add(&mut self.moving[kind], topic, &child, placed, stamp);
