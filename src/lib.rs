@@ -34,7 +34,7 @@ pub use svl_bench::{
 };
 pub use svl_calibrate as calibrate;
 pub use svl_core::{
-    Error, Result, counted, depth, filter, interrupt, joined, kernel, matcher, rectify, statistics,
+    Error, Result, alternatives, counted, depth, filter, interrupt, joined, kernel, matcher, rectify, statistics,
     stereo, timing,
 };
 pub use svl_data::{

@@ -1,14 +1,16 @@
 //! An error of the command line itself, whatever files and machines there are: one line, and
 //! exit code 2.
 
+use super::help;
 use super::terminal::print_error;
 use clap::Error;
 use clap::builder::{PathBufValueParser, TypedValueParser};
-use clap::error::ErrorKind;
+use clap::error::{ContextKind, ErrorKind};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
+use svl::alternatives;
 use svl::matcher::Algorithm;
 pub(crate) use svl::scenario::within;
 
@@ -55,12 +57,31 @@ pub(crate) fn report_clap(error: &Error) -> ExitCode {
                 _ => format!("{text} {line}"),
             },
         );
-        print_error(format_args!("{line}; see --help"));
+        let similar = similar_commands(error);
+        if similar.is_empty() {
+            print_error(format_args!("{line}; see --help"));
+        } else {
+            // clap knows only near spellings.
+            let line = line.split("; tip:").next().unwrap_or_default();
+            let similar = alternatives(similar);
+            print_error(format_args!("{line} (did you mean {similar}?); see --help"));
+        }
     } else {
         // A closed standard output is no reason to panic.
         let _ = error.print();
     }
     ExitCode::from(error.exit_code() as u8)
+}
+
+/// The commands that an unknown one stands for in other programs.
+fn similar_commands(error: &Error) -> &'static [&'static str] {
+    let context = |kind| error.get(kind).map(ToString::to_string);
+    let usage = context(ContextKind::Usage).unwrap_or_default();
+    match context(ContextKind::InvalidSubcommand) {
+        // Those of a command are others.
+        Some(name) if usage.contains("svl [OPTIONS]") => help::similar_commands(&name),
+        _ => &[],
+    }
 }
 
 /// An algorithm whose parameters go together. A program is not started to find that out.
