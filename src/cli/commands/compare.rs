@@ -155,7 +155,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         outputs.commit();
     }
     let joined = |text: &dyn Fn(&Comparison) -> String| {
-        let reasons = not_compared.iter().map(|why| format!("not compared: {why}\n"));
+        let reasons = not_compared
+            .iter()
+            .map(|why| format!("not compared: {why}\n"));
         let parts: Vec<_> = reasons.chain(comparisons.iter().map(text)).collect();
         parts.join("\n")
     };

@@ -26,42 +26,6 @@ const GROUPS: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// Names of commands in other programs, and svl's commands that do the same.
-pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
-    ("run", &["score", "replay"]),
-    ("test", &["score", "eval"]),
-    ("evaluate", &["score", "eval"]),
-    ("diff", &["compare"]),
-    ("plot", &["view", "compare"]),
-    ("show", &["view", "info"]),
-    ("open", &["view", "info"]),
-    ("play", &["view", "replay"]),
-    ("list", &["algos", "datasets", "columns"]),
-    ("ls", &["algos", "datasets", "columns"]),
-    ("check", &["info"]),
-    ("verify", &["info", "replay"]),
-    ("repair", &["recover"]),
-    ("fix", &["recover"]),
-    ("capture", &["record"]),
-    ("sim", &["record"]),
-    ("search", &["tune"]),
-    ("optimize", &["tune"]),
-    ("annotate", &["label"]),
-    ("fit", &["train"]),
-    ("benchmark", &["bench"]),
-    ("time", &["bench"]),
-    ("convert", &["calibrate", "record"]),
-    ("download", &["datasets"]),
-    ("fetch", &["datasets"]),
-    ("join", &["merge"]),
-];
-
-/// The commands that an unknown one stands for in other programs.
-pub(crate) fn similar_commands(name: &str) -> &'static [&'static str] {
-    let found = SYNONYMS.iter().find(|(synonym, _)| *synonym == name);
-    found.map_or(&[], |(_, commands)| commands)
-}
-
 /// Headings in their order, and the options of those that declare none, by their names.
 const HEADINGS: &[(&str, &[&str])] = &[
     (

@@ -1,7 +1,6 @@
 //! An error of the command line itself, whatever files and machines there are: one line, and
 //! exit code 2.
 
-use super::help;
 use super::terminal::print_error;
 use clap::Error;
 use clap::builder::{PathBufValueParser, TypedValueParser};
@@ -13,6 +12,36 @@ use std::str::FromStr;
 use svl::alternatives;
 use svl::matcher::Algorithm;
 pub(crate) use svl::scenario::within;
+
+/// Names of commands in other programs, and svl's commands that do the same.
+pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
+    ("run", &["score", "replay"]),
+    ("test", &["score", "eval"]),
+    ("evaluate", &["score", "eval"]),
+    ("diff", &["compare"]),
+    ("plot", &["view", "compare"]),
+    ("show", &["view", "info"]),
+    ("open", &["view", "info"]),
+    ("play", &["view", "replay"]),
+    ("list", &["algos", "datasets", "columns"]),
+    ("ls", &["algos", "datasets", "columns"]),
+    ("check", &["info"]),
+    ("verify", &["info", "replay"]),
+    ("repair", &["recover"]),
+    ("fix", &["recover"]),
+    ("capture", &["record"]),
+    ("sim", &["record"]),
+    ("search", &["tune"]),
+    ("optimize", &["tune"]),
+    ("annotate", &["label"]),
+    ("fit", &["train"]),
+    ("benchmark", &["bench"]),
+    ("time", &["bench"]),
+    ("convert", &["calibrate", "record"]),
+    ("download", &["datasets"]),
+    ("fetch", &["datasets"]),
+    ("join", &["merge"]),
+];
 
 /// An error of the command line.
 pub(crate) fn wrong(words: impl Display) -> anyhow::Error {
@@ -79,7 +108,10 @@ fn similar_commands(error: &Error) -> &'static [&'static str] {
     let usage = context(ContextKind::Usage).unwrap_or_default();
     match context(ContextKind::InvalidSubcommand) {
         // Those of a command are others.
-        Some(name) if usage.contains("svl [OPTIONS]") => help::similar_commands(&name),
+        Some(name) if usage.contains("svl [OPTIONS]") => {
+            let found = SYNONYMS.iter().find(|(synonym, _)| *synonym == name);
+            found.map_or(&[], |(_, commands)| commands)
+        }
         _ => &[],
     }
 }

@@ -105,7 +105,9 @@ impl GrabRequest {
     /// Pairs that are taken at most, if that is known.
     pub(super) fn most_pairs(&self, rate_hz: f64) -> Option<u64> {
         // Both ends of the duration have a pair.
-        let lasting = self.duration_s.map(|seconds| (seconds * rate_hz).ceil() as u64 + 1);
+        let lasting = self
+            .duration_s
+            .map(|seconds| (seconds * rate_hz).ceil() as u64 + 1);
         [self.pairs, lasting].into_iter().flatten().min()
     }
 

@@ -107,8 +107,18 @@ fn what_cannot_be_compared_is_said() {
     fixture.fails("compare 0 2 => 4: no pair in common | other scenarios, seeds");
     // Parts that are not compared come first, also beside others that are.
     let some = fixture.svl("compare 0 2 0#v3");
-    assert!(some.stdout.starts_with("not compared: 0 and 2: no pair in common"), "{}", some.stdout);
-    assert!(some.stdout.contains("\nnot compared: bm, only in 0\nbase   0\n"), "{}", some.stdout);
+    assert!(
+        some.stdout
+            .starts_with("not compared: 0 and 2: no pair in common"),
+        "{}",
+        some.stdout
+    );
+    assert!(
+        some.stdout
+            .contains("\nnot compared: bm, only in 0\nbase   0\n"),
+        "{}",
+        some.stdout
+    );
     some.failed(4, &["nothing was compared: 0 and 2"]);
     let summary = fixture.text("2/summary.json");
     fixture.write(

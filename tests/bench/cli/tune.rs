@@ -241,11 +241,23 @@ fn a_tool_ends_when_its_terminal_closes() {
     let scenario = fixture.path("own.toml");
     let [run, scenario] = [&run, &scenario].map(|path| path.to_str().unwrap());
     let tune = vec!["tune", run, "--algo", "v3", "--rerun", "none"];
-    let label = vec!["label", "checkpoints", run, "-o", scenario, "--rerun", "none"];
+    let label = vec![
+        "label",
+        "checkpoints",
+        run,
+        "-o",
+        scenario,
+        "--rerun",
+        "none",
+    ];
     for line in [tune, label] {
         // A closed standard output ends it, too, so its own message is not awaited.
         let ends = format!("{program} {}; true", line.join(" "));
-        python("terminal.py", "pty", ["^", "sh", "-c", &format!("trap '' HUP; {ends}")]);
+        python(
+            "terminal.py",
+            "pty",
+            ["^", "sh", "-c", &format!("trap '' HUP; {ends}")],
+        );
     }
 }
 

@@ -1,6 +1,8 @@
 //! Cameras that hang or are unplugged.
 
 use super::stage::{MS, PERIOD_NS, Stage, Triggered, adds_up, slow};
+use std::cell::RefCell;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use svl::Error;
 use svl::grab::simulated::CameraBehavior;
 use svl::grab::{self, GrabRequest, Host, Rule, TriggerSource, Unpaired};
@@ -308,6 +310,9 @@ fn as_many_pictures_are_rendered_as_pairs_are_taken() {
         let grabber = grab::open("sim:size=640x480,pictures=9", &request, host).unwrap();
         drop(grabber);
         assert_eq!(rendered.into_inner() as u64, expected);
-        assert_eq!(said.take(), [format!("sim: renders {expected} pictures first")]);
+        assert_eq!(
+            said.take(),
+            [format!("sim: renders {expected} pictures first")]
+        );
     }
 }

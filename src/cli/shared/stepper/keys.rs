@@ -134,7 +134,9 @@ fn is_closed_within(wait: Duration) -> std::io::Result<bool> {
     let mut polled = [PollFd::new(&stdin, PollFlags::IN)];
     let wait = Timespec::try_from(wait).map_err(std::io::Error::other)?;
     match poll(&mut polled, Some(&wait)) {
-        Ok(_) => Ok(polled[0].revents().intersects(PollFlags::HUP | PollFlags::ERR)),
+        Ok(_) => Ok(polled[0]
+            .revents()
+            .intersects(PollFlags::HUP | PollFlags::ERR)),
         // A change of the terminal's size is a signal, too.
         Err(Errno::INTR) => Ok(false),
         Err(error) => Err(error.into()),
