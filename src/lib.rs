@@ -34,8 +34,8 @@ pub use svl_bench::{
 };
 pub use svl_calibrate as calibrate;
 pub use svl_core::{
-    Error, Result, counted, depth, filter, interrupt, joined, kernel, matcher, rectify, statistics,
-    stereo, timing,
+    Error, Result, alternatives, counted, depth, filter, interrupt, joined, kernel, matcher,
+    rectify, statistics, stereo, timing,
 };
 pub use svl_data::{
     BuildInfo, agreement, arena, bootstrap, fetch, files, fit, grab, losses, manifest, memory,

@@ -208,6 +208,7 @@ pub fn open(request: Request<'_>, console: &dyn Console) -> Result<Opened> {
     let opened = source::open(&Request {
         host: Host {
             stopped: interrupt::requested,
+            preparing: &|line| console.note(line),
             progress: &step,
         },
         ..request

@@ -140,6 +140,17 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_synonym_is_of_commands_and_is_none_itself() {
+        let program = Cli::command();
+        for (synonym, commands) in usage::SYNONYMS {
+            assert!(program.find_subcommand(synonym).is_none(), "{synonym}");
+            for name in *commands {
+                assert!(program.find_subcommand(name).is_some(), "{synonym}: {name}");
+            }
+        }
+    }
+
     /// clap breaks longer lines and continues them at the margin.
     #[test]
     fn what_stands_below_the_options_fits_into_78_columns() {

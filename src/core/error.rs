@@ -35,15 +35,12 @@ pub enum Error {
         right: (usize, usize),
     },
     /// No algorithm of that name.
-    #[error("unknown algorithm '{name}'{}; `svl algos` lists them", hint(.nearest))]
-    UnknownAlgorithm {
-        name: String,
-        nearest: Option<String>,
-    },
+    #[error("unknown algorithm '{name}'{}; `svl algos` lists them", hint(.similar))]
+    UnknownAlgorithm { name: String, similar: Vec<String> },
     /// The algorithm has no such parameter.
     #[error(
         "{algorithm} has no parameter '{name}'{}; `svl algos {algorithm}` lists them",
-        hint(.nearest)
+        hint(.nearest.as_slice())
     )]
     UnknownParameter {
         algorithm: &'static str,
@@ -195,14 +192,25 @@ fn words(cause: &std::io::Error) -> String {
 /// A hint at the candidate nearest to an unknown `name`, to be appended to a message; empty without
 /// one.
 pub fn did_you_mean<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> String {
-    hint(&nearest(name, candidates))
+    hint(nearest(name, candidates).as_slice())
 }
 
-fn hint(nearest: &Option<String>) -> String {
-    nearest
-        .as_ref()
-        .map(|n| format!(" (did you mean '{n}'?)"))
-        .unwrap_or_default()
+fn hint(similar: &[String]) -> String {
+    if similar.is_empty() {
+        String::new()
+    } else {
+        format!(" (did you mean {}?)", alternatives(similar))
+    }
+}
+
+/// `'a', 'b' or 'c'`.
+pub fn alternatives(names: &[impl std::fmt::Display]) -> String {
+    let quoted: Vec<_> = names.iter().map(|name| format!("'{name}'")).collect();
+    match &quoted[..] {
+        [] => String::new(),
+        [one] => one.clone(),
+        [others @ .., last] => format!("{} or {last}", others.join(", ")),
+    }
 }
 
 /// The candidate nearest to `name` by edit distance, if it is close enough to be a typo.

@@ -36,5 +36,5 @@ mod words;
 #[doc = include_str!("README.md")]
 mod readme {}
 
-pub use error::{Error, Result, did_you_mean, nearest};
+pub use error::{Error, Result, alternatives, did_you_mean, nearest};
 pub use words::{counted, joined};

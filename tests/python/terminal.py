@@ -2,8 +2,8 @@
 
     terminal.py KEYS PROGRAM ARGUMENT...
 
-A key is typed when the program has been quiet for a moment. Prints all that it wrote, and exits
-with its status.
+A key is typed when the program has been quiet for a moment; the key `^` closes the terminal. Prints
+all that it wrote, and exits with its status, or with 1 if it does not end within 20 s.
 """
 
 import fcntl
@@ -13,6 +13,7 @@ import select
 import struct
 import sys
 import termios
+import time
 
 keys, program = sys.argv[1], sys.argv[2:]
 child, terminal = pty.fork()
@@ -35,10 +36,21 @@ while True:
     elif waiting:
         # Before it has drawn, a key would be lost.
         if b"frame" in written:
-            os.write(terminal, waiting.pop(0).encode())
+            key = waiting.pop(0)
+            if key == "^":
+                os.close(terminal)
+                break
+            os.write(terminal, key.encode())
     else:
-        os.kill(child, 9)
         break
-_, status = os.waitpid(child, 0)
+until = time.monotonic() + 20
+ended, status = os.waitpid(child, os.WNOHANG)
+while not ended and time.monotonic() < until:
+    time.sleep(0.02)
+    ended, status = os.waitpid(child, os.WNOHANG)
+if not ended:
+    os.killpg(child, 9)
+    os.waitpid(child, 0)
+    sys.exit("the program does not end")
 sys.stdout.buffer.write(written)
 sys.exit(os.waitstatus_to_exitcode(status))

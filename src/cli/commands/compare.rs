@@ -108,16 +108,17 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let [base, others @ ..] = &runs[..] else {
         bail!("name two reports or more")
     };
-    let others = others.iter();
-    let comparisons = others.map(|other| Comparison::from_runs(base, other, &args.map));
-    let comparisons = comparisons.collect::<Result<Vec<_>, _>>();
-    let comparisons = comparisons.map_err(|error| {
-        if args.fail_on.is_empty() || matches!(error, svl::Error::Usage(_)) {
-            error.into()
-        } else {
-            usage::gate(error)
+    let (mut comparisons, mut not_compared) = (Vec::new(), Vec::new());
+    for other in others {
+        match Comparison::from_runs(base, other, &args.map) {
+            Ok(comparison) => comparisons.push(comparison),
+            Err(error) if !args.fail_on.is_empty() && !error.is_usage() => {
+                return Err(usage::gate(error));
+            }
+            Err(svl::Error::Incomplete(why)) => not_compared.push(why),
+            Err(error) => return Err(error.into()),
         }
-    })?;
+    }
     let cannot = comparisons.iter().find(|c| !c.is_judged());
     if let (Some(unlike), false) = (cannot, args.fail_on.is_empty()) {
         let (base, other) = (unlike.base.display(), unlike.other.display());
@@ -154,10 +155,16 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         outputs.commit();
     }
     let joined = |text: &dyn Fn(&Comparison) -> String| {
-        comparisons.iter().map(text).collect::<Vec<_>>().join("\n")
+        let reasons = not_compared
+            .iter()
+            .map(|why| format!("not compared: {why}\n"));
+        let parts: Vec<_> = reasons.chain(comparisons.iter().map(text)).collect();
+        parts.join("\n")
     };
     if args.json {
         print_json(&comparisons)?;
+    } else if comparisons.is_empty() {
+        // The error names the reasons.
     } else if args.markdown {
         print(&joined(&Comparison::markdown))?;
     } else {
@@ -175,9 +182,24 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         _ => None,
     });
     match &failed.chain(skipped).collect::<Vec<_>>()[..] {
-        [] => Ok(()),
+        [] => all_compared(&comparisons, &not_compared),
         [one] => Err(usage::gate(one)),
         [first, more @ ..] => Err(usage::gate(format!("{first}; and {} more", more.len()))),
+    }
+}
+
+/// Fails if a report has nothing that was compared. `reasons`: those without a comparison.
+fn all_compared(comparisons: &[Comparison], reasons: &[String]) -> anyhow::Result<()> {
+    let without_pairs = comparisons.iter().filter(|of| !of.has_pairs()).map(|of| {
+        let (base, other) = (of.base.display(), of.other.display());
+        format!("{base} and {other}: {other} has no result of the pairs of {base}")
+    });
+    let reasons: Vec<_> = reasons.iter().cloned().chain(without_pairs).collect();
+    if reasons.is_empty() {
+        Ok(())
+    } else {
+        let words = format!("nothing was compared: {}", reasons.join("; "));
+        Err(svl::Error::Incomplete(words).into())
     }
 }
 

@@ -4,13 +4,44 @@
 use super::terminal::print_error;
 use clap::Error;
 use clap::builder::{PathBufValueParser, TypedValueParser};
-use clap::error::ErrorKind;
+use clap::error::{ContextKind, ErrorKind};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
+use svl::alternatives;
 use svl::matcher::Algorithm;
 pub(crate) use svl::scenario::within;
+
+/// Names of commands in other programs, and svl's commands that do the same.
+pub(crate) const SYNONYMS: &[(&str, &[&str])] = &[
+    ("run", &["score", "replay"]),
+    ("test", &["score", "eval"]),
+    ("evaluate", &["score", "eval"]),
+    ("diff", &["compare"]),
+    ("plot", &["view", "compare"]),
+    ("show", &["view", "info"]),
+    ("open", &["view", "info"]),
+    ("play", &["view", "replay"]),
+    ("list", &["algos", "datasets", "columns"]),
+    ("ls", &["algos", "datasets", "columns"]),
+    ("check", &["info"]),
+    ("verify", &["info", "replay"]),
+    ("repair", &["recover"]),
+    ("fix", &["recover"]),
+    ("capture", &["record"]),
+    ("sim", &["record"]),
+    ("search", &["tune"]),
+    ("optimize", &["tune"]),
+    ("annotate", &["label"]),
+    ("fit", &["train"]),
+    ("benchmark", &["bench"]),
+    ("time", &["bench"]),
+    ("convert", &["calibrate", "record"]),
+    ("download", &["datasets"]),
+    ("fetch", &["datasets"]),
+    ("join", &["merge"]),
+];
 
 /// An error of the command line.
 pub(crate) fn wrong(words: impl Display) -> anyhow::Error {
@@ -55,12 +86,34 @@ pub(crate) fn report_clap(error: &Error) -> ExitCode {
                 _ => format!("{text} {line}"),
             },
         );
-        print_error(format_args!("{line}; see --help"));
+        let similar = similar_commands(error);
+        if similar.is_empty() {
+            print_error(format_args!("{line}; see --help"));
+        } else {
+            // clap knows only near spellings.
+            let line = line.split("; tip:").next().unwrap_or_default();
+            let similar = alternatives(similar);
+            print_error(format_args!("{line} (did you mean {similar}?); see --help"));
+        }
     } else {
         // A closed standard output is no reason to panic.
         let _ = error.print();
     }
     ExitCode::from(error.exit_code() as u8)
+}
+
+/// The commands that an unknown one stands for in other programs.
+fn similar_commands(error: &Error) -> &'static [&'static str] {
+    let context = |kind| error.get(kind).map(ToString::to_string);
+    let usage = context(ContextKind::Usage).unwrap_or_default();
+    match context(ContextKind::InvalidSubcommand) {
+        // Those of a command are others.
+        Some(name) if usage.contains("svl [OPTIONS]") => {
+            let found = SYNONYMS.iter().find(|(synonym, _)| *synonym == name);
+            found.map_or(&[], |(_, commands)| commands)
+        }
+        _ => &[],
+    }
 }
 
 /// An algorithm whose parameters go together. A program is not started to find that out.

@@ -236,18 +236,44 @@ pub const MATCHERS: &[MatcherSpec] = &[
     exec::SPEC,
 ];
 
+/// Names in use elsewhere, and the algorithms of that kind. OpenCV's own run as programs.
+const SYNONYMS: &[(&str, &[&str])] = &[
+    ("opencv", &["bm", "sgm", "exec"]),
+    ("stereobm", &["bm", "exec"]),
+    ("sbm", &["bm", "exec"]),
+    ("sad", &["bm"]),
+    ("sgbm", &["sgm", "exec"]),
+    ("stereosgbm", &["sgm", "exec"]),
+    ("census", &["sgm"]),
+    ("onnx", &["exec"]),
+    ("torch", &["exec"]),
+    ("python", &["exec"]),
+];
+
 /// The algorithm of that name or alias.
 ///
 /// # Errors
-/// [`Error::UnknownAlgorithm`] with the nearest name.
+/// [`Error::UnknownAlgorithm`] with the algorithms of that kind, or else the nearest name.
 pub fn find(name: &str) -> Result<&'static MatcherSpec> {
     MATCHERS
         .iter()
         .find(|spec| spec.names().any(|n| n == name))
         .ok_or_else(|| Error::UnknownAlgorithm {
             name: name.to_owned(),
-            nearest: nearest(name, MATCHERS.iter().flat_map(MatcherSpec::names)),
+            similar: similar(name),
         })
+}
+
+/// The algorithms that an unknown name stands for elsewhere, or else the nearest name.
+fn similar(name: &str) -> Vec<String> {
+    let lower = name.to_lowercase();
+    match SYNONYMS.iter().find(|(synonym, _)| *synonym == lower) {
+        Some((_, names)) => names.iter().map(|name| (*name).to_owned()).collect(),
+        None => {
+            let names = MATCHERS.iter().flat_map(MatcherSpec::names);
+            nearest(name, names).into_iter().collect()
+        }
+    }
 }
 
 impl MatcherSpec {

@@ -50,6 +50,8 @@ pub struct CameraRequest<'a> {
     pub text: &'a str,
     pub trigger: &'a TriggerSource,
     pub rate_hz: f64,
+    /// Pairs that are taken at most, if that is known.
+    pub pairs: Option<u64>,
     pub clock: &'a Arc<GrabClock>,
     /// Seed of the driver's images if they depend on one, else 0.
     pub seed: u64,
@@ -61,6 +63,8 @@ pub struct CameraRequest<'a> {
 pub struct Host<'a> {
     /// True if the request was cancelled; polled while waiting for cameras and triggers.
     pub stopped: fn() -> bool,
+    /// Called before a long preparation, with a line that says what it is.
+    pub preparing: &'a dyn Fn(&str),
     /// Called after each step of a long preparation, on any thread, with the number of steps if it
     /// is known.
     pub progress: &'a (dyn Fn(Option<u64>) + Sync),
@@ -70,6 +74,7 @@ impl Default for Host<'_> {
     fn default() -> Self {
         Self {
             stopped: || false,
+            preparing: &|_| (),
             progress: &|_| (),
         }
     }

@@ -88,11 +88,13 @@ pub fn open(source: &str, request: &GrabRequest, host: Host<'_>) -> Result<Grabb
         )
     })?;
     let clock = GrabClock::real();
+    let rate_hz = request.rate_hz(&trigger);
     let pair = (functions.open)(&CameraRequest {
         driver,
         text: source.split_once(':').map_or("", |(_, text)| text),
         trigger: &trigger,
-        rate_hz: request.rate_hz(&trigger),
+        rate_hz,
+        pairs: request.most_pairs(rate_hz),
         clock: &clock,
         seed: request.seed.or(driver.default_seed).unwrap_or(0),
         host,

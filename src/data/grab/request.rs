@@ -28,6 +28,9 @@ pub struct GrabRequest {
     pub timeout: Option<Duration>,
     /// The driver's own.
     pub seed: Option<u64>,
+    /// Pairs and seconds after which no more is taken: a driver prepares no more than that.
+    pub pairs: Option<u64>,
+    pub duration_s: Option<f64>,
 }
 
 /// Rule by which two images are a pair; [`Rule`] adds its numbers.
@@ -97,6 +100,15 @@ impl GrabRequest {
             TriggerSource::FixedRate(hz) => *hz,
             _ => self.rate_hz.unwrap_or(RATE_HZ),
         }
+    }
+
+    /// Pairs that are taken at most, if that is known.
+    pub(super) fn most_pairs(&self, rate_hz: f64) -> Option<u64> {
+        // Both ends of the duration have a pair.
+        let lasting = self
+            .duration_s
+            .map(|seconds| (seconds * rate_hz).ceil() as u64 + 1);
+        [self.pairs, lasting].into_iter().flatten().min()
     }
 
     /// The pairing rule for cameras that expose once in `period_ns`.

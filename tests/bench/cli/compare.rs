@@ -69,7 +69,7 @@ fn another_yardstick_judges_nothing() {
         &text,
         &[
             "Scored differently (cells.tolerance_m: 0.1 and 0.2)",
-            "40 pairs of one run alone",
+            "not compared: 40 pairs of v1 in one report alone",
         ],
     );
     fixture.run("score one.toml -q --algo v3 -o 2");
@@ -94,7 +94,8 @@ fn another_yardstick_judges_nothing() {
 fn what_cannot_be_compared_is_said() {
     let fixture = scored(&["v3 --algo bm", "v1 --algo v2"]);
     let wrong = "
-        compare 0 1 => 1: 0 and 1: no algorithm in common (v3, bm; v1, v2)
+        compare 0 1 => 4: nothing was compared: 0 and 1: no algorithm in common (v3, bm; v1, v2)
+        compare 0 1 --json => 4: nothing was compared: 0 and 1: no algorithm in common
         compare 0 missing => 1: missing: is not a report
         compare 0 => 2: see --help
     ";
@@ -103,7 +104,22 @@ fn what_cannot_be_compared_is_said() {
     let text = fixture.text("other.toml");
     fixture.write("other.toml", text.replace("seeds = [1, 2]", "seeds = [3]"));
     fixture.run("score other.toml -q --algo v3 -o 2");
-    fixture.fails("compare 0 2 => 1: no pair in common | other scenarios, seeds");
+    fixture.fails("compare 0 2 => 4: no pair in common | other scenarios, seeds");
+    // Parts that are not compared come first, also beside others that are.
+    let some = fixture.svl("compare 0 2 0#v3");
+    assert!(
+        some.stdout
+            .starts_with("not compared: 0 and 2: no pair in common"),
+        "{}",
+        some.stdout
+    );
+    assert!(
+        some.stdout
+            .contains("\nnot compared: bm, only in 0\nbase   0\n"),
+        "{}",
+        some.stdout
+    );
+    some.failed(4, &["nothing was compared: 0 and 2"]);
     let summary = fixture.text("2/summary.json");
     fixture.write(
         "2/summary.json",

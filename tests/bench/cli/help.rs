@@ -133,3 +133,20 @@ fn a_reader_that_goes_away_is_no_error() {
         );
     }
 }
+
+#[test]
+fn an_unknown_name_has_suggestions_by_its_meaning() {
+    Fixture::new().fails(
+        "
+        run => 2: error: unrecognized subcommand 'run' (did you mean 'score' or 'replay'?); see
+        diff => 2: (did you mean 'compare'?)
+        plot => 2: (did you mean 'view' or 'compare'?)
+        play => 2: (did you mean 'view' or 'replay'?)
+        list => 2: (did you mean 'algos', 'datasets' or 'columns'?)
+        replai => 2: tip: some similar subcommands exist: 'train', 'replay'; see --help
+        calibrate list => 2: unrecognized subcommand 'list'; tip: a similar subcommand exists: 'distance'; see
+        algos sgbm => 2: unknown algorithm 'sgbm' (did you mean 'sgm' or 'exec'?)
+        algos OpenCV => 2: unknown algorithm 'OpenCV' (did you mean 'bm', 'sgm' or 'exec'?)
+        ",
+    );
+}

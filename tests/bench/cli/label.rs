@@ -37,6 +37,16 @@ fn cells_are_tied_to_the_frame_at_which_they_were_labelled() {
     fixture.run("score run.toml --print-scenario=again.toml -q");
     let again = Scenario::read(&fixture.path("again.toml")).unwrap();
     assert_eq!(again.checkpoints, scenario.checkpoints);
+    // Without a place of its own it has that of its pairs.
+    let text = fixture.text("run.toml");
+    let without: Vec<_> = text
+        .lines()
+        .filter(|line| !line.starts_with("frames"))
+        .collect();
+    assert_eq!(without.len() + 1, text.lines().count(), "{text}");
+    fixture.write("without.toml", without.join("\n"));
+    let without = Scenario::read(&fixture.path("without.toml")).unwrap();
+    assert_eq!(without.checkpoints, scenario.checkpoints);
     // Another hash of the last one is noticed.
     let text = fixture.text("run.toml");
     let hash = &pairs[2].hash;

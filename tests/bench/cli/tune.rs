@@ -233,6 +233,34 @@ fn the_terminal_is_left_as_it_was() {
     }
 }
 
+#[test]
+fn a_tool_ends_when_its_terminal_closes() {
+    let fixture = recorded();
+    let program = assert_cmd::cargo::cargo_bin!("svl").to_str().unwrap();
+    let run = fixture.path("run.mcap");
+    let scenario = fixture.path("own.toml");
+    let [run, scenario] = [&run, &scenario].map(|path| path.to_str().unwrap());
+    let tune = vec!["tune", run, "--algo", "v3", "--rerun", "none"];
+    let label = vec![
+        "label",
+        "checkpoints",
+        run,
+        "-o",
+        scenario,
+        "--rerun",
+        "none",
+    ];
+    for line in [tune, label] {
+        // A closed standard output ends it, too, so its own message is not awaited.
+        let ends = format!("{program} {}; true", line.join(" "));
+        python(
+            "terminal.py",
+            "pty",
+            ["^", "sh", "-c", &format!("trap '' HUP; {ends}")],
+        );
+    }
+}
+
 /// A short search.
 const QUICK: &str = "--auto --trials 12 --pairs 9 -q -o best.toml";
 

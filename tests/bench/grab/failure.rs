@@ -1,6 +1,8 @@
 //! Cameras that hang or are unplugged.
 
 use super::stage::{MS, PERIOD_NS, Stage, Triggered, adds_up, slow};
+use std::cell::RefCell;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use svl::Error;
 use svl::grab::simulated::CameraBehavior;
 use svl::grab::{self, GrabRequest, Host, Rule, TriggerSource, Unpaired};
@@ -286,4 +288,31 @@ fn a_missing_controller_is_reported_before_pictures_are_rendered() {
     };
     let error = grab::open("sim", &request, host).map(drop).unwrap_err();
     assert!(matches!(error, Error::Camera { .. }), "{error}");
+}
+
+#[test]
+fn as_many_pictures_are_rendered_as_pairs_are_taken() {
+    for (pairs, duration_s, expected) in [(Some(3), None, 3), (None, Some(0.1), 4)] {
+        let request = GrabRequest {
+            pairs,
+            duration_s,
+            ..GrabRequest::default()
+        };
+        let (rendered, said) = (AtomicUsize::new(0), RefCell::new(Vec::new()));
+        let host = Host {
+            preparing: &|line| said.borrow_mut().push(line.to_owned()),
+            progress: &|count| {
+                assert_eq!(count, Some(expected));
+                rendered.fetch_add(1, Ordering::Relaxed);
+            },
+            ..Host::default()
+        };
+        let grabber = grab::open("sim:size=640x480,pictures=9", &request, host).unwrap();
+        drop(grabber);
+        assert_eq!(rendered.into_inner() as u64, expected);
+        assert_eq!(
+            said.take(),
+            [format!("sim: renders {expected} pictures first")]
+        );
+    }
 }

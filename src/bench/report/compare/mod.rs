@@ -140,8 +140,9 @@ impl Comparison {
     /// that `map` names, as `BASE=OTHER`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when the runs have no algorithm or no pair in common, for drives, and for
-    /// a map of algorithms that they do not have.
+    /// [`Error::Incomplete`] when the runs have no algorithm or no pair in common, so that nothing
+    /// is compared; [`Error::Invalid`] for drives, and for a map of algorithms that they do not
+    /// have.
     pub fn from_runs(base: &ScoredRun, other: &ScoredRun, map: &[String]) -> Result<Self> {
         if let Some(driven) = [base, other].iter().find(|run| !run.drives.is_empty()) {
             return Err(Error::Invalid(format!(
@@ -168,7 +169,7 @@ impl Comparison {
         let shown = || format!("{} and {}", base.folder.display(), other.folder.display());
         if shared.is_empty() {
             let (ours, theirs) = (ours.join(", "), theirs.join(", "));
-            return Err(Error::Invalid(format!(
+            return Err(Error::Incomplete(format!(
                 "{}: no algorithm in common ({ours}; {theirs})",
                 shown()
             )));
@@ -197,7 +198,7 @@ impl Comparison {
         {
             let cure =
                 "their pairs differ, as those of other scenarios, seeds or arena versions do";
-            return Err(Error::Invalid(format!(
+            return Err(Error::Incomplete(format!(
                 "{}: no pair in common: {cure}",
                 shown()
             )));
@@ -240,6 +241,11 @@ impl Comparison {
             checkpoints.for_each(|checkpoint| checkpoint.change.withdraw());
         }
         Ok(comparison)
+    }
+
+    /// True if any pair is compared: not if the second run failed on all of them.
+    pub fn has_pairs(&self) -> bool {
+        self.algorithms.iter().any(|of| of.pairs > 0)
     }
 
     /// True if anything may be called better or worse: other tolerances or cells give other scores

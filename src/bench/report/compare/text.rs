@@ -12,8 +12,8 @@ use svl_data::score::{Better, ColumnChoice, Metric, MetricOrigin, MetricUnit, Ru
 const LISTED: usize = 3;
 
 impl Comparison {
-    /// The origins of the two, a row for each algorithm or the table of a single one, and what is
-    /// not compared; tables of all if `columns` is all.
+    /// Parts that are not compared, the origins of the two, a row for each algorithm or the table
+    /// of a single one; tables of all if `columns` is all.
     pub fn terminal(&self, columns: &ColumnChoice, style: TerminalStyle) -> String {
         let fit = |line: String| wrapped(&line, 7, style.width);
         let mut text: String = self.head().into_iter().map(fit).collect();
@@ -32,12 +32,7 @@ impl Comparison {
             .algorithms
             .iter()
             .flat_map(|of| of.worse_besides(columns));
-        let unlike = self
-            .algorithms
-            .iter()
-            .filter(|_| self.algorithms.len() > 1 && !is_all);
-        let unlike = unlike.filter_map(|of| Some(format!("{}: {}", of.title(), of.missing()?)));
-        for line in besides.chain(unlike).chain(self.left_out()) {
+        for line in besides {
             text.push_str(&wrapped(&line, 2, style.width));
         }
         match self.algorithms.len() {
@@ -144,28 +139,28 @@ impl Comparison {
             let table = change_table(["base", "other"], of.changes()).markdown();
             page.push_str(&format!("\n**{title}**: {extent}\n\n{table}"));
         }
-        for line in self.left_out() {
-            page.push_str(&format!("\n{}\n", escape(&line)));
-        }
         page
     }
 
-    /// The algorithms of one report alone, a line each report.
-    fn left_out(&self) -> impl Iterator<Item = String> {
+    /// Algorithms and pairs that are not compared, a line each report and each algorithm.
+    fn not_compared(&self) -> impl Iterator<Item = String> {
         let sides = [
             (&self.only_in_base, &self.base),
             (&self.only_in_other, &self.other),
         ];
         let sides = sides.into_iter().filter(|(labels, _)| !labels.is_empty());
-        sides.map(|(labels, folder)| {
+        let alone = sides.map(|(labels, folder)| {
             let folder = folder.display();
-            format!("only in {folder}, not compared: {}", labels.join(", "))
-        })
+            format!("not compared: {}, only in {folder}", labels.join(", "))
+        });
+        let algorithms = self.algorithms.iter();
+        alone.chain(algorithms.filter_map(AlgorithmChange::missing))
     }
 
-    /// Origin of the two reports, and the reasons why nothing is called better or worse.
-    pub(super) fn head(&self) -> Vec<String> {
-        let mut lines = Vec::new();
+    /// Parts that are not compared, origin of the two reports, and the reasons why nothing is
+    /// called better or worse.
+    fn head(&self) -> Vec<String> {
+        let mut lines: Vec<_> = self.not_compared().collect();
         let sides = [("base ", &self.base), ("other", &self.other)];
         let [base, other] = &self.origins;
         let is_one = base == other;
@@ -252,22 +247,21 @@ impl AlgorithmChange {
         (self.newly_failed > 0).then(|| format!("failed on {pairs} that the base has results for"))
     }
 
-    /// The pairs that are compared, and those that are not.
+    /// The pairs that are compared.
     fn extent(&self) -> String {
         let pairs = counted(self.pairs, "pair");
-        let compared = format!("{pairs}, {} with equal results", self.equal_results);
-        let parts = [Some(compared), self.missing()];
-        parts.into_iter().flatten().collect::<Vec<_>>().join("; ")
+        format!("{pairs}, {} with equal results", self.equal_results)
     }
 
     /// The pairs that are not compared.
     fn missing(&self) -> Option<String> {
+        let title = self.title();
         let unmatched = (self.unmatched > 0).then(|| {
             let pairs = counted(self.unmatched, "pair");
-            format!("not compared: {pairs} of one run alone")
+            format!("not compared: {pairs} of {title} in one report alone")
         });
-        let parts = [unmatched, self.failures()];
-        let parts: Vec<_> = parts.into_iter().flatten().collect();
+        let failures = self.failures().map(|words| format!("{title}: {words}"));
+        let parts: Vec<_> = [unmatched, failures].into_iter().flatten().collect();
         (!parts.is_empty()).then(|| parts.join("; "))
     }
 }

@@ -100,6 +100,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         ..Request::new(source)
     };
     args.cameras.fill(&mut request);
+    (request.grab.pairs, request.grab.duration_s) = (args.frames, args.duration);
     let mut opened = source::open(request, quiet)?;
     let (output, mut outputs) = match args.output.clone().zip(claimed) {
         Some(claimed) => claimed,

@@ -5,6 +5,8 @@ use anyhow::{Context, bail};
 use ratatui::crossterm::event::{
     self, Event, KeyCode, KeyEventKind, KeyModifiers, MouseButton, MouseEventKind,
 };
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -100,23 +102,44 @@ impl Keys {
     pub(crate) fn next(&mut self, wait: Duration) -> anyhow::Result<Key> {
         match self {
             Self::Script(keys) => Ok(keys.next().unwrap_or(Key::Closed)),
-            Self::Terminal => {
-                let until = Instant::now() + wait;
-                loop {
-                    let left = until.saturating_duration_since(Instant::now());
-                    let event = event::poll(left).and_then(|ready| {
-                        if ready {
-                            event::read().map(key)
-                        } else {
-                            Ok(Some(Key::Tick))
-                        }
-                    });
-                    if let Some(key) = event.context("the terminal cannot be read")? {
-                        return Ok(key);
-                    }
-                }
+            Self::Terminal => terminal_key(wait).context("the terminal cannot be read"),
+        }
+    }
+}
+
+/// The next key of the terminal. A closed terminal is noticed here: crossterm would read its end
+/// again and again.
+fn terminal_key(wait: Duration) -> std::io::Result<Key> {
+    let until = Instant::now() + wait;
+    let mut left = Duration::ZERO;
+    loop {
+        if is_closed_within(left)? {
+            return Ok(Key::Closed);
+        }
+        while event::poll(Duration::ZERO)? {
+            if let Some(key) = key(event::read()?) {
+                return Ok(key);
             }
         }
+        left = until.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Ok(Key::Tick);
+        }
+    }
+}
+
+/// True if the terminal is closed. Waits until it is, or has input, or a signal comes.
+fn is_closed_within(wait: Duration) -> std::io::Result<bool> {
+    let stdin = std::io::stdin();
+    let mut polled = [PollFd::new(&stdin, PollFlags::IN)];
+    let wait = Timespec::try_from(wait).map_err(std::io::Error::other)?;
+    match poll(&mut polled, Some(&wait)) {
+        Ok(_) => Ok(polled[0]
+            .revents()
+            .intersects(PollFlags::HUP | PollFlags::ERR)),
+        // A change of the terminal's size is a signal, too.
+        Err(Errno::INTR) => Ok(false),
+        Err(error) => Err(error.into()),
     }
 }
 

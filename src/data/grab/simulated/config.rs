@@ -57,7 +57,7 @@ pub(super) const OPTIONS: &[Parameter] = &[
         name: "pictures",
         unit: "",
         range: Range::int(60, 1..=10_000),
-        description: "pictures of the arena rendered in advance",
+        description: "pictures of the arena rendered in advance, at most one per pair",
     },
     Parameter {
         name: "light",

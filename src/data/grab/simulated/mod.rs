@@ -16,7 +16,7 @@ use super::driver::{self, CameraPair, CameraRequest, Driver, DriverFunctions, Li
 use super::trigger::{Trigger, TriggerSource};
 use std::sync::Arc;
 use svl_core::stereo::Side;
-use svl_core::{Error, Result};
+use svl_core::{Error, Result, counted};
 
 pub const DRIVER: Driver = Driver {
     name: "sim",
@@ -29,13 +29,23 @@ pub const DRIVER: Driver = Driver {
     functions: Ok(DriverFunctions { open, list }),
 };
 
+/// Pixels of pictures that are rendered in an instant.
+const SILENT_PIXELS: usize = 500_000;
+
 fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     let config = SimulatedConfig::parse(request.driver, request.text)?;
     // A missing controller is reported before the pictures are rendered, which takes seconds.
     let controller = request.controller()?;
-    // The number of the board's pictures is fixed.
-    let count = (!config.board).then_some(config.pictures as u64);
     let (rate_hz, seed, host) = (request.rate_hz, request.seed, request.host);
+    let pictures = request.pairs.map_or(config.pictures, |pairs| {
+        config.pictures.min(pairs.max(1) as usize)
+    });
+    // The number of the board's pictures is fixed.
+    let count = (!config.board).then_some(pictures as u64);
+    if pictures * config.size.0 * config.size.1 > SILENT_PIXELS {
+        let words = count.map_or("the board's pictures".to_owned(), |n| counted(n, "picture"));
+        (host.preparing)(&format!("sim: renders {words} first"));
+    }
     let go_on = || {
         (host.progress)(count);
         !(host.stopped)()
@@ -43,7 +53,7 @@ fn open(request: &CameraRequest<'_>) -> Result<CameraPair> {
     let pictures = if config.board {
         RenderedPictures::render_board(config.size, seed, go_on)?
     } else {
-        RenderedPictures::render(config.size, rate_hz, config.pictures, seed, go_on)?
+        RenderedPictures::render(config.size, rate_hz, pictures, seed, go_on)?
     };
     let pictures =
         Arc::new(pictures.ok_or_else(|| Error::camera("sim", "stopped before the cameras began"))?);

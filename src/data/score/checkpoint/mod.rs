@@ -104,14 +104,26 @@ struct CheckpointTable {
 impl TryFrom<CheckpointTable> for Checkpoint {
     type Error = Error;
 
-    fn try_from(table: CheckpointTable) -> Result<Self> {
+    fn try_from(mut table: CheckpointTable) -> Result<Self> {
+        let written = table.pair.take();
         let CheckpointTable { number, name, .. } = &table;
+        let pairs = match written {
+            None => Vec::new(),
+            Some(WrittenPairs::One(pair)) => vec![pair],
+            Some(WrittenPairs::Several(pairs)) => pairs,
+        };
+        // Labelled pairs are a place, too, if no other is given.
+        let has_place = table.at_m.is_some() || table.seconds.is_some();
+        let labelled = || {
+            let frames = || pairs.iter().map(|pair| pair.frame);
+            Some([frames().min()?, frames().max()?])
+        };
         let place = PlaceTable {
             at_m: table.at_m,
             radius_m: table.radius_m,
             heading_deg: table.heading_deg,
             heading_tolerance_deg: table.heading_tolerance_deg,
-            frames: table.frames,
+            frames: table.frames.or_else(|| labelled().filter(|_| !has_place)),
             seconds: table.seconds,
         };
         let place = CheckpointPlace::try_from(place)
@@ -122,11 +134,7 @@ impl TryFrom<CheckpointTable> for Checkpoint {
             description: table.description,
             place,
             file: table.file,
-            pairs: match table.pair {
-                None => Vec::new(),
-                Some(WrittenPairs::One(pair)) => vec![pair],
-                Some(WrittenPairs::Several(pairs)) => pairs,
-            },
+            pairs,
             cells: table.cells,
             must: table.must,
             order: table.order,

@@ -83,7 +83,8 @@ impl TryFrom<PlaceTable> for CheckpointPlace {
             }
             (None, Some(frames), None) => Ok(Self::Frames(frames)),
             (None, None, Some(seconds)) => Ok(Self::Seconds(seconds)),
-            _ => Err("give exactly one of at_m, frames and seconds"),
+            (None, None, None) => Err("give one of at_m, frames, seconds and pair"),
+            _ => Err("give only one of at_m, frames and seconds"),
         }
     }
 }
