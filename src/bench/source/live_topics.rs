@@ -42,7 +42,7 @@ pub fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
 /// The error of an svl that was built without ROS 2.
 #[cfg(not(feature = "ros2"))]
 pub(crate) fn without_ros2(name: &str) -> svl_core::Error {
-    let cure = "`cargo install --path . --features ros2` adds it";
+    let cure = "`cargo install --locked --path . --features ros2` adds it";
     let name = name.trim_end_matches(':');
     svl_core::Error::Invalid(format!("{name}: this svl was built without ROS 2; {cure}"))
 }

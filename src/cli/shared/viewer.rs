@@ -14,7 +14,8 @@ pub(crate) fn viewer() -> svl::Result<&'static dyn Viewer> {
     }
     #[cfg(not(feature = "rerun"))]
     Err(svl::Error::Invalid(
-        "this svl was built without Rerun; `cargo install --path . --features rerun` adds it"
+        "this svl was built without Rerun; `cargo install --locked --path . --features rerun` adds \
+         it"
             .into(),
     ))
 }

@@ -144,7 +144,8 @@ fn an_unknown_name_has_suggestions_by_its_meaning() {
         play => 2: (did you mean 'view' or 'replay'?)
         list => 2: (did you mean 'algos', 'datasets' or 'columns'?)
         replai => 2: tip: some similar subcommands exist: 'train', 'replay'; see --help
-        calibrate list => 2: unrecognized subcommand 'list'; tip: a similar subcommand exists: 'distance'; see
+        calibrate list => 2: unrecognized subcommand 'list'; tip: a similar subcommand exists: \
+         'distance'; see
         algos sgbm => 2: unknown algorithm 'sgbm' (did you mean 'sgm' or 'exec'?)
         algos OpenCV => 2: unknown algorithm 'OpenCV' (did you mean 'bm', 'sgm' or 'exec'?)
         ",

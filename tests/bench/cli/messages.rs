@@ -246,7 +246,7 @@ const COMMANDS: &str = "
     score rows.toml
     score stop.toml
     score long.toml
-    score small.toml --rerun none
+    score small.toml --rerun spawn
     score small.toml --every 2
     score small.toml --repeat 3
     record small.toml -o o.mcap

@@ -136,18 +136,18 @@ fn a_recording_without_truth() {
 fn two_reports() {
     let fixture = Fixture::new();
     fixture.write_recorded_arena("short.toml", 40);
-    let same = ["v1", "v2", "v3", "v4", "v5", "dp"].join(" --algo ");
+    let same = ["v3", "v5"].join(" --algo ");
     for (folder, more) in [
-        ("before", "--algo bm --algo sgm"),
-        ("after", "--algo bm:block_size=21 --algo sgm:p1=0"),
+        ("before", "--algo bm"),
+        ("after", "--algo bm:block_size=21"),
     ] {
         fixture.run(&format!(
             "score short.toml -q --rerun none -o {folder} --algo {same} {more}"
         ));
         fix_times(&fixture, &format!("{folder}/rows.csv"));
     }
-    let renamed = "--map bm=bm:block_size=21 --map sgm=sgm:p1=0";
-    let kept = ["v1", "v2", "v3", "v4", "v5", "dp"].map(|name| format!("--map {name}={name}"));
+    let renamed = "--map bm=bm:block_size=21";
+    let kept = ["v3", "v5"].map(|name| format!("--map {name}={name}"));
     let all = format!("compare before after {renamed} {}", kept.join(" "));
     let text = [80, 120].map(|columns| screen(&fixture, &all, columns));
     let one = [80, 120].map(|columns| screen(&fixture, "compare before#v3 before#v5", columns));

@@ -243,9 +243,10 @@ impl Comparison {
         Ok(comparison)
     }
 
-    /// True if any pair is compared: not if the second run failed on all of them.
+    /// True if any pair is compared, or one that the second run alone failed on.
     pub fn has_pairs(&self) -> bool {
-        self.algorithms.iter().any(|of| of.pairs > 0)
+        let mut algorithms = self.algorithms.iter();
+        algorithms.any(|of| of.pairs > 0 || of.newly_failed > 0)
     }
 
     /// True if anything may be called better or worse: other tolerances or cells give other scores

@@ -261,7 +261,10 @@ fn check_kind(args: &Args, scenario: &Scenario) -> anyhow::Result<()> {
             "the times of drives are not measured alone",
         ),
         (
-            args.rerun.is_some(),
+            args.rerun
+                .as_ref()
+                .and_then(|rerun| rerun.target())
+                .is_some(),
             "--rerun",
             "each drive is a recording in the report's folder, which `svl view` shows",
         ),

@@ -37,6 +37,6 @@ const FUNCTIONS: Result<DriverFunctions, &str> = Ok(DriverFunctions {
 });
 #[cfg(not(feature = "genicam"))]
 const FUNCTIONS: Result<DriverFunctions, &str> = Err(
-    "install aravis (Debian: libaravis-dev, libusb-1.0-0-dev) and cargo install --path . \
+    "install aravis (Debian: libaravis-dev, libusb-1.0-0-dev) and cargo install --locked --path . \
      --features genicam",
 );
