@@ -317,12 +317,10 @@ fn jumping(stamp: u64, parent: &str) -> Message {
 #[test]
 fn poses_that_jump_move_no_truth_and_are_reported() {
     let fixture = Fixture::new();
-    let poses: [(fn(u64) -> Message, _); 3] = [
-        (|stamp| jumping(stamp, "odom"), true),
-        (|stamp| jumping(stamp, "map"), true),
-        (moving, false),
-    ];
-    for (i, (pose, jumps)) in poses.into_iter().enumerate() {
+    let in_odom = |stamp| jumping(stamp, "odom");
+    let in_map = |stamp| jumping(stamp, "map");
+    let poses: [fn(u64) -> Message; 3] = [in_odom, in_map, moving];
+    for (i, (pose, jumps)) in poses.into_iter().zip([true, true, false]).enumerate() {
         let report = format!("r{i}");
         let all: Vec<_> = messages(pose).into_iter().chain([late_wall()]).collect();
         let path = bag::write(&fixture.path(""), &all);

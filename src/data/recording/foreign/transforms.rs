@@ -225,8 +225,8 @@ fn place((parent, child, [x, y, z], [qx, qy, qz, qw]): Link) -> Result<(String, 
     let numbers = [x, y, z, rotation.norm()];
     if !numbers.iter().all(|v| v.is_finite()) || (rotation.norm() - 1.0).abs() > 1e-3 {
         return Err(format!(
-            "its transform of '{child}' in '{parent}' is invalid: {x}, {y}, {z}, quaternion of norm \
-             {}",
+            "its transform of '{child}' in '{parent}' is invalid: {x}, {y}, {z}, quaternion of \
+             norm {}",
             rotation.norm()
         ));
     }

@@ -27,10 +27,13 @@ const EXTENDED: [u8; 11] = [
     op::SUMMARY_OFFSET,
 ];
 
+/// Types and names of a record's fields.
+type Fields = &'static [(char, &'static str)];
+
 /// The fields of a record in order, as in the suite's JSON: `2`, `4` and `8` bytes, `s` a string,
 /// `b` and `l` bytes with a short or a long length, `r` the rest, `m` and `c` maps of strings or
 /// numbers.
-const LAYOUTS: [(&str, u8, &[(char, &str)]); 12] = [
+const LAYOUTS: [(&str, u8, Fields); 12] = [
     ("Header", op::HEADER, &[('s', "profile"), ('s', "library")]),
     (
         "Schema",
