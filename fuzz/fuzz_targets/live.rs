@@ -39,8 +39,8 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         return;
     }
     let mut images = 0;
-    let mut pop = |pairs: &mut TopicPairs| {
-        while let Some(pair) = pairs.pop() {
+    let mut pop = |pairs: &mut TopicPairs, now_ns: u64| {
+        while let Some(pair) = pairs.pop(now_ns) {
             images += 2;
             if let Ok(frame) = pair {
                 let [left, right] = frame.pair.into_images();
@@ -48,13 +48,13 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
             }
         }
     };
-    for (topic, received_ns, data) in &messages {
+    for (i, (topic, received_ns, data)) in (0_u64..).zip(&messages) {
         // The reason why it cannot be read.
         let _ = pairs.take_in(*topic, *received_ns, data);
-        pop(&mut pairs);
+        pop(&mut pairs, 20_000_000 * i);
     }
     pairs.end();
-    pop(&mut pairs);
+    pop(&mut pairs, u64::MAX);
     let left_over = pairs.unpaired() + pairs.outside();
     let received: u64 = pairs.counts().iter().sum();
     assert!(images + left_over <= received && received <= messages.len() as u64);

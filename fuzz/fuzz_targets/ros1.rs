@@ -27,7 +27,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
             match reader.next_pair() {
                 Ok(None) | Err(Error::Damaged { .. }) => break,
                 Ok(Some(mut frame)) => truths.iter_mut().for_each(|truth| {
-                    let _ = truth.attach(&mut frame, None);
+                    let _ = truth.attach(&mut frame);
                 }),
                 Err(_) => {}
             }
