@@ -127,7 +127,7 @@ fn resumed_and_compared_runs_are_held_against_each_other() {
     let compared = fixture.run("compare one two");
     assert_says(
         &compared,
-        &["3 pairs, 3 with equal results", "of one run alone"],
+        &["3 pairs, 3 with equal results", "in one report alone"],
     );
 }
 
