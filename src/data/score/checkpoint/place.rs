@@ -285,10 +285,10 @@ mod tests {
             CheckpointPlace::Frames([1, 1])
         );
         for (place, words) in [
-            ("", "checkpoint 1 (x): give exactly one of"),
+            ("", "give one of at_m, frames, seconds and pair"),
             (
                 "frames = [1, 2]\nseconds = [1, 2]",
-                "exactly one of at_m, frames and seconds",
+                "give one of at_m, frames, seconds and pair",
             ),
             ("at_m = [1, 2]", "at_m needs radius_m"),
             ("frames = [1, 2]\nradius_m = 1", "belong to at_m"),
