@@ -288,7 +288,7 @@ mod tests {
             ("", "give one of at_m, frames, seconds and pair"),
             (
                 "frames = [1, 2]\nseconds = [1, 2]",
-                "give one of at_m, frames, seconds and pair",
+                "give only one of at_m, frames and seconds",
             ),
             ("at_m = [1, 2]", "at_m needs radius_m"),
             ("frames = [1, 2]\nradius_m = 1", "belong to at_m"),
