@@ -104,12 +104,15 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         return history(args);
     }
     let runs = args.reports.iter().map(|text| ScoredRun::named(text));
-    let runs = runs.collect::<Result<Vec<_>, _>>()?;
-    let [base, others @ ..] = &runs[..] else {
+    let mut runs = runs.collect::<Result<Vec<_>, _>>()?;
+    let [base, others @ ..] = &mut runs[..] else {
         bail!("name two reports or more")
     };
+    for other in &mut *others {
+        other.name_runs_as(base);
+    }
     let (mut comparisons, mut not_compared) = (Vec::new(), Vec::new());
-    for other in others {
+    for other in &*others {
         match Comparison::from_runs(base, other, &args.map) {
             Ok(comparison) => comparisons.push(comparison),
             Err(error) if !args.fail_on.is_empty() && !error.is_usage() => {

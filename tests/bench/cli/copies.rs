@@ -187,3 +187,16 @@ fn recordings_of_the_same_moments_are_warned_of() {
     let words = ["b.mcap: has pairs with the stamps of pairs of a.mcap, but other pixels"];
     assert_says(&ran.stderr, &words);
 }
+
+#[test]
+fn a_renamed_recording_is_compared() {
+    let fixture = copied();
+    fixture.run("score run.mcap --algo v3 --rerun none -q -o before");
+    fixture.run("score copy.mcap --algo v3 --rerun none -q -o after");
+    let shown = fixture.run("compare before after --json");
+    let shown: Value = serde_json::from_str(&shown).unwrap();
+    let algorithm = &shown[0]["algorithms"][0];
+    assert_eq!(algorithm["pairs"], 12, "{algorithm}");
+    assert_eq!(algorithm["unmatched"], 0);
+    assert_eq!(algorithm["equal_results"], 12);
+}

@@ -99,6 +99,37 @@ impl ScoredRun {
         })
     }
 
+    /// Names recordings as the other report does, which has the same pairs under another name.
+    pub fn name_runs_as(&mut self, base: &Self) {
+        let names = |run: &Self| -> BTreeSet<String> {
+            run.rows.iter().filter_map(|row| row.run.clone()).collect()
+        };
+        let (ours, theirs) = (names(self), names(base));
+        let mut by_pair = BTreeMap::new();
+        for row in &base.rows {
+            let name = row.run.as_ref().filter(|name| !ours.contains(*name));
+            if let Some(name) = name {
+                by_pair.insert((row.sequence, row.stamp_ns, row.pair_hash.as_str()), name);
+            }
+        }
+        let mut renamed = BTreeMap::new();
+        for row in &self.rows {
+            let own = row.run.as_ref().filter(|name| !theirs.contains(*name));
+            let pair = (row.sequence, row.stamp_ns, row.pair_hash.as_str());
+            if let Some((own, name)) = own.zip(by_pair.get(&pair)) {
+                renamed.entry(own.clone()).or_insert_with(|| (*name).clone());
+            }
+        }
+        let rows = self.rows.iter_mut().map(|row| &mut row.run);
+        let failures = self.failures.iter_mut().map(|row| &mut row.run);
+        let checkpoints = self.checkpoints.iter_mut().map(|row| &mut row.run);
+        for run in rows.chain(failures).chain(checkpoints).flatten() {
+            if let Some(name) = renamed.get(run) {
+                run.clone_from(name);
+            }
+        }
+    }
+
     pub(super) fn labels(&self) -> Vec<&str> {
         self.manifest
             .algorithms
