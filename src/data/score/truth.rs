@@ -16,7 +16,7 @@ use svl_core::stereo::{
 const MIN_KNOWN: f64 = 0.5;
 
 /// Percentile of the true disparities that represents the nearest quarter: of n in ascending order
-/// the one of rank ⌊0.75 n⌋ + 1, so 3841 of 5120.
+/// the one of rank ⌊0.75 n⌋ + 1, so 3841 of 5120: the ⌈n / 4⌉-th nearest.
 const NEAR_PERCENT: usize = 75;
 
 /// Greatest fraction of a cell that is not clear if a reported obstacle is false.

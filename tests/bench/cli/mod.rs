@@ -12,6 +12,7 @@ mod calibrate_convert;
 mod calibrate_distance;
 mod compare;
 mod copies;
+mod counts;
 mod datasets;
 mod description;
 mod drive;

@@ -117,7 +117,9 @@ impl ScoredRun {
             let own = row.run.as_ref().filter(|name| !theirs.contains(*name));
             let pair = (row.sequence, row.stamp_ns, row.pair_hash.as_str());
             if let Some((own, name)) = own.zip(by_pair.get(&pair)) {
-                renamed.entry(own.clone()).or_insert_with(|| (*name).clone());
+                renamed
+                    .entry(own.clone())
+                    .or_insert_with(|| (*name).clone());
             }
         }
         let rows = self.rows.iter_mut().map(|row| &mut row.run);

@@ -1,0 +1,96 @@
+//! Counts that say of how many pairs, cells and settings a number is.
+
+use super::drive::courses;
+use super::fixture::{Fixture, assert_says};
+use svl::report::{DriveRow, read_rows};
+
+/// Four pairs of noise in the folder `p`, the third of them with a true disparity of 5 pixels.
+fn one_of_four_with_truth() -> Fixture {
+    let fixture = Fixture::new();
+    for i in 0..4 {
+        let [left, right] = ["left", "right"].map(|side| format!("p/{side}/{i}.pgm"));
+        fixture.write_pair(&left, &right, (64, 32), i);
+    }
+    let mut truth = b"Pf\n64 32\n-1.0\n".to_vec();
+    truth.extend([5.0_f32; 64 * 32].map(f32::to_le_bytes).as_flattened());
+    fixture.write("p/truth/2.pfm", truth);
+    fixture
+}
+
+#[test]
+fn tables_count_the_scored_pairs_of_folders_and_recordings() {
+    let fixture = one_of_four_with_truth();
+    fixture.run(
+        [
+            "record",
+            "p",
+            "--truth",
+            "truth/*.pfm:disparity=1",
+            "-q",
+            "-o",
+            "p.mcap",
+        ]
+        .as_slice(),
+    );
+    let score = "--algo v3:max_disparity=8 --rerun none -q";
+    let folder = format!("score p --truth truth/*.pfm:disparity=1 {score} -o folder");
+    for line in [folder, format!("score p.mcap {score} -o recording")] {
+        let text = fixture.run(&line);
+        assert_says(&text, &["4 pairs of 64 x 32, 1 scored with 15 cells"]);
+    }
+    for report in ["folder", "recording"] {
+        let summary = fixture.text(&format!("{report}/summary.json"));
+        let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+        let of = &summary["algorithms"][0];
+        assert_eq!(
+            (&of["scored_pairs"], &of["scored_cells"]),
+            (&1.into(), &15.into())
+        );
+    }
+}
+
+#[test]
+fn without_truth_no_count_passes_a_gate() {
+    let fixture = one_of_four_with_truth();
+    for metric in [
+        "blind", "close", "missed", "false", "found", "wrong", "right",
+    ] {
+        fixture.write(
+            "gate.toml",
+            format!(
+                "name = \"own\"\nalgorithms = [\"v3:max_disparity=8\"]\n[source]\nkind = \
+                 \"recording\"\nfiles = [\"p\"]\n[[gate]]\nalgorithm = \"v3\"\nmetric = \
+                 \"{metric}\"\nmax = 0\n"
+            ),
+        );
+        let ran = fixture.svl("score gate.toml --gate --rerun none -q -o gate");
+        ran.failed(3, &["is not measured in this run"]);
+    }
+}
+
+#[test]
+fn the_pairs_of_drives_are_those_of_their_rows() {
+    let fixture = Fixture::new();
+    fixture.write("small.toml", courses(""));
+    let text = fixture.run("score small.toml -q --drives none -o r");
+    let rows: Vec<DriveRow> = read_rows(&fixture.path("r/drives.csv")).unwrap();
+    let pairs: u64 = rows.iter().map(|row| row.frames).sum();
+    assert_says(&text, &[&format!("{pairs} pairs")]);
+}
+
+#[test]
+fn headings_of_the_table_name_its_metrics() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 8);
+    let score = "score short.toml --seeds 1 --algo v3 --algo bm --rerun none -q -o r";
+    let text = fixture.run(score);
+    let heads = text.lines().find(|line| line.contains("p50")).unwrap();
+    let heads = heads.replace("found %", "found").replace("1 2 3 4 5 6", "");
+    for head in heads.split_whitespace() {
+        let text = fixture.run(&format!("{score} --resume --columns {head} --sort {head}"));
+        let shown = text
+            .lines()
+            .any(|line| line.trim_start().starts_with(head) || line.contains(&format!(" {head}")));
+        assert!(shown, "{head}: {text}");
+    }
+}
