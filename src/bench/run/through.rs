@@ -111,11 +111,12 @@ pub fn report_losses(name: &str, losses: &Losses) {
     }
     for (run, pairs) in &losses.copies {
         let pairs = counted(*pairs, "pair");
-        tracing::warn!("{name}: {pairs} dropped: pairs of {run} too, which are scored once");
+        tracing::warn!("{name}: {pairs} dropped: copies of pairs of {run}, which are taken once");
     }
     if losses.jumped > 0 {
+        // The user was warned of the first.
         let frames = counted(losses.jumped, "pair");
-        tracing::warn!(
+        tracing::info!(
             "{name}: {frames} with a measurement of another time that poses which jump cannot \
              move: not scored"
         );

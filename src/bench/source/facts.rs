@@ -80,6 +80,7 @@ impl SourceFacts {
         let (mut own, mut has_truth) = (TruthFacts::default(), false);
         let mut spread = TruthSpread::default();
         let mut first: Option<(Frame, bool)> = None;
+        // Damage of later pairs is reported with the recording.
         look(&mut *opened.source, |frame| {
             own.count(&frame);
             spread.add(&frame);
@@ -141,22 +142,22 @@ fn recorded(opened: &Opened, name: &str) -> Result<Recorded> {
     })
 }
 
-/// Reads as many of the first pairs as the time allows.
-fn look(source: &mut dyn Source, mut see: impl FnMut(Frame)) -> Result<()> {
+/// Reads as many of the first pairs as the time allows; the error of one behind the first, which
+/// ends it.
+fn look(source: &mut dyn Source, mut see: impl FnMut(Frame)) -> Result<Option<Error>> {
     let begin = Instant::now();
     for done in 0..PAIRS {
         match source.next() {
             Ok(Some(frame)) => see(frame),
             Ok(None) => break,
             Err(error) if done == 0 => return Err(error),
-            // Damage is reported with the recording.
-            Err(_) => break,
+            Err(error) => return Ok(Some(error)),
         }
         if begin.elapsed() > TIME {
             break;
         }
     }
-    Ok(())
+    Ok(None)
 }
 
 impl NearestDistance {
@@ -200,12 +201,13 @@ impl TruthFacts {
         };
         let looked = opened.and_then(|mut opened| {
             let mut spread = TruthSpread::default();
-            look(&mut *opened.source, |frame| {
+            let later = look(&mut *opened.source, |frame| {
                 facts.count(&frame);
                 spread.add(&frame);
             })?;
             facts.summarize(&spread, &mut *opened.source);
-            Ok(())
+            // Damage of a recording is reported with it.
+            later.filter(|_| !is_recording).map_or(Ok(()), Err)
         });
         facts.error = looked.err().map(|error| error.to_string());
         facts

@@ -2,7 +2,7 @@
 //! on standard error.
 
 use anyhow::Context;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -37,6 +37,22 @@ pub(crate) struct WarningLog;
 
 static WARNED: Mutex<String> = Mutex::new(String::new());
 
+/// Warnings on standard error.
+static WRITTEN: Mutex<WrittenOnce> = Mutex::new(WrittenOnce(BTreeSet::new()));
+
+/// Texts that were written, each of which is written once.
+struct WrittenOnce(BTreeSet<Vec<u8>>);
+
+/// Warnings that are remembered; later ones may be written twice.
+const MAX_REMEMBERED: usize = 1000;
+
+impl WrittenOnce {
+    /// True at the first call with this text.
+    fn is_new(&mut self, text: &[u8]) -> bool {
+        self.0.len() >= MAX_REMEMBERED || self.0.insert(text.to_owned())
+    }
+}
+
 impl WarningLog {
     /// All warnings so far.
     pub(crate) fn lines() -> Vec<String> {
@@ -48,8 +64,10 @@ impl WarningLog {
 impl Write for WarningLog {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let mut warned = WARNED.lock().unwrap_or_else(PoisonError::into_inner);
-        if warned.len() < MOST_HELD {
-            warned.push_str(&String::from_utf8_lossy(bytes));
+        let line = String::from_utf8_lossy(bytes);
+        let is_known = warned.lines().any(|known| known == line.trim_end());
+        if warned.len() < MOST_HELD && !is_known {
+            warned.push_str(&line);
         }
         Ok(bytes.len())
     }
@@ -115,7 +133,13 @@ impl Write for Warnings {
                 held.extend_from_slice(&bytes[..bytes.len().min(room)]);
                 Ok(bytes.len())
             }
-            None => io::stderr().write(bytes),
+            None => {
+                let mut written = WRITTEN.lock().unwrap_or_else(PoisonError::into_inner);
+                if written.is_new(bytes) {
+                    io::stderr().write_all(bytes)?;
+                }
+                Ok(bytes.len())
+            }
         }
     }
 
@@ -228,6 +252,17 @@ pub(crate) fn wrapped(head: &str, column: usize, text: &str, last: usize) -> Str
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_warning_is_written_once() {
+        let mut written = WrittenOnce(BTreeSet::new());
+        let news = ["first", "second", "first"].map(|text| written.is_new(text.as_bytes()));
+        assert_eq!(news, [true, true, false]);
+        WarningLog.write_all(b" a warning\n").unwrap();
+        WarningLog.write_all(b" a warning\n").unwrap();
+        let lines = WarningLog::lines();
+        assert_eq!(lines.iter().filter(|line| *line == "a warning").count(), 1);
+    }
 
     #[test]
     fn a_warning_that_is_held_back_is_shown_without_its_colours() {

@@ -31,7 +31,7 @@ fn copies_are_scored_once_and_reported() {
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
     for copy in ["copy.mcap", "packed.mcap", "ros.mcap"] {
         let words =
-            format!("{copy}: 12 pairs dropped: pairs of run.mcap too, which are scored once");
+            format!("{copy}: 12 pairs dropped: copies of pairs of run.mcap, which are taken once");
         assert_says(&ran.stderr, &[words.as_str()]);
     }
     fixture.run("score run.mcap --algo v3 --rerun none -o alone");

@@ -143,6 +143,24 @@ fn what_is_no_truth_is_refused_in_one_line() {
     );
 }
 
+#[test]
+fn each_unusable_file_is_named_with_its_reason() {
+    let fixture = Fixture::new();
+    scene(&fixture);
+    fixture.write("p/depth/1700000000.00.png", "no image");
+    fixture.write("p/depth/1700000000.05.png", [0]);
+    let ran = fixture.svl("info p");
+    assert_says(
+        &ran.stderr,
+        &["1700000000.00.png: not a", "1700000000.05.png: not a"],
+    );
+    // One of another size is the error of the second pair.
+    fixture.write("p/depth/1700000000.05.png", png((8, 8), &[900_u16; 64]));
+    let text = fixture.run("info p");
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert_says(&text, &["1700000000.05.png: is 8x8, the left image 40x24"]);
+}
+
 /// A pair of 160x120 with a disparity of 8 px everywhere, so at 0.625 m.
 fn wall(fixture: &Fixture) {
     fixture.write_pair("w/left/0.pgm", "w/right/0.pgm", WALL, 8);

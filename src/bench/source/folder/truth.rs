@@ -56,11 +56,14 @@ pub struct FolderTruth {
     told: Told,
 }
 
-/// Warnings that are given once.
+/// Files that cannot be read and are named, each with its reason.
+const MAX_NAMED: u64 = 5;
+
+/// Warnings that are given once, and the number of those of files that cannot be read.
 #[derive(Default)]
 struct Told {
     misfit: bool,
-    unreadable: bool,
+    unreadable: u64,
     late: bool,
 }
 
@@ -178,8 +181,14 @@ impl FolderTruth {
         let disparity = match disparity {
             Ok(disparity) => disparity,
             Err(error) => {
-                if !std::mem::replace(&mut self.told.unreadable, true) {
-                    tracing::warn!("{error}; left out, its pair has no truth");
+                self.told.unreadable += 1;
+                match self.told.unreadable {
+                    ..MAX_NAMED => tracing::warn!("{error}; left out, its pair has no truth"),
+                    MAX_NAMED => tracing::warn!(
+                        "{error}; left out, its pair has no truth; further files that cannot be \
+                         read are not named"
+                    ),
+                    _ => {}
                 }
                 self.without += 1;
                 return Ok(());

@@ -245,9 +245,9 @@ impl TruthTopic {
     fn warn_of_jump(&self, measured_ns: u64, pair_ns: u64, jump: &PoseStep) {
         if self.jumped == 0 {
             tracing::warn!(
-                "{}: --truth {}: the measurement of {:.3} s is not used: between it and its pair \
-                 the poses jump by {:.2} m and {:.1}° in {:.0} ms, and it cannot be moved to \
-                 {:.3} s",
+                "{}: --truth {}: the measurement of {:.3} s, and others like it, are not used: \
+                 between it and its pair the poses jump by {:.2} m and {:.1}° in {:.0} ms, and it \
+                 cannot be moved to {:.3} s",
                 self.recording.path().display(),
                 self.topic,
                 measured_ns as f64 / 1e9,
