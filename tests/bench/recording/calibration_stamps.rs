@@ -106,6 +106,29 @@ fn pairs_have_the_calibration_that_is_published_after_them() {
 }
 
 #[test]
+fn a_damaged_calibration_costs_nothing_but_itself() {
+    let fixture = Fixture::new();
+    let shot = |i: u64| Shot {
+        x: 2 * i as u32,
+        baseline_m: if i == 2 { f64::NAN } else { 0.1 },
+        ..Shot::FIRST
+    };
+    let all: Vec<_> = (0..4).flat_map(|i| shot(i).messages(i, CAMERAS)).collect();
+    let path = bag::write(&fixture.path(""), &all);
+    // The left camera has its own, the right one that before it.
+    let expected = [(12.0, 100), (10.0, 100), (8.0, 100), (6.0, 100)];
+    assert_eq!(facts(&rigs(&path)), expected);
+    let ran = fixture.svl("replay bag.mcap --algo v3:max_disparity=8");
+    assert_says(
+        &ran.stderr,
+        &[
+            "/cam1/camera_info at",
+            "it has numbers that are not finite; dropped",
+        ],
+    );
+}
+
+#[test]
 fn a_pair_without_a_calibration_of_its_stamp_has_the_last_one_before() {
     let fixture = Fixture::new();
     let shot = |i: u64| Shot {

@@ -105,6 +105,7 @@ impl Foreign {
             let place = side as usize;
             if self.calibrations[place].as_ref() == Some(&channel.topic) {
                 let (stamp_ns, calibration) = camera::decode(channel, log_time, data)?;
+                self.tracks[place].check_damage(stamp_ns, &calibration)?;
                 let fault = self.tracks[place].add((stamp_ns, log_time), calibration);
                 if let Some(fault) = fault {
                     let (name, topic) = (&self.name, &channel.topic);

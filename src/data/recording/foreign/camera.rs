@@ -196,6 +196,25 @@ impl Calibration {
         })
     }
 
+    /// Checks that it has the focal lengths of `known`, another calibration of the camera, and no
+    /// numbers that are not finite.
+    ///
+    /// # Errors
+    /// The fault. A camera that was never calibrated has it from the start, and no `known` without.
+    pub(super) fn check_damage(&self, known: &Self) -> Result<(), String> {
+        let numbers = |of: &Self| [&of.k[..], &of.d, &of.r, &of.p].concat();
+        let is_finite = |of: &Self| numbers(of).iter().all(|number| number.is_finite());
+        if is_finite(known) && !is_finite(self) {
+            return Err("it has numbers that are not finite".to_owned());
+        }
+        let lost = [true, false]
+            .map(|is_raw| known.focal_px(is_raw).is_some() && self.focal_px(is_raw).is_none());
+        if lost.contains(&true) {
+            return Err("it has no focal length, and the one before it does".to_owned());
+        }
+        Ok(())
+    }
+
     #[cfg(test)]
     pub(super) fn size(&self) -> (u32, u32) {
         self.size
@@ -365,6 +384,36 @@ mod tests {
             d,
             r,
             p,
+        }
+    }
+
+    #[test]
+    fn damage_is_of_a_camera_that_was_calibrated() {
+        let good = Calibration {
+            k: vec![300.0, 0.0, 1.0, 0.0, 300.0, 1.0, 0.0, 0.0, 1.0],
+            ..calibration_of_size((4, 3))
+        };
+        let with = |focal: f64| {
+            let mut other = good.clone();
+            other.k[0] = focal;
+            other
+        };
+        assert!(good.check_damage(&good).is_ok() && with(310.0).check_damage(&good).is_ok());
+        assert!(
+            with(f64::NAN)
+                .check_damage(&good)
+                .unwrap_err()
+                .contains("finite")
+        );
+        assert!(
+            with(0.0)
+                .check_damage(&good)
+                .unwrap_err()
+                .contains("focal length")
+        );
+        for focal in [f64::NAN, 0.0] {
+            assert!(with(focal).check_damage(&with(focal)).is_ok());
+            assert!(good.check_damage(&with(focal)).is_ok());
         }
     }
 
