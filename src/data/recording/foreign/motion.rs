@@ -1,16 +1,18 @@
 //! Which motions between two poses a robot can make.
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 
 /// No robot is faster, in m/s: 144 km/h, a car on a motorway.
 const MAX_M_S: f64 = 40.0;
 /// No robot turns faster, in rad/s: 570° a second.
 const MAX_RAD_S: f64 = 10.0;
-/// Nor so many times as fast as the median of the second around it, from [`SLOW_M_S`] on.
-const MAX_OF_MEDIAN: f64 = 5.0;
-/// Slower motions are not compared with the median: a robot may start to drive.
+/// Nor that many times as fast as over the second around it, from [`SLOW_M_S`] on: by the median of
+/// its steps, and by the way from its first pose to its last, which two odometries by turns do not
+/// make longer.
+const MAX_RATIO: f64 = 5.0;
+/// Slower motions are not compared with that second: a robot may start to drive.
 const SLOW_M_S: f64 = 2.0;
-/// Half of the time over which the median is taken.
+/// Half of that second.
 const AROUND_NS: u64 = 500_000_000;
 /// Poses nearer to each other in time are skipped: their noise divided by their interval is no
 /// speed.
@@ -25,6 +27,9 @@ pub struct PoseStep {
     pub end_ns: u64,
     pub metres: f64,
     pub radians: f64,
+    /// In the world's frame, m.
+    #[serde(skip)]
+    moved: Vector3<f64>,
 }
 
 impl PoseStep {
@@ -55,6 +60,7 @@ pub(super) fn steps(poses: impl Iterator<Item = (u64, Isometry3<f64>)>) -> Vec<P
             end_ns,
             metres: moved.translation.vector.norm(),
             radians: moved.rotation.angle(),
+            moved: pose.translation.vector - from.translation.vector,
         });
         last = Some((end_ns, pose));
     }
@@ -69,10 +75,14 @@ pub(super) fn jump(steps: &[PoseStep], [from_ns, to_ns]: [u64; 2]) -> Option<&Po
         step.end_ns >= middle_ns.saturating_sub(AROUND_NS)
             && step.start_ns <= middle_ns.saturating_add(AROUND_NS)
     };
-    let mut speeds: Vec<_> = steps.iter().filter(is_near).map(PoseStep::m_s).collect();
+    let near: Vec<_> = steps.iter().filter(is_near).collect();
+    let mut speeds: Vec<_> = near.iter().map(|step| step.m_s()).collect();
     speeds.sort_by(f64::total_cmp);
     let median = speeds.get(speeds.len() / 2).copied().unwrap_or(0.0);
-    let limit = (MAX_OF_MEDIAN * median).clamp(SLOW_M_S, MAX_M_S);
+    let way: Vector3<f64> = near.iter().map(|step| step.moved).sum();
+    let seconds: f64 = near.iter().map(|step| step.seconds()).sum();
+    let speed = median.min(way.norm() / seconds.max(f64::MIN_POSITIVE));
+    let limit = (MAX_RATIO * speed).clamp(SLOW_M_S, MAX_M_S);
     let is_jump =
         |step: &&PoseStep| step.m_s() > limit || step.radians / step.seconds() > MAX_RAD_S;
     let mut between = steps
@@ -114,6 +124,23 @@ mod tests {
         let steps = path(1.0, ahead(3.0));
         assert!(jump(&steps, [940_000_000, 975_000_000]).is_none());
         assert_eq!(steps.len(), 99);
+    }
+
+    #[test]
+    fn odometries_that_disagree_by_turns_jump() {
+        let two = |apart: f64, speed: f64| {
+            let pose = |i: u32| {
+                let own = speed * 0.01 * f64::from(i) + apart * f64::from(i % 2);
+                (
+                    u64::from(i) * 10_000_000,
+                    Isometry3::translation(own, 0.0, 0.0),
+                )
+            };
+            let steps = steps((0..200).map(pose));
+            jump(&steps, [1_000_000_000, 1_030_000_000]).is_some()
+        };
+        assert!(two(0.3, 0.0) && two(0.3, 1.5) && two(0.1, 1.5));
+        assert!(!two(0.0, 1.5) && !two(0.002, 1.5) && !two(0.0, 30.0));
     }
 
     #[test]
