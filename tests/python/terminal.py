@@ -3,7 +3,7 @@
     terminal.py KEYS PROGRAM ARGUMENT...
 
 A key is typed when the program has been quiet for a moment; the key `^` closes the terminal. Prints
-all that it wrote, and exits with its status, or with 1 if it does not end within 20 s.
+all that it wrote, and exits with its status, or with 1 if it does not end within two minutes.
 """
 
 import fcntl
@@ -43,7 +43,7 @@ while True:
             os.write(terminal, key.encode())
     else:
         break
-until = time.monotonic() + 20
+until = time.monotonic() + 120
 ended, status = os.waitpid(child, os.WNOHANG)
 while not ended and time.monotonic() < until:
     time.sleep(0.02)

@@ -23,7 +23,9 @@ struct RegisteredPairs {
     /// The run that each pair belongs to.
     owners: HashMap<PairId, usize>,
     by_stamps: HashMap<[u64; 2], Vec<usize>>,
-    /// Runs of the same moments, which the user was warned of.
+    /// The first run with these pixels, whatever their stamps.
+    by_pixels: HashMap<u128, usize>,
+    /// Runs that share stamps or pixels, which the user was warned of.
     same_moments: BTreeSet<[usize; 2]>,
     /// Pairs of a run that belong to an earlier one.
     copies: BTreeMap<[usize; 2], u64>,
@@ -102,7 +104,7 @@ impl PairRegister {
 }
 
 impl RegisteredPairs {
-    /// Warns once of two runs with pairs of the same stamps, which are no copies. Stamps of
+    /// Warns once of two runs that share stamps or pixels of pairs which are no copies. Stamps of
     /// simulations are alike in all, so that only those of one seed are of the same moments.
     fn warn_of_same_moments(&mut self, run: usize, id: PairId) {
         let others = self.by_stamps.entry(id.stamps_ns).or_default();
@@ -121,6 +123,14 @@ impl RegisteredPairs {
                      both recordings show counts twice"
                 );
             }
+        }
+        let other = *self.by_pixels.entry(id.pixels).or_insert(run);
+        if other != run && self.same_moments.insert([run, other]) {
+            let [(name, _), (first, _)] = [&self.runs[run], &self.runs[other]];
+            tracing::warn!(
+                "{name}: has pairs with the pixels of pairs of {first}, but other stamps: if one \
+                 was recorded from the other, they count twice"
+            );
         }
     }
 

@@ -9,7 +9,8 @@ use std::collections::BTreeMap;
 /// not, in any format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct PairId {
-    pixels: u128,
+    /// Hash of both images.
+    pub pixels: u128,
     /// Of the left and of the right image, nanoseconds.
     pub stamps_ns: [u64; 2],
 }

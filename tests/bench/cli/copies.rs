@@ -161,6 +161,9 @@ fn scores_on_what_was_fitted_to_are_warned_of() {
     );
     let tune = "tune 108.mcap 109.mcap --auto --trials 4 -o t.toml --algo v5:table=own.toml";
     assert_eq!(warnings(&fixture, tune), 1);
+    fixture.write("keys", "q\n");
+    let tune = "tune 108.mcap --script keys --algo v5:table=own.toml";
+    assert_eq!(warnings(&fixture, tune), 1);
     // Built-in tables know the names of simulated runs.
     assert_eq!(score("short.toml --seeds 3..4", "--algo v5", "f"), 1);
     assert_eq!(score("short.toml --seeds 3..3", "--algo v5", "g"), 0);
@@ -186,6 +189,21 @@ fn recordings_of_the_same_moments_are_warned_of() {
     let ran = fixture.svl("score a.mcap b.mcap --algo v3:max_disparity=8 --rerun none -o r");
     let words = ["b.mcap: has pairs with the stamps of pairs of a.mcap, but other pixels"];
     assert_says(&ran.stderr, &words);
+}
+
+#[test]
+fn equal_pixels_with_other_stamps_are_warned_of() {
+    let fixture = Fixture::new();
+    for i in 0..3 {
+        let [left, right] = ["left", "right"].map(|side| format!("p/{side}/{i}.pgm"));
+        fixture.write_pair(&left, &right, (64, 32), i + 1);
+    }
+    fixture.run("record p --fps 5 -q -o run.mcap");
+    fixture.run("record p --fps 8 -q -o again.mcap");
+    let algo = "--algo v3:max_disparity=8 --rerun none";
+    let ran = fixture.svl(&format!("score run.mcap again.mcap {algo} -o all"));
+    let words = "again.mcap: has pairs with the pixels of pairs of run.mcap, but other stamps";
+    assert_eq!(ran.stderr.matches(words).count(), 1, "{}", ran.stderr);
 }
 
 #[test]

@@ -21,7 +21,7 @@ use svl::runs::{self, runs};
 use svl::scenario::{Scenario, SourceOptions};
 use svl::score::Judge;
 use svl::sink::RerunTarget;
-use svl::source::{Request, Source, are_live_topics};
+use svl::source::{PairRegister, Request, Source, are_live_topics};
 use svl::tune::{Constraint, Sampler, TunedSetting};
 use tool::Tuner;
 use worker::TuneWorker;
@@ -227,7 +227,7 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let filters = args.filters.models()?;
     let algorithms = args.algorithms()?;
-    let tuned = open(args, name, quiet)?;
+    let tuned = open(args, name, &algorithms, quiet)?;
     let (viewer, without) = destination(args)?;
     let settings = algorithms.into_iter().map(|algorithm| TunedSetting {
         algorithm: algorithm.filtered(&filters),
@@ -243,15 +243,13 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
         open,
         is_live,
     } = tuned;
-    let sampler = if is_live {
-        None
+    let (sampler, store) = if is_live {
+        (None, FrameStore::live(open()?))
     } else {
-        Some(Sampler::new(open()?, SAMPLE, SAMPLE_BYTES))
-    };
-    let store = if is_live {
-        FrameStore::live(open()?)
-    } else {
-        FrameStore::new(open)?
+        // The first one warns of what its algorithms were fitted to, from its first frame on.
+        let store = FrameStore::new(Box::new(&open))?;
+        let sampler = Sampler::new(open()?, SAMPLE, SAMPLE_BYTES);
+        (Some(sampler), store)
     };
     let mut stepper = Stepper::new(&name, store)?;
     let mut settings = settings;
@@ -289,8 +287,14 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
 }
 
-/// Opens what is tuned on; of a scenario of several runs the first.
-fn open<'a>(args: &'a Args, name: &'a str, quiet: bool) -> anyhow::Result<Tuned<'a>> {
+/// Opens what is tuned on; of a scenario of several runs the first. Warns of pairs that the
+/// algorithms were fitted to.
+fn open<'a>(
+    args: &'a Args,
+    name: &'a str,
+    algorithms: &[Algorithm],
+    quiet: bool,
+) -> anyhow::Result<Tuned<'a>> {
     let is_live = grab::driver(name).is_some() || are_live_topics(name);
     if is_live || name == "board" {
         let mut request = Request::new(name);
@@ -327,6 +331,8 @@ fn open<'a>(args: &'a Args, name: &'a str, quiet: bool) -> anyhow::Result<Tuned<
     };
     let (run, judge) = open_first(quiet)?;
     let title = run.name();
+    let register = PairRegister::new(algorithms)?;
+    let run = run.registered(&scenario.name, &register, true);
     let first = RefCell::new(Some(run));
     let open: Open<'a> = Box::new(move || match first.take() {
         Some(first) => Ok(Box::new(first) as Box<dyn Source>),
