@@ -262,6 +262,13 @@ fn a_checkpoint_by_place_is_scored_in_a_bag() {
             .done();
         let rows: Vec<CheckpointRow> = read_rows(&fixture.path("s/checkpoints.csv")).unwrap();
         assert!(rows.iter().all(|row| row.frames == 0));
+        // Poses of the robot without the transform to its camera: the reason is named.
+        bag::write(&fixture.path(""), &messages(pose)[1..]);
+        let info = fixture.svl("info bag.mcap").done();
+        assert_says(&info, &["no transform"]);
+        let ran = fixture.svl(&["score", "place.toml", "-q", "-o", "t"]);
+        let words = ["at_m needs poses, and those of", "not usable (no transform"];
+        ran.failed(1, &words);
     }
 }
 
