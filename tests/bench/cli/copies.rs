@@ -192,6 +192,35 @@ fn recordings_of_the_same_moments_are_warned_of() {
 }
 
 #[test]
+fn shards_know_the_pairs_behind_one_that_cannot_be_read() {
+    let fixture = Fixture::new();
+    for i in 0..4 {
+        for folder in ["p", "q"] {
+            let [left, right] = ["left", "right"].map(|side| format!("{folder}/{side}/{i}.pgm"));
+            fixture.write_pair(&left, &right, (64, 32), i);
+        }
+    }
+    fixture.write("p/left/1.pgm", "P5 64 32 255 cut off");
+    let score = "score p q --algo v3:max_disparity=8 --allow-loss 1 --rerun none -q";
+    fixture.run(&format!("{score} -o whole"));
+    for i in [1, 2] {
+        fixture.run(&format!("{score} --shard {i}/2 -o part{i}"));
+    }
+    fixture.run("merge part1 part2 -q -o merged");
+    for report in ["whole", "merged"] {
+        let rows: Vec<Row> = read_rows(&fixture.path(&format!("{report}/rows.csv"))).unwrap();
+        let pairs = rows.into_iter().map(|row| (row.run.unwrap(), row.sequence));
+        let pairs: Vec<_> = pairs.collect();
+        let expected = [("p", 0), ("p", 2), ("p", 3), ("q", 1)];
+        assert_eq!(
+            pairs,
+            expected.map(|(run, at)| (run.to_owned(), at)),
+            "{report}"
+        );
+    }
+}
+
+#[test]
 fn equal_pixels_with_other_stamps_are_warned_of() {
     let fixture = Fixture::new();
     for i in 0..3 {
