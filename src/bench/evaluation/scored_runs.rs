@@ -21,10 +21,6 @@ use svl_data::stress::Stress;
 /// Most algorithms that Rerun shows.
 const MAX_SHOWN: usize = 32;
 
-/// Pairs of another shard's recording that cannot be read, one after the other, after which it is
-/// given up.
-const MAX_UNREADABLE: u32 = 1000;
-
 struct ScoreReport {
     folder: PathBuf,
     manifest: Manifest,
@@ -252,15 +248,8 @@ impl<'a> RunRegisters<'a> {
                 let run = runs::run_at(self.scenario, place, console)?;
                 let (run, _) = run.open(self.scenario, console, None)?;
                 let mut run = run.registered(&self.scenario.name, &self.register, true);
-                // The shard that scores it reports what cannot be read.
-                let mut unreadable = 0;
-                while unreadable < MAX_UNREADABLE {
-                    match run.next() {
-                        Ok(Some(_)) => unreadable = 0,
-                        Ok(None) | Err(Error::Damaged { .. }) => break,
-                        Err(_) => unreadable += 1,
-                    }
-                }
+                // The shard that scores it reports what cannot be read, and an error.
+                while let Ok(Some(_)) = run.next() {}
             }
         }
         self.runs = unit.place + 1;

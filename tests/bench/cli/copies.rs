@@ -2,6 +2,8 @@
 
 use super::fixture::Fixture;
 use crate::common::assert_says;
+use crate::recording::bag::{self, ros_image};
+use crate::recording::frames::image;
 use serde_json::Value;
 use svl::report::{Row, read_rows};
 
@@ -194,14 +196,20 @@ fn recordings_of_the_same_moments_are_warned_of() {
 #[test]
 fn shards_know_the_pairs_behind_one_that_cannot_be_read() {
     let fixture = Fixture::new();
-    for i in 0..4 {
-        for folder in ["p", "q"] {
-            let [left, right] = ["left", "right"].map(|side| format!("{folder}/{side}/{i}.pgm"));
-            fixture.write_pair(&left, &right, (64, 32), i);
-        }
+    // The second pair of the first bag cannot be read.
+    for (name, broken) in [("p", Some(1)), ("q", None)] {
+        let images = (0..4_u64).flat_map(|i| {
+            ["/left/image_rect", "/right/image_rect"].map(|topic| {
+                let pixels: Vec<u8> = image((64, 32), i).pixels().collect();
+                let cut = if broken == Some(i) { 10 } else { 0 };
+                let stamp_ns = 1_700_000_000_000_000_000 + i * 50_000_000;
+                ros_image(topic, stamp_ns, (64, 32), "mono8", &pixels[cut..])
+            })
+        });
+        let bag = bag::write(&fixture.path(""), &images.collect::<Vec<_>>());
+        std::fs::rename(bag, fixture.path(&format!("{name}.mcap"))).unwrap();
     }
-    fixture.write("p/left/1.pgm", "P5 64 32 255 cut off");
-    let score = "score p q --algo v3:max_disparity=8 --allow-loss 1 --rerun none -q";
+    let score = "score p.mcap q.mcap --algo v3:max_disparity=8 --allow-loss 2 --rerun none -q";
     fixture.run(&format!("{score} -o whole"));
     for i in [1, 2] {
         fixture.run(&format!("{score} --shard {i}/2 -o part{i}"));
@@ -211,7 +219,7 @@ fn shards_know_the_pairs_behind_one_that_cannot_be_read() {
         let rows: Vec<Row> = read_rows(&fixture.path(&format!("{report}/rows.csv"))).unwrap();
         let pairs = rows.into_iter().map(|row| (row.run.unwrap(), row.sequence));
         let pairs: Vec<_> = pairs.collect();
-        let expected = [("p", 0), ("p", 2), ("p", 3), ("q", 1)];
+        let expected = [("p.mcap", 0), ("p.mcap", 2), ("p.mcap", 3), ("q.mcap", 1)];
         assert_eq!(
             pairs,
             expected.map(|(run, at)| (run.to_owned(), at)),
