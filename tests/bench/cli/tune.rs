@@ -327,6 +327,24 @@ fn a_search_finds_writes_and_goes_on() {
 }
 
 #[test]
+fn settings_on_all_pairs_are_some_of_those_that_were_tried() {
+    let fixture = recorded();
+    // So few that all of them, and the reference, are run on all pairs.
+    for trials in [4, 6] {
+        let line = format!(
+            "tune run.mcap --algo bm --auto --trials {trials} --pairs 4 -q -o {trials}.toml --json"
+        );
+        let json = fixture.json(&line);
+        let count = |name: &str| json["algorithms"][0][name].as_u64().unwrap();
+        let (tried, finalists) = (count("tried"), count("finalists"));
+        assert!(
+            0 < finalists && finalists <= tried && tried <= trials,
+            "{json:#}"
+        );
+    }
+}
+
+#[test]
 fn a_search_on_recordings_holds_some_out() {
     let fixture = Fixture::new();
     fixture.run("record --frames 30 -o a.mcap");
