@@ -332,7 +332,7 @@ fn settings_on_all_pairs_are_some_of_those_that_were_tried() {
     // So few that all of them, and the reference, are run on all pairs.
     for trials in [4, 6] {
         let line = format!(
-            "tune run.mcap --algo bm --auto --trials {trials} --pairs 4 -q -o {trials}.toml --json"
+            "tune run.mcap --algo bm --auto --trials {trials} --pairs 8 -q -o {trials}.toml --json"
         );
         let json = fixture.json(&line);
         let count = |name: &str| json["algorithms"][0][name].as_u64().unwrap();
