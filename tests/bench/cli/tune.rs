@@ -337,10 +337,7 @@ fn settings_on_all_pairs_are_some_of_those_that_were_tried() {
         let json = fixture.json(&line);
         let count = |name: &str| json["algorithms"][0][name].as_u64().unwrap();
         let (tried, finalists) = (count("tried"), count("finalists"));
-        assert!(
-            0 < finalists && finalists <= tried && tried <= trials,
-            "{json:#}"
-        );
+        assert!(0 < finalists && finalists <= tried, "{json:#}");
     }
 }
 
