@@ -196,7 +196,43 @@ pub(super) fn u16_of(raw: &RawPixels<'_>) -> fn([u8; 2]) -> u16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recording::foreign::pixels;
+    use proptest::prelude::*;
     use std::collections::BTreeSet;
+
+    proptest! {
+        #[test]
+        fn an_image_is_of_its_size_or_an_error(
+            encoding in 0..ENCODINGS.len(),
+            (width, height, padding) in (0_u32..9, 0_u32..9, -3_i32..9),
+            (more, big_endian) in (-9_i32..20, any::<bool>()),
+            noise in prop::collection::vec(any::<u8>(), 1800),
+        ) {
+            let encoding = &ENCODINGS[encoding];
+            let step = (width * encoding.bytes() as u32).saturating_add_signed(padding);
+            let rows = match encoding.chroma {
+                Interleaved => height,
+                Half => height + height / 2,
+                Full => 3 * height,
+            };
+            let length = (step * rows).saturating_add_signed(more) as usize;
+            let name = encoding.names[0];
+            let data = &noise[..length.min(noise.len())];
+            let raw = RawPixels { width, height, step, encoding: name, big_endian, data };
+            let read = pixels::decode(&raw);
+            let fits = width > 0 && height > 0 && padding >= 0 && more >= 0;
+            let is_even = encoding.chroma != Half || (width % 2, height % 2) == (0, 0);
+            let is_whole = data.len() == length;
+            if fits && is_even && is_whole && encoding.is_image() {
+                let image = read.map_err(TestCaseError::fail)?;
+                prop_assert_eq!(image.image.size(), (width as usize, height as usize));
+            } else if let Ok(image) = read {
+                // Missing padding of the last row alone.
+                prop_assert!(is_even && padding >= -more);
+                prop_assert_eq!(image.image.size(), (width as usize, height as usize));
+            }
+        }
+    }
 
     #[test]
     fn each_name_is_of_one_encoding() {

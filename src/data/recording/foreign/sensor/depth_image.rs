@@ -147,6 +147,32 @@ fn known(depth: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn no_bytes_make_it_panic(
+            format in prop::sample::select(&[
+                "16UC1; compressedDepth png",
+                "16UC1; compressedDepth rvl",
+                "32FC1; compressedDepth rvl",
+                "png",
+                "; ;png",
+                "",
+            ][..]),
+            size in prop::option::of((0_u32..9, 0_u32..9)),
+            mut data in prop::collection::vec(any::<u8>(), 0..200),
+        ) {
+            if let (Some((width, height)), [_, ..]) = (size, &mut data[..]) {
+                let sides = [width, height].map(u32::to_le_bytes).concat();
+                data.splice(..0, [&[0; RVL_HEADER], &sides[..]].concat());
+            }
+            if let Ok(depths) = decompress(format, &data) {
+                let is_valid = |z: f32| z.is_nan() || (z > 0.0 && z.is_finite());
+                prop_assert!(depths.pixels().all(is_valid));
+            }
+        }
+    }
 
     fn read(encoding: &str, big_endian: bool, data: &[u8]) -> Result<Vec<f32>, String> {
         let (width, step) = (2, data.len() as u32);
