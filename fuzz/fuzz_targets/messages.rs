@@ -1,5 +1,5 @@
-//! Messages of the topics and schemas svl reads, with any bytes in them, in a file that is whole, as
-//! pairs and as their truth.
+//! Messages of the topics and schemas svl reads, with any bytes in them, in a file that is whole:
+//! pairs and truths.
 //!
 //! The input is a sequence of messages: a byte that chooses topic and schema, a byte of log time,
 //! two bytes of length, and that many bytes. Without chunks' compression and CRC in the way, the

@@ -83,7 +83,7 @@ fn every_encoding_is_read_as_opencv_and_numpy_do() {
         return;
     };
     let expected: Value = serde_json::from_slice(&printed).unwrap();
-    let recording = Recording::open(&folder.path().join("images")).unwrap();
+    let recording = Recording::open(folder.path().join("images")).unwrap();
     let images = expected["images"].as_object().unwrap();
     assert_eq!(images.len(), 45);
     for (name, expected) in images {
@@ -94,6 +94,6 @@ fn every_encoding_is_read_as_opencv_and_numpy_do() {
     for (topic, expected) in depths {
         check_truth(&folder.path().join("depths"), topic, expected);
     }
-    let topics = Reader::open(&folder.path().join("depths")).unwrap();
+    let topics = Reader::open(folder.path().join("depths")).unwrap();
     assert_eq!(topics.truth_topics().unwrap().len(), depths.len());
 }
