@@ -1,4 +1,5 @@
-//! Messages of the topics and schemas svl reads, with any bytes in them, in a file that is whole.
+//! Messages of the topics and schemas svl reads, with any bytes in them, in a file that is whole:
+//! pairs and truths.
 //!
 //! The input is a sequence of messages: a byte that chooses topic and schema, a byte of log time,
 //! two bytes of length, and that many bytes. Without chunks' compression and CRC in the way, the
@@ -7,7 +8,7 @@
 
 use mcap::records::MessageHeader;
 use std::io::Cursor;
-use svl::recording::{Reader, Recording, Selection};
+use svl::recording::{Reader, Recording, Selection, TruthSelection};
 
 // Videos are read up to their decoder: no input starts ffmpeg.
 // SAFETY: nothing else runs yet.
@@ -30,11 +31,23 @@ libfuzzer_sys::fuzz_target!(init: unsafe { std::env::set_var("PATH", "") }, |byt
             let Ok(mut reader) = Reader::new(recording.clone(), selection) else {
                 continue;
             };
+            // Decodes the first message of each topic that could be a truth.
+            let truths = reader.truth_topics().unwrap_or_default().into_iter();
+            let max_skew_ns = u64::MAX;
+            let truths = truths.map(|topic| TruthSelection { topic, max_skew_ns });
+            let truths = truths.filter_map(|truth| reader.truth(&truth).ok());
+            let mut truths: Vec<_> = truths.collect();
             let mut images = 2 * u64::from(reader.next_pair().is_ok());
             loop {
                 match reader.next_pair() {
                     Ok(None) => break,
-                    Ok(Some(_)) => images += 2,
+                    Ok(Some(mut frame)) => {
+                        images += 2;
+                        for truth in &mut truths {
+                            // The reason why it has none.
+                            let _ = truth.attach(&mut frame);
+                        }
+                    }
                     Err(_) => {}
                 }
             }

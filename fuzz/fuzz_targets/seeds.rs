@@ -282,7 +282,101 @@ fn mcap() -> Result<(), Box<dyn std::error::Error>> {
         .concat()
     });
     seed("messages", "ros-pair", &pair.concat())?;
+    encodings()
+}
+
+/// Encodings of four by two pixels: the bytes of a row, and the number of rows with those of the
+/// chroma.
+const ENCODINGS: [(&str, u32, u32); 14] = [
+    ("mono16", 8, 2),
+    ("16UC1", 8, 2),
+    ("bgra8", 16, 2),
+    ("rgb16", 24, 2),
+    ("bgra16", 32, 2),
+    ("uyvy", 8, 2),
+    ("yuyv", 8, 2),
+    ("nv12", 4, 3),
+    ("nv21", 4, 3),
+    ("nv24", 4, 6),
+    ("bayer_rggb8", 4, 2),
+    ("bayer_grbg16", 8, 2),
+    ("32FC1", 16, 2),
+    ("64FC1", 32, 2),
+];
+
+/// For each encoding a pair with its calibration and a depth image; and compressed depths.
+fn encodings() -> Result<(), Box<dyn std::error::Error>> {
+    let message = |topic: &str, schema: &str, data: &[u8]| {
+        let kind = svl_fuzz::KINDS
+            .iter()
+            .position(|kind| (kind.0, kind.1) == (topic, schema));
+        let length = (data.len() as u16).to_le_bytes();
+        let kind = kind.ok_or("no such topic")? as u8;
+        Ok::<_, Box<dyn std::error::Error>>([&[kind, 7, length[0], length[1]], data].concat())
+    };
+    let (image, info) = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo");
+    let calibration = message("/info", info, &foreign(info, "cdr"))?;
+    for (encoding, step, rows) in ENCODINGS {
+        let data = ros_image(encoding, step, rows);
+        let of = |topic| message(topic, image, &data);
+        let all = [calibration.clone(), of("/l")?, of("/r")?, of("/depth")?];
+        seed("messages", encoding, &all.concat())?;
+    }
+    let codes = stereo::Plane::from_fn(4, 2, |x, y| (x * 900 * y) as u16)?;
+    let samples = image::ImageBuffer::from_fn(4, 2, |x, y| image::Luma([(x * 900 * y) as u16]));
+    let mut png = Cursor::new(Vec::new());
+    DynamicImage::ImageLuma16(samples).write_to(&mut png, ImageFormat::Png)?;
+    let behind_header = [&[0; 12], &png.get_ref()[..]].concat();
+    let inverse = svl::files::InverseDepth { a: 1e4, b: -900.0 };
+    let rvl = svl::files::encode_rvl(&codes, Some(inverse));
+    let mono8 = ros_image("mono8", 4, 2);
+    for (name, format, data) in [
+        ("depth-png", "16UC1; compressedDepth png", &behind_header),
+        ("depth-rvl", "16UC1; compressedDepth rvl", &rvl),
+        ("depth-inverse", "32FC1; compressedDepth rvl", &rvl),
+        ("depth-plain", "16UC1; png compressed ", png.get_ref()),
+    ] {
+        let mut cdr = header();
+        string(&mut cdr, format);
+        cdr.resize(cdr.len().next_multiple_of(4), 0);
+        cdr.extend((data.len() as u32).to_le_bytes());
+        cdr.extend(data);
+        let of = |topic| message(topic, image, &mono8);
+        let depth = message("/depth/ros", "sensor_msgs/msg/CompressedImage", &cdr)?;
+        let all = [calibration.clone(), of("/l")?, of("/r")?, depth];
+        seed("messages", name, &all.concat())?;
+    }
     Ok(())
+}
+
+/// The encapsulation of little-endian CDR, and a header.
+fn header() -> Vec<u8> {
+    vec![
+        0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 4, 0, 0, 0, b'c', b'a', b'm', 0,
+    ]
+}
+
+fn string(cdr: &mut Vec<u8>, text: &str) {
+    cdr.extend((text.len() as u32 + 1).to_le_bytes());
+    cdr.extend(text.as_bytes());
+    cdr.push(0);
+}
+
+/// A sensor_msgs/msg/Image of four by two pixels.
+fn ros_image(encoding: &str, step: u32, rows: u32) -> Vec<u8> {
+    let mut cdr = header();
+    [2u32, 4]
+        .iter()
+        .for_each(|side| cdr.extend(side.to_le_bytes()));
+    string(&mut cdr, encoding);
+    // Little-endian.
+    cdr.push(0);
+    cdr.resize(cdr.len().next_multiple_of(4), 0);
+    [step, step * rows]
+        .iter()
+        .for_each(|length| cdr.extend(length.to_le_bytes()));
+    cdr.extend((0..step * rows).map(|i| (10 + 7 * i) as u8));
+    cdr
 }
 
 /// Messages of live topics: pairs of each type of image, with their calibrations.
@@ -360,18 +454,10 @@ fn frame(i: u64) -> svl::Result<stereo::Frame> {
 /// The body of a message of another program: little-endian CDR, JSON, or for protobuf what comes to
 /// the fuzzer's mind.
 fn foreign(schema: &str, encoding: &str) -> Vec<u8> {
-    let mut cdr: Vec<u8> = vec![
-        0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 4, 0, 0, 0, b'c', b'a', b'm', 0,
-    ];
+    let mut cdr = header();
     let mut word = |v: u32| cdr.extend(v.to_le_bytes());
     match (schema, encoding) {
-        ("sensor_msgs/msg/Image", "cdr") => {
-            [2, 4, 6].into_iter().for_each(&mut word);
-            cdr.extend(b"mono8\0\0\0");
-            [4u32, 8].iter().for_each(|v| cdr.extend(v.to_le_bytes()));
-            cdr.extend([10, 20, 30, 40, 50, 60, 70, 80]);
-            cdr
-        }
+        ("sensor_msgs/msg/Image", "cdr") => ros_image("mono8", 4, 2),
         ("sensor_msgs/msg/CompressedImage", "cdr") => {
             word(4);
             cdr.extend(b"png\0");

@@ -35,7 +35,7 @@ pub fn on_file(name: &str, bytes: &[u8], read: impl FnOnce(&Path)) {
 }
 
 /// Topics, schemas and encodings of the messages that svl reads.
-pub const KINDS: [(&str, &str, &str); 31] = [
+pub const KINDS: [(&str, &str, &str); 35] = [
     ("/l", "sensor_msgs/msg/Image", "cdr"),
     ("/r", "sensor_msgs/msg/Image", "cdr"),
     ("/l", "sensor_msgs/msg/CompressedImage", "cdr"),
@@ -83,4 +83,8 @@ pub const KINDS: [(&str, &str, &str); 31] = [
     ("/r", "ffmpeg_image_transport_msgs/msg/FFMPEGPacket", "cdr"),
     ("/tf", "tf2_msgs/msg/TFMessage", "cdr"),
     ("/odom", "nav_msgs/msg/Odometry", "cdr"),
+    ("/depth", "sensor_msgs/msg/Image", "cdr"),
+    ("/depth/ros", "sensor_msgs/msg/CompressedImage", "cdr"),
+    ("/depth/raw", "foxglove.RawImage", "protobuf"),
+    ("/depth/packed", "foxglove.CompressedImage", "protobuf"),
 ];

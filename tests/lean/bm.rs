@@ -98,57 +98,102 @@ fn a_window_without_a_centre_is_refused() {
     assert!(error.to_string().contains("block_size=10"), "{error}");
 }
 
-/// The results of OpenCV's StereoBM on the real scenes.
-#[test]
-fn equals_opencv() {
-    let Some(folder) = common::datasets() else {
-        return;
-    };
+/// Parameters that OpenCV's StereoBM has too.
+#[derive(Clone, Copy)]
+struct Settings {
+    block: usize,
+    min_disparity: i32,
+    /// -1 for no check.
+    symmetry_tolerance: i32,
+}
+
+/// The pixels of the real scenes on which bm differs from OpenCV's StereoBM by scene, and their
+/// number; `None` without the scenes or without Python.
+fn differing_from_opencv(settings: Settings) -> Option<Vec<(String, usize, usize)>> {
+    let Settings {
+        block,
+        min_disparity,
+        symmetry_tolerance,
+    } = settings;
+    let folder = common::datasets()?;
     let index = std::fs::read_to_string(folder.join("index.tsv")).unwrap();
     let scratch = tempfile::tempdir().unwrap();
     let file = |name: &str| scratch.path().join(name);
+    let algorithm = format!(
+        "svs:min_disparity={min_disparity},max_disparity={},block_size={block},\
+         symmetry_tolerance={symmetry_tolerance}",
+        min_disparity + 79
+    );
+    let mut scenes = Vec::new();
     for line in index.lines().skip(1) {
         let fields: Vec<&str> = line.split('\t').collect();
         let pair = common::pair(&folder.join(fields[0]), fields[1], fields[2]);
         let (width, height) = pair.size();
-        std::fs::write(
-            file("pair"),
-            pair.left()
-                .pixels()
-                .chain(pair.right().pixels())
-                .collect::<Vec<_>>(),
-        )
-        .unwrap();
-        for block in [9, 15] {
-            let sizes = [width, height, 80, block].map(|n| n.to_string());
-            let files = [file("pair"), file("disparity")].map(|path| path.display().to_string());
-            let args = sizes.into_iter().chain(files);
-            if common::python("stereo_bm.py", "cv2, numpy", args).is_none() {
-                return;
-            }
-            let bytes = std::fs::read(file("disparity")).unwrap();
-            let expected = bytes
-                .as_chunks::<2>()
-                .0
-                .iter()
-                .map(|&b| f32::from(i16::from_le_bytes(b)) / 16.0);
-            let algorithm = format!("svs:max_disparity=79,block_size={block}");
-            let map = common::run(&algorithm, Isa::available().next().unwrap(), &pair);
-            // OpenCV writes one less than the lowest disparity if it found none.
-            let got = map
-                .disparity()
-                .pixels()
-                .map(|d| if d.is_finite() { d } else { -1.0 });
-            let differing = got
-                .zip(expected)
-                .filter(|(got, expected)| got != expected)
-                .count();
-            println!(
-                "{} {block}x{block}: {differing} of {} pixels differ",
-                fields[0],
-                width * height
-            );
-            assert_eq!(differing, 0, "{} {algorithm}", fields[0]);
+        let pixels = pair.left().pixels().chain(pair.right().pixels());
+        std::fs::write(file("pair"), pixels.collect::<Vec<_>>()).unwrap();
+        let sizes = [width, height, 80, block].map(|n| n.to_string());
+        let options = [min_disparity, symmetry_tolerance].map(|n| n.to_string());
+        let files = [file("pair"), file("disparity")].map(|path| path.display().to_string());
+        let args = sizes.into_iter().chain(options).chain(files);
+        common::python("stereo_bm.py", "cv2, numpy", args)?;
+        let bytes = std::fs::read(file("disparity")).unwrap();
+        let expected = bytes.as_chunks::<2>().0.iter();
+        let expected = expected.map(|&b| f32::from(i16::from_le_bytes(b)) / 16.0);
+        let map = common::run(&algorithm, Isa::available().next().unwrap(), &pair);
+        // OpenCV writes one less than the lowest disparity if it found none.
+        let none = (min_disparity - 1) as f32;
+        let found = map.disparity().pixels();
+        let found = found.map(|d| if d.is_finite() { d } else { none });
+        let differing = found.zip(expected).filter(|(a, b)| a != b).count();
+        let name = fields[0];
+        println!("{name} {algorithm}: {differing} of {width}x{height} pixels differ");
+        scenes.push((name.to_owned(), differing, width * height));
+    }
+    Some(scenes)
+}
+
+/// The results of OpenCV's StereoBM on the real scenes.
+#[test]
+fn equals_opencv() {
+    for block in [9, 15] {
+        let settings = Settings {
+            block,
+            min_disparity: 0,
+            symmetry_tolerance: -1,
+        };
+        for (scene, differing, _) in differing_from_opencv(settings).into_iter().flatten() {
+            assert_eq!(differing, 0, "{scene} {block}x{block}");
         }
+    }
+}
+
+/// The sizes of the departures in `docs/biases.md`, in per cent of all pixels and of the worst
+/// scene's.
+#[test]
+fn departures_from_opencv_are_as_small_as_documented() {
+    for (min_disparity, symmetry_tolerance, all, worst) in [
+        (0, 0, 0.009, 0.04),
+        (8, -1, 0.001, 0.004),
+        (-16, -1, 0.30, 0.84),
+    ] {
+        let settings = Settings {
+            block: 9,
+            min_disparity,
+            symmetry_tolerance,
+        };
+        let Some(scenes) = differing_from_opencv(settings) else {
+            return;
+        };
+        let per_cent = |differing: usize, pixels: usize| 100.0 * differing as f64 / pixels as f64;
+        let sum = |of: fn(&(String, usize, usize)) -> usize| scenes.iter().map(of).sum::<usize>();
+        let found = per_cent(sum(|scene| scene.1), sum(|scene| scene.2));
+        let shares = scenes
+            .iter()
+            .map(|(_, differing, pixels)| per_cent(*differing, *pixels));
+        let found_worst = shares.fold(0.0, f64::max);
+        let name = format!("{min_disparity} {symmetry_tolerance}: {found} {found_worst}");
+        println!("{name}");
+        assert!(found <= all && found_worst <= worst, "{name}");
+        assert!(found > 0.0, "{name}: no departure any more");
     }
 }

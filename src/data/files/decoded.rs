@@ -200,18 +200,30 @@ impl BitDepth {
         }
         // Saturates, like a sensor.
         let upper = |v: u16| (v >> (bits - 8)).min(255) as u8;
-        let color = match image {
-            DecodedImage::Gray(grey) => return (grey, None),
-            DecodedImage::Gray16(deep) => return (deep.map(upper), None),
-            DecodedImage::Color(color) => color,
-            // Rounded like in the image library.
-            DecodedImage::Color16(deep) if bits == 16 => {
-                deep.map(|rgb| rgb.map(|v| ((u32::from(v) + 128) / 257) as u8))
+        match image {
+            DecodedImage::Gray(grey) => (grey, None),
+            DecodedImage::Gray16(deep) => (deep.map(upper), None),
+            DecodedImage::Color(color) => (Gray::from_color(&color), Some(color)),
+            // Grey first, so that equal channels give the pixels of a grey image of 16 bits.
+            DecodedImage::Color16(deep) => {
+                let grey = deep.map(|rgb| upper(luma(rgb)));
+                // Rounded like in the image library.
+                let rounded = |v: u16| ((u32::from(v) + 128) / 257) as u8;
+                let color = if bits == 16 {
+                    deep.map(|rgb| rgb.map(rounded))
+                } else {
+                    deep.map(|rgb| rgb.map(upper))
+                };
+                (grey, Some(color))
             }
-            DecodedImage::Color16(deep) => deep.map(|rgb| rgb.map(upper)),
-        };
-        (Gray::from_color(&color), Some(color))
+        }
     }
+}
+
+/// The luma of a pixel of 16 bits, as of [`Gray::from_color`].
+fn luma(rgb: [u16; 3]) -> u16 {
+    let [r, g, b] = rgb.map(u32::from);
+    ((299 * r + 587 * g + 114 * b + 500) / 1000) as u16
 }
 
 /// Bit depth of a sensor with that largest value.
@@ -283,6 +295,26 @@ mod tests {
         );
         let (_, none) = BitDepth::FULL.clone().pair([color, same]).unwrap();
         assert!(none.is_none(), "one grey image of two");
+    }
+
+    #[test]
+    fn grey_of_deep_colour_is_that_of_its_16_bits() {
+        let grey = |bits, rgb: [u16; 3]| {
+            let image = DecodedImage::Color16(Plane::filled(1, 1, rgb).unwrap());
+            let mut depth = BitDepth::decide(Some(bits), [image.largest()]).unwrap();
+            depth.grey(image).0.get(0, 0)
+        };
+        let mono = |bits, value| {
+            let image = DecodedImage::Gray16(Plane::filled(1, 1, value).unwrap());
+            let mut depth = BitDepth::decide(Some(bits), [image.largest()]).unwrap();
+            depth.grey(image).0.get(0, 0)
+        };
+        for value in [0, 255, 256, 511, 4095] {
+            assert_eq!(grey(16, [value; 3]), mono(16, value));
+            assert_eq!(grey(12, [value; 3]), mono(12, value));
+        }
+        // 0.299 · 65535 = 19595 = 76 · 256 + 139, and 0.299 · 4095 = 1224 = 76 · 16 + 8.
+        assert_eq!((grey(16, [65_535, 0, 0]), grey(12, [4095, 0, 0])), (76, 76));
     }
 
     #[test]

@@ -31,6 +31,7 @@ pub use picture::{
     encode_classes_png, encode_color_jpeg, encode_jpeg, encode_palette_png, through_jpeg,
 };
 pub use rvl::{InverseDepth, encode_rvl};
+pub(crate) use rvl::{RVL_HEADER, decode_rvl};
 pub(crate) use svl_core::bounded::read_bounded;
 pub use svl_core::bounded::read_text;
 

@@ -349,15 +349,15 @@ pub(crate) fn protobuf<T: foxglove::Encode>(
     }
 }
 
-/// A foxglove.RawImage in protobuf, mono8.
+/// A foxglove.RawImage in protobuf, of an encoding with a byte per pixel in a row.
 pub(crate) fn foxglove_raw(
     topic: &'static str,
     stamp: u64,
     (width, height): (usize, usize),
-    pixels: &[u8],
+    (encoding, pixels): (&str, &[u8]),
 ) -> Message {
     let (width, height, data) = (width as u32, height as u32, pixels.to_vec().into());
-    let (timestamp, encoding) = (timestamp(stamp), "mono8".to_owned());
+    let (timestamp, encoding) = (timestamp(stamp), encoding.to_owned());
     let image = foxglove::messages::RawImage {
         timestamp,
         width,
@@ -380,9 +380,9 @@ pub(crate) fn foxglove_compressed(
     let (timestamp, data, format) = (timestamp(stamp), bytes.to_vec().into(), format.to_owned());
     let image = foxglove::messages::CompressedImage {
         timestamp,
+        frame_id: "cam".to_owned(),
         data,
         format,
-        ..Default::default()
     };
     protobuf(topic, "foxglove.CompressedImage", stamp, &image)
 }

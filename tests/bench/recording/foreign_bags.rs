@@ -255,6 +255,7 @@ fn forms(grey: &Gray) -> Vec<(Message, i32)> {
     let pixels = bytes(grey);
     let spread = |n: usize| pixels.iter().flat_map(|&p| vec![p; n]).collect::<Vec<_>>();
     let png = svl::files::encode_png(SIZE.0, SIZE.1, &pixels).unwrap();
+    let with_chroma = [&pixels[..], &vec![99; pixels.len() / 2]].concat();
     let mut jpeg = Vec::new();
     let colour = ::image::ExtendedColorType::Rgb8;
     JpegEncoder::new_with_quality(&mut jpeg, 100)
@@ -268,7 +269,12 @@ fn forms(grey: &Gray) -> Vec<(Message, i32)> {
         (ros_image(LEFT, at, size, "bgr8", &spread(3)), 0),
         (ros_image(LEFT, at, size, "rgba8", &spread(4)), 0),
         (ros_image(LEFT, at, size, "bgra8", &spread(4)), 0),
+        (ros_image(LEFT, at, size, "16UC1", &spread(2)), 0),
+        (ros_image(LEFT, at, size, "rgb16", &spread(6)), 0),
+        (ros_image(LEFT, at, size, "bgr16", &spread(6)), 0),
         (ros_image(LEFT, at, size, "yuv422_yuy2", &spread(2)), 0),
+        (ros_image(LEFT, at, size, "yuyv", &spread(2)), 0),
+        (ros_image(LEFT, at, size, "uyvy", &spread(2)), 0),
         // Interpolated between pixels that differ by noise.
         (ros_image(LEFT, at, size, "bayer_rggb8", &pixels), 30),
         (
@@ -279,7 +285,8 @@ fn forms(grey: &Gray) -> Vec<(Message, i32)> {
             bag::ros_compressed(LEFT, at, "rgb8; jpeg compressed bgr8", &jpeg),
             6,
         ),
-        (bag::foxglove_raw(LEFT, at, size, &pixels), 0),
+        (bag::foxglove_raw(LEFT, at, size, ("mono8", &pixels)), 0),
+        (bag::foxglove_raw(LEFT, at, size, ("nv12", &with_chroma)), 0),
         (bag::foxglove_compressed(LEFT, at, "png", &png), 0),
         (bag::foxglove_compressed(LEFT, at, "jpeg", &jpeg), 6),
         (bag::json_raw(LEFT, at, size, &pixels), 0),

@@ -8,7 +8,7 @@ use foxglove::messages as fox;
 use std::path::{Path, PathBuf};
 use svl::scenario::SourceOptions;
 use svl::source::{Opened, Request, open_recording};
-use svl::stereo::{Frame, Truth, TruthDensity, TruthKind, TruthOrigin};
+use svl::stereo::{Frame, Plane, Truth, TruthDensity, TruthKind, TruthOrigin};
 
 pub(super) const SIZE: (usize, usize) = (24, 16);
 pub(super) const START_NS: u64 = 1_700_000_000_000_000_000;
@@ -184,6 +184,8 @@ fn an_aligned_depth_image_is_dense_and_without_what_is_no_depth() {
     }
 }
 
+const COMPRESSED: &str = "/depth/compressedDepth";
+
 #[test]
 fn millimetres_and_compressed_depth_are_the_same_depths() {
     let millimetres: Vec<u16> = (0..24 * 16).map(|i| 500 + i).collect();
@@ -193,30 +195,67 @@ fn millimetres_and_compressed_depth_are_the_same_depths() {
     PngEncoder::new(&mut png)
         .write_image(&bytes, 24, 16, ExtendedColorType::L16)
         .unwrap();
-    let compressed = |i, format| {
-        let message = bag::ros_compressed("/depth", stamp(i), format, &png);
-        Message {
-            topic: "/depth/compressedDepth",
-            ..message
-        }
-    };
+    let compressed =
+        |i, format, bytes: &[u8]| bag::ros_compressed(COMPRESSED, stamp(i), format, bytes);
     let raw = |i| ros_image("/depth", stamp(i), SIZE, "16UC1", &bytes);
     let (raws, _) = truths([raw(0), raw(1)], "/depth");
-    let format = "16UC1; compressedDepth png";
-    let (others, _) = truths(
-        [compressed(0, format), compressed(1, format)],
-        "/depth/compressedDepth",
-    );
+    let codes = Plane::from_vec(SIZE.0, SIZE.1, millimetres).unwrap();
+    let rvl = svl::files::encode_rvl(&codes, None);
     let disparity = |truth: &Option<Truth>| truth.as_ref().unwrap().disparity.clone();
-    assert_eq!(disparity(&raws[0]), disparity(&others[0]));
+    for (format, bytes) in [
+        ("16UC1; compressedDepth png", &png),
+        ("16UC1; compressedDepth", &png),
+        ("mono16; compressedDepth png", &png),
+        ("16UC1; compressedDepth rvl", &rvl),
+        ("16UC1;compressedDepth rvl", &rvl),
+        ("16UC1; png compressed ", &png[12..].to_vec()),
+        ("png", &png[12..].to_vec()),
+    ] {
+        let (others, _) = truths([0, 1].map(|i| compressed(i, format, bytes)), COMPRESSED);
+        assert_eq!(disparity(&raws[0]), disparity(&others[0]), "{format}");
+        let message = bag::foxglove_compressed(COMPRESSED, stamp(0), format, bytes);
+        let (others, _) = truths([message], COMPRESSED);
+        assert_eq!(disparity(&raws[0]), disparity(&others[0]), "{format}");
+    }
     assert!((disparity(&raws[0]).get(0, 0) - (FB / 0.5) as f32).abs() < 1e-4);
-    refused(
-        pairs()
-            .into_iter()
-            .chain([compressed(0, "16UC1; compressedDepth rvl")]),
-        "/depth/compressedDepth",
-        &["rvl", "PNG"],
-    );
+    let cut = rvl[..rvl.len() - 4].to_vec();
+    let eight_bits = svl::files::encode_png(24, 16, &[9; 24 * 16]).unwrap();
+    for (format, bytes, words) in [
+        (
+            "16UC1; compressedDepth rvl",
+            &cut,
+            ["RVL", "ends before its last pixel"],
+        ),
+        (
+            "16UC1; compressedDepth zstd",
+            &png,
+            ["compressedDepth zstd", "PNG or RVL"],
+        ),
+        (
+            "16UC1; jpeg compressed ",
+            &png,
+            ["jpeg", "a PNG of 16 bits"],
+        ),
+        (
+            "16UC1; compressedDepth png",
+            &vec![0; 11],
+            ["shorter", "header"],
+        ),
+        (
+            "32FC1; png compressed ",
+            &eight_bits,
+            ["'32FC1'", "16UC1 in millimetres"],
+        ),
+        (
+            "rgb8; png compressed bgr8",
+            &eight_bits,
+            ["'rgb8'", "16UC1 in millimetres"],
+        ),
+        ("png", &eight_bits, ["PNG", "one channel of 16 bits"]),
+    ] {
+        let message = compressed(0, format, bytes);
+        refused(pairs().into_iter().chain([message]), COMPRESSED, &words);
+    }
 }
 
 /// A stereo_msgs/msg/DisparityImage of the first pair.

@@ -1,7 +1,8 @@
 //! Decodes image messages of ROS 2 and Foxglove.
 
+use super::encoding::PixelEncoding;
 use super::pixels::{self, MessageImage};
-use super::{bayer, json};
+use super::{encoding, json};
 use crate::files::{self, DecodedImage};
 use crate::recording::decode_protobuf;
 use crate::recording::messages::Channel;
@@ -76,10 +77,11 @@ fn decompress(data: &[u8], format: &str) -> Result<MessageImage, String> {
     // One channel is the mosaic of the sensor; more channels were demosaiced before compression.
     // `bayer_*; png compressed`: the PNG contains the mosaic, not its colours.
     let encoding = format.split(';').next().unwrap_or_default().trim();
-    let mosaic = bayer::tile(encoding).filter(|_| image.color().channel_count() == 1);
+    let mosaic = encoding::named(encoding).and_then(PixelEncoding::mosaic);
+    let mosaic = mosaic.filter(|_| image.color().channel_count() == 1);
     Ok(MessageImage {
         image: DecodedImage::new(image).map_err(|e| e.to_string())?,
-        mosaic: mosaic.map(|(tile, _)| tile),
+        mosaic,
     })
 }
 

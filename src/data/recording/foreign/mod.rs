@@ -7,6 +7,7 @@ mod calibration_wait;
 mod calibrations;
 mod camera;
 mod camera_track;
+mod encoding;
 mod first_messages;
 mod image;
 mod json;

@@ -1,7 +1,8 @@
 //! Decodes ROS and Foxglove pixel encodings.
 
 use super::bayer::{self, Tile};
-use crate::files::{BitDepth, DecodedImage, every_byte, strided_rows};
+use super::encoding::{self, Samples, samples, u16_of};
+use crate::files::{BitDepth, DecodedImage, every_byte};
 use crate::recording::ros::RawPixels;
 use svl_core::stereo::Plane;
 
@@ -21,91 +22,36 @@ impl MessageImage {
     }
 }
 
-/// Layout of one pixel's bytes.
-enum PixelLayout {
-    /// Grey is byte `at` of every `bytes`: the Y of YUV.
-    Grey { bytes: usize, at: usize },
-    /// Grey of 16 bits.
-    Grey16,
-    /// Red, green and blue are these bytes of every `bytes`.
-    Colour { bytes: usize, rgb: [usize; 3] },
-}
-
 /// # Errors
 /// The reason why it cannot be read.
 pub(super) fn decode(raw: &RawPixels<'_>) -> Result<MessageImage, String> {
-    let (layout, mosaic) = match bayer::tile(raw.encoding) {
-        Some((tile, 8)) => (PixelLayout::Grey { bytes: 1, at: 0 }, Some(tile)),
-        Some((tile, _)) => (PixelLayout::Grey16, Some(tile)),
-        None => (layout(raw.encoding)?, None),
-    };
-    let bytes = match layout {
-        PixelLayout::Grey { bytes, .. } | PixelLayout::Colour { bytes, .. } => bytes,
-        PixelLayout::Grey16 => 2,
-    };
-    let (width, height, step) = (raw.width as usize, raw.height as usize, raw.step as usize);
-    // Saturating: the sizes are untrusted numbers from a message.
-    let row_bytes = width.saturating_mul(bytes);
-    let rows = strided_rows(raw.data, row_bytes, height, step).map_err(|_| {
-        let (encoding, got) = (raw.encoding, raw.data.len());
-        format!(
-            "a {width}x{height} {encoding} image with rows of {step} bytes does not fit its {got} \
-             bytes"
-        )
-    })?;
-    let image = match layout {
-        PixelLayout::Grey { at, .. } => {
-            Plane::from_vec(width, height, every_byte(rows, bytes, at)).map(DecodedImage::Gray)
-        }
-        PixelLayout::Grey16 => {
-            let value = if raw.big_endian {
-                u16::from_be_bytes
-            } else {
-                u16::from_le_bytes
-            };
-            let values = rows.flat_map(|row| row.as_chunks().0).copied().map(value);
-            Plane::from_vec(width, height, values.collect()).map(DecodedImage::Gray16)
-        }
-        PixelLayout::Colour { rgb, .. } => {
+    let why_no_image = || encoding::why_no_image(raw.encoding);
+    let encoding = encoding::named(raw.encoding).ok_or_else(why_no_image)?;
+    let rows = encoding.rows(raw)?;
+    let (width, height) = (raw.width as usize, raw.height as usize);
+    let grey8 = |pixels| Plane::from_vec(width, height, pixels).map(DecodedImage::Gray);
+    let grey16 = |pixels| Plane::from_vec(width, height, pixels).map(DecodedImage::Gray16);
+    let image = match encoding.samples {
+        Samples::Grey8(bytes, at) => grey8(every_byte(rows, bytes, at)),
+        Samples::Bayer8(_) => grey8(every_byte(rows, 1, 0)),
+        Samples::Grey16 | Samples::Bayer16(_) => grey16(samples(rows, u16_of(raw)).collect()),
+        Samples::Color8(bytes, rgb) => {
             let pixels = rows.flat_map(|row| row.chunks_exact(bytes));
             let pixels: Vec<u8> = pixels.flat_map(|pixel| rgb.map(|at| pixel[at])).collect();
             DecodedImage::from_rgb(width, height, &pixels)
         }
-    };
-    let image = image.map_err(|e| e.to_string())?;
-    Ok(MessageImage { image, mosaic })
-}
-
-fn layout(encoding: &str) -> Result<PixelLayout, String> {
-    Ok(match encoding {
-        // 8UC1 and 8UC3 are OpenCV's names, which cv_bridge writes if the encoding is unknown: grey
-        // and BGR.
-        "mono8" | "8UC1" => PixelLayout::Grey { bytes: 1, at: 0 },
-        "mono16" => PixelLayout::Grey16,
-        // ROS's yuv422 is UYVY: the luma is the second byte.
-        "yuv422" | "uyvy" | "UYVY" => PixelLayout::Grey { bytes: 2, at: 1 },
-        "yuv422_yuy2" | "yuyv" | "YUYV" => PixelLayout::Grey { bytes: 2, at: 0 },
-        "rgb8" => PixelLayout::Colour {
-            bytes: 3,
-            rgb: [0, 1, 2],
-        },
-        "bgr8" | "8UC3" => PixelLayout::Colour {
-            bytes: 3,
-            rgb: [2, 1, 0],
-        },
-        "rgba8" => PixelLayout::Colour {
-            bytes: 4,
-            rgb: [0, 1, 2],
-        },
-        "bgra8" | "8UC4" => PixelLayout::Colour {
-            bytes: 4,
-            rgb: [2, 1, 0],
-        },
-        _ => {
-            let known =
-                "mono8, mono16, rgb8, rgba8, bgr8, bgra8, bayer_*8, bayer_*16, uyvy and yuyv";
-            return Err(format!("its pixels are '{encoding}', svl reads {known}"));
+        Samples::Color16(channels, rgb) => {
+            let value = u16_of(raw);
+            let pixels = rows.flat_map(|row| row.chunks_exact(2 * channels));
+            let pixels =
+                pixels.map(|pixel| rgb.map(|at| value([pixel[2 * at], pixel[2 * at + 1]])));
+            Plane::from_vec(width, height, pixels.collect()).map(DecodedImage::Color16)
         }
+        Samples::Float32 | Samples::Float64 => return Err(why_no_image()),
+    };
+    Ok(MessageImage {
+        image: image.map_err(|e| e.to_string())?,
+        mosaic: encoding.mosaic(),
     })
 }
 
@@ -139,40 +85,45 @@ mod tests {
     #[test]
     fn every_encoding_gives_its_grey() {
         // Grey 10 and 200 in all encodings, in rows with one byte of padding.
-        assert_eq!(read("mono8", (2, 1), 3, &[10, 200]), Ok(vec![10, 200]));
-        assert_eq!(
-            read("mono16", (2, 1), 4, &[99, 10, 99, 200]),
-            Ok(vec![10, 200])
-        );
-        assert_eq!(
-            read("uyvy", (2, 1), 4, &[128, 10, 128, 200]),
-            Ok(vec![10, 200])
-        );
-        assert_eq!(
-            read("yuv422_yuy2", (2, 1), 4, &[10, 128, 200, 128]),
-            Ok(vec![10, 200])
-        );
-        assert_eq!(
-            read("rgb8", (1, 2), 4, &[10, 10, 10, 0, 200, 200, 200]),
-            Ok(vec![10, 200])
-        );
-        assert_eq!(
-            read("bgra8", (1, 2), 5, &[10, 10, 10, 0, 0, 200, 200, 200, 0]),
-            Ok(vec![10, 200])
-        );
-        let big = RawPixels {
-            width: 1,
-            height: 1,
-            step: 2,
-            encoding: "mono16",
-            big_endian: true,
-            data: &[77, 0],
-        };
-        assert_eq!(grey(decode(&big).unwrap()).get(0, 0), 77);
-        // Pure red, in both orders.
-        assert_eq!(read("rgb8", (1, 1), 3, &[255, 0, 0]), Ok(vec![76]));
-        assert_eq!(read("bgr8", (1, 1), 3, &[0, 0, 255]), Ok(vec![76]));
-        assert_eq!(read("rgba8", (1, 1), 4, &[255, 0, 0, 255]), Ok(vec![76]));
+        let two: [(&str, u32, &[u8]); 9] = [
+            ("mono8", 3, &[10, 200]),
+            ("mono16", 4, &[99, 10, 99, 200]),
+            ("16UC1", 5, &[99, 10, 99, 200, 0]),
+            ("uyvy", 4, &[128, 10, 128, 200]),
+            ("yuv422", 5, &[128, 10, 128, 200]),
+            ("yuyv", 4, &[10, 128, 200, 128]),
+            ("yuv422_yuy2", 4, &[10, 128, 200, 128]),
+            ("rgb8", 6, &[10, 10, 10, 200, 200, 200]),
+            (
+                "bgr16",
+                12,
+                &[99, 10, 99, 10, 99, 10, 99, 200, 99, 200, 99, 200],
+            ),
+        ];
+        for (encoding, step, data) in two {
+            assert_eq!(
+                read(encoding, (2, 1), step, data),
+                Ok(vec![10, 200]),
+                "{encoding}"
+            );
+        }
+        let below: [(&str, u32, &[u8]); 2] = [
+            ("rgb8", 4, &[10, 10, 10, 0, 200, 200, 200]),
+            ("bgra8", 5, &[10, 10, 10, 0, 0, 200, 200, 200, 0]),
+        ];
+        for (encoding, step, data) in below {
+            assert_eq!(
+                read(encoding, (1, 2), step, data),
+                Ok(vec![10, 200]),
+                "{encoding}"
+            );
+        }
+        // The chroma below is not looked at.
+        for (encoding, chroma) in [("nv12", 4), ("NV21", 4), ("nv24", 12)] {
+            let data = [&[10, 200, 0, 30, 40, 0][..], &vec![255; chroma]].concat();
+            let read = read(encoding, (2, 2), 3, &data);
+            assert_eq!(read, Ok(vec![10, 200, 30, 40]), "{encoding}");
+        }
         assert_eq!(read("bayer_rggb8", (2, 2), 2, &[50; 4]), Ok(vec![50; 4]));
         assert_eq!(
             read("bayer_gbrg16", (2, 2), 4, &[9, 50, 9, 50, 9, 50, 9, 50]),
@@ -181,21 +132,42 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused() {
-        assert!(
-            read("mono8", (2, 2), 2, &[0; 3])
-                .unwrap_err()
-                .contains("2x2 mono8 image with rows of 2 bytes")
-        );
-        assert!(read("mono8", (2, 2), 1, &[0; 9]).is_err());
-        assert!(read("mono8", (0, 2), 0, &[0; 9]).is_err());
+    fn colours_and_bytes_are_in_their_order() {
+        // Pure red, of 8 and of 16 bits.
+        let red = [255, 255, 0, 0, 0, 0, 9, 9];
+        let blue_first = [0, 0, 0, 0, 255, 255, 9, 9];
+        assert_eq!(read("rgb8", (1, 1), 3, &red[1..4]), Ok(vec![76]));
+        assert_eq!(read("bgr8", (1, 1), 3, &[0, 0, 255]), Ok(vec![76]));
+        assert_eq!(read("rgba8", (1, 1), 4, &[255, 0, 0, 255]), Ok(vec![76]));
+        assert_eq!(read("rgb16", (1, 1), 6, &red), Ok(vec![76]));
+        assert_eq!(read("bgr16", (1, 1), 6, &blue_first), Ok(vec![76]));
+        assert_eq!(read("rgba16", (1, 1), 8, &red), Ok(vec![76]));
+        assert_eq!(read("bgra16", (1, 1), 8, &blue_first), Ok(vec![76]));
+        let big = |encoding, data: &[u8]| {
+            let raw = RawPixels {
+                width: 1,
+                height: 1,
+                step: data.len() as u32,
+                encoding,
+                big_endian: true,
+                data,
+            };
+            grey(decode(&raw).unwrap()).get(0, 0)
+        };
+        assert_eq!(big("mono16", &[77, 0]), 77);
+        assert_eq!(big("rgb16", &[77, 0, 77, 0, 77, 0]), 77);
+    }
+
+    #[test]
+    fn pixels_that_are_no_image_are_refused() {
         assert!(read("mono8", (2, 0), 2, &[0; 9]).is_err());
         assert!(read("bgra8", (u32::MAX, u32::MAX), u32::MAX, &[0; 9]).is_err());
+        let depths = read("32FC1", (1, 1), 4, &[0; 4]).unwrap_err();
+        assert!(depths.contains("'32FC1', which are depths"), "{depths}");
+        let unknown = read("bayer_rgbg8", (1, 1), 1, &[0]).unwrap_err();
         assert!(
-            read("16UC1", (1, 1), 2, &[0; 2])
-                .unwrap_err()
-                .contains("'16UC1', svl reads mono8")
+            unknown.contains("'bayer_rgbg8', svl reads mono8"),
+            "{unknown}"
         );
-        assert!(read("bayer_rgbg8", (1, 1), 1, &[0]).is_err());
     }
 }

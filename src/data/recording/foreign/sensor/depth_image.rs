@@ -1,15 +1,14 @@
-//! Depth images (REP 118): 16UC1 in millimetres, 32FC1 in metres, raw or as compressedDepth, and
+//! Depth images (REP 118): 16UC1 in millimetres, 32FC1 and 64FC1 in metres, raw or compressed, and
 //! disparity images.
 
-use crate::files;
+use crate::files::{self, InverseDepth, RVL_HEADER};
+use crate::recording::foreign::encoding::{self, Samples, samples, u16_of};
 use crate::recording::messages::Channel;
 use crate::recording::ros::RawPixels;
 use crate::recording::{decode_protobuf, ros};
-use foxglove::messages::RawImage;
+use foxglove::messages::{CompressedImage, RawImage};
+use image::DynamicImage;
 use svl_core::stereo::Plane;
-
-/// Bytes before the PNG of compressedDepth: a code, and two quantization parameters.
-const COMPRESSED_HEADER: usize = 12;
 
 /// Depths in metres; NaN for invalid pixels. 0 is invalid (REP 118), and so is anything too far
 /// (REP 117).
@@ -29,46 +28,67 @@ pub(super) fn foxglove_image(_: &Channel, data: &[u8]) -> Result<Plane<f32>, Str
     })
 }
 
-/// compressed_depth_image_transport: `16UC1; compressedDepth png`, and quantized inverse depths for
-/// `32FC1`.
-pub(super) fn compressed(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+pub(super) fn ros_compressed(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
     let message = ros::read(channel, data, ros::compressed_image)?;
-    let format = message.format;
-    let words: Vec<_> = format
-        .split([';', ' '])
-        .filter(|word| !word.is_empty())
-        .collect();
-    let (encoding, rest) = words.split_first().unwrap_or((&"", &[]));
-    if rest.first() != Some(&"compressedDepth") || rest.contains(&"rvl") {
-        return Err(format!(
-            "it is compressed as '{format}', svl reads compressedDepth in PNG"
-        ));
+    decompress(message.format, message.data)
+}
+
+pub(super) fn foxglove_compressed(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    let message: CompressedImage = decode_protobuf(data)?;
+    decompress(&message.format, &message.data)
+}
+
+/// Depths by the `format` of a CompressedImage:
+/// - `16UC1; compressedDepth png`, or `rvl`, or neither for PNG: behind a header of 12 bytes, of
+///   ROS's compressed_depth_image_transport. `32FC1` is quantized to inverse depths.
+/// - `16UC1; png compressed`, or `png`: a PNG, of ROS's compressed_image_transport and others.
+fn decompress(format: &str, data: &[u8]) -> Result<Plane<f32>, String> {
+    let words = format.split([';', ' ']).filter(|word| !word.is_empty());
+    let words: Vec<_> = words.collect();
+    let (encoding, is_rvl) = match words[..] {
+        [encoding, "compressedDepth"] | [encoding, "compressedDepth", "png", ..] => {
+            (encoding, Some(false))
+        }
+        [encoding, "compressedDepth", "rvl", ..] => (encoding, Some(true)),
+        [encoding, "png", ..] => (encoding, None),
+        ["png"] => ("16UC1", None),
+        _ => {
+            return Err(format!(
+                "it is compressed as '{format}'; depths are compressedDepth in PNG or RVL, or a \
+                 PNG of 16 bits"
+            ));
+        }
+    };
+    let is_inverse = is_rvl.is_some() && encoding == "32FC1";
+    let samples = encoding::named(encoding).map(|encoding| encoding.samples);
+    if !is_inverse && samples != Some(Samples::Grey16) {
+        return Err(encoding::why_no_depths(encoding));
     }
-    let (header, png) = message
-        .data
-        .split_at_checked(COMPRESSED_HEADER)
-        .ok_or("it is shorter than its header")?;
-    let image = files::decode_bytes(png).map_err(|e| format!("its PNG cannot be read: {e}"))?;
+    let header = if is_rvl.is_some() { RVL_HEADER } else { 0 };
+    let split = data.split_at_checked(header);
+    let (header, packed) = split.ok_or("it is shorter than its header")?;
+    let codes = if is_rvl == Some(true) {
+        files::decode_rvl(packed).map_err(|e| format!("its RVL cannot be read: {e}"))?
+    } else {
+        png(packed)?
+    };
+    if is_inverse {
+        let inverse = InverseDepth::from_header(header);
+        return Ok(codes.map(|code| known(inverse.depth(code))));
+    }
+    Ok(codes.map(|code| known(metres(code))))
+}
+
+/// The samples of a PNG of one channel of 16 bits.
+fn png(bytes: &[u8]) -> Result<Plane<u16>, String> {
+    let image = files::decode_bytes(bytes).map_err(|e| format!("its PNG cannot be read: {e}"))?;
     let (width, height) = (image.width() as usize, image.height() as usize);
-    let samples = match image {
-        image::DynamicImage::ImageLuma16(samples) => samples.into_raw(),
-        _ => return Err("its PNG is not of one channel of 16 bits".to_owned()),
-    };
-    let number = |at: usize| {
-        let bytes = header[at..].first_chunk::<4>().copied().unwrap_or_default();
-        f32::from_le_bytes(bytes)
-    };
-    let (a, b) = (number(4), number(8));
-    let depth = |sample: u16| match (*encoding, sample) {
-        (_, 0) => f32::NAN,
-        ("16UC1", millimetres) => f32::from(millimetres) / 1000.0,
-        (_, step) => a / (f32::from(step) - b),
-    };
-    if !["16UC1", "32FC1"].contains(encoding) {
-        return Err(unread(encoding));
+    match image {
+        DynamicImage::ImageLuma16(samples) => {
+            Plane::from_vec(width, height, samples.into_raw()).map_err(|e| e.to_string())
+        }
+        _ => Err("its PNG is not of one channel of 16 bits".to_owned()),
     }
-    let depths = samples.into_iter().map(depth).map(known).collect();
-    Plane::from_vec(width, height, depths).map_err(|e| e.to_string())
 }
 
 /// stereo_msgs/DisparityImage: depths by its own focal length and baseline. Disparities below its
@@ -90,44 +110,29 @@ pub(super) fn disparity_image(channel: &Channel, data: &[u8]) -> Result<Plane<f3
     Ok(disparities.map(|d| if d < min { f32::NAN } else { known(scale / d) }))
 }
 
-fn depths(image: &RawPixels<'_>) -> Result<Plane<f32>, String> {
-    let bytes = match image.encoding {
-        "16UC1" | "mono16" => 2,
-        "32FC1" => 4,
-        other => return Err(unread(other)),
+fn depths(raw: &RawPixels<'_>) -> Result<Plane<f32>, String> {
+    let why_no_depths = || encoding::why_no_depths(raw.encoding);
+    let encoding = encoding::named(raw.encoding).ok_or_else(why_no_depths)?;
+    let rows = encoding.rows(raw)?;
+    let depths: Vec<f32> = match (encoding.samples, raw.big_endian) {
+        (Samples::Grey16, _) => samples(rows, u16_of(raw)).map(metres).collect(),
+        (Samples::Float32, false) => samples(rows, f32::from_le_bytes).collect(),
+        (Samples::Float32, true) => samples(rows, f32::from_be_bytes).collect(),
+        (Samples::Float64, false) => samples(rows, f64::from_le_bytes)
+            .map(|z| z as f32)
+            .collect(),
+        (Samples::Float64, true) => samples(rows, f64::from_be_bytes)
+            .map(|z| z as f32)
+            .collect(),
+        _ => return Err(why_no_depths()),
     };
-    let (width, height, step) = (
-        image.width as usize,
-        image.height as usize,
-        image.step as usize,
-    );
-    let row_bytes = width.saturating_mul(bytes);
-    let rows = files::strided_rows(image.data, row_bytes, height, step).map_err(|_| {
-        let (encoding, got) = (image.encoding, image.data.len());
-        format!(
-            "a {width}x{height} {encoding} image with rows of {step} bytes does not fit its {got} \
-             bytes"
-        )
-    })?;
-    let big_endian = image.big_endian;
-    let depth = |sample: &[u8]| match *sample {
-        [a, b] => {
-            let millimetres = if big_endian {
-                u16::from_be_bytes([a, b])
-            } else {
-                u16::from_le_bytes([a, b])
-            };
-            f32::from(millimetres) / 1000.0
-        }
-        [a, b, c, d] if big_endian => f32::from_be_bytes([a, b, c, d]),
-        [a, b, c, d] => f32::from_le_bytes([a, b, c, d]),
-        _ => f32::NAN,
-    };
-    let depths = rows
-        .flat_map(|row| row.chunks_exact(bytes))
-        .map(depth)
-        .map(known);
-    Plane::from_vec(width, height, depths.collect()).map_err(|e| e.to_string())
+    let (width, height) = (raw.width as usize, raw.height as usize);
+    let depths = Plane::from_vec(width, height, depths).map_err(|e| e.to_string())?;
+    Ok(depths.map(known))
+}
+
+fn metres(millimetres: u16) -> f32 {
+    f32::from(millimetres) / 1000.0
 }
 
 /// The depth if it is valid.
@@ -139,13 +144,35 @@ fn known(depth: f32) -> f32 {
     }
 }
 
-fn unread(encoding: &str) -> String {
-    format!("its pixels are '{encoding}'; depths are 16UC1 in millimetres or 32FC1 in metres")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn no_bytes_make_it_panic(
+            format in prop::sample::select(&[
+                "16UC1; compressedDepth png",
+                "16UC1; compressedDepth rvl",
+                "32FC1; compressedDepth rvl",
+                "png",
+                "; ;png",
+                "",
+            ][..]),
+            size in prop::option::of((0_u32..9, 0_u32..9)),
+            mut data in prop::collection::vec(any::<u8>(), 0..200),
+        ) {
+            if let (Some((width, height)), [_, ..]) = (size, &mut data[..]) {
+                let sides = [width, height].map(u32::to_le_bytes).concat();
+                data.splice(..0, [&[0; RVL_HEADER], &sides[..]].concat());
+            }
+            if let Ok(depths) = decompress(format, &data) {
+                let is_valid = |z: f32| z.is_nan() || (z > 0.0 && z.is_finite());
+                prop_assert!(depths.pixels().all(is_valid));
+            }
+        }
+    }
 
     fn read(encoding: &str, big_endian: bool, data: &[u8]) -> Result<Vec<f32>, String> {
         let (width, step) = (2, data.len() as u32);
@@ -164,7 +191,25 @@ mod tests {
     fn millimetres_and_metres() {
         assert_eq!(read("16UC1", false, &[0xE8, 3, 1, 0]), Ok(vec![1.0, 0.001]));
         assert_eq!(read("16UC1", true, &[3, 0xE8, 0, 1]), Ok(vec![1.0, 0.001]));
+        assert_eq!(
+            read("mono16", false, &[0xE8, 3, 1, 0]),
+            Ok(vec![1.0, 0.001])
+        );
         let floats = |values: [f32; 2]| values.map(f32::to_le_bytes).concat();
+        let doubles = [0.5, 2.0].map(f64::to_le_bytes).concat();
+        assert_eq!(read("64FC1", false, &doubles), Ok(vec![0.5, 2.0]));
+        let big = [0.5, 2.0].map(f64::to_be_bytes).concat();
+        assert_eq!(read("64FC1", true, &big), Ok(vec![0.5, 2.0]));
+        let big = [0.5, 2.0_f32].map(f32::to_be_bytes).concat();
+        assert_eq!(read("32FC1", true, &big), Ok(vec![0.5, 2.0]));
+        // Beyond the range of 32 bits.
+        let far = [1e300, -1e300].map(f64::to_le_bytes).concat();
+        assert!(
+            read("64FC1", false, &far)
+                .unwrap()
+                .iter()
+                .all(|z| z.is_nan())
+        );
         assert_eq!(
             read("32FC1", false, &floats([0.5, 2.0])),
             Ok(vec![0.5, 2.0])

@@ -56,7 +56,7 @@ const KINDS: &[MeasuredKind] = &[
     depth(
         "sensor_msgs/msg/CompressedImage",
         "cdr",
-        depth_image::compressed,
+        depth_image::ros_compressed,
     ),
     depth(
         "stereo_msgs/msg/DisparityImage",
@@ -64,6 +64,11 @@ const KINDS: &[MeasuredKind] = &[
         depth_image::disparity_image,
     ),
     depth("foxglove.RawImage", "protobuf", depth_image::foxglove_image),
+    depth(
+        "foxglove.CompressedImage",
+        "protobuf",
+        depth_image::foxglove_compressed,
+    ),
     cloud("sensor_msgs/msg/PointCloud2", "cdr", points::ros_cloud),
     cloud("sensor_msgs/msg/LaserScan", "cdr", points::ros_scan),
     cloud("foxglove.PointCloud", "protobuf", points::foxglove_cloud),
