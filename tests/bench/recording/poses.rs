@@ -119,6 +119,43 @@ fn transforms_and_odometry_are_poses() {
     assert!(frames[0].pose.is_none());
 }
 
+/// A `/tf_static` message of two transforms, the first of a gripper with a quaternion of zeros.
+fn damaged_and_camera() -> Message {
+    let mut data = vec![0, 1, 0, 0];
+    let mut cdr = CdrWriter::<LittleEndian>::new(&mut data);
+    cdr.write_sequence_length(2);
+    let frames = [
+        ("gripper", [0.0; 3], [0.0; 4]),
+        ("cam", [0.1, 0.0, 0.3], OPTICAL),
+    ];
+    for (child, at, turn) in frames {
+        cdr.write_u32(0);
+        cdr.write_u32(0);
+        cdr.write_string("base_link");
+        cdr.write_string(child);
+        numbers(&mut cdr, at, turn);
+    }
+    Message {
+        data,
+        ..tf("/tf_static", &[])
+    }
+}
+
+#[test]
+fn an_invalid_transform_costs_no_other() {
+    let fixture = Fixture::new();
+    let mut all = messages(moving);
+    let expected = places(&all).unwrap();
+    all[0] = damaged_and_camera();
+    assert_eq!(places(&all).unwrap(), expected);
+    bag::write(&fixture.path(""), &all);
+    let ran = fixture.svl("record bag.mcap -q --calib none -o x.mcap");
+    assert!(ran.stderr.is_empty(), "{}", ran.stderr);
+    let ran = fixture.svl("record bag.mcap --calib none -o y.mcap");
+    let words = "/tf_static: its transform of 'gripper' in 'base_link' has a quaternion whose norm";
+    assert_eq!(ran.stderr.matches(words).count(), 1, "{}", ran.stderr);
+}
+
 /// Place of the camera in each pair of these messages; `None` if a pair has no pose.
 fn places(messages: &[Message]) -> Option<Vec<[f64; 3]>> {
     let folder = tempfile::tempdir().unwrap();
@@ -387,7 +424,7 @@ fn info_says_why_poses_are_not_usable() {
     let info = info.split_whitespace().collect::<Vec<_>>().join(" ");
     assert_says(
         &info,
-        &["8 messages of /tf cannot be used: its transform of 'base_link' in 'odom' is invalid"],
+        &["8 messages of /tf cannot be used: its transform of 'base_link' in 'odom' has a quaternion whose norm"],
     );
     for (messages, reason) in [
         (messages(moving), "all 2 left images have one"),

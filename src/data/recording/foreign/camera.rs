@@ -14,6 +14,13 @@ pub(super) const SCHEMAS: [&str; 2] = ["sensor_msgs/msg/CameraInfo", "foxglove.C
 const FOCAL_TOLERANCE: f64 = 1e-4;
 const ROW_TOLERANCE_PX: f64 = 0.1;
 
+/// Baselines, metres: what is shorter is rounding, what is longer is in millimetres.
+const BASELINES_M: std::ops::RangeInclusive<f64> = 0.0005..=30.0;
+
+/// Focal lengths and principal points of K and P that differ by no more are equal, up to rounding:
+/// pixels.
+const MAX_SAME_PX: f64 = 0.01;
+
 /// One camera's calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Calibration {
@@ -232,8 +239,12 @@ impl Calibration {
 
     /// True if neither P has an offset, so that the baseline of the two has to come from elsewhere.
     pub(super) fn lacks_baseline(&self, right: &Self) -> bool {
-        let offset = |of: &Self| of.p.get(3).copied();
-        [self, right].iter().all(|of| offset(of) == Some(0.0))
+        // Rounding is no baseline.
+        let is_zero = |of: &&Self| match of.p[..] {
+            [focal, _, _, offset, ..] => offset.abs() <= 1e-6 * focal.max(1.0),
+            _ => false,
+        };
+        [self, right].iter().all(is_zero)
     }
 
     /// Checks that it is for images of that size; a size of 0x0 is unknown and passes.
@@ -250,7 +261,8 @@ impl Calibration {
         ))
     }
 
-    /// True if images of this camera have to be rectified: it has distortion or a rotation.
+    /// True if images of this camera have to be rectified: it has distortion, a rotation, or another
+    /// projection than its own.
     pub(super) fn is_of_raw_camera(&self) -> bool {
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         // All zeros mean a camera that was never calibrated; else the identity, up to the rounding
@@ -261,7 +273,18 @@ impl Calibration {
                 .iter()
                 .zip(identity)
                 .any(|(a, b)| (a - b).abs() > 1e-9);
-        turned || self.d.iter().any(|coefficient| *coefficient != 0.0)
+        turned || self.is_projected_anew() || self.d.iter().any(|coefficient| *coefficient != 0.0)
+    }
+
+    /// True if P projects to other pixels than K does.
+    fn is_projected_anew(&self) -> bool {
+        let (Some(_), Some(_)) = (self.focal_px(true), self.focal_px(false)) else {
+            return false;
+        };
+        // K has three columns, P four: focal lengths and principal point.
+        let same = [(0, 0), (2, 2), (4, 5), (5, 6)];
+        let differs = |(k, p): (usize, usize)| (self.k[k] - self.p[p]).abs() > MAX_SAME_PX;
+        self.p.len() == 12 && self.k.len() == 9 && same.into_iter().any(differs)
     }
 
     pub(super) fn camera(&self) -> Result<Intrinsics, String> {
@@ -317,6 +340,15 @@ pub(super) fn rig(
         right[(0, 3)] = -right[(0, 0)] * baseline_m;
     }
     let rig = Rig::from_projections(&left, &right, FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
+    if let Ok(rig) = &rig
+        && !BASELINES_M.contains(&rig.baseline_m())
+    {
+        return Err(format!(
+            "its baseline of {:.3e} m is not between half a millimetre and 30 m: the fourth column \
+             of P is in pixels times metres; --calib FILE replaces it",
+            rig.baseline_m()
+        ));
+    }
     rig.map_err(|e| {
         if left[(0, 3)] < right[(0, 3)] {
             // Swapped topics are the usual cause of a negative baseline.
@@ -433,6 +465,20 @@ mod tests {
         let left = camera(500.0, 120.0, 0.0);
         says(&left, &camera(500.0, 120.0, 50.0), "--left and --right");
         says(&left, &left, "baseline");
+        // In millimetres, and what rounding leaves.
+        says(
+            &left,
+            &camera(500.0, 120.0, -60_000.0),
+            "1.200e2 m is not between",
+        );
+        says(
+            &left,
+            &camera(500.0, 120.0, -0.1),
+            "2.000e-4 m is not between",
+        );
+        let rounded = camera(500.0, 120.0, -1e-9);
+        let found = rig(&left, &rounded, Some(0.05)).unwrap();
+        assert!((found.baseline_m() - 0.05).abs() < 1e-9);
         says(
             &left,
             &camera(510.0, 120.0, -50.0),
@@ -620,9 +666,18 @@ mod tests {
         assert!(
             Calibration {
                 r: vec![0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0],
-                ..rectified
+                ..rectified.clone()
             }
             .is_of_raw_camera()
         );
+        // Without distortion, but projected anew: by another focal length or principal point.
+        let with = |focal: f64, cy: f64| Calibration {
+            k: vec![focal, 0.0, rectified.p[2], 0.0, focal, cy, 0.0, 0.0, 1.0],
+            ..rectified.clone()
+        };
+        assert!(!with(500.0, 120.0).is_of_raw_camera());
+        assert!(!with(500.001, 120.0).is_of_raw_camera());
+        assert!(with(510.0, 120.0).is_of_raw_camera());
+        assert!(with(500.0, 126.0).is_of_raw_camera());
     }
 }

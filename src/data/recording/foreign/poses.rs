@@ -402,12 +402,15 @@ fn add(
     });
     if own.topic != topic {
         let first = &own.topic;
+        return Some(format!("are those of {first} too, which are used"));
+    }
+    if own.parent != parent {
+        let first = &own.parent;
         return Some(format!(
-            ", which {first} has too; those of {first} are used"
+            "are in '{parent}' too; those in '{first}' are used"
         ));
     }
-    // A second parent contradicts the first one.
-    if own.parent == parent && own.poses.len() < MAX_POSES {
+    if own.poses.len() < MAX_POSES {
         let at = own.poses.partition_point(|(other, _)| *other <= stamp);
         let last = at.checked_sub(1).map(|i| own.poses[i]);
         if let Some((_, first)) = last.filter(|(other, _)| *other == stamp) {
@@ -471,9 +474,10 @@ mod tests {
             add(&mut moving, "/tf", "base", at(x), stamp * 1_000_000);
         }
         let other = ("map".to_owned(), Isometry3::identity());
-        add(&mut moving, "/tf", "base", other, 150_000_000);
+        let second = add(&mut moving, "/tf", "base", other, 150_000_000);
+        assert!(second.unwrap().contains("are in 'map' too; those in"));
         let first = add(&mut moving, "/odom", "base", at(7.0), 150_000_000);
-        assert!(first.unwrap().contains("which /tf has too"));
+        assert!(first.unwrap().contains("those of /tf too"));
         // Of poses at one stamp the first is kept, as by tf2.
         assert_eq!(add(&mut moving, "/tf", "base", at(2.0), 200_000_000), None);
         let second = add(&mut moving, "/tf", "base", at(7.0), 200_000_000);

@@ -11,6 +11,7 @@
 //! stream after it: `Infrared1`, `Depth`.
 
 use crate::recording::messages::Channel;
+use crate::recording::ros;
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion};
 use svl_core::stereo::rotation;
 
@@ -24,11 +25,16 @@ pub(super) fn is_transform(channel: &Channel) -> bool {
     is_string(channel) && stream_and_reference(&channel.topic).is_some()
 }
 
-/// The topic with the unit of the depth images of `topic`: metres per step.
-pub(super) fn unit_topic(topic: &str) -> Option<String> {
+/// True if the topic `unit` has the unit of the depth images of `topic`.
+pub(super) fn is_unit_topic(unit: &str, topic: &str) -> bool {
     let image = topic.strip_suffix("/compressedDepth").unwrap_or(topic);
-    let (sensor, _) = image.strip_suffix("/image/data")?.rsplit_once('/')?;
-    Some(format!("{sensor}/option/Depth_Units/value"))
+    let stream = image.strip_suffix("/image/data");
+    let sensor = stream.and_then(|stream| stream.rsplit_once('/'));
+    let option = sensor.and_then(|(sensor, _)| unit.strip_prefix(sensor));
+    // With a space in the ROS 1 bags of the SDK before 2.58.
+    option.is_some_and(|option| {
+        ["/option/Depth_Units/value", "/option/Depth Units/value"].contains(&option)
+    })
 }
 
 fn is_string(channel: &Channel) -> bool {
@@ -99,12 +105,17 @@ pub(super) fn transform(
     Ok((frame, (reference.to_owned(), into_stream.inverse())))
 }
 
-/// Metres per step of the depth images, from the value of the option.
-pub(super) fn unit_m(text: &str) -> Option<f32> {
-    text.trim()
-        .parse()
-        .ok()
-        .filter(|unit| (1e-6..1.0).contains(unit))
+/// The unit of depth images in a message, metres per step: a text, or in ROS 1 a number.
+pub(super) fn unit_m(channel: &Channel, data: &[u8]) -> Option<f32> {
+    let unit = match channel.schema.as_str() {
+        "std_msgs/msg/Float32" => data.last_chunk().map(|bytes| f32::from_le_bytes(*bytes)),
+        _ => ros::read(channel, data, ros::string)
+            .ok()?
+            .trim()
+            .parse()
+            .ok(),
+    };
+    unit.filter(|unit| (1e-6..1.0).contains(unit))
 }
 
 /// The value of `key` in `key=value;…`.
@@ -168,10 +179,15 @@ mod tests {
         assert_eq!(depth.0, "Depth");
         assert!(transform(topic, "rotation=0,1,0,-1,0,0,0,0,9;translation=0,0,0").is_err());
         assert!(transform("/tf_static", text).is_err());
-        assert_eq!(
-            unit_topic("/device_0/sensor_0/Depth_0/image/data").unwrap(),
-            "/device_0/sensor_0/option/Depth_Units/value"
-        );
-        assert_eq!(unit_topic("/camera/depth/image_rect_raw"), None);
+        let depth = "/device_0/sensor_0/Depth_0/image/data";
+        for unit in ["Depth_Units", "Depth Units"] {
+            let unit = format!("/device_0/sensor_0/option/{unit}/value");
+            assert!(is_unit_topic(&unit, depth));
+            assert!(!is_unit_topic(&unit, "/camera/depth/image_rect_raw"));
+        }
+        assert!(!is_unit_topic(
+            "/device_0/sensor_1/option/Depth_Units/value",
+            depth
+        ));
     }
 }

@@ -1,5 +1,6 @@
 //! Static transforms between the frames of a robot: `/tf_static`, Foxglove's and RealSense's.
 
+use super::poses::warn_once;
 use super::{image, realsense};
 use crate::recording::messages::Channel;
 use crate::recording::{decode_protobuf, ros};
@@ -142,7 +143,10 @@ impl Transforms {
         both.filter(|name| !is_common(name)).collect()
     }
 
-    /// The transforms of a message.
+    /// The transforms of a message. Warns once of those that are invalid beside others that are not.
+    ///
+    /// # Errors
+    /// The reason why there are none.
     pub(super) fn read(channel: &Channel, data: &[u8]) -> Result<Vec<StampedTransform>, String> {
         if realsense::is_transform(channel) {
             let text = ros::read(channel, data, ros::string)?;
@@ -153,20 +157,17 @@ impl Transforms {
             "foxglove.FrameTransform" => vec![link(decode_protobuf(data)?)?],
             "foxglove.FrameTransforms" => {
                 let message: FrameTransforms = decode_protobuf(data)?;
-                message
-                    .transforms
-                    .into_iter()
-                    .map(link)
-                    .collect::<Result<_, _>>()?
+                let links = message.transforms.into_iter().map(link);
+                links.collect::<Result<_, _>>()?
             }
             _ => {
                 let stamped = ros::read(channel, data, ros::transforms)?;
                 let stamped = stamped.into_iter();
-                return stamped.map(|link| Self::placed(channel, link)).collect();
+                return valid(channel, stamped.map(|link| Self::placed(channel, link)));
             }
         };
         let placed = |link| place(link).map(|(child, placed)| (child, placed, None));
-        links.into_iter().map(placed).collect()
+        valid(channel, links.into_iter().map(placed))
     }
 
     /// A transform of a ROS message.
@@ -223,18 +224,42 @@ impl Transforms {
 fn place((parent, child, [x, y, z], [qx, qy, qz, qw]): Link) -> Result<(String, Placed), String> {
     let rotation = Quaternion::new(qw, qx, qy, qz);
     let numbers = [x, y, z, rotation.norm()];
-    if !numbers.iter().all(|v| v.is_finite()) || (rotation.norm() - 1.0).abs() > 1e-3 {
-        return Err(format!(
-            "its transform of '{child}' in '{parent}' is invalid: {x}, {y}, {z}, quaternion of \
-             norm {}",
-            rotation.norm()
-        ));
+    let fault = if !numbers.iter().all(|v| v.is_finite()) {
+        "has numbers that are not finite"
+    } else if (rotation.norm() - 1.0).abs() > 1e-3 {
+        "has a quaternion whose norm is not 1"
+    } else {
+        ""
+    };
+    if !fault.is_empty() {
+        // Without the numbers, which differ between messages of one fault.
+        return Err(format!("its transform of '{child}' in '{parent}' {fault}"));
     }
     let pose = Isometry3::from_parts(
         Translation3::new(x, y, z),
         UnitQuaternion::from_quaternion(rotation),
     );
     Ok((plain(&child).to_owned(), (plain(&parent).to_owned(), pose)))
+}
+
+/// The valid ones of a message's transforms: one that is not must not cost the others.
+fn valid(
+    channel: &Channel,
+    all: impl Iterator<Item = Result<StampedTransform, String>>,
+) -> Result<Vec<StampedTransform>, String> {
+    let (mut found, mut faults) = (Vec::new(), Vec::new());
+    for one in all {
+        match one {
+            Ok(transform) => found.push(transform),
+            Err(fault) => faults.push(fault),
+        }
+    }
+    match faults.first() {
+        Some(fault) if found.is_empty() => return Err(fault.clone()),
+        Some(fault) => warn_once(format!("{}: {fault}; it is not used", channel.topic)),
+        None => {}
+    }
+    Ok(found)
 }
 
 /// Names in tf 1 begin with a slash.

@@ -7,7 +7,6 @@ use super::{topics, truth};
 use crate::recording::foreign::camera::Calibration;
 use crate::recording::foreign::camera_track::CameraTrack;
 use crate::recording::foreign::realsense;
-use crate::recording::ros;
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 use svl_core::Result;
@@ -99,8 +98,9 @@ impl Setup {
         // The calibration nearest in the tree of topics may belong to another camera.
         let own_info = topics::calibration(channels, topic)
             .filter(|info| kind.is_depth() && Some(info) != left_info.as_ref());
-        let unit = realsense::unit_topic(topic)
-            .filter(|unit| channels.iter().any(|channel| channel.topic == *unit));
+        let names = channels.iter().map(|channel| &channel.topic);
+        let mut units = names.filter(|unit| realsense::is_unit_topic(unit, topic));
+        let unit = units.next().cloned();
         let mut found = Found::default();
         for file in recording.files() {
             let mut messages = file.messages()?;
@@ -137,8 +137,7 @@ impl Setup {
                     found.own.read(channel, log_time, &data);
                 }
                 if of(&unit) && found.unit_m.is_none() {
-                    let value = ros::read(channel, &data, ros::string);
-                    found.unit_m = value.ok().and_then(realsense::unit_m);
+                    found.unit_m = realsense::unit_m(channel, &data);
                 }
                 if Transforms::reads(channel)
                     && let Err(reason) = found.transforms.add(channel, &data)
