@@ -1,7 +1,8 @@
 //! The truth of a frame by cells: the reference for every score of cells.
 //!
-//! Pixels with truth represent the cell if they are at least half of its pixels. Points of a sensor,
-//! and fewer pixels, determine a range ([`SparseCell`]): the cell is scored if that is narrow.
+//! Pixels with truth represent the cell if they are at least half of its pixels. Points of a
+//! sensor, and fewer pixels, determine a range ([`SparseCell`]): the cell is scored if that is
+//! narrow.
 
 use super::cells::{CellJudgement, NearJudgement, claimed, depth_at, has_truth, judge_cell};
 use super::sparse::SparseCell;
@@ -242,7 +243,7 @@ mod tests {
         assert_eq!(reference(tenth), [true, true]);
         assert_eq!(reference(|x| x % 4 == 0 && x % 8 != 0), [false, false]);
         // Points on three quarters of the pixels, in three of eight parts of the left cell.
-        let uneven = |x| x < 15 || x >= 40;
+        let uneven = |x| !(15..40).contains(&x);
         let [sparse, dense] = [TruthDensity::Sparse, TruthDensity::Dense]
             .map(|density| known(uneven, density, TruthOrigin::Exact));
         assert_eq!((sparse, dense), ([false, true], [false, true]));

@@ -183,9 +183,7 @@ fn some_points_of_a_cell_judge_it_nearly_as_all_do() {
         .done();
     let exact = frames(&fixture.path("pairs.mcap"), None);
     let grids = matched(&exact);
-    println!(
-        "| points a cell | algorithm | cells | as by all pixels, % | right | wrong | unknown |"
-    );
+    println!("| points a cell | algorithm | cells | as by all, % | right | wrong | unknown |");
     // Half of the 64 parts of a cell need points.
     for points in [50, 100, 200] {
         let thin = |(i, frame): (usize, &Frame)| thinned(frame, points, i as u64);
