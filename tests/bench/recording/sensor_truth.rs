@@ -192,10 +192,9 @@ fn some_points_of_a_cell_judge_it_nearly_as_all_do() {
             let (all, some) = (judged(&exact, grids), judged(&some, grids));
             let same = alike(&all, &some);
             let (cells, [right, wrong, unknown], _) = shares(&some);
-            println!(
-                "| {points} | {algorithm} | {cells} | {:.1} | {right:.1} | {wrong:.1} | {unknown:.1} |",
-                100.0 * same
-            );
+            let shares = format!("{right:.1} | {wrong:.1} | {unknown:.1}");
+            let percent = 100.0 * same;
+            println!("| {points} | {algorithm} | {cells} | {percent:.1} | {shares} |");
             assert!(same > 0.93, "{algorithm}: {same} with {points} points");
         }
     }
