@@ -259,8 +259,8 @@ record! {
         probability: Option<f64>,
         /// Perturbation of the pair, if any.
         stress: Option<String>,
-        /// Number of points of a sparse truth: with `no-truth` too few. Absent if the truth is
-        /// dense or missing.
+        /// Number of points of a sparse truth; with `no-truth` they do not determine the median.
+        /// Absent if the truth is dense or missing.
         true_points: Option<u64>,
     }
 }

@@ -223,7 +223,8 @@ impl TruthFacts {
         let shape = GridShape::default();
         self.pairs += 1;
         self.cells += shape.cells() as u64;
-        let truth = TrueCells::new(frame, shape, CellRule::default());
+        let rule = CellRule::default().for_rig(frame.rig().is_some());
+        let truth = TrueCells::new(frame, shape, rule);
         let known = truth.map_or(0, |truth| {
             let cells = truth.grid().iter();
             cells.filter(|(_, cell)| cell.depth.is_some()).count() as u64

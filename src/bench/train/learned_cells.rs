@@ -62,13 +62,10 @@ impl LearnedCells {
             let (run, judge) = run.open(&scenario, console, None)?;
             let mut run = run.registered(&scenario.name, &self.register, true);
             self.tested_runs.push(tested);
-            let of_frame = {
-                let judge = judge.clone();
-                CollectSink::new(move |judged| {
-                    let samples = cell_samples(&judge, judged, target, 0);
-                    (judged.frame.name.clone(), samples)
-                })
-            };
+            let of_frame = CollectSink::new(move |judged| {
+                let samples = cell_samples(judged, target, 0);
+                (judged.frame.name.clone(), samples)
+            });
             let start = RunStart::new(&manifest, run.seed, &judge);
             // The same walk in another arena is not another scene.
             let of_seed = run

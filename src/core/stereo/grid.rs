@@ -214,7 +214,8 @@ pub enum CellRule {
         #[serde(default = "CellRule::clear_m")]
         clear_m: f64,
     },
-    /// Right when `|d - d_true| <= tolerance_px`; for scenes without calibration.
+    /// Right when `|d - d_true| <= tolerance_px`; for scenes without calibration. Sparse truth and
+    /// single surfaces have the tolerance of [`CellRule::proportional_at`].
     Disparity { tolerance_px: f64 },
 }
 
@@ -254,6 +255,17 @@ impl CellRule {
         match self {
             Self::Distance { .. } if !has_rig => Self::Disparity { tolerance_px: 2.0 },
             rule => rule,
+        }
+    }
+
+    /// The rule with a tolerance of at least 5 % of a true disparity, if it scores disparities.
+    #[must_use]
+    pub fn proportional_at(self, true_px: f64) -> Self {
+        match self {
+            Self::Disparity { tolerance_px } => Self::Disparity {
+                tolerance_px: tolerance_px.max(0.05 * true_px),
+            },
+            rule @ Self::Distance { .. } => rule,
         }
     }
 
@@ -337,7 +349,7 @@ impl CellRule {
                  is more"
             ),
             Self::Disparity { tolerance_px } => {
-                format!("within {tolerance_px} px of the true disparity")
+                format!("within {tolerance_px} px of the true disparity, or 5 % of a sparse one")
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Cells of frames with a truth, as samples for the verdict table.
 
-use crate::score::{Judge, Judged, depth_at, is_right};
+use crate::score::{Judged, depth_at, is_right};
 use svl_core::depth::decision::SafeChoice;
 use svl_core::stereo::{Cell, CellDepth, CellEvidence};
 use svl_core::{Error, Result};
@@ -61,23 +61,18 @@ impl CellTarget {
 }
 
 /// The cells of a frame with truth, as samples of the run's first algorithm.
-pub fn cell_samples(
-    judge: &Judge,
-    judged: &Judged,
-    target: CellTarget,
-    group: usize,
-) -> Vec<CellSample> {
+pub fn cell_samples(judged: &Judged, target: CellTarget, group: usize) -> Vec<CellSample> {
     let (Some(truth), Some(scored)) = (&judged.true_cells, judged.estimates.first()) else {
         return Vec::new();
     };
     let rig = judged.frame.rig();
-    let rule = judge.cells.for_rig(rig.is_some());
     let wanted: Vec<_> = match target {
         CellTarget::Median => truth.grid().iter().map(|(_, cell)| cell.depth).collect(),
         CellTarget::Near => truth.near().collect(),
     };
-    let cells = scored.estimate.grid.iter().zip(wanted);
-    let sample = |((_, cell), wanted): ((_, &Cell), Option<CellDepth>)| {
+    let cells = scored.estimate.grid.iter().zip(wanted).enumerate();
+    let sample = |(i, ((_, cell), wanted)): (usize, ((_, &Cell), Option<CellDepth>))| {
+        let wanted = wanted?;
         let reported = cell.evidence.map(|evidence| {
             let median_px = evidence.report as f32 / svl_core::depth::decision::BINS_PER_PX as f32;
             depth_at(median_px, rig)
@@ -87,7 +82,7 @@ pub fn cell_samples(
             group,
             evidence: cell.evidence,
             // `None` if the rule finds no truth, such as at infinity.
-            right: is_right(&wanted?, reported.as_ref(), rule)?,
+            right: is_right(&wanted, reported.as_ref(), truth.rule(i, &wanted))?,
             known: cell.depth.is_some(),
         })
     };

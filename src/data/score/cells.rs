@@ -10,7 +10,7 @@ pub enum Verdict {
     Wrong,
     /// The algorithm leaves the cell unknown, which is not wrong: the thesis's red dot.
     Unknown,
-    /// The truth is unknown there, or has too few points.
+    /// The truth is unknown there, or its points do not determine the cell's median.
     NoTruth,
 }
 
@@ -43,7 +43,7 @@ pub struct CellJudgement {
     pub missed_median: bool,
     /// By the median: reported nearer than `obstacle_m`, truly farther than `clear_m`.
     pub false_median: bool,
-    /// By the nearest quarter; none of a cell that is not scored.
+    /// By the nearest quarter; none if that is not known.
     pub near: NearJudgement,
     /// The number of the truth's points, if it is sparse; absent if it is dense or missing.
     pub points: Option<usize>,
@@ -123,7 +123,10 @@ pub fn judge_cells(truth: &DepthGrid, reported: &DepthGrid, rule: CellRule) -> V
 
 /// The report of a cell. A cell that is too close only claims to be nearer than the range of
 /// disparities: if the truth is too, the truth counts as its report.
-fn claimed<'a>(reported: &'a Cell, truth: Option<&'a CellDepth>) -> Option<&'a CellDepth> {
+pub(super) fn claimed<'a>(
+    reported: &'a Cell,
+    truth: Option<&'a CellDepth>,
+) -> Option<&'a CellDepth> {
     let report = reported.depth.as_ref()?;
     let nearer = truth.filter(|truth| reported.too_close && truth.median_px > report.median_px);
     Some(nearer.unwrap_or(report))
@@ -148,38 +151,38 @@ pub(crate) fn depth_at(disparity_px: f32, rig: Option<&Rig>) -> CellDepth {
     }
 }
 
-fn judge_cell(
+/// True if the rule scores a cell with this truth: by distance, not at infinity.
+pub(super) fn has_truth(truth: &CellDepth, rule: CellRule) -> bool {
+    matches!(rule, CellRule::Disparity { .. }) || truth.distance_m.is_some()
+}
+
+/// True if a report is within the rule's tolerance of the truth. One without a distance claims
+/// infinity, which is wrong.
+pub(super) fn is_within(truth: &CellDepth, report: &CellDepth, rule: CellRule) -> bool {
+    match rule {
+        CellRule::Distance { .. } => {
+            let distances = truth.distance_m.zip(report.distance_m);
+            distances.is_some_and(|(z_true, z)| (z - z_true).abs() <= rule.tolerance_at_m(z_true))
+        }
+        CellRule::Disparity { tolerance_px } => {
+            (f64::from(report.median_px) - f64::from(truth.median_px)).abs() <= tolerance_px
+        }
+    }
+}
+
+pub(super) fn judge_cell(
     truth: Option<&CellDepth>,
     reported: Option<&CellDepth>,
     rule: CellRule,
 ) -> CellJudgement {
     let true_m = truth.and_then(|t| t.distance_m);
     let distances = true_m.zip(reported.and_then(|r| r.distance_m));
-    let (has_truth, within) = match rule {
-        CellRule::Distance { .. } => {
-            let is_within =
-                |(z_true, z): (f64, f64)| (z - z_true).abs() <= rule.tolerance_at_m(z_true);
-            (true_m.is_some(), distances.map(is_within))
-        }
-        CellRule::Disparity { tolerance_px } => {
-            let disparities = truth.zip(reported);
-            let error = |(t, r): (&CellDepth, &CellDepth)| {
-                (f64::from(r.median_px) - f64::from(t.median_px)).abs()
-            };
-            (
-                truth.is_some(),
-                disparities.map(|both| error(both) <= tolerance_px),
-            )
-        }
-    };
     let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
-    let verdict = match (has_truth, reported, within) {
-        (false, ..) => Verdict::NoTruth,
-        (true, None, _) => Verdict::Unknown,
-        (true, Some(_), Some(true)) => Verdict::Right,
-        // A reported cell without a distance claims infinity: there is a truth, and infinity is
-        // wrong.
-        (true, Some(_), _) => Verdict::Wrong,
+    let verdict = match (truth.filter(|truth| has_truth(truth, rule)), reported) {
+        (None, _) => Verdict::NoTruth,
+        (Some(_), None) => Verdict::Unknown,
+        (Some(truth), Some(report)) if is_within(truth, report, rule) => Verdict::Right,
+        (Some(_), Some(_)) => Verdict::Wrong,
     };
     CellJudgement {
         verdict,

@@ -54,7 +54,7 @@ impl FilterTally {
         let share = |place: (usize, usize), is: &dyn Fn(f32, Surface) -> bool| {
             let of_truth = &true_cells.cells()[place.1 * shape.columns + place.0];
             if let Some(points) = &of_truth.sparse {
-                return points.truth.share(|d| is(d, Surface::Unknown));
+                return points.share(|d| is(d, Surface::Unknown));
             }
             let (columns, rows) = shape.pixels(place, size);
             let pixels = columns.len() * rows.len();

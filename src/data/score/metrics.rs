@@ -63,9 +63,15 @@ impl FrameFacts<'_> {
         surfaces.map(|cells| count(cells) as f64)
     }
 
-    /// Same as `surfaces`, if distances are known.
+    /// `None` if no nearest quarter is known.
+    fn quarters(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
+        let scored = self.surfaces.as_ref().filter(|cells| cells.quarters > 0);
+        scored.map(|cells| count(cells) as f64)
+    }
+
+    /// Same as `quarters`, if distances are known.
     fn near_obstacles(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
-        self.surfaces(count).filter(|_| self.has_distances())
+        self.quarters(count).filter(|_| self.has_distances())
     }
 
     fn filtered(&self, count: fn(&FilterTally) -> Option<usize>) -> Option<f64> {
@@ -129,7 +135,7 @@ impl RunKind {
         let mut truths = METRICS
             .iter()
             .filter(|m| m.against_truth && m.column().is_some() && m.group != "scored");
-        if has("missed") {
+        if has("missed") || has("missed_median") {
             Self::Distances
         } else if truths.any(|metric| has(metric.name)) {
             Self::Disparities
@@ -367,11 +373,12 @@ pub const METRICS: &[Metric] = &[
         better: Better::More,
         origin: MetricOrigin::Frame {
             column: "cells_right_near",
-            of: |facts| facts.surfaces(|cells| cells.near_right),
-            total: SCORED_CELLS,
+            of: |facts| facts.quarters(|cells| cells.near_right),
+            total: MetricTotal::ShareOf(&["scored_quarters"]),
         },
         note: Some(|_| {
-            let words = "scored by the nearest quarter of a cell instead of its median";
+            let words = "scored by the nearest quarter of a cell instead of its median, of the \
+                         cells in which it is known";
             ("nearest quarter", words.into())
         }),
         ..DETAIL
@@ -385,8 +392,8 @@ pub const METRICS: &[Metric] = &[
         better: Better::Less,
         origin: MetricOrigin::Frame {
             column: "cells_wrong_near",
-            of: |facts| facts.surfaces(|cells| cells.near_wrong),
-            total: SCORED_CELLS,
+            of: |facts| facts.quarters(|cells| cells.near_wrong),
+            total: MetricTotal::ShareOf(&["scored_quarters"]),
         },
         ..DETAIL
     },
@@ -770,6 +777,24 @@ pub const METRICS: &[Metric] = &[
             of: |facts| facts.scored().map(|cells| cells as f64),
             total: MetricTotal::Sum,
         },
+        ..DETAIL
+    },
+    Metric {
+        name: "scored_quarters",
+        words: "cells scored by their nearest quarter",
+        group: "scored",
+        head: "scored quarters",
+        unit: MetricUnit::Count,
+        origin: MetricOrigin::Frame {
+            column: "scored_quarters",
+            of: |facts| facts.surfaces.map(|cells| cells.quarters as f64),
+            total: MetricTotal::Sum,
+        },
+        note: Some(|_| {
+            let words = "cells whose nearest quarter is known: as many as scored cells, but for \
+                         sparse truth; near obstacles are of these";
+            ("scored quarters", words.into())
+        }),
         ..DETAIL
     },
     Metric {

@@ -1,46 +1,34 @@
 //! Cells with sparse truth: points of a lidar, KITTI or a laser scan.
 //!
-//! Points are distributed differently in a cell than its pixels, so their median is not the cell's.
-//! Therefore every part of the cell that has points counts equally, however many it has.
-//! `tests/bench/arena/sparse.rs` compares the scores with those of a dense truth.
+//! What has no points (sky, glass, the upper edge of a lidar) depends on the scene, so the points
+//! say nothing about the rest of the cell. Therefore every part of the cell that has points counts
+//! equally, however many it has, and the others may hold anything: a percentile of the cell is only
+//! known to lie in a range, and the cell is scored if that is narrow. The reports play no part, so
+//! the same cells are scored for all algorithms. `tests/bench/arena/sparse.rs` compares the scores
+//! with those of a dense truth.
 
-use super::cells::{depth_at, is_right};
+use super::cells::depth_at;
 use std::ops::Range;
-use svl_core::stereo::{CellRule, Plane, Rig};
+use svl_core::stereo::{CellDepth, CellRule, Plane, Rig};
 
 /// Parts of a cell along a side.
 const PARTS: usize = 8;
 
-/// Least fraction of a cell's parts that must have points for them to represent the cell, as half
-/// of the pixels do.
-const COVERED: f64 = 0.5;
-
-/// Least fraction of the rows and of the columns of parts that must have points: the median of four
-/// lines across a slanted surface is not the cell's.
-const SPREAD: f64 = 0.75;
-
 /// Fewest points of a cell.
 const MIN_POINTS: usize = 10;
-
-/// Greatest distance of the points' centre from the cell's, as a fraction of its sides, if they
-/// cover only a part of it.
-const OFF_CENTRE: f64 = 0.2;
 
 /// The points of a cell.
 #[derive(Clone, Debug)]
 pub(super) struct SparseCell {
     /// Number of points.
     pub count: usize,
-    /// The true disparities.
-    pub truth: Weighted,
-    /// True if enough parts have points.
-    covered: bool,
-    centred: bool,
+    /// Number of the cell's parts.
+    parts: usize,
+    /// Number of those with points.
+    with_points: usize,
+    /// Disparities in ascending order, each with its weight: those of a part add up to 1.
+    points: Vec<(f32, f64)>,
 }
-
-/// Disparities in ascending order, each with its weight.
-#[derive(Clone, Debug)]
-pub(super) struct Weighted(Vec<(f32, f64)>);
 
 impl SparseCell {
     /// The known pixels of a cell.
@@ -58,92 +46,172 @@ impl SparseCell {
             counts[part_of(y, rows)][part_of(x, columns)] += 1;
         }
         let weight = |x, y| 1.0 / f64::from(counts[part_of(y, rows)][part_of(x, columns)]);
-        let points: Vec<_> = known().map(|(x, y)| (x, y, weight(x, y))).collect();
-        // A small cell has fewer parts.
-        let parts = columns.len().min(PARTS) * rows.len().min(PARTS);
-        let with_points = counts.iter().flatten().filter(|&&count| count > 0).count();
-        let across = (0..PARTS).filter(|&i| counts.iter().any(|row| row[i] > 0));
-        let down = counts
-            .iter()
-            .filter(|row| row.iter().any(|&count| count > 0));
-        let is_spread = |lines: usize, side: &Range<usize>| {
-            lines as f64 >= SPREAD * side.len().min(PARTS) as f64
-        };
-        let is_spread = is_spread(across.count(), columns) && is_spread(down.count(), rows);
-        let offset = |at: fn(&(usize, usize, f64)) -> usize, side: &Range<usize>| {
-            let sum = |(of, all), point: &(usize, usize, f64)| {
-                let place = (at(point) - side.start) as f64 + 0.5;
-                (of + point.2 * place, all + point.2)
-            };
-            let (of, all) = points.iter().fold((0.0, 0.0), sum);
-            (of / (all * side.len() as f64) - 0.5).abs()
-        };
+        let mut points: Vec<_> = known()
+            .map(|(x, y)| (truth.get(x, y), weight(x, y)))
+            .collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
         Self {
-            truth: Weighted::new(
-                points
-                    .iter()
-                    .map(|&(x, y, w)| (truth.get(x, y), w))
-                    .collect(),
-            ),
-            covered: is_spread && with_points as f64 >= COVERED * parts as f64,
-            centred: offset(|p| p.0, columns).max(offset(|p| p.1, rows)) <= OFF_CENTRE,
             count: points.len(),
+            // A small cell has fewer parts.
+            parts: columns.len().min(PARTS) * rows.len().min(PARTS),
+            with_points: counts.iter().flatten().filter(|&&count| count > 0).count(),
+            points,
         }
     }
 
-    /// True if the points determine the score: those in half of the cell's parts do; others only if
-    /// they lie about its centre and four fifths of them agree.
-    pub fn is_scored(&self, rule: CellRule, rig: Option<&Rig>) -> bool {
-        let points_agree = || {
-            let [far, near] = [10, 90].map(|percent| depth_at(self.truth.percentile(percent), rig));
-            // The nearer one has the smaller tolerance.
-            is_right(&near, Some(&far), rule) == Some(true)
+    /// A percentile of the cell's disparities: the middle of its range, if that is as narrow as the
+    /// rule's tolerance. `None` if not, or for too few points.
+    pub fn percentile(
+        &self,
+        percent: usize,
+        rule: CellRule,
+        rig: Option<&Rig>,
+    ) -> Option<CellDepth> {
+        let [far_px, near_px] = self.range(percent).filter(|_| self.count >= MIN_POINTS)?;
+        let middle = depth_at((far_px + near_px) / 2.0, rig);
+        let is_narrow = match rule.proportional_at(middle.median_px.into()) {
+            CellRule::Disparity { tolerance_px } => f64::from(near_px - far_px) <= tolerance_px,
+            CellRule::Distance { .. } => {
+                let depth_m = |px: f32| rig?.depth_m(px.into());
+                depth_m(far_px)? - depth_m(near_px)? <= rule.tolerance_at_m(middle.distance_m?)
+            }
         };
-        self.count >= MIN_POINTS && (self.covered || self.centred && points_agree())
-    }
-}
-
-impl Weighted {
-    fn new(mut values: Vec<(f32, f64)>) -> Self {
-        values.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Self(values)
-    }
-
-    fn total(&self) -> f64 {
-        self.0.iter().map(|(_, weight)| weight).sum()
+        let [p20_px, p80_px] =
+            [20, 80].map(|percent| self.at_rank(percent as f64 / 100.0 * self.with_points as f64));
+        is_narrow.then_some(CellDepth {
+            p20_px,
+            p80_px,
+            ..middle
+        })
     }
 
-    /// By nearest rank; infinity if empty.
-    pub fn percentile(&self, percent: usize) -> f32 {
+    /// The least and the greatest value of a percentile (by nearest rank) for any content of the
+    /// parts without points, pixels; `None` if it may lie in one of these.
+    fn range(&self, percent: usize) -> Option<[f32; 2]> {
+        let rank = percent as f64 / 100.0 * self.parts as f64;
+        let without = (self.parts - self.with_points) as f64;
+        let is_among_points = rank >= without && rank <= self.with_points as f64;
+        // All parts without points are farther, or all are nearer.
+        is_among_points.then(|| [rank - without, rank].map(|rank| self.at_rank(rank)))
+    }
+
+    /// The disparity with at least this weight up to and including it.
+    fn at_rank(&self, rank: f64) -> f32 {
         // Sums of weights are rounded.
-        let wanted = percent as f64 / 100.0 * self.total() - 1e-9;
+        let wanted = rank - 1e-9;
         let mut sum = 0.0;
-        let mut reached = self.0.iter().skip_while(|(_, weight)| {
+        let mut reached = self.points.iter().skip_while(|(_, weight)| {
             sum += weight;
             sum < wanted
         });
-        let last = reached.next().or(self.0.last());
+        let last = reached.next().or(self.points.last());
         last.map_or(f32::INFINITY, |(value, _)| *value)
     }
 
-    /// The fraction of the weight for which a function is true, 0..=1.
+    /// The fraction of the points' weight for which a function is true, 0..=1.
     pub fn share(&self, is: impl Fn(f32) -> bool) -> f64 {
-        let of = self.0.iter().filter(|(value, _)| is(*value));
-        of.map(|(_, weight)| weight).sum::<f64>() / self.total()
+        let weights = self.points.iter().filter(|(value, _)| is(*value));
+        weights.map(|(_, weight)| weight).sum::<f64>() / self.with_points as f64
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     const NONE: f32 = f32::INFINITY;
     const RULE: CellRule = CellRule::Disparity { tolerance_px: 2.0 };
 
-    /// The points of a cell of 16 x 16 pixels.
+    /// The points of a cell of 16 x 16 pixels, four to a part.
     fn cell(truth: impl Fn(usize, usize) -> f32) -> SparseCell {
         let truth = Plane::from_fn(16, 16, truth).unwrap();
         SparseCell::new(&truth, &(0..16), &(0..16))
+    }
+
+    /// The points of a cell with these parts: each a disparity, or none.
+    fn cell_of_parts(parts: &[Option<u8>]) -> SparseCell {
+        cell(|x, y| parts[y / 2 * PARTS + x / 2].map_or(NONE, f32::from))
+    }
+
+    fn scored_px(cell: &SparseCell, percent: usize) -> Option<f32> {
+        let depth = cell.percentile(percent, RULE, None);
+        depth.map(|depth| depth.median_px)
+    }
+
+    /// A percentile by nearest rank of a cell whose parts without points hold `content`.
+    fn completed(parts: &[Option<u8>], percent: usize, content: &[f32]) -> f32 {
+        let mut unknown = content.iter().copied();
+        let value = |part: &Option<u8>| part.map_or_else(|| unknown.next().unwrap(), f32::from);
+        let mut values: Vec<_> = parts.iter().map(value).collect();
+        values.sort_by(f32::total_cmp);
+        values[(percent * values.len()).div_ceil(100) - 1]
+    }
+
+    /// Parts, each with one of a few disparities or none, with more of the one or the other.
+    fn parts() -> impl Strategy<Value = Vec<Option<u8>>> {
+        (0.0..0.7).prop_flat_map(|without| {
+            let part = prop::option::weighted(1.0 - without, 10u8..20);
+            prop::collection::vec(part, PARTS * PARTS)
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn a_percentile_is_in_its_range_whatever_the_other_parts_hold(
+            parts in parts(),
+            percent in prop::sample::select(vec![50, 75]),
+            content in prop::collection::vec(0.0f32..30.0, PARTS * PARTS),
+        ) {
+            let without = parts.iter().filter(|part| part.is_none()).count();
+            let extremes = [0.0, 30.0].map(|px| completed(&parts, percent, &[px; PARTS * PARTS]));
+            let range = cell_of_parts(&parts).range(percent);
+            // At exactly half, the lower median is the upper end of the parts without points.
+            prop_assume!(2 * without != parts.len());
+            if let Some([far_px, near_px]) = range {
+                let any = completed(&parts, percent, &content);
+                prop_assert!((far_px..=near_px).contains(&any), "{far_px} {any} {near_px}");
+                // Both ends occur.
+                prop_assert_eq!([far_px, near_px], extremes);
+            } else {
+                // The percentile may be that of a part without points.
+                prop_assert!(extremes[0] == 0.0 || extremes[1] == 30.0);
+            }
+        }
+
+        #[test]
+        fn a_scored_cell_is_off_by_half_the_tolerance_at_most(
+            parts in parts(),
+            content in prop::collection::vec(0.0f32..30.0, PARTS * PARTS),
+        ) {
+            let without = parts.iter().filter(|part| part.is_none()).count();
+            prop_assume!(2 * without != parts.len());
+            if let Some(middle_px) = scored_px(&cell_of_parts(&parts), 50) {
+                prop_assert!((completed(&parts, 50, &content) - middle_px).abs() <= 1.0);
+            }
+        }
+    }
+
+    /// All contents of two parts without points, in a cell of 2 x 3 pixels (its parts).
+    #[test]
+    fn a_small_cell_is_as_all_contents_of_its_parts_allow() {
+        let known = [5.0, 1.0, 4.0, 2.0];
+        let truth = Plane::from_vec(3, 2, [known.as_slice(), &[NONE; 2]].concat()).unwrap();
+        let range = |percent| SparseCell::new(&truth, &(0..3), &(0..2)).range(percent);
+        let contents = (0..=6).flat_map(|a| (0..=6).map(move |b| [a as f32, b as f32]));
+        let medians = contents.map(|[a, b]| {
+            let mut all = [known.as_slice(), &[a, b]].concat();
+            all.sort_by(f32::total_cmp);
+            // The third of six.
+            all[2]
+        });
+        let medians: Vec<_> = medians.collect();
+        let least = medians.iter().copied().fold(NONE, f32::min);
+        let greatest = medians.iter().copied().fold(-NONE, f32::max);
+        assert_eq!((least, greatest), (1.0, 4.0));
+        assert_eq!(range(50), Some([least, greatest]));
+        // The nearest quarter may be both parts without points.
+        assert_eq!(range(75), None);
     }
 
     #[test]
@@ -156,52 +224,76 @@ mod tests {
                 NONE
             }
         });
-        assert!(floor.is_scored(RULE, None));
-        assert_eq!(floor.truth.percentile(50), 7.0);
-        assert_eq!(floor.truth.share(|d| d < 8.0), 0.5);
+        assert_eq!(scored_px(&floor, 50), Some(7.0));
+        assert_eq!(floor.share(|d| d < 8.0), 0.5);
     }
 
     #[test]
-    fn points_of_a_part_are_scored_where_one_surface_surrounds_the_middle() {
-        let scored = |truth: &dyn Fn(usize, usize) -> f32| cell(truth).is_scored(RULE, None);
-        // A line of a laser scan, and one at the border.
-        let line = |at: usize, jump: f32| {
-            move |x: usize, y: usize| match (y == at, x < 8) {
-                (false, _) => NONE,
-                (true, true) => 5.0,
-                (true, false) => 5.0 + jump,
-            }
-        };
-        assert!(scored(&line(8, 2.0)) && !scored(&line(8, 2.1)) && !scored(&line(13, 0.0)));
-        // The whole cell may show two surfaces.
-        let two = |x: usize, y: usize| match (y % 8, x < 8) {
-            (0, true) => 5.0,
-            (4, false) => 50.0,
-            _ => NONE,
-        };
-        assert!(!scored(&two));
-        let whole = |x: usize, y: usize| match (y % 2, x < 8) {
-            (1, _) => NONE,
-            (_, true) => 5.0,
-            (_, false) => 50.0,
-        };
-        assert!(scored(&whole));
-        // Four lines across a floor, and eight; both in half of the parts.
-        let floor = |every: usize| {
-            move |_: usize, y: usize| {
-                if y.is_multiple_of(every) {
-                    y as f32
-                } else {
+    fn a_cell_is_scored_where_its_median_is_known_to_the_tolerance() {
+        // The upper rows of parts have no points: the sky, and a slanted surface below it.
+        let below_sky = |rows: usize, px_per_part: f32| {
+            cell(move |_, y| {
+                if y < 2 * rows {
                     NONE
+                } else {
+                    20.0 + px_per_part * (y / 2) as f32
                 }
-            }
+            })
         };
-        assert!(!scored(&floor(4)) && scored(&floor(2)));
-        // Nine points.
-        assert!(!scored(&|x, y| if x % 6 == 2 && y % 6 == 2 {
-            5.0
-        } else {
-            NONE
-        }));
+        let scored = |rows, px_per_part| scored_px(&below_sky(rows, px_per_part), 50);
+        // All of the sky is far or near: from the 4th row of parts to the 4th but 2 below.
+        assert_eq!(below_sky(2, 1.0).range(50), Some([23.0, 25.0]));
+        assert_eq!((scored(2, 1.0), scored(2, 1.1)), (Some(24.0), None));
+        // Half of the parts are enough if they show one surface, and fewer never are.
+        assert_eq!((scored(4, 0.0), scored(5, 0.0)), (Some(20.0), None));
+        // The nearest quarter needs three quarters of them.
+        let quarter = |rows| scored_px(&below_sky(rows, 0.0), 75);
+        assert_eq!((quarter(2), quarter(3)), (Some(20.0), None));
+        // Ten points in half of the parts of a small cell, and nine.
+        let of_row = |points: usize| {
+            let truth = Plane::from_fn(80, 1, |x, _| if x % 8 == 0 { 5.0 } else { NONE });
+            SparseCell::new(&truth.unwrap(), &(0..8 * points), &(0..1))
+        };
+        assert_eq!(
+            [10, 9].map(|n| scored_px(&of_row(n), 50)),
+            [Some(5.0), None]
+        );
+    }
+
+    #[test]
+    fn the_tolerance_is_that_of_disparities_or_distances() {
+        // Two rows of parts have no points; the median is that of one of two surfaces.
+        let two = |far_px: f32, near_px: f32| {
+            cell(move |_, y| match y {
+                0..4 => NONE,
+                4..9 => far_px,
+                _ => near_px,
+            })
+        };
+        let is_scored = |far_px, near_px, rule, rig: Option<Rig>| {
+            let cell = two(far_px, near_px);
+            cell.percentile(50, rule, rig.as_ref()).is_some()
+        };
+        // 2 px, and 5 % of the middle: 2.5 px at 50.
+        let px = |far_px, near_px| is_scored(far_px, near_px, RULE, None);
+        assert!(px(10.0, 12.0) && !px(10.0, 12.1));
+        assert!(px(48.8, 51.2) && !px(48.7, 51.3));
+        // One metre is 10 px: at 2 m, 20 %; at 0.25 m, 0.1 m.
+        let rig = Rig::new(100.0, (8.0, 8.0), 0.1, 0.0).unwrap();
+        let at_m = |far_m: f64, near_m: f64, rig: Option<Rig>| {
+            let [far_px, near_px] = [far_m, near_m].map(|z| (10.0 / z) as f32);
+            is_scored(far_px, near_px, CellRule::default(), rig)
+        };
+        assert!(at_m(2.19, 1.81, Some(rig)) && !at_m(2.22, 1.78, Some(rig)));
+        assert!(at_m(0.30, 0.21, Some(rig)) && !at_m(0.31, 0.20, Some(rig)));
+        // A cell of which a part may be at infinity has no distance.
+        assert!(!at_m(f64::INFINITY, f64::INFINITY, Some(rig)) && !at_m(2.0, 2.0, None));
+        // The truth is the middle in pixels, and the distance there.
+        let depth = two(4.8, 5.2)
+            .percentile(50, CellRule::default(), Some(&rig))
+            .unwrap();
+        assert!(
+            (depth.median_px - 5.0).abs() < 1e-5 && (depth.distance_m.unwrap() - 2.0).abs() < 1e-5
+        );
     }
 }

@@ -4,8 +4,10 @@
 //! obstacle that fills a quarter of a cell. These counts supplement it.
 
 use super::TrueCells;
+use super::cells::{depth_at, has_truth, is_within};
+use super::truth::TrueQuarter;
 use std::ops::Range;
-use svl_core::stereo::{CellDepth, CellRule, DepthGrid, Frame, Plane, Rig};
+use svl_core::stereo::{Cell, CellDepth, CellRule, DepthGrid, Frame, Plane};
 
 /// Least fraction of a cell's true pixels that a report must agree with.
 const NAMED: f64 = 0.25;
@@ -16,7 +18,9 @@ pub struct SurfaceTally {
     /// Right by the median, or nearer than that and agreeing with a quarter of the cell.
     pub right: usize,
     pub wrong: usize,
-    /// Cells whose nearest quarter is an obstacle.
+    /// Cells whose nearest quarter is known.
+    pub quarters: usize,
+    /// Those of them in which it is an obstacle.
     pub near: usize,
     /// Those of them that are unknown.
     pub near_unknown: usize,
@@ -25,7 +29,7 @@ pub struct SurfaceTally {
     pub found: usize,
     /// Cells reported as an obstacle that are nearly all clear.
     pub falsely: usize,
-    /// Scored by the nearest quarter instead of the median.
+    /// Scored by a known nearest quarter instead of the median.
     pub near_right: usize,
     pub near_wrong: usize,
 }
@@ -42,87 +46,86 @@ impl SurfaceTally {
         let (Some(truth), shape) = (&frame.truth, reported.shape()) else {
             return tally;
         };
-        let truths = true_cells.grid().iter().zip(true_cells.cells());
-        for (((place, median), of_truth), (_, cell)) in truths.zip(reported.iter()) {
-            let (Some(median), Some(quarter)) = (&median.depth, &of_truth.quarter) else {
-                continue;
-            };
-            if judged_by_distance(rule) && median.distance_m.is_none() {
-                continue;
+        let grids = true_cells.grid().iter().zip(reported.iter());
+        let cells = grids.zip(true_cells.cells()).enumerate();
+        for (i, (((place, median), (_, cell)), of_truth)) in cells {
+            if let Some(quarter) = &of_truth.quarter {
+                tally.add_quarter(quarter, cell, rule, true_cells.rule(i, &quarter.near));
             }
-            let near = quarter.judge(cell, rule);
-            tally.near += usize::from(near.is_near);
-            tally.missed += usize::from(near.missed);
-            tally.found += usize::from(near.found);
-            tally.falsely += usize::from(near.falsely);
-            let Some(report) = &cell.depth else {
-                tally.near_unknown += usize::from(near.is_near);
+            let median = median.depth.filter(|depth| has_truth(depth, rule));
+            let Some((median, report)) = median.zip(cell.depth) else {
                 continue;
             };
-            let median_px = f64::from(median.median_px);
-            let agrees = |true_px: f64, surface| {
-                // Too close means anywhere nearer than the report.
-                cell.too_close && true_px >= f64::from(report.median_px)
-                    || agrees(report, true_px, rule, frame.rig(), surface)
+            let is_named = || {
+                let agrees = |px: f32| {
+                    let surface = depth_at(px, frame.rig());
+                    agrees(cell, &report, &surface, rule.proportional_at(px.into()))
+                };
+                let share = of_truth.sparse.as_ref().map_or_else(
+                    || {
+                        let (columns, rows) = shape.pixels(place, truth.disparity.size());
+                        share(finite(&truth.disparity, columns, rows), agrees)
+                    },
+                    |points| points.share(agrees),
+                );
+                share >= NAMED
             };
-            let named = || {
-                if let Some(points) = &of_truth.sparse {
-                    return points.truth.share(|d| agrees(d.into(), true)) >= NAMED;
-                }
-                let (columns, rows) = shape.pixels(place, truth.disparity.size());
-                let pixels = || finite(&truth.disparity, &columns, rows.clone());
-                let agreeing = pixels().filter(|&d| agrees(d.into(), true)).count();
-                agreeing as f64 >= NAMED * pixels().count() as f64
-            };
-            let is_nearer = f64::from(report.median_px) > median_px;
-            if agrees(median_px, false) || is_nearer && named() {
+            let is_nearer = report.median_px > median.median_px;
+            if agrees(cell, &report, &median, true_cells.rule(i, &median))
+                || is_nearer && is_named()
+            {
                 tally.right += 1;
             } else {
                 tally.wrong += 1;
             }
-            if agrees(quarter.near.median_px.into(), false) {
-                tally.near_right += 1;
-            } else {
-                tally.near_wrong += 1;
-            }
         }
         tally
     }
-}
 
-fn judged_by_distance(rule: CellRule) -> bool {
-    matches!(rule, CellRule::Distance { .. })
-}
-
-/// True if a report is within the rule's tolerance of a true disparity; if scored in pixels, within
-/// at least 5 % of the disparity.
-fn agrees(
-    report: &CellDepth,
-    true_px: f64,
-    rule: CellRule,
-    rig: Option<&Rig>,
-    surface: bool,
-) -> bool {
-    match rule {
-        CellRule::Distance { .. } => {
-            let true_m = rig.and_then(|rig| rig.depth_m(true_px));
-            let distances = true_m.zip(report.distance_m);
-            distances.is_some_and(|(z_true, z)| (z - z_true).abs() <= rule.tolerance_at_m(z_true))
-        }
-        CellRule::Disparity { tolerance_px } => {
-            let share = if surface { 0.05 * true_px } else { 0.0 };
-            (f64::from(report.median_px) - true_px).abs() <= tolerance_px.max(share)
+    /// Counts a cell whose nearest quarter is known; it agrees by `near_rule`.
+    fn add_quarter(
+        &mut self,
+        quarter: &TrueQuarter,
+        cell: &Cell,
+        rule: CellRule,
+        near_rule: CellRule,
+    ) {
+        let near = quarter.judge(cell, rule);
+        self.quarters += 1;
+        self.near += usize::from(near.is_near);
+        self.missed += usize::from(near.missed);
+        self.found += usize::from(near.found);
+        self.falsely += usize::from(near.falsely);
+        match &cell.depth {
+            None => self.near_unknown += usize::from(near.is_near),
+            Some(report) if agrees(cell, report, &quarter.near, near_rule) => self.near_right += 1,
+            Some(_) => self.near_wrong += 1,
         }
     }
 }
 
+/// True if the report of a cell is within the rule's tolerance of a true depth, or too close, which
+/// means anywhere nearer than the report.
+fn agrees(cell: &Cell, report: &CellDepth, truth: &CellDepth, rule: CellRule) -> bool {
+    cell.too_close && truth.median_px >= report.median_px || is_within(truth, report, rule)
+}
+
+/// The fraction of the values for which a function is true, 0..=1.
+fn share(values: impl Iterator<Item = f32>, is: impl Fn(f32) -> bool) -> f64 {
+    let (mut all, mut count) = (0usize, 0usize);
+    for value in values {
+        all += 1;
+        count += usize::from(is(value));
+    }
+    count as f64 / all as f64
+}
+
 /// The true disparities of a cell.
-fn finite<'a>(
-    disparity: &'a Plane<f32>,
-    columns: &Range<usize>,
+fn finite(
+    disparity: &Plane<f32>,
+    columns: Range<usize>,
     rows: Range<usize>,
-) -> impl Iterator<Item = f32> + 'a {
-    let columns = columns.clone();
+) -> impl Iterator<Item = f32> {
     rows.flat_map(move |y| disparity.row(y)[columns.clone()].iter().copied())
         .filter(|d| d.is_finite())
 }
@@ -131,7 +134,7 @@ fn finite<'a>(
 mod tests {
     use super::*;
     use svl_core::depth::{GridSettings, grid};
-    use svl_core::stereo::{Geometry, Gray, GridShape, StereoPair, Truth};
+    use svl_core::stereo::{Geometry, Gray, GridShape, Rig, StereoPair, Truth};
 
     /// Counts for a cell of ten pixels, `near` of them at 0.4 m and the others at 2 m, and a report
     /// of `distance_m`.

@@ -1,10 +1,10 @@
 //! The truth of a frame by cells: the reference for every score of cells.
 //!
-//! Pixels with truth represent the cell if they are at least half of its pixels; if they are fewer,
-//! where they are decides whether it is scored ([`SparseCell`]). Points of a sensor, and fewer
-//! pixels, are weighted.
+//! Pixels with truth represent the cell if they are at least half of its pixels. Points of a
+//! sensor, and fewer pixels, determine a range ([`SparseCell`]): the cell is scored if that is
+//! narrow.
 
-use super::cells::{CellJudgement, NearJudgement, Verdict, depth_at, judge_cells};
+use super::cells::{CellJudgement, NearJudgement, claimed, depth_at, has_truth, judge_cell};
 use super::sparse::SparseCell;
 use std::ops::Range;
 use svl_core::depth::{self, CellDecision, GridSettings};
@@ -35,7 +35,7 @@ pub struct TrueCells {
 pub(super) struct TrueCell {
     /// The points of a sparse truth, or of one that covers less than half of the pixels.
     pub sparse: Option<SparseCell>,
-    /// `None` if the cell is not scored.
+    /// `None` if it is not known.
     pub quarter: Option<TrueQuarter>,
 }
 
@@ -69,21 +69,13 @@ impl TrueCells {
             let is_sparse = are_points || cell.depth.is_none() && !is_reference;
             let sparse = (is_sparse && cell.valid_share > 0.0)
                 .then(|| SparseCell::new(&truth.disparity, &columns, &rows));
-            // Points on half of the pixels represent the cell wherever they are.
-            let is_scored =
-                |points: &&SparseCell| cell.depth.is_some() || points.is_scored(rule, rig);
-            if let Some(points) = sparse.as_ref().filter(is_scored) {
-                let [p20, median, p80] = [20, 50, 80].map(|p| points.truth.percentile(p));
-                cell.depth = Some(CellDepth {
-                    p20_px: p20,
-                    p80_px: p80,
-                    ..depth_at(median, rig)
-                });
-            }
-            let quarter = cell.depth.map(|_| match &sparse {
-                Some(points) => TrueQuarter::of_points(points, rule, rig),
-                None => TrueQuarter::new(truth, columns, rows, rule, rig),
-            });
+            let quarter = if let Some(points) = &sparse {
+                cell.depth = points.percentile(50, rule, rig);
+                TrueQuarter::of_points(points, rule, rig)
+            } else {
+                let scored = cell.depth.filter(|depth| has_truth(depth, rule));
+                scored.map(|_| TrueQuarter::new(truth, columns, rows, rule, rig))
+            };
             TrueCell { sparse, quarter }
         };
         let cells = shape.iter().zip(grid.cells_mut()).map(true_cell).collect();
@@ -95,7 +87,7 @@ impl TrueCells {
         &self.grid
     }
 
-    /// The nearest quarters, if the cells are scored.
+    /// The nearest quarters of the cells, if they are known.
     pub fn near(&self) -> impl Iterator<Item = Option<CellDepth>> {
         let quarters = self.cells.iter().map(|cell| cell.quarter);
         quarters.map(|quarter| quarter.map(|quarter| quarter.near))
@@ -106,20 +98,32 @@ impl TrueCells {
         &self.cells
     }
 
+    /// The rule by which a cell, by its number in raster order, is scored against its median or
+    /// its nearest quarter.
+    pub fn rule(&self, cell: usize, truth: &CellDepth) -> CellRule {
+        if self.cells[cell].sparse.is_some() {
+            self.rule.proportional_at(truth.median_px.into())
+        } else {
+            self.rule
+        }
+    }
+
     /// Scores every cell, in raster order.
     pub fn judge(&self, reported: &DepthGrid) -> Vec<CellJudgement> {
-        let mut judgements = judge_cells(&self.grid, reported, self.rule);
-        let reports = reported.iter().map(|(_, cell)| cell);
-        for ((judgement, cell), report) in judgements.iter_mut().zip(&self.cells).zip(reports) {
-            judgement.points = cell.sparse.as_ref().map(|points| points.count);
-            if let Some(quarter) = cell
-                .quarter
-                .filter(|_| judgement.verdict != Verdict::NoTruth)
-            {
-                judgement.near = quarter.judge(report, self.rule);
+        debug_assert_eq!(self.grid.shape(), reported.shape());
+        let grids = self.grid.iter().zip(reported.iter());
+        let cells = grids.zip(&self.cells).enumerate();
+        let judged = cells.map(|(i, (((_, median), (_, report)), cell))| {
+            let median = median.depth.as_ref();
+            let rule = median.map_or(self.rule, |median| self.rule(i, median));
+            let near = cell.quarter.map(|quarter| quarter.judge(report, self.rule));
+            CellJudgement {
+                points: cell.sparse.as_ref().map(|points| points.count),
+                near: near.unwrap_or_default(),
+                ..judge_cell(median, claimed(report, median), rule)
             }
-        }
-        judgements
+        });
+        judged.collect()
     }
 }
 
@@ -166,12 +170,14 @@ impl TrueQuarter {
         }
     }
 
-    fn of_points(points: &SparseCell, rule: CellRule, rig: Option<&Rig>) -> Self {
+    /// `None` if the points do not determine it.
+    fn of_points(points: &SparseCell, rule: CellRule, rig: Option<&Rig>) -> Option<Self> {
+        let near = points.percentile(NEAR_PERCENT, rule, rig)?;
         let clear_px = clear_px(rule, rig);
-        Self {
-            near: depth_at(points.truth.percentile(NEAR_PERCENT), rig),
-            not_clear: points.truth.share(|d| f64::from(d) > clear_px),
-        }
+        has_truth(&near, rule).then(|| Self {
+            near,
+            not_clear: points.share(|d| f64::from(d) > clear_px),
+        })
     }
 }
 
@@ -184,7 +190,7 @@ fn clear_px(rule: CellRule, rig: Option<&Rig>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::score::SurfaceTally;
+    use crate::score::{SurfaceTally, Verdict};
     use svl_core::stereo::{Geometry, Gray, Plane, StereoPair, TruthKind};
 
     const RULE: CellRule = CellRule::Disparity { tolerance_px: 2.0 };
@@ -204,56 +210,43 @@ mod tests {
         }
     }
 
+    const ONE_CELL: GridShape = GridShape {
+        columns: 1,
+        rows: 1,
+    };
+
     #[test]
-    fn ten_points_are_scored_and_a_fifth_of_a_reference() {
+    fn points_and_a_fifth_of_a_reference_are_scored() {
         let shape = GridShape {
             columns: 2,
             rows: 1,
         };
         let known = |is_known: fn(usize) -> bool, density, origin| {
-            let value = |x, _| if is_known(x) { x as f32 } else { f32::INFINITY };
+            let value = |x, _| if is_known(x) { 5.0 } else { f32::INFINITY };
             let frame = frame(
                 Plane::from_fn(80, 1, value).unwrap(),
                 TruthKind { density, origin },
             );
             let cells = TrueCells::new(&frame, shape, RULE).unwrap();
-            let cells = [0, 1].map(|column| cells.grid().cell(column, 0).depth);
-            cells.map(|depth| depth.map(|depth| depth.median_px))
+            [0, 1].map(|column| cells.grid().cell(column, 0).depth.is_some())
         };
         // Ten points in the left cell, nine in the right one.
         let tenth = |x| x % 4 == 0 && x < 76;
         for density in [TruthDensity::Sparse, TruthDensity::Dense] {
             let cells = known(tenth, density, TruthOrigin::Exact);
-            assert_eq!(cells, [Some(16.0), None]);
+            assert_eq!(cells, [true, false]);
         }
         let reference = |is_known| {
             let origin = TruthOrigin::Reference("sgm".into());
             known(is_known, TruthDensity::Dense, origin)
         };
-        assert_eq!(reference(tenth), [Some(16.0), Some(56.0)]);
-        assert_eq!(reference(|x| x % 4 == 0 && x % 8 != 0), [None; 2]);
-    }
-
-    /// A floor of 40 rows, every fourth of which is known: the score of a map, and the counts of
-    /// its cell.
-    fn floor(map: impl Fn(usize) -> f32) -> (CellJudgement, SurfaceTally) {
-        let known = |_: usize, y: usize| {
-            if y.is_multiple_of(4) {
-                y as f32
-            } else {
-                f32::INFINITY
-            }
-        };
-        let frame = frame(Plane::from_fn(16, 40, known).unwrap(), TruthKind::default());
-        let shape = GridShape {
-            columns: 1,
-            rows: 1,
-        };
-        let cells = TrueCells::new(&frame, shape, RULE).unwrap();
-        let map = Plane::from_fn(16, 40, |_, y| map(y)).unwrap();
-        let reported = depth::grid(&map, shape.into(), None);
-        let tally = SurfaceTally::new(&frame, &cells, &reported, RULE);
-        (cells.judge(&reported)[0], tally)
+        assert_eq!(reference(tenth), [true, true]);
+        assert_eq!(reference(|x| x % 4 == 0 && x % 8 != 0), [false, false]);
+        // Points on three quarters of the pixels, in three of eight parts of the left cell.
+        let uneven = |x| !(15..40).contains(&x);
+        let [sparse, dense] = [TruthDensity::Sparse, TruthDensity::Dense]
+            .map(|density| known(uneven, density, TruthOrigin::Exact));
+        assert_eq!((sparse, dense), ([false, true], [false, true]));
     }
 
     #[test]
@@ -270,11 +263,7 @@ mod tests {
         let median = |density| {
             let origin = TruthOrigin::Exact;
             let frame = frame(disparity.clone(), TruthKind { density, origin });
-            let one = GridShape {
-                columns: 1,
-                rows: 1,
-            };
-            let cells = TrueCells::new(&frame, one, RULE).unwrap();
+            let cells = TrueCells::new(&frame, ONE_CELL, RULE).unwrap();
             cells.grid().cell(0, 0).depth.unwrap().median_px
         };
         assert_eq!(
@@ -283,15 +272,71 @@ mod tests {
         );
     }
 
+    /// The cell of a slanted surface of 40 rows, every fifth of which is known from row `first` on:
+    /// the score of a map, and its counts.
+    fn slant(
+        first: usize,
+        px: impl Fn(usize) -> f32,
+        map_px: f32,
+    ) -> (CellJudgement, SurfaceTally) {
+        let known = |_: usize, y: usize| {
+            if y >= first && y.is_multiple_of(5) {
+                px(y)
+            } else {
+                f32::INFINITY
+            }
+        };
+        let frame = frame(Plane::from_fn(16, 40, known).unwrap(), TruthKind::default());
+        let cells = TrueCells::new(&frame, ONE_CELL, RULE).unwrap();
+        let map = Plane::filled(16, 40, map_px).unwrap();
+        let reported = depth::grid(&map, ONE_CELL.into(), None);
+        let tally = SurfaceTally::new(&frame, &cells, &reported, RULE);
+        (cells.judge(&reported)[0], tally)
+    }
+
     #[test]
     fn a_report_is_compared_with_the_points() {
-        // The points' median is 16, their 75th percentile 28.
-        let (right, tally) = floor(|_| 17.5);
-        assert_eq!((right.verdict, right.points), (Verdict::Right, Some(160)));
-        assert_eq!((tally.right, tally.near_right), (1, 0));
-        let (off, tally) = floor(|_| 18.5);
+        // The points' median is 15, their 75th percentile 25.
+        let floor = |map_px| slant(0, |y| y as f32, map_px);
+        let (right, tally) = floor(16.5);
+        assert_eq!((right.verdict, right.points), (Verdict::Right, Some(128)));
+        assert_eq!((tally.right, tally.near_right, tally.quarters), (1, 0, 1));
+        let (off, tally) = floor(17.5);
         assert_eq!((off.verdict, tally.wrong), (Verdict::Wrong, 1));
-        let rule = |d| (floor(|_| d).1.right, floor(|_| d).1.near_right);
-        assert_eq!([18.5, 26.0, 28.0].map(rule), [(0, 0), (0, 1), (0, 1)]);
+        let counts = |px| (floor(px).1.right, floor(px).1.near_right);
+        assert_eq!([17.5, 24.0, 27.0].map(counts), [(0, 0), (0, 1), (0, 1)]);
+        // Twice the tolerance at 80 px: 5 % of it.
+        let far = |map_px| slant(0, |_| 80.0, map_px);
+        assert_eq!(far(84.0).0.verdict, Verdict::Right);
+        assert_eq!(far(84.1).0.verdict, Verdict::Wrong);
+        assert_eq!((far(84.0).1.near_right, far(84.1).1.near_right), (1, 0));
+    }
+
+    #[test]
+    fn median_and_nearest_quarter_are_scored_each_where_it_is_known() {
+        let scored = |first, px: fn(usize) -> f32| {
+            [10.0, 50.0].map(|map_px| {
+                let (judgement, tally) = slant(first, px, map_px);
+                assert_eq!(judgement.points, Some((40 - first) / 5 * 16));
+                // The same cells for all reports.
+                (
+                    judgement.verdict != Verdict::NoTruth,
+                    tally.right + tally.wrong,
+                    tally.quarters,
+                )
+            })
+        };
+        // Half of the parts, and three quarters.
+        assert_eq!(scored(20, |_| 10.0), [(true, 1, 0); 2]);
+        assert_eq!(scored(10, |_| 10.0), [(true, 1, 1); 2]);
+        // The upper quarter is unknown; of the rest, a half or more than half is of one surface.
+        assert_eq!(
+            scored(10, |y| if y < 25 { 10.0 } else { 50.0 }),
+            [(false, 0, 1); 2]
+        );
+        assert_eq!(
+            scored(10, |y| if y < 35 { 10.0 } else { 50.0 }),
+            [(true, 1, 0); 2]
+        );
     }
 }

@@ -1,5 +1,5 @@
-//! Cells scored by a sparse truth agree with the dense truth that it is drawn from, in the patterns
-//! of a lidar, a laser scan and KITTI.
+//! Cells scored by a sparse truth agree with the dense truth that it is drawn from: in the patterns
+//! of a lidar and of KITTI, also where a scene's far, near or smooth surfaces have no points.
 
 use crate::common::datasets;
 use svl::arena::{Arena, ArenaConfig};
@@ -7,73 +7,150 @@ use svl::depth::{GridSettings, grid};
 use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::score::{CellJudgement, Judge, Verdict};
 use svl::source::dataset::Scene;
-use svl::stereo::{Estimate, Frame, Plane, RectifiedPair, Truth, TruthDensity, TruthKind};
+use svl::stereo::{
+    CellRule, Estimate, Frame, Plane, RectifiedPair, Truth, TruthDensity, TruthKind,
+};
 use svl::timing::StageTimes;
 
-/// True for a known pixel (x, y) of an image of a size.
-type Known = Box<dyn Fn(usize, usize, (usize, usize)) -> bool>;
+/// True for a pixel (x, y) of a frame that has a point.
+type HasPoint = Box<dyn Fn(usize, usize, &Dense) -> bool>;
 
-/// Lines of a lidar that misses the upper third.
-fn lidar(rows: usize, columns: usize) -> Known {
-    Box::new(move |x, y, (_, height)| {
-        y >= height / 3 && (y - height / 3).is_multiple_of(rows) && x.is_multiple_of(columns)
+/// A frame with dense truth.
+struct Dense<'a> {
+    frame: &'a Frame,
+    truth: &'a Plane<f32>,
+    /// Its 20th and its 80th percentile, pixels.
+    far_px: f32,
+    near_px: f32,
+}
+
+impl<'a> Dense<'a> {
+    fn new(frame: &'a Frame) -> Self {
+        let truth = &frame.truth.as_ref().unwrap().disparity;
+        let mut known: Vec<f32> = truth.pixels().filter(|d| d.is_finite()).collect();
+        known.sort_by(f32::total_cmp);
+        let [far_px, near_px] = [20, 80].map(|percent| known[percent * known.len() / 100]);
+        Self {
+            frame,
+            truth,
+            far_px,
+            near_px,
+        }
+    }
+
+    /// True if the image has nearly no contrast around a pixel, as sky, glass and lacquer have.
+    fn is_smooth(&self, x: usize, y: usize) -> bool {
+        let image = self.frame.pair.left();
+        let (width, height) = image.size();
+        let rows = y.saturating_sub(2)..(y + 3).min(height);
+        let values = rows.flat_map(|y| {
+            let columns = x.saturating_sub(2)..(x + 3).min(width);
+            columns.map(move |x| image.get(x, y))
+        });
+        let (least, greatest) = values.fold((u8::MAX, 0), |(low, high), value| {
+            (low.min(value), high.max(value))
+        });
+        greatest - least < 12
+    }
+}
+
+/// Rows and columns of a lidar that misses the upper third.
+fn lidar(rows: usize, columns: usize) -> HasPoint {
+    Box::new(move |x, y, dense| {
+        let top = dense.truth.height() / 3;
+        y >= top && (y - top).is_multiple_of(rows) && x.is_multiple_of(columns)
     })
 }
 
-/// Rows of the whole image.
-fn rows(every: usize) -> Known {
-    Box::new(move |_, y, _| y.is_multiple_of(every))
+/// The pixels in which KITTI's scene has points, scaled to the frame.
+fn kitti(mask: Plane<f32>) -> HasPoint {
+    Box::new(move |x, y, dense| {
+        let ((width, height), (w, h)) = (dense.truth.size(), mask.size());
+        mask.get(x * w / width, y * h / height).is_finite()
+    })
 }
 
-fn patterns() -> Vec<(&'static str, Known)> {
+/// Points of a pattern, but none on some surfaces of the scene.
+fn but_none_on(points: HasPoint, surfaces: fn(usize, usize, &Dense) -> bool) -> HasPoint {
+    Box::new(move |x, y, dense| points(x, y, dense) && !surfaces(x, y, dense))
+}
+
+fn is_far(x: usize, y: usize, dense: &Dense) -> bool {
+    dense.truth.get(x, y) <= dense.far_px
+}
+
+fn is_near(x: usize, y: usize, dense: &Dense) -> bool {
+    dense.truth.get(x, y) >= dense.near_px
+}
+
+fn is_smooth(x: usize, y: usize, dense: &Dense) -> bool {
+    dense.is_smooth(x, y)
+}
+
+fn patterns() -> Vec<(&'static str, HasPoint)> {
     // As in KITTI: denser in the centre than below, with holes.
-    let uneven = |share: fn(f64) -> f64| -> Known {
-        Box::new(move |x, y, (_, height)| {
+    let uneven = |share: fn(f64) -> f64| -> HasPoint {
+        Box::new(move |x, y, dense| {
+            let height = dense.truth.height();
             let mixed = (x * 7919 + y * 104_729) as u64 * 0x9E37_79B9_7F4A_7C15;
             let below = (height - y) as f64 / height as f64;
             y >= height / 3 && (mixed >> 40) as f64 / f64::from(1 << 24) < share(below)
         })
     };
-    let mut patterns: Vec<(_, Known)> = vec![
-        ("lidar, every 4th row, 2nd column", lidar(4, 2)),
-        ("lidar, every 6th row, 3rd column", lidar(6, 3)),
-        ("lidar, every 8th row, 3rd column", lidar(8, 3)),
-        ("laser scan in the middle row", {
-            Box::new(|_, y, (_, height)| y == height / 2)
+    let mut patterns: Vec<(_, HasPoint)> = vec![
+        ("lidar, 4th row, 2nd column", lidar(4, 2)),
+        ("lidar, 8th row, 3rd column", lidar(8, 3)),
+        ("the same, none on what is far", {
+            but_none_on(lidar(8, 3), is_far)
+        }),
+        ("the same, none on what is near", {
+            but_none_on(lidar(8, 3), is_near)
+        }),
+        ("the same, none on what is smooth", {
+            but_none_on(lidar(8, 3), is_smooth)
         }),
         ("uneven", uneven(|below| below * below)),
         ("uneven, on most pixels", uneven(|below| 1.4 * below)),
         // As where sweeps overlap in every second band.
-        ("all and thirds, on most pixels", {
-            Box::new(|_, y, (_, height)| (8 * y / height).is_multiple_of(2) || y.is_multiple_of(3))
+        ("all and thirds", {
+            Box::new(|_, y, dense| {
+                (8 * y / dense.truth.height()).is_multiple_of(2) || y.is_multiple_of(3)
+            })
         }),
-        ("every 8th row of all", rows(8)),
-        ("every 16th row of all", rows(16)),
-        ("every 20th row of all", rows(20)),
-        ("every 25th row of all", rows(25)),
+        ("every 16th row", Box::new(|_, y, _| y.is_multiple_of(16))),
         (
-            "every 20th column",
-            Box::new(|x, _, _| x.is_multiple_of(20)),
+            "every 12th column",
+            Box::new(|x, _, _| x.is_multiple_of(12)),
         ),
     ];
     if let Some(folder) = datasets() {
         let scene = Scene::find(&folder.join("kitti2012-000000_10"), "kitti").unwrap();
         let mask = scene.read(0).unwrap().truth.unwrap().disparity;
-        let known = move |x: usize, y: usize, (width, height): (usize, usize)| {
-            let (w, h) = mask.size();
-            mask.get(x * w / width, y * h / height).is_finite()
-        };
-        patterns.push(("KITTI's own", Box::new(known)));
+        let points = || kitti(mask.clone());
+        patterns.extend([
+            ("KITTI's", points()),
+            (
+                "KITTI's, none on what is far",
+                but_none_on(points(), is_far),
+            ),
+            (
+                "KITTI's, none on what is near",
+                but_none_on(points(), is_near),
+            ),
+            (
+                "KITTI's, none on what is smooth",
+                but_none_on(points(), is_smooth),
+            ),
+        ]);
     }
     patterns
 }
 
-fn thinned(frame: &Frame, known: &Known) -> Frame {
-    let truth = &frame.truth.as_ref().unwrap().disparity;
-    let (width, height) = truth.size();
+fn thinned(dense: &Dense, has_point: &HasPoint) -> Frame {
+    let (width, height) = dense.truth.size();
     let kept = |x, y| {
-        if known(x, y, truth.size()) {
-            truth.get(x, y)
+        if has_point(x, y, dense) {
+            dense.truth.get(x, y)
         } else {
             f32::INFINITY
         }
@@ -86,7 +163,7 @@ fn thinned(frame: &Frame, known: &Known) -> Frame {
             },
             ..Truth::exact(Plane::from_fn(width, height, kept).unwrap(), None)
         }),
-        ..frame.clone()
+        ..dense.frame.clone()
     }
 }
 
@@ -118,71 +195,92 @@ fn judged(frame: Frame, estimate: Estimate) -> Vec<CellJudgement> {
     judged.estimates[0].cells.clone().unwrap()
 }
 
+/// The verdict by dense truth, with the tolerance of sparse truth: only the cell's truth differs.
+fn verdict(dense: &CellJudgement, reported_px: Option<f32>, rule: CellRule) -> Verdict {
+    let true_px = dense.true_px.unwrap();
+    match (rule.proportional_at(true_px), reported_px) {
+        (CellRule::Disparity { tolerance_px }, Some(px)) => {
+            if (f64::from(px) - true_px).abs() <= tolerance_px {
+                Verdict::Right
+            } else {
+                Verdict::Wrong
+            }
+        }
+        _ => dense.verdict,
+    }
+}
+
+/// Cells with dense truth, those of them that a pattern scores, the known ones among these, and
+/// those with the verdict by dense truth among these.
 #[derive(Clone, Copy, Default)]
 struct Tally {
+    cells: usize,
     scored: usize,
     known: usize,
-    right: usize,
-    /// Scored right, wrong, but differently by the dense truth.
-    falsely: [usize; 2],
+    alike: usize,
 }
 
 impl Tally {
-    fn add(&mut self, dense: &CellJudgement, sparse: &CellJudgement) {
-        let is_known = sparse.verdict != Verdict::Unknown;
-        self.scored += 1;
-        self.known += usize::from(is_known);
-        self.right += usize::from(dense.verdict == Verdict::Right);
-        if dense.verdict != sparse.verdict {
-            self.falsely[usize::from(sparse.verdict == Verdict::Wrong)] += 1;
+    fn add(&mut self, verdict: Verdict, sparse: &CellJudgement) {
+        self.cells += 1;
+        self.scored += usize::from(sparse.verdict != Verdict::NoTruth);
+        if matches!(sparse.verdict, Verdict::Right | Verdict::Wrong) {
+            self.known += 1;
+            self.alike += usize::from(sparse.verdict == verdict);
         }
     }
 
-    /// Agreement over all cells, and over the known ones, %.
-    fn agreement(&self) -> [f64; 2] {
-        let off = self.falsely.iter().sum::<usize>() as f64;
-        [self.scored, self.known].map(|of| 100.0 * (1.0 - off / of as f64))
+    /// The fraction of the known cells with the verdict by dense truth, %.
+    fn agreement(&self) -> f64 {
+        100.0 * self.alike as f64 / self.known as f64
     }
+}
+
+/// The scores of an algorithm's cells, by pattern.
+fn tallies(frames: &[Frame], algorithm: &str, patterns: &[(&str, HasPoint)]) -> Vec<Tally> {
+    let algorithm: Algorithm = algorithm.parse().unwrap();
+    let mut tallies = vec![Tally::default(); patterns.len()];
+    for frame in frames {
+        let estimate = estimate(&algorithm, frame);
+        let rule = CellRule::default().for_rig(frame.rig().is_some());
+        let by_dense = judged(frame.clone(), estimate.clone());
+        let dense = Dense::new(frame);
+        for ((_, has_point), tally) in patterns.iter().zip(&mut tallies) {
+            let by_points = judged(thinned(&dense, has_point), estimate.clone());
+            let cells = by_dense.iter().zip(&by_points).zip(estimate.grid.iter());
+            for ((dense, sparse), (_, cell)) in cells {
+                if dense.points.is_none() && dense.true_px.is_some() {
+                    let reported_px = cell.depth.map(|depth| depth.median_px);
+                    tally.add(verdict(dense, reported_px, rule), sparse);
+                }
+            }
+        }
+    }
+    tallies
 }
 
 /// The algorithms' cells scored by sparse truths agree with those by the dense truth of the frames.
 fn agree(frames: &[Frame], algorithms: [&str; 4]) {
-    println!("| truth | algorithm | cells | known | right | agreement, % | of known cells, % |");
-    println!("|---|---|---:|---:|---:|---:|---:|");
     let patterns = patterns();
-    for name in algorithms {
-        let algorithm: Algorithm = name.parse().unwrap();
-        let mut tallies = vec![Tally::default(); patterns.len()];
-        for frame in frames {
-            let estimate = estimate(&algorithm, frame);
-            let dense = judged(frame.clone(), estimate.clone());
-            for ((_, known), tally) in patterns.iter().zip(&mut tallies) {
-                let sparse = judged(thinned(frame, known), estimate.clone());
-                let both = dense.iter().zip(&sparse);
-                both.filter(|(dense, sparse)| {
-                    let has_dense = dense.points.is_none() && dense.true_px.is_some();
-                    has_dense && sparse.verdict != Verdict::NoTruth
-                })
-                .for_each(|(dense, sparse)| tally.add(dense, sparse));
-            }
-        }
-        for ((pattern, _), tally) in patterns.iter().zip(tallies) {
-            let [all, known] = tally.agreement();
-            let Tally {
-                scored,
-                known: of,
-                right,
-                ..
-            } = tally;
-            let counts = format!("{scored} | {of} | {right} | {all:.1} | {known:.1}");
-            println!("| {pattern} | {name} | {counts} |");
-            let least = if pattern.ends_with("pixels") {
-                98.0
-            } else {
-                96.0
-            };
-            assert!(all >= least && scored >= frames.len(), "{name}, {pattern}");
-        }
+    let of_algorithms = algorithms.map(|name| tallies(frames, name, &patterns));
+    println!("| points | scored cells | {} |", algorithms.join(" | "));
+    println!("|---|---:|---:|---:|---:|---:|");
+    for (i, (pattern, _)) in patterns.iter().enumerate() {
+        let of_pattern = of_algorithms.each_ref().map(|tallies| tallies[i]);
+        let Tally { cells, scored, .. } = of_pattern[0];
+        let agreements = of_pattern.map(|tally| tally.agreement());
+        let shown = agreements
+            .map(|percent| format!("{percent:.1}"))
+            .join(" | ");
+        println!("| {pattern} | {scored} of {cells} | {shown} |");
+        // The same cells for all algorithms.
+        assert!(
+            of_pattern.iter().all(|tally| tally.scored == scored),
+            "{pattern}"
+        );
+        assert!(scored >= frames.len(), "{pattern}: {scored} cells");
+        let is_alike = |percent: &f64| *percent >= 95.0;
+        assert!(agreements.iter().all(is_alike), "{pattern}: {agreements:?}");
     }
 }
 

@@ -320,7 +320,7 @@ fn reports_in_the_order_of_their_dates_are_a_history() {
     let text = fixture.run("compare --history 1 0 0.earlier-1 README.md --page history.html");
     let words = [
         "  0\n2  ",
-        "bm                   right           ▄                      –  ",
+        "bm                   right             ▄                      –  ",
         "0.earlier-1: left out, a later report replaced it",
         "README.md: left out, not a report of `svl score`",
     ];

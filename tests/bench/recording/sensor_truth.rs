@@ -175,7 +175,7 @@ fn thinned(frame: &Frame, points: usize, seed: u64) -> Frame {
 }
 
 #[test]
-fn ten_points_of_a_cell_judge_it_nearly_as_all_do() {
+fn some_points_of_a_cell_judge_it_nearly_as_all_do() {
     let fixture = Fixture::new();
     fixture.write_short_arena("pairs.toml", FRAMES);
     fixture
@@ -183,18 +183,18 @@ fn ten_points_of_a_cell_judge_it_nearly_as_all_do() {
         .done();
     let exact = frames(&fixture.path("pairs.mcap"), None);
     let grids = matched(&exact);
-    println!("| points a cell | algorithm | as by all pixels, % | right | wrong | unknown |");
-    for points in [10, 20, 50, 200] {
+    println!("| points a cell | algorithm | cells | as by all, % | right | wrong | unknown |");
+    // Half of the 64 parts of a cell need points.
+    for points in [50, 100, 200] {
         let thin = |(i, frame): (usize, &Frame)| thinned(frame, points, i as u64);
         let some: Vec<_> = exact.iter().enumerate().map(thin).collect();
         for (algorithm, grids) in ALGORITHMS.iter().zip(&grids) {
             let (all, some) = (judged(&exact, grids), judged(&some, grids));
             let same = alike(&all, &some);
-            let (_, [right, wrong, unknown], _) = shares(&some);
-            println!(
-                "| {points} | {algorithm} | {:.1} | {right:.1} | {wrong:.1} | {unknown:.1} |",
-                100.0 * same
-            );
+            let (cells, [right, wrong, unknown], _) = shares(&some);
+            let shares = format!("{right:.1} | {wrong:.1} | {unknown:.1}");
+            let percent = 100.0 * same;
+            println!("| {points} | {algorithm} | {cells} | {percent:.1} | {shares} |");
             assert!(same > 0.93, "{algorithm}: {same} with {points} points");
         }
     }
@@ -256,6 +256,11 @@ fn numbers_from_sensors_equal_those_from_exact_truth() {
             line(&format!("exact at the pixels of {topic}"), algorithm, &some);
             line(topic, algorithm, &measured);
             let same = alike(&some, &measured);
+            if topic == "/scan" {
+                // Its points are in one of the eight rows of a cell's parts.
+                assert_eq!((shares(&some).0, shares(&measured).0), (0, 0));
+                continue;
+            }
             println!(
                 "{topic} {algorithm}: alike {same:.4}, with exact {:.4}",
                 alike(&all, &measured)
@@ -264,7 +269,6 @@ fn numbers_from_sensors_equal_those_from_exact_truth() {
             // the lidar's few lines fewer cells are scored, so each such cell has more weight.
             let least = match topic {
                 "/cam0/depth32" => 1.0,
-                "/scan" => 0.93,
                 "/lidar/points" => 0.95,
                 _ => 0.97,
             };

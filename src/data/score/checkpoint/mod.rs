@@ -351,6 +351,9 @@ impl Checkpoint {
         let of_cell = |cell: &[usize; 2]| match verdict(*cell) {
             Verdict::Wrong if self.cells.contains(cell) => Some(format!("{} is wrong", name(cell))),
             Verdict::Right => None,
+            Verdict::NoTruth if self.must.contains(cell) => {
+                Some(format!("{} has too little truth to be scored", name(cell)))
+            }
             _ if self.must.contains(cell) => Some(format!("{} is not right", name(cell))),
             _ => None,
         };
@@ -554,8 +557,10 @@ mod tests {
             });
             opening().failures(&grid_of(distances), Some(&judgements))
         };
-        use Verdict::{Right, Unknown, Wrong};
+        use Verdict::{NoTruth, Right, Unknown, Wrong};
         let seen = [Some(0.5), Some(1.5), Some(0.5)];
+        let unscored = failures(seen, [Right, NoTruth, Right]);
+        assert_eq!(unscored, ["(1, 0) has too little truth to be scored"]);
         assert!(failures(seen, [Right; 3]).is_empty());
         assert_eq!(failures(seen, [Wrong, Right, Right]), ["(0, 0) is wrong"]);
         let hidden = [Some(0.5), None, Some(0.5)];
