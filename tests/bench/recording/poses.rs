@@ -1,8 +1,8 @@
 //! Poses in other programs' recordings, and truths that are moved by them.
 
-use super::bag::{self, Message, cdr_in};
-use super::frames::{PERIOD_NS, read};
-use super::sensor::{START_NS, cloud, open, pairs, tf};
+use super::bag::{self, Message, cdr_in, ros_image};
+use super::frames::{PERIOD_NS, image, read};
+use super::sensor::{SIZE, START_NS, cloud, open, pairs, tf};
 use crate::cli::fixture::Fixture;
 use crate::common::assert_says;
 use re_cdr::{CdrWriter, LittleEndian};
@@ -309,6 +309,40 @@ fn a_checkpoint_by_place_is_scored_in_a_bag() {
     }
 }
 
+#[test]
+fn all_places_are_in_the_frame_of_the_first() {
+    let fixture = Fixture::new();
+    let mut all = messages(moving);
+    // A third pair 3 s later, and a map that places the odometry from 2 s on.
+    let last_ns = START_NS + 3_000_000_000;
+    all.extend((7..80).map(|i| moving(START_NS - 30_000_000 + 40_000_000 * i)));
+    let of_map = (50..80).map(|i| {
+        let stamp = START_NS - 30_000_000 + 40_000_000 * i;
+        transform(
+            "/tf",
+            stamp,
+            ["map", "odom"],
+            [100.0, 0.0, 0.0],
+            FACING_AHEAD,
+        )
+    });
+    all.extend(of_map);
+    for topic in ["/cam0/image_rect", "/cam1/image_rect"] {
+        let pixels: Vec<u8> = image(SIZE, 9).pixels().collect();
+        all.push(ros_image(topic, last_ns, SIZE, "mono8", &pixels));
+    }
+    all.sort_by_key(|message| message.log_time);
+    let (frames, error) = read(&bag::write(&fixture.path(""), &all));
+    assert!(error.is_none() && frames.len() == 3);
+    for frame in &frames {
+        let x = frame.pose.unwrap().translation.x;
+        assert!((x - x_at(frame.stamp_ns) - 0.1).abs() < 1e-6, "{x}");
+    }
+    let ran = fixture.svl("record bag.mcap -o x.mcap");
+    let words = "poses in 'map' begin after the first pairs, whose poses are in 'odom'";
+    assert_eq!(ran.stderr.matches(words).count(), 1, "{}", ran.stderr);
+}
+
 /// A wall 2 m ahead, seen 12 ms after the second pair from nearer.
 fn late_wall() -> Message {
     let late_ns = 12_000_000;
@@ -424,7 +458,9 @@ fn info_says_why_poses_are_not_usable() {
     let info = info.split_whitespace().collect::<Vec<_>>().join(" ");
     assert_says(
         &info,
-        &["8 messages of /tf cannot be used: its transform of 'base_link' in 'odom' has a quaternion whose norm"],
+        &[
+            "8 messages of /tf cannot be used: its transform of 'base_link' in 'odom' has a quaternion whose norm",
+        ],
     );
     for (messages, reason) in [
         (messages(moving), "all 2 left images have one"),

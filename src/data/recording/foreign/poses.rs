@@ -40,6 +40,8 @@ pub(super) struct PoseReader {
     moving: [BTreeMap<String, Moving>; 2],
     /// Messages that cannot be used, by topic, with the first reason.
     faulty: BTreeMap<String, (u64, String)>,
+    /// The frame that the places so far are in.
+    world: Option<String>,
 }
 
 /// What the pose of a frame is for.
@@ -64,7 +66,7 @@ pub(super) enum PoseMotion {
 /// The step from a frame to its parent.
 enum ChainLink<'a> {
     Moving(&'a Moving),
-    Fixed(&'a Isometry3<f64>),
+    Fixed(&'a Placed),
 }
 
 impl<'a> ChainLink<'a> {
@@ -72,6 +74,13 @@ impl<'a> ChainLink<'a> {
         match self {
             Self::Moving(moving) => Some(moving),
             Self::Fixed(_) => None,
+        }
+    }
+
+    fn parent(&self) -> &'a str {
+        match self {
+            Self::Moving(moving) => &moving.parent,
+            Self::Fixed((parent, _)) => parent,
         }
     }
 }
@@ -124,14 +133,29 @@ impl PoseReader {
             fixed: Transforms::default(),
             moving: Default::default(),
             faulty: BTreeMap::new(),
+            world: None,
         }))
     }
 
     /// The pose of `frame` in the topmost frame above it, if a moving one is on the way; `None` if
-    /// no two poses around the stamp are near enough.
+    /// no two poses around the stamp are near enough. All are in the frame of the first: one above
+    /// it that comes later would move the places.
     pub(super) fn at(&mut self, frame: &str, stamp_ns: u64) -> Option<Isometry3<f64>> {
         self.read_until(frame, PoseUse::Place, stamp_ns.saturating_add(AHEAD_NS));
-        pose(&self.chain(frame, PoseUse::Place), stamp_ns)
+        let mut links = self.chain(frame, PoseUse::Place);
+        let top = links.last()?.parent().to_owned();
+        if let Some(world) = self.world.as_ref().filter(|world| **world != top) {
+            let end = links.iter().position(|link| link.parent() == world);
+            links.truncate(end.map_or(0, |end| end + 1));
+            warn_once(format!(
+                "{}: poses in '{top}' begin after the first pairs, whose poses are in '{world}': \
+                 all are in '{world}'; --from begins later",
+                self.recording.path().display()
+            ));
+        }
+        let pose = pose(&links, stamp_ns)?;
+        self.world.get_or_insert(top);
+        Some(pose)
     }
 
     /// The pose of `frame` at the first stamp, in `frame` at the second one.
@@ -224,9 +248,9 @@ impl PoseReader {
                     links.push(ChainLink::Moving(moving));
                     &moving.parent
                 }
-                (None, Some((parent, pose))) => {
-                    links.push(ChainLink::Fixed(pose));
-                    parent
+                (None, Some(placed)) => {
+                    links.push(ChainLink::Fixed(placed));
+                    &placed.0
                 }
                 (None, None) => return links,
             };
@@ -338,7 +362,7 @@ fn pose(links: &[ChainLink<'_>], stamp_ns: u64) -> Option<Isometry3<f64>> {
     let mut pose = (!links.is_empty()).then(Isometry3::identity)?;
     for link in links {
         pose = match link {
-            ChainLink::Fixed(own) => *own * pose,
+            ChainLink::Fixed((_, own)) => *own * pose,
             ChainLink::Moving(moving) => moving.at(stamp_ns)? * pose,
         };
     }

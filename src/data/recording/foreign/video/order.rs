@@ -23,6 +23,10 @@ pub(in crate::recording) struct PictureOrder {
     last_ns: Option<u64>,
     /// Sum and number of the times between two pictures.
     periods_ns: (u64, u64),
+    /// Pictures since the last keyframe, and the shortest way so far from one to the next: numbers
+    /// begin anew there.
+    since_key: u32,
+    shortest_group: Option<u32>,
 }
 
 impl Default for PictureOrder {
@@ -35,6 +39,8 @@ impl Default for PictureOrder {
             slices: 0,
             last_ns: None,
             periods_ns: (0, 0),
+            since_key: 0,
+            shortest_group: None,
         }
     }
 }
@@ -112,7 +118,20 @@ impl PictureOrder {
             return Err("a message before it is missing, or it has B-frames".to_owned());
         }
         self.check_slices(slice_count, is_key)?;
-        self.check_time(apart_ns, is_key, parameters.numbers())?;
+        let numbers = parameters.numbers();
+        let numbers = self
+            .shortest_group
+            .map_or(numbers, |group| group.min(numbers));
+        self.check_time(apart_ns, is_key, numbers)?;
+        self.since_key += 1;
+        if is_key {
+            let group = std::mem::take(&mut self.since_key);
+            // From the first one on, and where nothing is missing.
+            if self.next.is_ok() {
+                let shortest = self.shortest_group.unwrap_or(group);
+                self.shortest_group = Some(shortest.min(group));
+            }
+        }
         self.next = Ok(number.next);
         Ok(CodedPicture {
             codec,
@@ -134,7 +153,8 @@ impl PictureOrder {
         ))
     }
 
-    /// The numbers of pictures return: a gap as long as all of them is seen by the stamps.
+    /// The numbers of pictures return, and begin anew at each keyframe: a gap as long as all of them,
+    /// or as a group of pictures, is seen by the stamps.
     fn check_time(
         &mut self,
         apart_ns: Option<u64>,
@@ -147,7 +167,9 @@ impl PictureOrder {
         };
         let (total_ns, count) = self.periods_ns;
         if count > 0 && apart_ns / u64::from(numbers) >= total_ns / count {
-            return Err("as many messages before it may be missing as have numbers".to_owned());
+            return Err(
+                "as many messages before it may be missing as have other numbers".to_owned(),
+            );
         }
         self.periods_ns = (total_ns.saturating_add(apart_ns), count + 1);
         Ok(())
@@ -213,13 +235,21 @@ mod tests {
     }
 
     fn taken(order: &mut PictureOrder, units: &[&[u8]]) -> Result<CodedPicture, String> {
+        taken_at(order, units, None)
+    }
+
+    fn taken_at(
+        order: &mut PictureOrder,
+        units: &[&[u8]],
+        stamp: Option<u64>,
+    ) -> Result<CodedPicture, String> {
         let mark: &[u8] = &[0, 0, 0, 1];
         let data: Vec<u8> = units
             .iter()
             .flat_map(|unit| [mark, unit].concat())
             .collect();
         order.take_in(&Ok(Packet {
-            stamp: None,
+            stamp,
             codec: Ok(Codec::H264),
             data: data.into(),
         }))
@@ -272,6 +302,31 @@ mod tests {
         let times = [30, 36, 2, 64, 17 * 33].map(|ms| order.check_time(Some(ms), false, 16));
         assert_eq!(times.iter().filter(|time| time.is_ok()).count(), 4);
         assert!(times[4].is_err());
+    }
+
+    #[test]
+    fn a_missing_group_of_pictures_is_seen() {
+        let mut order = PictureOrder::default();
+        let key: [&[u8]; 3] = [&SEQUENCE, &PICTURES, &KEY];
+        let mut add = |i: u64, units: &[&[u8]]| {
+            let coded = taken_at(&mut order, units, Some(i * 100_000_000));
+            coded.map(|coded| coded.is_key)
+        };
+        let mut at = 0;
+        for _ in 0..2 {
+            for i in 0..5 {
+                let other = picture(1, 0, i);
+                let units: &[&[u8]] = if i == 0 { &key } else { &[&other] };
+                assert_eq!(add(at, units), Ok(i == 0));
+                at += 1;
+            }
+        }
+        assert_eq!(add(at, &key), Ok(true));
+        assert_eq!(add(at + 1, &[&picture(1, 0, 1)]), Ok(false));
+        // Five are missing, a keyframe among them: the next one has the expected number.
+        let missing = add(at + 7, &[&picture(1, 0, 2)]).unwrap_err();
+        assert!(missing.contains("may be missing"), "{missing}");
+        assert_eq!(add(at + 10, &key), Ok(true));
     }
 
     #[test]
