@@ -8,10 +8,13 @@ impl Summary {
     /// Sorts the algorithms by a metric, the best first, those without a value last. Of a metric
     /// that has no better direction the largest is first.
     pub fn sort_by(&mut self, metric: &Metric) {
-        let mut algorithms = std::mem::take(&mut self.algorithms);
-        let value = |a: &AlgorithmSummary| self.ranked(a, metric);
-        algorithms.sort_by(|a, b| better_first(metric, value(a), value(b)));
-        self.algorithms = algorithms;
+        // Before they are taken out: values are looked up among them.
+        let values = self.algorithms.iter().map(|a| self.ranked(a, metric));
+        let values: Vec<_> = values.collect();
+        let algorithms = std::mem::take(&mut self.algorithms);
+        let mut algorithms: Vec<_> = values.into_iter().zip(algorithms).collect();
+        algorithms.sort_by(|(a, _), (b, _)| better_first(metric, *a, *b));
+        self.algorithms = algorithms.into_iter().map(|(_, of)| of).collect();
         self.is_sorted = true;
     }
 

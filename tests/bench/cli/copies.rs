@@ -255,3 +255,25 @@ fn a_renamed_recording_is_compared() {
     assert_eq!(algorithm["unmatched"], 0);
     assert_eq!(algorithm["equal_results"], 12);
 }
+
+#[test]
+fn recordings_that_exchanged_their_names_are_compared() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 8);
+    for (seed, name) in [(1, "a"), (2, "b")] {
+        fixture.run(&format!(
+            "record short.toml --seed {seed} -q -o {name}.mcap"
+        ));
+    }
+    let score = "score a.mcap b.mcap --algo v3 --rerun none -q -o";
+    fixture.run(&format!("{score} before"));
+    let path = |name: &str| fixture.path(name);
+    std::fs::rename(path("a.mcap"), path("c.mcap")).unwrap();
+    std::fs::rename(path("b.mcap"), path("a.mcap")).unwrap();
+    std::fs::rename(path("c.mcap"), path("b.mcap")).unwrap();
+    fixture.run(&format!("{score} after"));
+    let shown: Value = serde_json::from_str(&fixture.run("compare before after --json")).unwrap();
+    let algorithm = &shown[0]["algorithms"][0];
+    assert_eq!(algorithm["equal_results"], 16, "{algorithm}");
+    assert_eq!(algorithm["unmatched"], 0);
+}

@@ -94,3 +94,29 @@ fn headings_of_the_table_name_its_metrics() {
         assert!(shown, "{head}: {text}");
     }
 }
+
+#[test]
+fn the_table_is_sorted_by_a_metric() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 12);
+    let algorithms = "--algo v3 --algo bm --algo sgm --algo v5";
+    let score = format!("score short.toml --seeds 1 {algorithms} --rerun none -q -o r");
+    fixture.run(&score);
+    for (metric, column, is_more_better) in [
+        ("right", "cells_right", true),
+        ("wrong", "cells_wrong", false),
+        ("known", "known_share", true),
+    ] {
+        fixture.run(&format!("{score} --resume --sort {metric}"));
+        let summary = fixture.text("r/summary.json");
+        let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+        let algorithms = summary["algorithms"].as_array().unwrap().iter();
+        let values: Vec<f64> = algorithms.map(|of| of[column].as_f64().unwrap()).collect();
+        let is_sorted = if is_more_better {
+            values.is_sorted_by(|a, b| a >= b)
+        } else {
+            values.is_sorted()
+        };
+        assert!(is_sorted && values.len() == 4, "{metric}: {values:?}");
+    }
+}

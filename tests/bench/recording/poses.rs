@@ -309,6 +309,25 @@ fn a_checkpoint_by_place_is_scored_in_a_bag() {
     }
 }
 
+/// A head that moves on a robot says nothing of the robot's place.
+#[test]
+fn poses_in_a_robots_own_frame_are_none() {
+    let mut all = messages(moving);
+    all[0] = transform("/tf_static", 0, ["head", "cam"], [0.1, 0.0, 0.3], OPTICAL);
+    for message in &mut all[1..9] {
+        let stamp = message.log_time;
+        let at = [x_at(stamp), 1.0, 0.0];
+        *message = transform("/tf", stamp, ["base_link", "head"], at, FACING_AHEAD);
+    }
+    assert_eq!(places(&all), None);
+    // With the odometry of the robot they are.
+    let stamps = (0..8).map(|i| START_NS - 30_000_000 + 40_000_000 * i);
+    let still = |stamp| transform("/tf", stamp, ["odom", "base_link"], [0.0; 3], FACING_AHEAD);
+    all.extend(stamps.map(still));
+    all.sort_by_key(|message| message.log_time);
+    assert!(places(&all).is_some());
+}
+
 #[test]
 fn all_places_are_in_the_frame_of_the_first() {
     let fixture = Fixture::new();

@@ -99,28 +99,34 @@ impl ScoredRun {
         })
     }
 
-    /// Names recordings as the other report does, which has the same pairs under another name.
+    /// Names recordings as the other report does, which has the same pairs under another name: each
+    /// as the one with the most pairs in common, of several its own name.
     pub fn name_runs_as(&mut self, base: &Self) {
-        let names = |run: &Self| -> BTreeSet<String> {
-            run.rows.iter().filter_map(|row| row.run.clone()).collect()
-        };
-        let (ours, theirs) = (names(self), names(base));
         let mut by_pair = BTreeMap::new();
         for row in &base.rows {
-            let name = row.run.as_ref().filter(|name| !ours.contains(*name));
-            if let Some(name) = name {
+            if let Some(name) = &row.run {
                 by_pair.insert((row.sequence, row.stamp_ns, row.pair_hash.as_str()), name);
             }
         }
-        let mut renamed = BTreeMap::new();
+        let mut common: BTreeMap<&str, BTreeMap<&str, u64>> = BTreeMap::new();
         for row in &self.rows {
-            let own = row.run.as_ref().filter(|name| !theirs.contains(*name));
             let pair = (row.sequence, row.stamp_ns, row.pair_hash.as_str());
-            if let Some((own, name)) = own.zip(by_pair.get(&pair)) {
-                renamed
-                    .entry(own.clone())
-                    .or_insert_with(|| (*name).clone());
+            if let Some((own, name)) = row.run.as_ref().zip(by_pair.get(&pair)) {
+                *common.entry(own).or_default().entry(name).or_default() += 1;
             }
+        }
+        let mut renamed = BTreeMap::new();
+        for (own, names) in &common {
+            let rank = |(name, pairs): &(&&str, &u64)| (**pairs, **name == *own);
+            let best = names.iter().max_by_key(rank).map(|(name, _)| *name);
+            renamed.extend(best.map(|name| ((*own).to_owned(), name.to_owned())));
+        }
+        // Of two that would have one name, and of one whose name another takes, both keep theirs.
+        let own: BTreeSet<String> = self.rows.iter().filter_map(|row| row.run.clone()).collect();
+        let new = |name: &String| renamed.get(name).unwrap_or(name).clone();
+        let all: BTreeSet<String> = own.iter().map(new).collect();
+        if all.len() < own.len() {
+            return;
         }
         let rows = self.rows.iter_mut().map(|row| &mut row.run);
         let failures = self.failures.iter_mut().map(|row| &mut row.run);

@@ -111,6 +111,9 @@ pub(super) fn why_no_depths(name: &str) -> String {
     format!("its pixels are '{name}'; depths are 16UC1 in millimetres, 32FC1 or 64FC1 in metres")
 }
 
+/// Bytes behind an image that are padding, as of a page of memory.
+const MAX_PADDING_BYTES: usize = 4096;
+
 impl PixelEncoding {
     /// The mosaic of its samples, if they are one.
     pub(super) fn mosaic(&self) -> Option<Tile> {
@@ -165,6 +168,15 @@ impl PixelEncoding {
             Half => (height.saturating_add(height / 2), " and its chroma"),
             Full => (height.saturating_mul(3), " and its chroma"),
         };
+        // A payload of another encoding, as three channels said to be one.
+        let whole = all_rows.saturating_mul(step.max(row_bytes));
+        if raw.data.len() > whole.saturating_add(MAX_PADDING_BYTES) {
+            let got = raw.data.len();
+            return Err(format!(
+                "a {width}x{height} {encoding} image with rows of {step} bytes{chroma} is shorter \
+                 than its {got} bytes: its encoding or size is wrong"
+            ));
+        }
         let rows = files::strided_rows(raw.data, row_bytes, all_rows, step).map_err(|_| {
             let got = raw.data.len();
             format!(

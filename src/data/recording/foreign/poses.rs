@@ -207,7 +207,7 @@ impl PoseReader {
         moving.filter_map(of).collect()
     }
 
-    /// The links above a frame; none if nothing moves there.
+    /// The links above a frame; none if nothing moves there, or in a robot's own frame only.
     fn chain<'a>(&'a self, frame: &'a str, of: PoseUse) -> Vec<ChainLink<'a>> {
         // Odometry may move a frame that has a static parent as well: that of an inertial sensor.
         let orders = [
@@ -228,7 +228,10 @@ impl PoseReader {
                 }
             }
         }
-        let moves = |links: &Vec<ChainLink<'_>>| links.iter().any(|link| link.moving().is_some());
+        let moves = |links: &Vec<ChainLink<'_>>| {
+            let is_in_world = links.last().is_some_and(|top| !is_robot(top.parent()));
+            is_in_world && links.iter().any(|link| link.moving().is_some())
+        };
         chains.into_iter().find(moves).unwrap_or_default()
     }
 
@@ -347,6 +350,14 @@ enum ParentOrder {
 /// True for the world frame of an odometry: `odom`, `robot1/odom`, `camera_odom_frame`.
 fn is_odometry(frame: &str) -> bool {
     frame.to_ascii_lowercase().contains("odom")
+}
+
+/// True for a robot's own frame, in which a head moves and the robot does not: `base_link`,
+/// `robot1/base_footprint`.
+fn is_robot(frame: &str) -> bool {
+    ["base_link", "base_footprint"]
+        .iter()
+        .any(|name| frame.ends_with(name))
 }
 
 /// True for the frame of a map, in which poses are corrected.
