@@ -6,6 +6,9 @@ use svl_core::Result;
 use svl_data::files::DecodedImage;
 use svl_data::recording::StampOrigin;
 
+/// Rate of the stamps if none is known.
+const NOMINAL_HZ: f64 = 10.0;
+
 /// Origin of the stamps of a video.
 #[derive(Clone, Copy)]
 pub(super) enum Clock {
@@ -15,6 +18,40 @@ pub(super) enum Clock {
     Numbers(StampOrigin),
 }
 
+impl Clock {
+    pub(super) fn new(videos: &[VideoStream], fps: Option<f64>) -> Self {
+        let firsts: Option<Vec<i64>> = videos.iter().map(|video| video.first_ns).collect();
+        let periods = videos.iter().filter_map(|video| video.info.period_ns);
+        let rate = videos.iter().find_map(|video| video.info.rate_hz);
+        let nominal = StampOrigin::Nominal(rate.unwrap_or(NOMINAL_HZ));
+        match (fps, firsts.and_then(|firsts| firsts.into_iter().min())) {
+            (Some(hz), _) => Self::Numbers(StampOrigin::Given(hz)),
+            (None, Some(origin_ns)) => Self::Times {
+                origin_ns,
+                period_ns: periods.min().unwrap_or(nominal.stamp_ns(1)),
+            },
+            (None, None) => Self::Numbers(nominal),
+        }
+    }
+
+    /// Time from a frame to the next.
+    pub(super) fn period_ns(self) -> u64 {
+        match self {
+            Self::Times { period_ns, .. } => period_ns,
+            Self::Numbers(origin) => origin.stamp_ns(1),
+        }
+    }
+
+    /// Where stamps count frames.
+    pub(super) fn numbers(self) -> Option<StampOrigin> {
+        match self {
+            Self::Times { .. } => None,
+            Self::Numbers(origin) => Some(origin),
+        }
+    }
+}
+
+/// A video, and those of its frames that wait for a partner.
 pub(super) struct Camera {
     pub video: VideoStream,
     clock: Clock,

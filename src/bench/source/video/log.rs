@@ -3,7 +3,8 @@
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 
-/// Options of ffmpeg that keep the times of the file, as they are, and log one for each frame.
+/// Options of ffmpeg that keep each frame and the times of the file, and log one for each frame. The
+/// output gets times of its own: it would warn of those that its frame rate does not tell apart.
 pub(super) const TIMES: [&str; 9] = [
     "-v",
     // Each line with its level, also of one as the line before.
@@ -14,7 +15,7 @@ pub(super) const TIMES: [&str; 9] = [
     "-vsync",
     "passthrough",
     "-vf",
-    "settb=1/1000000000,metadata=add:key=t:value=0,metadata=print:key=t",
+    "settb=1/1000000000,metadata=add:key=t:value=0,metadata=print:key=t,setpts=N*100000000000",
 ];
 
 /// Longest part of a line that is read at once.

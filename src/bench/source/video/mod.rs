@@ -19,8 +19,6 @@ const ENDINGS: &[&str] = &[
     "mp4", "m4v", "mov", "avi", "mkv", "webm", "mpg", "mpeg", "wmv", "ogv", "ts",
 ];
 
-/// Rate of the stamps if none is known.
-const NOMINAL_HZ: f64 = 10.0;
 /// Largest relative difference of the frame rates of two cameras, and of their median periods,
 /// which files round to milliseconds.
 const RATE_TOLERANCE: f64 = 1e-3;
@@ -83,29 +81,9 @@ impl VideoSource {
     }
 
     fn new(videos: Vec<VideoStream>, fps: Option<f64>) -> Result<Self> {
-        let hz = videos[0].info.rate_hz;
-        let firsts: Option<Vec<i64>> = videos.iter().map(|video| video.first_ns).collect();
-        let (clock, period_ns) = match (fps, firsts) {
-            (None, Some(firsts)) => {
-                let periods = videos.iter().filter_map(|video| video.info.period_ns);
-                let period_ns = periods.min().unwrap_or((1e9 / NOMINAL_HZ) as u64);
-                let origin_ns = firsts.into_iter().min().unwrap_or(0);
-                (
-                    Clock::Times {
-                        origin_ns,
-                        period_ns,
-                    },
-                    period_ns,
-                )
-            }
-            (Some(hz), _) => by_number(StampOrigin::Given(hz)),
-            (None, None) => by_number(StampOrigin::Nominal(hz.unwrap_or(NOMINAL_HZ))),
-        };
-        let numbers = match clock {
-            Clock::Numbers(origin) => Some(origin),
-            Clock::Times { .. } => None,
-        };
-        let max_skew_ns = period_ns / 2;
+        let clock = Clock::new(&videos, fps);
+        let numbers = clock.numbers();
+        let max_skew_ns = clock.period_ns() / 2;
         if let [left, right] = &videos[..] {
             check_partners([left, right], numbers.is_none(), max_skew_ns)?;
         }
@@ -188,11 +166,6 @@ impl VideoSource {
             }
         }
     }
-}
-
-/// The clock that counts frames, and its period.
-fn by_number(origin: StampOrigin) -> (Clock, u64) {
-    (Clock::Numbers(origin), origin.stamp_ns(1))
 }
 
 /// Fails for two videos that make no pairs, and warns of what the user may not expect.

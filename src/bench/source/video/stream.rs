@@ -22,7 +22,7 @@ pub(super) struct VideoInfo {
     pub is_grey: bool,
     /// Frames per second.
     pub rate_hz: Option<f64>,
-    /// Median time from a frame to the next, nanoseconds, if the file has times.
+    /// Median time from a frame to the next, nanoseconds; of the mean rate if the file has no times.
     pub period_ns: Option<u64>,
     /// Time of the last frame, nanoseconds, if the file has times.
     pub last_ns: Option<i64>,
@@ -117,6 +117,7 @@ impl VideoInfo {
         let gaps = times.windows(2).map(|ends| ends[1].abs_diff(ends[0]));
         let mut gaps: Vec<_> = gaps.filter(|gap| *gap > 0).collect();
         gaps.sort_unstable();
+        let by_rate = rate_hz.map(|hz| (1e9 / hz) as u64);
         let duration = probe
             .format
             .duration
@@ -140,7 +141,7 @@ impl VideoInfo {
                 .pix_fmt
                 .is_some_and(|format| format.starts_with("gray")),
             rate_hz,
-            period_ns: gaps.get(gaps.len() / 2).copied(),
+            period_ns: gaps.get(gaps.len() / 2).copied().or(by_rate),
             last_ns: times.last().copied(),
             frames: frames.filter(|frames| *frames > 0),
         }))
