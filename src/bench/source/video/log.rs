@@ -3,8 +3,8 @@
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 
-/// Options of ffmpeg that keep each frame and the times of the file, and log one for each frame. The
-/// output gets times of its own: it would warn of those that its frame rate does not tell apart.
+/// Options of ffmpeg that keep each frame and the times of the file, and log one for each frame.
+/// The output gets times of its own: it would warn of those that its rate does not tell apart.
 pub(super) const TIMES: [&str; 9] = [
     "-v",
     // Each line with its level, also of one as the line before.

@@ -1,11 +1,11 @@
 //! Videos as a source: one of both images side by side, or one of each camera.
 
-mod camera;
 mod log;
+mod stamped;
 mod stream;
 
 use super::Source;
-use camera::{Camera, Clock};
+use stamped::{FrameClock, StampedVideo};
 use std::path::Path;
 use stream::VideoStream;
 use svl_core::stereo::{Exposure, Frame, Geometry, Losses};
@@ -39,7 +39,7 @@ pub(super) fn is_video(name: &str) -> bool {
 /// nearest stamps. Frames that a damaged or truncated video lacks are counted.
 pub struct VideoSource {
     /// Both cameras in one, or one each.
-    cameras: Vec<Camera>,
+    cameras: Vec<StampedVideo>,
     /// Where stamps count frames.
     numbers: Option<StampOrigin>,
     depth: BitDepth,
@@ -71,8 +71,8 @@ impl VideoSource {
     /// A video of each camera.
     ///
     /// # Errors
-    /// Those of [`VideoSource::side_by_side`]; [`Error::Format`] for two of other sizes or rates, or
-    /// of other times.
+    /// Those of [`VideoSource::side_by_side`]; [`Error::Format`] for two of other sizes, rates or
+    /// times.
     pub fn pair(left: &Path, right: &Path, fps: Option<f64>) -> Result<Self> {
         Self::new(
             vec![VideoStream::open(left)?, VideoStream::open(right)?],
@@ -81,13 +81,15 @@ impl VideoSource {
     }
 
     fn new(videos: Vec<VideoStream>, fps: Option<f64>) -> Result<Self> {
-        let clock = Clock::new(&videos, fps);
+        let clock = FrameClock::new(&videos, fps);
         let numbers = clock.numbers();
         let max_skew_ns = clock.period_ns() / 2;
         if let [left, right] = &videos[..] {
             check_partners([left, right], numbers.is_none(), max_skew_ns)?;
         }
-        let cameras = videos.into_iter().map(|video| Camera::new(video, clock));
+        let cameras = videos
+            .into_iter()
+            .map(|video| StampedVideo::new(video, clock));
         let mut source = Self {
             cameras: cameras.collect(),
             numbers,
@@ -295,8 +297,8 @@ impl Source for VideoSource {
                  stamps and pairs behind them are wrong"
             );
         }
-        let rest = if self.cameras.iter().any(Camera::is_over) {
-            self.cameras.iter().map(Camera::rest).sum()
+        let rest = if self.cameras.iter().any(StampedVideo::is_over) {
+            self.cameras.iter().map(StampedVideo::rest).sum()
         } else {
             0
         };

@@ -9,7 +9,7 @@ use svl_core::stereo::{Gray, MAX_SIDE};
 use svl_core::{Error, Result};
 use svl_data::files::{DecodedImage, ffmpeg};
 
-/// Options for an input: the times of an AVI are those of its index, which lists damaged frames too.
+/// Options for an input: the times of an AVI are those of its index, which has damaged frames too.
 const BY_INDEX: [&str; 2] = ["-fflags", "+sortdts"];
 
 /// Limit of ffprobe's output: a line for each frame of some days.
@@ -22,7 +22,7 @@ pub(super) struct VideoInfo {
     pub is_grey: bool,
     /// Frames per second.
     pub rate_hz: Option<f64>,
-    /// Median time from a frame to the next, nanoseconds; of the mean rate if the file has no times.
+    /// Median time between frames, nanoseconds; that of the rate if the file has no times.
     pub period_ns: Option<u64>,
     /// Time of the last frame, nanoseconds, if the file has times.
     pub last_ns: Option<i64>,

@@ -11,14 +11,14 @@ const NOMINAL_HZ: f64 = 10.0;
 
 /// Origin of the stamps of a video.
 #[derive(Clone, Copy)]
-pub(super) enum Clock {
+pub(super) enum FrameClock {
     /// The times of its frames, from this one on, nanoseconds.
     Times { origin_ns: i64, period_ns: u64 },
     /// The numbers of its frames, as they are decoded.
     Numbers(StampOrigin),
 }
 
-impl Clock {
+impl FrameClock {
     pub(super) fn new(videos: &[VideoStream], fps: Option<f64>) -> Self {
         let firsts: Option<Vec<i64>> = videos.iter().map(|video| video.first_ns).collect();
         let periods = videos.iter().filter_map(|video| video.info.period_ns);
@@ -52,9 +52,9 @@ impl Clock {
 }
 
 /// A video, and those of its frames that wait for a partner.
-pub(super) struct Camera {
+pub(super) struct StampedVideo {
     pub video: VideoStream,
-    clock: Clock,
+    clock: FrameClock,
     /// The next frames, with their stamps.
     waiting: VecDeque<(u64, DecodedImage)>,
     /// Number of frames read.
@@ -65,8 +65,8 @@ pub(super) struct Camera {
     is_disordered: bool,
 }
 
-impl Camera {
-    pub(super) fn new(video: VideoStream, clock: Clock) -> Self {
+impl StampedVideo {
+    pub(super) fn new(video: VideoStream, clock: FrameClock) -> Self {
         Self {
             video,
             clock,
@@ -99,8 +99,8 @@ impl Camera {
     /// than the last.
     fn stamp_ns(&mut self, time_ns: Option<i64>) -> u64 {
         let (origin_ns, period_ns) = match self.clock {
-            Clock::Numbers(origin) => return origin.stamp_ns(self.read),
-            Clock::Times {
+            FrameClock::Numbers(origin) => return origin.stamp_ns(self.read),
+            FrameClock::Times {
                 origin_ns,
                 period_ns,
             } => (origin_ns, period_ns),
