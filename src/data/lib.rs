@@ -17,7 +17,7 @@ pub mod losses;
 pub mod manifest;
 pub mod memory;
 pub mod overlay;
-mod pairing;
+pub mod pairing;
 pub mod plausibility;
 pub mod recording;
 pub mod resize;

@@ -161,7 +161,7 @@ impl Missing {
             count(unreadable, "pair").map(|n| n + " could not be read"),
             count(unpaired, "image").map(|n| n + " had no partner"),
             count(late, "image").map(|n| n + " came too late"),
-            count(cut, "frame").map(|n| n + " of a truncated video"),
+            count(cut, "frame").map(|n| n + " of a damaged or truncated video"),
             failures,
         ];
         let missing: Vec<_> = missing.into_iter().flatten().collect();

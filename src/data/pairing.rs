@@ -2,7 +2,7 @@
 
 /// Decision on the earliest waiting image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Nearest {
+pub enum Nearest {
     /// It and the earliest image of the other camera are a pair.
     Pair,
     /// Its nearest image of the other camera exceeds the largest skew.
@@ -14,7 +14,7 @@ pub(crate) enum Nearest {
 }
 
 /// Stamps of waiting images, in nanoseconds.
-pub(crate) struct WaitingStamps {
+pub struct WaitingStamps {
     /// The earliest image of both cameras.
     pub earliest_ns: u64,
     /// The next image of the same camera, if it has arrived.
@@ -25,13 +25,13 @@ pub(crate) struct WaitingStamps {
 
 impl WaitingStamps {
     /// Right stamp minus left stamp, absolute value.
-    pub(crate) fn skew_ns(&self) -> u64 {
+    pub fn skew_ns(&self) -> u64 {
         self.other_ns.abs_diff(self.earliest_ns)
     }
 
     /// Two images are a pair if each is the nearest to the other and they are at most `max_skew_ns`
     /// apart. Up to `certain_ns` apart, no later image can be nearer.
-    pub(crate) fn nearest(&self, max_skew_ns: u64, certain_ns: u64) -> Nearest {
+    pub fn nearest(&self, max_skew_ns: u64, certain_ns: u64) -> Nearest {
         // The earliest of the other camera's images is the nearest to `earliest_ns`: all others are
         // later. Only an image of its own camera can still be nearer to that one.
         let skew_ns = self.skew_ns();

@@ -20,13 +20,10 @@ const PARSED: &[(&str, &str)] = &[
         "svl record sim:right.jitter_ms=10 --rate 60 --trigger serial:",
         "needs a controller",
     ),
-    (
-        "svl record both.mp4",
-        "needs a video; cli::own_data has one",
-    ),
+    ("svl record both.mp4", "needs a video; cli::videos has one"),
     (
         "svl record . --left left.mp4",
-        "needs videos; cli::own_data has them",
+        "needs videos; cli::videos has them",
     ),
     ("svl record ros2:", "needs live topics; ros2:: has some"),
     ("svl replay ros2:", "needs live topics; ros2:: has some"),

@@ -95,11 +95,7 @@ pub fn report_losses(name: &str, losses: &Losses) {
         "came too late for a partner, as the file is not in the order of its stamps; `mcap sort \
          FILE -o SORTED.mcap` makes a file with all pairs",
     );
-    warn(
-        losses.cut,
-        "frame",
-        "behind the end of a video that is cut off",
-    );
+    warn(losses.cut, "frame", "a video is damaged or cut off");
     warn(losses.unpaired, "image", "without a partner");
     if losses.outside > 0 {
         let images = counted(losses.outside, "image");

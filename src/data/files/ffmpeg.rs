@@ -15,14 +15,17 @@ pub const SCALER: [&str; 2] = [
 const MAX_SAID: u64 = 4096;
 
 /// Starts a program of ffmpeg with its standard output as a pipe. Its standard error goes to a
-/// file, so that it never waits for a reader.
+/// file, so that it never waits for a reader; the file returned has a position of its own, so that
+/// it can be read while the program writes.
 ///
 /// # Errors
 /// [`Error::Program`] where it is missing; [`Error::Io`] without a temporary file.
 pub fn start(program: &'static str, command: &mut Command) -> Result<(Child, File)> {
     let temporary = |e| Error::io(std::env::temp_dir(), e);
-    let said = tempfile::tempfile().map_err(temporary)?;
-    let stderr = said.try_clone().map_err(temporary)?;
+    // Its name ends with this function, the file with its last user.
+    let stderr = tempfile::NamedTempFile::new().map_err(temporary)?;
+    let said = stderr.reopen().map_err(temporary)?;
+    let stderr = stderr.as_file().try_clone().map_err(temporary)?;
     command.stdout(Stdio::piped()).stderr(stderr);
     // Ctrl-C is for svl, which ends the run in order, and the program with it.
     #[cfg(unix)]

@@ -46,3 +46,4 @@ mod stress;
 mod survive;
 mod train;
 mod tune;
+mod videos;

@@ -1,4 +1,4 @@
-//! Users' images, videos and bags, from the folder to the recording.
+//! Users' images and bags, from the folder to the recording.
 
 use super::fixture::{Fixture, Ran, assert_says, has, pgm};
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb, RgbImage};
@@ -13,14 +13,14 @@ fn encoded(image: impl Into<DynamicImage>, format: ImageFormat) -> Vec<u8> {
     bytes.into_inner()
 }
 
-fn frames(fixture: &Fixture, name: &str) -> Vec<Frame> {
+pub(super) fn frames(fixture: &Fixture, name: &str) -> Vec<Frame> {
     let mut source = RecordingSource::open(fixture.path(name)).unwrap();
     std::iter::from_fn(|| source.next().unwrap()).collect()
 }
 
 /// The standard error of a run that kept everything except the losses it warned of.
 #[track_caller]
-fn incomplete(ran: Ran, words: &[&str]) {
+pub(super) fn incomplete(ran: Ran, words: &[&str]) {
     assert_eq!(ran.code, Some(4), "{}", ran.stderr);
     for word in words {
         assert!(
@@ -302,93 +302,6 @@ fn options_are_for_what_takes_them() {
     fixture
         .svl("replay p.mcap --bits 12")
         .failed(2, &["recordings of svl have 8 bits"]);
-}
-
-fn ffmpeg(fixture: &Fixture, args: &[&str]) {
-    let ran = Command::new("ffmpeg")
-        .args(["-v", "error", "-y"])
-        .args(args)
-        .current_dir(fixture.path(""))
-        .status();
-    assert!(ran.unwrap().success(), "{args:?}");
-}
-
-#[test]
-fn videos_are_pairs() {
-    if !has("ffmpeg", &["-version"]) {
-        return;
-    }
-    let fixture = Fixture::new();
-    let film = |size: &str, rate: u32, frames: u32, name: &str| {
-        let source = format!("testsrc=size={size}:rate={rate}");
-        let frames = frames.to_string();
-        let args = [
-            "-f",
-            "lavfi",
-            "-i",
-            &source,
-            "-frames:v",
-            &frames,
-            "-c:v",
-            "mjpeg",
-            name,
-        ];
-        ffmpeg(&fixture, &args);
-    };
-    film("128x48", 25, 30, "both.mkv");
-    fixture.run("record both.mkv --side-by-side -o both.mcap");
-    let pairs = frames(&fixture, "both.mcap");
-    assert_eq!((pairs.len(), pairs[0].pair.size()), (30, (64, 48)));
-    assert_eq!(
-        (pairs[3].stamp_ns, pairs[3].exposure.skew_ns),
-        (120_000_000, None)
-    );
-    assert!(pairs[3].color.is_some());
-    // Two with one rate, one of them shorter.
-    film("64x48", 25, 30, "a.avi");
-    film("64x48", 25, 28, "b.avi");
-    let two = ["record", ".", "--left", "a.avi", "--right"];
-    let ran = fixture.svl(&[&two[..], &["b.avi", "-o", "two.mcap"]].concat());
-    incomplete(
-        ran,
-        &["./a.avi has 30 frames, ./b.avi 28", "2 images dropped"],
-    );
-    assert_eq!(frames(&fixture, "two.mcap").len(), 28);
-    film("32x48", 25, 3, "small.avi");
-    film("64x48", 30, 3, "fast.avi");
-    for (other, words) in [
-        ("small.avi", ["64x48", "32x48"]),
-        ("fast.avi", ["25.000 frames a second", "30.000"]),
-        ("none.avi", ["none.avi", "no such file"]),
-    ] {
-        let args = [&two[..], &[other, "-o", "no.mcap"]].concat();
-        fixture.svl(&args).failed(1, &words);
-    }
-    // Truncated: the part before is kept, the part after is counted.
-    let whole = std::fs::read(fixture.path("both.mkv")).unwrap();
-    fixture.write("cut.mkv", &whole[..whole.len() / 2]);
-    let ran = fixture.svl("record cut.mkv --side-by-side -o cut.mcap");
-    incomplete(
-        ran,
-        &["frames dropped: behind the end of a video that is cut off"],
-    );
-    let kept = frames(&fixture, "cut.mcap").len();
-    assert!((5..30).contains(&kept), "{kept}");
-    fixture.write("no.mp4", "no video at all");
-    fixture
-        .svl("record no.mp4 --side-by-side -o no.mcap")
-        .failed(1, &["no.mp4: ffprobe cannot read it"]);
-}
-
-#[test]
-fn without_ffmpeg_the_cure_is_told() {
-    let fixture = Fixture::new();
-    fixture.write("a.mp4", "anything");
-    let args = ["record", "a.mp4", "--side-by-side", "-o", "a.mcap"];
-    let nowhere = fixture.path("nowhere").display().to_string();
-    fixture
-        .svl_with(&args, &[("PATH", &nowhere)])
-        .failed(1, &["not installed", "apt install ffmpeg"]);
 }
 
 /// Bags of rosbags, in each storage and compression.

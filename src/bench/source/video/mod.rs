@@ -1,13 +1,17 @@
 //! Videos as a source: one of both images side by side, or one of each camera.
 
+mod log;
+mod stamped;
 mod stream;
 
 use super::Source;
+use stamped::{FrameClock, StampedVideo};
 use std::path::Path;
 use stream::VideoStream;
 use svl_core::stereo::{Exposure, Frame, Geometry, Losses};
 use svl_core::{Error, Result};
 use svl_data::files::{BitDepth, DecodedImage};
+use svl_data::pairing::{Nearest, WaitingStamps};
 use svl_data::recording::StampOrigin;
 
 /// Extensions of videos.
@@ -15,10 +19,10 @@ const ENDINGS: &[&str] = &[
     "mp4", "m4v", "mov", "avi", "mkv", "webm", "mpg", "mpeg", "wmv", "ogv", "ts",
 ];
 
-/// Rate of the stamps if none is known.
-const NOMINAL_HZ: f64 = 10.0;
-/// Largest relative difference of the frame rates of two cameras.
+/// Largest relative difference of the frame rates of two cameras, and of their median periods,
+/// which files round to milliseconds.
 const RATE_TOLERANCE: f64 = 1e-3;
+const PERIOD_TOLERANCE: f64 = 0.02;
 
 /// True if a name is that of a video.
 pub(super) fn is_video(name: &str) -> bool {
@@ -31,15 +35,27 @@ pub(super) fn is_video(name: &str) -> bool {
 /// The pairs of one or two videos, which the program `ffmpeg` decodes to 8 bits. They count as raw,
 /// as a video does not declare rectification.
 ///
-/// A video that is cut off gives the frames before; those after are counted.
+/// Stamps are the times of the frames in the file, or count them. Two videos are paired by the
+/// nearest stamps. Frames that a damaged or truncated video lacks are counted.
 pub struct VideoSource {
     /// Both cameras in one, or one each.
-    streams: Vec<VideoStream>,
-    stamps: Option<StampOrigin>,
+    cameras: Vec<StampedVideo>,
+    /// Where stamps count frames.
+    numbers: Option<StampOrigin>,
     depth: BitDepth,
     /// The first pair, read when the videos were opened.
-    first: Option<[DecodedImage; 2]>,
+    first: Option<Pair>,
+    /// Largest difference of the stamps of a pair.
+    max_skew_ns: u64,
     sequence: u64,
+    unpaired: u64,
+    outside: u64,
+}
+
+struct Pair {
+    images: [DecodedImage; 2],
+    stamp_ns: u64,
+    skew_ns: Option<i64>,
 }
 
 impl VideoSource {
@@ -52,119 +68,197 @@ impl VideoSource {
         Self::new(vec![VideoStream::open(path)?], fps)
     }
 
-    /// A video of each camera, whose frames are pairs by their numbers.
+    /// A video of each camera.
     ///
     /// # Errors
-    /// Those of [`VideoSource::side_by_side`]; [`Error::Format`] for two of other sizes or rates.
+    /// Those of [`VideoSource::side_by_side`]; [`Error::Format`] for two of other sizes, rates or
+    /// times.
     pub fn pair(left: &Path, right: &Path, fps: Option<f64>) -> Result<Self> {
-        let streams = [VideoStream::open(left)?, VideoStream::open(right)?];
-        let [l, r] = [&streams[0].info, &streams[1].info];
-        let unlike = |what: String| {
-            let (left, right) = (left.display(), right.display());
-            Err(Error::format(
-                &streams[0].path,
-                format!("{what} ({left}, {right})"),
-            ))
-        };
-        if l.size != r.size {
-            let ((a, b), (c, d)) = (l.size, r.size);
-            return unlike(format!(
-                "has frames of {a}x{b}, its partner of {c}x{d}: no pairs"
-            ));
-        }
-        if let (Some(a), Some(b)) = (l.rate_hz, r.rate_hz)
-            && (a / b - 1.0).abs() > RATE_TOLERANCE
-        {
-            let cure = "convert one, as `ffmpeg -i IN -r HZ OUT` does";
-            return unlike(format!(
-                "has {a:.3} frames a second, its partner {b:.3}: their numbers make no pairs; \
-                 {cure}"
-            ));
-        }
-        if let (Some(a), Some(b)) = (l.frames, r.frames)
-            && a != b
-        {
-            let (left, right) = (left.display(), right.display());
-            tracing::warn!("{left} has {a} frames, {right} {b}: the rest has no partner");
-        }
-        Self::new(streams.into(), fps)
+        Self::new(
+            vec![VideoStream::open(left)?, VideoStream::open(right)?],
+            fps,
+        )
     }
 
-    fn new(streams: Vec<VideoStream>, fps: Option<f64>) -> Result<Self> {
-        let info = &streams[0].info;
-        let stamps = match (fps, info.rate_hz) {
-            (Some(hz), _) => Some(StampOrigin::Given(hz)),
-            (None, None) if info.stamps_ns.is_empty() => Some(StampOrigin::Nominal(NOMINAL_HZ)),
-            (None, _) => None,
-        };
+    fn new(videos: Vec<VideoStream>, fps: Option<f64>) -> Result<Self> {
+        let clock = FrameClock::new(&videos, fps);
+        let numbers = clock.numbers();
+        let max_skew_ns = clock.period_ns() / 2;
+        if let [left, right] = &videos[..] {
+            check_partners([left, right], numbers.is_none(), max_skew_ns)?;
+        }
+        let cameras = videos
+            .into_iter()
+            .map(|video| StampedVideo::new(video, clock));
         let mut source = Self {
-            streams,
-            stamps,
+            cameras: cameras.collect(),
+            numbers,
             depth: BitDepth::FULL,
             first: None,
+            max_skew_ns,
             sequence: 0,
+            unpaired: 0,
+            outside: 0,
         };
-        let first = source.images()?;
-        if first.is_none() {
-            return Err(Error::format(
-                &source.streams[0].path,
-                "gives no frame that can be read",
-            ));
+        source.first = source.images()?;
+        if let ([left, right], None) = (&source.cameras[..], &source.first) {
+            return Err(apart(&left.video, &right.video));
         }
-        source.first = first;
         Ok(source)
     }
 
     /// Origin of the stamps, if not the video.
     pub fn stamps(&self) -> Option<StampOrigin> {
-        self.stamps
+        self.numbers
     }
 
-    fn images(&mut self) -> Result<Option<[DecodedImage; 2]>> {
-        match &mut self.streams[..] {
-            [left, right] => Ok(left.next()?.zip(right.next()?).map(Into::into)),
-            streams => {
-                let both = &mut streams[0];
-                let Some(image) = both.next()? else {
-                    return Ok(None);
-                };
-                let halves = image.halves();
-                halves
-                    .map(Some)
-                    .map_err(|e| Error::format(&both.path, e.to_string()))
+    fn images(&mut self) -> Result<Option<Pair>> {
+        if self.cameras.len() == 2 {
+            return self.partners();
+        }
+        let both = &mut self.cameras[0];
+        both.fill(1)?;
+        let Some((stamp_ns, image)) = both.take() else {
+            return Ok(None);
+        };
+        let images = image
+            .halves()
+            .map_err(|e| Error::format(&both.video.path, e.to_string()))?;
+        Ok(Some(Pair {
+            images,
+            stamp_ns,
+            skew_ns: None,
+        }))
+    }
+
+    /// The next two frames each of which is the nearest to the other.
+    fn partners(&mut self) -> Result<Option<Pair>> {
+        loop {
+            for camera in &mut self.cameras {
+                camera.fill(2)?;
+            }
+            let [left, right] = [0, 1].map(|camera| self.cameras[camera].waiting_ns(0));
+            let (Some(left_ns), Some(right_ns)) = (left, right) else {
+                return Ok(None);
+            };
+            let early = usize::from(right_ns < left_ns);
+            let waiting = WaitingStamps {
+                earliest_ns: left_ns.min(right_ns),
+                next_ns: self.cameras[early].waiting_ns(1),
+                other_ns: left_ns.max(right_ns),
+            };
+            match waiting.nearest(self.max_skew_ns, 0) {
+                Nearest::TooFar | Nearest::Overtaken => {
+                    self.cameras[early].take();
+                    if self.cameras[1 - early].taken == 0 {
+                        self.outside += 1;
+                    } else {
+                        self.unpaired += 1;
+                    }
+                }
+                Nearest::Pair | Nearest::Unknown => {
+                    let [left, right] = [0, 1].map(|camera| self.cameras[camera].take());
+                    let skew_ns = right_ns as i64 - left_ns as i64;
+                    return Ok(left.zip(right).map(|((_, left), (_, right))| Pair {
+                        images: [left, right],
+                        stamp_ns: left_ns,
+                        skew_ns: self.numbers.is_none().then_some(skew_ns),
+                    }));
+                }
             }
         }
     }
+}
 
-    fn stamp_ns(&self, number: u64) -> u64 {
-        let info = &self.streams[0].info;
-        let listed = usize::try_from(number)
-            .ok()
-            .and_then(|i| info.stamps_ns.get(i));
-        match (self.stamps, listed) {
-            (Some(origin), _) => origin.stamp_ns(number),
-            (None, Some(ns)) => *ns,
-            (None, None) => StampOrigin::Given(info.rate_hz.unwrap_or(NOMINAL_HZ)).stamp_ns(number),
-        }
+/// Fails for two videos that make no pairs, and warns of what the user may not expect.
+fn check_partners(videos: [&VideoStream; 2], by_time: bool, max_skew_ns: u64) -> Result<()> {
+    let [left, right] = videos.map(|video| video.path.display());
+    let [l, r] = videos.map(|video| &video.info);
+    let unlike = |what: String| {
+        let reason = format!("{what} ({left}, {right})");
+        Err(Error::format(&videos[0].path, reason))
+    };
+    if l.size != r.size {
+        let ((a, b), (c, d)) = (l.size, r.size);
+        return unlike(format!(
+            "has frames of {a}x{b}, its partner of {c}x{d}: no pairs"
+        ));
     }
+    let differ = |a: f64, b: f64, tolerance: f64| (a / b - 1.0).abs() > tolerance;
+    let periods = l.period_ns.zip(r.period_ns).filter(|_| by_time);
+    if let (Some(a), Some(b)) = (l.rate_hz, r.rate_hz)
+        && differ(a, b, RATE_TOLERANCE)
+        && periods.is_none_or(|(a, b)| differ(a as f64, b as f64, PERIOD_TOLERANCE))
+    {
+        let cure = "convert one, as `ffmpeg -i IN -r HZ OUT` does";
+        return unlike(format!(
+            "has {a:.3} frames a second, its partner {b:.3}: no pairs; {cure}"
+        ));
+    }
+    if by_time {
+        return check_times(videos, max_skew_ns);
+    }
+    if let (Some(a), Some(b)) = (l.frames, r.frames)
+        && a != b
+    {
+        tracing::warn!("{left} has {a} frames, {right} {b}: the rest has no partner");
+    }
+    Ok(())
+}
+
+/// Fails for two videos without a common time, and warns of one that starts later.
+fn check_times(mut videos: [&VideoStream; 2], max_skew_ns: u64) -> Result<()> {
+    videos.sort_by_key(|video| video.first_ns);
+    let [early, late] = videos;
+    let (Some(first), Some(start)) = (early.first_ns, late.first_ns) else {
+        return Ok(());
+    };
+    let after = |end: i64| start.saturating_sub(end) > max_skew_ns as i64;
+    if early.info.last_ns.is_some_and(after) {
+        return Err(apart(early, late));
+    }
+    if after(first) {
+        tracing::warn!(
+            "{}: its first frame is {:.3} s later than that of {}: their times make the pairs; \
+             --fps HZ pairs by number",
+            late.path.display(),
+            start.saturating_sub(first) as f64 / 1e9,
+            early.path.display()
+        );
+    }
+    Ok(())
+}
+
+/// The error of two videos with no pair.
+fn apart(video: &VideoStream, other: &VideoStream) -> Error {
+    let reason = format!(
+        "has no frame at the time of one of {}: no pairs; --fps HZ pairs by number",
+        other.path.display()
+    );
+    Error::format(&video.path, reason)
 }
 
 impl Source for VideoSource {
     fn name(&self) -> String {
         let names: Vec<_> = self
-            .streams
+            .cameras
             .iter()
-            .map(|s| s.path.display().to_string())
+            .map(|camera| camera.video.path.display().to_string())
             .collect();
         names.join(" and ")
     }
 
     fn next(&mut self) -> Result<Option<Frame>> {
-        let images = match self.first.take() {
+        let pair = match self.first.take() {
             Some(first) => Some(first),
             None => self.images()?,
         };
-        let Some(images) = images else {
+        let Some(Pair {
+            images,
+            stamp_ns,
+            skew_ns,
+        }) = pair
+        else {
             return Ok(None);
         };
         let (pair, color) = self.depth.pair(images)?;
@@ -172,7 +266,7 @@ impl Source for VideoSource {
         self.sequence += 1;
         Ok(Some(Frame {
             sequence,
-            stamp_ns: self.stamp_ns(sequence),
+            stamp_ns,
             name: None,
             pair,
             geometry: Geometry::Raw,
@@ -183,38 +277,40 @@ impl Source for VideoSource {
             color,
             exposure: Exposure {
                 trigger_id: sequence,
+                skew_ns,
                 ..Exposure::default()
             },
         }))
     }
 
     fn pairs(&self) -> Option<u64> {
-        let frames: Option<Vec<_>> = self.streams.iter().map(|s| s.info.frames).collect();
+        let frames: Option<Vec<_>> = self.cameras.iter().map(|c| c.video.info.frames).collect();
         frames?.into_iter().min()
     }
 
     fn finish(&mut self, _: u64) -> Losses {
-        let has_ended = self.streams.iter().any(|stream| stream.has_ended);
-        // Number of frames of the longer one that the shorter one has no partner for.
-        let rest = |stream: &VideoStream| {
-            if has_ended && !stream.has_ended {
-                stream
-                    .info
-                    .frames
-                    .unwrap_or(stream.got)
-                    .saturating_sub(self.sequence)
-            } else {
-                stream.got.saturating_sub(self.sequence)
-            }
+        let lost = self.cameras.iter().map(|c| c.video.missing()).sum();
+        if self.numbers.is_some() && lost > 0 {
+            let name = self.name();
+            tracing::warn!(
+                "{name}: frames are counted without the {lost} lost: if those were not the last, \
+                 stamps and pairs behind them are wrong"
+            );
+        }
+        let rest = if self.cameras.iter().any(StampedVideo::is_over) {
+            self.cameras.iter().map(StampedVideo::rest).sum()
+        } else {
+            0
         };
-        let read_ahead = u64::from(self.first.is_some());
+        // Numbers do not tell which of the two started or stopped later.
+        let (outside, unpaired) = match self.numbers {
+            None => (rest, 0),
+            Some(_) => (0, rest),
+        };
         Losses {
-            cut: self.streams.iter().map(VideoStream::missing).sum(),
-            unpaired: self
-                .streams
-                .iter()
-                .map(|s| rest(s).saturating_sub(read_ahead))
-                .sum(),
+            cut: lost,
+            unpaired: self.unpaired + unpaired,
+            outside: self.outside + outside,
             ..Losses::default()
         }
     }

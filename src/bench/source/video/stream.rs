@@ -1,5 +1,6 @@
 //! The frames of one video, by way of the programs `ffprobe` and `ffmpeg`.
 
+use super::log::{self, DecoderLog};
 use std::ffi::OsString;
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -7,6 +8,9 @@ use std::process::{Child, Command, Stdio};
 use svl_core::stereo::{Gray, MAX_SIDE};
 use svl_core::{Error, Result};
 use svl_data::files::{DecodedImage, ffmpeg};
+
+/// Options for an input: the times of an AVI are those of its index, which has damaged frames too.
+const BY_INDEX: [&str; 2] = ["-fflags", "+sortdts"];
 
 /// Limit of ffprobe's output: a line for each frame of some days.
 const MAX_PROBE_BYTES: u64 = 1 << 30;
@@ -18,8 +22,10 @@ pub(super) struct VideoInfo {
     pub is_grey: bool,
     /// Frames per second.
     pub rate_hz: Option<f64>,
-    /// Stamps of its frames, nanoseconds from the first; empty if the file has none.
-    pub stamps_ns: Vec<u64>,
+    /// Median time between frames, nanoseconds; that of the rate if the file has no times.
+    pub period_ns: Option<u64>,
+    /// Time of the last frame, nanoseconds, if the file has times.
+    pub last_ns: Option<i64>,
     /// Number of frames by its header.
     pub frames: Option<u64>,
 }
@@ -64,6 +70,7 @@ impl VideoInfo {
         command
             .args(["-v", "error", "-select_streams", "v:0", "-of", "json"])
             .args(["-show_entries", entries])
+            .args(BY_INDEX)
             .arg(named(path));
         let (mut child, mut said) = ffmpeg::start("ffprobe", command.stdin(Stdio::null()))?;
         let mut json = Vec::new();
@@ -99,18 +106,27 @@ impl VideoInfo {
             let hz = frames.parse::<f64>().ok()? / seconds.parse::<f64>().ok()?;
             (hz.is_finite() && hz > 0.0).then_some(hz)
         });
-        // In the order of decoding; shown they are in that of their stamps.
-        let seconds = |packet: &ProbePacket| packet.pts_time.as_ref()?.parse::<f64>().ok();
-        let stamps: Option<Vec<f64>> = probe.packets.iter().map(seconds).collect();
-        let mut stamps = stamps.unwrap_or_default();
-        stamps.sort_unstable_by(f64::total_cmp);
-        let first = stamps.first().copied().unwrap_or(0.0);
-        let ns = stamps.iter().map(|s| ((s - first) * 1e9).round() as u64);
+        // In the order of decoding; shown they are in that of their times.
+        let ns = |packet: &ProbePacket| {
+            let seconds: f64 = packet.pts_time.as_ref()?.parse().ok()?;
+            Some((seconds * 1e9).round() as i64)
+        };
+        let times: Option<Vec<i64>> = probe.packets.iter().map(ns).collect();
+        let mut times = times.unwrap_or_default();
+        times.sort_unstable();
+        let gaps = times.windows(2).map(|ends| ends[1].abs_diff(ends[0]));
+        let mut gaps: Vec<_> = gaps.filter(|gap| *gap > 0).collect();
+        gaps.sort_unstable();
+        let by_rate = rate_hz.map(|hz| (1e9 / hz) as u64);
         let duration = probe
             .format
             .duration
             .and_then(|text| text.parse::<f64>().ok());
-        let by_duration = duration.zip(rate_hz).map(|(s, hz)| (s * hz).round() as u64);
+        // A duration may count from zero, though the first frame is later.
+        let start = times.first().map_or(0.0, |ns| *ns as f64 / 1e9).max(0.0);
+        let by_duration = duration
+            .zip(rate_hz)
+            .map(|(s, hz)| ((s - start) * hz).round() as u64);
         let listed = probe.packets.len() as u64;
         let frames = match stream.nb_frames.and_then(|text| text.parse().ok()) {
             Some(frames) => Some(frames),
@@ -125,28 +141,36 @@ impl VideoInfo {
                 .pix_fmt
                 .is_some_and(|format| format.starts_with("gray")),
             rate_hz,
-            stamps_ns: ns.collect(),
+            period_ns: gaps.get(gaps.len() / 2).copied().or(by_rate),
+            last_ns: times.last().copied(),
             frames: frames.filter(|frames| *frames > 0),
         }))
     }
 }
 
+/// A frame of a video, and its time in nanoseconds, if it has one.
+pub(super) type TimedImage = (Option<i64>, DecodedImage);
+
 /// A video that is being decoded.
 pub(super) struct VideoStream {
     pub path: PathBuf,
     pub info: VideoInfo,
+    /// The time of its first frame.
+    pub first_ns: Option<i64>,
     /// Frames decoded.
     pub got: u64,
     pub has_ended: bool,
     decoder: Child,
-    said: std::fs::File,
+    log: DecoderLog,
     bytes: Vec<u8>,
+    /// The first frame, read when the video was opened.
+    first: Option<TimedImage>,
 }
 
 impl VideoStream {
     /// # Errors
     /// [`Error::Io`]; [`Error::Program`] where ffmpeg is missing; [`Error::Format`] for what it
-    /// cannot read.
+    /// cannot read, or that has no frame.
     pub(super) fn open(path: &Path) -> Result<Self> {
         std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
         let info = VideoInfo::read(path)?;
@@ -159,29 +183,47 @@ impl VideoStream {
         let mut command = Command::new("ffmpeg");
         command
             // The frame as recorded: a rotated one would have another size.
-            .args(["-v", "error", "-nostdin", "-noautorotate", "-i"])
+            .args(["-nostdin", "-noautorotate"])
+            .args(BY_INDEX)
+            .arg("-i")
             .arg(named(path))
             // Each frame once, and the same bytes on every machine.
-            .args(["-map", "0:v:0", "-vsync", "passthrough"])
+            .args(["-map", "0:v:0"])
+            .args(log::TIMES)
             .args(ffmpeg::SCALER)
             .args(["-f", "rawvideo", "-pix_fmt", pixels, "pipe:1"]);
         let (decoder, said) = ffmpeg::start("ffmpeg", command.stdin(Stdio::null()))?;
-        Ok(Self {
+        let mut stream = Self {
             path: path.to_owned(),
             info,
+            first_ns: None,
             got: 0,
             has_ended: false,
             decoder,
-            said,
+            log: DecoderLog::new(said),
             bytes: vec![0; width * height * bytes],
-        })
+            first: None,
+        };
+        let Some(first) = stream.decode()? else {
+            return Err(Error::format(path, "gives no frame that can be read"));
+        };
+        stream.first_ns = first.0;
+        stream.first = Some(first);
+        Ok(stream)
     }
 
     /// The next frame; none at the end, also of one that is cut off.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub(super) fn next(&mut self) -> Result<Option<DecodedImage>> {
+    pub(super) fn next(&mut self) -> Result<Option<TimedImage>> {
+        match self.first.take() {
+            Some(first) => Ok(Some(first)),
+            None => self.decode(),
+        }
+    }
+
+    fn decode(&mut self) -> Result<Option<TimedImage>> {
         let Some(out) = self.decoder.stdout.as_mut().filter(|_| !self.has_ended) else {
             return Ok(None);
         };
@@ -190,7 +232,7 @@ impl VideoStream {
             Err(e) if e.kind() == ErrorKind::UnexpectedEof => {
                 self.has_ended = true;
                 let _ = self.decoder.wait();
-                if let Some(line) = ffmpeg::last_line(&mut self.said) {
+                if let Some(line) = self.log.last_error() {
                     tracing::warn!("{}: ffmpeg: {line}", self.path.display());
                 }
                 return Ok(None);
@@ -204,7 +246,8 @@ impl VideoStream {
         } else {
             DecodedImage::from_rgb(width, height, &self.bytes)
         };
-        image.map(Some)
+        let time_ns = self.log.next_ns();
+        image.map(|image| Some((time_ns, image)))
     }
 
     /// Number of its declared frames that were not decoded, once it has ended.
@@ -253,10 +296,13 @@ mod tests {
             (found.size, found.is_grey, found.frames),
             ((4, 2), true, Some(9))
         );
-        assert_eq!(found.stamps_ns, [0, 100_000_000, 200_000_000]);
+        assert_eq!(
+            (found.period_ns, found.last_ns),
+            (Some(100_000_000), Some(1_300_000_000))
+        );
         assert!((found.rate_hz.unwrap() - 29.97).abs() < 0.001);
         // Without a count the duration tells, but for a part of a frame.
-        for (duration, frames) in [("0.1", 3), ("0.134", 3), ("0.5", 15)] {
+        for (duration, frames) in [("1.2", 3), ("1.234", 3), ("1.6", 15)] {
             let format = format!(r#""format":{{"duration":"{duration}"}}"#);
             let json = format!(r#"{{"streams":[{{{stream}}}],{packets},{format}}}"#);
             assert_eq!(
@@ -274,8 +320,8 @@ mod tests {
         );
         let odd = odd.unwrap().unwrap();
         assert_eq!(
-            (odd.rate_hz, odd.stamps_ns, odd.frames),
-            (None, vec![], Some(1))
+            (odd.rate_hz, odd.period_ns, odd.frames),
+            (None, None, Some(1))
         );
     }
 }

@@ -1,0 +1,227 @@
+//! Users' videos, side by side and one of each camera, whole and damaged.
+
+use super::fixture::{Fixture, has};
+use super::own_data::{frames, incomplete};
+use std::ops::Range;
+use std::process::Command;
+
+const RECORD: &str = "record films --left left.mp4 --right right.mp4 -o out.mcap --force";
+
+fn ffmpeg(fixture: &Fixture, args: &[&str]) {
+    let ran = Command::new("ffmpeg")
+        .args(["-v", "error", "-y"])
+        .args(args)
+        .current_dir(fixture.path(""))
+        .status();
+    assert!(ran.unwrap().success(), "{args:?}");
+}
+
+#[test]
+fn videos_are_pairs() {
+    if !has("ffmpeg", &["-version"]) {
+        return;
+    }
+    let fixture = Fixture::new();
+    let film = |size: &str, rate: u32, frames: u32, name: &str| {
+        let source = format!("testsrc=size={size}:rate={rate}");
+        let frames = frames.to_string();
+        let args = [
+            "-f",
+            "lavfi",
+            "-i",
+            &source,
+            "-frames:v",
+            &frames,
+            "-c:v",
+            "mjpeg",
+            name,
+        ];
+        ffmpeg(&fixture, &args);
+    };
+    film("128x48", 25, 30, "both.mkv");
+    fixture.run("record both.mkv --side-by-side -o both.mcap");
+    let pairs = frames(&fixture, "both.mcap");
+    assert_eq!((pairs.len(), pairs[0].pair.size()), (30, (64, 48)));
+    assert_eq!(
+        (pairs[3].stamp_ns, pairs[3].exposure.skew_ns),
+        (120_000_000, None)
+    );
+    assert!(pairs[3].color.is_some());
+    // Two with one rate, one of them shorter.
+    film("64x48", 25, 30, "a.avi");
+    film("64x48", 25, 28, "b.avi");
+    let two = ["record", ".", "--left", "a.avi", "--right"];
+    let ran = fixture.svl(&[&two[..], &["b.avi", "-o", "two.mcap"]].concat());
+    assert!(ran.stderr.contains("2 images outside"), "{}", ran.stderr);
+    ran.done();
+    assert_eq!(frames(&fixture, "two.mcap").len(), 28);
+    // By number it is not known which of them is longer.
+    let ran = fixture.svl(&[&two[..], &["b.avi", "-o", "numbers.mcap", "--fps", "25"]].concat());
+    incomplete(
+        ran,
+        &["./a.avi has 30 frames, ./b.avi 28", "2 images dropped"],
+    );
+    assert_eq!(frames(&fixture, "numbers.mcap").len(), 28);
+    film("32x48", 25, 3, "small.avi");
+    film("64x48", 30, 3, "fast.avi");
+    for (other, words) in [
+        ("small.avi", ["64x48", "32x48"]),
+        ("fast.avi", ["25.000 frames a second", "30.000"]),
+        ("none.avi", ["none.avi", "no such file"]),
+    ] {
+        let args = [&two[..], &[other, "-o", "no.mcap"]].concat();
+        fixture.svl(&args).failed(1, &words);
+    }
+    // Truncated: the part before is kept, the part after is counted.
+    let whole = std::fs::read(fixture.path("both.mkv")).unwrap();
+    fixture.write("cut.mkv", &whole[..whole.len() / 2]);
+    let ran = fixture.svl("record cut.mkv --side-by-side -o cut.mcap");
+    incomplete(ran, &["frames dropped: a video is damaged or cut off"]);
+    let kept = frames(&fixture, "cut.mcap").len();
+    assert!((5..30).contains(&kept), "{kept}");
+    fixture.write("no.mp4", "no video at all");
+    fixture
+        .svl("record no.mp4 --side-by-side -o no.mcap")
+        .failed(1, &["no.mp4: ffprobe cannot read it"]);
+}
+
+#[test]
+fn without_ffmpeg_the_cure_is_told() {
+    let fixture = Fixture::new();
+    fixture.write("a.mp4", "anything");
+    let args = ["record", "a.mp4", "--side-by-side", "-o", "a.mcap"];
+    let nowhere = fixture.path("nowhere").display().to_string();
+    fixture
+        .svl_with(&args, &[("PATH", &nowhere)])
+        .failed(1, &["not installed", "apt install ffmpeg"]);
+}
+
+/// A video of 10 frames a second, each as bright as its number.
+fn write_film(fixture: &Fixture, width: u32, numbers: Range<u32>, filter: &str, name: &str) {
+    let (first, seconds) = (numbers.start, numbers.len() as f64 / 10.0);
+    let source = format!(
+        "color=size={width}x48:rate=10:d={seconds},format=yuv420p,\
+         geq=lum=16+5*(N+{first}):cb=128:cr=128{filter}"
+    );
+    let args = ["-f", "lavfi", "-i", &source, "-vsync", "vfr"];
+    ffmpeg(
+        fixture,
+        &[&args[..], &["-c:v", "mjpeg", "-q:v", "1", name]].concat(),
+    );
+}
+
+/// The number of the left and of the right frame of each pair, and its stamp in tenths of a second.
+fn pairs(fixture: &Fixture, name: &str) -> Vec<(u64, u64, u64)> {
+    let number = |gray: u8| (f64::from(gray) * 219.0 / 255.0 / 5.0).round() as u64;
+    let pairs = frames(fixture, name).into_iter().map(|frame| {
+        let [left, right] = [frame.pair.left(), frame.pair.right()].map(|image| image.get(20, 20));
+        assert_eq!(frame.stamp_ns % 100_000_000, 0);
+        (number(left), number(right), frame.stamp_ns / 100_000_000)
+    });
+    pairs.collect()
+}
+
+/// True pairs of the frames with these numbers.
+fn alike(numbers: impl Iterator<Item = u64>) -> Vec<(u64, u64, u64)> {
+    numbers.map(|n| (n, n, n)).collect()
+}
+
+#[test]
+fn two_videos_are_paired_by_their_times() {
+    if !has("ffmpeg", &["-version"]) {
+        return;
+    }
+    let fixture = Fixture::new();
+    fixture.write("films/README", "");
+    let lacks = |first: u32| format!(",select='not(between(n,{first},{}))'", first + 4);
+    write_film(&fixture, 64, 0..40, &lacks(5), "films/left.mp4");
+    write_film(&fixture, 64, 0..40, &lacks(20), "films/right.mp4");
+    incomplete(
+        fixture.svl(RECORD),
+        &["10 images dropped: without a partner"],
+    );
+    let both = (0..40).filter(|n| n / 5 != 1 && n / 5 != 4);
+    assert_eq!(pairs(&fixture, "out.mcap"), alike(both));
+    // By number their gaps make false pairs, as the user asked for.
+    fixture.run(&format!("{RECORD} --fps 10"));
+    assert_eq!(pairs(&fixture, "out.mcap")[5], (10, 5, 5));
+
+    // The right camera started three frames later, and stopped later.
+    write_film(&fixture, 64, 0..20, "", "films/left.mp4");
+    write_film(&fixture, 64, 3..23, "", "films/start.mp4");
+    for offset in ["0.3", "0.32"] {
+        let args = [
+            "-itsoffset",
+            offset,
+            "-i",
+            "films/start.mp4",
+            "-c",
+            "copy",
+            "films/right.mp4",
+        ];
+        ffmpeg(&fixture, &args);
+        let ran = fixture.svl(RECORD);
+        for words in ["later than that of films/left.mp4", "6 images outside"] {
+            assert!(ran.stderr.contains(words), "{}", ran.stderr);
+        }
+        ran.done();
+        assert_eq!(pairs(&fixture, "out.mcap"), alike(3..20));
+    }
+    let skew = frames(&fixture, "out.mcap")[0].exposure.skew_ns;
+    // In ticks of the file's clock.
+    assert_eq!(skew.unwrap() / 100_000, 200);
+
+    // Two clocks without a common time.
+    let args = [
+        "-itsoffset",
+        "1000",
+        "-i",
+        "films/start.mp4",
+        "-c",
+        "copy",
+        "films/right.mp4",
+    ];
+    ffmpeg(&fixture, &args);
+    let words = [
+        "films/left.mp4: has no frame at the time",
+        "--fps HZ pairs by number",
+    ];
+    fixture.svl(RECORD).failed(1, &words);
+    fixture.run(&format!("{RECORD} --fps 10"));
+    assert_eq!(pairs(&fixture, "out.mcap")[1], (1, 4, 1));
+}
+
+#[test]
+fn a_damaged_frame_shifts_no_other() {
+    if !has("ffmpeg", &["-version"]) {
+        return;
+    }
+    let fixture = Fixture::new();
+    fixture.write("films/README", "");
+    let damage = |name: &str| {
+        let mut bytes = std::fs::read(fixture.path(name)).unwrap();
+        let movie = bytes.windows(4).position(|word| word == b"movi").unwrap();
+        let starts = (movie..bytes.len()).filter(|at| bytes[*at..].starts_with(b"00dc"));
+        let starts: Vec<_> = starts.collect();
+        // One frame has no image, another not even the header of its chunk.
+        bytes[starts[10] + 8..starts[11]].fill(0);
+        bytes[starts[15]..starts[16]].fill(0);
+        fixture.write(name, bytes);
+    };
+    write_film(&fixture, 64, 0..30, "", "films/left.avi");
+    write_film(&fixture, 64, 0..30, "", "films/right.avi");
+    write_film(&fixture, 128, 0..30, "", "films/both.avi");
+    damage("films/right.avi");
+    damage("films/both.avi");
+    let intact = || (0..30).filter(|n| ![10, 15].contains(n));
+    let record = "record films --left left.avi --right right.avi -o out.mcap --force";
+    let dropped = "2 frames dropped: a video is damaged or cut off";
+    incomplete(fixture.svl(record), &[dropped, "2 images dropped: without"]);
+    assert_eq!(pairs(&fixture, "out.mcap"), alike(intact()));
+    let record_both = "record films/both.avi --side-by-side -o out.mcap --force";
+    incomplete(fixture.svl(record_both), &[dropped]);
+    assert_eq!(pairs(&fixture, "out.mcap"), alike(intact()));
+    // Numbers cannot tell where frames are lost, and say so.
+    let ran = fixture.svl(&format!("{record} --fps 10"));
+    incomplete(ran, &[dropped, "frames are counted without the 2 lost"]);
+}
