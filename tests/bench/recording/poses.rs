@@ -478,7 +478,8 @@ fn info_says_why_poses_are_not_usable() {
     assert_says(
         &info,
         &[
-            "8 messages of /tf cannot be used: its transform of 'base_link' in 'odom' has a quaternion whose norm",
+            "8 messages of /tf cannot be used: its transform of 'base_link' in 'odom' has a \
+             quaternion whose norm",
         ],
     );
     for (messages, reason) in [

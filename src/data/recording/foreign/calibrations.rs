@@ -1,7 +1,7 @@
 //! The calibrations of a recording's cameras, and what they say of its images.
 
 use super::camera::{self, Calibration, CalibrationChange};
-use super::poses::warn_once;
+use super::warnings::warn_once;
 use super::{Foreign, topics};
 use crate::recording::messages::Channel;
 use std::sync::Arc;

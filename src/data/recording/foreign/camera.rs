@@ -261,8 +261,8 @@ impl Calibration {
         ))
     }
 
-    /// True if images of this camera have to be rectified: it has distortion, a rotation, or another
-    /// projection than its own.
+    /// True if images of this camera have to be rectified: it has distortion, a rotation, or a P
+    /// that projects to other pixels than K.
     pub(super) fn is_of_raw_camera(&self) -> bool {
         let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         // All zeros mean a camera that was never calibrated; else the identity, up to the rounding

@@ -24,6 +24,7 @@ mod stamp_pairing;
 mod topics;
 mod transforms;
 mod video;
+mod warnings;
 
 pub use live::{LiveTopic, TopicPairs};
 pub use motion::PoseStep;

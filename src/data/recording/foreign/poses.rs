@@ -3,13 +3,13 @@
 
 use super::motion::{PoseStep, jump, steps};
 use super::transforms::{Placed, StampedTransform, Transforms, plain};
+use super::warnings::warn_once;
 use crate::recording::Recording;
 use crate::recording::messages::{Channel, EventReader, FileEvent};
 use crate::recording::ros;
 use nalgebra::Isometry3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
-use std::sync::{Mutex, PoisonError};
 use svl_core::Result;
 
 const ODOMETRY: &str = "nav_msgs/msg/Odometry";
@@ -20,8 +20,6 @@ const MAX_GAP_NS: u64 = 500_000_000;
 const AHEAD_NS: u64 = 1_000_000_000;
 /// Limit on poses of one frame: an hour at 1000 a second.
 const MAX_POSES: usize = 4_000_000;
-/// Limit on different warnings.
-const MAX_WARNINGS: usize = 100;
 /// Poses of one frame by two topics are equal up to the noise between two of their messages.
 const SAME_M: f64 = 0.1;
 const SAME_RAD: f64 = 2.0_f64.to_radians();
@@ -409,16 +407,6 @@ fn contradiction<'a>(
 fn is_same(one: &Isometry3<f64>, other: &Isometry3<f64>) -> bool {
     let apart = one.inverse() * other;
     apart.translation.vector.norm() <= SAME_M && apart.rotation.angle() <= SAME_RAD
-}
-
-/// Warns once in a process: pairs, truth and places read the poses of a recording each.
-pub(super) fn warn_once(warning: String) {
-    static WARNED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
-    let mut warned = WARNED.lock().unwrap_or_else(PoisonError::into_inner);
-    if warned.len() < MAX_WARNINGS && !warned.contains(&warning) {
-        tracing::warn!("{warning}");
-        warned.insert(warning);
-    }
 }
 
 /// Adds a pose. Returns the reason why it is not used: two tracks of a frame would be one that

@@ -1,6 +1,6 @@
 //! Static transforms between the frames of a robot: `/tf_static`, Foxglove's and RealSense's.
 
-use super::poses::warn_once;
+use super::warnings::warn_once;
 use super::{image, realsense};
 use crate::recording::messages::Channel;
 use crate::recording::{decode_protobuf, ros};
@@ -143,7 +143,7 @@ impl Transforms {
         both.filter(|name| !is_common(name)).collect()
     }
 
-    /// The transforms of a message. Warns once of those that are invalid beside others that are not.
+    /// The transforms of a message. Warns once of those that are invalid beside valid ones.
     ///
     /// # Errors
     /// The reason why there are none.

@@ -153,8 +153,8 @@ impl PictureOrder {
         ))
     }
 
-    /// The numbers of pictures return, and begin anew at each keyframe: a gap as long as all of them,
-    /// or as a group of pictures, is seen by the stamps.
+    /// The numbers of pictures return, and begin anew at each keyframe: a gap as long as all of
+    /// them, or as a group of pictures, is seen by the stamps.
     fn check_time(
         &mut self,
         apart_ns: Option<u64>,
