@@ -6,7 +6,8 @@ use super::ros::ROS1;
 use super::salvage::DamagedPart;
 use mcap::records::{self, ChunkIndex, Header, Metadata, Record, SchemaHeader, op};
 use std::borrow::Cow;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::{Mutex, PoisonError};
 use svl_core::counted;
 use svl_core::{Error, Result};
 
@@ -532,5 +533,18 @@ impl EventReader for Messages {
             }
         }
         Ok(None)
+    }
+}
+
+/// Limit on different warnings.
+const MAX_WARNINGS: usize = 100;
+
+/// Warns once in a process: pairs, truth and places read the poses of a recording each.
+pub(super) fn warn_once(warning: String) {
+    static WARNED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    let mut warned = WARNED.lock().unwrap_or_else(PoisonError::into_inner);
+    if warned.len() < MAX_WARNINGS && !warned.contains(&warning) {
+        tracing::warn!("{warning}");
+        warned.insert(warning);
     }
 }

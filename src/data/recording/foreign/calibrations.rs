@@ -1,9 +1,8 @@
 //! The calibrations of a recording's cameras, and what they say of its images.
 
 use super::camera::{self, Calibration, CalibrationChange};
-use super::warnings::warn_once;
 use super::{Foreign, topics};
-use crate::recording::messages::Channel;
+use crate::recording::messages::{Channel, warn_once};
 use std::sync::Arc;
 use svl_core::stereo::{Geometry, Rig, Side, StereoCalibration};
 

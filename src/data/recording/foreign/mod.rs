@@ -24,7 +24,6 @@ mod stamp_pairing;
 mod topics;
 mod transforms;
 mod video;
-mod warnings;
 
 pub use live::{LiveTopic, TopicPairs};
 pub use motion::PoseStep;

@@ -3,9 +3,8 @@
 
 use super::motion::{PoseStep, jump, steps};
 use super::transforms::{Placed, StampedTransform, Transforms, plain};
-use super::warnings::warn_once;
 use crate::recording::Recording;
-use crate::recording::messages::{Channel, EventReader, FileEvent};
+use crate::recording::messages::{Channel, EventReader, FileEvent, warn_once};
 use crate::recording::ros;
 use nalgebra::Isometry3;
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,8 +1,7 @@
 //! Static transforms between the frames of a robot: `/tf_static`, Foxglove's and RealSense's.
 
-use super::warnings::warn_once;
 use super::{image, realsense};
-use crate::recording::messages::Channel;
+use crate::recording::messages::{Channel, warn_once};
 use crate::recording::{decode_protobuf, ros};
 use foxglove::messages::{FrameTransform, FrameTransforms};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
