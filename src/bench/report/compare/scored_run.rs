@@ -121,7 +121,7 @@ impl ScoredRun {
             let best = names.iter().max_by_key(rank).map(|(name, _)| *name);
             renamed.extend(best.map(|name| ((*own).to_owned(), name.to_owned())));
         }
-        // Of two that would have one name, and of one whose name another takes, both keep theirs.
+        // All keep their names if two would have the same.
         let own: BTreeSet<String> = self.rows.iter().filter_map(|row| row.run.clone()).collect();
         let new = |name: &String| renamed.get(name).unwrap_or(name).clone();
         let all: BTreeSet<String> = own.iter().map(new).collect();

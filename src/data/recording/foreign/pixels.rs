@@ -159,6 +159,14 @@ mod tests {
     }
 
     #[test]
+    fn more_data_than_padding_is_another_encoding() {
+        let padded = |bytes: usize| read("mono8", (2, 2), 2, &vec![7; 4 + bytes]);
+        assert_eq!(padded(4096), Ok(vec![7; 4]));
+        let long = padded(4097).unwrap_err();
+        assert!(long.contains("is shorter than its 4101 bytes"), "{long}");
+    }
+
+    #[test]
     fn pixels_that_are_no_image_are_refused() {
         assert!(read("mono8", (2, 0), 2, &[0; 9]).is_err());
         assert!(read("bgra8", (u32::MAX, u32::MAX), u32::MAX, &[0; 9]).is_err());
