@@ -40,7 +40,7 @@ pub(super) fn is_video(name: &str) -> bool {
 pub struct VideoSource {
     /// Both cameras in one, or one each.
     cameras: Vec<StampedVideo>,
-    /// Where stamps count frames.
+    /// Origin of the stamps, if they count frames.
     numbers: Option<StampOrigin>,
     depth: BitDepth,
     /// The first pair, read when the videos were opened.

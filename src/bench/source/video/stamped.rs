@@ -42,7 +42,7 @@ impl FrameClock {
         }
     }
 
-    /// Where stamps count frames.
+    /// Origin of the stamps, if they count frames.
     pub(super) fn numbers(self) -> Option<StampOrigin> {
         match self {
             Self::Times { .. } => None,

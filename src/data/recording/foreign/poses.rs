@@ -500,7 +500,7 @@ mod tests {
         assert!(second.unwrap().contains("are in 'map' too; those in"));
         let first = add(&mut moving, "/odom", "base", at(7.0), 150_000_000);
         assert!(first.unwrap().contains("those of /tf too"));
-        // Of poses at one stamp the first is kept, as by tf2.
+        // The first of poses at one stamp is kept, as by tf2.
         assert_eq!(add(&mut moving, "/tf", "base", at(2.0), 200_000_000), None);
         let second = add(&mut moving, "/tf", "base", at(7.0), 200_000_000);
         assert!(second.unwrap().contains("differ at one stamp"));
