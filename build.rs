@@ -1,7 +1,30 @@
-//! Compiles in which revision and profile of svl this is, for the recordings' and reports' manifests.
+//! Compiles in the revision, the profile and the digest of the sources of svl, for the manifests of
+//! recordings and reports.
 
-use std::path::Path;
+use std::collections::hash_map::DefaultHasher;
+use std::hash::Hasher;
+use std::path::{Path, PathBuf};
 use std::process::Command;
+
+/// The sources that the rows of a report depend on; those of a published package are in Cargo.lock.
+const SOURCES: [&str; 8] = [
+    "src/core",
+    "src/calibrate",
+    "src/data",
+    "src/bench/source",
+    "src/bench/run",
+    "src/bench/drive",
+    "src/bench/sink/table.rs",
+    "Cargo.lock",
+];
+
+/// The parts of them that no row depends on.
+const OTHER_SOURCES: [&str; 4] = [
+    "src/data/fetch",
+    "src/data/fit",
+    "src/data/grab",
+    "src/core/examples",
+];
 
 fn main() {
     // Where they lie differs in a worktree.
@@ -21,8 +44,40 @@ fn main() {
     if let Some(profile) = profile {
         println!("cargo:rustc-env=SVL_PROFILE={}", profile.display());
     }
+    for name in SOURCES {
+        println!("cargo:rerun-if-changed={name}");
+    }
+    println!("cargo:rustc-env=SVL_SOURCES={}", digest_of_sources());
     if let Some(revision) = git(&["rev-parse", "--short=12", "HEAD"]) {
         println!("cargo:rustc-env=SVL_GIT_REVISION={revision}");
+    }
+}
+
+/// Digest of the names and bytes of [`SOURCES`].
+fn digest_of_sources() -> String {
+    let mut files = Vec::new();
+    for name in SOURCES {
+        add_files(Path::new(name), &mut files);
+    }
+    files.sort();
+    let mut hasher = DefaultHasher::new();
+    for path in files {
+        hasher.write(path.to_string_lossy().as_bytes());
+        hasher.write(&std::fs::read(&path).unwrap_or_default());
+    }
+    format!("{:016x}", hasher.finish())
+}
+
+fn add_files(path: &Path, files: &mut Vec<PathBuf>) {
+    if OTHER_SOURCES.iter().any(|other| path == Path::new(other)) {
+        return;
+    }
+    match std::fs::read_dir(path) {
+        Ok(entries) => entries
+            .flatten()
+            .for_each(|entry| add_files(&entry.path(), files)),
+        Err(_) if path.is_file() => files.push(path.to_owned()),
+        Err(_) => {}
     }
 }
 

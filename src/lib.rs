@@ -50,6 +50,7 @@ pub use svl_viewer as viewer;
 pub const BUILD: BuildInfo = BuildInfo {
     version: env!("CARGO_PKG_VERSION"),
     git_revision: option_env!("SVL_GIT_REVISION"),
+    sources: option_env!("SVL_SOURCES"),
     profile: option_env!("SVL_PROFILE"),
 };
 

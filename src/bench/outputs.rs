@@ -37,6 +37,8 @@ pub struct FolderRule {
     pub kind: &'static str,
     /// True if a file of that name belongs to it.
     pub owns: fn(&str) -> bool,
+    /// The folder that it may have in it.
+    pub inner: Option<&'static str>,
     /// The JSON file that each such folder has.
     pub mark: &'static str,
     /// Advice on how to name another.
@@ -47,6 +49,7 @@ pub struct FolderRule {
 const FIGURES: FolderRule = FolderRule {
     kind: "the figures to come",
     owns: |_| false,
+    inner: None,
     mark: "",
     cure: "name a new or empty folder with --figures",
 };
@@ -78,12 +81,25 @@ impl Outputs {
     /// Claims a folder, which is created. Refuses one that holds anything but an earlier output of
     /// the same kind.
     pub fn claim_folder(path: &Path, rule: &'static FolderRule) -> Result<Self> {
+        Self::claim_locked(path, rule, File::try_lock)
+    }
+
+    /// As [`Outputs::claim_folder`], together with other processes that claim it so.
+    pub fn claim_shared_folder(path: &Path, rule: &'static FolderRule) -> Result<Self> {
+        Self::claim_locked(path, rule, File::try_lock_shared)
+    }
+
+    fn claim_locked(
+        path: &Path,
+        rule: &'static FolderRule,
+        try_lock: fn(&File) -> std::result::Result<(), TryLockError>,
+    ) -> Result<Self> {
         let created = !path.exists();
         make_folder(path)?;
         // Two runs into one folder would mistake each other's files for those of an earlier report.
         // If folders cannot be opened or locked, nothing prevents that.
         let lock = File::open(path).ok();
-        if let Some(Err(TryLockError::WouldBlock)) = lock.as_ref().map(File::try_lock) {
+        if let Some(Err(TryLockError::WouldBlock)) = lock.as_ref().map(try_lock) {
             return Err(Error::Invalid(format!(
                 "{}: another svl writes there; {}",
                 path.display(),
@@ -157,21 +173,6 @@ impl Outputs {
         self.0.iter_mut().try_for_each(Output::set_aside)
     }
 
-    /// Takes a file of that name that was set aside with a folder into the new output, too. Where
-    /// the file system has links it stays aside as well, for [`Outputs`] that are dropped.
-    pub fn bring_back(&self, name: &str) -> Result<()> {
-        for Output { path, aside, .. } in &self.0 {
-            let aside = aside.as_ref().map(|aside| aside.join(name));
-            if let Some(aside) = aside.filter(|aside| aside.exists()) {
-                let target = path.join(name);
-                let moved = std::fs::hard_link(&aside, &target)
-                    .or_else(|_| std::fs::rename(&aside, &target));
-                moved.map_err(|e| Error::io(&aside, e))?;
-            }
-        }
-        Ok(())
-    }
-
     /// The new files are complete: the earlier ones are removed.
     pub fn commit(mut self) {
         for Output { folder, aside, .. } in self.0.drain(..) {
@@ -214,7 +215,10 @@ impl FolderRule {
     /// True if a file is one of such a folder.
     fn holds(&self, file: &Path) -> bool {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
-        file.is_file() && (self.owns)(&name)
+        match file.is_file() {
+            true => (self.owns)(&name),
+            false => self.inner == Some(&*name),
+        }
     }
 }
 
@@ -439,6 +443,7 @@ mod tests {
     const RULE: FolderRule = FolderRule {
         kind: "a report",
         owns: |name| name == "a.json",
+        inner: None,
         mark: "a.json",
         cure: "name another",
     };

@@ -11,6 +11,8 @@ pub struct BuildInfo {
     pub version: &'static str,
     /// `None` for a build outside a git checkout.
     pub git_revision: Option<&'static str>,
+    /// Digest of the sources that results depend on.
+    pub sources: Option<&'static str>,
     /// Cargo profile, such as `release` or `work`; `None` if the program does not report it.
     pub profile: Option<&'static str>,
 }
@@ -29,6 +31,7 @@ impl BuildInfo {
         BUILD.get().copied().unwrap_or(Self {
             version: env!("CARGO_PKG_VERSION"),
             git_revision: None,
+            sources: None,
             profile: None,
         })
     }

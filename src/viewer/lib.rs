@@ -142,8 +142,6 @@ struct RerunSink {
     last: Option<Moment>,
     detail: RerunDetail,
     frames: ListedFrames,
-    /// The same for later frames.
-    upcoming: ListedFrames,
     /// True if the frame being logged is listed, and if it has maps.
     is_listed: bool,
     has_maps: bool,
@@ -190,7 +188,6 @@ impl RerunSink {
             last: None,
             detail,
             frames: ListedFrames::default(),
-            upcoming: ListedFrames::default(),
             is_listed: false,
             has_maps: false,
             checkpoints: Vec::new(),
@@ -332,7 +329,6 @@ impl Sink for RerunSink {
         let words = |c: &Checkpoint| format!("checkpoint {}, {}", c.number, c.name);
         self.checkpoints = start.judge.checkpoints.iter().map(words).collect();
         self.frames.begin_run();
-        self.upcoming.begin_run();
         if self.changes.is_some() {
             let info = RunInfo::new(start.manifest, Vec::new());
             let parameters = TextDocument::from_markdown(info::parameters(&info));
@@ -345,13 +341,6 @@ impl Sink for RerunSink {
             self.last_pose = None;
         }
         Ok(())
-    }
-
-    fn ask_for_maps(&mut self, frame: &Frame, shows_checkpoint: bool, needed: &mut [bool]) {
-        let is_listed = self.upcoming.choose(frame.name.is_some(), shows_checkpoint);
-        if is_listed || self.detail == RerunDetail::Full {
-            needed.fill(true);
-        }
     }
 
     /// Logs a frame. An algorithm without an estimate for it shows nothing there.

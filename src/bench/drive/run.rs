@@ -141,7 +141,6 @@ impl DrivePlan<'_> {
                 Some(DriveEvent::Stuck { .. }) => (Some("stuck"), None),
             };
             TrackRow {
-                run_id: self.manifest.run_id.clone(),
                 scenario: self.manifest.scenario.clone(),
                 seed: self.course.seed(),
                 algorithm: self.algorithm.label().to_owned(),
@@ -166,7 +165,6 @@ impl DrivePlan<'_> {
         let places: Vec<_> = track.iter().map(place).collect();
         let name = |path: &Path| Some(path.file_name()?.to_str()?.to_owned());
         DriveRow {
-            run_id: self.manifest.run_id.clone(),
             scenario: self.manifest.scenario.clone(),
             seed: self.course.seed(),
             algorithm: self.algorithm.label().to_owned(),

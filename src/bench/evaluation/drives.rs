@@ -1,42 +1,29 @@
 //! The drives of a scenario: each course with each algorithm at the wheel, several at once.
 
-use super::folder::{COURSES, MANIFEST, ReportContent};
-use super::maps::maps;
-use super::part::{ReportPart, ReportRun};
-use super::plan::{EndedRun, EvaluationPlan};
+use super::evaluate::Measured;
+use super::plan::EvaluationPlan;
+use super::session::EvaluationSession;
 use crate::console::{Bar, Console, Unit};
 use crate::drive::{Course, DrivePlan, DriveResult};
-use crate::outputs::{Outputs, write_json};
-use crate::report::html::CheckpointFigure;
-use crate::report::{
-    CellRow, CoursePlan, DriveRow, EarlierRun, FailureRow, GateResult, Row, Summary, TableWriter,
-    TrackRow, whole_rows,
-};
-use crate::run::{Monitor, Pace, ending};
-use crate::sink::ReportPictures;
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use crate::report::CoursePlan;
+use crate::report::units::{BlockPictures, BlockWriter, DriveFacts, ReportRun};
+use crate::run::{Monitor, Pace};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use svl_core::{Error, Result, interrupt};
-use svl_data::losses::{FailedPairs, Missing, RunEnding};
-use svl_data::manifest::Manifest;
+use svl_data::manifest::hash;
 use svl_data::scenario::{Scenario, ScenarioSource};
 use svl_data::stress::Stress;
 
 /// A drive of the scenario, by the places of course and algorithm in it.
 #[derive(Clone, Copy)]
 struct DriveUnit {
+    /// Place of course and perturbation among all.
+    run: usize,
     course: usize,
     stress: Option<Stress>,
     algorithm: usize,
-}
-
-impl DriveUnit {
-    fn stress_text(&self) -> Option<String> {
-        self.stress.map(|stress| stress.to_string())
-    }
 }
 
 /// The name of a drive's recording in its report.
@@ -58,13 +45,9 @@ fn recording_name(scenario: &Scenario, seed: u64, unit: DriveUnit) -> String {
     }
 }
 
-/// Runs all drives and writes their report.
-pub(super) fn evaluate(
-    plan: &EvaluationPlan<'_>,
-    outputs: &mut Outputs,
-    console: &dyn Console,
-) -> Result<EndedRun> {
-    let (scenario, folder) = (plan.scenario, plan.folder);
+/// Drives what is missing of a scenario, several drives at once.
+pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Result<Measured> {
+    let scenario = plan.scenario;
     let ScenarioSource::Drive { seeds, .. } = &scenario.source else {
         return Err(Error::Invalid(format!(
             "scenario '{}' has no drives",
@@ -73,307 +56,60 @@ pub(super) fn evaluate(
     };
     let mut manifest = plan.manifest(Pace::Asap)?;
     manifest.times = Some("matching while other drives run".to_owned());
-    let earlier = if plan.resume {
-        EarlierDrives::read(folder, &mut manifest)?
-    } else {
-        EarlierDrives::default()
+    let levels: Vec<_> = plan.stresses().collect();
+    let courses = 0..seeds.len();
+    let runs: Vec<_> = courses
+        .flat_map(|course| levels.iter().map(move |stress| (course, *stress)))
+        .collect();
+    let key = |(course, stress): &(usize, Option<Stress>)| ReportRun {
+        run: None,
+        seed: Some(seeds[*course]),
+        stress: stress.map(|stress| stress.to_string()),
     };
-    outputs.set_aside()?;
-    let kept = earlier.drives.values().flat_map(|result| &result.drives);
-    for name in kept.filter_map(|row| row.recording.as_ref()) {
-        outputs.bring_back(name)?;
-    }
-    let mut report = DriveReport::begin(folder, manifest, scenario)?;
-    if let Some(shard) = plan.shard {
-        let texts = plan
-            .stresses()
-            .map(|level| level.map(|stress| stress.to_string()));
-        let texts: Vec<_> = texts.collect();
-        let runs = seeds.iter().flat_map(|seed| {
-            let of_course = texts.iter();
-            of_course.map(|stress| ReportRun::course(*seed, stress.as_deref()))
+    let keys = runs.iter().map(key).collect();
+    let session = EvaluationSession::open(plan, manifest, keys, console)?;
+    session.begin()?;
+    let algorithms = scenario.algorithms.len();
+    let is_missing = |unit: &DriveUnit| {
+        let label = scenario.algorithms[unit.algorithm].label();
+        session.runs[unit.run].kept.count(label) == 0
+    };
+    let units = runs.iter().enumerate().flat_map(|(run, (course, stress))| {
+        (0..algorithms).map(move |algorithm| DriveUnit {
+            run,
+            course: *course,
+            stress: *stress,
+            algorithm,
+        })
+    });
+    let units = units.enumerate().filter(|(i, _)| plan.shard.is_none_or(|shard| shard.takes(*i)));
+    let todo: Vec<_> = units.map(|(_, unit)| unit).filter(is_missing).collect();
+    if todo.is_empty() {
+        return Ok(Measured {
+            ran: Ok(()),
+            has_matched: false,
         });
-        ReportPart::write(folder, scenario, shard, runs.collect())?;
     }
-    let ran = report.drive_all(plan, seeds, earlier, console);
-    let mut missing = Missing::default();
-    for row in &report.collected.drives {
-        let (pairs, failed) = (row.frames, row.failures);
-        missing.pairs += pairs;
-        missing.add_failures(row.algorithm.clone(), FailedPairs { pairs, failed });
-    }
-    let pairs = missing.pairs;
-    let ending = ending(&ran, missing, scenario.options.allow_loss);
-    let finished = report.finish(plan, ending, console);
-    Ok(EndedRun {
-        ran,
-        finished,
-        pairs,
-        others: Vec::new(),
-        holds_earlier: plan.resume,
-        inputs: Vec::new(),
+    session.write(&session.manifest())?;
+    let work = DriveWork {
+        scenario,
+        seeds,
+        courses: Courses::new(scenario, seeds, todo.iter().map(|unit| unit.course)),
+        session: &session,
+        folder: plan.folder,
+        keep: plan.keep_drives,
+        bar: console.bar(
+            &format!("score {}", scenario.name),
+            Unit::Drives,
+            Some(todo.len() as u64),
+        ),
+        frames: AtomicU64::new(0),
+        is_over: AtomicBool::new(false),
+    };
+    Ok(Measured {
+        ran: work.drive_all(&todo),
+        has_matched: true,
     })
-}
-
-/// Seed, algorithm and stress of a drive.
-type DriveKey = (u64, String, Option<String>);
-
-/// The complete drives of an interrupted run.
-#[derive(Default)]
-struct EarlierDrives {
-    drives: HashMap<DriveKey, DriveResult>,
-    plans: Vec<CoursePlan>,
-}
-
-impl EarlierDrives {
-    /// Reads those of a folder, and notes in `manifest` that the run is resumed.
-    fn read(folder: &Path, manifest: &mut Manifest) -> Result<Self> {
-        if EarlierRun::open(folder, manifest)?.is_none() {
-            return Ok(Self::default());
-        }
-        let key = |seed: u64, algorithm: &str, stress: &Option<String>| {
-            (seed, algorithm.to_owned(), stress.clone())
-        };
-        let mut drives: HashMap<_, DriveResult> = HashMap::new();
-        // A drive's own row is written last: with it the drive is complete.
-        for row in whole_rows::<DriveRow>(&folder.join("drives.csv"))? {
-            let result = drives
-                .entry(key(row.seed, &row.algorithm, &row.stress))
-                .or_default();
-            result.drives.push(row);
-        }
-        for row in whole_rows::<TrackRow>(&folder.join("tracks.csv"))? {
-            if let Some(result) = drives.get_mut(&key(row.seed, &row.algorithm, &row.stress)) {
-                result.track.push(row);
-            }
-        }
-        for row in whole_rows::<Row>(&folder.join("rows.csv"))? {
-            let seed = row.seed.unwrap_or_default();
-            if let Some(result) = drives.get_mut(&key(seed, &row.algorithm, &row.stress)) {
-                result.rows.push(row);
-            }
-        }
-        for row in whole_rows::<CellRow>(&folder.join("cells.csv"))? {
-            let seed = row.seed.unwrap_or_default();
-            if let Some(result) = drives.get_mut(&key(seed, &row.algorithm, &row.stress)) {
-                result.cells.push(row);
-            }
-        }
-        for row in whole_rows::<FailureRow>(&folder.join("failures.csv"))? {
-            let seed = row.seed.unwrap_or_default();
-            if let Some(result) = drives.get_mut(&key(seed, &row.algorithm, &row.stress)) {
-                result.failures.push(row);
-            }
-        }
-        // A killed run has none.
-        let plans = std::fs::read_to_string(folder.join(COURSES)).ok();
-        let plans = plans.and_then(|text| serde_json::from_str(&text).ok());
-        Ok(Self {
-            drives,
-            plans: plans.unwrap_or_default(),
-        })
-    }
-}
-
-/// A report of drives under way.
-struct DriveReport {
-    folder: PathBuf,
-    manifest: Manifest,
-    rows: TableWriter<Row>,
-    cells: TableWriter<CellRow>,
-    drives: TableWriter<DriveRow>,
-    tracks: TableWriter<TrackRow>,
-    failures: TableWriter<FailureRow>,
-    collected: ReportContent,
-    track: Vec<TrackRow>,
-    plans: Vec<CoursePlan>,
-    /// Per algorithm the speed of its fastest collision; a drive of an earlier part of the run has
-    /// no figure of it.
-    worst: Vec<(Option<f64>, Option<CheckpointFigure>)>,
-}
-
-impl DriveReport {
-    fn begin(folder: &Path, manifest: Manifest, scenario: &Scenario) -> Result<Self> {
-        write_json(&folder.join(MANIFEST), &manifest)?;
-        Ok(Self {
-            folder: folder.to_owned(),
-            manifest,
-            rows: TableWriter::create_both(folder, "rows")?,
-            cells: TableWriter::create_both(folder, "cells")?,
-            drives: TableWriter::create_both(folder, "drives")?,
-            tracks: TableWriter::create_both(folder, "tracks")?,
-            failures: TableWriter::create_both(folder, "failures")?,
-            collected: ReportContent::default(),
-            track: Vec::new(),
-            plans: Vec::new(),
-            worst: scenario.algorithms.iter().map(|_| (None, None)).collect(),
-        })
-    }
-
-    /// Runs all drives, several at once; the sinks get them in order.
-    fn drive_all(
-        &mut self,
-        plan: &EvaluationPlan<'_>,
-        seeds: &[u64],
-        mut earlier: EarlierDrives,
-        console: &dyn Console,
-    ) -> Result<()> {
-        let (scenario, shard) = (plan.scenario, plan.shard);
-        let algorithms = 0..scenario.algorithms.len();
-        let courses = 0..seeds.len();
-        let levels: Vec<_> = plan.stresses().collect();
-        let units = courses.flat_map(|course| {
-            let algorithms = algorithms.clone();
-            levels.iter().flat_map(move |&stress| {
-                algorithms.clone().map(move |algorithm| DriveUnit {
-                    course,
-                    stress,
-                    algorithm,
-                })
-            })
-        });
-        let units = units.enumerate();
-        let units = units.filter(|(i, _)| shard.is_none_or(|shard| shard.takes(*i)));
-        let units: Vec<_> = units.map(|(_, unit)| unit).collect();
-        let key = |unit: &DriveUnit| {
-            let label = scenario.algorithms[unit.algorithm].label();
-            (seeds[unit.course], label.to_owned(), unit.stress_text())
-        };
-        let known = units.iter().map(|unit| earlier.drives.remove(&key(unit)));
-        let mut known: Vec<_> = known.collect();
-        let todo: Vec<_> = (0..units.len()).filter(|&i| known[i].is_none()).collect();
-        let work = DriveWork {
-            scenario,
-            seeds,
-            courses: Courses::new(scenario, seeds, todo.iter().map(|&i| units[i].course)),
-            manifest: self.manifest.clone(),
-            folder: self.folder.clone(),
-            keep: plan.keep_drives,
-            bar: console.bar(
-                &format!("score {}", scenario.name),
-                Unit::Drives,
-                Some(todo.len() as u64),
-            ),
-            frames: AtomicU64::new(0),
-            is_over: AtomicBool::new(false),
-        };
-        let next = AtomicUsize::new(0);
-        let ran = std::thread::scope(|scope| {
-            let (send, received) = channel();
-            let cores = std::thread::available_parallelism().map_or(1, usize::from);
-            for _ in 0..cores.min(todo.len()) {
-                let send = send.clone();
-                let (next, todo, units, work) = (&next, &todo, &units, &work);
-                scope.spawn(move || {
-                    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-                    let pool = pool.expect("a thread can be started");
-                    while let Some(&i) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
-                        let driven = pool.install(|| work.drive(units[i]));
-                        // Not received any more once one has failed.
-                        if work.is_over() || send.send((i, driven)).is_err() {
-                            break;
-                        }
-                    }
-                });
-            }
-            drop(send);
-            let ran = units.iter().enumerate().try_for_each(|(i, unit)| {
-                while known[i].is_none() {
-                    // The threads ended early.
-                    let Ok((j, driven)) = received.recv() else {
-                        return Err(Error::Invalid(
-                            "interrupted; --resume continues after the complete drives".to_owned(),
-                        ));
-                    };
-                    known[j] = Some(driven?);
-                }
-                let result = known[i].take().unwrap_or_default();
-                self.take(*unit, result)
-            });
-            work.is_over.store(true, Ordering::Relaxed);
-            // Complete drives after a missing one are kept, too.
-            for (i, driven) in received.try_iter() {
-                known[i] = driven.ok();
-            }
-            let mut rest = units.iter().zip(&mut known);
-            let kept = rest.try_for_each(|(unit, known)| {
-                known
-                    .take()
-                    .map_or(Ok(()), |result| self.take(*unit, result))
-            });
-            ran.and(kept)
-        });
-        let built = work.courses.into_plans();
-        let is_new = |plan: &CoursePlan| built.iter().all(|built| built.seed != plan.seed);
-        let mut plans: Vec<_> = earlier.plans.into_iter().filter(is_new).collect();
-        plans.extend(built);
-        for row in &self.collected.drives {
-            if plans.iter().all(|plan| plan.seed != row.seed) {
-                plans.push(Course::of_scenario(scenario, row.seed)?.plan());
-            }
-        }
-        let place = |plan: &CoursePlan| seeds.iter().position(|seed| *seed == plan.seed);
-        plans.sort_by_key(place);
-        self.plans = plans;
-        ran
-    }
-
-    /// Takes a drive; its own row is written last, so that its presence proves that the others are
-    /// complete.
-    fn take(&mut self, unit: DriveUnit, result: DriveResult) -> Result<()> {
-        let DriveResult {
-            drives,
-            track,
-            rows,
-            cells,
-            worst,
-            failures,
-            ..
-        } = result;
-        let fastest = &mut self.worst[unit.algorithm];
-        let hits = track.iter();
-        let hits = hits.filter(|row| row.event.as_deref() == Some("collision"));
-        let speed = hits.map(|row| row.speed_m_per_s).reduce(f64::max);
-        if unit.stress.is_none() && speed > fastest.0 {
-            *fastest = (speed, worst.map(|(_, figure)| figure));
-        }
-        if let Some(last) = failures.last() {
-            let record = &mut self.manifest.algorithms[unit.algorithm];
-            record.failed_pairs += failures.len() as u64;
-            record.failure = Some(last.reason.clone());
-        }
-        self.cells.push(cells)?;
-        self.rows.push(rows.iter().cloned())?;
-        self.failures.push(failures)?;
-        self.tracks.push(track.iter().cloned())?;
-        self.drives.push(drives.iter().cloned())?;
-        self.collected.rows.extend(rows);
-        self.collected.drives.extend(drives);
-        self.track.extend(track);
-        Ok(())
-    }
-
-    fn finish(
-        mut self,
-        plan: &EvaluationPlan<'_>,
-        ending: RunEnding,
-        console: &dyn Console,
-    ) -> Result<(Summary, Vec<GateResult>)> {
-        self.cells.finish()?;
-        self.rows.finish()?;
-        self.tracks.finish()?;
-        self.failures.finish()?;
-        self.drives.finish()?;
-        write_json(&self.folder.join(COURSES), &self.plans)?;
-        self.collected.maps = maps(&self.plans, &self.collected.drives, &self.track);
-        let worst = self.worst.into_iter();
-        self.collected.pictures = ReportPictures {
-            figures: worst.filter_map(|(_, figure)| figure).collect(),
-            scenes: Vec::new(),
-        };
-        let (head, content) = (plan.head(false), self.collected);
-        content.write(&self.folder, head, self.manifest, ending, console)
-    }
 }
 
 /// State that the threads share.
@@ -381,8 +117,8 @@ struct DriveWork<'a> {
     scenario: &'a Scenario,
     seeds: &'a [u64],
     courses: Courses<'a>,
-    manifest: Manifest,
-    folder: PathBuf,
+    session: &'a EvaluationSession,
+    folder: &'a Path,
     keep: bool,
     bar: Box<dyn Bar>,
     frames: AtomicU64,
@@ -394,29 +130,98 @@ impl DriveWork<'_> {
         self.is_over.load(Ordering::Relaxed) || interrupt::requested()
     }
 
-    fn drive(&self, unit: DriveUnit) -> Result<DriveResult> {
+    /// Drives several at once, up to the first error.
+    fn drive_all(&self, todo: &[DriveUnit]) -> Result<()> {
+        let next = AtomicUsize::new(0);
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let drive_on = || {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+            let pool = pool.expect("a thread can be started");
+            while let Some(unit) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let driven = pool.install(|| self.drive(*unit));
+                if driven.is_err() {
+                    self.is_over.store(true, Ordering::Relaxed);
+                }
+                driven?;
+                if self.is_over() {
+                    break;
+                }
+            }
+            Ok(())
+        };
+        let ended: Vec<Result<()>> = std::thread::scope(|scope| {
+            let threads = (0..cores.min(todo.len())).map(|_| scope.spawn(drive_on));
+            let threads: Vec<_> = threads.collect();
+            let join = |thread: std::thread::ScopedJoinHandle<'_, Result<()>>| {
+                thread
+                    .join()
+                    .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            };
+            threads.into_iter().map(join).collect()
+        });
+        ended.into_iter().fold(Ok(()), Result::and)?;
+        if interrupt::requested() {
+            return Err(Error::Invalid(
+                "interrupted; the same command continues after the complete drives".to_owned(),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Drives, and writes the unit if the drive is whole.
+    fn drive(&self, unit: DriveUnit) -> Result<()> {
         let course = self.courses.get(unit.course)?;
         let seed = self.seeds[unit.course];
         let name = recording_name(self.scenario, seed, unit);
         let recording = self.keep.then(|| self.folder.join(name));
+        if let Some(path) = recording.as_ref().filter(|path| path.exists()) {
+            // Of a drive that is driven again.
+            std::fs::remove_file(path).map_err(|e| Error::io(path, e))?;
+        }
+        let algorithm = &self.scenario.algorithms[unit.algorithm];
         let plan = DrivePlan {
             scenario: self.scenario,
-            manifest: &self.manifest,
+            manifest: &self.session.plan.manifest,
             course: &course,
-            algorithm: &self.scenario.algorithms[unit.algorithm],
+            algorithm,
             stress: unit.stress,
             recording: recording.as_deref(),
         };
         let driven = plan.drive(&mut DriveMonitor(self));
+        let course_plan = course.plan();
         drop(course);
         self.courses.done(unit.course);
         self.bar.step();
-        let is_whole = matches!(&driven, Ok(result) if !result.interrupted);
-        if let Some(path) = recording.filter(|_| !is_whole) {
-            // A part of a drive is useless.
-            let _ = std::fs::remove_file(path);
+        match driven {
+            Ok(result) if !result.interrupted => self.write(unit, result, course_plan),
+            driven => {
+                if let Some(path) = recording {
+                    // A part of a drive is useless.
+                    let _ = std::fs::remove_file(path);
+                }
+                driven.map(drop)
+            }
         }
-        driven
+    }
+
+    fn write(&self, unit: DriveUnit, result: DriveResult, course: CoursePlan) -> Result<()> {
+        let label = self.scenario.algorithms[unit.algorithm].label();
+        let (session, run) = (self.session, &self.session.runs[unit.run].run);
+        let folder = session.units.run_folder(run)?;
+        let name = format!("{}-{}", &hash(label)[..8], session.id());
+        let mut block = BlockWriter::new(&folder, name, session.id(), 0);
+        block.rows.push(result.rows)?;
+        block.cells.push(result.cells)?;
+        block.failures.push(result.failures)?;
+        block.drives.push(result.drives)?;
+        block.tracks.push(result.track)?;
+        let identity = &session.plan.identities[unit.algorithm];
+        block.set_drive(label, identity, DriveFacts { course });
+        let pictures = result.worst.map(|(_, figure)| BlockPictures {
+            samples: vec![(0, figure)],
+            ..BlockPictures::default()
+        });
+        block.seal(pictures.as_ref())
     }
 }
 
@@ -444,7 +249,6 @@ struct Courses<'a> {
 #[derive(Default)]
 struct CourseSlot {
     course: Option<Arc<Course>>,
-    plan: Option<CoursePlan>,
     drives_left: usize,
 }
 
@@ -472,7 +276,6 @@ impl<'a> Courses<'a> {
             return Ok(Arc::clone(course));
         }
         let course = Arc::new(Course::of_scenario(self.scenario, self.seeds[place])?);
-        slot.plan = Some(course.plan());
         slot.course = Some(Arc::clone(&course));
         Ok(course)
     }
@@ -483,11 +286,5 @@ impl<'a> Courses<'a> {
         if slot.drives_left == 0 {
             slot.course = None;
         }
-    }
-
-    fn into_plans(self) -> Vec<CoursePlan> {
-        let slots = self.slots.into_iter();
-        let slots = slots.map(|slot| slot.into_inner().unwrap_or_else(PoisonError::into_inner));
-        slots.filter_map(|slot| slot.plan).collect()
     }
 }

@@ -1,24 +1,30 @@
-//! Evaluates a scenario: its runs or its drives, into the report's folder.
+//! Evaluates a scenario: matches the units that are missing, and builds the report of all.
 
-use super::folder::read_ending;
-use super::part::ReportPart;
-use super::plan::{EndedRun, EvaluationPlan};
+use super::plan::EvaluationPlan;
 use super::{drives, scored_runs};
 use crate::console::Console;
 use crate::outputs::Outputs;
-use crate::report::{GateResult, Summary};
-use std::path::Path;
-use svl_core::Result;
-use svl_data::losses::RunState;
+use crate::report::units::{RunUnits, Units};
+use crate::report::{BuildOptions, BuiltReport, build};
+use std::fs::File;
+use svl_core::{Error, Result, counted};
 use svl_data::scenario::ScenarioSource;
 
-/// A report that is written.
+/// An evaluation that is over.
 pub struct Evaluation {
-    pub summary: Summary,
-    /// The results of the limits, if they were asked for.
-    pub gate: Vec<GateResult>,
-    /// Reason why the run ended early, if it did.
+    /// The report; none of a shard, as long as others are missing.
+    pub report: Option<BuiltReport>,
+    /// Reason why it ended early, if it did.
     pub ran: Result<()>,
+    /// False if all results were in the folder.
+    pub has_matched: bool,
+}
+
+/// What was measured.
+pub(super) struct Measured {
+    /// Reason why it ended early, if it did.
+    pub(super) ran: Result<()>,
+    pub(super) has_matched: bool,
 }
 
 impl EvaluationPlan<'_> {
@@ -27,61 +33,84 @@ impl EvaluationPlan<'_> {
     /// # Errors
     /// Those of sources, algorithms and files that leave no report. Results before an error during
     /// the run are reported, see [`Evaluation::ran`].
-    pub fn evaluate(&self, mut outputs: Outputs, console: &dyn Console) -> Result<Evaluation> {
-        if !self.resume {
-            warn_of_unfinished(self.folder);
-        }
-        let evaluate = match &self.scenario.source {
-            ScenarioSource::Drive { .. } => drives::evaluate,
-            _ => scored_runs::evaluate,
+    pub fn evaluate(&self, outputs: Outputs, console: &dyn Console) -> Result<Evaluation> {
+        let measure = match &self.scenario.source {
+            ScenarioSource::Drive { .. } => drives::measure,
+            _ => scored_runs::measure,
         };
-        let EndedRun {
+        let Measured { ran, has_matched } = measure(self, console)?;
+        let units = Units::of_report(self.folder);
+        let is_whole = self.clear(&units)?;
+        // Shards may share the folder: the last one builds the report.
+        let _lock = self.shard.map(|_| units.lock()).transpose()?;
+        let report = match self.shard {
+            Some(_) if !is_whole => None,
+            _ => Some(self.built(console)),
+        };
+        let report = match (report.transpose(), &ran) {
+            (Ok(report), _) => report,
+            // The reason of the run comes first.
+            (Err(_), Err(_)) => None,
+            (Err(error), Ok(())) => return Err(error),
+        };
+        outputs.commit();
+        Ok(Evaluation {
+            report,
             ran,
-            finished,
-            pairs,
-            others,
-            holds_earlier,
-            inputs,
-        } = evaluate(self, &mut outputs, console)?;
-        match (&ran, &finished) {
-            (Ok(()), Ok(_)) => {
-                if self.shard.is_some() {
-                    ReportPart::complete(self.folder, inputs)?;
-                }
-                outputs.commit();
-                // The report has the results that an interrupted part left there.
-                for other in &others {
-                    if let Err(error) = std::fs::remove_dir_all(other) {
-                        tracing::warn!("{}: cannot be removed: {error}", other.display());
-                    }
+            has_matched,
+        })
+    }
+
+    fn built(&self, console: &dyn Console) -> Result<BuiltReport> {
+        let options = BuildOptions {
+            sort: self.sort,
+            gate: self.gate,
+            figures: self.figures,
+            warnings: &console.warnings(),
+            ..BuildOptions::default()
+        };
+        build(self.folder, &options)
+    }
+
+    /// Removes units that are superseded, and, if asked, those that the plan does not ask for; they
+    /// are named otherwise. True if nothing is missing.
+    fn clear(&self, units: &Units) -> Result<bool> {
+        let (plan, sessions) = (units.plan()?, units.sessions()?);
+        let (mut is_whole, mut others) = (true, 0);
+        for run in &plan.runs {
+            let run = RunUnits::read(units, &plan, run, &sessions, |_, _| ())?;
+            is_whole &= run.is_whole(&plan);
+            for (stored, is_superseded) in run.kept.unused() {
+                if is_superseded || self.prune {
+                    units.remove([stored])?;
+                } else {
+                    others += 1;
                 }
             }
-            (Err(_), Ok(_)) if holds_earlier => outputs.commit(),
-            _ if finished.is_ok() || pairs > 0 => outputs.keep_both(),
-            _ => drop(outputs),
         }
-        let ran = match finished {
-            Ok(_) => ran,
-            Err(_) => Ok(ran?),
-        };
-        let (summary, gate) = finished?;
-        Ok(Evaluation { summary, gate, ran })
+        for folder in units.other_runs(&plan)? {
+            if self.prune {
+                std::fs::remove_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
+            } else {
+                others += 1;
+            }
+        }
+        if others > 0 {
+            tracing::info!(
+                "{}: {} of other algorithms or runs in its units; --prune removes them",
+                self.folder.display(),
+                counted(others, "block")
+            );
+        }
+        Ok(is_whole)
     }
 }
 
-/// Warns that an unfinished run is dropped that could be resumed.
-fn warn_of_unfinished(folder: &Path) {
-    let rows = folder.join("rows.csv").metadata();
-    let is_unfinished = || match read_ending(folder) {
-        Ok(Some(ending)) => ending.state == RunState::Interrupted,
-        Ok(None) => true,
-        // Earlier versions of svl marked it in another way.
-        Err(_) => false,
-    };
-    if rows.is_ok_and(|rows| rows.len() > 0) && is_unfinished() {
-        tracing::warn!(
-            "{}: contains an unfinished run, which is scored again; --resume would continue it",
-            folder.display()
-        );
+impl Units {
+    /// Waits until no other process builds the report.
+    fn lock(&self) -> Result<File> {
+        let path = self.lock_path();
+        let locked = File::create(&path).and_then(|file| file.lock().map(|()| file));
+        locked.map_err(|e| Error::io(&path, e))
     }
 }

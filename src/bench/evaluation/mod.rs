@@ -2,18 +2,16 @@
 
 mod drives;
 mod evaluate;
-mod folder;
-mod maps;
 mod merge;
-mod part;
 mod plan;
+mod run_opener;
 mod scored_runs;
+mod session;
+mod shard;
 mod sweep;
-mod sweeps;
 
 pub use evaluate::Evaluation;
-pub use folder::{MANIFEST, REPORT};
 pub use merge::Parts;
-pub use part::Shard;
-pub use plan::EvaluationPlan;
+pub use plan::{Again, EvaluationPlan};
+pub use shard::Shard;
 pub use sweep::{Algorithms, MAX_ALGORITHMS};

@@ -1,11 +1,9 @@
 //! The plan of an evaluation: the scenario, the algorithms and the options.
 
-use super::folder::ReportHead;
-use super::part::Shard;
-use crate::report::{GateResult, Summary};
+use super::shard::Shard;
 use crate::run::Pace;
 use crate::sink::{RerunDetail, RerunTarget, Viewer};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use svl_core::Result;
 use svl_data::losses::Missing;
 use svl_data::manifest::Manifest;
@@ -30,8 +28,9 @@ pub struct EvaluationPlan<'a> {
     pub shard: Option<Shard>,
     /// Pairs that were lost as live topics were recorded for it.
     pub lost: Option<Missing>,
-    /// True if an earlier part of the run in the folder is resumed.
-    pub resume: bool,
+    pub again: Again,
+    /// True if units that are not asked for any more are removed.
+    pub prune: bool,
     pub sort: Option<&'static Metric>,
     /// True if the limits of the scenario are scored.
     pub gate: bool,
@@ -40,24 +39,20 @@ pub struct EvaluationPlan<'a> {
     pub viewer: Option<(&'static dyn Viewer, RerunTarget, RerunDetail)>,
 }
 
-/// A run that is over, and its report.
-pub(super) struct EndedRun {
-    /// Reason why it ended early, if it did.
-    pub(super) ran: Result<()>,
-    /// The report, also of a run that ended early.
-    pub(super) finished: Result<(Summary, Vec<GateResult>)>,
-    /// Number of pairs that were scored.
-    pub(super) pairs: u64,
-    /// Folders of interrupted parts, whose results the report now contains.
-    pub(super) others: Vec<PathBuf>,
-    /// True if it contains all results of the report before it, even if it ended early.
-    pub(super) holds_earlier: bool,
-    /// Inputs of a part, as [`super::part::ReportPart`] has them.
-    pub(super) inputs: Vec<(String, String)>,
+/// The results in the folder that are matched again.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Again {
+    /// Those that are missing.
+    #[default]
+    Missing,
+    /// Also those of blocks whose times are of several sessions.
+    Times,
+    /// All.
+    All,
 }
 
 impl EvaluationPlan<'_> {
-    /// The manifest of the report.
+    /// The manifest of the session.
     pub(super) fn manifest(&self, pace: Pace) -> Result<Manifest> {
         let scenario = self.scenario;
         let mut manifest = Manifest::new(&scenario.name, &scenario.algorithms)?;
@@ -66,21 +61,6 @@ impl EvaluationPlan<'_> {
         manifest.times = Some(pace.times());
         manifest.shard = self.shard.map(String::from);
         Ok(manifest)
-    }
-
-    /// The texts of the report besides its numbers. `measured`: times are of matching alone.
-    pub(super) fn head(&self, measured: bool) -> ReportHead<'_> {
-        let scenario = self.scenario;
-        ReportHead {
-            description: &scenario.description,
-            rule: scenario.cells,
-            measured,
-            algorithms: &scenario.algorithms,
-            columns: &scenario.columns,
-            sort: self.sort,
-            limits: if self.gate { &scenario.gate } else { &[] },
-            figures: self.figures,
-        }
     }
 
     /// No perturbation, then all levels of the scenario's.

@@ -1,300 +1,421 @@
-//! The runs of a scenario through its algorithms, one after the other, into a report.
+//! The runs of a scenario through the algorithms whose results are missing, one after the other.
 
-use super::folder::{MANIFEST, ReportContent};
-use super::part::{ReportPart, ReportRun};
-use super::plan::{EndedRun, EvaluationPlan};
+use super::evaluate::Measured;
+use super::plan::EvaluationPlan;
+use super::run_opener::{RunOpener, RunPlace, WantedResults, files_of_runs};
+use super::session::EvaluationSession;
 use crate::console::{Console, Watch};
-use crate::outputs::{Outputs, write_json};
-use crate::report::{GateResult, ResultLog, Summary};
-use crate::run::{Matchers, Outcome, Pace, ending, run_through};
-use crate::runs::{self, ScoredSource, warn_of_own_reference};
-use crate::sink::{LiveTable, RunInfo, RunStart, SinkRequest, Sinks, ViewerRequest};
-use crate::source::{PairRegister, RunSource, Source};
-use std::path::PathBuf;
-use svl_core::{Error, Result};
-use svl_data::losses::RunEnding;
+use crate::report::hash_words;
+use crate::report::units::{FileStamp, RunEndFacts, RunFacts, RunWarning};
+use crate::run::{Matchers, Outcome, Pace, run_through};
+use crate::runs::warn_of_own_reference;
+use crate::sink::{
+    LiveTable, RunInfo, RunStart, SinkRequest, Sinks, UnitRequest, ViewerRequest,
+};
+use crate::source::{RunSource, Source};
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
+use svl_core::{Error, Result, interrupt};
 use svl_data::manifest::Manifest;
-use svl_data::scenario::{PairRange, Scenario, ScenarioSource};
+use svl_data::plausibility::MeasuredScales;
+use svl_data::scenario::{PairRange, ScenarioSource};
 use svl_data::score::Judge;
-use svl_data::stress::Stress;
 
 /// Most algorithms that Rerun shows.
 const MAX_SHOWN: usize = 32;
 
-struct ScoreReport {
-    folder: PathBuf,
-    manifest: Manifest,
-    /// Results of an earlier part of the run.
-    log: ResultLog,
-    sinks: Sinks,
-    live: LiveTable,
-    pace: Pace,
-}
-
-impl ScoreReport {
-    fn begin(
-        plan: &EvaluationPlan<'_>,
-        (manifest, log): (Manifest, ResultLog),
-        live: &LiveTable,
-        pace: Pace,
-    ) -> Result<Self> {
-        let (scenario, folder) = (plan.scenario, plan.folder);
-        write_json(&folder.join(MANIFEST), &manifest)?;
-        let info = RunInfo::new(&manifest, scenario.wireframe(None));
-        let mut sinks = Sinks::open(SinkRequest {
-            report: Some(folder),
-            // More do not fit into a viewer, nor the file on a disk.
-            viewer: (plan.viewer.clone())
-                .filter(|_| scenario.algorithms.len() <= MAX_SHOWN)
-                .map(|(viewer, target, detail)| ViewerRequest {
-                    viewer,
-                    target,
-                    detail,
-                    info,
-                }),
-            ..SinkRequest::default()
-        })?;
-        sinks.push(live.clone());
-        Ok(Self {
-            folder: folder.to_owned(),
-            manifest,
-            log,
-            sinks,
-            live: live.clone(),
-            pace,
-        })
-    }
-
-    /// Scores a run.
-    fn take(
-        &mut self,
-        (run, judge): &mut (RunSource, Judge),
-        matchers: &mut Matchers,
-        console: &dyn Console,
-    ) -> (Outcome, Result<()>) {
-        let start = RunStart {
-            manifest: &self.manifest,
-            log: Some(&self.log),
-            seed: run.seed,
-            judge,
-        };
-        let title = match run.seed {
-            Some(seed) => format!("score {}, seed {seed}", self.manifest.scenario),
-            None => format!("score {}", run.name()),
-        };
-        let title = match &judge.run.stress {
-            Some(stress) => format!("{title}, {stress}"),
-            None => title,
-        };
-        let watch = Watch::new(console, &title, run.pairs(), Some(&self.live));
-        let sinks = match &judge.run.stress {
-            None => self.sinks.as_mut_slice(),
-            Some(_) => self.sinks.tables_mut(),
-        };
-        run_through(run, matchers, &start, self.pace, sinks, watch)
-    }
-
-    fn finish(
-        self,
-        plan: &EvaluationPlan<'_>,
-        matchers: &Matchers,
-        ending: RunEnding,
-        console: &dyn Console,
-    ) -> Result<(Summary, Vec<GateResult>)> {
-        let Self {
-            folder,
-            mut manifest,
-            ..
-        } = self;
-        let (results, finished) = self.sinks.finish();
-        finished?;
-        matchers.complete(&mut manifest);
-        let collected = ReportContent {
-            rows: results.rows,
-            checkpoints: results.checkpoints,
-            pictures: results.pictures,
-            ..ReportContent::default()
-        };
-        collected.write(&folder, plan.head(true), manifest, ending, console)
-    }
-}
-
-/// Scores the runs of a scenario, one after the other.
-pub(super) fn evaluate(
-    plan: &EvaluationPlan<'_>,
-    outputs: &mut Outputs,
-    console: &dyn Console,
-) -> Result<EndedRun> {
-    let (scenario, folder) = (plan.scenario, plan.folder);
-    let mut matchers =
+/// Matches what is missing of the runs of a scenario.
+pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Result<Measured> {
+    let scenario = plan.scenario;
+    let matchers =
         Matchers::new(&scenario.algorithms).map_err(|error| match plan.algorithms_file {
             // The file is wrong, not the command line.
             Some(file) => Error::format(file, error.to_string()),
             None => error,
         })?;
-    let runs = runs::runs(scenario, console)?;
+    let live = LiveTable::default();
+    let opener = RunOpener::new(scenario, console, &live)?;
     warn_of_own_reference(&scenario.options, &scenario.algorithms)?;
     let pace = Pace::Measured {
         rounds: plan.rounds,
     };
-    let key = |(stress, place): (Option<Stress>, usize)| ReportRun {
-        run: runs[place].record().map(|record| record.name),
-        seed: runs[place].seed(),
-        stress: stress.map(|stress| stress.to_string()),
-    };
-    let keys = groups(plan, runs.len()).map(key).collect();
-    let records = runs.iter().filter_map(ScoredSource::record);
     let mut manifest = plan.manifest(pace)?;
-    manifest.runs = records.collect();
-    let live = LiveTable::default();
-    let units = RunUnit::all(plan, &runs);
-    let mut runs: Vec<_> = runs.into_iter().map(Some).collect();
-    let mut registers = RunRegisters::new(scenario)?;
-    let mut open = |unit: &RunUnit| {
-        let register = registers.before(unit, console)?;
-        // Perturbed runs are opened again.
-        let run = match runs[unit.place].take_if(|_| unit.stress.is_none()) {
-            Some(run) => run,
-            None => runs::run_at(scenario, unit.place, console)?,
-        };
-        let (run, mut judge) = run.open(scenario, console, Some(&live))?;
-        let mut run = run.registered(&scenario.name, &register, true);
-        if plan.shard.is_some() {
-            run = run.digested();
-        }
-        if let Some(stress) = unit.stress {
-            run = run.stressed(stress);
-            judge = run.judge(&scenario.judge())?;
-        }
-        Result::Ok((run, judge))
+    manifest.runs = opener.records();
+    let places = 0..opener.count();
+    let runs: Vec<RunPlace> = plan
+        .stresses()
+        .flat_map(|stress| places.clone().map(move |place| (stress, place)))
+        .collect();
+    let keys = runs.iter().map(|run| opener.key(*run)).collect();
+    let mut work = RunWork {
+        plan,
+        console,
+        files: files_of_runs(scenario)?,
+        session: EvaluationSession::open(plan, manifest, keys, console)?,
+        runs,
+        matchers,
     };
-    // The first is opened before the report is begun: Ctrl-C until then leaves an earlier report
-    // unchanged.
-    let mut first = units.first().map(&mut open).transpose()?;
-    let log = if plan.resume {
-        ResultLog::read(folder, &mut manifest, scenario.grid)?
-    } else {
-        ResultLog::default()
-    };
-    let others = log.others().to_vec();
-    outputs.set_aside()?;
-    if let Some(shard) = plan.shard {
-        ReportPart::write(folder, scenario, shard, keys)?;
+    work.check_inputs()?;
+    work.check_programs()?;
+    for run in &mut work.session.runs {
+        let labels = work.matchers.with_run_memory();
+        labels.for_each(|label| run.forget_partial(label));
     }
-    let mut report = ScoreReport::begin(plan, (manifest, log), &live, pace)?;
-    let (mut missing, mut inputs) = (plan.lost.clone().unwrap_or_default(), Vec::new());
-    let ran = units.iter().try_for_each(|unit| {
-        let mut run = first.take().map_or_else(|| open(unit), Ok)?;
-        let mut own = matchers.take(&unit.labels);
-        let (outcome, ran) = report.take(&mut run, &mut own, console);
-        matchers.append(own);
-        missing.add(outcome.missing());
-        ran?;
-        inputs.extend(run.0.inputs());
-        if outcome.interrupted {
-            return Err(Error::Invalid(
-                "interrupted; the report has what was scored before, and --resume continues \
-                 it"
-                .to_owned(),
-            ));
+    work.run(opener, pace)
+}
+
+/// The runs of an evaluation.
+struct RunWork<'a> {
+    plan: &'a EvaluationPlan<'a>,
+    console: &'a dyn Console,
+    runs: Vec<RunPlace>,
+    /// Per run of the scenario the files that it reads, as they are.
+    files: Vec<Vec<FileStamp>>,
+    session: EvaluationSession,
+    matchers: Matchers,
+}
+
+impl RunWork<'_> {
+    /// A second look at the runs, apart from that of [`RunWork::run`].
+    fn opener(&self) -> Result<RunOpener<'_>> {
+        RunOpener::new(self.plan.scenario, self.console, &LiveTable::default())
+    }
+
+    fn are_recordings(&self) -> bool {
+        matches!(self.plan.scenario.source, ScenarioSource::Recording(_))
+    }
+
+    /// The runs whose pairs are registered before those of a run.
+    fn before(&self, i: usize) -> Vec<String> {
+        let runs = self.runs[..i].iter().zip(&self.session.runs);
+        let of_stress = runs.filter(|(run, _)| run.0 == self.runs[i].0);
+        let names = of_stress.map(|(_, run)| run.run.folder());
+        names.filter(|_| self.are_recordings()).collect()
+    }
+
+    /// Compares the pairs of runs with those that results are kept of, if files are others than
+    /// they were.
+    fn check_inputs(&mut self) -> Result<()> {
+        let is_changed = |i: usize| {
+            let facts = self.session.runs[i].facts.as_ref();
+            let is_same = |facts: &RunFacts| {
+                facts.files == self.files[self.runs[i].1] && facts.after == self.before(i)
+            };
+            facts.is_some_and(|facts| !is_same(facts))
+        };
+        let changed: Vec<_> = (0..self.runs.len()).map(is_changed).collect();
+        if !changed.contains(&true) {
+            return Ok(());
         }
-        if scenario.options.range() == PairRange::default() {
-            run.0.warn_beyond(&run.1);
+        let mut found = Vec::new();
+        let mut opener = self.opener()?;
+        for (i, is_changed) in changed.into_iter().enumerate() {
+            // A recording has no copies of pairs of those before it.
+            if is_changed || self.are_recordings() {
+                found.push((i, read_inputs(opener.open(self.runs[i])?.0)?));
+            }
+        }
+        drop(opener);
+        for (i, (inputs, end)) in found {
+            self.session.forget_other_inputs(i, &inputs);
+            let (files, after) = (self.files[self.runs[i].1].clone(), self.before(i));
+            if let Some(facts) = &mut self.session.runs[i].facts {
+                if facts.end.as_ref() != Some(&end) {
+                    facts.warnings.clear();
+                }
+                (facts.files, facts.after, facts.end) = (files, after, Some(end));
+            }
         }
         Ok(())
-    });
-    // The pairs before an error or Ctrl-C are reported nevertheless.
-    let pairs = missing.pairs;
-    let ending = ending(&ran, missing, scenario.options.allow_loss);
-    let finished = report.finish(plan, &matchers, ending, console);
-    Ok(EndedRun {
-        ran,
-        finished,
-        pairs,
-        others,
-        holds_earlier: false,
-        inputs,
-    })
-}
+    }
 
-/// The pairs of a scenario's runs, of each perturbation anew.
-struct RunRegisters<'a> {
-    scenario: &'a Scenario,
-    stress: Option<Stress>,
-    register: PairRegister,
-    /// Number of runs that were registered.
-    runs: usize,
-}
+    /// Matches one pair again by each program that results are kept of, and forgets them if its
+    /// answer is another: a command may run another program than before.
+    fn check_programs(&mut self) -> Result<()> {
+        for algorithm in &self.plan.scenario.algorithms {
+            if algorithm.spec().name != "exec" {
+                continue;
+            }
+            let label = algorithm.label();
+            for run in &mut self.session.runs {
+                run.kept.forget_failures(label)?;
+            }
+            let mut runs = self.session.runs.iter().enumerate();
+            let first = runs.find_map(|(i, run)| Some((i, run.kept.first_row(label)?)));
+            let Some((i, first)) = first else {
+                continue;
+            };
+            let (place, known) = first?;
+            let (run, judge) = self.opener()?.open(self.runs[i])?;
+            if result_hash(algorithm, run, &judge, place)? != Some(known.result_hash) {
+                tracing::warn!(
+                    "{label}: its result of pair {} is another than before: all its pairs are \
+                     matched again",
+                    known.sequence
+                );
+                self.session.forget_program(label);
+            }
+        }
+        Ok(())
+    }
 
-impl<'a> RunRegisters<'a> {
-    fn new(scenario: &'a Scenario) -> Result<Self> {
-        Ok(Self {
-            scenario,
-            stress: None,
-            register: PairRegister::new(&scenario.algorithms)?,
-            runs: 0,
+    fn wanted(&self, i: usize) -> WantedResults<'_> {
+        WantedResults {
+            kept: &self.session.runs[i].kept,
+            run: i,
+            shard: self.plan.shard,
+            run_memory: self.matchers.with_run_memory().map(str::to_owned).collect(),
+        }
+    }
+
+    /// True if results of a run are missing, of this shard.
+    fn is_missing(&self, i: usize) -> bool {
+        let (wanted, labels) = (self.wanted(i), self.session.plan.labels());
+        let pairs = self.session.runs[i].pairs();
+        pairs.is_none_or(|pairs| (0..pairs).any(|place| wanted.wants_any(place, &labels)))
+    }
+
+    /// The runs that are read: those with missing results, and the recordings before them, which
+    /// have pairs that later ones may have copies of.
+    fn read(&self) -> Vec<usize> {
+        let missing: Vec<_> = (0..self.runs.len()).map(|i| self.is_missing(i)).collect();
+        let is_before = |i: usize| {
+            let mut later = (i..self.runs.len()).filter(|j| self.runs[*j].0 == self.runs[i].0);
+            self.are_recordings() && later.any(|j| missing[j])
+        };
+        let is_read = |i: &usize| missing[*i] || is_before(*i);
+        (0..self.runs.len()).filter(is_read).collect()
+    }
+
+    /// Matches what is missing.
+    fn run(mut self, mut opener: RunOpener<'_>, pace: Pace) -> Result<Measured> {
+        let read = self.read();
+        // The first is opened before anything is written: Ctrl-C until then changes nothing.
+        let first = read.first().map(|i| opener.open(self.runs[*i]));
+        let mut first = first.transpose()?;
+        self.session.begin()?;
+        if read.is_empty() {
+            return Ok(Measured {
+                ran: Ok(()),
+                has_matched: false,
+            });
+        }
+        let mut manifest = self.session.manifest();
+        self.session.write(&manifest)?;
+        let mut sinks = self.sinks(&manifest, opener.live())?;
+        let mut ran = Ok(());
+        for i in read {
+            let warned = self.console.warnings().len();
+            ran = self.take(i, first.take(), &mut opener, &manifest, &mut sinks, pace, warned);
+            if ran.is_err() {
+                break;
+            }
+        }
+        let (_, finished) = sinks.finish();
+        self.matchers.complete(&mut manifest);
+        self.session.write(&manifest)?;
+        Ok(Measured {
+            ran: ran.and(finished),
+            has_matched: true,
         })
     }
 
-    /// The register with the recordings before that of the unit: those of other shards are read
-    /// now.
-    fn before(&mut self, unit: &RunUnit<'_>, console: &dyn Console) -> Result<PairRegister> {
-        if self.stress != unit.stress {
-            // The user was warned of what was fitted to.
-            (self.stress, self.register, self.runs) = (unit.stress, PairRegister::default(), 0);
-        }
-        if matches!(self.scenario.source, ScenarioSource::Recording(_)) {
-            for place in self.runs..unit.place {
-                let run = runs::run_at(self.scenario, place, console)?;
-                let (run, _) = run.open(self.scenario, console, None)?;
-                let mut run = run.registered(&self.scenario.name, &self.register, true);
-                // The shard that scores it reports what cannot be read, and an error.
-                while let Ok(Some(_)) = run.next() {}
-            }
-        }
-        self.runs = unit.place + 1;
-        Ok(self.register.clone())
-    }
-}
-
-/// A run through some of the algorithms, unperturbed or perturbed.
-struct RunUnit<'a> {
-    /// Place of the run among those of the scenario.
-    place: usize,
-    stress: Option<Stress>,
-    labels: Vec<&'a str>,
-}
-
-impl<'a> RunUnit<'a> {
-    /// Those of a shard, in their order. The algorithms of a run of the arena are shared out; of
-    /// other runs all stay together, as without truth they are compared with each other.
-    fn all(plan: &EvaluationPlan<'a>, runs: &[ScoredSource]) -> Vec<Self> {
-        let (scenario, shard) = (plan.scenario, plan.shard);
-        let labels = scenario.labels();
-        let shares_out = matches!(scenario.source, ScenarioSource::Arena { .. });
-        let groups = groups(plan, runs.len());
-        let unit = |(group, (stress, place)): (usize, (Option<Stress>, usize))| {
-            let takes = |unit: usize| shard.is_none_or(|shard| shard.takes(unit));
-            let labels = labels.iter().enumerate().filter(|(i, _)| {
-                if shares_out {
-                    takes(group * labels.len() + i)
-                } else {
-                    takes(group)
-                }
-            });
-            Self {
-                place,
-                stress,
-                labels: labels.map(|(_, label)| *label).collect(),
+    /// Scores a run, and writes its facts.
+    #[expect(clippy::too_many_arguments)]
+    fn take(
+        &mut self,
+        i: usize,
+        opened: Option<(RunSource, Judge)>,
+        opener: &mut RunOpener<'_>,
+        manifest: &Manifest,
+        sinks: &mut Sinks,
+        pace: Pace,
+        warned: usize,
+    ) -> Result<()> {
+        self.write_begun(i)?;
+        let (mut run, judge) = match opened.map_or_else(|| opener.open(self.runs[i]), Ok) {
+            Ok(opened) => opened,
+            Err(error) => {
+                self.write_facts(i, None, Some(error.to_string()), warned)?;
+                return Err(error);
             }
         };
-        let units = groups.enumerate().map(unit);
-        units.filter(|unit| !unit.labels.is_empty()).collect()
+        let mut matchers = std::mem::replace(&mut self.matchers, Matchers::none());
+        let wanted = WantedResults {
+            kept: &self.session.runs[i].kept,
+            run: i,
+            shard: self.plan.shard,
+            run_memory: matchers.with_run_memory().map(str::to_owned).collect(),
+        };
+        let start = RunStart {
+            wanted: Some(&wanted),
+            ..RunStart::new(manifest, run.seed, &judge)
+        };
+        let title = self.title(&run, &judge);
+        let watch = Watch::new(self.console, &title, run.pairs(), Some(opener.live()));
+        let of_run = match &judge.run.stress {
+            None => sinks.as_mut_slice(),
+            Some(_) => sinks.tables_mut(),
+        };
+        let (outcome, ran) = run_through(&mut run, &mut matchers, &start, pace, of_run, watch);
+        self.matchers = matchers;
+        if outcome.interrupted {
+            ran?;
+            return Err(Error::Invalid(
+                "interrupted; the report has what was scored before, and the same command \
+                 continues"
+                    .to_owned(),
+            ));
+        }
+        let end = ran.is_ok().then_some((&run, &outcome));
+        if end.is_some() && self.plan.scenario.options.range() == PairRange::default() {
+            run.warn_beyond(&judge);
+        }
+        let error = ran.as_ref().err().map(ToString::to_string);
+        self.write_facts(i, end, error, warned)?;
+        ran
+    }
+
+    fn title(&self, run: &RunSource, judge: &Judge) -> String {
+        let title = match run.seed {
+            Some(seed) => format!("score {}, seed {seed}", self.plan.scenario.name),
+            None => format!("score {}", run.name()),
+        };
+        match &judge.run.stress {
+            Some(stress) => format!("{title}, {stress}"),
+            None => title,
+        }
+    }
+
+    fn sinks(&self, manifest: &Manifest, live: &LiveTable) -> Result<Sinks> {
+        let (plan, scenario) = (self.plan, self.plan.scenario);
+        let sessions = self.session.units.sessions()?;
+        let first = sessions.first().map(|first| first.manifest.run_id.clone());
+        let info = RunInfo {
+            // The files of all sessions are one recording.
+            recording_id: first.unwrap_or_default(),
+            ..RunInfo::new(manifest, scenario.wireframe(None))
+        };
+        // More do not fit into a viewer, nor the file on a disk.
+        let viewer = plan.viewer.clone();
+        let viewer = viewer.filter(|_| scenario.algorithms.len() <= MAX_SHOWN);
+        let mut sinks = Sinks::open(SinkRequest {
+            report: Some(UnitRequest {
+                folder: plan.folder,
+                plan: &self.session.plan,
+                session: self.session.id(),
+            }),
+            viewer: viewer.map(|(viewer, target, detail)| ViewerRequest {
+                viewer,
+                target,
+                detail,
+                info,
+            }),
+            ..SinkRequest::default()
+        })?;
+        sinks.push(live.clone());
+        Ok(sinks)
+    }
+
+    /// Writes which files a run reads, before its results come.
+    fn write_begun(&self, i: usize) -> Result<()> {
+        let own = &self.session.runs[i];
+        let begun = RunFacts {
+            run: own.run.clone(),
+            record: None,
+            files: self.files[self.runs[i].1].clone(),
+            end: None,
+            error: None,
+            warnings: Vec::new(),
+            scales: MeasuredScales::default(),
+            after: self.before(i),
+        };
+        let facts = own.facts.clone().unwrap_or(begun);
+        self.session.units.write_facts(&facts)
+    }
+
+    /// Writes the facts of a run that was read: to its end, or up to an error.
+    fn write_facts(
+        &self,
+        i: usize,
+        end: Option<(&RunSource, &Outcome)>,
+        error: Option<String>,
+        warned: usize,
+    ) -> Result<()> {
+        let labels = self.session.plan.labels();
+        let own = &self.session.runs[i];
+        let known = own.facts.as_ref();
+        let mut warnings = known.map_or_else(Vec::new, |facts| facts.warnings.clone());
+        let new = self.console.warnings().split_off(warned);
+        for warning in new.into_iter().map(|text| RunWarning::new(text, &labels)) {
+            // Those of failures are in their table.
+            if !warning.is_of_pair && !warnings.contains(&warning) {
+                warnings.push(warning);
+            }
+        }
+        let mut scales = known.map_or_else(MeasuredScales::default, |facts| facts.scales.clone());
+        scales.algorithms.retain(|label, _| own.kept.count(label) > 0);
+        if let Some((_, outcome)) = end {
+            scales.origin.clone_from(&outcome.scales.origin);
+            for (label, scale) in &outcome.scales.algorithms {
+                scales.algorithms.entry(label.clone()).or_insert(*scale);
+            }
+        }
+        let new_end = end.map(|(run, outcome)| RunEndFacts {
+            pairs: outcome.frames,
+            inputs: run.inputs(),
+            losses: outcome.losses.clone(),
+        });
+        let record = end.and_then(|(run, _)| run.record.clone());
+        self.session.units.write_facts(&RunFacts {
+            run: own.run.clone(),
+            record: record.or_else(|| known.and_then(|facts| facts.record.clone())),
+            files: self.files[self.runs[i].1].clone(),
+            end: new_end.or_else(|| known.and_then(|facts| facts.end.clone())),
+            error,
+            warnings,
+            scales,
+            after: self.before(i),
+        })
     }
 }
 
-/// All runs of a scenario, first unperturbed, then perturbed.
-fn groups(plan: &EvaluationPlan<'_>, runs: usize) -> impl Iterator<Item = (Option<Stress>, usize)> {
-    plan.stresses()
-        .flat_map(move |stress| (0..runs).map(move |place| (stress, place)))
+/// The input hash of each pair of a run, and its end.
+fn read_inputs(mut run: RunSource) -> Result<(Vec<String>, RunEndFacts)> {
+    let mut inputs = Vec::new();
+    while let Some(frame) = run.next()? {
+        if interrupt::requested() {
+            return Err(Error::Interrupted);
+        }
+        inputs.push(hash_words(frame.input_hash(frame.pair.hash())));
+    }
+    let end = RunEndFacts {
+        pairs: inputs.len() as u64,
+        inputs: run.inputs(),
+        losses: run.finish(inputs.len() as u64),
+    };
+    Ok((inputs, end))
+}
+
+/// The hash of an algorithm's result of the pair at `place` of a run; none if it fails.
+fn result_hash(
+    algorithm: &Algorithm,
+    mut run: RunSource,
+    judge: &Judge,
+    place: u64,
+) -> Result<Option<String>> {
+    let mut frame = run.next()?;
+    for _ in 0..place {
+        frame = run.next()?;
+    }
+    let Some(frame) = frame else {
+        return Ok(None);
+    };
+    let (mut matcher, mut output) = (algorithm.build()?, MatchOutput::new()?);
+    let context = MatchContext::of(&frame, judge.grid, judge.cells);
+    output.begin();
+    let matched = matcher.compute(frame.rectified()?, &context, &mut output);
+    Ok(matched.is_ok().then(|| {
+        let hash = output.disparity.hash();
+        hash_words(output.grid.as_ref().map_or(hash, |grid| grid.hash(hash)))
+    }))
 }

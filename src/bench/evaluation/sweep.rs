@@ -213,7 +213,7 @@ fn trimmed(number: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::sweeps::number;
+    use crate::report::sweep_number as number;
     use super::*;
 
     fn labels(text: &str) -> std::result::Result<Vec<String>, String> {

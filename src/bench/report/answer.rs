@@ -39,10 +39,6 @@ pub(super) fn answer_metrics(kind: RunKind) -> Vec<&'static Metric> {
 impl Summary {
     /// Finds the best algorithms. `rows` and `drives`: those that the summary is of.
     pub fn find_leads(&mut self, rows: &[Row], drives: &[DriveRow]) {
-        // The algorithms of a part have other runs each.
-        if self.shard.is_some() {
-            return;
-        }
         let rows: Vec<_> = rows.iter().filter(|row| row.stress.is_none()).collect();
         let lead = |metric| self.lead(metric, &rows, drives);
         let metrics = answer_metrics(self.kind()).into_iter();
@@ -89,7 +85,8 @@ impl Summary {
     /// it is that itself, the next fastest. None for drives: each runs beside others, and their
     /// pairs differ.
     fn fastest(&self, best: &str, rows: &[&Row]) -> Option<Lead> {
-        let metric = Metric::find("time").filter(|_| self.kind() != RunKind::Courses)?;
+        let is_compared = self.kind() != RunKind::Courses && self.has_comparable_times();
+        let metric = Metric::find("time").filter(|_| is_compared)?;
         let of = |a: &AlgorithmSummary| self.ranked(a, metric);
         let candidates = || self.algorithms.iter().filter(|a| self.is_candidate(a));
         let usable = candidates().filter(|a| self.is_usable(a));
@@ -159,12 +156,6 @@ impl Summary {
 
     /// The answer in one or two sentences; none for a single algorithm, whose row suffices.
     pub fn answer(&self) -> Vec<String> {
-        if let Some(shard) = &self.shard {
-            return vec![format!(
-                "This is part {shard} of a run: `svl merge` joins the parts and compares the \
-                 algorithms."
-            )];
-        }
         if self.algorithms.iter().filter(|a| a.pairs > 0).count() < 2 {
             return Vec::new();
         }

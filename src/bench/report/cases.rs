@@ -186,7 +186,6 @@ mod tests {
     #[test]
     fn an_outcome_is_a_mark_or_its_reasons() {
         let drive = DriveRow {
-            run_id: String::new(),
             scenario: String::new(),
             seed: 1,
             algorithm: "v5".into(),

@@ -36,7 +36,21 @@ impl Summary {
             .chain(note)
             .chain(failed)
             .chain(doubtful);
-        parts.chain(profile).chain(self.outliers()).collect()
+        parts
+            .chain(profile)
+            .chain(self.mixed_times())
+            .chain(self.outliers())
+            .collect()
+    }
+
+    /// Caution about times of several sessions.
+    fn mixed_times(&self) -> Option<String> {
+        let is_mixed = self.measured && !self.has_comparable_times();
+        is_mixed.then(|| {
+            "times are of several sessions, so those of different algorithms are not compared; \
+             `svl score` with --times matches again what is needed"
+                .to_owned()
+        })
     }
 
     /// Caution about times that the machine disturbed.

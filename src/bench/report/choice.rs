@@ -36,14 +36,16 @@ impl Summary {
         algorithms.filter(|a| self.is_candidate(a)).collect()
     }
 
-    /// The value by which an algorithm is ranked: none for a time that is not believable.
+    /// The value by which an algorithm is ranked: none for a time that is not believable, nor for
+    /// times that are not comparable.
     pub(super) fn ranked(&self, algorithm: &AlgorithmSummary, metric: &Metric) -> Option<f64> {
         let is_doubtful = || {
             let mut programs = self.programs.iter();
             programs.any(|of| of.algorithm == algorithm.algorithm && of.program.is_time_doubtful())
         };
         let value = self.value(&algorithm.algorithm, metric, None);
-        value.filter(|_| metric.name != "time" || !is_doubtful())
+        let is_ranked = || !is_doubtful() && self.has_comparable_times();
+        value.filter(|_| metric.name != "time" || is_ranked())
     }
 
     /// The objectives of the kind of run that it measures, and the algorithms that no other one

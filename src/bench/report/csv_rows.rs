@@ -2,7 +2,7 @@
 
 use super::rows::{CsvCells, Record};
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read, Take};
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
 use svl_data::files::ColumnPlaces;
@@ -11,7 +11,7 @@ use svl_data::files::ColumnPlaces;
 pub struct RowReader<R> {
     path: PathBuf,
     places: ColumnPlaces,
-    reader: csv::Reader<BufReader<File>>,
+    reader: csv::Reader<BufReader<Take<File>>>,
     line: csv::StringRecord,
     row: std::marker::PhantomData<R>,
 }
@@ -20,8 +20,16 @@ impl<R: Record> RowReader<R> {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`] for a file that is not a table.
     pub fn open(path: &Path) -> Result<Self> {
+        Self::open_beginning(path, u64::MAX)
+    }
+
+    /// As [`RowReader::open`], of the first bytes of the file.
+    ///
+    /// # Errors
+    /// As [`RowReader::open`].
+    pub fn open_beginning(path: &Path, bytes: u64) -> Result<Self> {
         let file = File::open(path).map_err(|e| Error::io(path, e))?;
-        let mut reader = csv::Reader::from_reader(BufReader::new(file));
+        let mut reader = csv::Reader::from_reader(BufReader::new(file.take(bytes)));
         let places = ColumnPlaces::new(reader.headers().map_err(|e| csv_error(path, e))?);
         Ok(Self {
             path: path.to_owned(),
@@ -75,6 +83,32 @@ pub fn read_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
         ));
     }
     RowReader::open(path)?.collect()
+}
+
+/// Rows as the text of a CSV file.
+pub(super) fn rows_to_text<R: Record>(rows: &[R]) -> std::result::Result<String, String> {
+    let mut writer = csv::WriterBuilder::new()
+        .has_headers(false)
+        .from_writer(Vec::new());
+    let head = R::columns();
+    let mut written = writer.write_record(head.iter().map(|column| column.name));
+    for row in rows {
+        written = written.and_then(|()| writer.serialize(row.values()));
+    }
+    written.map_err(|e| e.to_string())?;
+    let bytes = writer.into_inner().map_err(|e| e.to_string())?;
+    String::from_utf8(bytes).map_err(|e| e.to_string())
+}
+
+/// The rows of such a text.
+pub(super) fn rows_from_text<R: Record>(text: &str) -> std::result::Result<Vec<R>, String> {
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let places = ColumnPlaces::new(reader.headers().map_err(|e| e.to_string())?);
+    let row = |line: csv::Result<csv::StringRecord>| {
+        let (places, line) = (&places, &line.map_err(|e| e.to_string())?);
+        R::parse(CsvCells { places, line })
+    };
+    reader.records().map(row).collect()
 }
 
 pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {

@@ -10,8 +10,6 @@ use svl_data::score::{DriveNumber, Metric, MetricOrigin};
 record! {
     /// One drive: a course with an algorithm at the wheel.
     DriveRow {
-        /// Identifier of the run, as in the manifest.
-        run_id: String,
         /// Name of the scenario.
         scenario: String,
         /// Seed of the course.
@@ -52,8 +50,6 @@ record! {
 record! {
     /// The robot at a frame of a drive.
     TrackRow {
-        /// Identifier of the run, as in the manifest.
-        run_id: String,
         /// Name of the scenario.
         scenario: String,
         /// Seed of the arena or of the course; absent for recordings.

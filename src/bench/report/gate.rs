@@ -71,6 +71,10 @@ pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> V
             Some(None) => None,
             Some(Some(unit)) => found(algorithm)
                 .zip(found(unit))
+                .filter(|(of, unit)| {
+                    let labels = [of, unit].map(|a| a.algorithm.as_str());
+                    summary.are_times_comparable(labels.into_iter())
+                })
                 // Both medians are of one run and machine, so their ratio carries over to other
                 // machines.
                 .and_then(|(of, unit)| Some(of.p50_ms? / unit.p50_ms?)),

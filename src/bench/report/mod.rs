@@ -1,14 +1,15 @@
-//! The reports of a run: rows → CSV and Parquet → summary → terminal, Markdown, HTML.
+//! The reports of runs: units → CSV and Parquet → summary → terminal, Markdown, HTML.
 //!
 //! ```text
-//! Row, CellRow, CheckpointRow ──▶ TableWriter ──▶ .csv during the run, .parquet at its end
-//!      │
-//!      └──▶ Summary ──▶ Table ──▶ terminal, Markdown, LaTeX; JSON, html::ReportPage,
-//!                       summary and verdicts as .csv and .parquet
+//! units ──build──▶ rows, cells, checkpoints, … as .csv and .parquet
+//!                      │
+//!                      └──▶ Summary ──▶ Table ──▶ terminal, Markdown, LaTeX; JSON,
+//!                                       html::ReportPage, summary and verdicts
 //! ```
 
 mod algorithm_parameters;
 mod answer;
+mod build;
 pub mod calibration;
 mod cases;
 mod cautions;
@@ -23,24 +24,29 @@ mod gate;
 pub mod html;
 mod junit;
 mod lead;
-mod log;
+mod maps;
 mod markdown;
-mod merge;
 pub mod page;
 pub mod plot;
 mod rows;
 mod samples;
+pub(crate) mod shots;
 mod speed;
 mod stress;
 mod summary;
 mod summary_tables;
+mod sweeps;
 pub mod table;
 mod table_writer;
 mod terminal;
 mod totals;
+pub mod units;
 mod words;
 
 pub use algorithm_parameters::write_algorithms;
+pub use build::{
+    BuildOptions, BuiltReport, MANIFEST, REPORT, Sources, build, checkpoint_results,
+};
 pub use choice::{OBJECTIVES, better_first, pareto_front};
 pub use columns::ColumnDescription;
 pub use csv_rows::{RowReader, read_rows};
@@ -49,13 +55,12 @@ pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
 pub use gate::{GateResult, GateState, limit_results};
 pub use junit::{TestCase, TestResult, junit};
 pub use lead::{Certainty, Lead, RunnerUp};
-pub(crate) use log::whole_lines;
-pub use log::{EarlierRun, LoggedPair, LoggedResult, ResultLog, whole_rows};
-pub use merge::merge_rows;
 pub use rows::{
-    CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, MetricTotals, Record, Row,
+    CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,
     hash_words,
 };
 pub use stress::StressSummary;
 pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary};
+#[cfg(test)]
+pub(crate) use sweeps::number as sweep_number;
 pub use table_writer::TableWriter;

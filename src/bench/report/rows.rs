@@ -126,8 +126,6 @@ pub(super) use record;
 record! {
     /// A pair that an algorithm failed on.
     FailureRow {
-        /// Identifier of the run, as in the manifest.
-        run_id: String,
         /// Name of the scenario.
         scenario: String,
         /// Name of the recording, if the scenario has recordings.
@@ -153,8 +151,6 @@ pub fn hash_words(hash: u128) -> String {
 record! {
     /// One pair through one algorithm.
     Row {
-        /// Identifier of the run, as in the manifest.
-        run_id: String,
         /// Name of the scenario.
         scenario: String,
         /// Number of the pair in its run.
@@ -203,14 +199,14 @@ record! {
         /// Hash of everything that the result was scored on: pixels, geometry and truth,
         /// hexadecimal.
         input_hash: String,
+        /// The session that matched it, as in the manifest.
+        session: String,
     }
 }
 
 record! {
     /// One cell of the obstacle grid in one pair through one algorithm.
     CellRow {
-        /// Identifier of the run, as in the manifest.
-        run_id: String,
         /// Name of the scenario.
         scenario: String,
         /// Number of the pair in its run.
@@ -268,8 +264,6 @@ record! {
 record! {
     /// One checkpoint of one run through one algorithm.
     CheckpointRow {
-        /// Identifier of the run, as in the manifest.
-        run_id: String,
         /// Name of the scenario.
         scenario: String,
         /// Seed of the arena or of the course; absent for recordings.
@@ -298,6 +292,28 @@ record! {
         run: Option<String>,
         /// Perturbation of the pairs, if any.
         stress: Option<String>,
+    }
+}
+
+record! {
+    /// A frame that shows a checkpoint, through one algorithm.
+    FrameRow {
+        /// Number of the pair in its run.
+        sequence: u64,
+        /// Label of the algorithm, as `v3:max_disparity=64`.
+        algorithm: String,
+        /// The checkpoint's number in the scenario.
+        checkpoint: u32,
+        /// The checkpoint passes.
+        passed: bool,
+        /// Cells that must be right and are not.
+        missing: u64,
+        /// Cells that are wrong.
+        wrong: u64,
+        /// The reported distances are in the required order.
+        order_holds: bool,
+        /// The largest relative error of distance; infinite if one is not reported.
+        error: f64,
     }
 }
 

@@ -127,7 +127,7 @@ pub(super) mod tests {
         disparities: Option<u32>,
     ) -> Row {
         Row {
-            run_id: String::new(),
+            session: String::new(),
             scenario: String::new(),
             sequence: 0,
             stamp_ns: 0,

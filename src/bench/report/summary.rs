@@ -1,5 +1,6 @@
 //! A run in numbers: per algorithm, and per checkpoint and algorithm.
 
+use super::build::Sources;
 use super::drives::{self, DriveRow, DriveSummary};
 use super::lead::Lead;
 use super::rows::{CheckpointRow, MetricTotals, Record, Row, record};
@@ -8,7 +9,7 @@ use super::speed::Speed;
 use super::stress::StressSummary;
 use polars::prelude::{DataFrame, PolarsResult};
 use serde::Serialize;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use svl_core::matcher::ProgramRecord;
 use svl_core::stereo::{CellRule, TruthOrigin};
 use svl_core::{Error, Result};
@@ -35,9 +36,8 @@ pub struct Summary {
     pub algorithms: Vec<AlgorithmSummary>,
     /// By number of the checkpoint, then as the algorithms.
     pub checkpoints: Vec<CheckpointSummary>,
-    /// The part of a sharded run that it is of, such as `1/2`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub shard: Option<String>,
+    /// The units and tables that it is of.
+    pub made_of: Sources,
     /// The best algorithms by the headline metrics; found by [`Summary::find_leads`].
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub leads: Vec<Lead>,
@@ -79,6 +79,10 @@ pub struct Summary {
     /// True if they are of matching alone.
     #[serde(skip)]
     pub measured: bool,
+    /// The algorithms whose times may be compared have the same number; all of a run without a
+    /// report, which has none.
+    #[serde(skip)]
+    pub time_groups: BTreeMap<String, usize>,
 }
 
 /// The extent of a run.
@@ -261,7 +265,6 @@ impl Summary {
     pub fn complete(&mut self, manifest: &mut Manifest) {
         self.times.clone_from(&manifest.times);
         self.warnings.clone_from(&manifest.warnings);
-        self.shard.clone_from(&manifest.shard);
         self.slow_profile = slow_profile(manifest.profile.as_deref());
         for record in &manifest.algorithms {
             if record.name == "truth" {
@@ -305,27 +308,16 @@ impl Summary {
         }
     }
 
-    /// Removes the times, which are of several machines.
-    pub fn remove_times(&mut self) {
-        for a in &mut self.algorithms {
-            let times = [
-                &mut a.p50_ms,
-                &mut a.p95_ms,
-                &mut a.p99_ms,
-                &mut a.max_ms,
-                &mut a.time_per_mp_s,
-                &mut a.time_per_gd_s,
-                &mut a.mde_per_s,
-                &mut a.smoothing_ms,
-                &mut a.texture_ms,
-                &mut a.matching_ms,
-                &mut a.checks_ms,
-                &mut a.filters_ms,
-                &mut a.other_ms,
-            ];
-            times.into_iter().for_each(|time| *time = None);
-            a.outliers = None;
-        }
+    /// True if the times of these algorithms may be compared: those of each block are of one
+    /// session.
+    pub fn are_times_comparable<'a>(&self, mut labels: impl Iterator<Item = &'a str>) -> bool {
+        let first = labels.next().map(|label| self.time_groups.get(label));
+        labels.all(|label| Some(self.time_groups.get(label)) == first)
+    }
+
+    /// True if the times of all algorithms may be compared.
+    pub(super) fn has_comparable_times(&self) -> bool {
+        self.are_times_comparable(self.algorithms.iter().map(|a| a.algorithm.as_str()))
     }
 
     /// The value of any metric, absent if the run does not measure it. `checkpoint`: the only one
@@ -406,7 +398,7 @@ impl Summary {
             truth: truths(rows)?,
             algorithms,
             checkpoints,
-            shard: None,
+            made_of: Sources::default(),
             leads: Vec::new(),
             failed: Vec::new(),
             warnings: Vec::new(),
@@ -421,6 +413,7 @@ impl Summary {
             times: None,
             slow_profile: None,
             measured: false,
+            time_groups: BTreeMap::new(),
         })
     }
 }

@@ -1,14 +1,12 @@
 //! The algorithms of a run, each with its memory.
 
-use crate::report::LoggedResult;
 use std::collections::VecDeque;
-use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, Memory};
 use svl_core::stereo::{DisparityMap, Frame, RectifiedPair, Rig};
 use svl_core::timing::StageTimes;
 use svl_core::{Error, Result};
 use svl_data::manifest::Manifest;
 use svl_data::memory::{self, MemoryUse};
-use svl_data::score::MetricValues;
 
 /// The algorithms of a run, ready to match.
 pub struct Matchers(pub(super) Vec<RunMatcher>);
@@ -21,8 +19,8 @@ pub(super) struct RunMatcher {
     failed_pairs: u64,
     failure: Option<String>,
     is_failing: bool,
-    /// True if a result was found equal to that of an earlier part of the run.
-    pub(super) is_verified: bool,
+    /// Place in the run of the pair that it matched last.
+    last: Option<u64>,
     /// Maps that the sinks no longer need.
     spent: Vec<DisparityMap>,
     memory: Option<MemoryUse>,
@@ -53,7 +51,7 @@ impl RunMatcher {
             failed_pairs: 0,
             failure: None,
             is_failing: false,
-            is_verified: false,
+            last: None,
             spent: Vec::new(),
             memory: None,
             max_disparity: algorithm.max_disparity(),
@@ -130,6 +128,13 @@ impl Matchers {
         self
     }
 
+    /// Those whose results depend on all earlier pairs of a run.
+    pub fn with_run_memory(&self) -> impl Iterator<Item = &str> {
+        let entries = self.0.iter();
+        let entries = entries.filter(|entry| entry.matcher.memory() == Memory::Run);
+        entries.map(|entry| entry.label.as_str())
+    }
+
     /// No algorithms: the frames go to the sinks as they are.
     pub fn none() -> Self {
         Self(Vec::new())
@@ -140,12 +145,7 @@ impl Matchers {
     pub fn complete(&self, manifest: &mut Manifest) {
         for record in &mut manifest.algorithms {
             if let Some(entry) = self.0.iter().find(|entry| entry.label == record.label) {
-                // The record of a resumed run is that of the part before.
-                let earlier = record.program.take();
-                record.program = match (entry.matcher.program(), earlier) {
-                    (Some(program), Some(earlier)) => Some(program.after(&earlier)),
-                    (program, earlier) => program.or(earlier),
-                };
+                record.program = entry.matcher.program();
                 let process = record.program.as_ref().and_then(|p| p.memory_bytes);
                 record.memory_bytes = process.or(entry.memory.map(|memory| memory.peak));
                 for warning in record.warnings() {
@@ -225,31 +225,42 @@ impl RunMatcher {
         if let Some(misfit) = self.misfit.take() {
             tracing::warn!("{}: {misfit}", self.label);
         }
-        let lacks_pose = self.matcher.remembers() && frame.pose.is_none();
+        let lacks_pose = self.matcher.memory() != Memory::None && frame.pose.is_none();
         if lacks_pose && !std::mem::replace(&mut self.warned_of_poses, true) {
             let label = &self.label;
             tracing::warn!("{label}: the pairs have no poses, so it remembers nothing of them");
         }
     }
 
-    /// Compares its result of a pair with that of an earlier part of the run.
-    pub(super) fn verify(
-        &mut self,
-        output: &MatchOutput,
-        earlier: &LoggedResult,
-        sequence: u64,
-    ) -> Result<()> {
-        let hash = output.disparity.hash();
-        let hash = output.grid.as_ref().map_or(hash, |grid| grid.hash(hash));
-        self.is_verified = hash == earlier.hash;
-        if self.is_verified {
-            Ok(())
+    /// A run begins.
+    pub(super) fn begin_run(&mut self) {
+        // Pairs of a run that was interrupted.
+        self.ahead.clear();
+        self.last = None;
+        self.matcher.reset();
+    }
+
+    /// The use of its result of the pair at `place` in the run. `is_wanted`: whether the result of
+    /// a pair is asked for.
+    pub(super) fn need(&self, place: u64, is_wanted: impl Fn(u64) -> bool) -> Need {
+        let later = match self.matcher.memory() {
+            // Of a run with `Memory::Run` all results are asked for, or none.
+            Memory::None | Memory::Run => 0,
+            Memory::Pairs(pairs) => pairs,
+        };
+        if is_wanted(place) {
+            Need::Count
+        } else if (1..=later).any(|after| is_wanted(place + after)) {
+            Need::Remember
         } else {
-            Err(Error::Invalid(format!(
-                "{}: its result of pair {sequence} differs from that of the earlier part: \
-                 the program or its model changed; without --resume all is scored again",
-                self.label
-            )))
+            Need::Skip
+        }
+    }
+
+    /// Forgets the pairs before unless the one directly before was matched.
+    pub(super) fn begin_pair(&mut self, place: u64) {
+        if self.last.replace(place).is_some_and(|last| last + 1 != place) {
+            self.matcher.reset();
         }
     }
 
@@ -286,24 +297,6 @@ impl RunMatcher {
         });
     }
 
-    /// A result of an earlier part of the run. Its map is empty.
-    pub(super) fn logged(
-        &mut self,
-        result: &LoggedResult,
-        (width, height): (usize, usize),
-    ) -> Result<Matched> {
-        let mut output = MatchOutput::new()?;
-        output.disparity = DisparityMap::new(width, height)?;
-        output.grid = Some(result.grid.clone());
-        Ok(Matched {
-            algorithm: self.label.clone(),
-            output,
-            range_px: None,
-            times: result.times(),
-            logged: Some((result.row.metrics, result.hash)),
-        })
-    }
-
     /// The output whose time is the median, by nearest rank, of outputs for one pair.
     pub(super) fn median(&mut self, mut outputs: Vec<MatchOutput>) -> Result<MatchOutput> {
         if let [first, others @ ..] = &outputs[..]
@@ -334,12 +327,20 @@ pub(super) fn add(outputs: &mut Result<Vec<MatchOutput>>, output: Result<MatchOu
     }
 }
 
+/// The use of an algorithm's result of a pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Need {
+    /// The result counts.
+    Count,
+    /// Later results depend on the pair.
+    Remember,
+    Skip,
+}
+
 /// The output of an algorithm for a frame.
 pub(super) struct Matched {
     pub(super) algorithm: String,
     pub(super) output: MatchOutput,
     pub(super) range_px: Option<f64>,
     pub(super) times: StageTimes,
-    /// Metrics and hash, if an earlier part of the run has them.
-    pub(super) logged: Option<(MetricValues, u128)>,
 }

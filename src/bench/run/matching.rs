@@ -1,13 +1,12 @@
 //! Between source and sinks: a frame through the algorithms, then through the judge.
 
-use super::matchers::{Matched, Matchers, RunMatcher, add};
-use super::{Monitor, Pace};
-use crate::report::{LoggedResult, ResultLog};
-use crate::sink::{RunStart, Sink};
+use super::matchers::{Matched, Matchers, Need, RunMatcher, add};
+use super::{Monitor, Pace, Wanted};
+use crate::sink::RunStart;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 use svl_core::matcher::MatchContext;
-use svl_core::stereo::{Estimate, Frame, Rig};
+use svl_core::stereo::{Estimate, Frame, RectifiedPair, Rig};
 use svl_core::{Error, Result, depth};
 use svl_data::score::{Judge, Judged, MatchFailure};
 
@@ -20,16 +19,13 @@ pub(super) struct MatchedFrame {
 
 /// Completes the estimates of a frame with their grids and scores them.
 pub(super) fn judged(judge: &Judge, frame: Frame, of_frame: MatchedFrame) -> Judged {
-    let mut logged = Vec::new();
     let estimate = |matched: Matched| {
         let Matched {
             algorithm,
             output,
             range_px,
             times,
-            logged: of_log,
         } = matched;
-        logged.push(of_log);
         let disparity = output.disparity;
         let own_grid = output.grid.is_some();
         let grid = output.grid.unwrap_or_else(|| {
@@ -49,17 +45,9 @@ pub(super) fn judged(judge: &Judge, frame: Frame, of_frame: MatchedFrame) -> Jud
     let estimates = of_frame.matched.into_iter().map(estimate).collect();
     let mut judged = judge.judge(frame, estimates);
     judged.failures = of_frame.failures;
-    for (scored, logged) in judged.estimates.iter_mut().zip(logged) {
-        if let Some((metrics, hash)) = logged {
-            // An algorithm that failed before may answer now.
-            let agreed = scored.metrics.get("agreed");
-            scored.metrics = metrics;
-            scored.metrics.set("agreed", agreed);
-            scored.hash = hash;
-        }
-    }
     judged
 }
+
 /// The part of a run between source and sinks.
 pub(super) struct Matching<'a> {
     pub(super) matchers: &'a mut Matchers,
@@ -67,12 +55,10 @@ pub(super) struct Matching<'a> {
     pacer: Pacer,
     /// Number of times that a pair is matched in a measured run.
     rounds: Option<usize>,
-    /// Results of an earlier part of the run, which take the place of matching,
-    log: Option<&'a ResultLog>,
-    /// that with this seed,
-    seed: Option<u64>,
-    /// unless a sink needs the map of that algorithm.
-    needed: Vec<bool>,
+    /// The results that are asked for, if not all are.
+    wanted: Option<&'a dyn Wanted>,
+    /// Place of the next pair in the run.
+    place: u64,
     monitor: &'a mut dyn Monitor,
     frames: u64,
     pub(super) failures: BTreeMap<String, u64>,
@@ -89,9 +75,7 @@ impl<'a> Matching<'a> {
         let labels = matchers.0.iter().map(|entry| entry.label.clone());
         let failures = labels.map(|label| (label, 0)).collect();
         for entry in &mut matchers.0 {
-            // Pairs of a run that was interrupted.
-            entry.ahead.clear();
-            entry.matcher.forget();
+            entry.begin_run();
         }
         Self {
             matchers,
@@ -101,9 +85,8 @@ impl<'a> Matching<'a> {
                 Pace::Measured { rounds } => Some(rounds.max(1)),
                 Pace::Asap | Pace::Times(_) => None,
             },
-            log: start.log.filter(|log| !log.is_empty()),
-            seed: start.seed,
-            needed: Vec::new(),
+            wanted: start.wanted,
+            place: 0,
             monitor,
             frames: 0,
             failures,
@@ -115,65 +98,46 @@ impl<'a> Matching<'a> {
         self.rounds.is_some()
     }
 
-    /// Asks the sinks which algorithms' maps of the next frame they need.
-    pub(super) fn ask_for_maps(&mut self, frame: &Frame, sinks: &mut [Box<dyn Sink>]) {
-        if self.log.is_some() {
-            self.needed.clear();
-            self.needed.resize(self.matchers.0.len(), false);
-            let shows_checkpoint = self.judge.shows_checkpoint(frame);
-            for sink in sinks {
-                sink.ask_for_maps(frame, shows_checkpoint, &mut self.needed);
-            }
-        }
+    /// The use of each algorithm's result of the pair at `place`.
+    fn needs(&self, place: u64) -> Vec<Need> {
+        let need = |entry: &RunMatcher| match self.wanted {
+            None => Need::Count,
+            Some(wanted) => entry.need(place, |place| wanted.wants(place, &entry.label)),
+        };
+        self.matchers.0.iter().map(need).collect()
     }
 
     pub(super) fn matched(&mut self, frame: &Frame) -> Result<MatchedFrame> {
         self.pacer.wait_for(frame);
-        if self.matchers.0.is_empty() {
+        let needs = self.needs(self.place);
+        let place = self.place;
+        self.place += 1;
+        if needs.iter().all(|need| *need == Need::Skip) {
             // A recording of raw pairs needs no rectified ones.
             return Ok(MatchedFrame::default());
         }
         let pair = frame.rectified()?;
         let context = MatchContext::of(frame, self.judge.grid, self.judge.cells);
-        for entry in &mut self.matchers.0 {
+        let entries = self.matchers.0.iter_mut().zip(&needs);
+        let mut matching: Vec<_> = entries.filter(|(_, need)| **need != Need::Skip).collect();
+        for (entry, _) in &mut matching {
             entry.check(frame);
+            entry.begin_pair(place);
         }
         if self.rounds.is_some() {
-            let (obstacle_m, _) = self.judge.cells.obstacle_and_clear_m();
-            let mut short: Vec<(String, f64)> = Vec::new();
-            for entry in &mut self.matchers.0 {
-                if entry.warm_for.replace(pair.size()) == Some(pair.size()) {
-                    continue;
-                }
-                entry.warm_up(pair, &context);
-                if let Some(rig) = frame.rig() {
-                    let nearest_m = entry.short_range(rig, obstacle_m);
-                    short.extend(nearest_m.map(|nearest_m| (entry.label.clone(), nearest_m)));
-                }
-            }
-            if let Some(rig) = frame.rig() {
-                warn_of_ranges(short, rig, obstacle_m);
-            }
+            let entries = matching.iter_mut().map(|(entry, _)| &mut **entry);
+            warm_up(entries, frame, pair, &context);
         }
-        let logged = self.logged(frame);
-        // The first result of a log is matched again: another program behind the same command would
-        // continue with other results.
-        let is_known = |entry: &RunMatcher, i: usize| {
-            let is_needed = self.needed.get(i) != Some(&false);
-            let is_free = !is_needed && !entry.matcher.remembers();
-            logged[i].is_some() && entry.is_verified && is_free
-        };
         // In turns, so that a slow moment of the machine affects all algorithms.
-        let mut rounds: Vec<_> = self.matchers.0.iter().map(|_| Ok(Vec::new())).collect();
+        let mut rounds: Vec<_> = matching.iter().map(|_| Ok(Vec::new())).collect();
         for _ in 0..self.rounds.unwrap_or(1) {
-            let entries = self.matchers.0.iter_mut().zip(&mut rounds).enumerate();
-            for (i, (entry, outputs)) in entries {
-                if !is_known(entry, i) && entry.ahead.is_empty() && outputs.is_ok() {
+            for ((entry, _), outputs) in matching.iter_mut().zip(&mut rounds) {
+                if entry.ahead.is_empty() && outputs.is_ok() {
                     add(outputs, entry.compute(pair, &context));
                 }
             }
         }
-        for (entry, outputs) in self.matchers.0.iter_mut().zip(&mut rounds) {
+        for ((entry, _), outputs) in matching.iter_mut().zip(&mut rounds) {
             if let Some(ahead) = entry.ahead.pop_front() {
                 *outputs = ahead;
             }
@@ -185,26 +149,19 @@ impl<'a> Matching<'a> {
             return Err(Error::Interrupted);
         }
         let mut of_frame = MatchedFrame::default();
-        for (i, (entry, outputs)) in self.matchers.0.iter_mut().zip(rounds).enumerate() {
-            if is_known(entry, i)
-                && let Some(result) = logged[i]
-            {
-                of_frame.matched.push(entry.logged(result, pair.size())?);
+        for ((entry, need), outputs) in matching.into_iter().zip(rounds) {
+            let output = outputs.and_then(|outputs| entry.median(outputs));
+            if *need == Need::Remember {
                 continue;
             }
-            match outputs.and_then(|outputs| entry.median(outputs)) {
+            match output {
                 Ok(output) => {
                     entry.succeeded();
-                    if let Some(earlier) = logged[i] {
-                        entry.verify(&output, earlier, frame.sequence)?;
-                    }
-                    let times = logged[i].map_or_else(|| output.clock.times(), |r| r.times());
                     of_frame.matched.push(Matched {
                         algorithm: entry.label.clone(),
                         range_px: entry.max_disparity.map(f64::from),
-                        times,
+                        times: output.clock.times(),
                         output,
-                        logged: None,
                     });
                 }
                 Err(error) => {
@@ -225,34 +182,27 @@ impl<'a> Matching<'a> {
     /// Matches a frame and those that wait behind it by the algorithms that take several pairs at
     /// once.
     pub(super) fn match_ahead(&mut self, frame: &Frame, waiting: &VecDeque<Frame>) {
-        // With a log not all pairs are matched.
-        if self.log.is_some() {
-            return;
-        }
-        for entry in &mut self.matchers.0 {
-            let (batch, size) = (entry.matcher.batch(), frame.pair.size());
+        let size = frame.pair.size();
+        for i in 0..self.matchers.0.len() {
+            let entry = &self.matchers.0[i];
+            let batch = entry.matcher.batch();
             if batch < 2 || !entry.ahead.is_empty() || entry.warm_for != Some(size) {
                 continue;
             }
-            let frames = std::iter::once(frame).chain(waiting).take(batch);
-            let pairs = frames.map_while(|frame| {
-                let context = MatchContext::of(frame, self.judge.grid, self.judge.cells);
-                let pair = frame.rectified().ok();
-                pair.filter(|pair| pair.size() == size)
-                    .map(|pair| (pair, context))
-            });
-            entry.match_ahead(&pairs.collect::<Vec<_>>(), self.rounds.unwrap_or(1));
+            let frames = std::iter::once(frame).chain(waiting).zip(self.place..);
+            let is_next = |(_, place): &(&Frame, u64)| self.needs(*place)[i] == Need::Count;
+            let pairs = frames
+                .take_while(is_next)
+                .take(batch)
+                .map_while(|(frame, _)| {
+                    let context = MatchContext::of(frame, self.judge.grid, self.judge.cells);
+                    let pair = frame.rectified().ok();
+                    pair.filter(|pair| pair.size() == size)
+                        .map(|pair| (pair, context))
+                });
+            let pairs: Vec<_> = pairs.collect();
+            self.matchers.0[i].match_ahead(&pairs, self.rounds.unwrap_or(1));
         }
-    }
-
-    /// The results of an earlier part of the run, per algorithm.
-    fn logged(&self, frame: &Frame) -> Vec<Option<&'a LoggedResult>> {
-        let Some(log) = self.log else {
-            return vec![None; self.matchers.0.len()];
-        };
-        let pair = log.pair(&self.judge.run, self.seed, frame);
-        let entries = self.matchers.0.iter();
-        entries.map(|entry| pair.get(&entry.label)).collect()
     }
 
     pub(super) fn go_on(&mut self) -> bool {
@@ -276,6 +226,31 @@ impl Pacer {
         let due =
             Duration::from_nanos((frame.stamp_ns.saturating_sub(first_ns) as f64 / factor) as u64);
         std::thread::sleep(due.saturating_sub(began.elapsed()));
+    }
+}
+
+/// Sets up the memory of algorithms for the size of a pair, and warns of those whose range ends
+/// before obstacles do.
+fn warm_up<'a>(
+    entries: impl Iterator<Item = &'a mut RunMatcher>,
+    frame: &Frame,
+    pair: RectifiedPair<'_>,
+    context: &MatchContext<'_>,
+) {
+    let (obstacle_m, _) = context.cells.obstacle_and_clear_m();
+    let mut short: Vec<(String, f64)> = Vec::new();
+    for entry in entries {
+        if entry.warm_for.replace(pair.size()) == Some(pair.size()) {
+            continue;
+        }
+        entry.warm_up(pair, context);
+        if let Some(rig) = frame.rig() {
+            let nearest_m = entry.short_range(rig, obstacle_m);
+            short.extend(nearest_m.map(|nearest_m| (entry.label.clone(), nearest_m)));
+        }
+    }
+    if let Some(rig) = frame.rig() {
+        warn_of_ranges(short, rig, obstacle_m);
     }
 }
 

@@ -6,8 +6,6 @@
 mod matchers;
 mod matching;
 #[cfg(test)]
-mod resume_tests;
-#[cfg(test)]
 mod tests;
 mod threads;
 mod through;
@@ -22,6 +20,7 @@ use std::collections::BTreeMap;
 use svl_core::stereo::Losses;
 use svl_core::{Error, Result};
 use svl_data::losses::{FailedPairs, Missing};
+use svl_data::plausibility::MeasuredScales;
 use threads::{TakenFrames, in_batches, in_turn, side_by_side};
 
 /// Watches a run and may end it.
@@ -33,6 +32,12 @@ pub trait Monitor {
     fn failed(&mut self, failure: &str) {
         tracing::warn!("{failure}");
     }
+}
+
+/// The results of a run that are asked for.
+pub trait Wanted: Sync {
+    /// True for the result of an algorithm of the pair at `place`, counted from 0.
+    fn wants(&self, place: u64, algorithm: &str) -> bool;
 }
 
 /// Speed at which frames are taken.
@@ -68,7 +73,7 @@ impl Pace {
 }
 
 /// Result of a run.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
     /// Frames that every sink took.
     pub frames: u64,
@@ -78,8 +83,8 @@ pub struct Outcome {
     pub interrupted: bool,
     /// Everything of the source that is in no frame.
     pub losses: Losses,
-    /// The reason to doubt the truth, by what the algorithms see.
-    pub doubt: Option<String>,
+    /// The factors between the truth and the algorithms.
+    pub scales: MeasuredScales,
 }
 
 impl Outcome {
@@ -93,7 +98,7 @@ impl Outcome {
             pairs: self.frames,
             losses: self.losses.clone(),
             algorithms: self.failures.iter().map(of).collect(),
-            doubts: self.doubt.iter().cloned().collect(),
+            doubts: self.scales.doubt().into_iter().collect(),
         }
     }
 }
@@ -151,10 +156,10 @@ pub fn run(
         interrupted: matching.interrupted,
         losses: source.finish(taken.frames),
         // Perturbed pairs have the truth of the others.
-        doubt: taken
-            .scales
-            .doubt()
-            .filter(|_| start.judge.run.stress.is_none()),
+        scales: match start.judge.run.stress {
+            None => taken.scales.measured(),
+            Some(_) => MeasuredScales::default(),
+        },
     };
     let error = ran.as_ref().err().map(ToString::to_string);
     let end = RunEnd {

@@ -120,7 +120,6 @@ pub(super) fn in_batches(
             let Some(frame) = waiting.frames.pop_front() else {
                 break;
             };
-            matching.ask_for_maps(&frame, sinks);
             matching.match_ahead(&frame, &waiting.frames);
             ran = matching.matched(&frame).map(|estimates| {
                 matched.push((frame, estimates));

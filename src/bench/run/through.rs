@@ -52,7 +52,7 @@ pub fn frames_through<T: Send + 'static>(
     let (outcome, ran) = run_through(source, matchers, start, Pace::Asap, &mut sinks, monitor);
     ran?;
     // Reports show it among their cautions.
-    if let Some(doubt) = &outcome.doubt {
+    if let Some(doubt) = outcome.scales.doubt() {
         tracing::warn!("{}: the truth is doubtful: {doubt}", source.name());
     }
     if outcome.interrupted {

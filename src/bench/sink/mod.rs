@@ -1,6 +1,5 @@
 //! Sinks: tables, checkpoints, pictures, viewer, recordings. [`Sinks::open`] builds them.
 
-mod checkpoints;
 mod collect;
 mod live;
 mod pictures;
@@ -8,31 +7,46 @@ mod pictures;
 mod publish;
 mod recording;
 mod table;
+mod units;
 mod viewer;
 
-pub use checkpoints::CheckpointSink;
 pub use collect::{CollectSink, WatchSink};
 pub use live::LiveTable;
 pub(crate) use pictures::frame_shot;
-pub use pictures::{PictureSink, ReportPictures};
 pub use recording::RecordingSink;
 pub(crate) use table::RunIdentity;
 pub use table::TableSink;
+pub use units::UnitSink;
 pub use viewer::{
     BoardView, CellNote, RerunDetail, RerunTarget, RunInfo, StepView, Verdicts, Viewer,
 };
 
-use crate::report::{CheckpointRow, ResultLog, Row, Summary};
-use std::path::Path;
+use crate::report::units::{ReportPlan, Units};
+use crate::report::{Row, checkpoint_results};
+use crate::run::Wanted;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use svl_core::stereo::{Frame, Losses};
-use svl_core::{Error, Result};
+use svl_core::stereo::Losses;
+use svl_core::Result;
 use svl_data::manifest::Manifest;
 use svl_data::recording::{ResultOptions, StoredResults, Writer};
 use svl_data::score::{Judge, Judged};
 
-/// The run for Rerun in the folder of a report.
-pub const REPORT_RUN: &str = "run.rrd";
+/// The runs for Rerun in the folder of a report, a file per session, in their order.
+pub fn report_runs(folder: &Path) -> Vec<PathBuf> {
+    let numbers = 1..;
+    let paths = numbers.map(|n: u64| report_run(folder, n));
+    paths.take_while(|path| path.exists()).collect()
+}
+
+/// The file for the run of the next session.
+pub fn next_report_run(folder: &Path) -> PathBuf {
+    report_run(folder, report_runs(folder).len() as u64 + 1)
+}
+
+fn report_run(folder: &Path, number: u64) -> PathBuf {
+    folder.join(format!("run-{number}.rrd"))
+}
 
 /// Takes the frames of one run after the other.
 pub trait Sink: Send {
@@ -49,11 +63,6 @@ pub trait Sink: Send {
     /// # Errors
     /// The reason why it cannot be kept. Frames that were taken before stay readable.
     fn take(&mut self, judged: &Judged) -> Result<()>;
-
-    /// Sets `needed` for the algorithms whose disparity maps it will show of a later frame. Asked
-    /// for every frame in order, before any of them is taken, if results of an earlier run, which
-    /// have no maps, replace matching.
-    fn ask_for_maps(&mut self, _frame: &Frame, _shows_checkpoint: bool, _needed: &mut [bool]) {}
 
     /// Waits until its threads have done what it gave them: measured matching begins.
     ///
@@ -82,8 +91,8 @@ pub trait Sink: Send {
 #[derive(Clone, Copy)]
 pub struct RunStart<'a> {
     pub manifest: &'a Manifest,
-    /// Results of an earlier part of the same run, which a measured run takes in place of matching.
-    pub log: Option<&'a ResultLog>,
+    /// The results that are asked for, if not all are.
+    pub wanted: Option<&'a dyn Wanted>,
     /// Seed of the arena's run.
     pub seed: Option<u64>,
     pub judge: &'a Judge,
@@ -94,7 +103,7 @@ impl<'a> RunStart<'a> {
     pub fn new(manifest: &'a Manifest, seed: Option<u64>, judge: &'a Judge) -> Self {
         Self {
             manifest,
-            log: None,
+            wanted: None,
             seed,
             judge,
         }
@@ -119,8 +128,8 @@ pub struct SinkRequest<'a> {
     pub cells: Option<&'a Path>,
     /// Limit on the rows for the summary, the newest of a run without end; files have all.
     pub newest_rows: Option<usize>,
-    /// A folder for all tables; the pictures of a report page are collected too.
-    pub report: Option<&'a Path>,
+    /// The folder of a report, for its units.
+    pub report: Option<UnitRequest<'a>>,
     pub viewer: Option<ViewerRequest>,
     /// Live topics for the results of the first algorithm.
     pub publish: Option<PublishRequest<'a>>,
@@ -128,6 +137,13 @@ pub struct SinkRequest<'a> {
     pub recording: Option<Writer>,
     /// Results that the source has of its pairs, for the recording.
     pub stored: Option<StoredResults>,
+}
+
+/// The units of a report, for a session.
+pub struct UnitRequest<'a> {
+    pub folder: &'a Path,
+    pub plan: &'a ReportPlan,
+    pub session: &'a str,
 }
 
 /// The viewer of a run, with its options.
@@ -165,47 +181,27 @@ impl PublishRequest<'_> {
 /// The sinks of one or several runs.
 pub struct Sinks {
     sinks: Vec<Box<dyn Sink>>,
-    /// Number of sinks that write tables; they come first.
-    tables: usize,
     rows: Outbox<Vec<Row>>,
-    checkpoints: Outbox<Vec<CheckpointRow>>,
-    pictures: Outbox<ReportPictures>,
-}
-
-/// Results that the sinks collected over all runs.
-#[derive(Default)]
-pub struct RunResults {
-    pub rows: Vec<Row>,
-    pub checkpoints: Vec<CheckpointRow>,
-    pub pictures: ReportPictures,
 }
 
 impl Sinks {
-    /// Opens the sinks: the one place that builds them.
+    /// Opens the sinks: the one place that builds them. The first writes tables.
     ///
     /// # Errors
     /// A file that cannot be made, a viewer that does not answer.
     pub fn open(request: SinkRequest<'_>) -> Result<Self> {
         let rows = Outbox::default();
-        let checkpoints = Outbox::default();
-        let pictures = Outbox::default();
         let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
-        match request.report {
+        match &request.report {
             None => {
                 let table = TableSink::new(request.rows, request.cells, &rows)?;
                 sinks.push(Box::new(table.with_newest(request.newest_rows)));
             }
-            Some(folder) => {
-                std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-                sinks.push(Box::new(TableSink::in_folder(folder, &rows)?));
-                sinks.push(Box::new(CheckpointSink::in_folder(folder, &checkpoints)?));
-                sinks.push(Box::new(PictureSink::new(&pictures)));
+            Some(report) => {
+                let units = Units::of_report(report.folder);
+                sinks.push(Box::new(UnitSink::new(&units, report.plan, report.session)));
             }
         }
-        let tables = match request.report {
-            None => 1,
-            Some(_) => 2,
-        };
         if let Some(ViewerRequest {
             viewer,
             target,
@@ -213,17 +209,15 @@ impl Sinks {
             info,
         }) = request.viewer
         {
-            // It is finished after the tables, which then have the checkpoints' results.
-            let (rows, checkpoints) = (rows.clone(), checkpoints.clone());
-            let scenario = info.scenario.clone();
-            let verdicts: Verdicts = Box::new(move || {
-                let summary = rows.with(|rows| {
-                    checkpoints.with(|checkpoints| Summary::from_rows(rows, checkpoints))
-                });
-                Some(summary.ok()?.verdicts_markdown(&scenario))
+            // It is finished after the units are sealed.
+            let verdicts = request.report.map(|report| {
+                let folder = report.folder.to_owned();
+                let verdicts: Verdicts = Box::new(move || checkpoint_results(&folder).ok());
+                verdicts
             });
-            let verdicts = request.report.map(|_| verdicts);
-            sinks.push(viewer.run(target, detail, &info, verdicts)?);
+            let has_report = verdicts.is_some();
+            let sink = viewer.run(target, detail, &info, verdicts)?;
+            sinks.push(if has_report { Box::new(MatchedSink(sink)) } else { sink });
         }
         if let Some(publish) = &request.publish {
             sinks.push(publish.sink()?);
@@ -231,13 +225,7 @@ impl Sinks {
         if let Some(writer) = request.recording {
             sinks.push(Box::new(RecordingSink::new(writer, request.stored)));
         }
-        Ok(Self {
-            sinks,
-            tables,
-            rows,
-            checkpoints,
-            pictures,
-        })
+        Ok(Self { sinks, rows })
     }
 
     /// Adds a sink of the caller's.
@@ -250,9 +238,9 @@ impl Sinks {
         &mut self.sinks
     }
 
-    /// The sinks that write tables: pictures show no perturbed pairs.
+    /// The sink that writes tables: pictures show no perturbed pairs.
     pub fn tables_mut(&mut self) -> &mut [Box<dyn Sink>] {
-        &mut self.sinks[..self.tables]
+        &mut self.sinks[..1]
     }
 
     /// The sinks alone, without what they collect.
@@ -260,15 +248,39 @@ impl Sinks {
         self.sinks
     }
 
-    /// Finishes all sinks in their order, also after one that fails. The results hold also then.
-    pub fn finish(self) -> (RunResults, Result<()>) {
+    /// Finishes all sinks in their order, also after one that fails. The rows, of runs without a
+    /// report, hold also then.
+    pub fn finish(self) -> (Vec<Row>, Result<()>) {
         let finished = finish(self.sinks);
-        let results = RunResults {
-            rows: self.rows.take(),
-            checkpoints: self.checkpoints.take(),
-            pictures: self.pictures.take(),
-        };
-        (results, finished)
+        (self.rows.take(), finished)
+    }
+}
+
+/// A sink that takes the frames with results of this session.
+struct MatchedSink(Box<dyn Sink>);
+
+impl Sink for MatchedSink {
+    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
+        self.0.begin_run(start)
+    }
+
+    fn take(&mut self, judged: &Judged) -> Result<()> {
+        match judged.estimates.is_empty() {
+            true => Ok(()),
+            false => self.0.take(judged),
+        }
+    }
+
+    fn settle(&mut self) -> Result<()> {
+        self.0.settle()
+    }
+
+    fn end_run(&mut self, end: &RunEnd<'_>) -> Result<()> {
+        self.0.end_run(end)
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        self.0.finish()
     }
 }
 
@@ -302,11 +314,6 @@ impl<T> Outbox<T> {
     /// Stores the value for all copies of the outbox.
     pub fn put(&self, value: T) {
         *self.lock() = value;
-    }
-
-    /// Looks at what was left; the default before the sink is finished.
-    pub fn with<R>(&self, look: impl FnOnce(&T) -> R) -> R {
-        look(&self.lock())
     }
 
     fn lock(&self) -> MutexGuard<'_, T> {

@@ -1,13 +1,17 @@
 //! Pictures for the report page: the best and the worst frame of each checkpoint, or the scenes.
 
+use super::RunStart;
 use super::table::RunIdentity;
-use super::{Outbox, RunStart, Sink};
+use crate::report::FrameRow;
 use crate::report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
+use crate::report::shots::{MAX_SAMPLES, MAX_SCENES, stride};
+use crate::report::units::{BlockPictures, CheckpointShot};
+use std::collections::BTreeMap;
 use svl_core::Result;
 use svl_core::stereo::{CellRule, DepthGrid, Frame, Plane};
 use svl_data::files;
 use svl_data::overlay::{self, Nearness, Picture};
-use svl_data::score::{Checkpoint, CheckpointTally, Judged, JudgedEstimate};
+use svl_data::score::{Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate};
 
 /// Widest picture of a frame, pixels: as wide as the arena's.
 const WIDTH: usize = 320;
@@ -15,259 +19,189 @@ const WIDTH: usize = 320;
 /// page shows it two thirds as wide.
 const SCENE_WIDTH: usize = 200;
 
-/// Limit of the algorithms with pictures, spread over those of the run: a page is to be sent
-/// around.
-const PICTURED: usize = 8;
-
-/// Half the limit of the frames shown of recordings, over all runs.
-const SAMPLES: usize = 6;
-/// Half the limit of the scenes shown.
-const SCENES: usize = 10;
-
-/// The pictures of a report page.
+/// The pictures of a block: the best and the worst frame of each checkpoint (thesis, figure 7.3), or
+/// frames spread over a recording, or the scenes of a data set.
 #[derive(Default)]
-pub struct ReportPictures {
-    /// Per checkpoint the worst and the best frame of every algorithm (thesis, figure 7.3), or of
-    /// recordings without checkpoints frames spread over them.
-    pub figures: Vec<CheckpointFigure>,
-    /// One per frame of a data set, whose frames have names, where there are no checkpoints.
-    pub scenes: Vec<SceneFigure>,
-}
-
-/// Collects the pictures over all runs.
-#[derive(Default)]
-pub struct PictureSink {
-    identity: RunIdentity,
-    algorithms: Vec<String>,
+pub(super) struct BlockShots {
     checkpoints: Vec<Checkpoint>,
     cells: CellRule,
-    /// By checkpoint and algorithm, with the pictures of the leading frames of all runs.
-    tallies: Vec<Vec<CheckpointTally<FrameShot>>>,
-    scenes: Vec<SceneFigure>,
-    samples: Vec<CheckpointFigure>,
-    /// The choice of samples among the frames taken, and among those asked for.
-    taken: SampleChoice,
-    asked: SampleChoice,
     start_ns: u64,
-    outbox: Outbox<ReportPictures>,
+    /// True if the pairs are perturbed, so that none is shown.
+    is_perturbed: bool,
+    /// Those of leading frames, by checkpoint and algorithm.
+    tallies: BTreeMap<(usize, String), CheckpointTally<FrameShot>>,
+    pictures: BlockPictures,
+    is_changed: bool,
 }
 
-impl PictureSink {
-    /// Leaves the pictures in `outbox`.
-    pub fn new(outbox: &Outbox<ReportPictures>) -> Self {
+impl BlockShots {
+    /// Those of a run.
+    pub(super) fn new(start: &RunStart<'_>) -> Self {
         Self {
-            outbox: outbox.clone(),
+            checkpoints: start.judge.checkpoints.clone(),
+            cells: start.judge.cells,
+            start_ns: start.judge.run.start_ns,
+            is_perturbed: start.judge.run.stress.is_some(),
             ..Self::default()
         }
     }
 
-    /// True if the page has room for the algorithm at that place.
-    fn is_pictured(&self, algorithm: &str) -> bool {
-        pictured(&self.algorithms).contains(&algorithm)
-    }
-}
-
-impl Sink for PictureSink {
-    fn begin_run(&mut self, start: &RunStart<'_>) -> Result<()> {
-        self.identity = RunIdentity::new(start);
-        self.start_ns = start.judge.run.start_ns;
-        self.cells = start.judge.cells;
-        // All runs of a report have the same algorithms and checkpoints.
-        if self.algorithms.is_empty() {
-            self.algorithms = start.manifest.labels().map(str::to_owned).collect();
-            self.checkpoints.clone_from(&start.judge.checkpoints);
-            let tallies = vec![CheckpointTally::default(); self.algorithms.len()];
-            self.tallies = vec![tallies; self.checkpoints.len()];
-        }
-        Ok(())
+    /// Another block begins.
+    pub(super) fn begin_block(&mut self) {
+        self.tallies.clear();
+        self.pictures = BlockPictures::default();
+        self.is_changed = false;
     }
 
-    fn ask_for_maps(&mut self, frame: &Frame, shows_checkpoint: bool, needed: &mut [bool]) {
-        let is_shown = match self.identity.run {
-            _ if !self.checkpoints.is_empty() => shows_checkpoint,
-            Some(_) => self.asked.next(SAMPLES).is_some(),
-            None => frame.name.is_some() && self.asked.next(SCENES).is_some(),
-        };
-        if is_shown {
-            let pictured = pictured(&self.algorithms);
-            for (needed, label) in needed.iter_mut().zip(&self.algorithms) {
-                *needed |= pictured.contains(&label.as_str());
-            }
-        }
-    }
-
-    fn take(&mut self, judged: &Judged) -> Result<()> {
-        for scored in &judged.estimates {
-            let label = &scored.estimate.algorithm;
-            let Some(a) = self.algorithms.iter().position(|l| l == label) else {
-                continue;
-            };
-            if !self.is_pictured(label) {
-                continue;
-            }
-            for &(c, verdict) in &scored.checkpoints {
-                let tally = &self.tallies[c][a];
-                let (best, worst) = tally.would_lead(&verdict);
-                let shot = if best || worst {
-                    let grid = &scored.estimate.grid;
-                    Some(FrameShot {
-                        passed: Some(verdict.passed),
-                        failures: self.checkpoints[c].failures(grid, scored.cells.as_deref()),
-                        findings: self.checkpoints[c].findings(grid, self.cells),
-                        ..frame_shot(&self.identity, judged, scored)?
-                    })
-                } else {
-                    None
-                };
-                // The shot exists if and only if the frame leads, and only then it is asked for.
-                self.tallies[c][a].add(verdict, || shot.clone().expect("a leading frame"));
-            }
-        }
-        match &judged.frame.name {
-            _ if !self.checkpoints.is_empty() => Ok(()),
-            _ if self.identity.run.is_some() => self.sample(judged),
-            Some(name) => {
-                if let Some(kept) = self.taken.next(SCENES) {
-                    let scene = self.scene(name, judged)?;
-                    push_spread(&mut self.scenes, kept, scene);
+    /// The pictures of the block so far, if there are any.
+    pub(super) fn pictures(&mut self) -> Option<&BlockPictures> {
+        if std::mem::take(&mut self.is_changed) {
+            self.pictures.checkpoints.clear();
+            for ((c, label), tally) in &self.tallies {
+                let leading = [&tally.worst, &tally.best];
+                let mut sequences = Vec::new();
+                for (shot, frame) in leading.into_iter().flatten() {
+                    let sequence = shot.row.sequence;
+                    if !sequences.contains(&sequence) {
+                        sequences.push(sequence);
+                        let checkpoint = &self.checkpoints[*c];
+                        self.pictures.checkpoints.push(CheckpointShot {
+                            frame: FrameRow::new(sequence, label, checkpoint, frame),
+                            shot: shot.clone(),
+                        });
+                    }
                 }
-                Ok(())
             }
-            None => Ok(()),
         }
+        let BlockPictures {
+            checkpoints,
+            samples,
+            scenes,
+        } = &self.pictures;
+        let is_empty = checkpoints.is_empty() && samples.is_empty() && scenes.is_empty();
+        (!is_empty).then_some(&self.pictures)
     }
 
-    fn finish(self: Box<Self>) -> Result<()> {
-        let figure = |(checkpoint, tallies): (Checkpoint, Vec<CheckpointTally<FrameShot>>)| {
-            CheckpointFigure {
-                checkpoint: Some(checkpoint.number),
-                title: format!("{} {}", checkpoint.number, checkpoint.name),
-                about: checkpoint.description,
-                shots: tallies.into_iter().flat_map(leading_shots).collect(),
+    /// Takes the frame at `place` in the run, with the results of the algorithms that are pictured.
+    pub(super) fn take(
+        &mut self,
+        place: u64,
+        pictured: &[&str],
+        identity: &RunIdentity,
+        judged: &Judged,
+    ) -> Result<()> {
+        if self.is_perturbed {
+            return Ok(());
+        }
+        let estimates = judged.estimates.iter();
+        let shown = estimates.filter(|scored| pictured.contains(&scored.estimate.algorithm.as_str()));
+        let shown: Vec<_> = shown.collect();
+        for scored in &shown {
+            for &(c, frame) in &scored.checkpoints {
+                self.take_checkpoint(c, frame, identity, judged, scored)?;
             }
-        };
-        let checkpoints = self.checkpoints.into_iter().zip(self.tallies).map(figure);
-        self.outbox.put(ReportPictures {
-            figures: checkpoints.chain(self.samples).collect(),
-            scenes: self.scenes,
-        });
+        }
+        if !self.checkpoints.is_empty() || shown.is_empty() {
+            return Ok(());
+        }
+        let is_recording = identity.run.is_some();
+        let limit = if is_recording { MAX_SAMPLES } else { MAX_SCENES };
+        let stride = stride(place + 1, limit);
+        if !place.is_multiple_of(stride) {
+            return Ok(());
+        }
+        let is_on_stride = |place: &u64| place.is_multiple_of(stride);
+        self.pictures.samples.retain(|(place, _)| is_on_stride(place));
+        self.pictures.scenes.retain(|(place, _)| is_on_stride(place));
+        if is_recording {
+            let sample = self.sample(identity, judged, &shown)?;
+            self.pictures.samples.push((place, sample));
+        } else if let Some(name) = &judged.frame.name {
+            let scene = scene(identity, name, judged, &shown)?;
+            self.pictures.scenes.push((place, scene));
+        }
+        self.is_changed = true;
         Ok(())
     }
-}
 
-/// Chooses frames that are spread evenly over those that came so far.
-#[derive(Default)]
-struct SampleChoice {
-    /// Frames so far.
-    frames: usize,
-    /// Doublings of the stride.
-    doublings: u32,
-    kept: usize,
-}
-
-impl SampleChoice {
-    /// The number of samples before the next frame if that is one, else none; at most twice `half`
-    /// are kept. If it is less than before, every second one stays, from the first.
-    fn next(&mut self, half: usize) -> Option<usize> {
-        let place = self.frames;
-        self.frames += 1;
-        let is_on_stride = |doublings: u32| place.is_multiple_of(1_usize << doublings);
-        if !is_on_stride(self.doublings) {
-            return None;
+    fn take_checkpoint(
+        &mut self,
+        c: usize,
+        frame: CheckpointFrame,
+        identity: &RunIdentity,
+        judged: &Judged,
+        scored: &JudgedEstimate,
+    ) -> Result<()> {
+        let key = (c, scored.estimate.algorithm.clone());
+        let tally = self.tallies.entry(key).or_default();
+        let (best, worst) = tally.would_lead(&frame);
+        let mut shot = None;
+        if best || worst {
+            let (grid, checkpoint) = (&scored.estimate.grid, &self.checkpoints[c]);
+            shot = Some(FrameShot {
+                passed: Some(frame.passed),
+                failures: checkpoint.failures(grid, scored.cells.as_deref()),
+                findings: checkpoint.findings(grid, self.cells),
+                ..frame_shot(identity, judged, scored)?
+            });
+            self.is_changed = true;
         }
-        if self.kept == 2 * half {
-            if !is_on_stride(self.doublings + 1) {
-                return None;
-            }
-            self.doublings += 1;
-            self.kept = half;
-        }
-        self.kept += 1;
-        Some(self.kept - 1)
+        // The shot exists if and only if the frame leads, and only then it is asked for.
+        tally.add(frame, || shot.clone().expect("a leading frame"));
+        Ok(())
     }
-}
 
-/// Adds what is spread over a run, of which `kept` stay: all, or every second one.
-fn push_spread<T>(kept_so_far: &mut Vec<T>, kept: usize, next: T) {
-    if kept < kept_so_far.len() {
-        let mut places = 0..;
-        kept_so_far.retain(|_| places.next().is_some_and(|i: usize| i.is_multiple_of(2)));
-    }
-    kept_so_far.push(next);
-}
-
-impl PictureSink {
-    /// Keeps frames that are spread evenly over what came so far, at most twice the limit.
-    fn sample(&mut self, judged: &Judged) -> Result<()> {
-        let Some(kept) = self.taken.next(SAMPLES) else {
-            return Ok(());
-        };
+    /// A frame of a recording.
+    fn sample(
+        &self,
+        identity: &RunIdentity,
+        judged: &Judged,
+        shown: &[&JudgedEstimate],
+    ) -> Result<CheckpointFigure> {
         let frame = &judged.frame;
         let seconds = frame.stamp_ns.saturating_sub(self.start_ns) as f64 / 1e9;
-        let run = self.identity.run.as_deref().unwrap_or_default();
-        let shown = judged.estimates.iter();
-        let shown = shown.filter(|scored| self.is_pictured(&scored.estimate.algorithm));
-        let shots =
-            shown.map(|scored| Ok((Rank::Sample, frame_shot(&self.identity, judged, scored)?)));
-        let figure = CheckpointFigure {
+        let run = identity.run.as_deref().unwrap_or_default();
+        let shots = shown.iter();
+        let shots = shots.map(|scored| Ok((Rank::Sample, frame_shot(identity, judged, scored)?)));
+        Ok(CheckpointFigure {
             checkpoint: None,
             title: format!("{run}, frame {}, {seconds:.2} s", frame.sequence),
             about: String::new(),
             shots: shots.collect::<Result<_>>()?,
-        };
-        push_spread(&mut self.samples, kept, figure);
-        Ok(())
-    }
-
-    /// A scene with the results of the pictured algorithms.
-    fn scene(&self, name: &str, judged: &Judged) -> Result<SceneFigure> {
-        let frame = &judged.frame;
-        let max_px = Nearness::of_frame(frame).near_px();
-        let disparities =
-            |plane: &Plane<f32>| png(overlay::disparities(plane, max_px as f32), SCENE_WIDTH);
-        let shot = |scored: &JudgedEstimate| {
-            let map = &scored.estimate.disparity;
-            let errors = frame
-                .truth
-                .as_ref()
-                .map(|truth| png(overlay::errors::errors(map, truth), SCENE_WIDTH));
-            Ok(SceneResult {
-                row: self.identity.row(judged, scored),
-                disparities: disparities(map.disparity())?,
-                errors: errors.transpose()?,
-            })
-        };
-        let shown = judged
-            .estimates
-            .iter()
-            .filter(|scored| self.is_pictured(&scored.estimate.algorithm));
-        Ok(SceneFigure {
-            title: name.to_owned(),
-            size: frame.pair.size(),
-            left: left(frame, SCENE_WIDTH)?,
-            max_px,
-            truth: frame
-                .truth
-                .as_ref()
-                .map(|truth| disparities(&truth.disparity))
-                .transpose()?,
-            shots: shown.map(shot).collect::<Result<_>>()?,
         })
     }
 }
 
-/// The algorithms whose pictures are shown: the first, the last, and others spread evenly between.
-fn pictured(algorithms: &[String]) -> Vec<&str> {
-    let count = algorithms.len().min(PICTURED);
-    let place = |i: usize| i * (algorithms.len() - 1) / (count - 1).max(1);
-    (0..count).map(|i| algorithms[place(i)].as_str()).collect()
-}
-
-fn leading_shots(tally: CheckpointTally<FrameShot>) -> impl Iterator<Item = (Rank, FrameShot)> {
-    let leading = [(Rank::Worst, tally.worst), (Rank::Best, tally.best)];
-    leading
-        .into_iter()
-        .filter_map(|(rank, lead)| Some((rank, lead?.0)))
+/// A scene with the results of the pictured algorithms.
+fn scene(
+    identity: &RunIdentity,
+    name: &str,
+    judged: &Judged,
+    shown: &[&JudgedEstimate],
+) -> Result<SceneFigure> {
+    let frame = &judged.frame;
+    let max_px = Nearness::of_frame(frame).near_px();
+    let disparities =
+        |plane: &Plane<f32>| png(overlay::disparities(plane, max_px as f32), SCENE_WIDTH);
+    let truth = frame.truth.as_ref();
+    let shot = |scored: &&JudgedEstimate| {
+        let map = &scored.estimate.disparity;
+        let errors = truth.map(|truth| png(overlay::errors::errors(map, truth), SCENE_WIDTH));
+        Ok(SceneResult {
+            row: identity.row(judged, scored),
+            disparities: disparities(map.disparity())?,
+            errors: errors.transpose()?,
+        })
+    };
+    let truth = truth.map(|truth| disparities(&truth.disparity));
+    Ok(SceneFigure {
+        title: name.to_owned(),
+        size: frame.pair.size(),
+        left: left(frame, SCENE_WIDTH)?,
+        max_px,
+        truth: truth.transpose()?,
+        shots: shown.iter().map(shot).collect::<Result<_>>()?,
+    })
 }
 
 /// A frame through one algorithm, for a page.
@@ -308,21 +242,5 @@ fn left(frame: &Frame, width: usize) -> Result<Vec<u8>> {
     match &frame.color {
         Some([left, _]) => files::encode_color_jpeg(left, width),
         None => files::encode_jpeg(frame.pair.left(), width),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn pictures_are_spread_over_the_algorithms() {
-        let names = |n: usize| (0..n).map(|i| i.to_string()).collect::<Vec<_>>();
-        assert_eq!(pictured(&names(3)), ["0", "1", "2"]);
-        assert_eq!(
-            pictured(&names(32)),
-            ["0", "4", "8", "13", "17", "22", "26", "31"]
-        );
-        assert!(pictured(&[]).is_empty());
     }
 }

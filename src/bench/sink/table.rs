@@ -16,7 +16,6 @@ const TRIMMED: usize = 500;
 pub struct TableSink {
     rows: TableWriter<Row>,
     cells: Option<TableWriter<CellRow>>,
-    failures: TableWriter<FailureRow>,
     identity: RunIdentity,
     kept: Vec<Row>,
     /// Limit on the rows that are kept, if any: the newest.
@@ -37,41 +36,14 @@ impl TableSink {
     ) -> Result<Self> {
         let rows = rows.map_or_else(|| Ok(TableWriter::in_memory()), TableWriter::create)?;
         let cells = cells.map(TableWriter::create).transpose()?;
-        Ok(Self::with_tables(
+        Ok(Self {
             rows,
             cells,
-            TableWriter::in_memory(),
-            outbox,
-        ))
-    }
-
-    /// Writes `rows`, `cells` and `failures` into a folder, each as `.csv` and `.parquet`, and
-    /// leaves all rows in `outbox`.
-    ///
-    /// # Errors
-    /// As [`TableWriter::create`].
-    pub fn in_folder(folder: &Path, outbox: &Outbox<Vec<Row>>) -> Result<Self> {
-        let rows = TableWriter::create_both(folder, "rows")?;
-        let cells = TableWriter::create_both(folder, "cells")?;
-        let failures = TableWriter::create_both(folder, "failures")?;
-        Ok(Self::with_tables(rows, Some(cells), failures, outbox))
-    }
-
-    fn with_tables(
-        rows: TableWriter<Row>,
-        cells: Option<TableWriter<CellRow>>,
-        failures: TableWriter<FailureRow>,
-        outbox: &Outbox<Vec<Row>>,
-    ) -> Self {
-        Self {
-            rows,
-            cells,
-            failures,
             identity: RunIdentity::default(),
             kept: Vec::new(),
             newest: None,
             outbox: outbox.clone(),
-        }
+        })
     }
 
     /// The same, keeping only that many of the newest rows for the summary, if a limit is given.
@@ -97,7 +69,6 @@ impl Sink for TableSink {
     }
 
     fn take(&mut self, judged: &Judged) -> Result<()> {
-        self.failures.push(self.identity.failures(judged))?;
         for estimate in &judged.estimates {
             // The cells are written first: a row in the file implies that its cells are there too.
             if let Some(cells) = &mut self.cells {
@@ -116,15 +87,14 @@ impl Sink for TableSink {
         // The rows are known even if the table is incomplete.
         self.outbox.put(self.kept);
         let cells = self.cells.map_or(Ok(()), TableWriter::finish);
-        let failures = self.failures.finish();
-        self.rows.finish().and(cells).and(failures)
+        self.rows.finish().and(cells)
     }
 }
 
 /// Values that all rows of a run share.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RunIdentity {
-    pub run_id: String,
+    pub session: String,
     pub scenario: String,
     pub seed: Option<u64>,
     /// The recording, where the scenario has some.
@@ -137,7 +107,7 @@ pub(crate) struct RunIdentity {
 impl RunIdentity {
     pub(crate) fn new(start: &RunStart<'_>) -> Self {
         Self {
-            run_id: start.manifest.run_id.clone(),
+            session: start.manifest.run_id.clone(),
             scenario: start.manifest.scenario.clone(),
             seed: start.seed,
             run: Some(&start.judge.run.name)
@@ -159,7 +129,7 @@ impl RunIdentity {
         let us = |time: Duration| time.as_micros() as u64;
         let stage = |stage| us(estimate.times.get(stage));
         Row {
-            run_id: self.run_id.clone(),
+            session: self.session.clone(),
             scenario: self.scenario.clone(),
             sequence: frame.sequence,
             stamp_ns: frame.stamp_ns,
@@ -192,7 +162,6 @@ impl RunIdentity {
     /// The algorithms that failed on a frame as rows.
     pub(crate) fn failures(&self, judged: &Judged) -> Vec<FailureRow> {
         let row = |failed: &MatchFailure| FailureRow {
-            run_id: self.run_id.clone(),
             scenario: self.scenario.clone(),
             run: self.run.clone(),
             seed: self.seed,
@@ -215,7 +184,6 @@ impl RunIdentity {
             |(i, ((column, row), cell)): (usize, ((usize, usize), &svl_core::stereo::Cell))| {
                 let judgement = judgement(i);
                 CellRow {
-                    run_id: self.run_id.clone(),
                     scenario: self.scenario.clone(),
                     sequence: judged.frame.sequence,
                     seed: self.seed,

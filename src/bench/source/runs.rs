@@ -153,16 +153,13 @@ impl RunSource {
         }
     }
 
-    /// Its name, and the digest of the frames read so far, if it has one.
-    pub fn inputs(&self) -> Option<(String, String)> {
-        let digest = self.digest.as_ref()?;
-        let digest = digest.lock().unwrap_or_else(PoisonError::into_inner);
-        let name = match (&self.record, self.seed) {
-            (Some(record), _) => record.name.clone(),
-            (None, Some(seed)) => format!("seed {seed}"),
-            (None, None) => "the scenes".to_owned(),
-        };
-        Some((name, format!("{:032x}", digest.digest128())))
+    /// The digest of the frames read so far; empty if it is not digested.
+    pub fn inputs(&self) -> String {
+        let digest = self.digest.as_ref().map(|digest| {
+            let digest = digest.lock().unwrap_or_else(PoisonError::into_inner);
+            format!("{:032x}", digest.digest128())
+        });
+        digest.unwrap_or_default()
     }
 
     /// Warns of checkpoints that end after the last pair, once all pairs were read.

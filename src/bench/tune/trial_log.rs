@@ -3,7 +3,6 @@
 use super::held::HeldRun;
 use super::{Known, LoggedTrial, TrialValues};
 use crate::outputs::Outputs;
-use crate::report::whole_lines;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -36,7 +35,9 @@ impl TrialLog {
         resume: bool,
         logs: Outputs,
     ) -> Result<Self> {
-        let mut words = Manifest::new("tune", &[])?.identity_hash(Purpose::Resume)?;
+        let manifest = Manifest::new("tune", &[])?;
+        // Times belong to a machine.
+        let mut words = manifest.identity_hash(Purpose::Keep)? + &format!("{:?}", manifest.machine);
         let filters = filters.iter().map(|filter| filter.hash());
         filters.for_each(|hash| words += &format!(" {hash:x}"));
         for part in training {
@@ -149,4 +150,21 @@ fn entry(
     let values = TrialValues::from_fn(value);
     let is_failed = values == TrialValues::default();
     Some((place, (!is_failed).then_some(values)))
+}
+
+/// The lines of a file without one that was being written when svl was killed; none if there is no
+/// file.
+///
+/// # Errors
+/// [`Error::Io`].
+fn whole_lines(path: &Path) -> Result<Vec<u8>> {
+    match std::fs::read(path) {
+        Ok(mut bytes) => {
+            let end = bytes.iter().rposition(|&b| b == b'\n');
+            bytes.truncate(end.map_or(0, |i| i + 1));
+            Ok(bytes)
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
+        Err(error) => Err(Error::io(path, error)),
+    }
 }

@@ -1,19 +1,20 @@
 //! `svl merge`: makes one report of the parts that shards of a run left.
 
 use crate::cli::shared::progress::Terminal;
-use crate::cli::shared::terminal::{print, print_json, report_lines, style};
+use crate::cli::shared::report::print_report;
 use crate::cli::shared::usage;
 use std::path::PathBuf;
-use svl::evaluation::{Parts, REPORT};
+use svl::console::Console;
+use svl::evaluation::Parts;
 use svl::losses::LossLimit;
 use svl::outputs::Outputs;
+use svl::report::{BuildOptions, REPORT, build};
 use svl::run::complete;
 
 /// Make one report of the parts that `svl score --shard` left
 ///
-/// The report has the tables and hashes of a run on one machine; times only if all parts were run
-/// on one machine. It lists their machines. Their pages and their runs for Rerun stay where they
-/// are, and are linked.
+/// Their units are copied into one folder, whose report is built. It has the tables and hashes of a
+/// run on one machine, and lists the machines. Runs for Rerun stay where they are.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -58,13 +59,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let figures = args.figures.as_deref();
     let mut outputs = Outputs::claim_folder(&args.output, &REPORT)?.and_figures(figures)?;
     outputs.set_aside()?;
-    let summary = parts.merge(&args.output, figures, args.allow_loss, &Terminal { quiet })?;
+    parts.copy_into(&args.output)?;
+    let options = BuildOptions {
+        figures,
+        allow_loss: args.allow_loss,
+        warnings: &Terminal { quiet }.warnings(),
+        ..BuildOptions::default()
+    };
+    let report = build(&args.output, &options)?;
     outputs.commit();
-    if args.json {
-        print_json(&summary)?;
-    } else {
-        let text = summary.terminal("merged", style(), args.explain);
-        print(&format!("{text}\n{}", report_lines(&args.output)))?;
-    }
-    Ok(complete(&summary.ending)?)
+    print_report(&report, "merged", &args.output, args.explain, args.json)?;
+    Ok(complete(&report.summary.ending)?)
 }

@@ -16,6 +16,7 @@ mod merge;
 mod record;
 mod recover;
 mod replay;
+mod report;
 mod reproduce;
 mod score;
 mod train;
@@ -29,6 +30,7 @@ pub(super) enum Command {
     Record(record::Args),
     Replay(replay::Args),
     Score(score::Args),
+    Report(report::Args),
     Merge(merge::Args),
     Compare(compare::Args),
     Reproduce(reproduce::Args),
@@ -61,6 +63,7 @@ impl Command {
             Self::Record(args) => record::run(&args, quiet),
             Self::Replay(args) => replay::run(&args, quiet),
             Self::Score(args) => score::run(&args, quiet),
+            Self::Report(args) => report::run(&args),
             Self::Merge(args) => merge::run(&args, quiet),
             Self::Compare(args) => compare::run(&args),
             Self::Reproduce(args) => reproduce::run(&args, quiet),

@@ -56,6 +56,7 @@ fn figure(text: &str) -> svl::Result<NamedExperiment> {
 const REPORT: FolderRule = FolderRule {
     kind: "a report",
     owns: |name| ["index.html", "reproduce.md", JSON].contains(&name),
+    inner: None,
     mark: JSON,
     cure: "name another folder with -o",
 };

@@ -1,11 +1,11 @@
-//! `svl view`: a recording, a run or the run of a report in the Rerun viewer.
+//! `svl view`: a recording, a run or the runs of a report in the Rerun viewer.
 
 use crate::cli::shared::viewer::viewer;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use svl::recording::{Recording, only_file};
-use svl::sink::REPORT_RUN;
+use svl::sink::report_runs;
 
 /// Open a recording or a run in the Rerun viewer
 #[derive(clap::Args)]
@@ -23,8 +23,13 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let run = args.file.join(REPORT_RUN);
-    let named = if run.is_file() { &run } else { &args.file };
+    let runs = report_runs(&args.file);
+    if !runs.is_empty() {
+        // Of all sessions: together they are one recording.
+        let runs: Vec<_> = runs.iter().map(PathBuf::as_path).collect();
+        return view(&runs, args.web);
+    }
+    let named = &args.file;
     // The viewer names a recording after the path it is given, and the layout must name the same.
     let file = only_file(named)?
         .canonicalize()

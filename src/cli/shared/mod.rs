@@ -4,6 +4,7 @@ pub(crate) mod filters;
 pub(crate) mod help;
 pub(crate) mod progress;
 pub(crate) mod recordings;
+pub(crate) mod report;
 pub(crate) mod source;
 pub(crate) mod stepper;
 pub(crate) mod terminal;

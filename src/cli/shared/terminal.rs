@@ -9,7 +9,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use svl::counted;
 use svl::recording::DamagedPart;
 use svl::report::table::TerminalStyle;
-use svl::sink::REPORT_RUN;
+use svl::sink::report_runs;
 
 /// Prints to standard output. A reader that went away (`| head`) has read enough: no error.
 pub(crate) fn print(text: &str) -> anyhow::Result<()> {
@@ -216,13 +216,12 @@ pub(crate) fn style() -> TerminalStyle {
 }
 
 /// The place of a report, and the commands that show more of it.
-pub(crate) fn report_lines(folder: &Path) -> String {
-    let (page, folder) = (folder.join("index.html"), folder.display());
+pub(crate) fn report_lines(named: &Path) -> String {
+    let (page, folder) = (named.join("index.html"), named.display());
     let viewer = format!("viewer   svl view {folder}\n");
-    let viewer = if page.with_file_name(REPORT_RUN).exists() {
-        viewer
-    } else {
-        String::new()
+    let viewer = match report_runs(named).is_empty() {
+        false => viewer,
+        true => String::new(),
     };
     format!(
         "report   {}\n{viewer}more     --columns all, --explain, --json\n",

@@ -1,6 +1,6 @@
 //! An algorithm followed by filters ([`crate::filter`]): `v3+floor`.
 
-use super::{MatchContext, MatchOutput, Matcher, ProgramRecord};
+use super::{MatchContext, MatchOutput, Matcher, Memory, ProgramRecord};
 use crate::depth;
 use crate::error::Result;
 use crate::filter::Filters;
@@ -47,12 +47,12 @@ impl Matcher for FilteredMatcher {
         self.matcher.program()
     }
 
-    fn remembers(&self) -> bool {
-        self.matcher.remembers()
+    fn memory(&self) -> Memory {
+        self.matcher.memory()
     }
 
-    fn forget(&mut self) {
-        self.matcher.forget();
+    fn reset(&mut self) {
+        self.matcher.reset();
     }
 
     fn batch(&self) -> usize {

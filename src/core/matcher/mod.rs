@@ -59,13 +59,14 @@ pub trait Matcher: Send {
         None
     }
 
-    /// True if a result depends on the pairs before, so that none of a run can be left out.
-    fn remembers(&self) -> bool {
-        false
+    /// The earlier pairs that a result depends on. A pair that is computed once more, of the same
+    /// [`MatchContext::sequence`], has the same earlier pairs and an equal result.
+    fn memory(&self) -> Memory {
+        Memory::None
     }
 
-    /// Forgets the pairs before: another run begins.
-    fn forget(&mut self) {}
+    /// Forgets all earlier pairs.
+    fn reset(&mut self) {}
 
     /// Number of pairs it matches at once.
     fn batch(&self) -> usize {
@@ -75,6 +76,17 @@ pub trait Matcher: Send {
     /// Announces the pairs of the next calls of [`Matcher::compute`], of one size and in their
     /// order, to a matcher that handles several at once.
     fn announce(&mut self, _pairs: &[(RectifiedPair<'_>, MatchContext<'_>)]) {}
+}
+
+/// The earlier pairs of a run that the result of a pair depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Memory {
+    /// None of them.
+    None,
+    /// That many pairs directly before it.
+    Pairs(u64),
+    /// All of them.
+    Run,
 }
 
 /// Everything a matcher may use besides the pair.

@@ -16,7 +16,7 @@
 //! whether the right block is plain; cells of the depth grid are decided here, known from a few
 //! blocks on.
 
-use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
+use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Memory, Parameter, Parameters, Range};
 use crate::depth::GridSettings;
 use crate::error::Result;
 use crate::stereo::{ExtraPlanes, Gray, Pose, Reason, RectifiedPair, Rig};
@@ -352,11 +352,14 @@ impl Matcher for Pushbroom {
         Ok(())
     }
 
-    fn remembers(&self) -> bool {
-        self.keep > 0
+    fn memory(&self) -> Memory {
+        match self.keep {
+            0 => Memory::None,
+            keep => Memory::Pairs(keep),
+        }
     }
 
-    fn forget(&mut self) {
+    fn reset(&mut self) {
         self.memory = SeenPoints::default();
     }
 }

@@ -12,9 +12,9 @@ use svl_core::{Error, Result};
 /// Purpose for which two runs are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// A run resumes with the rows of an earlier one.
-    Resume,
-    /// Shards become one report.
+    /// Results of an earlier session are kept.
+    Keep,
+    /// The units of several folders become one report.
     Merge,
     /// Changes from one report to another are called better or worse.
     Compare,
@@ -22,12 +22,12 @@ pub enum Purpose {
     History,
 }
 
-use Purpose::{Compare, History, Merge, Resume};
+use Purpose::{Compare, History, Keep, Merge};
 
-const ALL: &[Purpose] = &[Resume, Merge, Compare, History];
+const ALL: &[Purpose] = &[Keep, Merge, Compare, History];
 /// Other pairs, or pairs scored differently; pairs are compared one by one.
-const OF_PAIRS: &[Purpose] = &[Resume, Merge, History];
-const OF_ONE_RUN: &[Purpose] = &[Resume, Merge];
+const OF_PAIRS: &[Purpose] = &[Keep, Merge, History];
+const OF_ONE_RUN: &[Purpose] = &[Merge];
 /// No purpose: another field decides, or nothing depends on it.
 const NONE: &[Purpose] = &[];
 
@@ -38,21 +38,23 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("schema", ALL),
     ("run_id", NONE),
     ("began", NONE),
-    ("resumed", NONE),
     ("warnings", NONE),
-    ("parts", NONE),
+    ("sessions", NONE),
     ("pairs_hash", NONE),
     // Recorded per row, in its input hash.
     ("truth", NONE),
-    ("svl", OF_ONE_RUN),
-    ("git_revision", OF_ONE_RUN),
+    // The digest of the sources decides.
+    ("svl", NONE),
+    ("git_revision", NONE),
+    ("sources", &[Keep, Merge]),
     // Results are the same for any build; times are not.
     ("profile", OF_ONE_RUN),
-    ("scenario", OF_PAIRS),
+    ("scenario", &[Merge, History]),
     ("bits", OF_PAIRS),
     ("times", OF_ONE_RUN),
-    ("shard", &[Resume]),
-    ("machine", &[Resume]),
+    ("shard", NONE),
+    ("machine", NONE),
+    // Each has an identity of its own.
     ("algorithms", OF_ONE_RUN),
     ("runs", OF_ONE_RUN),
     ("description.name", NONE),
@@ -68,14 +70,15 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("description.checkpoint", ALL),
     ("description.arena", OF_PAIRS),
     ("description.drive", OF_PAIRS),
-    ("description.stress", OF_PAIRS),
+    // Each run has its own.
+    ("description.stress", &[Merge, History]),
     ("description.source.kind", OF_PAIRS),
     // Recordings and calibrations are in `runs`, regardless of their path on this machine.
     ("description.source.files", NONE),
     ("description.source.calib", NONE),
     ("description.source.data", NONE),
     ("description.source.scenes", OF_PAIRS),
-    ("description.source.seeds", OF_PAIRS),
+    ("description.source.seeds", &[Merge, History]),
     ("description.source.left", OF_PAIRS),
     ("description.source.right", OF_PAIRS),
     ("description.source.side_by_side", OF_PAIRS),
@@ -147,6 +150,7 @@ impl Manifest {
             // The label contains the parameters as the user wrote them; their hash covers all of
             // them.
             algorithm.parameters.clear();
+            algorithm.filters.clear();
         }
         for run in &mut manifest.runs {
             run.pairs_hash = None;
@@ -344,7 +348,7 @@ mod tests {
         };
         for kind in ["arena", "drive", "dataset", "recording"] {
             let manifest = whole(kind);
-            assert!(manifest.differences(&manifest, Resume).unwrap().is_empty());
+            assert!(manifest.differences(&manifest, Merge).unwrap().is_empty());
             let description = manifest.description.clone().unwrap();
             let mut paths = Vec::new();
             each_field(

@@ -40,6 +40,9 @@ pub struct Manifest {
     pub svl: String,
     /// Git revision of svl, if its build knew it.
     pub git_revision: Option<String>,
+    /// Digest of the sources of svl that results depend on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sources: Option<String>,
     /// Cargo profile of the build, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<String>,
@@ -67,26 +70,31 @@ pub struct Manifest {
     /// Shard of the run, such as `3/16`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<String>,
-    /// The parts of a merged report.
+    /// The sessions whose rows a report has, in the order of their beginnings.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub parts: Vec<PartRecord>,
+    pub sessions: Vec<SessionRecord>,
     /// The warnings of the run, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
-    /// Times at which the run resumed after it was killed or interrupted, formatted like `began`.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub resumed: Vec<String>,
 }
 
-/// A part of a merged report.
+/// A process that matched pairs of a report.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct PartRecord {
-    pub shard: String,
-    pub run_id: String,
+pub struct SessionRecord {
+    /// Its `run_id`, as in the column `session` of the rows.
+    pub id: String,
+    /// RFC 3339, UTC.
     pub began: String,
-    /// Its folder, relative to that of the merged report.
-    pub folder: String,
     pub machine: Machine,
+    /// Cargo profile of the build, if known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<String>,
+    /// Description of its times.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<String>,
+    /// Shard of the run, such as `3/16`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shard: Option<String>,
 }
 
 /// A recording, bag or folder of a run.
@@ -117,6 +125,9 @@ pub struct AlgorithmRecord {
     pub label: String,
     /// All its parameters, `key=value,...`.
     pub parameters: String,
+    /// The filters behind it, each with the hash of its weights, `+kind=hash`.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub filters: String,
     pub parameters_hash: String,
     /// Number of disparities searched per pixel, if its parameters determine it.
     pub disparities: Option<u32>,
@@ -186,6 +197,7 @@ impl Manifest {
             began: format!("{now:.0}"),
             svl: build.version.to_owned(),
             git_revision: build.git_revision.map(str::to_owned),
+            sources: build.sources.map(str::to_owned),
             profile: build.profile.map(str::to_owned),
             scenario: scenario.to_owned(),
             description: None,
@@ -197,9 +209,8 @@ impl Manifest {
             machine: Machine::this()?,
             times: None,
             shard: None,
-            parts: Vec::new(),
+            sessions: Vec::new(),
             warnings: Vec::new(),
-            resumed: Vec::new(),
         })
     }
 
@@ -211,12 +222,23 @@ impl Manifest {
         read_json(&report.join("manifest.json"))
     }
 
-    /// The machines it ran on, or those of its parts if it has any, each once.
+    /// The run as a session of a report.
+    pub fn session(&self) -> SessionRecord {
+        SessionRecord {
+            id: self.run_id.clone(),
+            began: self.began.clone(),
+            machine: self.machine.clone(),
+            profile: self.profile.clone(),
+            times: self.times.clone(),
+            shard: self.shard.clone(),
+        }
+    }
+
+    /// The machines it ran on, each once.
     pub fn machines(&self) -> Vec<&Machine> {
-        let parts = self.parts.iter().map(|part| &part.machine);
-        let own = self.parts.is_empty().then_some(&self.machine);
+        let own = self.sessions.is_empty().then_some(&self.machine);
         let mut machines = Vec::new();
-        for machine in parts.chain(own) {
+        for machine in self.sessions.iter().map(|of| &of.machine).chain(own) {
             if !machines.contains(&machine) {
                 machines.push(machine);
             }
@@ -252,7 +274,7 @@ impl Manifest {
         for record in &mut self.algorithms {
             let answers = matcher::find(&record.name).is_ok_and(|spec| spec.cells.is_some());
             if answers {
-                let of = format!("{}:{}", record.name, record.parameters);
+                let of = format!("{}:{}{}", record.name, record.parameters, record.filters);
                 record.parameters_hash = hash(&format!("{of};{}", rule.right_words()))[..16].into();
             }
         }
@@ -284,24 +306,20 @@ impl Manifest {
             ("governor", governor.clone()),
             ("times", self.times.clone()),
             ("shard", self.shard.clone()),
-            (
-                "resumed",
-                (!self.resumed.is_empty()).then(|| self.resumed.join(", ")),
-            ),
         ];
         let fixed = fixed
             .into_iter()
             .filter_map(|(name, value)| Some((name.to_owned(), value?)));
-        let parts = self.parts.iter().map(PartRecord::entry);
+        let several = self.sessions.iter().filter(|_| self.sessions.len() > 1);
         fixed
-            .chain(parts)
+            .chain(several.map(SessionRecord::entry))
             .chain(self.runs.iter().map(RunRecord::entry))
             .chain(self.algorithms.iter().flat_map(AlgorithmRecord::entries))
             .collect()
     }
 }
 
-impl PartRecord {
+impl SessionRecord {
     fn entry(&self) -> (String, String) {
         let Machine {
             processor,
@@ -309,12 +327,13 @@ impl PartRecord {
             threads,
             ..
         } = &self.machine;
-        let machine = format!("{processor}, {isa}, {threads} threads");
+        let shard = self.shard.as_ref().map(|shard| format!(", shard {shard}"));
         let words = format!(
-            "{}, run {}, {}, {machine}",
-            self.folder, self.run_id, self.began
+            "{}, {processor}, {isa}, {threads} threads{}",
+            self.began,
+            shard.unwrap_or_default()
         );
-        (format!("part {}", self.shard), words)
+        (format!("session {}", self.id), words)
     }
 }
 
@@ -349,10 +368,11 @@ impl AlgorithmRecord {
         // Complete and in the order of the table, so that explicit defaults give the same hash.
         let filters = algorithm.filters().iter();
         let filters = filters.map(|filter| format!("+{}={:032x}", filter.kind, filter.hash()));
-        let parameters = algorithm.parameters().to_string() + &filters.collect::<String>();
+        let filters = filters.collect::<String>();
+        let parameters = algorithm.parameters().to_string();
         let files = files_of_command(algorithm);
         let parameters_hash =
-            hash(&format!("{}:{parameters}{files}", algorithm.spec().name))[..16].to_owned();
+            hash(&format!("{}:{parameters}{filters}{files}", algorithm.spec().name))[..16].to_owned();
         let (name, label) = (
             algorithm.spec().name.to_owned(),
             algorithm.label().to_owned(),
@@ -362,6 +382,7 @@ impl AlgorithmRecord {
             name,
             label,
             parameters,
+            filters,
             parameters_hash,
             disparities,
             results_hash: None,
@@ -381,7 +402,7 @@ impl AlgorithmRecord {
             .program
             .as_ref()
             .map(|program| (format!("{} program", self.label), program.words()));
-        std::iter::once((self.label.clone(), self.parameters.clone()))
+        std::iter::once((self.label.clone(), self.parameters.clone() + &self.filters))
             .chain(program)
             .chain(results)
     }

@@ -1,6 +1,6 @@
 //! Geometry of the depth grid's overlay: cells to squares.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use svl_core::stereo::{CellDepth, DepthGrid, Frame, Rig};
 
 /// Distance at which an obstacle fills its cell if the camera moves, metres.
@@ -59,7 +59,7 @@ impl Nearness {
 }
 
 /// A rectangle in image pixels; pixel (x, y) covers `x..x + 1`, `y..y + 1`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rect {
     pub x: f64,
     pub y: f64,
@@ -87,7 +87,7 @@ impl Rect {
 }
 
 /// A known cell's squares, with the proportions of the cell.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Squares {
     /// Filled red.
     pub median: Rect,
@@ -98,7 +98,7 @@ pub struct Squares {
 }
 
 /// Drawing of one cell.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mark {
     pub column: usize,
     pub row: usize,

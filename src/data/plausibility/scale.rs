@@ -4,6 +4,7 @@
 
 use super::unit::{cure, disparity_cure, rounded, usual};
 use crate::score::Judged;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use svl_core::statistics::upper_median;
 use svl_core::stereo::{Estimate, Frame, Truth, TruthOrigin};
@@ -55,15 +56,44 @@ impl TruthScales {
         }
     }
 
+    /// What was measured of each algorithm that has enough pixels.
+    pub fn measured(&self) -> MeasuredScales {
+        let asked = self.algorithms.iter().filter(|(_, ratios)| ratios.is_asked());
+        let scale = |ratios: &Ratios| AlgorithmScale {
+            factor: constant(&ratios.factors),
+            inverse: constant(&ratios.inverse),
+        };
+        MeasuredScales {
+            origin: self.origin.clone(),
+            algorithms: asked
+                .map(|(label, ratios)| (label.clone(), scale(ratios)))
+                .collect(),
+        }
+    }
+}
+
+/// The constant factors between a truth and the algorithms of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MeasuredScales {
+    pub origin: TruthOrigin,
+    pub algorithms: BTreeMap<String, AlgorithmScale>,
+}
+
+/// The factors of an algorithm, where they are constant.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AlgorithmScale {
+    /// Disparity of the truth divided by that of the algorithm: the factor that its distances lack.
+    factor: Option<f64>,
+    /// Distance of the truth divided by the disparity of the algorithm: constant for depths that
+    /// are disparities.
+    inverse: Option<f64>,
+}
+
+impl MeasuredScales {
     /// The reason to doubt the truth, with the likely unit.
     pub fn doubt(&self) -> Option<String> {
-        let asked: Vec<_> = self
-            .algorithms
-            .iter()
-            .filter(|(_, ratios)| ratios.is_asked())
-            .collect();
-        let of_all = |values: fn(&Ratios) -> &[f64]| {
-            let constants = asked.iter().map(|(_, ratios)| constant(values(ratios)));
+        let of_all = |value: fn(&AlgorithmScale) -> Option<f64>| {
+            let constants = self.algorithms.values().map(value);
             let constants = constants.collect::<Option<Vec<_>>>()?;
             let median = constant(&constants)?;
             constants
@@ -71,9 +101,9 @@ impl TruthScales {
                 .all(|value| is_near(*value, median))
                 .then_some(median)
         };
-        let labels: Vec<_> = asked.iter().map(|(label, _)| label.as_str()).collect();
+        let labels: Vec<_> = self.algorithms.keys().map(String::as_str).collect();
         let labels = labels.join(", ");
-        match of_all(|ratios| &ratios.factors) {
+        match of_all(|scale| scale.factor) {
             Some(factor) if factor < 0.0 => Some(format!(
                 "its disparities have the opposite sign of those of every algorithm ({labels}): \
                  left and right may be swapped"
@@ -91,7 +121,7 @@ impl TruthScales {
                 let TruthOrigin::Sensor(name) = &self.origin else {
                     return None;
                 };
-                let scale = of_all(|ratios| &ratios.inverse)?;
+                let scale = of_all(|scale| scale.inverse)?;
                 let cure = disparity_cure(name, scale)?;
                 Some(format!(
                     "its values are proportional to the disparities of every algorithm ({labels}), \

@@ -10,7 +10,7 @@ use svl::stereo::CellState;
 /// A pair with truth that took `total_us`.
 pub fn row(algorithm: &str, sequence: u64, total_us: u64) -> Row {
     Row {
-        run_id: "run-1".into(),
+        session: "run-1".into(),
         scenario: "arena, \"2007\"".into(),
         sequence,
         stamp_ns: 33_333_333 * sequence,
@@ -60,7 +60,6 @@ pub fn blind(algorithm: &str, total_us: u64) -> Row {
 
 pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
     CellRow {
-        run_id: "run-1".into(),
         scenario: "arena".into(),
         sequence: 0,
         seed: Some(1),
@@ -99,7 +98,6 @@ pub fn checkpoint(
 ) -> CheckpointRow {
     let shown = frames > 0;
     CheckpointRow {
-        run_id: "run-1".into(),
         scenario: "arena".into(),
         seed: Some(7),
         checkpoint: number,

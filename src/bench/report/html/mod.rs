@@ -4,6 +4,7 @@
 mod frames;
 mod plots;
 mod scenes;
+pub(super) mod stored;
 mod view;
 
 use super::gate::GateState;
@@ -12,7 +13,7 @@ use super::plot::{AlgorithmColors, CourseMap};
 use super::rows::{CellRow, Row};
 use super::summary::Summary;
 use super::table::Table;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 use svl_core::{Error, Result};
 use svl_data::manifest::Manifest;
@@ -39,19 +40,6 @@ pub struct ReportPage {
     pub cases: Option<Table>,
     /// Courses that algorithms drove through.
     pub maps: Vec<CourseMap>,
-    /// The parts that it was merged from.
-    pub parts: Vec<PartLink>,
-}
-
-/// A part of a merged report.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PartLink {
-    pub shard: String,
-    pub machine: String,
-    /// Its page, from the merged one.
-    pub page: String,
-    /// Its run for Rerun, if it has one.
-    pub run: Option<String>,
 }
 
 /// Algorithms that differ in one parameter alone.
@@ -65,6 +53,7 @@ pub struct ParameterSweep {
 }
 
 /// A row of shots under one heading.
+#[derive(Clone, Serialize, Deserialize)]
 pub struct CheckpointFigure {
     /// Number of the checkpoint; absent without one.
     pub checkpoint: Option<u32>,
@@ -75,10 +64,12 @@ pub struct CheckpointFigure {
 }
 
 /// One frame through one algorithm: its overlay, beside it the truth's, and the disparities.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct FrameShot {
+    #[serde(with = "stored::row")]
     pub row: Row,
     /// The frame's cells, of which the caption lists the wrong ones.
+    #[serde(with = "stored::rows")]
     pub cells: Vec<CellRow>,
     /// True if the checkpoint passes in this frame; absent without a checkpoint.
     pub passed: Option<bool>,
@@ -87,36 +78,45 @@ pub struct FrameShot {
     /// Cells that fail the checkpoint.
     pub findings: Vec<CellFinding>,
     /// The left image as a PNG or JPEG file. The page holds it once, however many shots show it.
+    #[serde(with = "stored::image")]
     pub left: Vec<u8>,
     /// Width and height that the marks are made for, pixels.
     pub size: (usize, usize),
     pub estimate: Vec<Mark>,
     pub truth: Option<Vec<Mark>>,
     /// The disparities as colours, an image file likewise.
+    #[serde(with = "stored::image")]
     pub preview: Vec<u8>,
 }
 
 /// A scene with the result of each algorithm. Pictures are PNG or JPEG files.
+#[derive(Clone, Serialize, Deserialize)]
 pub struct SceneFigure {
     pub title: String,
     /// Width and height of the scene, to whose proportions the pictures are.
     pub size: (usize, usize),
+    #[serde(with = "stored::image")]
     pub left: Vec<u8>,
     /// The disparity at the end of the colours' scale, which truth and algorithms share, pixels.
     pub max_px: f64,
+    #[serde(with = "stored::optional_image")]
     pub truth: Option<Vec<u8>>,
     pub shots: Vec<SceneResult>,
 }
 
 /// A scene through one algorithm.
+#[derive(Clone, Serialize, Deserialize)]
 pub struct SceneResult {
+    #[serde(with = "stored::row")]
     pub row: Row,
+    #[serde(with = "stored::image")]
     pub disparities: Vec<u8>,
+    #[serde(with = "stored::optional_image")]
     pub errors: Option<Vec<u8>>,
 }
 
 /// Place of a frame among those of its figure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rank {
     Worst,

@@ -269,7 +269,12 @@ fn scatter(
         form,
         points: vec![point],
     };
-    let candidates = algorithms.iter().filter(|a| page.summary.is_candidate(a));
+    // The front says which is faster.
+    let has_time = of.x.label == TIME.label;
+    let has_front = !has_time || page.summary.has_comparable_times();
+    let candidates = algorithms
+        .iter()
+        .filter(|a| has_front && page.summary.is_candidate(a));
     let mut series = vec![Series {
         name: String::new(),
         form: SeriesStyle::Front,

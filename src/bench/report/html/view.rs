@@ -7,7 +7,7 @@ use super::super::table::{Table, TableCell, TableColumn};
 use super::frames::FigureView;
 use super::plots::{StressView, maps, speed, stress, trade_offs};
 use super::scenes::{ErrorKey, SceneView};
-use super::{PartLink, ReportPage};
+use super::ReportPage;
 use crate::report::page::{ImageView, PageImages, PlotView, css_color};
 use serde::Serialize;
 use std::cmp::Ordering::Equal;
@@ -57,7 +57,6 @@ pub(super) struct ReportPageView<'a> {
     has_choice: bool,
     figures: Vec<FigureView<'a>>,
     scenes: Vec<SceneView<'a>>,
-    parts: &'a [PartLink],
     errors: ErrorKey,
     /// Stops of the disparities' colours, for a gradient.
     ramp: String,
@@ -192,7 +191,6 @@ impl<'a> ReportPageView<'a> {
             has_choice,
             figures,
             scenes,
-            parts: &page.parts,
             errors: ErrorKey::new(),
             ramp: stops.collect::<Vec<_>>().join(", "),
             images: images.into_views(),

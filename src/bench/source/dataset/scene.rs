@@ -24,6 +24,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// The folder of its files, and of the truth beside them.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// The scene in `folder`, called `name`; none if the folder has no pair by a name svl knows.
     pub fn find(folder: &Path, name: &str) -> Option<Self> {
         let image = |name| image(folder, name, "");

@@ -127,6 +127,7 @@ impl ReportFolder {
 const REPORT: FolderRule = FolderRule {
     kind: "a calibration's report",
     owns: |name| [PAGE, SOLUTION, CORNERS].contains(&name) || is_pair(name),
+    inner: None,
     mark: CORNERS,
     cure: "name another output",
 };

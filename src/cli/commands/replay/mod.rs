@@ -302,8 +302,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         watch,
     );
     // Everything that came before an error is kept and reported, so the sinks are finished first.
-    let (results, finished) = sinks.finish();
-    let rows = results.rows;
+    let (rows, finished) = sinks.finish();
     let pairs = outcome.frames;
     let mut verification = None;
     // Live topics have no other end.

@@ -6,10 +6,10 @@ use crate::cli::shared::terminal::print_error;
 use crate::cli::shared::{recordings, source, usage};
 use std::path::Path;
 use svl::counted;
-use svl::evaluation::REPORT;
 use svl::losses::Missing;
 use svl::outputs::Outputs;
 use svl::recording::RecordingFormat;
+use svl::report::REPORT;
 use svl::scenario::{PairRange, ScenarioKind, SourceOptions};
 use svl::source::{Limited, Request, are_live_topics};
 
@@ -39,9 +39,6 @@ pub(super) fn recorded(args: &Args, quiet: bool) -> anyhow::Result<Option<LiveRe
     };
     if source.from_s.unwrap_or(0.0) >= to_s {
         return wrong("--to has to be after --from and the first pair");
-    }
-    if args.resume {
-        return wrong("--resume continues the score of a recording: name that of the first run");
     }
     // The score would refuse them after the recording.
     if args.gate || args.drives.is_some() {

@@ -5,25 +5,29 @@ mod scenario;
 
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::progress::{Terminal, listen_for_interrupt};
-use crate::cli::shared::terminal::{print, print_json, report_lines, style};
+use crate::cli::shared::report::{pass_gate, print_report};
+use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
 use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
-use svl::evaluation::{Algorithms, Evaluation, EvaluationPlan, MAX_ALGORITHMS, REPORT, Shard};
+use svl::evaluation::{Again, Algorithms, Evaluation, EvaluationPlan, MAX_ALGORITHMS, Shard};
 use svl::outputs::{Outputs, write};
-use svl::report::{GateResult, GateState, Summary, TestCase, TestResult, junit};
+use svl::report::{
+    BuiltReport, GateResult, REPORT, Summary, TestCase, TestResult, junit,
+};
 use svl::run::complete;
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{ColumnChoice, Metric};
-use svl::sink::{REPORT_RUN, RerunDetail, RerunTarget, Viewer};
+use svl::sink::{RerunDetail, RerunTarget, Viewer, next_report_run};
 
 /// Score algorithms on a scenario or on recordings into a report
 ///
 /// Replays the recordings through the algorithms (those of the arena are made first, and kept in
 /// recordings/), scores every cell and every checkpoint, prints a summary, and writes a report:
-/// index.html to read, summary.md, run.rrd for Rerun, and as .csv and .parquet the tables summary
+/// index.html to read, summary.md, run-1.rrd for Rerun, and as .csv and .parquet the tables summary
 /// (per algorithm), verdicts (per checkpoint), rows (per pair), cells and checkpoints (per run).
+/// What is in the folder already, of the same pairs by the same algorithms, is not matched again.
 #[derive(Clone, clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -36,7 +40,7 @@ Examples:
   svl score arena --algo v3 --algo bm:uniqueness=0..60/10
   svl score scenarios/middlebury.toml --data DATASETS -o reports/mine
   svl score scenarios/kitti2015.toml --data ~/kitti --scenes 'training/*'
-  svl score arena --algo sgm:p1=5..20/5 --resume   resumes a killed run
+  svl score arena --algo sgm:p1=5..20/5            again: resumes a killed run
   svl score arena --gate
       for CI: exit status 3 if a limit of the scenario fails
 
@@ -98,9 +102,19 @@ pub(crate) struct Args {
     gate: bool,
     /// Folder for the report [default: reports/SCENARIO]
     ///
-    /// An existing report of svl's is replaced.
+    /// Of a report that is there, only what is missing or changed is matched.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
+    /// Match all again, also what the report's folder has
+    #[arg(long, conflicts_with = "times")]
+    force: bool,
+    /// Match again where the times of algorithms are of several sessions, so that they are
+    /// comparable
+    #[arg(long)]
+    times: bool,
+    /// Remove what the folder has of algorithms and runs that are not asked for any more
+    #[arg(long)]
+    prune: bool,
     /// Folder, new or empty, for each plot of the page as an SVG file
     #[arg(long, value_name = "DIR")]
     figures: Option<PathBuf>,
@@ -119,21 +133,18 @@ pub(crate) struct Args {
     explain: bool,
     /// Rerun: spawn, URL, FILE.rrd, or none
     ///
-    /// A new viewer, a running one, a file, or none [default: run.rrd in the report].
+    /// A new viewer, a running one, a file, or none [default: run-N.rrd in the report, N from 1 for each session].
     #[arg(long, value_name = "WHERE")]
     rerun: Option<RerunChoice>,
     /// Maps for Rerun: light has those of every 30th pair, of every 10th that shows a checkpoint,
     /// and of the first 64 scenes; images, overlays and numbers are always those of all pairs
     #[arg(long, value_name = "light|full", default_value = "light")]
     rerun_detail: RerunDetail,
-    /// Score only the I-th of N parts of the run, for `svl merge`
+    /// Score only the I-th of N parts of the run
+    ///
+    /// All into one folder, or each into its own, for `svl merge`.
     #[arg(long, value_name = "I/N", requires = "output", conflicts_with_all = ["gate", "check"])]
     shard: Option<Shard>,
-    /// Resume the interrupted run in the report's folder
-    ///
-    /// Pairs that the rows of an interrupted run hold are not matched again.
-    #[arg(long)]
-    resume: bool,
     /// Which drives of kind = "drive" are kept as recordings in the report; each takes about 80 MB
     /// [default: all]
     #[arg(long, value_name = "all|none", hide_possible_values = true)]
@@ -179,8 +190,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let kind = if args.check { "-check" } else { "" };
         Path::new("reports").join(format!("{}{kind}", scenario.name))
     });
-    let mut outputs =
-        Outputs::claim_folder(&folder, &REPORT)?.and_figures(args.figures.as_deref())?;
+    let claim = match args.shard {
+        None => Outputs::claim_folder,
+        // Others may write there, too.
+        Some(_) => Outputs::claim_shared_folder,
+    };
+    let mut outputs = claim(&folder, &REPORT)?.and_figures(args.figures.as_deref())?;
     let rerun = args.rerun.as_ref().and_then(RerunChoice::target);
     if let Some(file) = rerun.and_then(RerunTarget::file) {
         outputs = outputs.and(Outputs::claim(false, [], [file])?);
@@ -198,7 +213,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         keep_drives: args.drives != Some(KeptDrives::None),
         shard: args.shard,
         lost: recorded.as_ref().map(|recorded| recorded.lost.clone()),
-        resume: args.resume,
+        again: match (args.force, args.times) {
+            (true, _) => Again::All,
+            (false, true) => Again::Times,
+            (false, false) => Again::Missing,
+        },
+        prune: args.prune,
         sort: args.sort,
         gate: args.gate,
         figures: args.figures.as_deref(),
@@ -207,8 +227,10 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     junit_file.set_aside()?;
     let evaluated = plan.evaluate(outputs, &Terminal { quiet });
     if let Some(path) = &args.junit {
-        let (gate, why) = match &evaluated {
-            Ok(run) => (&run.gate[..], run.summary.ending.incomplete.clone()),
+        let report = evaluated.as_ref().map(|run| run.report.as_ref());
+        let (gate, why) = match report {
+            Ok(Some(report)) => (&report.gate[..], report.summary.ending.incomplete.clone()),
+            Ok(None) => (&[][..], None),
             Err(error) => (&[][..], Some(error.to_string())),
         };
         let cases = gate.iter().map(GateResult::test_case);
@@ -216,24 +238,37 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         write(path, junit(&format!("svl score {}", scenario.name), &cases))?;
         junit_file.commit();
     }
-    let Evaluation { summary, gate, ran } = evaluated?;
-    if args.json {
-        print_json(&ScoreAnswer {
-            summary: &summary,
-            gate: &gate,
-        })?;
-    } else {
-        let lines: String = gate.iter().map(gate_line).collect();
-        let text = summary.terminal(&scenario.name, style(), args.explain);
-        print(&format!("{text}\n{lines}{}", report_lines(&folder)))?;
+    let Evaluation {
+        report,
+        ran,
+        has_matched,
+    } = evaluated?;
+    let Some(report) = report else {
+        ran?;
+        let folder = folder.display();
+        return print(&format!(
+            "{folder}: has this shard; the last of the others, or `svl merge`, makes the report\n"
+        ));
+    };
+    print_report(&report, &scenario.name, &folder, args.explain, args.json)?;
+    if !has_matched && !args.json {
+        print(&nothing_matched(&report))?;
     }
     ran?;
+    let BuiltReport { summary, gate, .. } = report;
     match (args.gate, args.check) {
         (true, _) => pass_gate(&gate)?,
         (_, true) => pass_check(&summary)?,
         _ => {}
     }
     Ok(complete(&summary.ending)?)
+}
+
+/// The line that nothing was matched, with the date of the times.
+fn nothing_matched(report: &BuiltReport) -> String {
+    let times = report.last_session.as_ref();
+    let times = times.map_or(String::new(), |began| format!("; times of {began}"));
+    format!("matched  nothing: all results were in the report{times}\n")
 }
 
 /// Which drives are kept as recordings.
@@ -286,8 +321,10 @@ fn chosen_viewer(
     folder: &Path,
 ) -> anyhow::Result<Option<(&'static dyn Viewer, RerunTarget, RerunDetail)>> {
     let chosen = match &args.rerun {
-        // Without a viewer the report is whole but for its run.rrd.
-        None => (viewer().ok()).map(|viewer| (viewer, RerunTarget::File(folder.join(REPORT_RUN)))),
+            None => {
+            let file = RerunTarget::File(next_report_run(folder));
+            viewer().ok().map(|viewer| (viewer, file))
+        }
         Some(choice) => match choice.target().cloned() {
             Some(target) => Some((viewer()?, target)),
             None => None,
@@ -327,40 +364,10 @@ fn metric(name: &str) -> Result<&'static Metric, String> {
     Metric::named(name, Metric::is_of_frames)
 }
 
-/// The JSON that `--json` prints.
-#[derive(serde::Serialize)]
-struct ScoreAnswer<'a> {
-    #[serde(flatten)]
-    summary: &'a Summary,
-    #[serde(skip_serializing_if = "<[_]>::is_empty")]
-    gate: &'a [GateResult],
-}
-
 /// Pairs that are missing, as a test beside the limits; `why` the run is not complete.
 fn losses_case(why: Option<String>) -> TestCase {
     TestCase {
         name: "losses".to_owned(),
         result: why.map_or(TestResult::Passed, TestResult::Failed),
-    }
-}
-
-/// A result for the terminal.
-fn gate_line(result: &GateResult) -> String {
-    format!("{:<12}  {result}\n", result.state.words())
-}
-
-/// Fails for a run that failed a limit, or that no limit applies to.
-fn pass_gate(gate: &[GateResult]) -> anyhow::Result<()> {
-    let broken: Vec<_> = gate.iter().filter(|result| result.state.fails()).collect();
-    match broken[..] {
-        [] if gate.iter().any(|result| result.state == GateState::Pass) => Ok(()),
-        [] => Err(usage::wrong(
-            "gate: none of the scenario's limits applies to an algorithm of this run",
-        )),
-        [one] => Err(usage::gate(format!("gate: {one}"))),
-        [first, ..] => Err(usage::gate(format!(
-            "gate: {first}; and {} more",
-            broken.len() - 1
-        ))),
     }
 }

@@ -58,7 +58,7 @@ fn doubt(name: &str, truth: impl Fn(f32) -> f32, others: Vec<Estimate>) -> Optio
     estimates.extend(others);
     let mut scales = TruthScales::default();
     scales.observe(&Judge::default().judge(frame, estimates));
-    scales.doubt()
+    scales.measured().doubt()
 }
 
 #[test]

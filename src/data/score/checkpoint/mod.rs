@@ -430,7 +430,7 @@ fn is_ordered(cells: &[[usize; 2]], grid: &DepthGrid) -> bool {
 }
 
 /// An expected cell that fails.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct CellFinding {
     pub at: [usize; 2],
     /// True if it is wrong, not only missing.

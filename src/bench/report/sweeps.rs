@@ -1,6 +1,6 @@
 //! Sweeps among the algorithms of a report.
 
-use crate::report::html::ParameterSweep;
+use super::html::ParameterSweep;
 use svl_core::matcher::Algorithm;
 
 /// Sweeps among the algorithms of a run, however they were named: those of one kind that
@@ -42,7 +42,7 @@ fn differ_in(a: &Algorithm, b: &Algorithm, key: &str) -> bool {
         && both.all(|((name, value), (_, other))| name == key || value == other)
 }
 
-pub(super) fn number(algorithm: &Algorithm, key: &str) -> Option<f64> {
+pub(crate) fn number(algorithm: &Algorithm, key: &str) -> Option<f64> {
     let mut parameters = algorithm.parameters().iter();
     parameters.find(|(name, _)| *name == key)?.1.number()
 }

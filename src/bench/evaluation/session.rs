@@ -1,0 +1,141 @@
+//! A session of an evaluation: what is in the folder, and what is to be matched.
+
+use super::plan::{Again, EvaluationPlan};
+use crate::console::Console;
+use crate::report::units::{ReportPlan, ReportRun, RunUnits, StoredSeal, Units};
+use std::path::PathBuf;
+use svl_core::Result;
+use svl_data::manifest::{Manifest, Purpose, hash};
+
+/// The units of a report as a session finds them.
+pub(super) struct EvaluationSession {
+    pub(super) units: Units,
+    pub(super) plan: ReportPlan,
+    /// Per run of the plan what is kept.
+    pub(super) runs: Vec<RunUnits>,
+    shard: Option<String>,
+    /// Units that are not what was sealed, or of other pairs.
+    invalid: Vec<StoredSeal>,
+    /// Results of programs that answer otherwise now.
+    other_programs: Vec<(StoredSeal, String)>,
+}
+
+impl EvaluationSession {
+    /// Reads the units of the folder, of these runs, for the session of that manifest. Nothing is
+    /// written.
+    ///
+    /// # Errors
+    /// Those of the units' files.
+    pub(super) fn open(
+        plan: &EvaluationPlan<'_>,
+        manifest: Manifest,
+        runs: Vec<ReportRun>,
+        console: &dyn Console,
+    ) -> Result<Self> {
+        let units = Units::of_report(plan.folder);
+        let mut plan_of_report = ReportPlan {
+            identities: identities(&manifest)?,
+            manifest,
+            runs,
+            lost: plan.lost.clone(),
+        };
+        // Those of the session.
+        let shard = plan_of_report.manifest.shard.take();
+        plan_of_report.manifest.warnings = console.warnings();
+        let sessions = units.sessions()?;
+        let mut damaged: Vec<(StoredSeal, PathBuf)> = Vec::new();
+        let mut found = Vec::new();
+        for run in &plan_of_report.runs {
+            found.push(RunUnits::read(
+                &units,
+                &plan_of_report,
+                run,
+                &sessions,
+                |seal, file| damaged.push((seal.clone(), file)),
+            )?);
+        }
+        for (_, file) in &damaged {
+            tracing::warn!(
+                "{}: is not what was sealed: its pairs are matched again",
+                file.display()
+            );
+        }
+        let labels = plan_of_report.labels();
+        for run in &mut found {
+            match plan.again {
+                Again::Missing => {}
+                Again::Times => run.kept.forget_mixed_blocks(&labels),
+                Again::All => labels.iter().for_each(|label| run.kept.forget(label)),
+            }
+        }
+        Ok(Self {
+            units,
+            plan: plan_of_report,
+            shard,
+            runs: found,
+            invalid: damaged.into_iter().map(|(seal, _)| seal).collect(),
+            other_programs: Vec::new(),
+        })
+    }
+
+    /// Its identifier.
+    pub(super) fn id(&self) -> &str {
+        &self.plan.manifest.run_id
+    }
+
+    /// Begins the session: the folder is of its plan from now on.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`] with the file.
+    pub(super) fn begin(&self) -> Result<()> {
+        self.units.write_plan(&self.plan)?;
+        self.units.remove(&self.invalid)?;
+        self.other_programs
+            .iter()
+            .try_for_each(|(seal, label)| self.units.remove_algorithm(seal, label))
+    }
+
+    /// Forgets what is kept of pairs of a run that are others now; `inputs`: the input hash of each
+    /// pair.
+    pub(super) fn forget_other_inputs(&mut self, run: usize, inputs: &[String]) {
+        let others = self.runs[run].kept.forget_other_inputs(inputs);
+        self.invalid.extend(others);
+    }
+
+    /// Forgets all results of an algorithm, whose program answers otherwise now.
+    pub(super) fn forget_program(&mut self, label: &str) {
+        for run in &mut self.runs {
+            let seals = run.kept.seals().iter();
+            let own = seals.filter(|of| of.seal.algorithms.iter().any(|own| own.label == label));
+            let own = own.map(|seal| (seal.clone(), label.to_owned()));
+            self.other_programs.extend(own);
+            run.kept.forget(label);
+        }
+    }
+
+    /// Its manifest as it begins.
+    pub(super) fn manifest(&self) -> Manifest {
+        Manifest {
+            shard: self.shard.clone(),
+            warnings: Vec::new(),
+            ..self.plan.manifest.clone()
+        }
+    }
+
+    /// Writes what is known of the session itself.
+    ///
+    /// # Errors
+    /// As [`Self::begin`].
+    pub(super) fn write(&self, manifest: &Manifest) -> Result<()> {
+        self.units.write_session(manifest)
+    }
+}
+
+/// Per algorithm the hash of all that its results depend on besides the pairs.
+fn identities(manifest: &Manifest) -> Result<Vec<String>> {
+    let run = manifest.identity_hash(Purpose::Keep)?;
+    let identity = |record: &svl_data::manifest::AlgorithmRecord| {
+        hash(&format!("{run} {}:{}", record.name, record.parameters_hash))
+    };
+    Ok(manifest.algorithms.iter().map(identity).collect())
+}

@@ -1,0 +1,540 @@
+//! Builds a report from its folder: the tables of its units, then plots, page and summaries.
+
+use super::drives::CoursePlan;
+use super::html::{CheckpointFigure, ReportPage, SceneFigure};
+use super::maps::maps;
+use super::rows::Row;
+use super::sweeps::sweeps;
+use super::units::{
+    ReportPlan, ReportTables, RunUnits, Session, UNITS, Units, collect_tables, made_of, read_tables,
+    remove_file, write_tables,
+};
+use super::{GateResult, Summary, limit_results, shots, write_algorithms};
+use crate::outputs::{FolderRule, write, write_json};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use svl_core::matcher::{Algorithm, ProgramRecord};
+use svl_core::{Error, Result, counted};
+use svl_data::losses::{FailedPairs, LossLimit, RunEnding, RunState};
+use svl_data::manifest::{AlgorithmRecord, Manifest, hash, hash_file, read_json};
+use svl_data::scenario::Limit;
+use svl_data::score::{ColumnChoice, MatchFailure, Metric};
+
+/// What a report shows of its units.
+#[derive(Clone, Copy, Default)]
+pub struct BuildOptions<'a> {
+    /// Metrics that the tables show, in place of the scenario's.
+    pub columns: Option<&'a ColumnChoice>,
+    /// Metric that the algorithms are sorted by.
+    pub sort: Option<&'static Metric>,
+    /// True if the limits of the scenario are checked.
+    pub gate: bool,
+    /// The folder for the plots as files.
+    pub figures: Option<&'a Path>,
+    /// The limit of losses, in place of the scenario's.
+    pub allow_loss: Option<LossLimit>,
+    /// Warnings of the command that builds it.
+    pub warnings: &'a [String],
+}
+
+/// A report that is built.
+pub struct BuiltReport {
+    /// Name of the scenario.
+    pub scenario: String,
+    pub summary: Summary,
+    /// The results of the limits, if they were asked for.
+    pub gate: Vec<GateResult>,
+    /// The last session whose results it has.
+    pub last_session: Option<String>,
+}
+
+/// The files of a report that a summary was made of.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Sources {
+    /// Digest of the units.
+    pub units: String,
+    /// Hashes of the tables by their files.
+    pub tables: BTreeMap<String, String>,
+}
+
+/// The part of `summary.json` that is read.
+#[derive(Deserialize)]
+struct SummaryFile {
+    made_of: Sources,
+}
+
+impl Sources {
+    /// Those of the report in a folder; none of an incomplete one.
+    pub fn read(folder: &Path) -> Option<Self> {
+        let summary: SummaryFile = read_json(&folder.join("summary.json")).ok()?;
+        Some(summary.made_of)
+    }
+
+    fn of_folder(folder: &Path, units: String) -> Result<Self> {
+        let mut tables = BTreeMap::new();
+        for name in TABLES {
+            let file = format!("{name}.csv");
+            let path = folder.join(&file);
+            if path.is_file() {
+                tables.insert(file, hash_file(&path)?);
+            }
+        }
+        Ok(Self { units, tables })
+    }
+
+    /// The first table that is not what the summary was made of.
+    pub fn changed(&self, folder: &Path) -> Option<&str> {
+        let is_other = |(file, hash): &(&String, &String)| {
+            !hash_file(&folder.join(file)).is_ok_and(|found| found == **hash)
+        };
+        let mut tables = self.tables.iter();
+        tables.find(is_other).map(|(file, _)| file.as_str())
+    }
+}
+
+/// The tables with all rows of a report.
+const TABLES: [&str; 6] = [
+    "rows",
+    "cells",
+    "failures",
+    "checkpoints",
+    "drives",
+    "tracks",
+];
+
+/// Builds the report of a folder from its units.
+///
+/// # Errors
+/// [`Error::Invalid`] for a folder without units; [`Error::Io`], [`Error::Format`] with the file.
+pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
+    let units = Units::of_report(folder);
+    if !units.exist() {
+        return Err(Error::Invalid(format!(
+            "{}: is not a report of `svl score`: it has no {UNITS}/plan.json",
+            folder.display()
+        )));
+    }
+    let (plan, sessions) = (units.plan()?, units.sessions()?);
+    let mut damaged: Vec<String> = Vec::new();
+    let runs = plan.runs.iter().map(|run| {
+        RunUnits::read(&units, &plan, run, &sessions, |_, file| {
+            damaged.push(file.display().to_string());
+        })
+    });
+    let runs = runs.collect::<Result<Vec<_>>>()?;
+    for file in &damaged {
+        tracing::warn!("{file}: is not what was sealed; `svl score` matches its pairs again");
+    }
+    let known = Sources::read(folder).unwrap_or_default();
+    // Without it, the report is not complete.
+    remove_file(&folder.join(SUMMARY))?;
+    let made_of = made_of(&plan, &runs);
+    let is_known = known.units == made_of && known.changed(folder).is_none();
+    let tables = if is_known {
+        read_tables(folder, &plan)?
+    } else {
+        write_tables(folder, &plan, &runs)?
+    };
+    let sources = Sources::of_folder(folder, made_of)?;
+    Report {
+        folder,
+        options,
+        plan: &plan,
+        sessions: &sessions,
+        runs: &runs,
+        tables,
+    }
+    .write(sources)
+}
+
+/// The results of the checkpoints so far, as Markdown.
+///
+/// # Errors
+/// As [`build`].
+pub fn checkpoint_results(folder: &Path) -> Result<String> {
+    let units = Units::of_report(folder);
+    let (plan, sessions) = (units.plan()?, units.sessions()?);
+    let runs = plan.runs.iter();
+    let runs = runs.map(|run| RunUnits::read(&units, &plan, run, &sessions, |_, _| ()));
+    let runs = runs.collect::<Result<Vec<_>>>()?;
+    let tables = collect_tables(&plan, &runs, false, |_| Ok(()))?;
+    let summary = Summary::from_rows(&tables.rows, &tables.checkpoints)?;
+    Ok(summary.verdicts_markdown(&plan.manifest.scenario))
+}
+
+/// A report whose tables are written.
+struct Report<'a> {
+    folder: &'a Path,
+    options: &'a BuildOptions<'a>,
+    plan: &'a ReportPlan,
+    sessions: &'a [Session],
+    runs: &'a [RunUnits],
+    tables: ReportTables,
+}
+
+impl Report<'_> {
+    fn write(self, sources: Sources) -> Result<BuiltReport> {
+        let (folder, plan, options) = (self.folder, self.plan, self.options);
+        let mut manifest = self.manifest();
+        let tables = &self.tables;
+        let mut summary = Summary::from_rows(&tables.rows, &tables.checkpoints)?;
+        warn_of_nothing_scored(&manifest, &summary);
+        summary.add_drives(&tables.drives);
+        summary.ending = self.ending()?;
+        summary.rule = plan.part("cells")?.unwrap_or_default();
+        let columns: Option<ColumnChoice> = plan.part("columns")?;
+        summary.columns = options.columns.cloned().or(columns).unwrap_or_default();
+        summary.measured = !plan.is_driven();
+        summary.time_groups = self.time_groups();
+        summary.complete(&mut manifest);
+        summary.made_of = sources;
+        if let Some(metric) = options.sort {
+            summary.sort_by(metric);
+        }
+        summary.find_leads(&tables.rows, &tables.drives);
+        for run in &mut manifest.runs {
+            run.pairs_hash = pairs_hash(&tables.rows, &run.name);
+        }
+        let algorithms: Vec<_> = manifest.algorithms.iter().filter_map(algorithm).collect();
+        summary.write_tables(folder)?;
+        write_algorithms(folder, &algorithms)?;
+        write(
+            &folder.join("summary.md"),
+            summary.markdown(&manifest.scenario),
+        )?;
+        write(&folder.join("summary.tex"), summary.headline().latex())?;
+        write_json(&folder.join(MANIFEST), &manifest)?;
+        let limits: Vec<Limit> = plan.part("gate")?.unwrap_or_default();
+        let limits = limits.iter().filter(|_| options.gate);
+        let gate: Vec<_> = limits
+            .flat_map(|limit| limit_results(limit, &summary, &manifest))
+            .collect();
+        let last_session = manifest.sessions.last().map(|last| last.began.clone());
+        let (figures, scenes) = self.pictures()?;
+        let page = ReportPage {
+            gate: (gate.iter())
+                .map(|result| (result.state, result.to_string()))
+                .collect(),
+            description: plan.part("description")?.unwrap_or_default(),
+            times_ms: times_ms(&tables.rows),
+            cases: summary.case_table(&tables.rows, &tables.drives),
+            summary: summary.clone(),
+            sweeps: sweeps(&algorithms),
+            figures,
+            scenes,
+            maps: self.maps()?,
+            manifest,
+        };
+        page.write(&folder.join("index.html"))?;
+        // An incomplete report leaves the folder empty for its end.
+        let is_over = matches!(summary.ending.state, RunState::Complete | RunState::Lossy);
+        if let Some(figures) = options.figures.filter(|_| is_over) {
+            page.write_figures(figures)?;
+        }
+        write_json(&folder.join(SUMMARY), &summary)?;
+        Ok(BuiltReport {
+            scenario: plan.manifest.scenario.clone(),
+            summary,
+            gate,
+            last_session,
+        })
+    }
+
+    /// The manifest of the plan with what the sessions know.
+    fn manifest(&self) -> Manifest {
+        let mut manifest = self.plan.manifest.clone();
+        manifest.runs = self.runs.iter().filter_map(RunUnits::record).collect();
+        let used = |label: &str| {
+            let of_runs = self.runs.iter();
+            of_runs.flat_map(|run| run.kept.sessions(label)).collect()
+        };
+        let mut all = BTreeSet::new();
+        for record in &mut manifest.algorithms {
+            let used: BTreeSet<&str> = used(&record.label);
+            for session in self.sessions {
+                if used.contains(session.manifest.run_id.as_str()) {
+                    add_measurements(record, &session.manifest);
+                }
+            }
+            let failures = self.tables.failures.iter();
+            let own = failures.filter(|row| row.algorithm == record.label);
+            record.failed_pairs = own.clone().count() as u64;
+            record.failure = own.last().map(|row| row.reason.clone());
+            all.extend(used);
+        }
+        let sessions = self.sessions.iter().map(|session| &session.manifest);
+        let sessions = sessions.filter(|session| all.contains(session.run_id.as_str()));
+        manifest.sessions = sessions.map(Manifest::session).collect();
+        let labels = self.plan.labels();
+        let of_runs = self.runs.iter().flat_map(|run| &run.facts);
+        let of_runs = of_runs.flat_map(|facts| &facts.warnings).filter(|warning| {
+            let named = |label: &String| labels.contains(&label.as_str());
+            warning.algorithms.is_empty() || warning.algorithms.iter().all(named)
+        });
+        let of_runs = of_runs.map(|warning| warning.text.clone());
+        let of_programs: Vec<_> = manifest
+            .algorithms
+            .iter()
+            .flat_map(AlgorithmRecord::warnings)
+            .collect();
+        let given = self.options.warnings.iter().cloned();
+        let of_failures = failure_warnings(&labels, &self.tables);
+        for warning in given.chain(of_runs).chain(of_failures).chain(of_programs) {
+            if !manifest.warnings.contains(&warning) {
+                manifest.warnings.push(warning);
+            }
+        }
+        manifest
+    }
+
+    /// The end of the run: what is missing of it.
+    fn ending(&self) -> Result<RunEnding> {
+        let plan = self.plan;
+        let mut missing = plan.lost.clone().unwrap_or_default();
+        for run in self.runs {
+            let end = run.facts.as_ref().and_then(|facts| facts.end.as_ref());
+            if let Some(end) = end {
+                missing.pairs += end.pairs;
+                missing.losses.add(end.losses.clone());
+            }
+            missing.doubts.extend(run.doubt(plan));
+        }
+        let ReportTables {
+            rows,
+            failures,
+            drives,
+            ..
+        } = &self.tables;
+        if plan.is_driven() {
+            missing.pairs += drives.iter().map(|drive| drive.frames).sum::<u64>();
+        }
+        for label in plan.labels() {
+            let failed = failures.iter().filter(|row| row.algorithm == label).count() as u64;
+            let pairs = match plan.is_driven() {
+                true => {
+                    let own = drives.iter().filter(|drive| drive.algorithm == label);
+                    own.map(|drive| drive.frames).sum()
+                }
+                false => rows.iter().filter(|row| row.algorithm == label).count() as u64 + failed,
+            };
+            missing.add_failures(label.to_owned(), FailedPairs { pairs, failed });
+        }
+        let errors = self.runs.iter().flat_map(|run| &run.facts);
+        let error = errors.filter_map(|facts| facts.error.as_ref()).next();
+        if let Some(error) = error {
+            return Ok(RunEnding::early(RunState::Failed, error.clone(), missing));
+        }
+        let partial = self.runs.iter().filter(|run| !run.is_whole(plan));
+        let partial: Vec<_> = partial.map(|run| run.run.words()).collect();
+        if let Some(first) = partial.first() {
+            let what = if plan.is_driven() { "course" } else { "run" };
+            let words = format!(
+                "{} of {} not whole, from {first} on; the same command continues",
+                partial.len(),
+                counted(self.runs.len() as u64, what)
+            );
+            return Ok(RunEnding::early(RunState::Interrupted, words, missing));
+        }
+        let allowed = plan.manifest.allow_loss()?;
+        Ok(RunEnding::new(missing, self.options.allow_loss.or(allowed)))
+    }
+
+    /// The algorithms whose times may be compared, by a number that they share: those of each block
+    /// are of one session.
+    fn time_groups(&self) -> BTreeMap<String, usize> {
+        let mut groups: Vec<BTreeMap<(usize, u64), Option<&str>>> = Vec::new();
+        let mut of = BTreeMap::new();
+        for label in self.plan.labels() {
+            let mut sessions = BTreeMap::new();
+            for (i, run) in self.runs.iter().enumerate() {
+                let blocks = run.kept.block_sessions(label);
+                sessions.extend(blocks.into_iter().map(|(block, id)| ((i, block), id)));
+            }
+            let group = groups.iter().position(|own| *own == sessions);
+            let group = group.unwrap_or_else(|| {
+                groups.push(sessions);
+                groups.len() - 1
+            });
+            of.insert(label.to_owned(), group);
+        }
+        of
+    }
+
+    fn pictures(&self) -> Result<(Vec<CheckpointFigure>, Vec<SceneFigure>)> {
+        if self.plan.is_driven() {
+            return Ok((shots::of_drives(self.plan, self.runs, &self.tables)?, Vec::new()));
+        }
+        shots::of_runs(self.plan, self.runs)
+    }
+
+    fn maps(&self) -> Result<Vec<super::plot::CourseMap>> {
+        if !self.plan.is_driven() {
+            return Ok(Vec::new());
+        }
+        let mut plans: Vec<CoursePlan> = Vec::new();
+        for run in self.runs {
+            let drives = run.kept.seals().iter();
+            let course = drives.filter_map(|stored| stored.seal.drive.as_ref()).next();
+            if let Some(drive) = course
+                && plans.iter().all(|plan| plan.seed != drive.course.seed)
+            {
+                plans.push(drive.course.clone());
+            }
+        }
+        write_json(&self.folder.join(COURSES), &plans)?;
+        Ok(maps(&plans, &self.tables.drives, &self.tables.tracks))
+    }
+}
+
+/// A warning per failure of an algorithm, but not while it fails for the same reason pair after
+/// pair.
+fn failure_warnings(labels: &[&str], tables: &ReportTables) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for label in labels {
+        let failures = tables.failures.iter().filter(|row| row.algorithm == *label);
+        if failures.clone().next().is_none() {
+            continue;
+        }
+        let rows = tables.rows.iter().filter(|row| row.algorithm == *label);
+        let key = |run: &Option<String>, seed: Option<u64>, stress: &Option<String>| {
+            (stress.clone(), run.clone(), seed)
+        };
+        let answered = rows.map(|row| (key(&row.run, row.seed, &row.stress), row.sequence, None));
+        let failed = failures.map(|row| {
+            let of = key(&row.run, row.seed, &row.stress);
+            (of, row.sequence, Some(row.reason.as_str()))
+        });
+        let mut pairs: Vec<_> = answered.chain(failed).collect();
+        pairs.sort();
+        let mut before = None;
+        for (_, sequence, reason) in pairs {
+            if let Some(reason) = reason.filter(|reason| before != Some(*reason)) {
+                let failure = MatchFailure {
+                    algorithm: (*label).to_owned(),
+                    reason: reason.to_owned(),
+                };
+                warnings.push(failure.words(sequence));
+            }
+            before = reason;
+        }
+    }
+    warnings
+}
+
+/// Adds what a session measured of an algorithm to its record.
+fn add_measurements(record: &mut AlgorithmRecord, session: &Manifest) {
+    let mut own = session.algorithms.iter();
+    let Some(own) = own.find(|own| own.label == record.label) else {
+        return;
+    };
+    record.memory_bytes = record.memory_bytes.max(own.memory_bytes);
+    record.program = match (own.program.clone(), record.program.take()) {
+        (Some(own), Some(earlier)) => Some(ProgramRecord::after(own, &earlier)),
+        (own, earlier) => own.or(earlier),
+    };
+}
+
+/// An algorithm of a manifest, by its parameters without its filters.
+fn algorithm(record: &AlgorithmRecord) -> Option<Algorithm> {
+    let text = match record.parameters.as_str() {
+        "" => record.name.clone(),
+        parameters => format!("{}:{parameters}", record.name),
+    };
+    let algorithm: Algorithm = text.parse().ok()?;
+    Some(algorithm.called(record.label.clone()))
+}
+
+/// Warns where frames have a truth, but no cell has enough of it to be scored. An incomplete
+/// report may have some later.
+fn warn_of_nothing_scored(manifest: &Manifest, summary: &Summary) {
+    let mut of = summary.algorithms.iter();
+    let of =
+        of.find(|of| of.scored().is_some_and(|(_, cells)| cells == 0) && manifest.shard.is_none());
+    if let Some(of) = of {
+        tracing::warn!(
+            "{}: no cell of {} has enough of a ground truth to be scored against it",
+            manifest.scenario,
+            counted(of.pairs, "pair")
+        );
+    }
+}
+
+/// Digest of the pairs of a recording, each once, in their order.
+fn pairs_hash(rows: &[Row], run: &str) -> Option<String> {
+    let own = rows
+        .iter()
+        .filter(|row| row.run.as_deref() == Some(run) && row.stress.is_none());
+    let pairs: BTreeMap<_, _> = own
+        .map(|row| (row.sequence, row.pair_hash.as_str()))
+        .collect();
+    let hashes: Vec<_> = pairs.into_values().collect();
+    (!hashes.is_empty()).then(|| hash(&hashes.join("\n")))
+}
+
+/// Per algorithm the time of each pair, ms.
+fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
+    let mut times: Vec<(String, Vec<f64>)> = Vec::new();
+    for row in rows.iter().filter(|row| row.stress.is_none()) {
+        let ms = row.total_us as f64 / 1e3;
+        match times
+            .iter_mut()
+            .find(|(algorithm, _)| *algorithm == row.algorithm)
+        {
+            Some((_, of_algorithm)) => of_algorithm.push(ms),
+            None => times.push((row.algorithm.clone(), vec![ms])),
+        }
+    }
+    times
+}
+
+/// The file that identifies the run of a report.
+pub const MANIFEST: &str = "manifest.json";
+
+/// The summary, written last.
+const SUMMARY: &str = "summary.json";
+
+/// Outlines and routes of the courses.
+const COURSES: &str = "courses.json";
+
+/// True if a file of that name is the recording of a drive, or a run for Rerun.
+fn is_recording(name: &str) -> bool {
+    name.starts_with("course-") && name.ends_with(".mcap")
+        || name.starts_with("run-") && name.ends_with(".rrd")
+}
+
+/// The folder of a report.
+pub const REPORT: FolderRule = FolderRule {
+    kind: "a report",
+    owns: |name| REPORT_FILES.contains(&name) || is_recording(name),
+    inner: Some(UNITS),
+    mark: "units/plan.json",
+    cure: "name another folder with -o",
+};
+
+const REPORT_FILES: &[&str] = &[
+    "rows.csv",
+    "rows.parquet",
+    "cells.csv",
+    "cells.parquet",
+    "failures.csv",
+    "failures.parquet",
+    "checkpoints.csv",
+    "checkpoints.parquet",
+    MANIFEST,
+    "algorithms.csv",
+    "algorithms.parquet",
+    "summary.csv",
+    "summary.parquet",
+    "verdicts.csv",
+    "verdicts.parquet",
+    "drives.csv",
+    "drives.parquet",
+    "tracks.csv",
+    "tracks.parquet",
+    COURSES,
+    "summary.md",
+    "summary.tex",
+    SUMMARY,
+    "index.html",
+];

@@ -1,0 +1,209 @@
+//! The units of a report: what its sessions measured. Measuring writes them, all else reads them.
+//!
+//! ```text
+//! units/plan.json                        what the report is of: scenario, algorithms, runs
+//! units/sessions/SESSION.json            a process that matched
+//! units/RUN/run.json                     what belongs to no algorithm: pairs, losses, warnings
+//! units/RUN/00003-SESSION.rows.csv       a table of a block: the rows of all its algorithms
+//! units/RUN/00003-SESSION.json           its seal: which results the tables hold, and their hashes
+//! ```
+//!
+//! A unit is one algorithm over a block of [`BLOCK`] pairs of a run, or one drive. A seal is renamed
+//! into place after each batch of pairs, and counts the bytes of the tables that it is of: what was
+//! written after it is not read.
+
+mod block;
+mod kept;
+mod store;
+mod tables;
+
+pub use block::{BlockWriter, Seal, SealedPair};
+pub use kept::KeptResults;
+pub(super) use store::remove_file;
+pub use store::{Session, StoredSeal, Units, files_of};
+pub use tables::{
+    ReportTables, RunUnits, collect_tables, made_of, read_tables, write_tables,
+};
+
+use super::drives::CoursePlan;
+use super::html::{CheckpointFigure, FrameShot, SceneFigure};
+use super::rows::FrameRow;
+use serde::{Deserialize, Serialize};
+use svl_core::stereo::Losses;
+use svl_data::losses::Missing;
+use svl_data::manifest::{Manifest, RunRecord, hash};
+use svl_data::plausibility::MeasuredScales;
+
+/// Number of selected pairs of a run in a block.
+pub const BLOCK: u64 = 64;
+
+/// Limit of the algorithms with pictures: the first of the report.
+const PICTURED: usize = 8;
+
+/// The folder of the units in a report's.
+pub const UNITS: &str = "units";
+
+/// What a report is of, as the last `svl score` on its folder asked for it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReportPlan {
+    pub manifest: Manifest,
+    /// All runs, in their order.
+    pub runs: Vec<ReportRun>,
+    /// Per algorithm of the manifest the hash of all that its results depend on besides the pairs.
+    pub identities: Vec<String>,
+    /// Pairs that were lost as live topics were recorded for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lost: Option<Missing>,
+}
+
+impl ReportPlan {
+    /// True if the runs are drives.
+    pub fn is_driven(&self) -> bool {
+        let description = self.manifest.description.as_ref();
+        let kind = description.and_then(|of| of.pointer("/source/kind"));
+        kind.is_some_and(|kind| kind == "drive")
+    }
+
+    /// The labels of the algorithms, in their order.
+    pub fn labels(&self) -> Vec<&str> {
+        self.manifest.labels().collect()
+    }
+
+    /// The algorithms with pictures: a page is to be sent around.
+    pub fn pictured(&self) -> Vec<&str> {
+        self.manifest.labels().take(PICTURED).collect()
+    }
+
+    /// The identity of an algorithm of the plan.
+    pub fn identity(&self, label: &str) -> Option<&str> {
+        let place = self.manifest.labels().position(|own| own == label)?;
+        Some(&self.identities[place])
+    }
+}
+
+/// The key of a run in the rows.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct ReportRun {
+    pub run: Option<String>,
+    pub seed: Option<u64>,
+    pub stress: Option<String>,
+}
+
+impl ReportRun {
+    /// The name of its folder: words for a reader, and a hash.
+    pub fn folder(&self) -> String {
+        let seed = self.seed.map(|seed| format!("seed-{seed}"));
+        let words = [self.run.clone(), seed, self.stress.clone()];
+        let words: Vec<_> = words.into_iter().flatten().collect();
+        let is_safe = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
+        let safe = |c: char| if is_safe(c) { c } else { '-' };
+        let name: String = words.join("-").chars().take(60).map(safe).collect();
+        let name = name.trim_start_matches('.');
+        format!("{name}-{}", &hash(&format!("{self:?}"))[..8])
+    }
+
+    /// In words.
+    pub fn words(&self) -> String {
+        let seed = self.seed.map(|seed| format!("seed {seed}"));
+        let words = [self.run.clone(), seed, self.stress.clone()];
+        let words: Vec<_> = words.into_iter().flatten().collect();
+        match words.is_empty() {
+            true => "the scenes".to_owned(),
+            false => words.join(", "),
+        }
+    }
+}
+
+/// What a run has besides the results of algorithms.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunFacts {
+    pub run: ReportRun,
+    pub record: Option<RunRecord>,
+    /// The files that were read, as they were.
+    pub files: Vec<FileStamp>,
+    /// What is known once all its pairs were read.
+    pub end: Option<RunEndFacts>,
+    /// The error that ended it early.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    pub warnings: Vec<RunWarning>,
+    /// The factors between the truth and the algorithms.
+    pub scales: MeasuredScales,
+    /// The runs that were registered before it, whose pairs it has no copies of.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub after: Vec<String>,
+}
+
+/// What is known once all pairs of a run were read.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunEndFacts {
+    /// Number of its pairs.
+    pub pairs: u64,
+    /// Digest of the input hashes of its pairs in their order.
+    pub inputs: String,
+    pub losses: Losses,
+}
+
+/// A warning of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunWarning {
+    pub text: String,
+    /// The algorithms that it is of; empty for one of the run itself.
+    pub algorithms: Vec<String>,
+    /// True for that of a failure on a pair.
+    #[serde(skip)]
+    pub is_of_pair: bool,
+}
+
+impl RunWarning {
+    /// A warning, which names its algorithms before a colon or "on pair".
+    pub fn new(text: String, labels: &[&str]) -> Self {
+        let head = text.split_once(": ").map_or("", |(head, _)| head);
+        let (head, is_of_pair) = match head.split_once(" on pair ") {
+            Some((head, _)) => (head, true),
+            None => (head, false),
+        };
+        let named: Vec<_> = head.split(", ").collect();
+        let are_labels = named.iter().all(|name| labels.contains(name));
+        let named = named.into_iter().filter(|_| are_labels);
+        Self {
+            algorithms: named.map(str::to_owned).collect(),
+            is_of_pair: is_of_pair && are_labels,
+            text,
+        }
+    }
+}
+
+/// A file as it was when it was read.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct FileStamp {
+    pub path: String,
+    pub bytes: u64,
+    /// Time of its last change, since 1970.
+    pub modified_ns: u64,
+}
+
+/// Pictures of the pairs of a block.
+#[derive(Clone, Default, Serialize, Deserialize)]
+pub struct BlockPictures {
+    /// The best and the worst frame of each checkpoint and algorithm, by number of the checkpoint.
+    pub checkpoints: Vec<CheckpointShot>,
+    /// Frames by their places in the run.
+    pub samples: Vec<(u64, CheckpointFigure)>,
+    /// Scenes by their places in the run.
+    pub scenes: Vec<(u64, SceneFigure)>,
+}
+
+/// The picture of a frame that shows a checkpoint.
+#[derive(Clone, Serialize, Deserialize)]
+pub struct CheckpointShot {
+    #[serde(with = "crate::report::html::stored::row")]
+    pub frame: FrameRow,
+    pub shot: FrameShot,
+}
+
+/// What a drive has besides its rows.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct DriveFacts {
+    pub course: CoursePlan,
+}

@@ -1,0 +1,53 @@
+//! A report on the terminal, and its gate.
+
+use super::terminal::{print, print_json, report_lines, style};
+use super::usage;
+use std::path::Path;
+use svl::report::{BuiltReport, GateResult, GateState, Summary};
+
+/// Prints a report on the terminal, or as JSON.
+pub(crate) fn print_report(
+    report: &BuiltReport,
+    title: &str,
+    folder: &Path,
+    explain: bool,
+    json: bool,
+) -> anyhow::Result<()> {
+    let BuiltReport { summary, gate, .. } = report;
+    if json {
+        return print_json(&ReportAnswer { summary, gate });
+    }
+    let lines: String = gate.iter().map(gate_line).collect();
+    let text = summary.terminal(title, style(), explain);
+    print(&format!("{text}\n{lines}{}", report_lines(folder)))
+}
+
+/// The JSON that `--json` prints.
+#[derive(serde::Serialize)]
+struct ReportAnswer<'a> {
+    #[serde(flatten)]
+    summary: &'a Summary,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    gate: &'a [GateResult],
+}
+
+/// A result for the terminal.
+fn gate_line(result: &GateResult) -> String {
+    format!("{:<12}  {result}\n", result.state.words())
+}
+
+/// Fails for a run that failed a limit, or that no limit applies to.
+pub(crate) fn pass_gate(gate: &[GateResult]) -> anyhow::Result<()> {
+    let broken: Vec<_> = gate.iter().filter(|result| result.state.fails()).collect();
+    match broken[..] {
+        [] if gate.iter().any(|result| result.state == GateState::Pass) => Ok(()),
+        [] => Err(usage::wrong(
+            "gate: none of the scenario's limits applies to an algorithm of this run",
+        )),
+        [one] => Err(usage::gate(format!("gate: {one}"))),
+        [first, ..] => Err(usage::gate(format!(
+            "gate: {first}; and {} more",
+            broken.len() - 1
+        ))),
+    }
+}
