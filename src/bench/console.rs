@@ -14,6 +14,9 @@ pub trait Console: Sync {
 
     /// The warnings so far, a line each.
     fn warnings(&self) -> Vec<String>;
+
+    /// Returns the number of warnings so far; one that comes again is added again.
+    fn begin_warnings(&self) -> usize;
 }
 
 /// The steps of long work.
@@ -53,6 +56,10 @@ impl Console for Silent {
 
     fn warnings(&self) -> Vec<String> {
         Vec::new()
+    }
+
+    fn begin_warnings(&self) -> usize {
+        0
     }
 }
 

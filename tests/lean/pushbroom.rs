@@ -162,7 +162,7 @@ fn a_pair_matched_again_counts_once_and_another_run_starts_without_memory() {
     assert!(seen(&walk.step(0, false, Some(0.0))).is_empty());
     // Also where the next run begins with a later pair.
     walk.step(4, true, Some(0.0));
-    walk.matcher.forget();
+    walk.matcher.reset();
     assert!(seen(&walk.step(5, false, Some(0.0))).is_empty());
 }
 

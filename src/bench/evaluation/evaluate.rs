@@ -45,7 +45,7 @@ impl EvaluationPlan<'_> {
         let _lock = self.shard.map(|_| units.lock()).transpose()?;
         let report = match self.shard {
             Some(_) if !is_whole => None,
-            _ => Some(self.built(console)),
+            _ => Some(self.built()),
         };
         let report = match (report.transpose(), &ran) {
             (Ok(report), _) => report,
@@ -61,12 +61,11 @@ impl EvaluationPlan<'_> {
         })
     }
 
-    fn built(&self, console: &dyn Console) -> Result<BuiltReport> {
+    fn built(&self) -> Result<BuiltReport> {
         let options = BuildOptions {
             sort: self.sort,
             gate: self.gate,
             figures: self.figures,
-            warnings: &console.warnings(),
             ..BuildOptions::default()
         };
         build(self.folder, &options)

@@ -7,7 +7,7 @@ use super::session::EvaluationSession;
 use crate::console::{Console, Watch};
 use crate::report::hash_words;
 use crate::report::units::{FileStamp, RunEndFacts, RunFacts, RunWarning};
-use crate::run::{Matchers, Outcome, Pace, run_through};
+use crate::run::{Matchers, Outcome, Pace, report_losses, run_through};
 use crate::runs::warn_of_own_reference;
 use crate::sink::{
     LiveTable, RunInfo, RunStart, SinkRequest, Sinks, UnitRequest, ViewerRequest,
@@ -84,6 +84,11 @@ impl RunWork<'_> {
         matches!(self.plan.scenario.source, ScenarioSource::Recording(_))
     }
 
+    /// True if the scenario asks for all pairs of its runs.
+    fn are_all_pairs(&self) -> bool {
+        self.plan.scenario.options.range() == PairRange::default()
+    }
+
     /// The runs whose pairs are registered before those of a run.
     fn before(&self, i: usize) -> Vec<String> {
         let runs = self.runs[..i].iter().zip(&self.session.runs);
@@ -111,17 +116,21 @@ impl RunWork<'_> {
         for (i, is_changed) in changed.into_iter().enumerate() {
             // A recording has no copies of pairs of those before it.
             if is_changed || self.are_recordings() {
-                found.push((i, read_inputs(opener.open(self.runs[i])?.0)?));
+                let warned = self.console.begin_warnings();
+                let read = read_inputs(opener.open(self.runs[i])?, self.are_all_pairs())?;
+                found.push((i, read, self.warnings(warned)));
             }
         }
         drop(opener);
-        for (i, (inputs, end)) in found {
+        for (i, (inputs, end), warnings) in found {
             self.session.forget_other_inputs(i, &inputs);
             let (files, after) = (self.files[self.runs[i].1].clone(), self.before(i));
             if let Some(facts) = &mut self.session.runs[i].facts {
                 if facts.end.as_ref() != Some(&end) {
-                    facts.warnings.clear();
+                    facts.warnings.retain(|own| !own.algorithms.is_empty());
                 }
+                let new = warnings.into_iter();
+                new.for_each(|warning| warning.add_to(&mut facts.warnings));
                 (facts.files, facts.after, facts.end) = (files, after, Some(end));
             }
         }
@@ -204,7 +213,7 @@ impl RunWork<'_> {
         let mut sinks = self.sinks(&manifest, opener.live())?;
         let mut ran = Ok(());
         for i in read {
-            let warned = self.console.warnings().len();
+            let warned = self.console.begin_warnings();
             ran = self.take(i, first.take(), &mut opener, &manifest, &mut sinks, pace, warned);
             if ran.is_err() {
                 break;
@@ -267,7 +276,7 @@ impl RunWork<'_> {
             ));
         }
         let end = ran.is_ok().then_some((&run, &outcome));
-        if end.is_some() && self.plan.scenario.options.range() == PairRange::default() {
+        if end.is_some() && self.are_all_pairs() {
             run.warn_beyond(&judge);
         }
         let error = ran.as_ref().err().map(ToString::to_string);
@@ -316,6 +325,13 @@ impl RunWork<'_> {
         Ok(sinks)
     }
 
+    /// The warnings of a run since there were so many.
+    fn warnings(&self, warned: usize) -> Vec<RunWarning> {
+        let labels = self.session.plan.labels();
+        let new = self.console.warnings().split_off(warned).into_iter();
+        new.filter_map(|text| RunWarning::new(text, &labels)).collect()
+    }
+
     /// Writes which files a run reads, before its results come.
     fn write_begun(&self, i: usize) -> Result<()> {
         let own = &self.session.runs[i];
@@ -341,17 +357,11 @@ impl RunWork<'_> {
         error: Option<String>,
         warned: usize,
     ) -> Result<()> {
-        let labels = self.session.plan.labels();
         let own = &self.session.runs[i];
         let known = own.facts.as_ref();
         let mut warnings = known.map_or_else(Vec::new, |facts| facts.warnings.clone());
-        let new = self.console.warnings().split_off(warned);
-        for warning in new.into_iter().map(|text| RunWarning::new(text, &labels)) {
-            // Those of failures are in their table.
-            if !warning.is_of_pair && !warnings.contains(&warning) {
-                warnings.push(warning);
-            }
-        }
+        let new = self.warnings(warned).into_iter();
+        new.for_each(|warning| warning.add_to(&mut warnings));
         let mut scales = known.map_or_else(MeasuredScales::default, |facts| facts.scales.clone());
         scales.algorithms.retain(|label, _| own.kept.count(label) > 0);
         if let Some((_, outcome)) = end {
@@ -380,7 +390,10 @@ impl RunWork<'_> {
 }
 
 /// The input hash of each pair of a run, and its end.
-fn read_inputs(mut run: RunSource) -> Result<(Vec<String>, RunEndFacts)> {
+fn read_inputs(
+    (mut run, judge): (RunSource, Judge),
+    are_all: bool,
+) -> Result<(Vec<String>, RunEndFacts)> {
     let mut inputs = Vec::new();
     while let Some(frame) = run.next()? {
         if interrupt::requested() {
@@ -388,10 +401,15 @@ fn read_inputs(mut run: RunSource) -> Result<(Vec<String>, RunEndFacts)> {
         }
         inputs.push(hash_words(frame.input_hash(frame.pair.hash())));
     }
+    let losses = run.finish(inputs.len() as u64);
+    report_losses(&run.name(), &losses);
+    if are_all {
+        run.warn_beyond(&judge);
+    }
     let end = RunEndFacts {
         pairs: inputs.len() as u64,
         inputs: run.inputs(),
-        losses: run.finish(inputs.len() as u64),
+        losses,
     };
     Ok((inputs, end))
 }

@@ -34,7 +34,7 @@ pub struct BuildOptions<'a> {
     pub figures: Option<&'a Path>,
     /// The limit of losses, in place of the scenario's.
     pub allow_loss: Option<LossLimit>,
-    /// Warnings of the command that builds it.
+    /// Warnings of the command besides those of its units.
     pub warnings: &'a [String],
 }
 
@@ -176,10 +176,13 @@ struct Report<'a> {
 impl Report<'_> {
     fn write(self, sources: Sources) -> Result<BuiltReport> {
         let (folder, plan, options) = (self.folder, self.plan, self.options);
-        let mut manifest = self.manifest();
         let tables = &self.tables;
         let mut summary = Summary::from_rows(&tables.rows, &tables.checkpoints)?;
-        warn_of_nothing_scored(&manifest, &summary);
+        let mut manifest = self.manifest();
+        if let Some(warning) = nothing_scored(&manifest, &summary) {
+            tracing::warn!("{warning}");
+            manifest.warnings.push(warning);
+        }
         summary.add_drives(&tables.drives);
         summary.ending = self.ending()?;
         summary.rule = plan.part("cells")?.unwrap_or_default();
@@ -267,12 +270,12 @@ impl Report<'_> {
         let sessions = sessions.filter(|session| all.contains(session.run_id.as_str()));
         manifest.sessions = sessions.map(Manifest::session).collect();
         let labels = self.plan.labels();
-        let of_runs = self.runs.iter().flat_map(|run| &run.facts);
-        let of_runs = of_runs.flat_map(|facts| &facts.warnings).filter(|warning| {
-            let named = |label: &String| labels.contains(&label.as_str());
-            warning.algorithms.is_empty() || warning.algorithms.iter().all(named)
-        });
-        let of_runs = of_runs.map(|warning| warning.text.clone());
+        let mut of_runs = Vec::new();
+        let facts = self.runs.iter().flat_map(|run| &run.facts);
+        for warning in facts.flat_map(|facts| &facts.warnings) {
+            warning.clone().add_to(&mut of_runs);
+        }
+        let of_runs = of_runs.iter().filter_map(|warning| warning.words(&labels));
         let of_programs: Vec<_> = manifest
             .algorithms
             .iter()
@@ -445,19 +448,15 @@ fn algorithm(record: &AlgorithmRecord) -> Option<Algorithm> {
     Some(algorithm.called(record.label.clone()))
 }
 
-/// Warns where frames have a truth, but no cell has enough of it to be scored. An incomplete
-/// report may have some later.
-fn warn_of_nothing_scored(manifest: &Manifest, summary: &Summary) {
-    let mut of = summary.algorithms.iter();
-    let of =
-        of.find(|of| of.scored().is_some_and(|(_, cells)| cells == 0) && manifest.shard.is_none());
-    if let Some(of) = of {
-        tracing::warn!(
-            "{}: no cell of {} has enough of a ground truth to be scored against it",
-            manifest.scenario,
-            counted(of.pairs, "pair")
-        );
-    }
+/// A warning if frames have a truth, but no cell has enough of it to be scored.
+fn nothing_scored(manifest: &Manifest, summary: &Summary) -> Option<String> {
+    let mut algorithms = summary.algorithms.iter();
+    let of = algorithms.find(|of| of.scored().is_some_and(|(_, cells)| cells == 0))?;
+    Some(format!(
+        "{}: no cell of {} has enough of a ground truth to be scored against it",
+        manifest.scenario,
+        counted(of.pairs, "pair")
+    ))
 }
 
 /// Digest of the pairs of a recording, each once, in their order.

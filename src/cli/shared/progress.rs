@@ -78,6 +78,10 @@ impl Console for Terminal {
     fn warnings(&self) -> Vec<String> {
         WarningLog::lines()
     }
+
+    fn begin_warnings(&self) -> usize {
+        WarningLog::begin_part()
+    }
 }
 
 struct TerminalBar(ProgressBar);

@@ -35,7 +35,17 @@ pub(crate) struct Warnings;
 /// The warnings so far, a line each, also those that `--quiet` does not print.
 pub(crate) struct WarningLog;
 
-static WARNED: Mutex<String> = Mutex::new(String::new());
+static WARNED: Mutex<Warned> = Mutex::new(Warned {
+    text: String::new(),
+    part: 0,
+});
+
+/// The lines of warnings: each once in a part.
+struct Warned {
+    text: String,
+    /// Beginning of the last part.
+    part: usize,
+}
 
 /// Warnings on standard error.
 static WRITTEN: Mutex<WrittenOnce> = Mutex::new(WrittenOnce(BTreeSet::new()));
@@ -54,20 +64,32 @@ impl WrittenOnce {
 }
 
 impl WarningLog {
-    /// All warnings so far.
+    /// All warnings so far; one that was given in several parts is there several times.
     pub(crate) fn lines() -> Vec<String> {
-        let warned = WARNED.lock().unwrap_or_else(PoisonError::into_inner);
-        warned.lines().map(|line| line.trim().to_owned()).collect()
+        let lines = |warned: &Warned| warned.text.lines().map(|line| line.trim().to_owned()).collect();
+        lines(&Self::warned())
+    }
+
+    /// Begins another part, and returns the number of warnings before it.
+    pub(crate) fn begin_part() -> usize {
+        let mut warned = Self::warned();
+        warned.part = warned.text.len();
+        warned.text.lines().count()
+    }
+
+    fn warned() -> MutexGuard<'static, Warned> {
+        WARNED.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Write for WarningLog {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let mut warned = WARNED.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut warned = Self::warned();
         let line = String::from_utf8_lossy(bytes);
-        let is_known = warned.lines().any(|known| known == line.trim_end());
-        if warned.len() < MOST_HELD && !is_known {
-            warned.push_str(&line);
+        let mut of_part = warned.text[warned.part..].lines();
+        let is_known = of_part.any(|known| known == line.trim_end());
+        if warned.text.len() < MOST_HELD && !is_known {
+            warned.text.push_str(&line);
         }
         Ok(bytes.len())
     }

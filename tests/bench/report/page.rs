@@ -42,7 +42,6 @@ fn page(summary: Summary) -> ReportPage {
         scenes: Vec::new(),
         cases: None,
         maps: Vec::new(),
-        parts: Vec::new(),
     }
 }
 

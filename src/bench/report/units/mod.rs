@@ -147,29 +147,63 @@ pub struct RunEndFacts {
 /// A warning of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunWarning {
+    /// Without the names of its algorithms.
     pub text: String,
     /// The algorithms that it is of; empty for one of the run itself.
     pub algorithms: Vec<String>,
-    /// True for that of a failure on a pair.
-    #[serde(skip)]
-    pub is_of_pair: bool,
 }
 
 impl RunWarning {
-    /// A warning, which names its algorithms before a colon or "on pair".
-    pub fn new(text: String, labels: &[&str]) -> Self {
-        let head = text.split_once(": ").map_or("", |(head, _)| head);
-        let (head, is_of_pair) = match head.split_once(" on pair ") {
-            Some((head, _)) => (head, true),
-            None => (head, false),
-        };
-        let named: Vec<_> = head.split(", ").collect();
-        let are_labels = named.iter().all(|name| labels.contains(name));
-        let named = named.into_iter().filter(|_| are_labels);
-        Self {
-            algorithms: named.map(str::to_owned).collect(),
-            is_of_pair: is_of_pair && are_labels,
+    /// A warning, which names its algorithms before a colon; none for that of a failure on a pair,
+    /// which a table has.
+    pub fn new(warning: String, labels: &[&str]) -> Option<Self> {
+        let of_run = |text| Self {
             text,
+            algorithms: Vec::new(),
+        };
+        let Some((head, text)) = warning.split_once(": ") else {
+            return Some(of_run(warning));
+        };
+        let failed = head.split_once(" on pair ");
+        if failed.is_some_and(|(label, _)| labels.contains(&label)) {
+            return None;
+        }
+        let named: Vec<_> = head.split(", ").collect();
+        Some(match named.iter().all(|name| labels.contains(name)) {
+            true => Self {
+                text: text.to_owned(),
+                algorithms: named.into_iter().map(str::to_owned).collect(),
+            },
+            false => of_run(warning),
+        })
+    }
+
+    /// Adds a warning to others: of one text the algorithms together.
+    pub fn add_to(self, warnings: &mut Vec<Self>) {
+        let is_same = |own: &&mut Self| {
+            own.text == self.text && own.algorithms.is_empty() == self.algorithms.is_empty()
+        };
+        match warnings.iter_mut().find(is_same) {
+            Some(own) => {
+                for label in self.algorithms {
+                    if !own.algorithms.contains(&label) {
+                        own.algorithms.push(label);
+                    }
+                }
+            }
+            None => warnings.push(self),
+        }
+    }
+
+    /// Its words, if it is of the run or of some of these algorithms.
+    pub fn words(&self, labels: &[&str]) -> Option<String> {
+        let named = labels.iter().copied();
+        let named = named.filter(|label| self.algorithms.iter().any(|own| own == label));
+        let named: Vec<_> = named.collect();
+        match (self.algorithms.is_empty(), named.is_empty()) {
+            (true, _) => Some(self.text.clone()),
+            (false, true) => None,
+            (false, false) => Some(format!("{}: {}", named.join(", "), self.text)),
         }
     }
 }
