@@ -6,9 +6,11 @@ use super::session::EvaluationSession;
 use crate::console::{Bar, Console, Unit};
 use crate::drive::{Course, DrivePlan, DriveResult};
 use crate::report::CoursePlan;
-use crate::report::units::{BlockPictures, BlockWriter, DriveFacts, ReportRun};
+use crate::report::units::{
+    BlockPictures, BlockWriter, DriveFacts, ReportRun, remove_file,
+};
 use crate::run::{Monitor, Pace};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use svl_core::{Error, Result, interrupt};
@@ -173,11 +175,10 @@ impl DriveWork<'_> {
         let course = self.courses.get(unit.course)?;
         let seed = self.seeds[unit.course];
         let name = recording_name(self.scenario, seed, unit);
-        let recording = self.keep.then(|| self.folder.join(name));
-        if let Some(path) = recording.as_ref().filter(|path| path.exists()) {
-            // Of a drive that is driven again.
-            std::fs::remove_file(path).map_err(|e| Error::io(path, e))?;
-        }
+        let path = self.folder.join(name);
+        let recording = self.keep.then_some(&path);
+        // Of a drive that is driven again.
+        remove_file(&path)?;
         let algorithm = &self.scenario.algorithms[unit.algorithm];
         let plan = DrivePlan {
             scenario: self.scenario,
@@ -185,7 +186,7 @@ impl DriveWork<'_> {
             course: &course,
             algorithm,
             stress: unit.stress,
-            recording: recording.as_deref(),
+            recording: recording.map(PathBuf::as_path),
         };
         let driven = plan.drive(&mut DriveMonitor(self));
         let course_plan = course.plan();

@@ -79,7 +79,9 @@ impl EvaluationPlan<'_> {
         for run in &plan.runs {
             let run = RunUnits::read(units, &plan, run, &sessions, |_, _| ())?;
             is_whole &= run.is_whole(&plan);
-            for (stored, is_superseded) in run.kept.unused() {
+            // A drive is one result.
+            let pairs = if plan.is_driven() { Some(1) } else { run.pairs() };
+            for (stored, is_superseded) in run.kept.unused(pairs.unwrap_or(u64::MAX)) {
                 if is_superseded || self.prune {
                     units.remove([stored])?;
                 } else {

@@ -123,16 +123,15 @@ impl RunWork<'_> {
         }
         drop(opener);
         for (i, (inputs, end), warnings) in found {
-            self.session.forget_other_inputs(i, &inputs);
             let (files, after) = (self.files[self.runs[i].1].clone(), self.before(i));
-            if let Some(facts) = &mut self.session.runs[i].facts {
-                if facts.end.as_ref() != Some(&end) {
+            self.session.change_run(i, &inputs, |facts| {
+                if facts.end != end {
                     facts.warnings.retain(|own| !own.algorithms.is_empty());
                 }
                 let new = warnings.into_iter();
                 new.for_each(|warning| warning.add_to(&mut facts.warnings));
-                (facts.files, facts.after, facts.end) = (files, after, Some(end));
-            }
+                (facts.files, facts.after, facts.end) = (files, after, end);
+            });
         }
         Ok(())
     }
@@ -199,6 +198,7 @@ impl RunWork<'_> {
     fn run(mut self, mut opener: RunOpener<'_>, pace: Pace) -> Result<Measured> {
         let read = self.read();
         // The first is opened before anything is written: Ctrl-C until then changes nothing.
+        let mut warned = self.console.begin_warnings();
         let first = read.first().map(|i| opener.open(self.runs[*i]));
         let mut first = first.transpose()?;
         self.session.begin()?;
@@ -213,7 +213,9 @@ impl RunWork<'_> {
         let mut sinks = self.sinks(&manifest, opener.live())?;
         let mut ran = Ok(());
         for i in read {
-            let warned = self.console.begin_warnings();
+            if first.is_none() {
+                warned = self.console.begin_warnings();
+            }
             ran = self.take(i, first.take(), &mut opener, &manifest, &mut sinks, pace, warned);
             if ran.is_err() {
                 break;
@@ -240,7 +242,8 @@ impl RunWork<'_> {
         pace: Pace,
         warned: usize,
     ) -> Result<()> {
-        self.write_begun(i)?;
+        // Its files are known before its results come.
+        self.session.units.write_facts(&self.begun(i)?)?;
         let (mut run, judge) = match opened.map_or_else(|| opener.open(self.runs[i]), Ok) {
             Ok(opened) => opened,
             Err(error) => {
@@ -332,21 +335,22 @@ impl RunWork<'_> {
         new.filter_map(|text| RunWarning::new(text, &labels)).collect()
     }
 
-    /// Writes which files a run reads, before its results come.
-    fn write_begun(&self, i: usize) -> Result<()> {
-        let own = &self.session.runs[i];
-        let begun = RunFacts {
-            run: own.run.clone(),
-            record: None,
-            files: self.files[self.runs[i].1].clone(),
-            end: None,
-            error: None,
-            warnings: Vec::new(),
-            scales: MeasuredScales::default(),
-            after: self.before(i),
-        };
-        let facts = own.facts.clone().unwrap_or(begun);
-        self.session.units.write_facts(&facts)
+    /// The facts of a run as they are known before it is read.
+    fn begun(&self, i: usize) -> Result<RunFacts> {
+        let run = &self.session.runs[i].run;
+        Ok(match self.session.units.facts(run)? {
+            Some(known) => known,
+            None => RunFacts {
+                run: run.clone(),
+                record: None,
+                files: self.files[self.runs[i].1].clone(),
+                end: None,
+                error: None,
+                warnings: Vec::new(),
+                scales: MeasuredScales::default(),
+                after: self.before(i),
+            },
+        })
     }
 
     /// Writes the facts of a run that was read: to its end, or up to an error.
@@ -357,49 +361,48 @@ impl RunWork<'_> {
         error: Option<String>,
         warned: usize,
     ) -> Result<()> {
-        let own = &self.session.runs[i];
-        let known = own.facts.as_ref();
-        let mut warnings = known.map_or_else(Vec::new, |facts| facts.warnings.clone());
+        let mut facts = self.begun(i)?;
         let new = self.warnings(warned).into_iter();
-        new.for_each(|warning| warning.add_to(&mut warnings));
-        let mut scales = known.map_or_else(MeasuredScales::default, |facts| facts.scales.clone());
-        scales.algorithms.retain(|label, _| own.kept.count(label) > 0);
-        if let Some((_, outcome)) = end {
+        new.for_each(|warning| warning.add_to(&mut facts.warnings));
+        facts.error = error;
+        if let Some((run, outcome)) = end {
+            let kept = &self.session.runs[i].kept;
+            let scales = &mut facts.scales;
+            scales.algorithms.retain(|label, _| kept.count(label) > 0);
             scales.origin.clone_from(&outcome.scales.origin);
             for (label, scale) in &outcome.scales.algorithms {
                 scales.algorithms.entry(label.clone()).or_insert(*scale);
             }
+            facts.end = Some(RunEndFacts {
+                pairs: outcome.frames,
+                inputs: run.inputs(),
+                losses: outcome.losses.clone(),
+            });
+            facts.record = run.record.clone();
         }
-        let new_end = end.map(|(run, outcome)| RunEndFacts {
-            pairs: outcome.frames,
-            inputs: run.inputs(),
-            losses: outcome.losses.clone(),
-        });
-        let record = end.and_then(|(run, _)| run.record.clone());
-        self.session.units.write_facts(&RunFacts {
-            run: own.run.clone(),
-            record: record.or_else(|| known.and_then(|facts| facts.record.clone())),
-            files: self.files[self.runs[i].1].clone(),
-            end: new_end.or_else(|| known.and_then(|facts| facts.end.clone())),
-            error,
-            warnings,
-            scales,
-            after: self.before(i),
-        })
+        self.session.units.write_facts(&facts)
     }
 }
 
-/// The input hash of each pair of a run, and its end.
+/// The input hash of each pair of a run, and its end; none if a pair cannot be read, which is
+/// reported when it is scored.
 fn read_inputs(
     (mut run, judge): (RunSource, Judge),
     are_all: bool,
-) -> Result<(Vec<String>, RunEndFacts)> {
+) -> Result<(Vec<String>, Option<RunEndFacts>)> {
     let mut inputs = Vec::new();
-    while let Some(frame) = run.next()? {
+    let read = loop {
+        match run.next() {
+            Ok(Some(frame)) => inputs.push(hash_words(frame.input_hash(frame.pair.hash()))),
+            Ok(None) => break Ok(()),
+            Err(error) => break Err(error),
+        }
         if interrupt::requested() {
             return Err(Error::Interrupted);
         }
-        inputs.push(hash_words(frame.input_hash(frame.pair.hash())));
+    };
+    if read.is_err() {
+        return Ok((inputs, None));
     }
     let losses = run.finish(inputs.len() as u64);
     report_losses(&run.name(), &losses);
@@ -411,7 +414,7 @@ fn read_inputs(
         inputs: run.inputs(),
         losses,
     };
-    Ok((inputs, end))
+    Ok((inputs, Some(end)))
 }
 
 /// The hash of an algorithm's result of the pair at `place` of a run; none if it fails.

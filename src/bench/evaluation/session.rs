@@ -2,7 +2,7 @@
 
 use super::plan::{Again, EvaluationPlan};
 use crate::console::Console;
-use crate::report::units::{ReportPlan, ReportRun, RunUnits, StoredSeal, Units};
+use crate::report::units::{ReportPlan, ReportRun, RunFacts, RunUnits, StoredSeal, Units};
 use std::path::PathBuf;
 use svl_core::Result;
 use svl_data::manifest::{Manifest, Purpose, hash};
@@ -18,6 +18,8 @@ pub(super) struct EvaluationSession {
     invalid: Vec<StoredSeal>,
     /// Results of programs that answer otherwise now.
     other_programs: Vec<(StoredSeal, String)>,
+    /// Runs whose facts are others than in the folder.
+    changed: Vec<usize>,
 }
 
 impl EvaluationSession {
@@ -75,6 +77,7 @@ impl EvaluationSession {
             runs: found,
             invalid: damaged.into_iter().map(|(seal, _)| seal).collect(),
             other_programs: Vec::new(),
+            changed: Vec::new(),
         })
     }
 
@@ -90,16 +93,30 @@ impl EvaluationSession {
     pub(super) fn begin(&self) -> Result<()> {
         self.units.write_plan(&self.plan)?;
         self.units.remove(&self.invalid)?;
+        for i in &self.changed {
+            if let Some(facts) = &self.runs[*i].facts {
+                self.units.write_facts(facts)?;
+            }
+        }
         self.other_programs
             .iter()
             .try_for_each(|(seal, label)| self.units.remove_algorithm(seal, label))
     }
 
-    /// Forgets what is kept of pairs of a run that are others now; `inputs`: the input hash of each
-    /// pair.
-    pub(super) fn forget_other_inputs(&mut self, run: usize, inputs: &[String]) {
-        let others = self.runs[run].kept.forget_other_inputs(inputs);
-        self.invalid.extend(others);
+    /// Notes how a run is now: what is kept of other pairs is forgotten. `inputs`: the input hash
+    /// of each pair.
+    pub(super) fn change_run(
+        &mut self,
+        run: usize,
+        inputs: &[String],
+        change: impl FnOnce(&mut RunFacts),
+    ) {
+        let own = &mut self.runs[run];
+        self.invalid.extend(own.kept.forget_other_inputs(inputs));
+        if let Some(facts) = &mut own.facts {
+            change(facts);
+        }
+        self.changed.push(run);
     }
 
     /// Forgets all results of an algorithm, whose program answers otherwise now.

@@ -83,12 +83,14 @@ impl Sources {
         Ok(Self { units, tables })
     }
 
-    /// The first table that is not what the summary was made of.
-    pub fn changed(&self, folder: &Path) -> Option<&str> {
+    /// The first table that is not what the summary was made of; `has_cells`: false for all but
+    /// that of the cells.
+    pub fn changed(&self, folder: &Path, has_cells: bool) -> Option<&str> {
         let is_other = |(file, hash): &(&String, &String)| {
             !hash_file(&folder.join(file)).is_ok_and(|found| found == **hash)
         };
-        let mut tables = self.tables.iter();
+        let tables = self.tables.iter();
+        let mut tables = tables.filter(|(file, _)| has_cells || *file != "cells.csv");
         tables.find(is_other).map(|(file, _)| file.as_str())
     }
 }
@@ -130,7 +132,7 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
     // Without it, the report is not complete.
     remove_file(&folder.join(SUMMARY))?;
     let made_of = made_of(&plan, &runs);
-    let is_known = known.units == made_of && known.changed(folder).is_none();
+    let is_known = known.units == made_of && known.changed(folder, true).is_none();
     let tables = if is_known {
         read_tables(folder, &plan)?
     } else {

@@ -6,7 +6,7 @@ use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
 use std::path::PathBuf;
 use svl::outputs::{Outputs, write};
-use svl::report::compare::{Change, Comparison, History, Judgement, ScoredRun};
+use svl::report::compare::{Change, Comparison, Judgement, ScoredRun};
 use svl::report::{TestCase, TestResult, junit};
 use svl::score::{ColumnChoice, Metric, MetricUnit};
 
@@ -28,8 +28,6 @@ Examples:
       failed on pairs that it had results of, or when too few pairs or an
       absent algorithm leave that open
   svl compare reports/main reports/branch --markdown >> $GITHUB_STEP_SUMMARY
-  svl compare --history reports/* --page history.html
-      each metric over the dates and revisions of all reports
   svl compare reports/arena reports/range --json \\
       | jq '.[0].algorithms[0].metrics'")]
 pub(crate) struct Args {
@@ -48,20 +46,8 @@ pub(crate) struct Args {
     /// not in the first report, always count as worse
     #[arg(long, value_name = "worse[:METRIC]", value_parser = fail_on)]
     fail_on: Vec<FailOn>,
-    /// Show each metric over all reports, by their dates, in place of their differences
-    #[arg(long, conflicts_with_all = ["map", "fail_on", "markdown"])]
-    history: bool,
-    /// Draw the metrics of --history on an HTML page
-    #[arg(
-        long, value_name = "FILE.html", requires = "history",
-        value_parser = usage::ending(&["html"])
-    )]
-    page: Option<PathBuf>,
-    /// Folder, new or empty, for each plot of the page as an SVG file
-    #[arg(long, value_name = "DIR", requires = "history")]
-    figures: Option<PathBuf>,
     /// Metrics that are shown: all or NAME,… [default: the headline ones]
-    #[arg(long, value_name = "NAMES", conflicts_with_all = ["history", "markdown", "json"])]
+    #[arg(long, value_name = "NAMES", conflicts_with_all = ["markdown", "json"])]
     columns: Option<ColumnChoice>,
     /// Write the metrics of --fail-on as JUnit's XML
     #[arg(long, value_name = "FILE", requires = "fail_on")]
@@ -90,9 +76,6 @@ fn fail_on(text: &str) -> Result<FailOn, String> {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    if args.history {
-        return history(args);
-    }
     let runs = args.reports.iter().map(|text| ScoredRun::named(text));
     let mut runs = runs.collect::<Result<Vec<_>, _>>()?;
     let [base, others @ ..] = &mut runs[..] else {
@@ -193,26 +176,6 @@ fn all_compared(comparisons: &[Comparison], reasons: &[String]) -> anyhow::Resul
     } else {
         let words = format!("nothing was compared: {}", reasons.join("; "));
         Err(svl::Error::Incomplete(words).into())
-    }
-}
-
-/// Prints and draws the history of the reports.
-fn history(args: &Args) -> anyhow::Result<()> {
-    let history = History::from_reports(&args.reports)?;
-    let page = args.page.as_deref();
-    let mut outputs = Outputs::claim(args.force, [], page)?.and_figures(args.figures.as_deref())?;
-    outputs.set_aside()?;
-    if let Some(path) = page {
-        write(path, history.page()?)?;
-    }
-    if let Some(folder) = &args.figures {
-        history.write_figures(folder)?;
-    }
-    outputs.commit();
-    if args.json {
-        print_json(&history)
-    } else {
-        print(&history.terminal(style()))
     }
 }
 

@@ -1,7 +1,7 @@
 //! `svl merge`: makes one report of the parts that shards of a run left.
 
 use crate::cli::shared::progress::Terminal;
-use crate::cli::shared::report::print_report;
+use crate::cli::shared::report::{check_whole, print_report};
 use crate::cli::shared::usage;
 use std::path::PathBuf;
 use svl::console::Console;
@@ -9,7 +9,6 @@ use svl::evaluation::Parts;
 use svl::losses::LossLimit;
 use svl::outputs::Outputs;
 use svl::report::{BuildOptions, REPORT, build};
-use svl::run::complete;
 
 /// Make one report of the parts that `svl score --shard` left
 ///
@@ -69,5 +68,5 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let report = build(&args.output, &options)?;
     outputs.commit();
     print_report(&report, "merged", &args.output, args.explain, args.json)?;
-    Ok(complete(&report.summary.ending)?)
+    check_whole(&report.summary.ending)
 }

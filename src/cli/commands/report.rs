@@ -1,12 +1,11 @@
 //! `svl report`: builds the report of a folder again.
 
-use crate::cli::shared::report::{pass_gate, print_report};
+use crate::cli::shared::report::{check_whole, pass_gate, print_report};
 use crate::cli::shared::usage;
 use std::path::PathBuf;
 use svl::losses::LossLimit;
 use svl::outputs::Outputs;
 use svl::report::{BuildOptions, REPORT, build};
-use svl::run::complete;
 use svl::score::{ColumnChoice, Metric};
 
 /// Build the report of a folder again, and print it
@@ -74,5 +73,5 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if args.gate {
         pass_gate(&report.gate)?;
     }
-    Ok(complete(&report.summary.ending)?)
+    check_whole(&report.summary.ending)
 }

@@ -105,8 +105,6 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "sort",
             "columns",
             "explain",
-            "history",
-            "page",
             "junit",
             "print_scenario",
             "to",
@@ -120,8 +118,8 @@ const HEADINGS: &[(&str, &[&str])] = &[
     (
         "Run",
         &[
-            "shard", "resume", "script", "rate", "yes", "threads", "verbose", "quiet", "help",
-            "version",
+            "times", "prune", "shard", "resume", "script", "rate", "yes", "threads", "verbose",
+            "quiet", "help", "version",
         ],
     ),
 ];
@@ -134,6 +132,8 @@ const LONG_OPTIONS: &[&str] = &[
     "dense",
     "camera_height",
     "drives",
+    "times",
+    "prune",
     "junit",
     "print_scenario",
     "script",

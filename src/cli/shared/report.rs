@@ -3,7 +3,17 @@
 use super::terminal::{print, print_json, report_lines, style};
 use super::usage;
 use std::path::Path;
+use svl::losses::RunEnding;
 use svl::report::{BuiltReport, GateResult, GateState, Summary};
+use svl::run::complete;
+
+/// Fails for a report that lacks results, or misses more pairs than is allowed.
+pub(crate) fn check_whole(ending: &RunEnding) -> anyhow::Result<()> {
+    match &ending.incomplete {
+        Some(why) if !ending.is_whole() => Err(svl::Error::Invalid(why.clone()).into()),
+        _ => Ok(complete(ending)?),
+    }
+}
 
 /// Prints a report on the terminal, or as JSON.
 pub(crate) fn print_report(

@@ -18,15 +18,13 @@ pub enum Purpose {
     Merge,
     /// Changes from one report to another are called better or worse.
     Compare,
-    /// Reports are joined by lines over their dates.
-    History,
 }
 
-use Purpose::{Compare, History, Keep, Merge};
+use Purpose::{Compare, Keep, Merge};
 
-const ALL: &[Purpose] = &[Keep, Merge, Compare, History];
+const ALL: &[Purpose] = &[Keep, Merge, Compare];
 /// Other pairs, or pairs scored differently; pairs are compared one by one.
-const OF_PAIRS: &[Purpose] = &[Keep, Merge, History];
+const OF_PAIRS: &[Purpose] = &[Keep, Merge];
 const OF_ONE_RUN: &[Purpose] = &[Merge];
 /// No purpose: another field decides, or nothing depends on it.
 const NONE: &[Purpose] = &[];
@@ -49,7 +47,7 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("sources", &[Keep, Merge]),
     // Results are the same for any build; times are not.
     ("profile", OF_ONE_RUN),
-    ("scenario", &[Merge, History]),
+    ("scenario", OF_ONE_RUN),
     ("bits", OF_PAIRS),
     ("times", OF_ONE_RUN),
     ("shard", NONE),
@@ -71,14 +69,14 @@ const FIELDS: &[(&str, &[Purpose])] = &[
     ("description.arena", OF_PAIRS),
     ("description.drive", OF_PAIRS),
     // Each run has its own.
-    ("description.stress", &[Merge, History]),
+    ("description.stress", OF_ONE_RUN),
     ("description.source.kind", OF_PAIRS),
     // Recordings and calibrations are in `runs`, regardless of their path on this machine.
     ("description.source.files", NONE),
     ("description.source.calib", NONE),
     ("description.source.data", NONE),
     ("description.source.scenes", OF_PAIRS),
-    ("description.source.seeds", &[Merge, History]),
+    ("description.source.seeds", OF_ONE_RUN),
     ("description.source.left", OF_PAIRS),
     ("description.source.right", OF_PAIRS),
     ("description.source.side_by_side", OF_PAIRS),

@@ -148,7 +148,7 @@ done
 
 #[cfg(unix)]
 #[test]
-fn pairs_that_fail_anew_are_worse_and_histories_are_of_common_pairs() {
+fn pairs_that_fail_anew_are_worse() {
     let fixture = Fixture::new();
     for i in 0..5 {
         let [left, right] = ["left", "right"].map(|side| format!("pairs/{side}_{i}.pgm"));
@@ -202,23 +202,6 @@ fn pairs_that_fail_anew_are_worse_and_histories_are_of_common_pairs() {
     fixture
         .svl("compare c c --fail-on worse")
         .failed(3, &["some: no pair in common"]);
-
-    let history = fixture.json("compare --history a b --json");
-    let scenario = &history["scenarios"][0];
-    assert_eq!(scenario["pairs"], 5, "{history}");
-    assert_eq!(scenario["fewer"], serde_json::json!([["some", 4]]));
-    let lines = scenario["lines"].as_array().unwrap();
-    let of = |algorithm: &str| {
-        let mut lines = lines.iter();
-        let is = |line: &&serde_json::Value| {
-            line["algorithm"] == algorithm && line["metric"] == "coverage"
-        };
-        lines.find(is).unwrap()["values"].clone()
-    };
-    let all = &fixture.json("score pairs --algo bm:max_disparity=8 --rerun none -o d --json");
-    let all = &all["algorithms"][0]["coverage"];
-    assert_eq!(of("bm:max_disparity=8"), serde_json::json!([all, all]));
-    assert_eq!(of("some"), serde_json::json!([1.0, 1.0]));
 }
 
 #[test]
@@ -255,95 +238,4 @@ fn what_became_worse_fails_and_is_in_junits_xml() {
         .failed(3, &["right cells: became worse"]);
     assert_says(&fixture.text("worse.xml"), &["failures=\"1\"", "<failure"]);
     fixture.fails("compare 0 1 --fail-on worse --junit worse.xml => 1: worse.xml: exists already");
-}
-
-#[test]
-fn a_history_is_of_common_pairs_and_its_times_of_one_machine() {
-    let fixture = scored(&["v3", "v3"]);
-    // The second was killed after its first pairs, and is from another machine.
-    let rows = fixture.text("1/rows.csv");
-    let kept: Vec<_> = rows.lines().take(6).collect();
-    fixture.write("1/rows.csv", kept.join("\n") + "\n");
-    let mut manifest: serde_json::Value =
-        serde_json::from_str(&fixture.text("1/manifest.json")).unwrap();
-    manifest["machine"]["processor"] = "another".into();
-    fixture.write("1/manifest.json", manifest.to_string());
-    let json = fixture.json("compare --history 0 1 --json");
-    let scenario = &json["scenarios"][0];
-    assert_eq!(scenario["pairs"], 5);
-    assert_eq!(scenario["reports"][1]["pairs"], 5);
-    let lines = scenario["lines"].as_array().unwrap();
-    let of = |metric: &str| {
-        let own = lines.iter().filter(|line| line["metric"] == metric);
-        own.map(|line| line["values"].clone()).collect::<Vec<_>>()
-    };
-    // Equal pairs give equal values; each time belongs to its own machine.
-    assert_eq!(of("right").len(), 1);
-    assert_eq!(of("right")[0][0], of("right")[0][1]);
-    let times = of("time");
-    assert_eq!(times.len(), 2, "{times:?}");
-    assert!(
-        times
-            .iter()
-            .all(|time| time[0].is_null() != time[1].is_null())
-    );
-    assert!(of("checkpoints").is_empty(), "they are of whole runs");
-    let text = fixture.run("compare --history 0 1");
-    assert_says(
-        &text,
-        &["Compared on the 5 pairs of all reports", "      5  another"],
-    );
-    // Another truth, so no pair in common: not joined.
-    let place = rows
-        .lines()
-        .next()
-        .unwrap()
-        .split(',')
-        .position(|head| head == "input_hash");
-    let changed = rows.lines().enumerate().map(|(i, line)| {
-        let mut cells: Vec<_> = line.split(',').map(str::to_owned).collect();
-        if i > 0 {
-            cells[place.unwrap()] = format!("{i:032x}");
-        }
-        cells.join(",")
-    });
-    fixture.write("1/rows.csv", changed.collect::<Vec<_>>().join("\n") + "\n");
-    let json = fixture.json("compare --history 0 1 --json");
-    assert_eq!(json["scenarios"].as_array().unwrap().len(), 2);
-}
-
-#[test]
-fn reports_in_the_order_of_their_dates_are_a_history() {
-    let fixture = scored(&["v3", "v3:max_disparity=24 --algo bm", "v3"]);
-    std::fs::rename(fixture.path("2"), fixture.path("0.earlier-1")).unwrap();
-    fixture.write("README.md", "");
-    let text = fixture.run("compare --history 1 0 0.earlier-1 README.md --page history.html");
-    let words = [
-        "  0\n2  ",
-        "bm                   right             ▄                      –  ",
-        "0.earlier-1: left out, a later report replaced it",
-        "README.md: left out, not a report of `svl score`",
-    ];
-    assert_says(&text, &words);
-    assert_says(&fixture.text("history.html"), &["<svg", "wrong"]);
-    let wrong = "
-        compare --history 0 1 --page history.html => 1: history.html: exists already
-        compare --history README.md README.md => 1: none of these is a report
-        compare --history 0 nowhere => 1: nowhere: is not a report
-    ";
-    fixture.fails(wrong);
-    let json = fixture.json("compare --history 1 0 --json");
-    let lines = json["scenarios"][0]["lines"].as_array().unwrap();
-    let of = |algorithm: &str| {
-        let own =
-            |line: &&serde_json::Value| line["algorithm"] == algorithm && line["metric"] == "right";
-        lines.iter().find(own).unwrap()["values"].clone()
-    };
-    assert!(of("bm")[0].is_null() && of("bm")[1].is_f64(), "{json}");
-    assert!(of("v3")[0].is_f64() && of("v3")[1].is_null(), "{json}");
-    // Another scenario has its own.
-    fixture.write_short_arena("short.toml", 2);
-    fixture.run("score short.toml -q -o 3 --algo v3");
-    let json = fixture.json("compare --history 0 3 --json");
-    assert_eq!(json["scenarios"].as_array().unwrap().len(), 2);
 }

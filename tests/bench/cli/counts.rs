@@ -87,7 +87,7 @@ fn headings_of_the_table_name_its_metrics() {
     let heads = text.lines().find(|line| line.contains("p50")).unwrap();
     let heads = heads.replace("found %", "found").replace("1 2 3 4 5 6", "");
     for head in heads.split_whitespace() {
-        let text = fixture.run(&format!("{score} --resume --columns {head} --sort {head}"));
+        let text = fixture.run(&format!("{score} --columns {head} --sort {head}"));
         let shown = text
             .lines()
             .any(|line| line.trim_start().starts_with(head) || line.contains(&format!(" {head}")));
@@ -107,7 +107,7 @@ fn the_table_is_sorted_by_a_metric() {
         ("wrong", "cells_wrong", false),
         ("known", "known_share", true),
     ] {
-        fixture.run(&format!("{score} --resume --sort {metric}"));
+        fixture.run(&format!("{score} --sort {metric}"));
         let summary = fixture.text("r/summary.json");
         let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
         let algorithms = summary["algorithms"].as_array().unwrap().iter();

@@ -90,25 +90,26 @@ fn a_scene_is_repeated_from_its_folder_of_data_sets() {
 }
 
 #[test]
-fn resumed_and_compared_runs_are_held_against_each_other() {
+fn runs_of_other_options_are_not_mixed() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 6);
     fixture.run("record short.toml -o run.mcap");
-    fixture.run("score run.mcap --algo v3 -o one --rerun none");
-    // A run that was killed has no summary.
-    std::fs::remove_file(fixture.path("one/summary.json")).unwrap();
-    let other = fixture.svl("score run.mcap --algo v3 --every 2 -o one --rerun none --resume");
-    other.failed(1, &["cannot be resumed", "source.every: not set and 2"]);
-    let other =
-        fixture.svl("score run.mcap -q --algo v3 --reference sgm -o one --rerun none --resume");
-    other.failed(
-        1,
-        &[
-            "cannot be resumed",
-            "source.reference: not set and [\"sgm\"]",
-        ],
-    );
-    fixture.run("score run.mcap --algo v3 -o one --rerun none --resume");
+    let seals = || {
+        let text = fixture.text("one/manifest.json");
+        let manifest: Value = serde_json::from_str(&text).unwrap();
+        manifest["sessions"].as_array().unwrap().clone()
+    };
+    let score = "score run.mcap --algo v3 -q -o one --rerun none";
+    fixture.run(score);
+    let first = seals();
+    for options in ["--every 2", "--reference sgm"] {
+        fixture.run(&format!("{score} {options}"));
+        assert!(seals().len() == 1 && seals() != first, "{options}");
+    }
+    // Nothing of other pairs or another truth was kept.
+    let again = fixture.run(score);
+    assert!(!again.contains("matched  nothing"), "{again}");
+    assert_says(&fixture.run(score), &["matched  nothing"]);
 
     // Shards with other options are not parts of one run.
     fixture.run("score run.mcap --algo v3 --shard 1/2 -o part1 --rerun none");
@@ -116,14 +117,7 @@ fn resumed_and_compared_runs_are_held_against_each_other() {
     let merged = fixture.svl("merge part1 part2 -o whole");
     merged.failed(1, &["part2", "not of the same run", "source.reference"]);
 
-    // A history has a line for each of them.
     fixture.run("score run.mcap --algo v3 --every 2 -o two --rerun none");
-    let history = fixture.json("compare --history one two --json");
-    assert_eq!(
-        history["scenarios"].as_array().unwrap().len(),
-        2,
-        "{history}"
-    );
     let compared = fixture.run("compare one two");
     assert_says(
         &compared,
@@ -173,11 +167,21 @@ fn another_program_behind_the_same_command_is_another_algorithm() {
     ];
     let score =
         |more: &[&str]| fixture.svl(&[&line[..], &["--rerun", "none", "-q"], more].concat());
+    let sessions = || std::fs::read_dir(fixture.path("r/units/sessions")).unwrap().count();
     assert_eq!(score(&["-o", "r"]).code, Some(4));
-    std::fs::remove_file(fixture.path("r/summary.json")).unwrap();
+    // What a program failed on is matched again.
+    assert_eq!(score(&["-o", "r"]).code, Some(4));
+    assert_eq!(sessions(), 2);
+    let identity = || {
+        let text = fixture.text("r/units/plan.json");
+        serde_json::from_str::<Value>(&text).unwrap()["identities"].take()
+    };
+    let first = identity();
     fixture.write("m.sh", "exit 1 # two");
-    let ran = score(&["-o", "r", "--resume"]);
-    assert_says(&ran.stderr, &["cannot be resumed", "algorithms.m."]);
+    assert_eq!(score(&["-o", "r"]).code, Some(4));
+    let second = identity();
+    assert_eq!(first[0], second[0]);
+    assert_ne!(first[1], second[1]);
 }
 
 #[test]

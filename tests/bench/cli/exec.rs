@@ -199,7 +199,7 @@ fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
             "id=\"warnings\"",
         ],
     );
-    let json = fixture.svl(&[&line[..], &["--json"]].concat());
+    let json = fixture.svl(&[&line[..], &["--force", "--json"]].concat());
     let summary: serde_json::Value = serde_json::from_str(&json.stdout).unwrap();
     assert_eq!(summary["failed"][0]["pairs"], 1);
     assert_eq!(summary["failed"][1]["on_every_pair"], true);

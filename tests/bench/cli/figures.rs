@@ -66,21 +66,15 @@ fn every_plot_of_the_page_is_a_file() {
     let plot = fixture.text("out/figures/unrivalled-cells-against-time.svg");
     assert_says(&plot, &["<title>bm:max_disparity=8\nmedian ms per pair: "]);
 
-    // A merged page has its own, and so has a history.
+    // A merged page has its own.
     for i in 1..=2 {
         fixture.run(&format!("{SCORE} --shard {i}/2 -o p{i}"));
     }
     fixture.run("merge p1 p2 -o all -q --figures merged");
     assert_eq!(figures(&fixture, "merged"), expected);
-    fixture.run("compare --history r all --figures history --page history.html");
-    let names = figures(&fixture, "history");
-    assert!(names.contains(&"pairs-known.svg".to_owned()), "{names:?}");
-    let page = fixture.text("history.html");
-    assert_eq!(page.matches("<svg class=\"plot\"").count(), names.len());
     // Figures are not replaced.
     fixture.fails(
-        "compare --history r all --figures history => 1: history/ | name a new or empty folder
-         merge p1 p2 -o again --figures merged => 1: merged/ | name a new or empty folder",
+        "merge p1 p2 -o again --figures merged => 1: merged/ | name a new or empty folder",
     );
     assert!(!fixture.path("again").exists());
 }

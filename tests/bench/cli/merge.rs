@@ -34,6 +34,14 @@ fn scored_part(fixture: &Fixture, i: usize) {
     fixture.run(&format!("{SCORE} --shard {i}/3 -o p{i}"));
 }
 
+/// The file of a part's only session.
+fn session(fixture: &Fixture, part: &str) -> String {
+    let folder = format!("p{part}/units/sessions");
+    let mut files = std::fs::read_dir(fixture.path(&folder)).unwrap();
+    let file = files.next().unwrap().unwrap().file_name();
+    format!("{folder}/{}", file.to_str().unwrap())
+}
+
 /// Changes a part's JSON file.
 fn edit(fixture: &Fixture, file: &str, change: impl Fn(&mut Value)) {
     let mut value: Value = serde_json::from_str(&fixture.text(file)).unwrap();
@@ -49,7 +57,7 @@ fn parts_of_changed_pictures_are_refused() {
     // The pictures have the same names and sizes, and the parts other levels of noise.
     write_pair(&fixture, 2, 4);
     scored_part(&fixture, 3);
-    fixture.fails("merge p1 p2 p3 -o all => 1: p3: is not of the same run as p1 | of pairs differ");
+    fixture.fails("merge p1 p2 p3 -o all => 1: p3: is not of the same run as p1 | calibration or truth of");
     scored_part(&fixture, 1);
     scored_part(&fixture, 2);
     fixture.run("merge p3 p2 p1 -o all -q");
@@ -59,26 +67,26 @@ fn parts_of_changed_pictures_are_refused() {
 fn broken_files_of_a_part_are_named_with_the_cure() {
     let fixture = pairs();
     (1..=3).for_each(|i| scored_part(&fixture, i));
-    for file in ["manifest.json", "part.json", "summary.json"] {
-        let whole = fixture.text(&format!("p2/{file}"));
-        for (text, what) in [
-            (&whole[..whole.len() / 2], "is cut off"),
-            ("\0\0\0\0", "is damaged"),
-            ("{}", "has other entries than this svl writes"),
-        ] {
-            fixture.write(&format!("p2/{file}"), text);
-            fixture.fails(&format!(
-                "merge p1 p2 p3 -o all => 1: p2/{file}: {what} | score it again"
-            ));
-        }
-        fixture.write(&format!("p2/{file}"), whole);
+    let file = "p2/units/plan.json";
+    let whole = fixture.text(file);
+    for (text, what) in [
+        (&whole[..whole.len() / 2], "is cut off"),
+        ("\0\0\0\0", "is damaged"),
+        ("{}", "has other entries than this svl writes"),
+    ] {
+        fixture.write(file, text);
+        fixture.fails(&format!(
+            "merge p1 p2 p3 -o all => 1: {file}: {what} | score it again"
+        ));
     }
-    fixture.write("p2/manifest.json", "{");
-    fixture.fails("compare p1 p2 => 1: p2/manifest.json: is cut off | score it again");
+    fixture.write(file, whole);
+    fixture.run("merge p1 p2 p3 -o all -q");
+    fixture.write("all/manifest.json", "{");
+    fixture.fails("compare all all => 1: all/manifest.json: is cut off | score it again");
 }
 
 #[test]
-fn parts_of_another_program_are_refused_and_their_strictest_limit_holds() {
+fn parts_of_another_program_are_refused() {
     let fixture = pairs();
     fixture.write("refuses.sh", REFUSES);
     let score = |part: &str, limit: &str| {
@@ -92,27 +100,23 @@ fn parts_of_another_program_are_refused_and_their_strictest_limit_holds() {
             .collect();
         fixture.svl(&line).code
     };
-    // A quarter of the pairs fails in each part.
-    for (limits, code) in [
-        (["50%", "10%"], 4),
-        (["10%", "50%"], 4),
-        (["50%", "30%"], 0),
-    ] {
-        for (part, limit) in ["1", "2"].iter().zip(limits) {
-            assert_eq!(score(part, limit), Some(if limit == "10%" { 4 } else { 0 }));
-        }
-        let ran = fixture.svl("merge p1 p2 -o all -q");
-        assert_eq!(ran.code, Some(code), "{limits:?}: {}", ran.stderr);
+    // A quarter of the pairs fails: the limit is that of the whole.
+    for part in ["1", "2"] {
+        assert_eq!(score(part, "30%"), Some(0));
+    }
+    for (limit, code) in [("", 0), ("--allow-loss 10%", 4)] {
+        let ran = fixture.svl(&format!("merge p1 p2 -o all -q {limit}"));
+        assert_eq!(ran.code, Some(code), "{limit}: {}", ran.stderr);
         let unknown = "some: its program reports no version and no model";
         let manifest = fixture.text("all/manifest.json");
         assert_eq!(manifest.matches(unknown).count(), 1, "{manifest}");
         let summary: Value = serde_json::from_str(&fixture.text("all/summary.json")).unwrap();
         let state = if code == 4 { "lossy" } else { "complete" };
-        assert_eq!(summary["state"], state, "{limits:?}");
+        assert_eq!(summary["state"], state, "{limit}");
     }
     let program = |version: &str| {
-        edit(&fixture, &format!("p{version}/manifest.json"), |manifest| {
-            let program = &mut manifest["algorithms"][0]["program"];
+        edit(&fixture, &session(&fixture, version), |session| {
+            let program = &mut session["manifest"]["algorithms"][0]["program"];
             program["name"] = "net".into();
             program["version"] = version.into();
         });
@@ -124,50 +128,26 @@ fn parts_of_another_program_are_refused_and_their_strictest_limit_holds() {
 }
 
 #[test]
-fn times_of_several_machines_are_not_joined() {
+fn a_merged_report_names_its_machines() {
     let fixture = pairs();
     fixture.run(&format!("{SCORE} -o whole"));
     (1..=3).for_each(|i| scored_part(&fixture, i));
-    let merged = |code: &str| {
-        let ran = fixture.svl("merge p1 p2 p3 -o all --json");
-        assert_eq!(ran.code, Some(0), "{code}: {}", ran.stderr);
-        let summary: Value = serde_json::from_str(&ran.stdout).unwrap();
-        (summary, ran.stderr)
-    };
-    let times = [
-        "p50_ms",
-        "p99_ms",
-        "time_per_mp_s",
-        "mde_per_s",
-        "matching_ms",
-        "outliers",
-    ];
-    let (summary, _) = merged("one machine");
-    let has_time = |summary: &Value| times.map(|key| summary["algorithms"][0][key].is_number());
-    assert_eq!(has_time(&summary), [true; 6]);
-    let hashes = |summary: &Value| summary["algorithms"][0]["results_hash"].clone();
-    let before = hashes(&summary);
-    edit(&fixture, "p2/manifest.json", |manifest| {
-        manifest["machine"]["processor"] = "another".into();
+    edit(&fixture, &session(&fixture, "2"), |session| {
+        session["manifest"]["machine"]["processor"] = "another".into();
     });
-    let (summary, stderr) = merged("two machines");
-    assert_eq!(has_time(&summary), [false; 6]);
-    assert_eq!(hashes(&summary), before);
-    assert_says(&stderr, &["2 machines", "times are not joined"]);
-    for file in ["manifest.json", "summary.md", "index.html"] {
-        assert_says(
-            &fixture.text(&format!("all/{file}")),
-            &["times are not joined"],
-        );
-    }
-    // Nor do they belong to the first part's machine.
-    let history = fixture.json("compare --history whole all --json");
-    let lines = history["scenarios"][0]["lines"].as_array().unwrap();
-    let time = lines.iter().find(|line| line["metric"] == "time").unwrap();
-    assert!(
-        time["values"][0].is_number() && time["values"][1].is_null(),
-        "{time}"
-    );
+    fixture.run("merge p1 p2 p3 -o all -q");
+    let hash = |report: &str| {
+        let text = fixture.text(&format!("{report}/summary.json"));
+        let summary: Value = serde_json::from_str(&text).unwrap();
+        summary["algorithms"][0]["results_hash"].clone()
+    };
+    assert_eq!(hash("all"), hash("whole"));
+    let manifest: Value = serde_json::from_str(&fixture.text("all/manifest.json")).unwrap();
+    let sessions = manifest["sessions"].as_array().unwrap();
+    let machines = sessions.iter().map(|of| of["machine"]["processor"] == "another");
+    assert_eq!(machines.filter(|is_another| *is_another).count(), 1);
+    assert_says(&fixture.text("all/index.html"), &["another"]);
+    // The times of a report are those of its machines: none is compared.
     let compared = fixture.json("compare whole all --json");
     let metrics = compared[0]["algorithms"][0]["metrics"].as_array().unwrap();
     assert!(!metrics.is_empty() && metrics.iter().all(|of| of["metric"] != "time"));

@@ -46,4 +46,5 @@ mod stress;
 mod survive;
 mod train;
 mod tune;
+mod units;
 mod videos;

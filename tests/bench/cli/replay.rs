@@ -106,7 +106,7 @@ fn force_replaces_what_is_there_only_by_something_whole() {
     fixture.fails("replay bad.mcap --rows rows.csv --force => 1: bad.mcap");
     assert_eq!(fixture.bytes("rows.csv"), b"precious");
     fixture.run("replay a.mcap --rows rows.csv --force");
-    assert!(fixture.text("rows.csv").starts_with("run_id"));
+    assert!(fixture.text("rows.csv").starts_with("scenario"));
     assert_eq!(
         fs::read_dir(fixture.path("")).unwrap().count(),
         3,
@@ -121,7 +121,7 @@ fn force_replaces_what_is_there_only_by_something_whole() {
         fixture.svl("replay cut.mcap --rows rows.csv --force").code,
         Some(1)
     );
-    assert!(fixture.text("rows.csv").starts_with("run_id"));
+    assert!(fixture.text("rows.csv").starts_with("scenario"));
     let names = fs::read_dir(fixture.path(""))
         .unwrap()
         .map(|entry| entry.unwrap().path());
@@ -175,7 +175,7 @@ fn verify_tells_what_differs() {
         "1 results have no counterpart in short.csv",
     );
     // A table of v5 under the name of another range: equal labels, other parameters.
-    let parameters = lines[1].split(',').nth(8).unwrap();
+    let parameters = lines[1].split(',').nth(7).unwrap();
     fs::write(fixture.path("set.csv"), rows.replace(parameters, "0")).unwrap();
     // The content of a file starts no program.
     fs::write(
@@ -188,7 +188,7 @@ fn verify_tells_what_differs() {
         "names a program, which is not started unasked",
     );
     assert!(!fixture.path("pwned").exists());
-    let pair = lines[1].split(',').nth(6).unwrap();
+    let pair = lines[1].split(',').nth(5).unwrap();
     fs::write(fixture.path("pairs.csv"), rows.replace(pair, "0")).unwrap();
     fails(
         "--verify=pairs.csv",
@@ -203,7 +203,7 @@ fn verify_tells_what_differs() {
         "--verify=a.txt",
         "expected RESULT.mcap, ROWS.csv or the folder of a report",
     );
-    fs::write(fixture.path("bad.csv"), "run_id\nx\n").unwrap();
+    fs::write(fixture.path("bad.csv"), "scenario\nx\n").unwrap();
     fails("--verify=bad.csv", "bad.csv");
 }
 
@@ -391,7 +391,7 @@ fn another_recording_in_the_cache_is_neither_scored_nor_replaced() {
     ] {
         fs::copy(fixture.path(file), first).unwrap();
         let words = [name, words, "move or remove it, and it is recorded again"];
-        fixture.svl("score short.toml").failed(1, &words);
+        fixture.svl("score short.toml --force").failed(1, &words);
         assert_eq!(fs::read(first).unwrap(), fixture.bytes(file));
     }
     fs::remove_file(first).unwrap();
@@ -409,7 +409,7 @@ fn an_incomplete_recording_of_the_cache_is_made_again() {
     let cached: Vec<_> = cached.map(|entry| entry.unwrap().path()).collect();
     let bytes = fs::read(&cached[0]).unwrap();
     fs::write(&cached[0], &bytes[..bytes.len() / 2]).unwrap();
-    let again = fixture.svl("score short.toml");
+    let again = fixture.svl("score short.toml --force");
     assert_says(&again.stderr, &["recorded again"]);
     again.done();
     assert_eq!(rows(), whole);

@@ -13,7 +13,7 @@ fn lines(fixture: &Fixture, table: &str) -> Vec<Vec<String>> {
         "_s",
         "outliers",
         "memory_mb",
-        "run_id",
+        "session",
         "recording",
     ];
     let differs = |head: &str| head != "stood_s" && but.iter().any(|of| head.ends_with(of));
@@ -60,17 +60,29 @@ fn parts_make_the_tables_and_hashes_of_one_machine() {
         }
         assert_eq!(hashes(&all), hashes("whole"));
     }
-    // A part compares nothing: its algorithms have other runs each.
-    let words = "This is part 1/3 of a run";
-    assert_says(&fixture.text("part-3-1/summary.md"), &[words, "svl merge"]);
-    assert_says(
-        &fixture.text("part-3-1/summary.json"),
-        &["\"shard\": \"1/3\""],
-    );
-    assert!(!fixture.text("part-3-1/summary.json").contains("\"leads\""));
-    assert!(!fixture.text("all-3/summary.md").contains("This is part"));
+    // A part has no report: its blocks are those of some pairs.
+    assert!(!fixture.path("part-3-1/summary.json").exists());
     let page = fixture.text("all-3/index.html");
-    assert_says(&page, &["part-3-2", "id=\"parts\""]);
+    // The page escapes the slash.
+    assert_says(&page, &["threads, shard 2"]);
+}
+
+#[test]
+fn shards_into_one_folder_make_the_report_with_the_last_one() {
+    let fixture = Fixture::new();
+    fixture.write_short_arena("short.toml", 4);
+    let line = "score short.toml --algo v3 --algo bm -q --rerun none";
+    let first = fixture.run(&format!("{line} --shard 1/2 -o r"));
+    assert_says(&first, &["r: has this shard"]);
+    assert!(!fixture.path("r/summary.json").exists());
+    let report = fixture.svl("report r");
+    report.failed(1, &["1 of 2 runs not whole, from seed 2 on"]);
+    fixture.run(&format!("{line} --shard 2/2 -o r"));
+    fixture.run(&format!("{line} -o whole"));
+    for table in ["rows", "cells", "checkpoints", "summary"] {
+        let of = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
+        assert_eq!(of("r"), of("whole"), "{table}");
+    }
 }
 
 /// Runs the workflow with these values of `--config`; `None` without Snakemake.
@@ -115,20 +127,18 @@ fn snakemake_runs_the_shards_and_merges_them() {
         let of = |report: &str| lines(&fixture, &format!("{report}/{table}.csv"));
         assert_eq!(of("shards/all"), of("whole"), "{table}");
     }
-    // The killed one is repeated, and the rest is not.
-    for killed in ["part2", "all"] {
-        std::fs::remove_file(fixture.path(&format!("shards/{killed}/summary.json"))).unwrap();
-    }
-    let began = |part: u8| fixture.text(&format!("shards/part{part}/manifest.json"));
-    let before = [1, 2, 3].map(began);
+    // One that was killed is repeated, and finds what it has.
+    std::fs::remove_file(fixture.path("shards/shard-2-of-4")).unwrap();
+    std::fs::remove_file(fixture.path("shards/all/summary.json")).unwrap();
+    let sessions = || std::fs::read_dir(fixture.path("shards/all/units/sessions")).unwrap().count();
+    let before = sessions();
     let ran = snakemake(&fixture, &config).unwrap();
     assert!(
         ran.status.success(),
         "{}",
         String::from_utf8_lossy(&ran.stderr)
     );
-    assert_eq!([began(1), began(3)], [before[0].clone(), before[2].clone()]);
-    assert_ne!(began(2), before[1]);
+    assert_eq!(sessions(), before);
     let of = |report: &str| lines(&fixture, &format!("{report}/rows.csv"));
     assert_eq!(of("shards/all"), of("whole"));
 }
@@ -152,53 +162,62 @@ fn drives_are_shared_out_too() {
     );
 }
 
+/// The first file of a report's units with that ending.
+fn unit(fixture: &Fixture, report: &str, ending: &str) -> String {
+    let folder = fixture.path(&format!("{report}/units"));
+    let mut files = Vec::new();
+    for run in std::fs::read_dir(folder).unwrap().flatten() {
+        if run.path().is_dir() {
+            files.extend(std::fs::read_dir(run.path()).unwrap().flatten());
+        }
+    }
+    let mut paths: Vec<_> = files.into_iter().map(|file| file.path()).collect();
+    paths.sort();
+    let mut paths = paths.iter().map(|path| path.to_str().unwrap());
+    let path = paths.find(|path| path.ends_with(ending)).unwrap();
+    let root = fixture.path("");
+    let root = root.to_str().unwrap().trim_end_matches('/');
+    path.strip_prefix(root).unwrap()[1..].to_owned()
+}
+
 #[test]
-fn a_killed_part_is_done_again_and_others_are_refused() {
+fn parts_that_do_not_make_a_whole_are_refused() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 4);
     let line = "score short.toml --algo v3 --algo bm -q --rerun none";
     for i in 1..=2 {
         fixture.run(&format!("{line} --shard {i}/2 -o p{i}"));
     }
-    fixture.run(&format!("{line} --shard 1/3 -o third"));
-    fixture.run(&format!("{line} --shard 1/2 -o again"));
     fixture.run(&format!("{line} --algo v1 --shard 2/2 -o other"));
     fixture.run(&format!("{line} --seeds 1 --shard 2/2 -o seeds"));
     fixture.run(&format!("{line} -o whole"));
-    // The state after a kill.
-    fixture.run(&format!("{line} --shard 2/2 -o killed"));
-    let rows = fixture.text("killed/rows.csv");
-    fixture.write("killed/rows.csv", &rows[..rows.len() / 2]);
-    std::fs::remove_file(fixture.path("killed/summary.json")).unwrap();
     fixture.fails(
         "
         merge p1 p2 -o p1 => 2: p1: is a part | -o
-        merge p1 -o all => 1: shard 2 of 2 missing | --shard 2/2
-        merge p1 p2 again -o all => 1: is shard 1/2, and so is
-        merge p1 third -o all => 1: all parts need the same number of shards
+        merge p1 -o all => 1: 1 run incomplete, from seed 2 on | shard 1/2
         merge p1 other -o all => 1: other: is not of the same run as p1 | algorithms
         merge p1 seeds -o all => 1: seeds: is not of the same run | source.seeds: 1, 2 and 1
-        merge p1 whole -o all => 1: whole: is not a part of a report
-        merge p1 nothing -o all => 1: nothing: is not a part of a report
-        merge p1 killed -o all => 1: killed: is incomplete | --resume
+        merge p1 nothing -o all => 1: nothing: is not a report
         score short.toml --shard 3/2 -o x => 2: I from 1 to N
         score short.toml --shard 1/2 => 2: -o
-        score short.toml --algo v3 --algo bm --shard 1/2 -o p2 --resume => 1: shard: 2/2 and 1/2
         ",
     );
-    fixture.run(&format!("{line} --shard 2/2 -o killed --resume"));
-    // The state after an interrupted copy.
-    let cells = fixture.text("p2/cells.csv");
-    let whole_lines: Vec<_> = cells.lines().take(20).collect();
-    fixture.write("p2/cells.csv", whole_lines.join("\n") + "\n");
-    fixture.fails("merge p1 p2 -o all => 1: p2: cells.csv was changed after it was written");
     // Edited, of the same size.
-    fixture.write("p2/cells.csv", cells.replace("right", "wrong"));
-    fixture.fails("merge p1 p2 -o all => 1: p2: cells.csv was changed after it was written");
-    std::fs::remove_file(fixture.path("p2/cells.csv")).unwrap();
-    fixture.fails("merge p1 p2 -o all => 1: p2: cells.csv was changed after it was written");
-    fixture.run("merge p1 killed -o all -q");
-    // Both algorithms have the pairs of a seed, each in its shard.
+    let cells = unit(&fixture, "p2", ".cells.csv");
+    let whole = fixture.text(&cells);
+    fixture.write(&cells, whole.replace("right", "wrong"));
+    fixture.fails("merge p1 p2 -o all => 1: .cells.csv: was changed after it was written");
+    // The state after an interrupted copy.
+    let kept: Vec<_> = whole.lines().take(20).collect();
+    fixture.write(&cells, kept.join("\n") + "\n");
+    fixture.fails("merge p1 p2 -o all => 1: .cells.csv: was changed after it was written");
+    std::fs::remove_file(fixture.path(&cells)).unwrap();
+    fixture.fails("merge p1 p2 -o all => 1: .cells.csv: was changed after it was written");
+    // The same command matches again what is damaged.
+    let ran = fixture.svl(&format!("{line} --shard 2/2 -o p2").replace("-q ", ""));
+    assert_eq!(ran.code, Some(0));
+    assert_says(&ran.stderr, &[".cells.csv: is not what was sealed"]);
+    fixture.run("merge p1 p2 -o all -q");
     let missing = |report: &str| {
         let text = fixture.text(&format!("{report}/summary.json"));
         serde_json::from_str::<serde_json::Value>(&text).unwrap()["missing"].take()

@@ -144,7 +144,7 @@ fn a_viewer_s_file_that_cannot_grow_ends_the_run() {
     bash.args(["-c", &score]).current_dir(fixture.path(""));
     let ran = bash.output().unwrap();
     assert_eq!(ran.status.code(), Some(1));
-    let words = "r/run.rrd: could not be written to its end";
+    let words = "r/run-1.rrd: could not be written to its end";
     assert_says(&String::from_utf8_lossy(&ran.stderr), &[words]);
 }
 

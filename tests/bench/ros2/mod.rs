@@ -216,7 +216,6 @@ fn what_cannot_be_opened_is_told_in_a_line() {
         score ros2: --to 2 --truth /depth => 2: --truth is for recordings
         score ros2: --print-scenario => 2: record them first
         score ros2: --to 2 --from 5 => 2: --to has to be after --from
-        score ros2: --to 2 --resume => 2: --resume continues the score of a recording
         score ros2: --to 2 --gate => 2: --gate and --drives are for scenarios
         score ros2: --to 2 --fps 3 => 2: --fps is for folders
         score ros2: --to 2 --seeds 1..3 => 2: --seeds is for

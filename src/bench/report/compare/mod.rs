@@ -1,13 +1,11 @@
 //! Comparison of two runs: changes of metrics with confidence intervals.
 
-mod history;
 mod scored_run;
 mod text;
 
 use super::rows::Row;
 pub use super::samples::total;
 use super::samples::{resamples, run_key, sample};
-pub use history::{History, HistoryLine, HistoryReport, LeftOut, ScenarioHistory};
 pub use scored_run::ScoredRun;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -146,8 +144,8 @@ impl Comparison {
     pub fn from_runs(base: &ScoredRun, other: &ScoredRun, map: &[String]) -> Result<Self> {
         if let Some(driven) = [base, other].iter().find(|run| !run.drives.is_empty()) {
             return Err(Error::Invalid(format!(
-                "{}: is of drives, which have no pairs in common with others; --history plots \
-                 their collisions, and [[gate]] limits them",
+                "{}: is of drives, which have no pairs in common with others; [[gate]] limits \
+                 their collisions",
                 driven.folder.display()
             )));
         }

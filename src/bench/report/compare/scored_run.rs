@@ -1,5 +1,6 @@
 //! A report that is compared, read from its folder.
 
+use crate::report::build::Sources;
 use crate::report::drives::DriveRow;
 use crate::report::read_rows;
 use crate::report::rows::{CheckpointRow, FailureRow, Row};
@@ -65,6 +66,14 @@ impl ScoredRun {
             ));
         }
         let manifest = Manifest::read(folder)?;
+        let sources = Sources::read(folder).unwrap_or_default();
+        if let Some(table) = sources.changed(folder, false) {
+            let shown = folder.display();
+            return Err(Error::Invalid(format!(
+                "{shown}/{table}: was changed after the report was made; `svl report {shown}` \
+                 makes it again"
+            )));
+        }
         let summary = folder.join("summary.json");
         let incomplete = if summary.is_file() {
             read_json::<Whole>(&summary)?.incomplete

@@ -192,7 +192,8 @@ impl BlockWriter {
 /// # Errors
 /// [`Error::Io`] with the file.
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let begun = path.with_extension("part");
+    // Another process may write the same file.
+    let begun = path.with_extension(format!("{}.part", std::process::id()));
     let written = std::fs::write(&begun, bytes).and_then(|()| std::fs::rename(&begun, path));
     written.map_err(|e| Error::io(path, e))
 }

@@ -168,22 +168,17 @@ impl KeptResults {
         blocks
     }
 
-    /// The seals that no result is taken of. `true`: of each of their results there is one of a
-    /// later session, or with what the plan asks for, so that they are superseded.
-    pub fn unused(&self) -> Vec<(&StoredSeal, bool)> {
+    /// The seals that no result is taken of. `true`: the plan has all results of their algorithms
+    /// from others, so that they are superseded. `pairs`: the number of pairs of the run.
+    pub fn unused(&self, pairs: u64) -> Vec<(&StoredSeal, bool)> {
         let used: BTreeSet<_> = self
             .by_label
             .values()
             .flat_map(|places| places.values().copied())
             .collect();
         let is_superseded = |stored: &StoredSeal| {
-            let seal = &stored.seal;
-            seal.algorithms.iter().all(|own| {
-                let has = |place: u64| self.seal(&own.label, place).is_some();
-                let mut pairs = seal.pairs.iter().map(|pair| pair.place);
-                let is_whole = pairs.all(|place| own.without.contains(&place) || has(place));
-                is_whole && (seal.drive.is_none() || has(0))
-            })
+            let mut algorithms = stored.seal.algorithms.iter();
+            algorithms.all(|own| self.count(&own.label) == pairs)
         };
         let seals = self.seals.iter().enumerate();
         let unused = seals.filter(|(i, _)| !used.contains(i));

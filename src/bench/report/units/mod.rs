@@ -19,7 +19,7 @@ mod tables;
 
 pub use block::{BlockWriter, Seal, SealedPair};
 pub use kept::KeptResults;
-pub(super) use store::remove_file;
+pub(crate) use store::remove_file;
 pub use store::{Session, StoredSeal, Units, files_of};
 pub use tables::{
     ReportTables, RunUnits, collect_tables, made_of, read_tables, write_tables,
@@ -132,6 +132,19 @@ pub struct RunFacts {
     /// The runs that were registered before it, whose pairs it has no copies of.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub after: Vec<String>,
+}
+
+impl RunFacts {
+    /// Adds what another process knows of the same run.
+    pub fn join(&mut self, other: Self) {
+        let new = other.warnings.into_iter();
+        new.for_each(|warning| warning.add_to(&mut self.warnings));
+        self.end = self.end.take().or(other.end);
+        self.record = self.record.take().or(other.record);
+        for (label, scale) in other.scales.algorithms {
+            self.scales.algorithms.entry(label).or_insert(scale);
+        }
+    }
 }
 
 /// What is known once all pairs of a run were read.

@@ -15,6 +15,9 @@ use svl_core::{Error, Result};
 use svl_data::manifest::{Manifest, read_json};
 use xxhash_rust::xxh3::Xxh3Default;
 
+/// The facts of a run, in its folder.
+const RUN: &str = "run.json";
+
 /// The units of a report.
 #[derive(Clone, Debug)]
 pub struct Units {
@@ -187,7 +190,7 @@ impl Units {
     /// # Errors
     /// [`Error::Io`]; [`Error::Format`].
     pub fn facts(&self, run: &ReportRun) -> Result<Option<RunFacts>> {
-        let path = self.folder.join(run.folder()).join("run.json");
+        let path = self.folder.join(run.folder()).join(RUN);
         path.is_file().then(|| read_json(&path)).transpose()
     }
 
@@ -195,7 +198,7 @@ impl Units {
     /// [`Error::Io`] with the file.
     pub fn write_facts(&self, facts: &RunFacts) -> Result<()> {
         let folder = self.run_folder(&facts.run)?;
-        write_whole(&folder.join("run.json"), &json(facts)?)
+        write_whole(&folder.join(RUN), &json(facts)?)
     }
 
     /// The seals of a run whose files are what was sealed, in the order of their blocks and, in a
@@ -306,7 +309,19 @@ impl Units {
             std::fs::create_dir_all(&to).map_err(|e| Error::io(&to, e))?;
             for path in entries(&from)? {
                 let file = path.file_name().unwrap_or_default();
-                std::fs::copy(&path, to.join(file)).map_err(|e| Error::io(&path, e))?;
+                if file != RUN {
+                    std::fs::copy(&path, to.join(file)).map_err(|e| Error::io(&path, e))?;
+                }
+            }
+        }
+        for run in runs {
+            match (other.facts(run)?, self.facts(run)?) {
+                (Some(facts), None) => self.write_facts(&facts)?,
+                (Some(facts), Some(mut own)) => {
+                    own.join(facts);
+                    self.write_facts(&own)?;
+                }
+                (None, _) => {}
             }
         }
         Ok(())
@@ -317,7 +332,7 @@ impl Units {
 ///
 /// # Errors
 /// [`Error::Io`].
-pub(in crate::report) fn remove_file(path: &Path) -> Result<()> {
+pub(crate) fn remove_file(path: &Path) -> Result<()> {
     match std::fs::remove_file(path) {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(Error::io(path, error)),
         _ => Ok(()),

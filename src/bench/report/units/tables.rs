@@ -191,9 +191,6 @@ pub fn collect_tables(
     for run in runs {
         let mut tallies = RunTallies::new(plan, &rule, &run.run);
         let mut collect = |mut of_pair: PairRows| -> Result<()> {
-            if svl_core::interrupt::requested() {
-                return Err(Error::Interrupted);
-            }
             of_pair.sort(&places);
             if let Some(pair) = &of_pair.pair {
                 rule.add_agreed(&mut of_pair.rows, &of_pair.cells, pair.has_rig);

@@ -5,7 +5,7 @@ mod scenario;
 
 use crate::cli::shared::filters::FilterArgs;
 use crate::cli::shared::progress::{Terminal, listen_for_interrupt};
-use crate::cli::shared::report::{pass_gate, print_report};
+use crate::cli::shared::report::{check_whole, pass_gate, print_report};
 use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
@@ -16,7 +16,6 @@ use svl::outputs::{Outputs, write};
 use svl::report::{
     BuiltReport, GateResult, REPORT, Summary, TestCase, TestResult, junit,
 };
-use svl::run::complete;
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{ColumnChoice, Metric};
 use svl::sink::{RerunDetail, RerunTarget, Viewer, next_report_run};
@@ -227,12 +226,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     junit_file.set_aside()?;
     let evaluated = plan.evaluate(outputs, &Terminal { quiet });
     if let Some(path) = &args.junit {
-        let report = evaluated.as_ref().map(|run| run.report.as_ref());
-        let (gate, why) = match report {
-            Ok(Some(report)) => (&report.gate[..], report.summary.ending.incomplete.clone()),
-            Ok(None) => (&[][..], None),
-            Err(error) => (&[][..], Some(error.to_string())),
+        let report = evaluated.as_ref().ok().and_then(|run| run.report.as_ref());
+        let gate = report.map_or(&[][..], |report| &report.gate);
+        let error = match &evaluated {
+            Ok(run) => run.ran.as_ref().err(),
+            Err(error) => Some(error),
         };
+        let incomplete = || report.and_then(|report| report.summary.ending.incomplete.clone());
+        let why = error.map(ToString::to_string).or_else(incomplete);
         let cases = gate.iter().map(GateResult::test_case);
         let cases: Vec<_> = cases.chain([losses_case(why)]).collect();
         write(path, junit(&format!("svl score {}", scenario.name), &cases))?;
@@ -261,7 +262,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (_, true) => pass_check(&summary)?,
         _ => {}
     }
-    Ok(complete(&summary.ending)?)
+    check_whole(&summary.ending)
 }
 
 /// The line that nothing was matched, with the date of the times.

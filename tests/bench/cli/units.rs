@@ -1,0 +1,156 @@
+//! The units of a report: what is matched again, and what is not.
+#![cfg(unix)]
+
+use super::fixture::{Fixture, assert_says};
+use serde_json::Value;
+
+/// Answers every pair of 32x24 pixels with the file `answer`, and notes each in a file. In a folder
+/// with the file `dark` it fails on every third pair.
+const COUNTS: &str = r#"
+i=0
+while read -r line; do
+  head -c 1536 > /dev/null
+  echo >> matched
+  i=$((i+1))
+  seq=$(echo "$line" | sed 's/.*"seq":\([0-9]*\).*/\1/')
+  if [ -e dark ] && [ $((i % 3)) = 0 ]; then
+    echo '{"seq":'$seq',"error":"too dark"}'
+    continue
+  fi
+  echo '{"seq":'$seq',"millis":1}'
+  cat answer
+done
+"#;
+
+/// A folder of pairs, and a program that counts those that it matches.
+fn counted(pairs: usize) -> Fixture {
+    let fixture = Fixture::new();
+    (0..pairs).for_each(|i| write_pair(&fixture, i, i % 5));
+    fixture.write("counts.sh", COUNTS);
+    fixture.write("answer", [0_u8; 4].repeat(32 * 24));
+    fixture
+}
+
+fn write_pair(fixture: &Fixture, i: usize, shift: usize) {
+    let [left, right] = ["left", "right"].map(|side| format!("pairs/{side}_{i:04}.pgm"));
+    fixture.write_pair(&left, &right, (32, 24), shift);
+}
+
+/// Scores by the program, and returns the number of pairs that it matched, the exit status and the
+/// warnings.
+fn score(fixture: &Fixture, more: &[&str]) -> (usize, Option<i32>, String) {
+    let _ = std::fs::remove_file(fixture.path("matched"));
+    let program = "net=exec:command=sh -c '. ./counts.sh'";
+    let line = ["score", "pairs", "--rerun", "none", "-o", "r", "--algo", program];
+    let ran = fixture.svl(&[&line[..], more].concat());
+    let text = std::fs::read_to_string(fixture.path("matched")).unwrap_or_default();
+    (text.lines().count(), ran.code, ran.stderr)
+}
+
+#[test]
+fn the_same_command_matches_nothing_and_one_algorithm_more_itself() {
+    let fixture = counted(70);
+    // One more sets up its memory.
+    assert_eq!(score(&fixture, &[]).0, 71);
+    // One pair shows that the program is the same.
+    assert_eq!(score(&fixture, &[]).0, 1);
+    assert_eq!(score(&fixture, &["--algo", "bm:max_disparity=8"]).0, 1);
+    let rows = fixture.text("r/rows.csv");
+    assert_eq!(rows.lines().count(), 1 + 2 * 70);
+    let (matched, code, stderr) = score(&fixture, &[]);
+    assert_eq!((matched, code), (1, Some(0)));
+    assert!(stderr.is_empty(), "{stderr}");
+    // What is not asked for any more stays until it is pruned.
+    let units = || {
+        let folder = std::fs::read_dir(fixture.path("r/units")).unwrap().flatten();
+        let run = folder.map(|run| run.path()).find(|path| path.to_str().unwrap().contains("pairs"));
+        let seals = std::fs::read_dir(run.unwrap()).unwrap().flatten();
+        let names = seals.map(|file| file.file_name().into_string().unwrap());
+        names.filter(|name| name.ends_with(".rows.csv")).count()
+    };
+    assert_eq!(units(), 4);
+    score(&fixture, &["--prune"]);
+    assert_eq!(units(), 2);
+    assert_eq!(score(&fixture, &["--force"]).0, 71);
+    assert_eq!(units(), 2);
+}
+
+#[test]
+fn files_are_compared_by_their_pairs_where_their_times_differ() {
+    let fixture = counted(70);
+    score(&fixture, &[]);
+    // The same pixels, written anew.
+    write_pair(&fixture, 3, 3);
+    assert_eq!(score(&fixture, &[]).0, 1);
+    // Other pixels: the block is matched again, of the 70 pairs the second one.
+    write_pair(&fixture, 66, 2);
+    assert_eq!(score(&fixture, &[]).0, 1 + 1 + 6);
+    // One pair more.
+    write_pair(&fixture, 70, 2);
+    assert_eq!(score(&fixture, &[]).0, 1 + 1 + 1);
+    assert_eq!(fixture.text("r/rows.csv").lines().count(), 1 + 71);
+}
+
+#[test]
+fn a_program_that_answers_otherwise_is_matched_again() {
+    let fixture = counted(5);
+    score(&fixture, &[]);
+    // Its command and its files are the same, but not what the program reads.
+    fixture.write("answer", 2_f32.to_le_bytes().repeat(32 * 24));
+    let (matched, code, stderr) = score(&fixture, &[]);
+    assert_eq!((matched, code), (1 + 6, Some(0)));
+    assert_says(&stderr, &["net: its result of pair 0 is another than before"]);
+    assert_eq!(score(&fixture, &[]).0, 1);
+}
+
+#[test]
+fn pairs_that_a_program_failed_on_are_matched_again_with_their_warnings() {
+    let fixture = counted(6);
+    fixture.write("dark", "");
+    let warnings = || {
+        let text = fixture.text("r/manifest.json");
+        let manifest: Value = serde_json::from_str(&text).unwrap();
+        let warnings = manifest["warnings"].as_array().cloned().unwrap_or_default();
+        let of_pairs = warnings.iter().filter(|text| text.as_str().unwrap().contains("on pair"));
+        of_pairs.count()
+    };
+    // It fails on two pairs: the first matching sets up its memory.
+    assert_eq!(score(&fixture, &[]).1, Some(4));
+    assert_eq!(warnings(), 2);
+    std::fs::remove_file(fixture.path("dark")).unwrap();
+    let (matched, code, _) = score(&fixture, &[]);
+    assert_eq!((matched, code), (1 + 1 + 2, Some(0)));
+    assert_eq!(warnings(), 0);
+    assert_eq!(fixture.text("r/failures.csv").lines().count(), 1);
+}
+
+#[test]
+fn times_of_several_sessions_are_not_compared() {
+    let fixture = counted(5);
+    let line = "score pairs --rerun none -q -o r --algo bm:max_disparity=8";
+    fixture.run(line);
+    let more = format!("{line} --algo v3:max_disparity=8");
+    let text = fixture.run(&more);
+    assert_says(&text, &["times are of several sessions", "--times"]);
+    let fastest = "the fastest";
+    assert!(!text.contains(fastest), "{text}");
+    let text = fixture.run(&format!("{more} --times"));
+    assert!(!text.contains("several sessions"), "{text}");
+    // What is built again says the same.
+    assert!(!fixture.run("report r").contains("several sessions"));
+}
+
+#[test]
+fn an_edited_table_is_not_compared() {
+    let fixture = counted(3);
+    let line = "score pairs --rerun none -q --algo bm:max_disparity=8";
+    for folder in ["a", "b"] {
+        fixture.run(&format!("{line} -o {folder}"));
+    }
+    let rows = fixture.text("b/rows.csv");
+    fixture.write("b/rows.csv", rows.replace("bm", "mb"));
+    fixture.fails("compare a b => 1: b/rows.csv: was changed | svl report b");
+    fixture.run("report b");
+    assert_eq!(fixture.text("b/rows.csv"), rows);
+    fixture.run("compare a b");
+}
