@@ -222,7 +222,7 @@ impl DriveWork<'_> {
             samples: vec![(0, figure)],
             ..BlockPictures::default()
         });
-        block.seal(pictures.as_ref())
+        block.seal(pictures.as_ref(), true)
     }
 }
 

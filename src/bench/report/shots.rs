@@ -40,7 +40,7 @@ pub fn of_runs(
             }
         }
     }
-    Ok(chosen.finish(plan, runs))
+    chosen.finish(plan, runs)
 }
 
 /// The two seconds before the fastest collision of each algorithm.
@@ -115,10 +115,10 @@ impl ChosenPictures {
             pairs.find(|pair| pair.sequence == sequence).map(|pair| pair.place)
         };
         for shot in pictures.checkpoints {
-            let Some(place) = place(shot.frame.sequence) else {
+            let Some(place) = place(shot.sequence) else {
                 continue;
             };
-            let key = (shot.frame.checkpoint, shot.frame.algorithm.clone());
+            let key = (shot.checkpoint, shot.algorithm.clone());
             if is_taken(&key.1, place) {
                 self.shots.entry(key).or_default().push(((run, place), shot));
             }
@@ -147,7 +147,7 @@ impl ChosenPictures {
         mut self,
         plan: &ReportPlan,
         runs: &[RunUnits],
-    ) -> (Vec<CheckpointFigure>, Vec<SceneFigure>) {
+    ) -> Result<(Vec<CheckpointFigure>, Vec<SceneFigure>)> {
         let (labels, pictured) = (plan.labels(), plan.pictured());
         let order = |label: &str| labels.iter().position(|own| *own == label);
         let checkpoints = std::mem::take(&mut self.checkpoints);
@@ -155,16 +155,17 @@ impl ChosenPictures {
             let mut shots = Vec::new();
             for label in &pictured {
                 let key = (checkpoint.number, (*label).to_owned());
-                shots.extend(leading(self.shots.remove(&key).unwrap_or_default()));
+                shots.extend(leading(self.shots.remove(&key).unwrap_or_default())?);
             }
-            CheckpointFigure {
+            Ok(CheckpointFigure {
                 checkpoint: Some(checkpoint.number),
                 title: format!("{} {}", checkpoint.number, checkpoint.name),
                 about: checkpoint.description,
                 shots,
-            }
+            })
         };
-        let mut figures: Vec<_> = checkpoints.into_iter().map(figure).collect();
+        let figures = checkpoints.into_iter().map(figure);
+        let mut figures = figures.collect::<Result<Vec<_>>>()?;
         let mut samples = spread(self.samples, runs, MAX_SAMPLES);
         for sample in &mut samples {
             sample
@@ -181,7 +182,7 @@ impl ChosenPictures {
             scene.shots.sort_by_key(|shot| order(&shot.row.algorithm));
         }
         scenes.retain(|scene| !scene.shots.is_empty());
-        (figures, scenes)
+        Ok((figures, scenes))
     }
 }
 
@@ -211,16 +212,17 @@ fn spread<T>(all: BTreeMap<(usize, u64), T>, runs: &[RunUnits], limit: u64) -> V
 }
 
 /// The worst and the best frame of a checkpoint: of equal ones the first.
-fn leading(mut shots: Vec<((usize, u64), CheckpointShot)>) -> Vec<(Rank, FrameShot)> {
+fn leading(mut shots: Vec<((usize, u64), CheckpointShot)>) -> Result<Vec<(Rank, FrameShot)>> {
     shots.sort_by_key(|(place, _)| *place);
     let mut tally = CheckpointTally::default();
     for (i, (_, shot)) in shots.iter().enumerate() {
-        tally.add(shot.frame.scored(), || i);
+        tally.add(shot.frame(), || i);
     }
     let leading = [(Rank::Worst, tally.worst), (Rank::Best, tally.best)];
     leading
         .into_iter()
-        .filter_map(|(rank, lead)| Some((rank, shots[lead?.0].1.shot.clone())))
+        .filter_map(|(rank, lead)| Some((rank, lead?.0)))
+        .map(|(rank, i)| Ok((rank, shots[i].1.shot()?)))
         .collect()
 }
 

@@ -2,11 +2,11 @@
 
 use super::RunStart;
 use super::table::RunIdentity;
-use crate::report::FrameRow;
 use crate::report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
 use crate::report::shots::{MAX_SAMPLES, MAX_SCENES, stride};
 use crate::report::units::{BlockPictures, CheckpointShot};
 use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
 use svl_core::Result;
 use svl_core::stereo::{CellRule, DepthGrid, Frame, Plane};
 use svl_data::files;
@@ -29,10 +29,35 @@ pub(super) struct BlockShots {
     /// True if the pairs are perturbed, so that none is shown.
     is_perturbed: bool,
     /// Those of leading frames, by checkpoint and algorithm.
-    tallies: BTreeMap<(usize, String), CheckpointTally<FrameShot>>,
+    tallies: BTreeMap<(usize, String), CheckpointTally<RawShot>>,
     pictures: BlockPictures,
+    /// True if the pictures lack some that were taken.
     is_changed: bool,
+    /// Time at which they were made last.
+    made: Option<Instant>,
+    /// The left image of the frame at a place, encoded.
+    left: Option<(u64, Vec<u8>)>,
 }
+
+/// A shot whose disparities are not encoded yet: most leading frames are outdone soon.
+#[derive(Clone)]
+struct RawShot {
+    shot: FrameShot,
+    preview: Picture,
+}
+
+impl RawShot {
+    fn encoded(&self) -> Result<FrameShot> {
+        Ok(FrameShot {
+            preview: files::encode_palette_png(&self.preview.codes, &self.preview.palette)?,
+            ..self.shot.clone()
+        })
+    }
+}
+
+/// Time after which pictures of a block under way are made again: a run that is killed repeats what
+/// was not pictured.
+const REMADE: Duration = Duration::from_secs(3);
 
 impl BlockShots {
     /// Those of a run.
@@ -51,35 +76,37 @@ impl BlockShots {
         self.tallies.clear();
         self.pictures = BlockPictures::default();
         self.is_changed = false;
+        self.made = None;
     }
 
-    /// The pictures of the block so far, if there are any.
-    pub(super) fn pictures(&mut self) -> Option<&BlockPictures> {
-        if std::mem::take(&mut self.is_changed) {
-            self.pictures.checkpoints.clear();
-            for ((c, label), tally) in &self.tallies {
-                let leading = [&tally.worst, &tally.best];
-                let mut sequences = Vec::new();
-                for (shot, frame) in leading.into_iter().flatten() {
-                    let sequence = shot.row.sequence;
-                    if !sequences.contains(&sequence) {
-                        sequences.push(sequence);
-                        let checkpoint = &self.checkpoints[*c];
-                        self.pictures.checkpoints.push(CheckpointShot {
-                            frame: FrameRow::new(sequence, label, checkpoint, frame),
-                            shot: shot.clone(),
-                        });
-                    }
+    /// True if the pictures are those of all pairs so far.
+    pub(super) fn are_made(&self) -> bool {
+        !self.is_changed
+    }
+
+    /// Makes the pictures of the block so far, at its end or if that was not done just now; none if
+    /// there are no new ones.
+    pub(super) fn make(&mut self, is_end: bool) -> Result<Option<&BlockPictures>> {
+        let is_due = self.made.get_or_insert_with(Instant::now).elapsed() > REMADE;
+        if !self.is_changed || !(is_end || is_due) {
+            return Ok(None);
+        }
+        self.pictures.checkpoints.clear();
+        for ((c, _), tally) in &self.tallies {
+            let mut sequences = Vec::new();
+            for (raw, frame) in [&tally.worst, &tally.best].into_iter().flatten() {
+                let sequence = raw.shot.row.sequence;
+                if !sequences.contains(&sequence) {
+                    sequences.push(sequence);
+                    let number = self.checkpoints[*c].number;
+                    let shot = CheckpointShot::new(number, frame, &raw.encoded()?)?;
+                    self.pictures.checkpoints.push(shot);
                 }
             }
         }
-        let BlockPictures {
-            checkpoints,
-            samples,
-            scenes,
-        } = &self.pictures;
-        let is_empty = checkpoints.is_empty() && samples.is_empty() && scenes.is_empty();
-        (!is_empty).then_some(&self.pictures)
+        self.is_changed = false;
+        self.made = Some(Instant::now());
+        Ok(Some(&self.pictures))
     }
 
     /// Takes the frame at `place` in the run, with the results of the algorithms that are pictured.
@@ -98,7 +125,7 @@ impl BlockShots {
         let shown: Vec<_> = shown.collect();
         for scored in &shown {
             for &(c, frame) in &scored.checkpoints {
-                self.take_checkpoint(c, frame, identity, judged, scored)?;
+                self.take_checkpoint(c, (place, frame), identity, judged, scored)?;
             }
         }
         if !self.checkpoints.is_empty() || shown.is_empty() {
@@ -127,7 +154,7 @@ impl BlockShots {
     fn take_checkpoint(
         &mut self,
         c: usize,
-        frame: CheckpointFrame,
+        (place, frame): (u64, CheckpointFrame),
         identity: &RunIdentity,
         judged: &Judged,
         scored: &JudgedEstimate,
@@ -138,12 +165,19 @@ impl BlockShots {
         let mut shot = None;
         if best || worst {
             let (grid, checkpoint) = (&scored.estimate.grid, &self.checkpoints[c]);
-            shot = Some(FrameShot {
+            let left = match &self.left {
+                Some((own, left)) if *own == place => left.clone(),
+                _ => left(&judged.frame, WIDTH)?,
+            };
+            self.left = Some((place, left.clone()));
+            let RawShot { shot: raw, preview } = raw_shot(identity, judged, scored, left);
+            let raw = FrameShot {
                 passed: Some(frame.passed),
                 failures: checkpoint.failures(grid, scored.cells.as_deref()),
                 findings: checkpoint.findings(grid, self.cells),
-                ..frame_shot(identity, judged, scored)?
-            });
+                ..raw
+            };
+            shot = Some(RawShot { shot: raw, preview });
             self.is_changed = true;
         }
         // The shot exists if and only if the frame leads, and only then it is asked for.
@@ -213,23 +247,37 @@ pub(crate) fn frame_shot(
     judged: &Judged,
     scored: &JudgedEstimate,
 ) -> Result<FrameShot> {
+    raw_shot(identity, judged, scored, left(&judged.frame, WIDTH)?).encoded()
+}
+
+/// As [`frame_shot`], with the left image, encoded.
+fn raw_shot(
+    identity: &RunIdentity,
+    judged: &Judged,
+    scored: &JudgedEstimate,
+    left: Vec<u8>,
+) -> RawShot {
     let (frame, estimate) = (&judged.frame, &scored.estimate);
     let size = frame.pair.size();
     let nearness = Nearness::of_frame(frame);
     let marks = |grid: &DepthGrid| overlay::marks(grid, size, nearness);
     let preview = overlay::disparities(estimate.disparity.disparity(), nearness.near_px() as f32);
-    Ok(FrameShot {
+    let shot = FrameShot {
         row: identity.row(judged, scored),
         cells: identity.cells(judged, scored),
         passed: None,
         failures: Vec::new(),
         findings: Vec::new(),
-        left: left(frame, WIDTH)?,
+        left,
         size,
         estimate: marks(&estimate.grid),
         truth: judged.true_cells.as_ref().map(|truth| marks(truth.grid())),
-        preview: png(preview, WIDTH)?,
-    })
+        preview: Vec::new(),
+    };
+    RawShot {
+        shot,
+        preview: preview.at_most(WIDTH),
+    }
 }
 
 fn png(picture: Picture, width: usize) -> Result<Vec<u8>> {

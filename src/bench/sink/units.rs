@@ -47,9 +47,17 @@ impl UnitSink {
         }
     }
 
+    fn seal(&mut self, is_end: bool) -> Result<()> {
+        let Some(block) = &mut self.block else {
+            return Ok(());
+        };
+        let pictures = self.shots.make(is_end)?.cloned();
+        block.seal(pictures.as_ref(), self.shots.are_made())
+    }
+
     /// Seals the block under way, and ends it.
     fn end_block(&mut self) -> Result<()> {
-        self.settle()?;
+        self.seal(true)?;
         self.block = None;
         self.shots.begin_block();
         Ok(())
@@ -124,10 +132,7 @@ impl Sink for UnitSink {
     }
 
     fn settle(&mut self) -> Result<()> {
-        match &mut self.block {
-            Some(block) => block.seal(self.shots.pictures()),
-            None => Ok(()),
-        }
+        self.seal(false)
     }
 
     fn end_run(&mut self, _: &RunEnd<'_>) -> Result<()> {

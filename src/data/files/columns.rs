@@ -1,10 +1,16 @@
 //! The columns of a table by their names.
 
+use std::cell::Cell;
 use std::collections::HashMap;
 
 /// The index of each column by name.
 #[derive(Clone, Debug)]
-pub struct ColumnPlaces(HashMap<String, usize>);
+pub struct ColumnPlaces {
+    places: HashMap<String, usize>,
+    names: Vec<String>,
+    /// The column that is probably asked for next: the one behind the last.
+    next: Cell<usize>,
+}
 
 impl ColumnPlaces {
     /// If two columns have one name, the first is used.
@@ -13,12 +19,27 @@ impl ColumnPlaces {
         for (place, head) in heads.iter().enumerate() {
             places.entry(head.to_owned()).or_insert(place);
         }
-        Self(places)
+        let name = |(place, head): (usize, &str)| match places[head] == place {
+            true => head.to_owned(),
+            // The second of a name is never found.
+            false => String::new(),
+        };
+        Self {
+            names: heads.iter().enumerate().map(name).collect(),
+            places,
+            next: Cell::new(0),
+        }
     }
 
     /// The cell of a line in that column.
     pub fn cell<'a>(&self, line: &'a csv::StringRecord, column: &str) -> Option<&'a str> {
-        line.get(*self.0.get(column)?)
+        let next = self.next.get();
+        let place = match self.names.get(next) {
+            Some(name) if name == column => next,
+            _ => *self.places.get(column)?,
+        };
+        self.next.set(place + 1);
+        line.get(place)
     }
 }
 

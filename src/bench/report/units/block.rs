@@ -148,11 +148,12 @@ impl BlockWriter {
         self.seal.drive = Some(facts);
     }
 
-    /// Seals all that was written so far; `pictures` of it, if any.
+    /// Seals all that was written so far, with pictures in place of those of the last seal, if there
+    /// are new ones. `are_all`: false if they are not of all pairs.
     ///
     /// # Errors
     /// [`Error::Io`] with the file.
-    pub fn seal(&mut self, pictures: Option<&BlockPictures>) -> Result<()> {
+    pub fn seal(&mut self, pictures: Option<&BlockPictures>, are_all: bool) -> Result<()> {
         let mut files = BTreeMap::new();
         self.rows.seal(&mut files)?;
         self.cells.seal(&mut files)?;
@@ -171,12 +172,18 @@ impl BlockWriter {
             }
             let bytes = text.len() as u64;
             files.insert(name, SealedFile { bytes, hash });
+        } else {
+            let is_picture = |name: &str| name.ends_with(".json");
+            let own = before.iter().filter(|(name, _)| is_picture(name));
+            files.extend(own.map(|(name, file)| (name.clone(), file.clone())));
         }
         self.seal.files = files;
-        write_whole(
-            &self.folder.join(format!("{}.json", self.name)),
-            &json(&self.seal)?,
-        )?;
+        let mut seal = self.seal.clone();
+        for own in &mut seal.algorithms {
+            own.has_pictures &= are_all;
+        }
+        let path = self.folder.join(format!("{}.json", self.name));
+        write_whole(&path, &json(&seal)?)?;
         for name in before.keys() {
             if !self.seal.files.contains_key(name) {
                 // It is not read any more.

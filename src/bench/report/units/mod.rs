@@ -27,12 +27,14 @@ pub use tables::{
 
 use super::drives::CoursePlan;
 use super::html::{CheckpointFigure, FrameShot, SceneFigure};
-use super::rows::FrameRow;
 use serde::{Deserialize, Serialize};
+use serde_json::value::{RawValue, to_raw_value};
 use svl_core::stereo::Losses;
+use svl_core::{Error, Result};
 use svl_data::losses::Missing;
 use svl_data::manifest::{Manifest, RunRecord, hash};
 use svl_data::plausibility::MeasuredScales;
+use svl_data::score::CheckpointFrame;
 
 /// Number of selected pairs of a run in a block.
 pub const BLOCK: u64 = 64;
@@ -244,9 +246,66 @@ pub struct BlockPictures {
 /// The picture of a frame that shows a checkpoint.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct CheckpointShot {
-    #[serde(with = "crate::report::html::stored::row")]
-    pub frame: FrameRow,
-    pub shot: FrameShot,
+    pub algorithm: String,
+    pub checkpoint: u32,
+    pub sequence: u64,
+    frame: StoredFrame,
+    /// Parsed only if it is shown.
+    shot: Box<RawValue>,
+}
+
+/// The result of a checkpoint in a frame.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct StoredFrame {
+    passed: bool,
+    missing: usize,
+    wrong: usize,
+    order_holds: bool,
+    /// None if it is infinite.
+    error: Option<f64>,
+}
+
+impl CheckpointShot {
+    /// The picture of a frame with the result of that checkpoint.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for numbers that JSON does not have.
+    pub fn new(checkpoint: u32, frame: &CheckpointFrame, shot: &FrameShot) -> Result<Self> {
+        let stored = to_raw_value(shot);
+        Ok(Self {
+            algorithm: shot.row.algorithm.clone(),
+            checkpoint,
+            sequence: shot.row.sequence,
+            frame: StoredFrame {
+                passed: frame.passed,
+                missing: frame.missing,
+                wrong: frame.wrong,
+                order_holds: frame.order_holds,
+                error: Some(frame.error).filter(|error| error.is_finite()),
+            },
+            shot: stored.map_err(|e| Error::Invalid(format!("pictures: {e}")))?,
+        })
+    }
+
+    /// The result of the checkpoint.
+    pub fn frame(&self) -> CheckpointFrame {
+        CheckpointFrame {
+            passed: self.frame.passed,
+            missing: self.frame.missing,
+            wrong: self.frame.wrong,
+            order_holds: self.frame.order_holds,
+            error: self.frame.error.unwrap_or(f64::INFINITY),
+        }
+    }
+
+    /// The picture.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if it is not what svl writes.
+    pub fn shot(&self) -> Result<FrameShot> {
+        let shot = serde_json::from_str(self.shot.get());
+        shot.map_err(|e| Error::Invalid(format!("pictures: {e}")))
+    }
 }
 
 /// What a drive has besides its rows.

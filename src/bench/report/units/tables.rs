@@ -10,6 +10,7 @@ use crate::report::rows::{CellRow, CheckpointRow, FailureRow, FrameRow, Record, 
 use crate::report::table_writer::TableWriter;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::sync_channel;
 use svl_core::depth::GridSettings;
 use svl_core::stereo::{Cell, CellDepth, CellRule, CellState, DepthGrid, GridShape};
 use svl_core::{Error, Result};
@@ -141,6 +142,9 @@ pub fn read_tables(folder: &Path, plan: &ReportPlan) -> Result<ReportTables> {
     Ok(tables)
 }
 
+/// Pairs whose cells wait to be written.
+const QUEUED_PAIRS: usize = 64;
+
 /// Writes the tables of a report, as `.csv` and `.parquet`, into its folder.
 ///
 /// # Errors
@@ -149,12 +153,25 @@ pub fn write_tables(folder: &Path, plan: &ReportPlan, runs: &[RunUnits]) -> Resu
     let mut rows = TableWriter::create_both(folder, "rows")?;
     let mut cells = TableWriter::create_both(folder, "cells")?;
     let mut failures = TableWriter::create_both(folder, "failures")?;
-    let tables = collect_tables(plan, runs, true, |of_pair| {
-        cells.push(of_pair.cells)?;
-        failures.push(of_pair.failures.iter().cloned())?;
-        rows.push(of_pair.rows.iter().cloned())
+    let tables = std::thread::scope(|scope| {
+        let (send, received) = sync_channel(QUEUED_PAIRS);
+        // The cells are most of the rows: read here, and written in another thread.
+        let writing = scope.spawn(move || {
+            let mut received = received.into_iter();
+            received.try_for_each(|of_pair: Vec<CellRow>| cells.push(of_pair))?;
+            cells.finish()
+        });
+        let tables = collect_tables(plan, runs, true, |of_pair| {
+            // Fails only once the other thread has ended with an error.
+            let _ = send.send(of_pair.cells);
+            failures.push(of_pair.failures.iter().cloned())?;
+            rows.push(of_pair.rows.iter().cloned())
+        });
+        drop(send);
+        let written = writing.join();
+        written.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+        tables
     })?;
-    cells.finish()?;
     rows.finish()?;
     failures.finish()?;
     if plan.is_driven() {
