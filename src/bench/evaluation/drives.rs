@@ -6,9 +6,7 @@ use super::session::EvaluationSession;
 use crate::console::{Bar, Console, Unit};
 use crate::drive::{Course, DrivePlan, DriveResult};
 use crate::report::CoursePlan;
-use crate::report::units::{
-    BlockPictures, BlockWriter, DriveFacts, ReportRun, remove_file,
-};
+use crate::report::units::{BlockPictures, BlockWriter, DriveFacts, ReportRun, remove_file};
 use crate::run::{Monitor, Pace};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -84,7 +82,9 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
             algorithm,
         })
     });
-    let units = units.enumerate().filter(|(i, _)| plan.shard.is_none_or(|shard| shard.takes(*i)));
+    let units = units
+        .enumerate()
+        .filter(|(i, _)| plan.shard.is_none_or(|shard| shard.takes(*i)));
     let todo: Vec<_> = units.map(|(_, unit)| unit).filter(is_missing).collect();
     if todo.is_empty() {
         return Ok(Measured {

@@ -80,7 +80,11 @@ impl EvaluationPlan<'_> {
             let run = RunUnits::read(units, &plan, run, &sessions, |_, _| ())?;
             is_whole &= run.is_whole(&plan);
             // A drive is one result.
-            let pairs = if plan.is_driven() { Some(1) } else { run.pairs() };
+            let pairs = if plan.is_driven() {
+                Some(1)
+            } else {
+                run.pairs()
+            };
             for (stored, is_superseded) in run.kept.unused(pairs.unwrap_or(u64::MAX)) {
                 if is_superseded || self.prune {
                     units.remove([stored])?;

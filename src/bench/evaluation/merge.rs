@@ -51,9 +51,8 @@ impl Parts {
             units.copy_from(&part.units, &first.plan.runs)?;
             for path in recordings(&part.folder)? {
                 let to = out.join(path.file_name().unwrap_or_default());
-                let linked = std::fs::hard_link(&path, &to).or_else(|_| {
-                    std::fs::copy(&path, &to).map(drop)
-                });
+                let linked =
+                    std::fs::hard_link(&path, &to).or_else(|_| std::fs::copy(&path, &to).map(drop));
                 linked.map_err(|e| Error::io(&path, e))?;
             }
         }
@@ -64,7 +63,10 @@ impl Parts {
         let first = &self.0[0];
         for found in &self.0[1..] {
             let purpose = Purpose::Merge;
-            let differences = first.plan.manifest.differences(&found.plan.manifest, purpose)?;
+            let differences = first
+                .plan
+                .manifest
+                .differences(&found.plan.manifest, purpose)?;
             if !differences.is_empty() {
                 return Err(Error::Invalid(format!(
                     "{}: is not of the same run as {}: {}",
@@ -88,7 +90,9 @@ impl Parts {
             let Some((folder, first)) = programs.first() else {
                 continue;
             };
-            let other = programs.iter().find(|(_, of)| of.identity() != first.identity());
+            let other = programs
+                .iter()
+                .find(|(_, of)| of.identity() != first.identity());
             if let Some((other, program)) = other {
                 return Err(Error::Invalid(format!(
                     "{}: is not of the same run as {}: {label}: {} and {}",
@@ -144,7 +148,9 @@ impl Parts {
             return Ok(());
         };
         let shards: Vec<_> = self.0.iter().flat_map(|part| &part.sessions).collect();
-        let shards = shards.into_iter().filter_map(|session| session.shard.clone());
+        let shards = shards
+            .into_iter()
+            .filter_map(|session| session.shard.clone());
         let mut shards: Vec<_> = shards.collect();
         shards.sort();
         shards.dedup();
@@ -207,7 +213,8 @@ fn recordings(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
     let paths = entries.flatten().map(|entry| entry.path());
     let is_recording = |path: &PathBuf| {
-        path.extension().is_some_and(|extension| extension == "mcap")
+        path.extension()
+            .is_some_and(|extension| extension == "mcap")
     };
     Ok(paths.filter(is_recording).collect())
 }

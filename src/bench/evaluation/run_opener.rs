@@ -147,14 +147,19 @@ pub(super) fn files_of_runs(scenario: &Scenario) -> Result<Vec<Vec<FileStamp>>> 
         ScenarioSource::Dataset { scenes } => {
             let data = data_folder(scenario.options.data.as_deref()).unwrap_or_default();
             let scenes = Scene::find_all(&data, scenes)?;
-            vec![files_of(scenes.iter().map(|scene| scene.folder().to_owned()))]
+            vec![files_of(
+                scenes.iter().map(|scene| scene.folder().to_owned()),
+            )]
         }
         ScenarioSource::Recording(_) => {
             let options = &scenario.options;
             let named = [&options.left, &options.right, &options.truth];
             let mut named: Vec<&str> = named.into_iter().flatten().map(String::as_str).collect();
             named.extend(options.calib.iter().flat_map(|calib| calib.split(',')));
-            let beside = named.into_iter().map(PathBuf::from).filter(|path| path.exists());
+            let beside = named
+                .into_iter()
+                .map(PathBuf::from)
+                .filter(|path| path.exists());
             let beside: Vec<_> = beside.collect();
             let files = |path: &Path| files_of(beside.iter().cloned().chain([path.to_owned()]));
             let runs = scenario.recordings()?;

@@ -9,9 +9,7 @@ use crate::report::hash_words;
 use crate::report::units::{FileStamp, RunEndFacts, RunFacts, RunWarning};
 use crate::run::{Matchers, Outcome, Pace, report_losses, run_through};
 use crate::runs::warn_of_own_reference;
-use crate::sink::{
-    LiveTable, RunInfo, RunStart, SinkRequest, Sinks, UnitRequest, ViewerRequest,
-};
+use crate::sink::{LiveTable, RunInfo, RunStart, SinkRequest, Sinks, UnitRequest, ViewerRequest};
 use crate::source::{RunSource, Source};
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl_core::{Error, Result, interrupt};
@@ -216,7 +214,15 @@ impl RunWork<'_> {
             if first.is_none() {
                 warned = self.console.begin_warnings();
             }
-            ran = self.take(i, first.take(), &mut opener, &manifest, &mut sinks, pace, warned);
+            ran = self.take(
+                i,
+                first.take(),
+                &mut opener,
+                &manifest,
+                &mut sinks,
+                pace,
+                warned,
+            );
             if ran.is_err() {
                 break;
             }
@@ -332,7 +338,8 @@ impl RunWork<'_> {
     fn warnings(&self, warned: usize) -> Vec<RunWarning> {
         let labels = self.session.plan.labels();
         let new = self.console.warnings().split_off(warned).into_iter();
-        new.filter_map(|text| RunWarning::new(text, &labels)).collect()
+        new.filter_map(|text| RunWarning::new(text, &labels))
+            .collect()
     }
 
     /// The facts of a run as they are known before it is read.

@@ -213,8 +213,8 @@ fn trimmed(number: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use crate::report::sweep_number as number;
     use super::*;
+    use crate::report::sweep_number as number;
 
     fn labels(text: &str) -> std::result::Result<Vec<String>, String> {
         let algorithms: Algorithms = text.parse().map_err(|e: Error| e.to_string())?;

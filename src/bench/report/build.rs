@@ -6,8 +6,8 @@ use super::maps::maps;
 use super::rows::Row;
 use super::sweeps::sweeps;
 use super::units::{
-    ReportPlan, ReportTables, RunUnits, Session, UNITS, Units, collect_tables, made_of, read_tables,
-    remove_file, write_tables,
+    ReportPlan, ReportTables, RunUnits, Session, UNITS, Units, collect_tables, made_of,
+    read_tables, remove_file, write_tables,
 };
 use super::{GateResult, Summary, limit_results, shots, write_algorithms};
 use crate::outputs::{FolderRule, write, write_json};
@@ -368,7 +368,10 @@ impl Report<'_> {
 
     fn pictures(&self) -> Result<(Vec<CheckpointFigure>, Vec<SceneFigure>)> {
         if self.plan.is_driven() {
-            return Ok((shots::of_drives(self.plan, self.runs, &self.tables)?, Vec::new()));
+            return Ok((
+                shots::of_drives(self.plan, self.runs, &self.tables)?,
+                Vec::new(),
+            ));
         }
         shots::of_runs(self.plan, self.runs)
     }
@@ -380,7 +383,9 @@ impl Report<'_> {
         let mut plans: Vec<CoursePlan> = Vec::new();
         for run in self.runs {
             let drives = run.kept.seals().iter();
-            let course = drives.filter_map(|stored| stored.seal.drive.as_ref()).next();
+            let course = drives
+                .filter_map(|stored| stored.seal.drive.as_ref())
+                .next();
             if let Some(drive) = course
                 && plans.iter().all(|plan| plan.seed != drive.course.seed)
             {

@@ -1,7 +1,7 @@
 //! Maps of the courses that algorithms drove through.
 
-use super::plot::{CourseMap, MapWay};
 use super::drives::{CoursePlan, DriveRow, TrackRow};
+use super::plot::{CourseMap, MapWay};
 
 /// Limit of the courses with a map in the page: those with the most collisions.
 const MAPS: usize = 12;

@@ -44,9 +44,7 @@ pub mod units;
 mod words;
 
 pub use algorithm_parameters::write_algorithms;
-pub use build::{
-    BuildOptions, BuiltReport, MANIFEST, REPORT, Sources, build, checkpoint_results,
-};
+pub use build::{BuildOptions, BuiltReport, MANIFEST, REPORT, Sources, build, checkpoint_results};
 pub use choice::{OBJECTIVES, better_first, pareto_front};
 pub use columns::ColumnDescription;
 pub use csv_rows::{RowReader, read_rows};

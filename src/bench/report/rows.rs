@@ -50,9 +50,10 @@ pub struct CsvCells<'a> {
 }
 
 impl<'a> CsvCells<'a> {
-    fn get(self, column: &str) -> Option<&'a str> {
-        // By name: older reports have fewer columns, and users may reorder them.
-        self.places.cell(self.line, column)
+    fn get(self, column: &str) -> Result<&'a str, String> {
+        // By name: users may reorder them.
+        let cell = self.places.cell(self.line, column);
+        cell.ok_or_else(|| format!("has no column '{column}'"))
     }
 }
 
@@ -333,13 +334,9 @@ pub(super) trait RowField: Sized {
     fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column>;
 }
 
-/// Types that are one column: their text, their type in polars, and their value if an older file
-/// does not have the column.
+/// Types that are one column: their kind, their value, the value of a text, and the value in polars.
 macro_rules! columns {
-    ($(
-        $kind:ty: $name:literal, |$field:ident| $value:expr, $read:expr, $stored:expr,
-        $absent:expr;
-    )*) => {$(
+    ($($kind:ty: $name:literal, |$field:ident| $value:expr, $read:expr, $stored:expr;)*) => {$(
         impl RowField for $kind {
             const KIND: &'static str = $name;
 
@@ -350,11 +347,7 @@ macro_rules! columns {
 
             fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String> {
                 let read: fn(&str) -> Option<Self> = $read;
-                let text = match (cells.get(name), $absent) {
-                    (Some(text), _) => text,
-                    (None, Some(absent)) => return Ok(absent),
-                    (None, None) => return Err(format!("has no column '{name}'")),
-                };
+                let text = cells.get(name)?;
                 read(text).ok_or_else(|| format!("'{text}' in column '{name}' cannot be read"))
             }
 
@@ -367,17 +360,24 @@ macro_rules! columns {
 }
 
 columns! {
-    String: "text", |v| ColumnValue::Text(v), |text| Some(text.to_owned()), String::clone, None;
-    Verdict: "text", |v| ColumnValue::Text(v.name()), Verdict::from_name, |v| v.name(), None;
-    u32: "integer", |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone, None;
-    u64: "integer", |n| ColumnValue::Whole(Some(*n)), read, u64::clone, None;
-    f64: "number", |v| ColumnValue::Real(Some(*v)), read, f64::clone, None;
-    bool: "boolean", |flag| ColumnValue::Flag(Some(*flag)), read, bool::clone, None;
-    Option<u32>: "integer?", |n| ColumnValue::Whole(n.map(u64::from)), optional, Option::clone,
-        None;
-    Option<u64>: "integer?", |n| ColumnValue::Whole(*n), optional, Option::clone, Some(None);
-    Option<f64>: "number?", |v| ColumnValue::Real(*v), optional, Option::clone, None;
-    Option<bool>: "boolean?", |flag| ColumnValue::Flag(*flag), optional, Option::clone, None;
+    String: "text", |v| ColumnValue::Text(v), |text| Some(text.to_owned()), String::clone;
+    Option<String>: "text?", |v| ColumnValue::Text(v.as_deref().unwrap_or_default()), optional,
+        Option::clone;
+    Verdict: "text", |v| ColumnValue::Text(v.name()), Verdict::from_name, |v| v.name();
+    Option<CellState>: "text?", |v| ColumnValue::Text(v.map_or("", |v| v.name())), |text| {
+        match text {
+            "" => Some(None),
+            _ => CellState::from_name(text).map(Some),
+        }
+    }, |v| v.map(|v| v.name());
+    u32: "integer", |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone;
+    u64: "integer", |n| ColumnValue::Whole(Some(*n)), read, u64::clone;
+    f64: "number", |v| ColumnValue::Real(Some(*v)), read, f64::clone;
+    bool: "boolean", |flag| ColumnValue::Flag(Some(*flag)), read, bool::clone;
+    Option<u32>: "integer?", |n| ColumnValue::Whole(n.map(u64::from)), optional, Option::clone;
+    Option<u64>: "integer?", |n| ColumnValue::Whole(*n), optional, Option::clone;
+    Option<f64>: "number?", |v| ColumnValue::Real(*v), optional, Option::clone;
+    Option<bool>: "boolean?", |flag| ColumnValue::Flag(*flag), optional, Option::clone;
 }
 
 fn read<T: FromStr>(text: &str) -> Option<T> {
@@ -389,42 +389,6 @@ fn optional<T: FromStr>(text: &str) -> Option<Option<T>> {
         "" => Some(None),
         _ => text.parse().ok().map(Some),
     }
-}
-
-/// Columns that older files do not have: an absent one has no value in any row.
-macro_rules! younger_columns {
-    ($($kind:ty: $text:expr, $read:expr;)*) => {$(
-        impl RowField for Option<$kind> {
-            const KIND: &'static str = "text?";
-
-            fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
-                let text: fn(&$kind) -> &str = $text;
-                values.push(ColumnValue::Text(self.as_ref().map_or("", text)));
-            }
-
-            fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String> {
-                let read: fn(&str) -> Option<$kind> = $read;
-                match cells.get(name) {
-                    None | Some("") => Ok(None),
-                    Some(text) => match read(text) {
-                        Some(value) => Ok(Some(value)),
-                        None => Err(format!("'{text}' in column '{name}' cannot be read")),
-                    },
-                }
-            }
-
-            fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column> {
-                let text: fn(&$kind) -> &str = $text;
-                let values: Vec<_> = fields.iter().map(|field| field.as_ref().map(text)).collect();
-                vec![Column::new(name.into(), values)]
-            }
-        }
-    )*};
-}
-
-younger_columns! {
-    String: |text| text, |text| Some(text.to_owned());
-    CellState: |state| state.name(), CellState::from_name;
 }
 
 /// The metrics whose columns come first in rows; the others follow in the order of [`METRICS`].
@@ -443,7 +407,6 @@ const FIRST_IN_ROWS: [&str; 10] = [
 
 static METRICS_IN_ROWS: LazyLock<Vec<(&Metric, &str)>> = LazyLock::new(|| {
     let first = FIRST_IN_ROWS.iter().filter_map(|name| Metric::find(name));
-    // New metrics are appended, so that scripts that read columns by position still work.
     let rest = METRICS
         .iter()
         .filter(|metric| !FIRST_IN_ROWS.contains(&metric.name));
@@ -472,48 +435,87 @@ impl std::ops::Deref for MetricTotals {
     }
 }
 
-/// The values of metrics: a column each, whole numbers where the metric counts.
-macro_rules! metric_columns {
-    ($($kind:ident, $order:ident, $new:expr;)*) => {$(
-        impl RowField for $kind {
-            const KIND: &'static str = "number?";
+/// Metrics with the names of their columns, in the order of a table.
+type MetricOrder = [(&'static Metric, &'static str)];
 
-            fn columns(_: &'static str, _: &str, columns: &mut Vec<ColumnDescription>) {
-                columns.extend($order.iter().map(|(metric, _)| metric_column(metric)));
-            }
+impl RowField for MetricValues {
+    const KIND: &'static str = "number?";
 
-            fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
-                values.extend($order.iter().map(|(metric, _)| match self.get(metric.name) {
-                    value if metric.counts() => ColumnValue::Whole(value.map(|n| n as u64)),
-                    value => ColumnValue::Real(value),
-                }));
-            }
+    fn columns(_: &'static str, _: &str, columns: &mut Vec<ColumnDescription>) {
+        columns.extend(
+            METRICS_IN_ROWS
+                .iter()
+                .map(|(metric, _)| metric_column(metric)),
+        );
+    }
 
-            /// A missing column is that of a metric that is newer than the file.
-            fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, String> {
-                let mut metrics = MetricValues::default();
-                for (metric, column) in $order.iter() {
-                    if cells.get(column).is_some() {
-                        metrics.set(metric.name, RowField::parse(column, cells)?);
-                    }
-                }
-                Ok($new(metrics))
-            }
+    fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
+        values.extend(metric_values(&METRICS_IN_ROWS, self));
+    }
 
-            fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
-                let column = |(metric, column): &(&'static Metric, &'static str)| {
-                    let values = fields.iter().map(|field| field.get(metric.name));
-                    if metric.counts() {
-                        let counts: Vec<_> = values.map(|v| v.map(|n| n as u64)).collect();
-                        Column::new((*column).into(), counts)
-                    } else {
-                        Column::new((*column).into(), values.collect::<Vec<_>>())
-                    }
-                };
-                $order.iter().map(column).collect()
-            }
+    fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+        parse_metrics(&METRICS_IN_ROWS, cells)
+    }
+
+    fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
+        stored_metrics(&METRICS_IN_ROWS, fields)
+    }
+}
+
+impl RowField for MetricTotals {
+    const KIND: &'static str = "number?";
+
+    fn columns(_: &'static str, _: &str, columns: &mut Vec<ColumnDescription>) {
+        let order = METRICS_IN_SUMMARIES.iter();
+        columns.extend(order.map(|(metric, _)| metric_column(metric)));
+    }
+
+    fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
+        values.extend(metric_values(&METRICS_IN_SUMMARIES, self));
+    }
+
+    fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+        parse_metrics(&METRICS_IN_SUMMARIES, cells).map(Self)
+    }
+
+    fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
+        let metrics: Vec<_> = fields.iter().map(|field| &field.0).collect();
+        stored_metrics(&METRICS_IN_SUMMARIES, &metrics)
+    }
+}
+
+/// A value per metric, whole where the metric counts.
+fn metric_values<'a>(
+    order: &'static MetricOrder,
+    metrics: &'a MetricValues,
+) -> impl Iterator<Item = ColumnValue<'a>> {
+    order
+        .iter()
+        .map(|(metric, _)| match metrics.get(metric.name) {
+            value if metric.counts() => ColumnValue::Whole(value.map(|n| n as u64)),
+            value => ColumnValue::Real(value),
+        })
+}
+
+fn parse_metrics(order: &MetricOrder, cells: CsvCells<'_>) -> Result<MetricValues, String> {
+    let mut metrics = MetricValues::default();
+    for (metric, column) in order {
+        metrics.set(metric.name, RowField::parse(column, cells)?);
+    }
+    Ok(metrics)
+}
+
+fn stored_metrics(order: &MetricOrder, fields: &[&MetricValues]) -> Vec<Column> {
+    let column = |(metric, column): &(&'static Metric, &'static str)| {
+        let values = fields.iter().map(|field| field.get(metric.name));
+        if metric.counts() {
+            let counts: Vec<_> = values.map(|v| v.map(|n| n as u64)).collect();
+            Column::new((*column).into(), counts)
+        } else {
+            Column::new((*column).into(), values.collect::<Vec<_>>())
         }
-    )*};
+    };
+    order.iter().map(column).collect()
 }
 
 /// The column of a metric of frames.
@@ -551,9 +553,4 @@ fn capitalized(text: &str) -> String {
     let mut letters = text.chars();
     let first = letters.next().map(|first| first.to_uppercase().to_string());
     first.unwrap_or_default() + letters.as_str()
-}
-
-metric_columns! {
-    MetricValues, METRICS_IN_ROWS, std::convert::identity;
-    MetricTotals, METRICS_IN_SUMMARIES, MetricTotals;
 }

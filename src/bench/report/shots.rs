@@ -59,11 +59,9 @@ pub fn of_drives(
             row.algorithm == label && row.stress.is_none() && is_hit
         });
         // Of equal speeds the first.
-        let fastest = hits.reduce(|best, row| {
-            match row.speed_m_per_s > best.speed_m_per_s {
-                true => row,
-                false => best,
-            }
+        let fastest = hits.reduce(|best, row| match row.speed_m_per_s > best.speed_m_per_s {
+            true => row,
+            false => best,
         });
         let Some(seed) = fastest.map(|row| row.seed) else {
             continue;
@@ -112,7 +110,9 @@ impl ChosenPictures {
     ) {
         let place = |sequence: u64| {
             let mut pairs = stored.seal.pairs.iter();
-            pairs.find(|pair| pair.sequence == sequence).map(|pair| pair.place)
+            pairs
+                .find(|pair| pair.sequence == sequence)
+                .map(|pair| pair.place)
         };
         for shot in pictures.checkpoints {
             let Some(place) = place(shot.sequence) else {
@@ -120,7 +120,10 @@ impl ChosenPictures {
             };
             let key = (shot.checkpoint, shot.algorithm.clone());
             if is_taken(&key.1, place) {
-                self.shots.entry(key).or_default().push(((run, place), shot));
+                self.shots
+                    .entry(key)
+                    .or_default()
+                    .push(((run, place), shot));
             }
         }
         for (place, mut figure) in pictures.samples {
@@ -171,9 +174,15 @@ impl ChosenPictures {
             sample
                 .shots
                 .retain(|(_, shot)| pictured.contains(&shot.row.algorithm.as_str()));
-            sample.shots.sort_by_key(|(_, shot)| order(&shot.row.algorithm));
+            sample
+                .shots
+                .sort_by_key(|(_, shot)| order(&shot.row.algorithm));
         }
-        figures.extend(samples.into_iter().filter(|sample| !sample.shots.is_empty()));
+        figures.extend(
+            samples
+                .into_iter()
+                .filter(|sample| !sample.shots.is_empty()),
+        );
         let mut scenes = spread(self.scenes, runs, MAX_SCENES);
         for scene in &mut scenes {
             scene

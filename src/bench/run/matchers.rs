@@ -259,7 +259,11 @@ impl RunMatcher {
 
     /// Forgets the pairs before unless the one directly before was matched.
     pub(super) fn begin_pair(&mut self, place: u64) {
-        if self.last.replace(place).is_some_and(|last| last + 1 != place) {
+        if self
+            .last
+            .replace(place)
+            .is_some_and(|last| last + 1 != place)
+        {
             self.matcher.reset();
         }
     }

@@ -26,8 +26,8 @@ use crate::report::{Row, checkpoint_results};
 use crate::run::Wanted;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use svl_core::stereo::Losses;
 use svl_core::Result;
+use svl_core::stereo::Losses;
 use svl_data::manifest::Manifest;
 use svl_data::recording::{ResultOptions, StoredResults, Writer};
 use svl_data::score::{Judge, Judged};
@@ -217,7 +217,11 @@ impl Sinks {
             });
             let has_report = verdicts.is_some();
             let sink = viewer.run(target, detail, &info, verdicts)?;
-            sinks.push(if has_report { Box::new(MatchedSink(sink)) } else { sink });
+            sinks.push(if has_report {
+                Box::new(MatchedSink(sink))
+            } else {
+                sink
+            });
         }
         if let Some(publish) = &request.publish {
             sinks.push(publish.sink()?);

@@ -121,7 +121,8 @@ impl BlockShots {
             return Ok(());
         }
         let estimates = judged.estimates.iter();
-        let shown = estimates.filter(|scored| pictured.contains(&scored.estimate.algorithm.as_str()));
+        let shown =
+            estimates.filter(|scored| pictured.contains(&scored.estimate.algorithm.as_str()));
         let shown: Vec<_> = shown.collect();
         for scored in &shown {
             for &(c, frame) in &scored.checkpoints {
@@ -132,14 +133,22 @@ impl BlockShots {
             return Ok(());
         }
         let is_recording = identity.run.is_some();
-        let limit = if is_recording { MAX_SAMPLES } else { MAX_SCENES };
+        let limit = if is_recording {
+            MAX_SAMPLES
+        } else {
+            MAX_SCENES
+        };
         let stride = stride(place + 1, limit);
         if !place.is_multiple_of(stride) {
             return Ok(());
         }
         let is_on_stride = |place: &u64| place.is_multiple_of(stride);
-        self.pictures.samples.retain(|(place, _)| is_on_stride(place));
-        self.pictures.scenes.retain(|(place, _)| is_on_stride(place));
+        self.pictures
+            .samples
+            .retain(|(place, _)| is_on_stride(place));
+        self.pictures
+            .scenes
+            .retain(|(place, _)| is_on_stride(place));
         if is_recording {
             let sample = self.sample(identity, judged, &shown)?;
             self.pictures.samples.push((place, sample));

@@ -66,7 +66,13 @@ impl WrittenOnce {
 impl WarningLog {
     /// All warnings so far; one that was given in several parts is there several times.
     pub(crate) fn lines() -> Vec<String> {
-        let lines = |warned: &Warned| warned.text.lines().map(|line| line.trim().to_owned()).collect();
+        let lines = |warned: &Warned| {
+            warned
+                .text
+                .lines()
+                .map(|line| line.trim().to_owned())
+                .collect()
+        };
         lines(&Self::warned())
     }
 

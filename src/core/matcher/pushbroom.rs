@@ -16,7 +16,9 @@
 //! whether the right block is plain; cells of the depth grid are decided here, known from a few
 //! blocks on.
 
-use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Memory, Parameter, Parameters, Range};
+use super::{
+    MatchContext, MatchOutput, Matcher, MatcherSpec, Memory, Parameter, Parameters, Range,
+};
 use crate::depth::GridSettings;
 use crate::error::Result;
 use crate::stereo::{ExtraPlanes, Gray, Pose, Reason, RectifiedPair, Rig};

@@ -371,8 +371,11 @@ impl AlgorithmRecord {
         let filters = filters.collect::<String>();
         let parameters = algorithm.parameters().to_string();
         let files = files_of_command(algorithm);
-        let parameters_hash =
-            hash(&format!("{}:{parameters}{filters}{files}", algorithm.spec().name))[..16].to_owned();
+        let parameters_hash = hash(&format!(
+            "{}:{parameters}{filters}{files}",
+            algorithm.spec().name
+        ))[..16]
+            .to_owned();
         let (name, label) = (
             algorithm.spec().name.to_owned(),
             algorithm.label().to_owned(),

@@ -58,7 +58,10 @@ impl TruthScales {
 
     /// What was measured of each algorithm that has enough pixels.
     pub fn measured(&self) -> MeasuredScales {
-        let asked = self.algorithms.iter().filter(|(_, ratios)| ratios.is_asked());
+        let asked = self
+            .algorithms
+            .iter()
+            .filter(|(_, ratios)| ratios.is_asked());
         let scale = |ratios: &Ratios| AlgorithmScale {
             factor: constant(&ratios.factors),
             inverse: constant(&ratios.inverse),

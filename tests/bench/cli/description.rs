@@ -167,7 +167,11 @@ fn another_program_behind_the_same_command_is_another_algorithm() {
     ];
     let score =
         |more: &[&str]| fixture.svl(&[&line[..], &["--rerun", "none", "-q"], more].concat());
-    let sessions = || std::fs::read_dir(fixture.path("r/units/sessions")).unwrap().count();
+    let sessions = || {
+        std::fs::read_dir(fixture.path("r/units/sessions"))
+            .unwrap()
+            .count()
+    };
     assert_eq!(score(&["-o", "r"]).code, Some(4));
     // What a program failed on is matched again.
     assert_eq!(score(&["-o", "r"]).code, Some(4));

@@ -63,9 +63,7 @@ fn drives_are_driven_counted_drawn_and_kept() {
     // The same again, with another thread order: the same drives.
     let kept = |table: &str| {
         let text = fixture.text(table);
-        text.lines()
-            .map(str::to_owned)
-            .collect::<Vec<_>>()
+        text.lines().map(str::to_owned).collect::<Vec<_>>()
     };
     let before = (kept("r/tracks.csv"), fixture.text("r/courses.json"));
     fixture.run("score small.toml -q -o r --drives none --force");
@@ -95,8 +93,12 @@ fn the_same_command_drives_only_what_is_missing() {
     };
     let [first, last] = ["course-1-truth.mcap", "course-7-blind.mcap"].map(modified);
     // The seals of one course, as if its drives had been killed.
-    let units = std::fs::read_dir(fixture.path("r/units")).unwrap().flatten();
-    let course = units.map(|entry| entry.path()).find(|path| path.to_str().unwrap().contains("seed-7"));
+    let units = std::fs::read_dir(fixture.path("r/units"))
+        .unwrap()
+        .flatten();
+    let course = units
+        .map(|entry| entry.path())
+        .find(|path| path.to_str().unwrap().contains("seed-7"));
     std::fs::remove_dir_all(course.unwrap()).unwrap();
     let ran = fixture.svl("report r");
     ran.failed(1, &["1 of 2 courses not whole, from seed 7 on"]);

@@ -73,9 +73,8 @@ fn every_plot_of_the_page_is_a_file() {
     fixture.run("merge p1 p2 -o all -q --figures merged");
     assert_eq!(figures(&fixture, "merged"), expected);
     // Figures are not replaced.
-    fixture.fails(
-        "merge p1 p2 -o again --figures merged => 1: merged/ | name a new or empty folder",
-    );
+    fixture
+        .fails("merge p1 p2 -o again --figures merged => 1: merged/ | name a new or empty folder");
     assert!(!fixture.path("again").exists());
 }
 

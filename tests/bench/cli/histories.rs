@@ -103,7 +103,8 @@ impl History {
         let ms = self.random.u64(5..400);
         let mut line = self.score();
         line.extend(["-o".to_owned(), "r".to_owned()]);
-        self.log.push(format!("{} killed after {ms} ms", line.join(" ")));
+        self.log
+            .push(format!("{} killed after {ms} ms", line.join(" ")));
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("svl"));
         let command = command.current_dir(self.fixture.path("")).args(&line);
         let mut child = command
@@ -131,13 +132,18 @@ impl History {
                 if self.algorithms.len() > 1 {
                     self.algorithms.pop_first();
                 }
-                let prune: &[_] = if self.random.bool() { &["--prune"] } else { &[] };
+                let prune: &[_] = if self.random.bool() {
+                    &["--prune"]
+                } else {
+                    &[]
+                };
                 self.run(&[&["-o", "r"], prune].concat());
             }
             6 if self.pairs == Pairs::Folders => {
                 let (folder, count) = *self.random.choice(&[("one", 150), ("two", 20)]).unwrap();
                 let (i, shift) = (self.random.usize(..count), self.random.usize(..7));
-                self.log.push(format!("pair {i} of {folder} has shift {shift}"));
+                self.log
+                    .push(format!("pair {i} of {folder} has shift {shift}"));
                 write_pair(&self.fixture, folder, i, shift);
             }
             7 => {

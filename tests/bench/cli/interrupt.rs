@@ -122,7 +122,10 @@ fn a_score_reports_what_it_had() {
         let runs = std::fs::read_dir(fixture.path("reports/arena/units"));
         let mut runs = runs.into_iter().flatten().flatten();
         runs.any(|run| {
-            let files = std::fs::read_dir(run.path()).into_iter().flatten().flatten();
+            let files = std::fs::read_dir(run.path())
+                .into_iter()
+                .flatten()
+                .flatten();
             let mut names = files.map(|file| file.file_name());
             names.any(|name| name.to_str().unwrap().ends_with(".rows.csv"))
         })

@@ -57,7 +57,9 @@ fn parts_of_changed_pictures_are_refused() {
     // The pictures have the same names and sizes, and the parts other levels of noise.
     write_pair(&fixture, 2, 4);
     scored_part(&fixture, 3);
-    fixture.fails("merge p1 p2 p3 -o all => 1: p3: is not of the same run as p1 | calibration or truth of");
+    fixture.fails(
+        "merge p1 p2 p3 -o all => 1: p3: is not of the same run as p1 | calibration or truth of",
+    );
     scored_part(&fixture, 1);
     scored_part(&fixture, 2);
     fixture.run("merge p3 p2 p1 -o all -q");
@@ -144,7 +146,9 @@ fn a_merged_report_names_its_machines() {
     assert_eq!(hash("all"), hash("whole"));
     let manifest: Value = serde_json::from_str(&fixture.text("all/manifest.json")).unwrap();
     let sessions = manifest["sessions"].as_array().unwrap();
-    let machines = sessions.iter().map(|of| of["machine"]["processor"] == "another");
+    let machines = sessions
+        .iter()
+        .map(|of| of["machine"]["processor"] == "another");
     assert_eq!(machines.filter(|is_another| *is_another).count(), 1);
     assert_says(&fixture.text("all/index.html"), &["another"]);
     // The times of a report are those of its machines: none is compared.

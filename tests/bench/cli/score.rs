@@ -40,7 +40,10 @@ fn scores_the_arena_and_writes_the_whole_report() {
     };
     assert_eq!(recordings(), 2);
     let again = fixture.run("score short.toml -q --rerun none");
-    assert_says(&again, &["matched  nothing: all results were in the report"]);
+    assert_says(
+        &again,
+        &["matched  nothing: all results were in the report"],
+    );
     fixture.run("score short.toml -q --force");
     assert_eq!(recordings(), 2);
     assert!(fixture.path("reports/arena/run-2.rrd").exists());

@@ -94,7 +94,9 @@ fn scored(fixture: &Fixture, what: &str) -> String {
     let command = format!("score {what} -o r --rerun none -q");
     fixture.run(&command);
     fix_unit_times(fixture, "r");
-    [80, 120].map(|columns| screen(fixture, "report r", columns)).join("\n")
+    [80, 120]
+        .map(|columns| screen(fixture, "report r", columns))
+        .join("\n")
 }
 
 #[test]

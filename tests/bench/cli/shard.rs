@@ -130,7 +130,11 @@ fn snakemake_runs_the_shards_and_merges_them() {
     // One that was killed is repeated, and finds what it has.
     std::fs::remove_file(fixture.path("shards/shard-2-of-4")).unwrap();
     std::fs::remove_file(fixture.path("shards/all/summary.json")).unwrap();
-    let sessions = || std::fs::read_dir(fixture.path("shards/all/units/sessions")).unwrap().count();
+    let sessions = || {
+        std::fs::read_dir(fixture.path("shards/all/units/sessions"))
+            .unwrap()
+            .count()
+    };
     let before = sessions();
     let ran = snakemake(&fixture, &config).unwrap();
     assert!(

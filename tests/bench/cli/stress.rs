@@ -51,7 +51,9 @@ fn levels_are_scored_tabled_and_drawn() {
     fixture.run("score short.toml --seeds 1 --algo bm -q -o n --rerun none");
     let whole = fixture.text("n/rows.csv");
     // Again it is the same, though the perturbed results are missing.
-    let units = std::fs::read_dir(fixture.path("n/units")).unwrap().flatten();
+    let units = std::fs::read_dir(fixture.path("n/units"))
+        .unwrap()
+        .flatten();
     let noisy = units.map(|entry| entry.path());
     let noisy = noisy.filter(|path| path.to_str().unwrap().contains("noise"));
     noisy.for_each(|path| std::fs::remove_dir_all(path).unwrap());

@@ -41,7 +41,9 @@ fn write_pair(fixture: &Fixture, i: usize, shift: usize) {
 fn score(fixture: &Fixture, more: &[&str]) -> (usize, Option<i32>, String) {
     let _ = std::fs::remove_file(fixture.path("matched"));
     let program = "net=exec:command=sh -c '. ./counts.sh'";
-    let line = ["score", "pairs", "--rerun", "none", "-o", "r", "--algo", program];
+    let line = [
+        "score", "pairs", "--rerun", "none", "-o", "r", "--algo", program,
+    ];
     let ran = fixture.svl(&[&line[..], more].concat());
     let text = std::fs::read_to_string(fixture.path("matched")).unwrap_or_default();
     (text.lines().count(), ran.code, ran.stderr)
@@ -62,8 +64,12 @@ fn the_same_command_matches_nothing_and_one_algorithm_more_itself() {
     assert!(stderr.is_empty(), "{stderr}");
     // What is not asked for any more stays until it is pruned.
     let units = || {
-        let folder = std::fs::read_dir(fixture.path("r/units")).unwrap().flatten();
-        let run = folder.map(|run| run.path()).find(|path| path.to_str().unwrap().contains("pairs"));
+        let folder = std::fs::read_dir(fixture.path("r/units"))
+            .unwrap()
+            .flatten();
+        let run = folder
+            .map(|run| run.path())
+            .find(|path| path.to_str().unwrap().contains("pairs"));
         let seals = std::fs::read_dir(run.unwrap()).unwrap().flatten();
         let names = seals.map(|file| file.file_name().into_string().unwrap());
         names.filter(|name| name.ends_with(".rows.csv")).count()
@@ -99,7 +105,10 @@ fn a_program_that_answers_otherwise_is_matched_again() {
     fixture.write("answer", 2_f32.to_le_bytes().repeat(32 * 24));
     let (matched, code, stderr) = score(&fixture, &[]);
     assert_eq!((matched, code), (1 + 6, Some(0)));
-    assert_says(&stderr, &["net: its result of pair 0 is another than before"]);
+    assert_says(
+        &stderr,
+        &["net: its result of pair 0 is another than before"],
+    );
     assert_eq!(score(&fixture, &[]).0, 1);
 }
 
@@ -111,7 +120,9 @@ fn pairs_that_a_program_failed_on_are_matched_again_with_their_warnings() {
         let text = fixture.text("r/manifest.json");
         let manifest: Value = serde_json::from_str(&text).unwrap();
         let warnings = manifest["warnings"].as_array().cloned().unwrap_or_default();
-        let of_pairs = warnings.iter().filter(|text| text.as_str().unwrap().contains("on pair"));
+        let of_pairs = warnings
+            .iter()
+            .filter(|text| text.as_str().unwrap().contains("on pair"));
         of_pairs.count()
     };
     // It fails on two pairs: the first matching sets up its memory.

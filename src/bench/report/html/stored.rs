@@ -11,16 +11,11 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 pub(in super::super) mod image {
     use super::*;
 
-    pub fn serialize<S: Serializer>(
-        image: &[u8],
-        serializer: S,
-    ) -> Result<S::Ok, S::Error> {
+    pub fn serialize<S: Serializer>(image: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
         STANDARD.encode(image).serialize(serializer)
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(
-        deserializer: D,
-    ) -> Result<Vec<u8>, D::Error> {
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u8>, D::Error> {
         let text = String::deserialize(deserializer)?;
         STANDARD.decode(text).map_err(D::Error::custom)
     }
@@ -71,10 +66,7 @@ pub(in super::super) mod rows {
 pub(in super::super) mod row {
     use super::*;
 
-    pub fn serialize<R: Record, S: Serializer>(
-        row: &R,
-        serializer: S,
-    ) -> Result<S::Ok, S::Error> {
+    pub fn serialize<R: Record, S: Serializer>(row: &R, serializer: S) -> Result<S::Ok, S::Error> {
         rows::serialize(std::slice::from_ref(row), serializer)
     }
 

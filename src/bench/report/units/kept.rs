@@ -63,7 +63,9 @@ impl KeptResults {
 
     /// The number of pairs that an algorithm has a result of.
     pub fn count(&self, label: &str) -> u64 {
-        self.by_label.get(label).map_or(0, |places| places.len() as u64)
+        self.by_label
+            .get(label)
+            .map_or(0, |places| places.len() as u64)
     }
 
     /// The first pair that an algorithm has a result of: its place, and the seal.
@@ -140,7 +142,10 @@ impl KeptResults {
             pairs.any(|pair| inputs.get(pair.place as usize) != Some(&pair.input_hash))
         };
         let seals = self.seals.iter().enumerate();
-        let others: BTreeSet<usize> = seals.filter(|(_, of)| is_other(of)).map(|(i, _)| i).collect();
+        let others: BTreeSet<usize> = seals
+            .filter(|(_, of)| is_other(of))
+            .map(|(i, _)| i)
+            .collect();
         for places in self.by_label.values_mut() {
             places.retain(|_, i| !others.contains(i));
         }
@@ -151,7 +156,9 @@ impl KeptResults {
     pub fn sessions(&self, label: &str) -> BTreeSet<&str> {
         let places = self.by_label.get(label);
         let seals = places.iter().flat_map(|places| places.values());
-        seals.map(|i| self.seals[*i].seal.session.as_str()).collect()
+        seals
+            .map(|i| self.seals[*i].seal.session.as_str())
+            .collect()
     }
 
     /// The blocks with the session of their results of an algorithm; none of a block that has
@@ -182,6 +189,8 @@ impl KeptResults {
         };
         let seals = self.seals.iter().enumerate();
         let unused = seals.filter(|(i, _)| !used.contains(i));
-        unused.map(|(_, stored)| (stored, is_superseded(stored))).collect()
+        unused
+            .map(|(_, stored)| (stored, is_superseded(stored)))
+            .collect()
     }
 }

@@ -21,9 +21,7 @@ pub use block::{BlockWriter, Seal, SealedPair};
 pub use kept::KeptResults;
 pub(crate) use store::remove_file;
 pub use store::{Session, StoredSeal, Units, files_of};
-pub use tables::{
-    ReportTables, RunUnits, collect_tables, made_of, read_tables, write_tables,
-};
+pub use tables::{ReportTables, RunUnits, collect_tables, made_of, read_tables, write_tables};
 
 use super::drives::CoursePlan;
 use super::html::{CheckpointFigure, FrameShot, SceneFigure};

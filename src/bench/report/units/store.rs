@@ -2,10 +2,10 @@
 
 use super::block::{FAILURES, ROWS, Seal, SealedFile, json, write_whole};
 use super::{FileStamp, ReportPlan, ReportRun, RunFacts, UNITS};
-use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 use crate::report::csv_rows::RowReader;
 use crate::report::rows::{FailureRow, Record, Row};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{ErrorKind, Read};
@@ -82,8 +82,7 @@ impl StoredSeal {
     /// The first of its files that is not what was sealed.
     fn damaged(&self) -> Option<&str> {
         let is_other = |(name, sealed): &(&String, &SealedFile)| {
-            !hash_of(&self.folder.join(name), sealed.bytes)
-                .is_ok_and(|hash| hash == sealed.hash)
+            !hash_of(&self.folder.join(name), sealed.bytes).is_ok_and(|hash| hash == sealed.hash)
         };
         let mut files = self.seal.files.iter();
         files.find(is_other).map(|(name, _)| name.as_str())
@@ -221,7 +220,10 @@ impl Units {
                 continue;
             }
             let Some(seal) = read_seal(&path) else {
-                tracing::warn!("{}: is damaged: its pairs are matched again", path.display());
+                tracing::warn!(
+                    "{}: is damaged: its pairs are matched again",
+                    path.display()
+                );
                 continue;
             };
             let stored = StoredSeal {
@@ -239,7 +241,9 @@ impl Units {
         }
         let place = |stored: &StoredSeal| {
             let session = &stored.seal.session;
-            sessions.iter().position(|of| of.manifest.run_id == *session)
+            sessions
+                .iter()
+                .position(|of| of.manifest.run_id == *session)
         };
         seals.retain(|stored| place(stored).is_some());
         seals.sort_by_cached_key(|stored| (stored.seal.block, place(stored), stored.name.clone()));
@@ -359,7 +363,10 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
 
 fn json_files(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = entries(folder)?;
-    paths.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
+    paths.retain(|path| {
+        path.extension()
+            .is_some_and(|extension| extension == "json")
+    });
     paths.sort();
     Ok(paths)
 }
@@ -395,7 +402,11 @@ pub fn files_of(paths: impl IntoIterator<Item = PathBuf>) -> Vec<FileStamp> {
             let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
             let is_alone = ["mcap", "bag"].iter().any(|alone| extension == *alone);
             if let Some(folder) = path.parent().filter(|_| !is_alone) {
-                let folder = if folder == Path::new("") { Path::new(".") } else { folder };
+                let folder = if folder == Path::new("") {
+                    Path::new(".")
+                } else {
+                    folder
+                };
                 for beside in entries(folder).unwrap_or_default() {
                     let own = beside.extension().unwrap_or_default().to_ascii_lowercase();
                     let describes = own == "yaml" || own == "csv" || own == "txt" || own == "json";

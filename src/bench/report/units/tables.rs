@@ -91,7 +91,11 @@ impl RunUnits {
             return plan.manifest.labels().all(|label| count(label) > 0);
         }
         let pairs = self.pairs();
-        pairs.is_some() && plan.manifest.labels().all(|label| Some(count(label)) == pairs)
+        pairs.is_some()
+            && plan
+                .manifest
+                .labels()
+                .all(|label| Some(count(label)) == pairs)
     }
 }
 
@@ -443,7 +447,10 @@ struct ScoreRule {
 impl ScoreRule {
     fn new(plan: &ReportPlan) -> Result<Self> {
         Ok(Self {
-            shape: plan.part::<GridSettings>("grid")?.unwrap_or_default().shape(),
+            shape: plan
+                .part::<GridSettings>("grid")?
+                .unwrap_or_default()
+                .shape(),
             cells: plan.part("cells")?.unwrap_or_default(),
             checkpoints: plan.part("checkpoint")?.unwrap_or_default(),
         })

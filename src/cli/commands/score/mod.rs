@@ -13,9 +13,7 @@ use clap::builder::NonEmptyStringValueParser;
 use std::path::{Path, PathBuf};
 use svl::evaluation::{Again, Algorithms, Evaluation, EvaluationPlan, MAX_ALGORITHMS, Shard};
 use svl::outputs::{Outputs, write};
-use svl::report::{
-    BuiltReport, GateResult, REPORT, Summary, TestCase, TestResult, junit,
-};
+use svl::report::{BuiltReport, GateResult, REPORT, Summary, TestCase, TestResult, junit};
 use svl::scenario::{Scenario, ScenarioSource, SourceOptions, StressLevels};
 use svl::score::{ColumnChoice, Metric};
 use svl::sink::{RerunDetail, RerunTarget, Viewer, next_report_run};
@@ -322,7 +320,7 @@ fn chosen_viewer(
     folder: &Path,
 ) -> anyhow::Result<Option<(&'static dyn Viewer, RerunTarget, RerunDetail)>> {
     let chosen = match &args.rerun {
-            None => {
+        None => {
             let file = RerunTarget::File(next_report_run(folder));
             viewer().ok().map(|viewer| (viewer, file))
         }
