@@ -1,8 +1,7 @@
 //! The drives of a scenario: each course with each algorithm at the wheel, several at once.
 
-use super::evaluate::Measured;
 use super::plan::EvaluationPlan;
-use super::session::EvaluationSession;
+use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Bar, Console, Unit};
 use crate::drive::{Course, DrivePlan, DriveResult};
 use crate::report::CoursePlan;
@@ -46,7 +45,7 @@ fn recording_name(scenario: &Scenario, seed: u64, unit: DriveUnit) -> String {
 }
 
 /// Drives what is missing of a scenario, several drives at once.
-pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Result<Measured> {
+pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Result<MeasuredUnits> {
     let scenario = plan.scenario;
     let ScenarioSource::Drive { seeds, .. } = &scenario.source else {
         return Err(Error::Invalid(format!(
@@ -87,7 +86,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         .filter(|(i, _)| plan.shard.is_none_or(|shard| shard.takes(*i)));
     let todo: Vec<_> = units.map(|(_, unit)| unit).filter(is_missing).collect();
     if todo.is_empty() {
-        return Ok(Measured {
+        return Ok(MeasuredUnits {
             ran: Ok(()),
             has_matched: false,
         });
@@ -108,7 +107,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
         frames: AtomicU64::new(0),
         is_over: AtomicBool::new(false),
     };
-    Ok(Measured {
+    Ok(MeasuredUnits {
         ran: work.drive_all(&todo),
         has_matched: true,
     })

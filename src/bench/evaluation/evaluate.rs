@@ -1,6 +1,7 @@
 //! Evaluates a scenario: matches the units that are missing, and builds the report of all.
 
 use super::plan::EvaluationPlan;
+use super::session::MeasuredUnits;
 use super::{drives, scored_runs};
 use crate::console::Console;
 use crate::outputs::Outputs;
@@ -20,13 +21,6 @@ pub struct Evaluation {
     pub has_matched: bool,
 }
 
-/// What was measured.
-pub(super) struct Measured {
-    /// Reason why it ended early, if it did.
-    pub(super) ran: Result<()>,
-    pub(super) has_matched: bool,
-}
-
 impl EvaluationPlan<'_> {
     /// Runs the evaluation into the folder, which `outputs` claims.
     ///
@@ -38,7 +32,7 @@ impl EvaluationPlan<'_> {
             ScenarioSource::Drive { .. } => drives::measure,
             _ => scored_runs::measure,
         };
-        let Measured { ran, has_matched } = measure(self, console)?;
+        let MeasuredUnits { ran, has_matched } = measure(self, console)?;
         let units = Units::of_report(self.folder);
         let is_whole = self.clear(&units)?;
         // Shards may share the folder: the last one builds the report.

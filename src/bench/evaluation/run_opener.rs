@@ -3,9 +3,8 @@
 use super::shard::Shard;
 use crate::console::Console;
 use crate::report::units::{BLOCK, FileStamp, KeptResults, ReportRun, files_of};
-use crate::run::Wanted;
 use crate::runs::{self, ScoredSource, data_folder};
-use crate::sink::LiveTable;
+use crate::sink::{LiveTable, Wanted};
 use crate::source::dataset::Scene;
 use crate::source::{PairRegister, RunSource};
 use std::collections::BTreeSet;

@@ -1,9 +1,8 @@
 //! The runs of a scenario through the algorithms whose results are missing, one after the other.
 
-use super::evaluate::Measured;
 use super::plan::EvaluationPlan;
 use super::run_opener::{RunOpener, RunPlace, WantedResults, files_of_runs};
-use super::session::EvaluationSession;
+use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Console, Watch};
 use crate::report::hash_words;
 use crate::report::units::{FileStamp, RunEndFacts, RunFacts, RunWarning};
@@ -22,7 +21,7 @@ use svl_data::score::Judge;
 const MAX_SHOWN: usize = 32;
 
 /// Matches what is missing of the runs of a scenario.
-pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Result<Measured> {
+pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Result<MeasuredUnits> {
     let scenario = plan.scenario;
     let matchers =
         Matchers::new(&scenario.algorithms).map_err(|error| match plan.algorithms_file {
@@ -193,7 +192,7 @@ impl RunWork<'_> {
     }
 
     /// Matches what is missing.
-    fn run(mut self, mut opener: RunOpener<'_>, pace: Pace) -> Result<Measured> {
+    fn run(mut self, mut opener: RunOpener<'_>, pace: Pace) -> Result<MeasuredUnits> {
         let read = self.read();
         // The first is opened before anything is written: Ctrl-C until then changes nothing.
         let mut warned = self.console.begin_warnings();
@@ -201,7 +200,7 @@ impl RunWork<'_> {
         let mut first = first.transpose()?;
         self.session.begin()?;
         if read.is_empty() {
-            return Ok(Measured {
+            return Ok(MeasuredUnits {
                 ran: Ok(()),
                 has_matched: false,
             });
@@ -230,7 +229,7 @@ impl RunWork<'_> {
         let (_, finished) = sinks.finish();
         self.matchers.complete(&mut manifest);
         self.session.write(&manifest)?;
-        Ok(Measured {
+        Ok(MeasuredUnits {
             ran: ran.and(finished),
             has_matched: true,
         })

@@ -148,6 +148,13 @@ impl EvaluationSession {
     }
 }
 
+/// What was measured.
+pub(super) struct MeasuredUnits {
+    /// Reason why it ended early, if it did.
+    pub(super) ran: Result<()>,
+    pub(super) has_matched: bool,
+}
+
 /// Per algorithm the hash of all that its results depend on besides the pairs.
 fn identities(manifest: &Manifest) -> Result<Vec<String>> {
     let run = manifest.identity_hash(Purpose::Keep)?;

@@ -4,20 +4,20 @@ use super::drives::CoursePlan;
 use super::html::{CheckpointFigure, ReportPage, SceneFigure};
 use super::maps::maps;
 use super::rows::Row;
+use super::sources::{SUMMARY, Sources};
 use super::sweeps::sweeps;
 use super::units::{
-    ReportPlan, ReportTables, RunUnits, Session, UNITS, Units, collect_tables, made_of,
+    ReportPlan, ReportTables, RunUnits, StoredSession, UNITS, Units, collect_tables, made_of,
     read_tables, remove_file, write_tables,
 };
 use super::{GateResult, Summary, limit_results, shots, write_algorithms};
 use crate::outputs::{FolderRule, write, write_json};
-use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use svl_core::matcher::{Algorithm, ProgramRecord};
 use svl_core::{Error, Result, counted};
 use svl_data::losses::{FailedPairs, LossLimit, RunEnding, RunState};
-use svl_data::manifest::{AlgorithmRecord, Manifest, hash, hash_file, read_json};
+use svl_data::manifest::{AlgorithmRecord, Manifest, hash};
 use svl_data::scenario::Limit;
 use svl_data::score::{ColumnChoice, MatchFailure, Metric};
 
@@ -48,62 +48,6 @@ pub struct BuiltReport {
     /// The last session whose results it has.
     pub last_session: Option<String>,
 }
-
-/// The files of a report that a summary was made of.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Sources {
-    /// Digest of the units.
-    pub units: String,
-    /// Hashes of the tables by their files.
-    pub tables: BTreeMap<String, String>,
-}
-
-/// The part of `summary.json` that is read.
-#[derive(Deserialize)]
-struct SummaryFile {
-    made_of: Sources,
-}
-
-impl Sources {
-    /// Those of the report in a folder; none of an incomplete one.
-    pub fn read(folder: &Path) -> Option<Self> {
-        let summary: SummaryFile = read_json(&folder.join("summary.json")).ok()?;
-        Some(summary.made_of)
-    }
-
-    fn of_folder(folder: &Path, units: String) -> Result<Self> {
-        let mut tables = BTreeMap::new();
-        for name in TABLES {
-            let file = format!("{name}.csv");
-            let path = folder.join(&file);
-            if path.is_file() {
-                tables.insert(file, hash_file(&path)?);
-            }
-        }
-        Ok(Self { units, tables })
-    }
-
-    /// The first table that is not what the summary was made of; `has_cells`: false for all but
-    /// that of the cells.
-    pub fn changed(&self, folder: &Path, has_cells: bool) -> Option<&str> {
-        let is_other = |(file, hash): &(&String, &String)| {
-            !hash_file(&folder.join(file)).is_ok_and(|found| found == **hash)
-        };
-        let tables = self.tables.iter();
-        let mut tables = tables.filter(|(file, _)| has_cells || *file != "cells.csv");
-        tables.find(is_other).map(|(file, _)| file.as_str())
-    }
-}
-
-/// The tables with all rows of a report.
-const TABLES: [&str; 6] = [
-    "rows",
-    "cells",
-    "failures",
-    "checkpoints",
-    "drives",
-    "tracks",
-];
 
 /// Builds the report of a folder from its units.
 ///
@@ -170,7 +114,7 @@ struct Report<'a> {
     folder: &'a Path,
     options: &'a BuildOptions<'a>,
     plan: &'a ReportPlan,
-    sessions: &'a [Session],
+    sessions: &'a [StoredSession],
     runs: &'a [RunUnits],
     tables: ReportTables,
 }
@@ -496,9 +440,6 @@ fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
 
 /// The file that identifies the run of a report.
 pub const MANIFEST: &str = "manifest.json";
-
-/// The summary, written last.
-const SUMMARY: &str = "summary.json";
 
 /// Outlines and routes of the courses.
 const COURSES: &str = "courses.json";

@@ -31,6 +31,7 @@ pub mod plot;
 mod rows;
 mod samples;
 pub(crate) mod shots;
+mod sources;
 mod speed;
 mod stress;
 mod summary;
@@ -44,7 +45,7 @@ pub mod units;
 mod words;
 
 pub use algorithm_parameters::write_algorithms;
-pub use build::{BuildOptions, BuiltReport, MANIFEST, REPORT, Sources, build, checkpoint_results};
+pub use build::{BuildOptions, BuiltReport, MANIFEST, REPORT, build, checkpoint_results};
 pub use choice::{OBJECTIVES, better_first, pareto_front};
 pub use columns::ColumnDescription;
 pub use csv_rows::{RowReader, read_rows};
@@ -57,6 +58,7 @@ pub use rows::{
     CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,
     hash_words,
 };
+pub use sources::Sources;
 pub use stress::StressSummary;
 pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary};
 #[cfg(test)]

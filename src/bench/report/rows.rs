@@ -334,7 +334,7 @@ pub(super) trait RowField: Sized {
     fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column>;
 }
 
-/// Types that are one column: their kind, their value, the value of a text, and the value in polars.
+/// Types that are one column: their kind, their value, the value of a text, and that in polars.
 macro_rules! columns {
     ($($kind:ty: $name:literal, |$field:ident| $value:expr, $read:expr, $stored:expr;)*) => {$(
         impl RowField for $kind {

@@ -1,10 +1,10 @@
 //! A run in numbers: per algorithm, and per checkpoint and algorithm.
 
-use super::build::Sources;
 use super::drives::{self, DriveRow, DriveSummary};
 use super::lead::Lead;
 use super::rows::{CheckpointRow, MetricTotals, Record, Row, record};
 use super::samples::run_key;
+use super::sources::Sources;
 use super::speed::Speed;
 use super::stress::StressSummary;
 use polars::prelude::{DataFrame, PolarsResult};

@@ -1,7 +1,7 @@
 //! The algorithms of a run, each with its memory.
 
 use std::collections::VecDeque;
-use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, Memory};
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, PairMemory};
 use svl_core::stereo::{DisparityMap, Frame, RectifiedPair, Rig};
 use svl_core::timing::StageTimes;
 use svl_core::{Error, Result};
@@ -131,7 +131,7 @@ impl Matchers {
     /// Those whose results depend on all earlier pairs of a run.
     pub fn with_run_memory(&self) -> impl Iterator<Item = &str> {
         let entries = self.0.iter();
-        let entries = entries.filter(|entry| entry.matcher.memory() == Memory::Run);
+        let entries = entries.filter(|entry| entry.matcher.memory() == PairMemory::Run);
         entries.map(|entry| entry.label.as_str())
     }
 
@@ -225,7 +225,7 @@ impl RunMatcher {
         if let Some(misfit) = self.misfit.take() {
             tracing::warn!("{}: {misfit}", self.label);
         }
-        let lacks_pose = self.matcher.memory() != Memory::None && frame.pose.is_none();
+        let lacks_pose = self.matcher.memory() != PairMemory::None && frame.pose.is_none();
         if lacks_pose && !std::mem::replace(&mut self.warned_of_poses, true) {
             let label = &self.label;
             tracing::warn!("{label}: the pairs have no poses, so it remembers nothing of them");
@@ -244,9 +244,9 @@ impl RunMatcher {
     /// a pair is asked for.
     pub(super) fn need(&self, place: u64, is_wanted: impl Fn(u64) -> bool) -> Need {
         let later = match self.matcher.memory() {
-            // Of a run with `Memory::Run` all results are asked for, or none.
-            Memory::None | Memory::Run => 0,
-            Memory::Pairs(pairs) => pairs,
+            // Of a run with `PairMemory::Run` all results are asked for, or none.
+            PairMemory::None | PairMemory::Run => 0,
+            PairMemory::Pairs(pairs) => pairs,
         };
         if is_wanted(place) {
             Need::Count

@@ -1,8 +1,8 @@
 //! Between source and sinks: a frame through the algorithms, then through the judge.
 
 use super::matchers::{Matched, Matchers, Need, RunMatcher, add};
-use super::{Monitor, Pace, Wanted};
-use crate::sink::RunStart;
+use super::{Monitor, Pace};
+use crate::sink::{RunStart, Wanted};
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 use svl_core::matcher::MatchContext;

@@ -34,12 +34,6 @@ pub trait Monitor {
     }
 }
 
-/// The results of a run that are asked for.
-pub trait Wanted: Sync {
-    /// True for the result of an algorithm of the pair at `place`, counted from 0.
-    fn wants(&self, place: u64, algorithm: &str) -> bool;
-}
-
 /// Speed at which frames are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {

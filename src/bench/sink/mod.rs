@@ -23,7 +23,6 @@ pub use viewer::{
 
 use crate::report::units::{ReportPlan, Units};
 use crate::report::{Row, checkpoint_results};
-use crate::run::Wanted;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use svl_core::Result;
@@ -85,6 +84,12 @@ pub trait Sink: Send {
     /// # Errors
     /// As [`Sink::take`].
     fn finish(self: Box<Self>) -> Result<()>;
+}
+
+/// The results of a run that are asked for.
+pub trait Wanted: Sync {
+    /// True for the result of an algorithm of the pair at `place`, counted from 0.
+    fn wants(&self, place: u64, algorithm: &str) -> bool;
 }
 
 /// Facts that hold for a whole run.

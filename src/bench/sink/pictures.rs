@@ -19,8 +19,8 @@ const WIDTH: usize = 320;
 /// page shows it two thirds as wide.
 const SCENE_WIDTH: usize = 200;
 
-/// The pictures of a block: the best and the worst frame of each checkpoint (thesis, figure 7.3), or
-/// frames spread over a recording, or the scenes of a data set.
+/// The pictures of a block: the best and the worst frame of each checkpoint (thesis, figure 7.3),
+/// or frames spread over a recording, or the scenes of a data set.
 #[derive(Default)]
 pub(super) struct BlockShots {
     checkpoints: Vec<Checkpoint>,

@@ -1,6 +1,6 @@
 //! An algorithm followed by filters ([`crate::filter`]): `v3+floor`.
 
-use super::{MatchContext, MatchOutput, Matcher, Memory, ProgramRecord};
+use super::{MatchContext, MatchOutput, Matcher, PairMemory, ProgramRecord};
 use crate::depth;
 use crate::error::Result;
 use crate::filter::Filters;
@@ -47,7 +47,7 @@ impl Matcher for FilteredMatcher {
         self.matcher.program()
     }
 
-    fn memory(&self) -> Memory {
+    fn memory(&self) -> PairMemory {
         self.matcher.memory()
     }
 

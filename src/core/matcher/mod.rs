@@ -61,8 +61,8 @@ pub trait Matcher: Send {
 
     /// The earlier pairs that a result depends on. A pair that is computed once more, of the same
     /// [`MatchContext::sequence`], has the same earlier pairs and an equal result.
-    fn memory(&self) -> Memory {
-        Memory::None
+    fn memory(&self) -> PairMemory {
+        PairMemory::None
     }
 
     /// Forgets all earlier pairs.
@@ -80,7 +80,7 @@ pub trait Matcher: Send {
 
 /// The earlier pairs of a run that the result of a pair depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Memory {
+pub enum PairMemory {
     /// None of them.
     None,
     /// That many pairs directly before it.

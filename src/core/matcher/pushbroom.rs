@@ -17,7 +17,7 @@
 //! blocks on.
 
 use super::{
-    MatchContext, MatchOutput, Matcher, MatcherSpec, Memory, Parameter, Parameters, Range,
+    MatchContext, MatchOutput, Matcher, MatcherSpec, PairMemory, Parameter, Parameters, Range,
 };
 use crate::depth::GridSettings;
 use crate::error::Result;
@@ -354,10 +354,10 @@ impl Matcher for Pushbroom {
         Ok(())
     }
 
-    fn memory(&self) -> Memory {
+    fn memory(&self) -> PairMemory {
         match self.keep {
-            0 => Memory::None,
-            keep => Memory::Pairs(keep),
+            0 => PairMemory::None,
+            keep => PairMemory::Pairs(keep),
         }
     }
 

@@ -1,10 +1,10 @@
 //! A report that is compared, read from its folder.
 
-use crate::report::build::Sources;
 use crate::report::drives::DriveRow;
 use crate::report::read_rows;
 use crate::report::rows::{CheckpointRow, FailureRow, Row};
 use crate::report::samples::{RunKey, run_key};
+use crate::report::sources::Sources;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

@@ -148,8 +148,8 @@ impl BlockWriter {
         self.seal.drive = Some(facts);
     }
 
-    /// Seals all that was written so far, with pictures in place of those of the last seal, if there
-    /// are new ones. `are_all`: false if they are not of all pairs.
+    /// Seals all that was written so far, with new pictures in place of those of the last seal, if
+    /// there are some. `are_all`: false if they are not of all pairs.
     ///
     /// # Errors
     /// [`Error::Io`] with the file.

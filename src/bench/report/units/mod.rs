@@ -8,9 +8,9 @@
 //! units/RUN/00003-SESSION.json           its seal: which results the tables hold, and their hashes
 //! ```
 //!
-//! A unit is one algorithm over a block of [`BLOCK`] pairs of a run, or one drive. A seal is renamed
-//! into place after each batch of pairs, and counts the bytes of the tables that it is of: what was
-//! written after it is not read.
+//! A unit is one algorithm over a block of [`BLOCK`] pairs of a run, or one drive. A seal is
+//! renamed into place after each batch of pairs, and counts the bytes of the tables that it is of:
+//! what was written after it is not read.
 
 mod block;
 mod kept;
@@ -20,7 +20,7 @@ mod tables;
 pub use block::{BlockWriter, Seal, SealedPair};
 pub use kept::KeptResults;
 pub(crate) use store::remove_file;
-pub use store::{Session, StoredSeal, Units, files_of};
+pub use store::{StoredSeal, StoredSession, Units, files_of};
 pub use tables::{ReportTables, RunUnits, collect_tables, made_of, read_tables, write_tables};
 
 use super::drives::CoursePlan;

@@ -26,7 +26,7 @@ pub struct Units {
 
 /// A session, in the order of all.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Session {
+pub struct StoredSession {
     pub number: u64,
     pub manifest: Manifest,
 }
@@ -153,13 +153,13 @@ impl Units {
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`].
-    pub fn sessions(&self) -> Result<Vec<Session>> {
-        let mut sessions: Vec<Session> = Vec::new();
+    pub fn sessions(&self) -> Result<Vec<StoredSession>> {
+        let mut sessions: Vec<StoredSession> = Vec::new();
         for path in json_files(&self.sessions_folder())? {
             sessions.push(read_json(&path)?);
         }
         sessions.sort_by(|a, b| {
-            let key = |of: &Session| (of.number, of.manifest.run_id.clone());
+            let key = |of: &StoredSession| (of.number, of.manifest.run_id.clone());
             key(a).cmp(&key(b))
         });
         Ok(sessions)
@@ -176,7 +176,7 @@ impl Units {
         let mut own = sessions.iter();
         let own = own.find(|of| of.manifest.run_id == manifest.run_id);
         let next = sessions.last().map_or(0, |last| last.number + 1);
-        let session = Session {
+        let session = StoredSession {
             number: own.map_or(next, |own| own.number),
             manifest: manifest.clone(),
         };
@@ -208,7 +208,7 @@ impl Units {
     pub fn seals(
         &self,
         run: &ReportRun,
-        sessions: &[Session],
+        sessions: &[StoredSession],
         mut damaged: impl FnMut(&StoredSeal, PathBuf),
     ) -> Result<Vec<StoredSeal>> {
         let folder = self.folder.join(run.folder());

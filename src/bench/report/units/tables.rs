@@ -2,7 +2,7 @@
 
 use super::block::{CELLS, DRIVES, FAILURES, FRAMES, ROWS, TRACKS};
 use super::kept::KeptResults;
-use super::store::{Session, StoredSeal, Units};
+use super::store::{StoredSeal, StoredSession, Units};
 use super::{ReportPlan, ReportRun, RunFacts, SealedPair};
 use crate::report::csv_rows::{RowReader, read_rows};
 use crate::report::drives::{DriveRow, TrackRow};
@@ -34,7 +34,7 @@ impl RunUnits {
         units: &Units,
         plan: &ReportPlan,
         run: &ReportRun,
-        sessions: &[Session],
+        sessions: &[StoredSession],
         damaged: impl FnMut(&StoredSeal, PathBuf),
     ) -> Result<Self> {
         let facts = units.facts(run)?;
@@ -385,7 +385,7 @@ impl<R> Default for PairReader<R> {
     }
 }
 
-impl<R: PairRow> PairReader<R> {
+impl<R: RowOfPair> PairReader<R> {
     fn open(stored: &StoredSeal, table: &str) -> Result<Self> {
         let file = stored.table(table);
         let reader = file.map(|(path, bytes)| RowReader::open_beginning(&path, bytes));
@@ -416,14 +416,14 @@ impl<R: PairRow> PairReader<R> {
 }
 
 /// A row of a pair.
-trait PairRow: Record {
+trait RowOfPair: Record {
     fn sequence(&self) -> u64;
     fn algorithm(&self) -> &str;
 }
 
 macro_rules! pair_rows {
     ($($kind:ty),*) => {$(
-        impl PairRow for $kind {
+        impl RowOfPair for $kind {
             fn sequence(&self) -> u64 {
                 self.sequence
             }

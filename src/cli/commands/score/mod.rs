@@ -130,7 +130,8 @@ pub(crate) struct Args {
     explain: bool,
     /// Rerun: spawn, URL, FILE.rrd, or none
     ///
-    /// A new viewer, a running one, a file, or none [default: run-N.rrd in the report, N from 1 for each session].
+    /// A new viewer, a running one, a file, or none [default: run-N.rrd in the report, a file for
+    /// each session].
     #[arg(long, value_name = "WHERE")]
     rerun: Option<RerunChoice>,
     /// Maps for Rerun: light has those of every 30th pair, of every 10th that shows a checkpoint,
