@@ -39,6 +39,7 @@ impl EvaluationSession {
             identities: identities(&manifest)?,
             manifest,
             runs,
+            limit_lines: plan.scenario.gate.iter().map(|limit| limit.line).collect(),
             lost: plan.lost.clone(),
         };
         // Those of the session.

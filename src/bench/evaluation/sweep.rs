@@ -214,7 +214,6 @@ fn trimmed(number: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::sweep_number as number;
 
     fn labels(text: &str) -> std::result::Result<Vec<String>, String> {
         let algorithms: Algorithms = text.parse().map_err(|e: Error| e.to_string())?;
@@ -268,8 +267,11 @@ mod tests {
         // Each hundredth of the plane, ten by ten, has about one: never more than three.
         let mut counts = [0; 100];
         for algorithm in &sample {
-            let [x, y] = ["uniqueness", "max_disparity"]
-                .map(|key| number(algorithm, key).unwrap() as usize / 10);
+            let [x, y] = ["uniqueness", "max_disparity"].map(|key| {
+                let mut parameters = algorithm.parameters().iter();
+                let (_, value) = parameters.find(|(name, _)| *name == key).unwrap();
+                value.number().unwrap() as usize / 10
+            });
             counts[10 * y + x] += 1;
         }
         assert!(counts.iter().all(|&n| n <= 3), "{counts:?}");

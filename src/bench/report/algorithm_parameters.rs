@@ -4,8 +4,8 @@ use polars::prelude::{Column, DataFrame, ParquetWriter};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::Path;
-use svl_core::matcher::Algorithm;
 use svl_core::{Error, Result};
+use svl_data::manifest::AlgorithmRecord;
 
 /// Writes `algorithms.csv` and `algorithms.parquet` into a folder that exists: a row per algorithm
 /// with label, name, filters, and a column per parameter that any of them has, by name. Numbers
@@ -13,22 +13,23 @@ use svl_core::{Error, Result};
 ///
 /// # Errors
 /// [`Error::Io`] with the file, [`Error::Format`] with the error of polars.
-pub fn write_algorithms(folder: &Path, algorithms: &[Algorithm]) -> Result<()> {
-    let names = algorithms.iter().flat_map(|of| of.parameters().iter());
-    let names: BTreeSet<&str> = names.map(|(name, _)| name).collect();
+pub fn write_algorithms(folder: &Path, algorithms: &[AlgorithmRecord]) -> Result<()> {
+    let names = algorithms.iter().flat_map(|of| &of.values);
+    let names: BTreeSet<&str> = names.map(|(name, _)| name.as_str()).collect();
     let column = |name: &str| -> Vec<Option<String>> {
-        let find = |of: &Algorithm| {
-            let mut parameters = of.parameters().iter();
-            parameters
-                .find(|(own, _)| *own == name)
-                .map(|(_, value)| value.to_string())
+        let find = |of: &AlgorithmRecord| {
+            let mut values = of.values.iter();
+            values
+                .find(|(own, _)| own == name)
+                .map(|(_, value)| value.clone())
         };
         algorithms.iter().map(find).collect()
     };
-    let of = |text: fn(&Algorithm) -> String| algorithms.iter().map(|a| Some(text(a))).collect();
+    let of =
+        |text: fn(&AlgorithmRecord) -> String| algorithms.iter().map(|a| Some(text(a))).collect();
     let mut columns: Vec<(&str, Vec<Option<String>>)> = vec![
-        ("algorithm", of(|a| a.label().to_owned())),
-        ("name", of(|a| a.spec().name.to_owned())),
+        ("algorithm", of(|a| a.label.clone())),
+        ("name", of(|a| a.name.clone())),
     ];
     columns.extend(names.into_iter().map(|name| (name, column(name))));
     let path = folder.join("algorithms.csv");

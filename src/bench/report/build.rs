@@ -14,7 +14,7 @@ use super::{GateResult, Summary, limit_results, shots, write_algorithms};
 use crate::outputs::{FolderRule, write, write_json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use svl_core::matcher::{Algorithm, ProgramRecord};
+use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result, counted};
 use svl_data::losses::{FailedPairs, LossLimit, RunEnding, RunState};
 use svl_data::manifest::{AlgorithmRecord, Manifest, hash};
@@ -145,16 +145,18 @@ impl Report<'_> {
         for run in &mut manifest.runs {
             run.pairs_hash = pairs_hash(&tables.rows, &run.name);
         }
-        let algorithms: Vec<_> = manifest.algorithms.iter().filter_map(algorithm).collect();
         summary.write_tables(folder)?;
-        write_algorithms(folder, &algorithms)?;
+        write_algorithms(folder, &manifest.algorithms)?;
         write(
             &folder.join("summary.md"),
             summary.markdown(&manifest.scenario),
         )?;
         write(&folder.join("summary.tex"), summary.headline().latex())?;
         write_json(&folder.join(MANIFEST), &manifest)?;
-        let limits: Vec<Limit> = plan.part("gate")?.unwrap_or_default();
+        let mut limits: Vec<Limit> = plan.part("gate")?.unwrap_or_default();
+        for (limit, line) in limits.iter_mut().zip(&plan.limit_lines) {
+            limit.line = *line;
+        }
         let limits = limits.iter().filter(|_| options.gate);
         let gate: Vec<_> = limits
             .flat_map(|limit| limit_results(limit, &summary, &manifest))
@@ -169,7 +171,7 @@ impl Report<'_> {
             times_ms: times_ms(&tables.rows),
             cases: summary.case_table(&tables.rows, &tables.drives),
             summary: summary.clone(),
-            sweeps: sweeps(&algorithms),
+            sweeps: sweeps(&manifest.algorithms),
             figures,
             scenes,
             maps: self.maps()?,
@@ -387,16 +389,6 @@ fn add_measurements(record: &mut AlgorithmRecord, session: &Manifest) {
         (Some(own), Some(earlier)) => Some(ProgramRecord::after(own, &earlier)),
         (own, earlier) => own.or(earlier),
     };
-}
-
-/// An algorithm of a manifest, by its parameters without its filters.
-fn algorithm(record: &AlgorithmRecord) -> Option<Algorithm> {
-    let text = match record.parameters.as_str() {
-        "" => record.name.clone(),
-        parameters => format!("{}:{parameters}", record.name),
-    };
-    let algorithm: Algorithm = text.parse().ok()?;
-    Some(algorithm.called(record.label.clone()))
 }
 
 /// A warning if frames have a truth, but no cell has enough of it to be scored.

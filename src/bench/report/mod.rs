@@ -61,6 +61,4 @@ pub use rows::{
 pub use sources::Sources;
 pub use stress::StressSummary;
 pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary};
-#[cfg(test)]
-pub(crate) use sweeps::number as sweep_number;
 pub use table_writer::TableWriter;

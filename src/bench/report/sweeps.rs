@@ -1,14 +1,14 @@
 //! Sweeps among the algorithms of a report.
 
 use super::html::ParameterSweep;
-use svl_core::matcher::Algorithm;
+use svl_data::manifest::AlgorithmRecord;
 
 /// Sweeps among the algorithms of a run, however they were named: those of one kind that
 /// differ in one number.
-pub(super) fn sweeps(algorithms: &[Algorithm]) -> Vec<ParameterSweep> {
+pub(super) fn sweeps(algorithms: &[AlgorithmRecord]) -> Vec<ParameterSweep> {
     let mut sweeps: Vec<ParameterSweep> = Vec::new();
     for first in algorithms {
-        for (key, _) in first.parameters().iter() {
+        for (key, _) in &first.values {
             let mut points: Vec<_> = algorithms
                 .iter()
                 .filter(|other| differ_in(first, other, key))
@@ -19,11 +19,11 @@ pub(super) fn sweeps(algorithms: &[Algorithm]) -> Vec<ParameterSweep> {
             points.dedup_by(|(a, _), (b, _)| a == b);
             let points: Vec<_> = points
                 .iter()
-                .map(|(v, a)| (v.to_string(), a.label().to_owned()))
+                .map(|(v, a)| (v.to_string(), a.label.clone()))
                 .collect();
             let sweep = ParameterSweep {
-                algorithm: first.spec().name.to_owned(),
-                parameter: key.to_owned(),
+                algorithm: first.name.clone(),
+                parameter: key.clone(),
                 points,
             };
             // Every one of its algorithms finds the same sweep.
@@ -36,20 +36,24 @@ pub(super) fn sweeps(algorithms: &[Algorithm]) -> Vec<ParameterSweep> {
 }
 
 /// True if two algorithms are of one kind and have all parameters but `key` in common.
-fn differ_in(a: &Algorithm, b: &Algorithm, key: &str) -> bool {
-    let mut both = a.parameters().iter().zip(b.parameters().iter());
-    a.spec().name == b.spec().name
-        && both.all(|((name, value), (_, other))| name == key || value == other)
+fn differ_in(a: &AlgorithmRecord, b: &AlgorithmRecord, key: &str) -> bool {
+    let mut both = a.values.iter().zip(&b.values);
+    let is_same = |((name, value), (_, other)): (&(String, String), &(String, String))| {
+        name == key || value == other
+    };
+    a.name == b.name && a.filters == b.filters && both.all(is_same)
 }
 
-pub(crate) fn number(algorithm: &Algorithm, key: &str) -> Option<f64> {
-    let mut parameters = algorithm.parameters().iter();
-    parameters.find(|(name, _)| *name == key)?.1.number()
+fn number(algorithm: &AlgorithmRecord, key: &str) -> Option<f64> {
+    let mut values = algorithm.values.iter();
+    values.find(|(name, _)| name == key)?.1.parse().ok()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use svl_core::matcher::Algorithm;
+    use svl_data::manifest::Manifest;
 
     #[test]
     fn what_differs_in_one_number_is_a_sweep() {
@@ -63,6 +67,7 @@ mod tests {
             "sgm:p1=5,p2=84",
         ];
         let algorithms: Vec<Algorithm> = texts.iter().map(|t| t.parse().unwrap()).collect();
+        let algorithms = Manifest::new("s", &algorithms).unwrap().algorithms;
         let found: Vec<_> = sweeps(&algorithms)
             .into_iter()
             .map(|s| {

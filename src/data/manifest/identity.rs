@@ -149,6 +149,7 @@ impl Manifest {
             // them.
             algorithm.parameters.clear();
             algorithm.filters.clear();
+            algorithm.values.clear();
         }
         for run in &mut manifest.runs {
             run.pairs_hash = None;

@@ -125,6 +125,9 @@ pub struct AlgorithmRecord {
     pub label: String,
     /// All its parameters, `key=value,...`.
     pub parameters: String,
+    /// Each of them with its value.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub values: Vec<(String, String)>,
     /// The filters behind it, each with the hash of its weights, `+kind=hash`.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub filters: String,
@@ -384,6 +387,11 @@ impl AlgorithmRecord {
         Self {
             name,
             label,
+            values: algorithm
+                .parameters()
+                .iter()
+                .map(|(name, value)| (name.to_owned(), value.to_string()))
+                .collect(),
             parameters,
             filters,
             parameters_hash,

@@ -236,7 +236,8 @@ fn a_sweep_has_a_column_per_parameter() {
     let folder = tempfile::tempdir().unwrap();
     let labels = ["v3:texture_sigma=0.8", "wide=bm:uniqueness=15"];
     let algorithms = labels.map(|label| label.parse().unwrap());
-    svl::report::write_algorithms(folder.path(), &algorithms).unwrap();
+    let manifest = svl::manifest::Manifest::new("s", &algorithms).unwrap();
+    svl::report::write_algorithms(folder.path(), &manifest.algorithms).unwrap();
     let text = std::fs::read_to_string(folder.path().join("algorithms.csv")).unwrap();
     let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
     let cell = |row: usize, name: &str| {

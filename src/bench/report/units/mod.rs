@@ -51,6 +51,9 @@ pub struct ReportPlan {
     pub runs: Vec<ReportRun>,
     /// Per algorithm of the manifest the hash of all that its results depend on besides the pairs.
     pub identities: Vec<String>,
+    /// Per limit of the scenario its line in the file.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub limit_lines: Vec<usize>,
     /// Pairs that were lost as live topics were recorded for it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lost: Option<Missing>,
