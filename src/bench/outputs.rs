@@ -101,7 +101,7 @@ impl Outputs {
         let lock = File::open(path).ok();
         if let Some(Err(TryLockError::WouldBlock)) = lock.as_ref().map(try_lock) {
             return Err(Error::Invalid(format!(
-                "{}: another svl writes there; {}",
+                "{}: another svl writes there; wait for it, or {}",
                 path.display(),
                 rule.cure
             )));
@@ -122,8 +122,12 @@ impl Outputs {
         let marked = std::fs::read(path.join(rule.mark))
             .is_ok_and(|json| serde_json::from_slice::<serde_json::Value>(&json).is_ok());
         if !files.is_empty() && !marked {
+            let what = match path.join(rule.mark).exists() {
+                true => "contains a damaged",
+                false => "contains files but no",
+            };
             return Err(Error::Invalid(format!(
-                "{}: contains files but no {} of svl's; {}",
+                "{}: {what} {} of svl's; remove the folder, or {}",
                 path.display(),
                 rule.mark,
                 rule.cure

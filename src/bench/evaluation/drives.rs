@@ -88,7 +88,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     if todo.is_empty() {
         return Ok(MeasuredUnits {
             ran: Ok(()),
-            has_matched: false,
+            session: None,
         });
     }
     session.write(&session.manifest())?;
@@ -109,7 +109,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     };
     Ok(MeasuredUnits {
         ran: work.drive_all(&todo),
-        has_matched: true,
+        session: Some(session.id().to_owned()),
     })
 }
 

@@ -5,10 +5,11 @@ use super::session::MeasuredUnits;
 use super::{drives, scored_runs};
 use crate::console::Console;
 use crate::outputs::Outputs;
-use crate::report::units::{RunUnits, Units};
+use crate::report::units::{RunUnits, StoredSeal, Units};
 use crate::report::{BuildOptions, BuiltReport, build};
+use std::collections::BTreeSet;
 use std::fs::File;
-use svl_core::{Error, Result, counted};
+use svl_core::{Error, Result, joined};
 use svl_data::scenario::ScenarioSource;
 
 /// An evaluation that is over.
@@ -17,8 +18,8 @@ pub struct Evaluation {
     pub report: Option<BuiltReport>,
     /// Reason why it ended early, if it did.
     pub ran: Result<()>,
-    /// False if all results were in the folder.
-    pub has_matched: bool,
+    /// The session that matched; none if all results were in the folder.
+    pub session: Option<String>,
 }
 
 impl EvaluationPlan<'_> {
@@ -32,9 +33,9 @@ impl EvaluationPlan<'_> {
             ScenarioSource::Drive { .. } => drives::measure,
             _ => scored_runs::measure,
         };
-        let MeasuredUnits { ran, has_matched } = measure(self, console)?;
+        let MeasuredUnits { ran, session } = measure(self, console)?;
         let units = Units::of_report(self.folder);
-        let is_whole = self.clear(&units)?;
+        let is_whole = self.clear(&units, console)?;
         // Shards may share the folder: the last one builds the report.
         let _lock = self.shard.map(|_| units.lock()).transpose()?;
         let report = match self.shard {
@@ -51,7 +52,7 @@ impl EvaluationPlan<'_> {
         Ok(Evaluation {
             report,
             ran,
-            has_matched,
+            session,
         })
     }
 
@@ -67,9 +68,9 @@ impl EvaluationPlan<'_> {
 
     /// Removes units that are superseded, and, if asked, those that the plan does not ask for; they
     /// are named otherwise. True if nothing is missing.
-    fn clear(&self, units: &Units) -> Result<bool> {
+    fn clear(&self, units: &Units, console: &dyn Console) -> Result<bool> {
         let (plan, sessions) = (units.plan()?, units.sessions()?);
-        let (mut is_whole, mut others) = (true, 0);
+        let (mut is_whole, mut others) = (true, BTreeSet::new());
         for run in &plan.runs {
             let run = RunUnits::read(units, &plan, run, &sessions, |_, _| ())?;
             is_whole &= run.is_whole(&plan);
@@ -79,11 +80,22 @@ impl EvaluationPlan<'_> {
             } else {
                 run.pairs()
             };
-            for (stored, is_superseded) in run.kept.unused(pairs.unwrap_or(u64::MAX)) {
-                if is_superseded || self.prune {
-                    units.remove([stored])?;
-                } else {
-                    others += 1;
+            let unused = run.kept.unused(pairs.unwrap_or(u64::MAX));
+            let superseded = unused.iter().filter(|(_, is_superseded)| *is_superseded);
+            let superseded: Vec<_> = superseded.map(|(stored, _)| *stored).collect();
+            units.remove(superseded.iter().copied())?;
+            let is_unasked = |label: &str| plan.identity(label).is_none();
+            let is_there = |stored: &&StoredSeal| {
+                let mut removed = superseded.iter();
+                removed.all(|removed| !std::ptr::eq(*removed, *stored))
+            };
+            for stored in run.kept.seals().iter().filter(is_there) {
+                let labels = stored.seal.algorithms.iter().map(|own| own.label.as_str());
+                let mut unasked = labels.filter(|label| is_unasked(label)).peekable();
+                if !self.prune {
+                    others.extend(unasked.map(str::to_owned));
+                } else if unasked.peek().is_some() {
+                    units.remove_algorithms(stored, is_unasked)?;
                 }
             }
         }
@@ -91,15 +103,16 @@ impl EvaluationPlan<'_> {
             if self.prune {
                 std::fs::remove_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
             } else {
-                others += 1;
+                let name = folder.file_name().unwrap_or_default();
+                others.insert(name.to_string_lossy().into_owned());
             }
         }
-        if others > 0 {
-            tracing::info!(
-                "{}: {} of other algorithms or runs in its units; --prune removes them",
+        if !others.is_empty() {
+            console.note(&format!(
+                "{}: also has {}, which are not asked for; --prune removes them",
                 self.folder.display(),
-                counted(others, "block")
-            );
+                joined(others.iter().map(String::as_str))
+            ));
         }
         Ok(is_whole)
     }

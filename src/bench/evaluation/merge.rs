@@ -1,6 +1,7 @@
 //! Merges reports of shards: their units become those of one report.
 
 use crate::report::units::{ReportPlan, RunUnits, Units};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result, counted};
@@ -29,6 +30,7 @@ impl Parts {
         parts.check_run()?;
         parts.check_programs()?;
         parts.check_inputs()?;
+        parts.check_whole()?;
         Ok(parts)
     }
 
@@ -42,7 +44,7 @@ impl Parts {
     /// Copies their units, and the recordings of drives, into the folder of a report.
     ///
     /// # Errors
-    /// [`Error::Io`] with the file; [`Error::Invalid`] if some are missing.
+    /// [`Error::Io`] with the file.
     pub fn copy_into(&self, out: &Path) -> Result<()> {
         let (units, first) = (Units::of_report(out), &self.0[0]);
         units.clear()?;
@@ -56,7 +58,7 @@ impl Parts {
                 linked.map_err(|e| Error::io(&path, e))?;
             }
         }
-        self.check_whole(&units)
+        Ok(())
     }
 
     fn check_run(&self) -> Result<()> {
@@ -134,14 +136,28 @@ impl Parts {
         Ok(())
     }
 
-    /// Refuses parts that are not all, or not whole.
-    fn check_whole(&self, units: &Units) -> Result<()> {
-        let (plan, sessions) = (units.plan()?, units.sessions()?);
+    /// Refuses parts that together lack results.
+    fn check_whole(&self) -> Result<()> {
+        let plan = &self.0[0].plan;
         let mut partial = Vec::new();
-        for run in &plan.runs {
-            let run = RunUnits::read(units, &plan, run, &sessions, |_, _| ())?;
-            if !run.is_whole(&plan) {
-                partial.push(run.run.words());
+        for (i, run) in plan.runs.iter().enumerate() {
+            let of_parts = || self.0.iter().map(|part| &part.runs[i]);
+            let pairs = match plan.is_driven() {
+                true => Some(1),
+                false => of_parts().filter_map(RunUnits::pairs).next(),
+            };
+            let count = |label: &str| {
+                let places = of_parts().filter_map(|run| run.kept.places(label));
+                let places: BTreeSet<_> = places.flat_map(|places| places.keys()).collect();
+                places.len() as u64
+            };
+            if pairs.is_none()
+                || plan
+                    .labels()
+                    .iter()
+                    .any(|label| Some(count(label)) != pairs)
+            {
+                partial.push(run.words());
             }
         }
         let Some(first) = partial.first() else {

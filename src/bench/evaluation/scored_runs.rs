@@ -202,7 +202,7 @@ impl RunWork<'_> {
         if read.is_empty() {
             return Ok(MeasuredUnits {
                 ran: Ok(()),
-                has_matched: false,
+                session: None,
             });
         }
         let mut manifest = self.session.manifest();
@@ -231,7 +231,7 @@ impl RunWork<'_> {
         self.session.write(&manifest)?;
         Ok(MeasuredUnits {
             ran: ran.and(finished),
-            has_matched: true,
+            session: Some(self.session.id().to_owned()),
         })
     }
 

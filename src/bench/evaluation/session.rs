@@ -4,7 +4,7 @@ use super::plan::{Again, EvaluationPlan};
 use crate::console::Console;
 use crate::report::units::{ReportPlan, ReportRun, RunFacts, RunUnits, StoredSeal, Units};
 use std::path::PathBuf;
-use svl_core::Result;
+use svl_core::{Error, Result};
 use svl_data::manifest::{Manifest, Purpose, hash};
 
 /// The units of a report as a session finds them.
@@ -45,6 +45,18 @@ impl EvaluationSession {
         // Those of the session.
         let shard = plan_of_report.manifest.shard.take();
         plan_of_report.manifest.warnings = console.warnings();
+        if plan.shard.is_some() && plan.again != Again::All && units.exist() {
+            let of_folder = units.plan()?.manifest;
+            let differences = of_folder.differences(&plan_of_report.manifest, Purpose::Merge)?;
+            if !differences.is_empty() {
+                return Err(Error::Invalid(format!(
+                    "{}: has another run ({}); use the same options for all shards, another -o, \
+                     or --force",
+                    plan.folder.display(),
+                    differences.join("; ")
+                )));
+            }
+        }
         let sessions = units.sessions()?;
         let mut damaged: Vec<(StoredSeal, PathBuf)> = Vec::new();
         let mut found = Vec::new();
@@ -59,12 +71,21 @@ impl EvaluationSession {
         }
         for (_, file) in &damaged {
             tracing::warn!(
-                "{}: is not what was sealed: its pairs are matched again",
+                "{}: was cut or edited: its pairs are matched again",
                 file.display()
             );
         }
         let labels = plan_of_report.labels();
+        let times = &plan_of_report.manifest.times;
+        let is_other = |id: &str| {
+            let mut sessions = sessions.iter().map(|session| &session.manifest);
+            sessions.any(|manifest| manifest.run_id == id && manifest.times != *times)
+        };
         for run in &mut found {
+            if plan.rounds > 1 {
+                // Matched fewer times, or more.
+                run.kept.forget_sessions(is_other);
+            }
             match plan.again {
                 Again::Missing => {}
                 Again::Times => run.kept.forget_mixed_blocks(&labels),
@@ -90,7 +111,7 @@ impl EvaluationSession {
     /// Begins the session: the folder is of its plan from now on.
     ///
     /// # Errors
-    /// [`svl_core::Error::Io`] with the file.
+    /// [`Error::Io`] with the file.
     pub(super) fn begin(&self) -> Result<()> {
         self.units.write_plan(&self.plan)?;
         self.units.remove(&self.invalid)?;
@@ -101,7 +122,7 @@ impl EvaluationSession {
         }
         self.other_programs
             .iter()
-            .try_for_each(|(seal, label)| self.units.remove_algorithm(seal, label))
+            .try_for_each(|(seal, label)| self.units.remove_algorithms(seal, |own| own == label))
     }
 
     /// Notes how a run is now: what is kept of other pairs is forgotten. `inputs`: the input hash
@@ -153,7 +174,8 @@ impl EvaluationSession {
 pub(super) struct MeasuredUnits {
     /// Reason why it ended early, if it did.
     pub(super) ran: Result<()>,
-    pub(super) has_matched: bool,
+    /// The session, unless nothing was missing.
+    pub(super) session: Option<String>,
 }
 
 /// Per algorithm the hash of all that its results depend on besides the pairs.

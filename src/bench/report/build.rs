@@ -45,8 +45,10 @@ pub struct BuiltReport {
     pub summary: Summary,
     /// The results of the limits, if they were asked for.
     pub gate: Vec<GateResult>,
-    /// The last session whose results it has.
+    /// The beginning of the last session whose results it has.
     pub last_session: Option<String>,
+    /// Per algorithm the number of its results by session, in the order of the algorithms.
+    pub results: Vec<(String, BTreeMap<String, u64>)>,
 }
 
 /// Builds the report of a folder from its units.
@@ -70,7 +72,7 @@ pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
     });
     let runs = runs.collect::<Result<Vec<_>>>()?;
     for file in &damaged {
-        tracing::warn!("{file}: is not what was sealed; `svl score` matches its pairs again");
+        tracing::warn!("{file}: was cut or edited; `svl score` matches its pairs again");
     }
     let known = Sources::read(folder).unwrap_or_default();
     // Without it, the report is not complete.
@@ -184,7 +186,16 @@ impl Report<'_> {
             page.write_figures(figures)?;
         }
         write_json(&folder.join(SUMMARY), &summary)?;
+        let results = plan.labels().into_iter().map(|label| {
+            let mut counts = BTreeMap::new();
+            for row in tables.rows.iter().filter(|row| row.algorithm == label) {
+                *counts.entry(row.session.clone()).or_default() += 1;
+            }
+            (label.to_owned(), counts)
+        });
+        let results = results.collect();
         Ok(BuiltReport {
+            results,
             scenario: plan.manifest.scenario.clone(),
             summary,
             gate,
@@ -216,7 +227,31 @@ impl Report<'_> {
         }
         let sessions = self.sessions.iter().map(|session| &session.manifest);
         let sessions = sessions.filter(|session| all.contains(session.run_id.as_str()));
-        manifest.sessions = sessions.map(Manifest::session).collect();
+        let sessions: Vec<_> = sessions.collect();
+        if let Some(last) = sessions.last() {
+            // The report is of what was measured, not of the command that builds it.
+            let Manifest {
+                run_id,
+                began,
+                svl,
+                git_revision,
+                profile,
+                machine,
+                times,
+                ..
+            } = (*last).clone();
+            manifest = Manifest {
+                run_id,
+                began,
+                svl,
+                git_revision,
+                profile,
+                machine,
+                times,
+                ..manifest
+            };
+        }
+        manifest.sessions = sessions.into_iter().map(Manifest::session).collect();
         let labels = self.plan.labels();
         let mut of_runs = Vec::new();
         let facts = self.runs.iter().flat_map(|run| &run.facts);
@@ -281,7 +316,7 @@ impl Report<'_> {
         if let Some(first) = partial.first() {
             let what = if plan.is_driven() { "course" } else { "run" };
             let words = format!(
-                "{} of {} not whole, from {first} on; the same command continues",
+                "{} of {} not whole, from {first} on; `svl score` with the same options continues",
                 partial.len(),
                 counted(self.runs.len() as u64, what)
             );

@@ -67,6 +67,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     };
     let report = build(&args.output, &options)?;
     outputs.commit();
-    print_report(&report, "merged", &args.output, args.explain, args.json)?;
+    print_report(
+        &report,
+        &report.scenario,
+        &args.output,
+        args.explain,
+        args.json,
+    )?;
     check_whole(&report.summary.ending)
 }

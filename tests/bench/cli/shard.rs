@@ -73,7 +73,7 @@ fn shards_into_one_folder_make_the_report_with_the_last_one() {
     fixture.write_short_arena("short.toml", 4);
     let line = "score short.toml --algo v3 --algo bm -q --rerun none";
     let first = fixture.run(&format!("{line} --shard 1/2 -o r"));
-    assert_says(&first, &["r: has this shard"]);
+    assert_says(&first, &["r: this shard is whole"]);
     assert!(!fixture.path("r/summary.json").exists());
     let report = fixture.svl("report r");
     report.failed(1, &["1 of 2 runs not whole, from seed 2 on"]);
@@ -220,7 +220,7 @@ fn parts_that_do_not_make_a_whole_are_refused() {
     // The same command matches again what is damaged.
     let ran = fixture.svl(&format!("{line} --shard 2/2 -o p2").replace("-q ", ""));
     assert_eq!(ran.code, Some(0));
-    assert_says(&ran.stderr, &[".cells.csv: is not what was sealed"]);
+    assert_says(&ran.stderr, &[".cells.csv: was cut or edited"]);
     fixture.run("merge p1 p2 -o all -q");
     let missing = |report: &str| {
         let text = fixture.text(&format!("{report}/summary.json"));

@@ -8,6 +8,7 @@ pub use super::samples::total;
 use super::samples::{resamples, run_key, sample};
 pub use scored_run::ScoredRun;
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use svl_core::{Error, Result, counted};
 use svl_data::bootstrap::{self, Interval, IntervalMethod, Resamples, Sample};
@@ -343,7 +344,14 @@ impl AlgorithmChange {
             .filter(|(a, b)| a.result_hash == b.result_hash)
             .count();
         let mut metrics = changes_over(&a, &b, &resamples);
-        if !base.has_times() || !other.has_times() {
+        // Within a report times are compared only where one session has both.
+        let sessions = |rows: &[&Row]| -> BTreeSet<String> {
+            rows.iter().map(|row| row.session.clone()).collect()
+        };
+        let is_one_report = !sessions(&base.all_rows()).is_disjoint(&sessions(&other.all_rows()));
+        let are_of_one = pairs.iter().all(|(a, b)| a.session == b.session);
+        let is_mixed = is_one_report && !are_of_one;
+        if is_mixed || !base.has_times() || !other.has_times() {
             metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
         }
         let checkpoint = |(number, (name, frames, passed)): (u32, (&str, u64, u64))| {

@@ -155,6 +155,10 @@ impl ScoredRun {
             .collect()
     }
 
+    pub(super) fn all_rows(&self) -> Vec<&Row> {
+        self.rows.iter().collect()
+    }
+
     /// True if its times are of one machine.
     pub(super) fn has_times(&self) -> bool {
         self.manifest.machines().len() == 1

@@ -112,6 +112,13 @@ impl KeptResults {
         }
     }
 
+    /// Forgets the results of sessions.
+    pub fn forget_sessions(&mut self, is_forgotten: impl Fn(&str) -> bool) {
+        for places in self.by_label.values_mut() {
+            places.retain(|_, i| !is_forgotten(&self.seals[*i].seal.session));
+        }
+    }
+
     /// Forgets the pairs that an algorithm failed on.
     ///
     /// # Errors

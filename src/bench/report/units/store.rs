@@ -258,13 +258,17 @@ impl Units {
         seals.into_iter().try_for_each(StoredSeal::remove)
     }
 
-    /// Removes the results of an algorithm from the unit of a seal.
+    /// Removes the results of algorithms from the units of a seal.
     ///
     /// # Errors
     /// [`Error::Io`] with the file.
-    pub fn remove_algorithm(&self, stored: &StoredSeal, label: &str) -> Result<()> {
+    pub fn remove_algorithms(
+        &self,
+        stored: &StoredSeal,
+        is_removed: impl Fn(&str) -> bool,
+    ) -> Result<()> {
         let mut seal = stored.seal.clone();
-        seal.algorithms.retain(|own| own.label != label);
+        seal.algorithms.retain(|own| !is_removed(&own.label));
         if seal.algorithms.is_empty() {
             return stored.remove();
         }

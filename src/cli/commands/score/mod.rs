@@ -10,6 +10,7 @@ use crate::cli::shared::terminal::print;
 use crate::cli::shared::usage;
 use crate::cli::shared::viewer::{RerunChoice, viewer};
 use clap::builder::NonEmptyStringValueParser;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl::evaluation::{Again, Algorithms, Evaluation, EvaluationPlan, MAX_ALGORITHMS, Shard};
 use svl::outputs::{Outputs, write};
@@ -241,18 +242,22 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let Evaluation {
         report,
         ran,
-        has_matched,
+        session,
     } = evaluated?;
     let Some(report) = report else {
         ran?;
         let folder = folder.display();
         return print(&format!(
-            "{folder}: has this shard; the last of the others, or `svl merge`, makes the report\n"
+            "{folder}: this shard is whole; the last of the others builds the report, or `svl \
+             merge`\n"
         ));
     };
     print_report(&report, &scenario.name, &folder, args.explain, args.json)?;
-    if !has_matched && !args.json {
-        print(&nothing_matched(&report))?;
+    if !args.json {
+        print(&matched_line(&report, session.as_deref()))?;
+    }
+    if session.is_none() && args.rerun.is_some() {
+        tracing::warn!("nothing was matched, so Rerun shows nothing; --force matches all again");
     }
     ran?;
     let BuiltReport { summary, gate, .. } = report;
@@ -264,11 +269,35 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     check_whole(&summary.ending)
 }
 
-/// The line that nothing was matched, with the date of the times.
-fn nothing_matched(report: &BuiltReport) -> String {
-    let times = report.last_session.as_ref();
-    let times = times.map_or(String::new(), |began| format!("; times of {began}"));
-    format!("matched  nothing: all results were in the report{times}\n")
+/// The algorithms whose results were in the report, if there are some; without a session all were.
+fn matched_line(report: &BuiltReport, session: Option<&str>) -> String {
+    let Some(session) = session else {
+        let times = report.last_session.as_ref();
+        let times = times.map_or(String::new(), |began| format!("; times of {began}"));
+        return format!("matched  nothing: all results were in the report{times}\n");
+    };
+    let own = |counts: &BTreeMap<String, u64>| counts.get(session).copied().unwrap_or_default();
+    let all = |counts: &BTreeMap<String, u64>| counts.values().sum::<u64>();
+    if report
+        .results
+        .iter()
+        .all(|(_, counts)| own(counts) == all(counts))
+    {
+        return String::new();
+    }
+    let matched = report.results.iter().filter(|(_, counts)| own(counts) > 0);
+    let matched = matched.map(|(label, counts)| format!("{label} ({} pairs)", own(counts)));
+    let kept = report
+        .results
+        .iter()
+        .filter(|(_, counts)| own(counts) < all(counts));
+    let kept = kept.map(|(label, counts)| format!("{label} ({})", all(counts) - own(counts)));
+    let kept: Vec<_> = kept.collect();
+    format!(
+        "matched  {}; in the report already {}\n",
+        matched.collect::<Vec<_>>().join(", "),
+        kept.join(", ")
+    )
 }
 
 /// Which drives are kept as recordings.
