@@ -109,7 +109,7 @@ impl EvaluationPlan<'_> {
         }
         if !others.is_empty() {
             console.note(&format!(
-                "{}: also has {}, which are not asked for; --prune removes them",
+                "{}: also in the folder, not asked for: {}; --prune removes them",
                 self.folder.display(),
                 joined(others.iter().map(String::as_str))
             ));

@@ -220,9 +220,9 @@ impl Report<'_> {
                 }
             }
             let failures = self.tables.failures.iter();
-            let own = failures.filter(|row| row.algorithm == record.label);
+            let mut own = failures.filter(|row| row.algorithm == record.label);
             record.failed_pairs = own.clone().count() as u64;
-            record.failure = own.last().map(|row| row.reason.clone());
+            record.failure = own.next_back().map(|row| row.reason.clone());
             all.extend(used);
         }
         let sessions = self.sessions.iter().map(|session| &session.manifest);

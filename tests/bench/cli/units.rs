@@ -61,7 +61,8 @@ fn the_same_command_matches_nothing_and_one_algorithm_more_itself() {
     assert_eq!(rows.lines().count(), 1 + 2 * 70);
     let (matched, code, stderr) = score(&fixture, &[]);
     assert_eq!((matched, code), (1, Some(0)));
-    assert!(stderr.is_empty(), "{stderr}");
+    let others = "r: also in the folder, not asked for: bm:max_disparity=8; --prune removes them";
+    assert_says(&stderr, &[others]);
     // What is not asked for any more stays until it is pruned.
     let units = || {
         let folder = std::fs::read_dir(fixture.path("r/units"))

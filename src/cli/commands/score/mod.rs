@@ -256,7 +256,8 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     if !args.json {
         print(&matched_line(&report, session.as_deref()))?;
     }
-    if session.is_none() && args.rerun.is_some() {
+    let asks_for_rerun = args.rerun.as_ref().is_some_and(|to| to.target().is_some());
+    if session.is_none() && asks_for_rerun {
         tracing::warn!("nothing was matched, so Rerun shows nothing; --force matches all again");
     }
     ran?;
