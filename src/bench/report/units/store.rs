@@ -253,7 +253,7 @@ impl Units {
     /// Removes the units of these seals.
     ///
     /// # Errors
-    /// As [`StoredSeal::remove`].
+    /// [`Error::Io`] with the file.
     pub fn remove<'a>(&self, seals: impl IntoIterator<Item = &'a StoredSeal>) -> Result<()> {
         seals.into_iter().try_for_each(StoredSeal::remove)
     }
