@@ -102,7 +102,9 @@ impl RunWork<'_> {
             let is_same = |facts: &RunFacts| {
                 facts.files == self.files[self.runs[i].1] && facts.after == self.before(i)
             };
-            facts.is_some_and(|facts| !is_same(facts))
+            // Results of unknown files are those of unknown pairs.
+            let has_results = !self.session.runs[i].kept.seals().is_empty();
+            facts.map_or(has_results, |facts| !is_same(facts))
         };
         let changed: Vec<_> = (0..self.runs.len()).map(is_changed).collect();
         if !changed.contains(&true) {

@@ -166,3 +166,52 @@ fn an_edited_table_is_not_compared() {
     assert_eq!(fixture.text("b/rows.csv"), rows);
     fixture.run("compare a b");
 }
+
+#[test]
+fn what_is_damaged_is_matched_again() {
+    let fixture = counted(70);
+    score(&fixture, &[]);
+    let rows = fixture.text("r/rows.csv");
+    let hashes = |text: &str| {
+        let lines = text
+            .lines()
+            .map(|line| line.rsplit(',').nth(1).unwrap().to_owned());
+        lines.collect::<Vec<_>>()
+    };
+    let folder = |part: &str| {
+        let mut runs = std::fs::read_dir(fixture.path("r/units"))
+            .unwrap()
+            .flatten();
+        runs.find(|run| run.file_name().to_str().unwrap().starts_with(part))
+            .unwrap()
+            .path()
+    };
+    let first = |folder: std::path::PathBuf, ending: &str| {
+        let files = std::fs::read_dir(folder)
+            .unwrap()
+            .flatten()
+            .map(|file| file.path());
+        let mut files: Vec<_> = files.collect();
+        files.sort();
+        let is_it = |path: &&std::path::PathBuf| path.to_str().unwrap().ends_with(ending);
+        files.iter().find(is_it).unwrap().clone()
+    };
+    // Facts of the run, a seal, a table, a session: how many pairs are matched again.
+    for (path, again) in [
+        (first(folder("pairs"), "run.json"), 1),
+        (first(folder("pairs"), ".rows.csv"), 1 + 1 + 64),
+        (first(folder("sessions"), ".json"), 1 + 1 + 6),
+    ] {
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+        let (matched, code, stderr) = score(&fixture, &[]);
+        assert_eq!(
+            (matched, code),
+            (again, Some(0)),
+            "{}: {stderr}",
+            path.display()
+        );
+        assert_says(&stderr, &[path.file_name().unwrap().to_str().unwrap()]);
+        assert_eq!(hashes(&fixture.text("r/rows.csv")), hashes(&rows));
+    }
+}

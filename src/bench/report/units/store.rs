@@ -156,7 +156,7 @@ impl Units {
     pub fn sessions(&self) -> Result<Vec<StoredSession>> {
         let mut sessions: Vec<StoredSession> = Vec::new();
         for path in json_files(&self.sessions_folder())? {
-            sessions.push(read_json(&path)?);
+            sessions.extend(read_or_warn::<StoredSession>(&path));
         }
         sessions.sort_by(|a, b| {
             let key = |of: &StoredSession| (of.number, of.manifest.run_id.clone());
@@ -190,7 +190,7 @@ impl Units {
     /// [`Error::Io`]; [`Error::Format`].
     pub fn facts(&self, run: &ReportRun) -> Result<Option<RunFacts>> {
         let path = self.folder.join(run.folder()).join(RUN);
-        path.is_file().then(|| read_json(&path)).transpose()
+        Ok(path.is_file().then(|| read_or_warn(&path)).flatten())
     }
 
     /// # Errors
@@ -219,11 +219,7 @@ impl Units {
             if name == "run" || name.contains(".pictures-") {
                 continue;
             }
-            let Some(seal) = read_seal(&path) else {
-                tracing::warn!(
-                    "{}: is damaged: its pairs are matched again",
-                    path.display()
-                );
+            let Some(seal) = read_or_warn(&path) else {
                 continue;
             };
             let stored = StoredSeal {
@@ -347,12 +343,17 @@ pub(crate) fn remove_file(path: &Path) -> Result<()> {
     }
 }
 
-fn read_seal(path: &Path) -> Option<Seal> {
-    read::<Seal>(path)
-}
-
-fn read<T: DeserializeOwned>(path: &Path) -> Option<T> {
-    serde_json::from_slice(&std::fs::read(path).ok()?).ok()
+/// What a file has; none with a warning if it is damaged: what it is of is missing then.
+fn read_or_warn<T: DeserializeOwned>(path: &Path) -> Option<T> {
+    let bytes = std::fs::read(path).ok();
+    let value = bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    if value.is_none() {
+        tracing::warn!(
+            "{}: is damaged: `svl score` matches again what it is of",
+            path.display()
+        );
+    }
+    value
 }
 
 /// The paths in a folder; none if there is no folder.
