@@ -83,15 +83,15 @@ fn read(stored: &StoredSeal) -> Result<Option<BlockPictures>> {
 }
 
 /// A pair, by the places of its run and of itself in it.
-type PairPlace = (usize, u64);
+type PlaceInRuns = (usize, u64);
 
 /// The pictures of the runs so far.
 struct ChosenPictures {
     checkpoints: Vec<Checkpoint>,
     /// Those that are chosen from, by checkpoint and algorithm, with run and place.
-    shots: BTreeMap<(u32, String), Vec<(PairPlace, CheckpointShot)>>,
-    samples: BTreeMap<PairPlace, CheckpointFigure>,
-    scenes: BTreeMap<PairPlace, SceneFigure>,
+    shots: BTreeMap<(u32, String), Vec<(PlaceInRuns, CheckpointShot)>>,
+    samples: BTreeMap<PlaceInRuns, CheckpointFigure>,
+    scenes: BTreeMap<PlaceInRuns, SceneFigure>,
 }
 
 impl ChosenPictures {
@@ -199,7 +199,7 @@ impl ChosenPictures {
 }
 
 /// Those that are spread evenly over each run, and, if these are too many, over all runs.
-fn spread<T>(all: BTreeMap<PairPlace, T>, runs: &[RunUnits], limit: u64) -> Vec<T> {
+fn spread<T>(all: BTreeMap<PlaceInRuns, T>, runs: &[RunUnits], limit: u64) -> Vec<T> {
     let pairs = |run: usize| {
         let facts = runs[run].facts.as_ref();
         facts.and_then(|facts| Some(facts.end.as_ref()?.pairs))
@@ -224,7 +224,7 @@ fn spread<T>(all: BTreeMap<PairPlace, T>, runs: &[RunUnits], limit: u64) -> Vec<
 }
 
 /// The worst and the best frame of a checkpoint: of equal ones the first.
-fn leading(mut shots: Vec<(PairPlace, CheckpointShot)>) -> Result<Vec<(Rank, FrameShot)>> {
+fn leading(mut shots: Vec<(PlaceInRuns, CheckpointShot)>) -> Result<Vec<(Rank, FrameShot)>> {
     shots.sort_by_key(|(place, _)| *place);
     let mut tally = CheckpointTally::default();
     for (i, (_, shot)) in shots.iter().enumerate() {
