@@ -149,7 +149,10 @@ impl History {
             7 => {
                 let shards = self.random.usize(2..4);
                 for i in 1..=shards {
-                    self.run(&["--shard", &format!("{i}/{shards}"), "-o", "r"]);
+                    let shard = format!("{i}/{shards}");
+                    // Shards of other options than the folder's are refused without it.
+                    let force: &[_] = if i == 1 { &["--force"] } else { &[] };
+                    self.run(&[&["--shard", &shard, "-o", "r"], force].concat());
                 }
             }
             8 => {
