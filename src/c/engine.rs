@@ -7,7 +7,7 @@ use svl_core::kernel::isa;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use svl_core::rectify::Rectifier;
 use svl_core::stereo::{
-    Cell, DisparityMap, Gray, GridShape, Reason, RectifiedPair, Rig, StereoPair,
+    Cell, CellState, DisparityMap, Gray, GridShape, Reason, RectifiedPair, Rig, StereoPair,
 };
 use svl_core::{Error, Result};
 
@@ -76,6 +76,9 @@ pub struct Engine {
     rectifier: Option<Rectifier>,
     rig: Option<Rig>,
     shape: GridShape,
+    /// Number and stamp of the pair.
+    sequence: u64,
+    stamp_ns: Option<u64>,
     /// Left and right of the caller, and rectified ones: memory that the next pair uses again.
     raw: Option<[Gray; 2]>,
     rectified: Option<[Gray; 2]>,
@@ -131,6 +134,8 @@ impl Engine {
             rig: rectifier.as_ref().map_or(rig, |r| r.rig().copied()),
             rectifier,
             shape,
+            sequence: 0,
+            stamp_ns: None,
             raw: None,
             rectified: None,
             output: MatchOutput::new()?,
@@ -138,9 +143,11 @@ impl Engine {
         })
     }
 
-    /// Copies the caller's images.
-    pub fn load(&mut self, left: Image, right: Image) -> Result<()> {
+    /// Copies the caller's images, of the next pair.
+    pub fn load(&mut self, left: Image, right: Image, stamp_ns: Option<u64>) -> Result<()> {
         self.cells.clear();
+        self.sequence += 1;
+        self.stamp_ns = stamp_ns;
         let [raw_left, raw_right] = match &mut self.raw {
             Some(raw) => raw,
             none => none.insert(pixels()?),
@@ -177,6 +184,8 @@ impl Engine {
 
     fn compute_rectified(&mut self, pair: &StereoPair) -> Result<()> {
         let context = MatchContext {
+            sequence: self.sequence,
+            stamp_ns: self.stamp_ns,
             rig: self.rig,
             grid: self.shape.into(),
             ..MatchContext::default()
@@ -207,6 +216,11 @@ impl Engine {
         Ok(())
     }
 
+    /// Forgets the earlier pairs.
+    pub fn reset(&mut self) {
+        self.matcher.reset();
+    }
+
     pub fn has_result(&self) -> bool {
         !self.cells.is_empty()
     }
@@ -233,12 +247,16 @@ impl CCell {
                 depth.distance_m.map_or(infinity, |m| m as f32)
             }),
             disparity_px: known.map_or(f32::NAN, |depth| depth.median_px),
-            probability: cell.probability.map_or(f32::NAN, |p| p as f32),
+            probability: cell
+                .near
+                .or(cell.probability)
+                .map_or(f32::NAN, |p| p as f32),
             valid_fraction: cell.valid_share as f32,
-            state: match (known, cell.too_close) {
-                (None, _) => 0,
-                (Some(_), false) => 1,
-                (Some(_), true) => 2,
+            state: match cell.state() {
+                CellState::Unknown => 0,
+                CellState::Known => 1,
+                CellState::TooClose => 2,
+                CellState::Near => 3,
             },
             reason: reason as u8,
             reserved: [0; 2],

@@ -162,13 +162,26 @@ pub unsafe extern "C" fn svl_match(
     width: u32,
     height: u32,
     stride: usize,
+    stamp_ns: u64,
 ) -> Status {
     guarded(|| {
         // SAFETY: as the caller promised.
         let handle = unsafe { of(handle)? };
+        let stamp_ns = (stamp_ns != 0).then_some(stamp_ns);
         let stride = if stride == 0 { width as usize } else { stride };
         let image = |pixels| Image::new(pixels, width as usize, height as usize, stride);
-        handle.worker.run(image(left)?, image(right)?)
+        handle.worker.run(image(left)?, image(right)?, stamp_ns)
+    })
+}
+
+/// # Safety
+/// `handle` is of [`svl_open`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn svl_reset(handle: *mut Handle) -> Status {
+    guarded(|| {
+        // SAFETY: as the caller promised.
+        let handle = unsafe { of(handle)? };
+        handle.worker.reset()
     })
 }
 

@@ -89,12 +89,12 @@ impl PairWorker {
     }
 
     /// Matches a pair and waits for it.
-    pub fn run(&self, left: Image, right: Image) -> Result<(), Failure> {
+    pub fn run(&self, left: Image, right: Image, stamp_ns: Option<u64>) -> Result<(), Failure> {
         let mut guard = self.shared.lock();
         if matches!(guard.0, JobState::Broken) {
             return Err(Failure::internal());
         }
-        guard.1.load(left, right)?;
+        guard.1.load(left, right, stamp_ns)?;
         guard.0 = JobState::Loaded;
         self.shared.changed.notify_all();
         loop {
@@ -108,6 +108,16 @@ impl PairWorker {
                 other => guard.0 = other,
             }
         }
+    }
+
+    /// Forgets the earlier pairs.
+    pub fn reset(&self) -> Result<(), Failure> {
+        let mut guard = self.shared.lock();
+        if matches!(guard.0, JobState::Broken) {
+            return Err(Failure::internal());
+        }
+        guard.1.reset();
+        Ok(())
     }
 
     /// Reads the last result.

@@ -50,8 +50,21 @@ impl Overlay {
             }
         }
         let mut distances = Vec::new();
+        // Below the squares, which are centred.
+        let below = |place| {
+            let (x, y) = grid.shape().pixels(place, size);
+            [
+                x.start.midpoint(x.end) as f32,
+                (3 * y.start + 17 * y.end) as f32 / 20.0,
+            ]
+        };
         for (place, cell) in grid.iter() {
-            let Some(depth) = cell.depth else { continue };
+            let Some(depth) = cell.depth else {
+                if let Some(near) = cell.near {
+                    distances.push((below(place), format!("near\n{:.0} %", 100.0 * near)));
+                }
+                continue;
+            };
             // An object that is too close is nearer than its depth.
             let mut label = match (depth.distance_m, cell.too_close) {
                 (Some(distance_m), false) => format!("{distance_m:.2} m"),
@@ -62,13 +75,7 @@ impl Overlay {
             if let Some(probability) = cell.probability {
                 label.push_str(&format!("\n{:.0} %", 100.0 * probability));
             }
-            let (x, y) = grid.shape().pixels(place, size);
-            // Below the squares, which are centred.
-            let at = [
-                x.start.midpoint(x.end) as f32,
-                (3 * y.start + 17 * y.end) as f32 / 20.0,
-            ];
-            distances.push((at, label));
+            distances.push((below(place), label));
         }
         // In image pixels, so that a small view gets thin lines and a large one bold ones.
         let unit = size.0 as f32 / 320.0;

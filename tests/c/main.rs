@@ -50,7 +50,7 @@ fn match_pair(handle: *mut Handle, pair: &StereoPair, stride: usize) -> Status {
     });
     let (width, height) = (width as u32, height as u32);
     // SAFETY: the images have that size.
-    unsafe { svl_match(handle, left.as_ptr(), right.as_ptr(), width, height, stride) }
+    unsafe { svl_match(handle, left.as_ptr(), right.as_ptr(), width, height, stride, 0) }
 }
 
 fn last_error() -> String {
@@ -292,17 +292,17 @@ fn bad_input_is_a_code_and_a_line() {
     assert_eq!(status, Status::Ok);
     // SAFETY: nothing is read of a null pointer or a size that is refused.
     unsafe {
-        assert_eq!(svl_match(handle, null(), null(), 8, 8, 0), Status::Invalid);
+        assert_eq!(svl_match(handle, null(), null(), 8, 8, 0, 0), Status::Invalid);
         let pixel = [0u8; 1];
         let pixel = pixel.as_ptr();
-        assert_eq!(svl_match(handle, pixel, pixel, 0, 0, 0), Status::Invalid);
+        assert_eq!(svl_match(handle, pixel, pixel, 0, 0, 0, 0), Status::Invalid);
         assert_eq!(
-            svl_match(handle, pixel, pixel, 99_999, 1, 0),
+            svl_match(handle, pixel, pixel, 99_999, 1, 0, 0),
             Status::Invalid
         );
-        assert_eq!(svl_match(handle, pixel, pixel, 8, 1, 4), Status::Invalid);
+        assert_eq!(svl_match(handle, pixel, pixel, 8, 1, 4, 0), Status::Invalid);
         assert_eq!(
-            svl_match(null_mut(), pixel, pixel, 1, 1, 0),
+            svl_match(null_mut(), pixel, pixel, 1, 1, 0, 0),
             Status::Invalid
         );
         assert_eq!(svl_open(null(), null_mut()), Status::Invalid);
@@ -313,7 +313,7 @@ fn bad_input_is_a_code_and_a_line() {
     unsafe {
         let pixel = [0u8; 1];
         let pixel = pixel.as_ptr();
-        assert_eq!(svl_match(handle, pixel, pixel, 0, 1, 0), Status::Invalid);
+        assert_eq!(svl_match(handle, pixel, pixel, 0, 1, 0, 0), Status::Invalid);
         assert_eq!(cells(handle).unwrap_err(), Status::NoResult);
         svl_close(handle);
         svl_close(null_mut());

@@ -101,7 +101,7 @@ fn main() {
                     let (width, height) = (SIZE.0 as u32, SIZE.1 as u32);
                     // SAFETY: the images have that size, and the handle is open.
                     let status = unsafe {
-                        svl_match(handle, left.as_ptr(), right.as_ptr(), width, height, 0)
+                        svl_match(handle, left.as_ptr(), right.as_ptr(), width, height, 0, 0)
                     };
                     assert_eq!(status, Status::Ok);
                 };

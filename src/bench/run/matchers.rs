@@ -30,8 +30,6 @@ pub(super) struct RunMatcher {
     warned_of_range: bool,
     /// True if the user was warned that it remembers nothing.
     warned_of_poses: bool,
-    /// What is wrong with its probabilities, until the user was warned.
-    misfit: Option<&'static str>,
     /// The size of images that it has memory for, once it was measured.
     pub(super) warm_for: Option<(usize, usize)>,
     /// Results of the next pairs, where it matches several at once.
@@ -58,7 +56,6 @@ impl RunMatcher {
             // Obstacles beyond the range are not missed behind a filter that says "too close".
             warned_of_range: !algorithm.filters().is_empty(),
             warned_of_poses: false,
-            misfit: algorithm.safe_choice()?.and_then(|choice| choice.misfit()),
             warm_for: None,
             ahead: VecDeque::new(),
         })
@@ -92,7 +89,6 @@ impl Matchers {
         if let Some(entry) = self.0.iter_mut().find(|entry| entry.label == label) {
             *entry = RunMatcher {
                 warned_of_range: entry.warned_of_range,
-                misfit: None,
                 ..RunMatcher::new(algorithm)?
             };
         }
@@ -117,13 +113,12 @@ impl Matchers {
         self.0.append(&mut others.0);
     }
 
-    /// The same without the warnings of ranges that end before obstacles do and of probabilities
-    /// that no table was fitted for: where algorithms change, or the table is being fitted.
+    /// The same without the warnings of ranges that end before obstacles do: where algorithms
+    /// change, or a model is being fitted.
     #[must_use]
     pub fn without_warnings(mut self) -> Self {
         for entry in &mut self.0 {
             entry.warned_of_range = true;
-            entry.misfit = None;
         }
         self
     }
@@ -219,13 +214,9 @@ impl RunMatcher {
         is_first.then_some(nearest_m)
     }
 
-    /// Warns once if its probabilities are not those of its network; and if it remembers earlier
-    /// pairs, and this one has no pose.
+    /// Warns once if its memory needs poses, and this pair has none.
     pub(super) fn check(&mut self, frame: &Frame) {
-        if let Some(misfit) = self.misfit.take() {
-            tracing::warn!("{}: {misfit}", self.label);
-        }
-        let lacks_pose = self.matcher.memory() != PairMemory::None && frame.pose.is_none();
+        let lacks_pose = self.matcher.needs_poses() && frame.pose.is_none();
         if lacks_pose && !std::mem::replace(&mut self.warned_of_poses, true) {
             let label = &self.label;
             tracing::warn!("{label}: the pairs have no poses, so it remembers nothing of them");

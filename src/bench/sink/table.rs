@@ -205,6 +205,7 @@ impl RunIdentity {
                     run: self.run.clone(),
                     state: Some(cell.state()),
                     probability: cell.probability,
+                    near_probability: cell.near,
                     stress: self.stress.clone(),
                     true_points: judgement.points.map(|points| points as u64),
                 }

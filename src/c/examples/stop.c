@@ -29,7 +29,7 @@ int main(int argc, char **argv) {
     svl_handle *svl;
     const svl_cell *cells;
     uint32_t columns, rows;
-    if (svl_open(&options, &svl) || svl_match(svl, left, right, width, height, 0) || svl_cells(svl, &cells, &columns, &rows)) {
+    if (svl_open(&options, &svl) || svl_match(svl, left, right, width, height, 0, 0) || svl_cells(svl, &cells, &columns, &rows)) {
         fprintf(stderr, "svl: %s\n", svl_error());
         return 1;
     }

@@ -31,7 +31,7 @@ int main() try {
             left[i] = texture(i % width, i / width);
             right[i] = texture(i % width + disparity, i / width);
         }
-        check(svl_match(svl.get(), left.data(), right.data(), width, height, 0));
+        check(svl_match(svl.get(), left.data(), right.data(), width, height, 0, 0));
         const svl_cell *cells;
         uint32_t columns, rows;
         check(svl_cells(svl.get(), &cells, &columns, &rows));

@@ -30,7 +30,8 @@ typedef enum svl_status {
 typedef enum svl_state {
     SVL_UNKNOWN = 0,
     SVL_KNOWN = 1,
-    SVL_TOO_CLOSE = 2 /* nearer than the range of disparities (filter too-close) */
+    SVL_TOO_CLOSE = 2, /* nearer than the range of disparities (filter too-close) */
+    SVL_NEAR = 3       /* something is nearer than 0.5 m, and the cell has no distance */
 } svl_state;
 
 /* Reason of an invalid pixel, and of an unknown cell. */
@@ -49,7 +50,7 @@ typedef enum svl_reason {
 typedef struct svl_cell {
     float distance_m;     /* along the optical axis; INFINITY at infinity; NAN if unknown or without a rig */
     float disparity_px;   /* NAN if unknown */
-    float probability;    /* that the distance is right, 0 to 1; NAN if the algorithm gives none */
+    float probability;    /* that the distance is right, or of SVL_NEAR that something is near, 0 to 1; NAN without one */
     float valid_fraction; /* of the cell's pixels, 0 to 1 */
     uint8_t state;        /* svl_state */
     uint8_t reason;       /* svl_reason */
@@ -76,9 +77,14 @@ typedef struct svl_handle svl_handle;
 /* Opens a matcher; *handle is NULL unless the result is SVL_OK. options may be NULL. */
 svl_status svl_open(const svl_options *options, svl_handle **handle);
 
-/* Matches a pair of 8-bit grey images, whose rows are stride bytes apart (0: width). */
+/* Matches a pair of 8-bit grey images, whose rows are stride bytes apart (0: width). stamp_ns: time of the exposure by any
+ * clock; 0: none. v5 uses the cells of earlier pairs, unless more than a second lies between two or the clock jumps back;
+ * without stamps, of all pairs since svl_open or svl_reset. */
 svl_status svl_match(svl_handle *handle, const uint8_t *left, const uint8_t *right, uint32_t width, uint32_t height,
-                     size_t stride);
+                     size_t stride, uint64_t stamp_ns);
+
+/* Forgets the earlier pairs: the next one is the first of another scene. */
+svl_status svl_reset(svl_handle *handle);
 
 /* Cells of the last pair, row by row from the top left. columns and rows may be NULL. */
 svl_status svl_cells(svl_handle *handle, const svl_cell **cells, uint32_t *columns, uint32_t *rows);

@@ -103,9 +103,6 @@ struct MatchReport<'a> {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let choice = args.algo.safe_choice()?;
-    if let Some(misfit) = choice.as_ref().and_then(|choice| choice.misfit()) {
-        tracing::warn!("{}: {misfit}", args.algo.label());
-    }
     if args.evidence.is_some() && choice.is_none() {
         let label = args.algo.label();
         let words = format!("--evidence: {label} gives no evidence for its cells; --algo v5 does");

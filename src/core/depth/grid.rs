@@ -131,9 +131,7 @@ fn cell(
     Cell {
         valid_share,
         depth,
-        probability: None,
-        evidence: None,
-        too_close: false,
+        ..Cell::UNKNOWN
     }
 }
 

@@ -55,6 +55,10 @@ impl Matcher for FilteredMatcher {
         self.matcher.reset();
     }
 
+    fn needs_poses(&self) -> bool {
+        self.matcher.needs_poses()
+    }
+
     fn batch(&self) -> usize {
         self.matcher.batch()
     }

@@ -25,7 +25,7 @@ mod v5;
 pub use mirrored::{match_right, mirrored};
 pub use parameter::{Parameter, ParameterFile, Parameters, Range, Value};
 pub use program::ProgramRecord;
-pub use v5::{GapModel, GapSampler};
+pub use v5::{GapSampler, GapWeights, V5Model};
 
 use crate::depth::decision::SafeChoice;
 use crate::depth::{self, GridSettings};
@@ -68,6 +68,11 @@ pub trait Matcher: Send {
     /// Forgets all earlier pairs.
     fn reset(&mut self) {}
 
+    /// True if its memory needs the poses of the pairs.
+    fn needs_poses(&self) -> bool {
+        false
+    }
+
     /// Number of pairs it matches at once.
     fn batch(&self) -> usize {
         1
@@ -94,6 +99,9 @@ pub enum PairMemory {
 pub struct MatchContext<'a> {
     /// Number of the pair in its run.
     pub sequence: u64,
+    /// Stamp of the pair, if it has one: algorithms with a memory know by it which pairs follow each
+    /// other.
+    pub stamp_ns: Option<u64>,
     /// Name of the pair, if it has one.
     pub name: Option<&'a str>,
     /// Left and right in colour, of the pair's size, if the source has them.
@@ -118,6 +126,7 @@ impl Default for MatchContext<'_> {
     fn default() -> Self {
         Self {
             sequence: 0,
+            stamp_ns: None,
             name: None,
             color: None,
             truth: None,
@@ -135,6 +144,7 @@ impl<'a> MatchContext<'a> {
     pub fn of(frame: &'a Frame, grid: GridSettings, cells: CellRule) -> Self {
         Self {
             sequence: frame.sequence,
+            stamp_ns: Some(frame.stamp_ns),
             name: frame.name.as_deref(),
             color: frame.color.as_ref(),
             truth: frame.truth.as_ref(),
@@ -534,9 +544,8 @@ impl Algorithm {
     /// # Errors
     /// As [`Algorithm::safe_choice`]; the fault in the facts of a filter.
     pub fn fitted(&self) -> Result<Vec<FittedTo>> {
-        let mut fitted = self
-            .safe_choice()?
-            .map_or_else(Vec::new, |choice| choice.fitted);
+        let choice = self.safe_choice()?;
+        let mut fitted: Vec<_> = choice.map(|choice| choice.fitted).into_iter().collect();
         for filter in &self.filters {
             let of_filter = FittedTo::of_facts(&filter.facts);
             fitted

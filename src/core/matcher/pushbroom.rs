@@ -364,6 +364,10 @@ impl Matcher for Pushbroom {
     fn reset(&mut self) {
         self.memory = SeenPoints::default();
     }
+
+    fn needs_poses(&self) -> bool {
+        true
+    }
 }
 
 /// Absolute values of the Laplacian of four neighbours, at most 255; 0 along the edge.

@@ -59,6 +59,9 @@ pub struct Cell {
     pub probability: Option<f64>,
     /// Evidence behind the probability, if svl's own decision computed it.
     pub evidence: Option<CellEvidence>,
+    /// Of an unknown cell with something nearer than the rule's `obstacle_m`: the probability that
+    /// it is there.
+    pub near: Option<f64>,
 }
 
 /// Evidence on a cell, from which it is decided whether to report it ([`crate::depth::decision`]).
@@ -81,11 +84,22 @@ impl CellEvidence {
 }
 
 impl Cell {
+    /// A cell without any disparity.
+    pub const UNKNOWN: Self = Self {
+        valid_share: 0.0,
+        depth: None,
+        too_close: false,
+        probability: None,
+        evidence: None,
+        near: None,
+    };
+
     pub fn state(&self) -> CellState {
-        match self.depth {
-            Some(_) if self.too_close => CellState::TooClose,
-            Some(_) => CellState::Known,
-            None => CellState::Unknown,
+        match (self.depth, self.near) {
+            (Some(_), _) if self.too_close => CellState::TooClose,
+            (Some(_), _) => CellState::Known,
+            (None, Some(_)) => CellState::Near,
+            (None, None) => CellState::Unknown,
         }
     }
 }
@@ -98,16 +112,19 @@ pub enum CellState {
     Unknown,
     /// Something is nearer than the range of disparities.
     TooClose,
+    /// Something is nearer than the rule's `obstacle_m`, and the cell has no distance.
+    Near,
 }
 
 impl CellState {
-    const ALL: [Self; 3] = [Self::Known, Self::Unknown, Self::TooClose];
+    const ALL: [Self; 4] = [Self::Known, Self::Unknown, Self::TooClose, Self::Near];
 
     pub fn name(self) -> &'static str {
         match self {
             Self::Known => "known",
             Self::Unknown => "unknown",
             Self::TooClose => "too_close",
+            Self::Near => "near",
         }
     }
 
@@ -156,15 +173,19 @@ impl DepthGrid {
         self.shape
     }
 
-    /// Hash of the disparities of all cells, combined with another hash. Probabilities are
-    /// excluded, as their last digits depend on the machine.
+    /// Hash of the disparities and states of all cells, combined with another hash. Probabilities
+    /// are excluded, as their last digits depend on the machine.
     pub fn hash(&self, other: u128) -> u128 {
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
         hasher.update(&other.to_le_bytes());
         for cell in &self.cells {
             let px = |d: CellDepth| [d.median_px, d.p20_px, d.p80_px];
-            // Infinity for an unknown cell; no disparity is infinite.
-            let px = cell.depth.map_or([f32::INFINITY; 3], px);
+            // No disparity is infinite.
+            let none = match cell.near {
+                Some(_) => f32::NEG_INFINITY,
+                None => f32::INFINITY,
+            };
+            let px = cell.depth.map_or([none; 3], px);
             px.iter().for_each(|px| hasher.update(&px.to_le_bytes()));
         }
         hasher.digest128()

@@ -20,7 +20,7 @@
 
 use super::motion::{DriveCommand, GroundPoint, RobotState};
 use crate::scenario::{CellPart, CellStandsFor, DriveConfig};
-use svl_core::stereo::{Cell, DepthGrid, Rig};
+use svl_core::stereo::{Cell, CellState, DepthGrid, Rig};
 
 /// The rule with its memory.
 pub struct Steering {
@@ -135,7 +135,11 @@ impl Steering {
                 self.seen.extend(points.map(|at| Obstacle { at, time_s }));
             }
         } else if stands_for == Some(CellStandsFor::Obstacle) {
-            obstacles.extend(points(rule.assumed_m));
+            let distance_m = match cell.state() {
+                CellState::Near => rule.near_m,
+                _ => rule.assumed_m,
+            };
+            obstacles.extend(points(distance_m));
         }
     }
 
@@ -323,9 +327,7 @@ mod tests {
                     p80_px: px,
                     distance_m: Some(distance_m),
                 }),
-                too_close: false,
-                probability: None,
-                evidence: None,
+                ..Cell::UNKNOWN
             }
         };
         let shape = GridShape::default();

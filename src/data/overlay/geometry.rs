@@ -224,15 +224,13 @@ mod tests {
     fn unknown_cells_have_no_squares_and_cells_tile_the_image() {
         let cell = |known: bool| Cell {
             valid_share: 0.5,
-            probability: None,
-            evidence: None,
-            too_close: false,
             depth: known.then_some(CellDepth {
                 median_px: 8.0,
                 p20_px: 8.0,
                 p80_px: 8.0,
                 distance_m: None,
             }),
+            ..Cell::UNKNOWN
         };
         let grid = DepthGrid::new(
             GridShape {

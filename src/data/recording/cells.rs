@@ -39,6 +39,9 @@ pub struct CellReport {
     /// Probability that it is right, 0..=1; absent if the algorithm does not report it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
+    /// Of state `near`: probability that something is nearer than the cell rule's `obstacle_m`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub near_probability: Option<f64>,
 }
 
 impl CellReport {
@@ -52,6 +55,7 @@ impl CellReport {
             distance_m: cell.depth.and_then(|depth| depth.distance_m).map(rounded),
             disparity_px: cell.depth.map(|depth| depth.median_px),
             probability: cell.probability.map(rounded),
+            near_probability: cell.near.map(rounded),
         };
         grid.iter().map(report).collect()
     }
@@ -132,8 +136,7 @@ mod tests {
             valid_share: 1.0,
             depth,
             probability,
-            evidence: None,
-            too_close: false,
+            ..Cell::UNKNOWN
         };
         let shape = GridShape {
             columns: 2,

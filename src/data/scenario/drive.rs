@@ -36,8 +36,13 @@ pub struct SteeringRule {
     pub unknown: CellStandsFor,
     /// Interpretation of a cell that a filter reports as too close.
     pub too_close: CellStandsFor,
-    /// Assumed distance of an obstacle in such cells.
+    /// Interpretation of an unknown cell with something near, state `near`; as of other unknown ones
+    /// unless given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near: Option<CellStandsFor>,
+    /// Assumed distance of an obstacle in such cells, and in those of state `near`.
     pub assumed_m: f64,
+    pub near_m: f64,
     /// Length of the paths that are checked.
     pub lookahead_m: f64,
     /// Distance kept from obstacles in addition to the radius.
@@ -96,7 +101,9 @@ impl Default for SteeringRule {
             part: CellPart::Median,
             unknown: CellStandsFor::Free,
             too_close: CellStandsFor::Obstacle,
+            near: None,
             assumed_m: 0.2,
+            near_m: 0.5,
             lookahead_m: 0.8,
             margin_m: 0.05,
             stop_m: 0.12,
@@ -115,6 +122,7 @@ impl SteeringRule {
             CellState::Known => None,
             CellState::Unknown => Some(self.unknown),
             CellState::TooClose => Some(self.too_close),
+            CellState::Near => Some(self.near.unwrap_or(self.unknown)),
         }
     }
 }
@@ -132,6 +140,7 @@ impl DriveConfig {
         let SteeringRule {
             rows,
             assumed_m,
+            near_m,
             lookahead_m,
             margin_m,
             stop_m,
@@ -158,6 +167,7 @@ impl DriveConfig {
         within("near_miss_m", self.near_miss_m, 0.0, 0.5)?;
         within("stuck_s", self.stuck_s, 0.5, 60.0)?;
         within("steering.assumed_m", *assumed_m, 0.01, 5.0)?;
+        within("steering.near_m", *near_m, 0.01, 5.0)?;
         within("steering.lookahead_m", *lookahead_m, 0.1, 5.0)?;
         within("steering.margin_m", *margin_m, 0.0, 0.5)?;
         within("steering.stop_m", *stop_m, 0.0, *lookahead_m)?;

@@ -56,9 +56,9 @@ pub struct NearJudgement {
     pub is_near: bool,
     /// Near, and reported farther than the rule's `clear_m`.
     pub missed: bool,
-    /// Near, and reported as too close or at most at `clear_m`.
+    /// Near, and reported as near, as too close or at most at `clear_m`.
     pub found: bool,
-    /// Reported nearer than `obstacle_m`, and nearly all of the cell is farther than `clear_m`.
+    /// Reported as near or nearer than `obstacle_m`, and nearly all of the cell is farther than `clear_m`.
     pub falsely: bool,
 }
 

@@ -451,8 +451,9 @@ pub const METRICS: &[Metric] = &[
         note: Some(|rule| {
             let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
             let words = format!(
-                "cells reported at most at {clear_m} m, or as too close, of all whose nearest \
-                 quarter is nearer than {obstacle_m} m: an unknown one is neither found nor missed"
+                "cells reported at most at {clear_m} m, as near or as too close, of all whose \
+                 nearest quarter is nearer than {obstacle_m} m: an unknown one is neither found \
+                 nor missed"
             );
             ("found", words)
         }),

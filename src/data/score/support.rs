@@ -53,12 +53,10 @@ pub fn agreed_cells(own: &DepthGrid, others: &[&DepthGrid], rule: CellRule) -> u
         let mut depths: Vec<_> = depths.collect();
         depths.sort_by(|a, b| a.median_px.total_cmp(&b.median_px));
         Cell {
-            probability: None,
-            evidence: None,
-            too_close: false,
             valid_share: 1.0,
             // The smaller disparity, hence the farther, of the two middle ones.
             depth: (depths.len() >= 2).then(|| depths[(depths.len() - 1) / 2]),
+            ..Cell::UNKNOWN
         }
     };
     let medians = DepthGrid::new(shape, shape.iter().map(median).collect());

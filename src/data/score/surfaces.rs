@@ -97,7 +97,7 @@ impl SurfaceTally {
         self.found += usize::from(near.found);
         self.falsely += usize::from(near.falsely);
         match &cell.depth {
-            None => self.near_unknown += usize::from(near.is_near),
+            None => self.near_unknown += usize::from(near.is_near && !near.found),
             Some(report) if agrees(cell, report, &quarter.near, near_rule) => self.near_right += 1,
             Some(_) => self.near_wrong += 1,
         }

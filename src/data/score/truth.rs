@@ -154,9 +154,13 @@ impl TrueQuarter {
     pub fn judge(&self, cell: &Cell, rule: CellRule) -> NearJudgement {
         let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
         let is_near = self.near.distance_m.is_some_and(|z| z < obstacle_m);
+        let is_free = self.not_clear < CLEAR;
         let Some(report) = &cell.depth else {
+            let is_flagged = cell.near.is_some();
             return NearJudgement {
                 is_near,
+                found: is_near && is_flagged,
+                falsely: is_flagged && is_free,
                 ..NearJudgement::default()
             };
         };
@@ -166,7 +170,7 @@ impl TrueQuarter {
             is_near,
             missed: is_near && is_clear && !cell.too_close,
             found: is_near && (!is_clear || cell.too_close),
-            falsely: is_obstacle && self.not_clear < CLEAR,
+            falsely: is_obstacle && is_free,
         }
     }
 

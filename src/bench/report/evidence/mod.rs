@@ -34,7 +34,7 @@ impl EvidencePage<'_> {
     /// library.
     pub fn render(&self) -> Result<String> {
         let SafeChoice {
-            decision,
+            table,
             jump,
             allowance_px,
             ..
@@ -50,7 +50,7 @@ impl EvidencePage<'_> {
         });
         let view = EvidenceView {
             title: &self.title,
-            rank: decision.rank,
+            rank: table.rank,
             cells: cells.collect::<Result<_>>()?,
             images: [],
             identity: &self.identity,
@@ -135,7 +135,7 @@ impl EvidencePage<'_> {
         let [left, right] = ends.map(px);
         let at_report = share(all.partition_point(|of| i64::from(*of) < evidence.report));
         let gap = (f64::NAN, f64::NAN);
-        let rank = self.choice.decision.rank as f64;
+        let rank = self.choice.table.rank as f64;
         Chart {
             title: String::new(),
             x: Axis {
@@ -177,7 +177,7 @@ impl EvidencePage<'_> {
 
     /// Weight of each feature in the log odds.
     fn table(&self, evidence: &CellEvidence) -> Table {
-        let decision = &self.choice.decision.table;
+        let decision = &self.choice.table;
         let odds = |score: i64| format!("{:+.2}", score as f64 / 1000.0);
         let mut table = Table::new("", "evidence").with_columns(["value", "log odds"]);
         table.push("base", [String::new(), odds(decision.base)]);

@@ -59,7 +59,8 @@ impl<'a> FigureView<'a> {
 
 fn shot_view<'a>(rank: Rank, shot: &'a FrameShot, images: &mut PageImages<'a>) -> ShotView<'a> {
     let estimate = |cell: &CellRow| match cell.verdict {
-        Verdict::Unknown => format!("unknown{}", probability(cell)),
+        Verdict::Unknown if cell.state == Some(CellState::Near) => estimated(cell),
+        Verdict::Unknown => format!("unknown{}", probability(cell, cell.probability)),
         Verdict::Wrong => format!("{}, wrong", estimated(cell)),
         _ => estimated(cell),
     };
@@ -172,17 +173,18 @@ fn estimated(cell: &CellRow) -> String {
     let depth = depth(cell.distance_m, cell.median_px);
     match cell.state {
         Some(CellState::TooClose) => format!("too close, nearer than {depth}"),
-        _ => format!("{depth}{}", probability(cell)),
+        Some(CellState::Near) => format!("near{}", probability(cell, cell.near_probability)),
+        _ => format!("{depth}{}", probability(cell, cell.probability)),
     }
 }
 
-fn probability(cell: &CellRow) -> String {
+fn probability(cell: &CellRow, of: Option<f64>) -> String {
     let words = |p: f64| match 100.0 * p {
         // Never certain.
         percent if percent > 99.0 => format!(" ({}: > 99 %)", cell.algorithm),
         percent => format!(" ({}: {percent:.0} %)", cell.algorithm),
     };
-    cell.probability.map_or_else(String::new, words)
+    of.map_or_else(String::new, words)
 }
 
 /// The metrics of the frame's pixels, and the time, in words.

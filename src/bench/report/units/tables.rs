@@ -503,8 +503,9 @@ fn depth_grid<'a>(rows: impl Iterator<Item = &'a CellRow>, shape: GridShape) -> 
             valid_share: row.valid_share,
             depth,
             probability: row.probability,
-            evidence: None,
             too_close: row.state == Some(CellState::TooClose),
+            near: row.near_probability,
+            ..Cell::UNKNOWN
         });
     }
     let cells = cells.into_iter().collect::<Option<Vec<_>>>()?;

@@ -286,7 +286,8 @@ fn nothing(root: &Path, name: &str) -> Error {
 
 /// Scenes, one frame each.
 ///
-/// The time at which they were taken is unknown, so they are stamped a second apart.
+/// The time at which they were taken is unknown, so they are stamped two seconds apart: farther than
+/// any algorithm takes for one run.
 pub struct SceneSource {
     scenes: Vec<Scene>,
     depth: BitDepth,
@@ -295,7 +296,7 @@ pub struct SceneSource {
 
 impl SceneSource {
     /// Stamps of scenes.
-    pub const STAMPS: StampOrigin = StampOrigin::Nominal(1.0);
+    pub const STAMPS: StampOrigin = StampOrigin::Nominal(0.5);
 
     pub fn new(scenes: Vec<Scene>) -> Self {
         Self::with_bits(scenes, None).expect("only requested bits can be wrong")

@@ -1,11 +1,19 @@
 //! The safe choice for any disparity map.
 
-use super::{
-    BINS_PER_PX, CellPixels, Decision, SafeChoice, Tolerance, VerdictTable, fill_empty_rows,
-    fill_row,
-};
+use super::{BINS_PER_PX, CellPixels, CellTable, Feature, Tolerance, fill_empty_rows, fill_row};
 use crate::depth::GridSettings;
 use crate::stereo::{Cell, CellRule, DepthGrid, Gray, Plane, Rig};
+use std::sync::LazyLock;
+
+/// The table for maps of any algorithm: fitted to the arena, seeds 4 to 6 and 31 (docs/v5.md).
+static TABLE: LazyLock<CellTable> = LazyLock::new(|| {
+    let text = include_str!("any_map.json");
+    CellTable::parse(text).expect("it is a table, as a test checks")
+});
+
+/// As the parameters of v5.
+const JUMP: i32 = 16;
+const ALLOWANCE_PX: f64 = 0.25;
 
 /// The disparities of a map in bins, gaps filled.
 pub struct FilledMap {
@@ -49,7 +57,7 @@ impl FilledMap {
 
 /// The grid of a disparity map whose cells are known if they are safe to report: gaps are filled,
 /// and a cell reports a disparity that is right by `rule` whatever the disparities of its uncertain
-/// pixels (docs/v5.md, with the settings of `v5:revision=1` and its table for medians).
+/// pixels (docs/v5.md).
 ///
 /// A map has no matching costs, so they count as low. Disparities of 0 and below are never
 /// reported. `left` is the left image, of the map's size.
@@ -61,39 +69,15 @@ pub fn safe_grid(
     rig: Option<&Rig>,
 ) -> DepthGrid {
     let (width, height) = disparity.size();
-    let SafeChoice {
-        decision,
-        jump,
-        allowance_px,
-        network: _,
-        fitted: _,
-    } = SafeChoice {
-        network: None,
-        fitted: Vec::new(),
-        decision: Decision {
-            rank: 50,
-            slack: 10,
-            least_score: Decision::least_score(0.75),
-            table: VerdictTable::MEDIAN,
-        },
-        jump: 16,
-        allowance_px: 0.25,
-    };
-    let map = FilledMap::new(disparity, jump);
+    let map = FilledMap::new(disparity, JUMP);
     let most = map.bins.iter().copied().max().unwrap_or_default();
     let count = most as usize + 1;
-    let tolerance = Tolerance::new(rule, rig, allowance_px, count);
+    let tolerance = Tolerance::new(rule, rig, ALLOWANCE_PX, count);
     let mut pixels = CellPixels::new(count);
     let cell = |place| {
         let (columns, rows) = settings.shape().pixels(place, (width, height));
         if !map.sees || columns.is_empty() || rows.is_empty() {
-            return Cell {
-                valid_share: 0.0,
-                depth: None,
-                probability: None,
-                evidence: None,
-                too_close: false,
-            };
+            return Cell::UNKNOWN;
         }
         pixels.clear();
         for y in rows {
@@ -101,8 +85,13 @@ pub fn safe_grid(
             let texture = texture(left.row(y), &columns);
             pixels.add(&map.bins[row.clone()], &map.seen[row], 0, texture);
         }
-        let evidence = decision.evidence(&mut pixels, &tolerance);
-        decision.cell(&pixels, &evidence, settings.min_valid, rig)
+        pixels.count();
+        let evidence = TABLE.evidence(&pixels, &tolerance);
+        let seen = evidence.features[Feature::Seen as usize] as f64;
+        let score = TABLE.score(&evidence);
+        let mut cell = TABLE.cell(&pixels, &evidence, [score, TABLE.least_score], rig);
+        cell.depth = cell.depth.filter(|_| seen >= 1000.0 * settings.min_valid);
+        cell
     };
     let cells = settings.shape().iter().map(cell).collect();
     // There is one cell per element of the shape.

@@ -9,67 +9,33 @@
 
 mod fill;
 mod map;
+mod table;
+mod time;
 mod tolerance;
-mod verdict;
 
 pub use fill::{fill_empty_rows, fill_row};
 pub use map::{FilledMap, safe_grid};
+pub use table::{CellTable, Feature, Steps, least_score, probability};
+pub use time::{CellPast, Past, TimeTable};
 pub use tolerance::Tolerance;
-pub use verdict::{Feature, VerdictTable};
 
-use crate::stereo::{Cell, CellDepth, CellEvidence, FittedTo, Rig};
+use crate::stereo::FittedTo;
 
 /// Bins per pixel of disparity.
 pub const BINS_PER_PX: i32 = 8;
 
-/// Rule that decides on cells.
-#[derive(Clone, Debug)]
-pub struct Decision {
-    /// The percentile of the cell's disparities to report, 1..=99: 50 is the median, 75 the nearest
-    /// quarter.
-    pub rank: i64,
-    /// Disparities whose safety differs by at most this, thousandths of the cell, count as equal:
-    /// the one nearest to that percentile is reported.
-    pub slack: i64,
-    /// Least score of a known cell, thousandths of the log odds.
-    pub least_score: i64,
-    pub table: VerdictTable,
-}
-
 /// Computation of cells from a disparity map: the filling of gaps, and the decision.
 #[derive(Clone, Debug)]
 pub struct SafeChoice {
-    pub decision: Decision,
+    pub table: CellTable,
+    /// The second decision, on unknown cells: whether something near is in them.
+    pub near: Option<CellTable>,
     /// Ends of a gap whose disparities differ by more belong to two surfaces, bins.
     pub jump: i32,
     /// Part of the tolerance reserved for the matcher's own error, pixels.
     pub allowance_px: f64,
-    /// Hash of the network that weighs disparities for gaps, for the table's
-    /// [`network`](VerdictTable::network).
-    pub network: Option<String>,
-    /// The runs that table and network were fitted to.
-    pub fitted: Vec<FittedTo>,
-}
-
-impl SafeChoice {
-    /// What is wrong with its probabilities, if the table was fitted without the network, with
-    /// another, or to another part of a cell.
-    pub fn misfit(&self) -> Option<&'static str> {
-        let Decision { rank, table, .. } = &self.decision;
-        if self.network.as_deref() != table.network.as_deref() {
-            Some(
-                "no table= is given, so its probabilities are of a table that was fitted without \
-                 this network: `svl train cells` makes one",
-            )
-        } else if *rank != table.rank {
-            Some(
-                "its probabilities are of a table for another rank: leave rank= out, or take \
-                 target=near",
-            )
-        } else {
-            None
-        }
-    }
+    /// The runs that tables and network were fitted to.
+    pub fitted: FittedTo,
 }
 
 /// The pixels of a cell, collected: each votes for its bin, or for several and for none.
@@ -143,8 +109,8 @@ impl CellPixels {
         self.agreed = Some(self.agreed.unwrap_or(0) + i64::from(agreed));
     }
 
-    /// Turns counts per bin into counts of lower bins.
-    fn accumulate(&mut self) {
+    /// Turns counts per bin into counts of lower bins: after all pixels were added, once.
+    pub fn count(&mut self) {
         let mut below = 0;
         for count in &mut self.counts {
             below += *count;
@@ -162,104 +128,15 @@ impl CellPixels {
         (self.counts[bin] >> 32) as i64
     }
 
+    /// Fraction of the pixels that were seen.
+    pub fn valid_share(&self) -> f64 {
+        self.seen as f64 / self.pixels.max(1) as f64
+    }
+
     /// The first bin that is at least the disparity of `percent` of the votes for any.
     fn percentile(&self, percent: i64) -> i64 {
         let reached =
             |&count: &u64| 100 * i64::from(count as u32) >= percent * (self.votes - self.none);
         self.counts[1..].partition_point(|count| !reached(count)) as i64
-    }
-}
-
-impl Decision {
-    /// Decides on the pixels, of which at least one votes; they are consumed.
-    pub fn evidence(&self, cell: &mut CellPixels, tolerance: &Tolerance) -> CellEvidence {
-        cell.accumulate();
-        let (pixels, votes) = (cell.pixels, cell.votes);
-        let bins = tolerance.bins();
-        let all = |bin| cell.all(bin);
-        let supporting = |bin| cell.supporting(bin);
-        // Fraction of the cell that may be uncertain, on the side with less room. Half of the votes
-        // for none count on either side.
-        let rank = self.rank * votes - 50 * cell.none;
-        let safe = |v: usize| {
-            let [l, r] = tolerance.within(v);
-            (rank - 100 * all(l)).min(100 * all(r) - rank)
-        };
-        let held = |v: usize| {
-            let [l, r] = tolerance.within(v);
-            supporting(r) - supporting(l)
-        };
-        let score = |v: usize| 4 * safe(v) + 100 * held(v);
-        let best = (0..bins).map(score).max().unwrap_or_default();
-        let target = cell.percentile(self.rank);
-        let good = |v: &usize| 10 * (best - score(*v)) <= 4 * self.slack * votes;
-        let report = (0..bins)
-            .filter(good)
-            .min_by_key(|&v| ((v as i64 - target).abs(), -(v as i64)))
-            .unwrap_or_default();
-        let report_bins = report as i64;
-        let of_votes = |part: i64| match cell.agreed {
-            Some(_) => 1000 * part / votes,
-            None => CellEvidence::NOT_MEASURED,
-        };
-        CellEvidence {
-            report: report_bins,
-            target,
-            features: [
-                (10 * safe(report)).div_euclid(votes),
-                1000 * held(report) / votes,
-                1000 * cell.seen / pixels,
-                1000 * (report_bins - target).abs() / tolerance.span(report),
-                100 * cell.cost / pixels,
-                25 * cell.texture / pixels,
-                tolerance.span(report),
-                of_votes(votes - cell.none),
-                of_votes(cell.agreed.unwrap_or(0)),
-            ],
-        }
-    }
-
-    /// The cell of a grid. `min_valid` is the least fraction of seen pixels.
-    pub fn cell(
-        &self,
-        pixels: &CellPixels,
-        evidence: &CellEvidence,
-        min_valid: f64,
-        rig: Option<&Rig>,
-    ) -> Cell {
-        let score = self.table.score(evidence);
-        let seen = evidence.features[Feature::Seen as usize];
-        let known =
-            seen as f64 >= 1000.0 * min_valid && score >= self.least_score && evidence.report > 0;
-        let px = |bins: i64| bins as f32 / BINS_PER_PX as f32;
-        let median_px = px(evidence.report);
-        Cell {
-            valid_share: pixels.seen as f64 / pixels.pixels.max(1) as f64,
-            depth: known.then(|| CellDepth {
-                median_px,
-                p20_px: px(pixels.percentile(20)),
-                p80_px: px(pixels.percentile(80)),
-                distance_m: rig.and_then(|rig| rig.depth_m(f64::from(median_px))),
-            }),
-            probability: Some(1.0 / (1.0 + (-score as f64 / 1000.0).exp())),
-            evidence: Some(*evidence),
-            too_close: false,
-        }
-    }
-
-    /// The score from which a cell is right with that probability, 0.5..1.
-    pub fn least_score(confidence: f64) -> i64 {
-        (1000.0 * (confidence / (1.0 - confidence)).ln() + 0.5).floor() as i64
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn confidence_is_log_odds() {
-        assert_eq!(Decision::least_score(0.75), 1099);
-        assert_eq!(Decision::least_score(0.5), 0);
     }
 }

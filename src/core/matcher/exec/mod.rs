@@ -403,8 +403,7 @@ fn own_grid(
                 .and_then(|rig| rig.depth_m(f64::from(own.disparity_px))),
         }),
         probability: own.and_then(|own| own.probability),
-        evidence: None,
-        too_close: false,
+        ..Cell::UNKNOWN
     };
     let cells = cells.iter().zip(seen.iter()).map(cell).collect();
     DepthGrid::new(context.grid.shape(), cells)

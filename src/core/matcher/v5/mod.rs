@@ -9,20 +9,26 @@ mod census;
 mod gaps;
 mod half_map;
 mod level;
+mod model;
+mod past;
 mod sums;
 
-use super::{MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, Range};
-use crate::depth::decision::{CellPixels, Decision, Feature, SafeChoice, Tolerance, VerdictTable};
+use super::{
+    MatchContext, MatchOutput, Matcher, MatcherSpec, PairMemory, Parameter, Parameters, Range,
+};
+use crate::depth::decision::{
+    BINS_PER_PX, CellPast, CellPixels, Past, SafeChoice, Tolerance, probability,
+};
 use crate::error::{Error, Result};
 use crate::kernel::{GapCandidates, GapNetwork, Isa, STEPS, WinnerTest};
-use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, FittedTo, Reason, RectifiedPair, Rig};
+use crate::stereo::{Cell, CellRule, DepthGrid, ExtraPlanes, Reason, RectifiedPair, Rig};
 use crate::timing::Stage;
 use gaps::Gaps;
 use level::MatchLevel;
+use past::{PairKey, RunPast};
 use rayon::prelude::*;
-use std::borrow::Cow;
 
-pub use gaps::GapModel;
+pub use model::{GapWeights, V5Model};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v5",
@@ -46,8 +52,11 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
         Parameter {
             name: "revision",
             unit: "",
-            range: Range::int(2, 1..=3),
-            description: "of the algorithm; results of a revision never change",
+            range: Range::Choice {
+                default: "4",
+                options: &["2", "4"],
+            },
+            description: "4 has learned gaps and a memory; 2 has neither and takes half the time",
         },
         Parameter {
             name: "max_disparity",
@@ -92,12 +101,6 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             description: "gaps between disparities that differ by more belong to the farther one",
         },
         Parameter {
-            name: "slack",
-            unit: "‰",
-            range: Range::int(10, 0..=500),
-            description: "of nearly equally safe disparities the one nearest to the median",
-        },
-        Parameter {
             name: "target",
             unit: "",
             range: Range::Choice {
@@ -107,24 +110,10 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             description: "what a cell reports: its median, or its nearest quarter",
         },
         Parameter {
-            name: "table",
+            name: "model",
             unit: "",
             range: Range::File,
-            description: "steps of the probability, of `svl train cells`, in place of the target's",
-        },
-        Parameter {
-            name: "gaps",
-            unit: "",
-            range: Range::File,
-            description: "network that weighs disparities for gaps, of `svl train gaps`, in place \
-                          of revision 3's",
-        },
-        Parameter {
-            name: "rank",
-            unit: "%",
-            range: Range::int(0, 0..=99),
-            description: "percentile of the cell's disparities that is reported, 0 = the \
-                          target's: 50, near 75",
+            description: "network and tables, of `svl train v5`, in place of the built-in ones",
         },
         Parameter {
             name: "allowance_px",
@@ -136,8 +125,8 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             name: "confidence",
             unit: "",
             range: Range::real(0.0, 0.0..=0.999),
-            description: "least probability of a cell that is reported, 0 = the revision's: 0.75, \
-                          0.85, 0.9",
+            description: "least probability of a cell that is reported, 0 = the model's: 0.9, \
+                          0.93 with earlier reports; 0.85 in revision 2",
         },
     ],
     cells: Some(safe_choice),
@@ -154,10 +143,8 @@ struct V5 {
     jumps: [u8; STEPS],
     test: WinnerTest,
     choice: SafeChoice,
-    /// True if a cell must have the grid's least fraction of seen pixels to be known. From revision
-    /// 2 on the probability alone decides; that fraction is among its evidence.
-    needs_valid: bool,
     gaps: Option<GapNetwork>,
+    past: RunPast,
     scratch: Option<Scratch>,
     tolerance: Option<(CellRule, Option<Rig>, Tolerance)>,
     cells: Vec<CellPixels>,
@@ -182,6 +169,8 @@ impl V5 {
         }
         let edge = parameters.int("edge");
         let count = parameters.int("max_disparity") as usize / 2 + 1;
+        let model = model(parameters)?;
+        let network = model.network.as_ref();
         Ok(Self {
             isa,
             count,
@@ -193,9 +182,9 @@ impl V5 {
                 unique: parameters.int("unique") as u32,
                 out,
             },
-            choice: safe_choice(parameters)?,
-            needs_valid: parameters.int("revision") == 1,
-            gaps: gap_network(parameters)?,
+            gaps: network.map(GapWeights::network),
+            choice: choice_of(model, parameters),
+            past: RunPast::default(),
             scratch: None,
             tolerance: None,
             cells: Vec::new(),
@@ -255,15 +244,10 @@ impl V5 {
             (rule, context.rig, made)
         }));
         let shape = context.grid.shape();
-        let unknown = Cell {
-            valid_share: 0.0,
-            depth: None,
-            probability: None,
-            evidence: None,
-            too_close: false,
-        };
         cells.clear();
-        cells.resize(shape.cells(), unknown);
+        cells.resize(shape.cells(), Cell::UNKNOWN);
+        let size = self.scratch.as_ref().map_or((0, 0), |scratch| scratch.size);
+        let (before, after) = self.past.begin(PairKey::new(context, size), shape.cells());
         let Some(Scratch { half, gaps, .. }) = &self.scratch else {
             return;
         };
@@ -273,12 +257,15 @@ impl V5 {
         }
         self.cells
             .resize_with(shape.cells(), || CellPixels::new(bins));
-        let min_valid = if self.needs_valid {
-            context.grid.min_valid
-        } else {
-            0.0
+        let rig = context.rig.as_ref();
+        let deciding = Deciding {
+            choice: &self.choice,
+            tolerance,
+            rig,
+            near_m: context.cells.obstacle_and_clear_m(),
+            stamp_ns: context.stamp_ns,
         };
-        let decide = |(i, (cell, pixels)): (usize, (&mut Cell, &mut CellPixels))| {
+        let decide = |i: usize, cell: &mut Cell, pixels: &mut CellPixels, past: &mut CellPast| {
             let place = (i % shape.columns, i / shape.columns);
             let (columns, rows) = shape.pixels(place, map.size());
             if columns.is_empty() || rows.is_empty() {
@@ -296,160 +283,110 @@ impl V5 {
             for of in gaps.iter().flat_map(|gaps| gaps.votes(&columns, &rows)) {
                 pixels.vote(&of.bins, &of.votes, of.agreed);
             }
-            let evidence = self.choice.decision.evidence(pixels, tolerance);
-            let rig = context.rig.as_ref();
-            *cell = self.choice.decision.cell(pixels, &evidence, min_valid, rig);
+            pixels.count();
+            (*cell, *past) = deciding.cell(pixels, &before[i]);
         };
-        let cells = cells.par_iter_mut().zip(&mut self.cells);
-        cells.enumerate().for_each(decide);
+        let cells = cells.par_iter_mut().zip(&mut self.cells).zip(after);
+        cells
+            .enumerate()
+            .for_each(|(i, ((cell, pixels), past))| decide(i, cell, pixels, past));
     }
 }
 
-/// The runs that the built-in network was fitted to (docs/results/v5.md, "Learned gaps").
-const REVISION_3: FittedTo = FittedTo::built_in(&[
-    Cow::Borrowed("arena seed 101..110"),
-    Cow::Borrowed("arena-training seed 101..110"),
-    Cow::Borrowed("worlds-training seed 1..40"),
-    Cow::Borrowed("shapes-training seed 1..40"),
-]);
-
-/// The network for gaps that the parameters select, in the bytes of its file.
-struct NetworkFile<'a> {
-    /// The setting that selects it.
-    named: &'a str,
-    bytes: &'a [u8],
+/// The decision on the cells of a pair.
+struct Deciding<'a> {
+    choice: &'a SafeChoice,
+    tolerance: &'a Tolerance,
+    rig: Option<&'a Rig>,
+    /// `obstacle_m` and `clear_m` of the rule.
+    near_m: (f64, f64),
+    stamp_ns: Option<u64>,
 }
 
-impl<'a> NetworkFile<'a> {
-    fn of(parameters: &'a Parameters) -> Option<Self> {
-        match (parameters.file("gaps"), parameters.int("revision")) {
-            (Some(file), _) => Some(Self {
-                named: "gaps=",
-                bytes: &file.bytes,
-            }),
-            (None, 3) => Some(Self {
-                named: "revision=3",
-                bytes: GapModel::REVISION_3,
-            }),
-            (None, _) => None,
+impl Deciding<'_> {
+    /// The cell of those pixels, and its state, from its state before the pair.
+    fn cell(&self, pixels: &CellPixels, before: &CellPast) -> (Cell, CellPast) {
+        let table = &self.choice.table;
+        let evidence = table.evidence(pixels, self.tolerance);
+        let own = table.score(&evidence);
+        let (mut scores, mut after) = ([own, table.least_score], CellPast::default());
+        if let Some(time) = &table.time
+            && evidence.report > 0
+        {
+            let relation = before.relation(evidence.report, self.tolerance);
+            let mut added = time.score(relation, before.trust);
+            if self.is_nearer(evidence.report, self.near_m.1) {
+                added = added.max(0);
+            }
+            if relation != Past::None {
+                scores = [own + added, time.least_score];
+            }
+            after = before.after(relation, evidence.report, own, self.stamp_ns);
         }
-    }
-
-    /// The runs that it was fitted to.
-    ///
-    /// # Errors
-    /// The fault in its file.
-    fn fitted(&self) -> std::result::Result<FittedTo, String> {
-        if self.bytes.as_ptr() == GapModel::REVISION_3.as_ptr() {
-            return Ok(REVISION_3);
+        let mut cell = table.cell(pixels, &evidence, scores, self.rig);
+        if cell.depth.is_none() {
+            cell.near = self.near(pixels);
         }
-        FittedTo::of_facts(&GapModel::from_bytes(self.bytes)?.facts)
+        (cell, after)
     }
 
-    /// Identifies it in the tables that were fitted with it.
-    fn hash(&self) -> String {
-        format!("{:016x}", xxhash_rust::xxh3::xxh3_64(self.bytes))
+    /// The probability that something is nearer than `obstacle_m`, if it is high enough.
+    fn near(&self, pixels: &CellPixels) -> Option<f64> {
+        let table = self.choice.near.as_ref().filter(|_| self.rig.is_some())?;
+        let evidence = table.evidence(pixels, self.tolerance);
+        let score = table.score(&evidence);
+        let is_near = score >= table.least_score && self.is_nearer(evidence.report, self.near_m.0);
+        is_near.then(|| probability(score))
+    }
+
+    /// True if a report above 0 is nearer than that; never without a rig.
+    fn is_nearer(&self, report: i64, metres: f64) -> bool {
+        let px = report as f64 / f64::from(BINS_PER_PX);
+        let depth_m = self.rig.filter(|_| report > 0).and_then(|rig| rig.depth_m(px));
+        depth_m.is_some_and(|depth_m| depth_m < metres)
     }
 }
 
-/// The network for gaps that the parameters select.
-fn gap_network(parameters: &Parameters) -> Result<Option<GapNetwork>> {
-    let Some(NetworkFile { bytes, .. }) = NetworkFile::of(parameters) else {
-        return Ok(None);
+/// The model that the parameters select.
+fn model(parameters: &Parameters) -> Result<V5Model> {
+    let is_fast = parameters.choice("revision") == "2";
+    let (path, bytes) = match parameters.file("model") {
+        Some(file) if is_fast => {
+            return Err(Error::Usage(format!(
+                "v5: revision=2 has its own tables, and model={} is for revision 4; leave one out",
+                file.path
+            )));
+        }
+        Some(file) => (file.path.as_str(), &file.bytes[..]),
+        None if is_fast => ("v5", V5Model::REVISION_2),
+        None => ("v5", V5Model::REVISION_4),
     };
-    let model = GapModel::from_bytes(bytes).map_err(|why| {
-        let path = parameters.file("gaps").map_or("v5", |file| &file.path);
-        Error::Usage(format!("{path}: {why}"))
-    })?;
-    Ok(Some(model.network()))
+    V5Model::from_bytes(bytes).map_err(|why| Error::Usage(format!("{path}: {why}")))
 }
 
 /// Decision on cells according to the parameters.
 fn safe_choice(parameters: &Parameters) -> Result<SafeChoice> {
-    let table = table(parameters)?;
-    let needs_gaps =
-        |feature: &Feature| feature.needs_gaps() && !table.steps[*feature as usize].is_empty();
-    let network = NetworkFile::of(parameters);
-    if let (Some(file), None) = (parameters.file("table"), &network)
-        && let Some(feature) = Feature::ALL.iter().find(|feature| needs_gaps(feature))
-    {
-        return Err(Error::Usage(format!(
-            "{}: has steps of '{}', which only gaps=FILE measures: name the network too, or train \
-             a table without",
-            file.path,
-            feature.name()
-        )));
-    }
-    let hash = network.as_ref().map(NetworkFile::hash);
-    if let Some(file) = parameters.file("table")
-        && table.network.as_deref() != hash.as_deref()
-    {
-        let fitted = match &table.network {
-            Some(hash) => format!("was fitted with the network of hash {hash}"),
-            None => "was fitted without a network".to_owned(),
-        };
-        let given = match &network {
-            Some(of) => format!("{} has hash {}", of.named, of.hash()),
-            None => "gaps= is not given".to_owned(),
-        };
-        return Err(Error::Usage(format!(
-            "{}: {fitted}, and {given}: give both as they were, or train a table anew",
-            file.path
-        )));
-    }
-    let fitted_network = network.as_ref().map(|network| {
-        let fitted = network.fitted();
-        fitted.map_err(|why| Error::Usage(format!("{}: {why}", network.named)))
-    });
-    let fitted = [Some(table.fitted.clone()), fitted_network.transpose()?];
-    let rank = match parameters.int("rank") {
-        0 => table.rank,
-        rank => i64::from(rank),
-    };
-    let confidence = match (parameters.real("confidence"), parameters.int("revision")) {
-        (0.0, 1) => 0.75,
-        (0.0, 2) => 0.85,
-        (0.0, _) => 0.9,
-        (confidence, _) => confidence,
-    };
-    Ok(SafeChoice {
-        decision: Decision {
-            rank,
-            slack: i64::from(parameters.int("slack")),
-            least_score: Decision::least_score(confidence),
-            table,
-        },
-        jump: parameters.int("jump"),
-        allowance_px: parameters.real("allowance_px"),
-        network: hash,
-        fitted: fitted.into_iter().flatten().collect(),
-    })
+    Ok(choice_of(model(parameters)?, parameters))
 }
 
-/// The probability steps that the parameters select.
-fn table(parameters: &Parameters) -> Result<VerdictTable> {
-    let target = parameters.choice("target");
-    if let Some(file) = parameters.file("table") {
-        if target != "median" {
-            return Err(Error::Usage(format!(
-                "v5: target={target} and table={}: a table is for the target it was made for; \
-                 leave one out",
-                file.path
-            )));
-        }
-        let text = std::str::from_utf8(&file.bytes);
-        let text = text.map_err(|_| "is not a text; `svl train cells` makes a table".to_owned());
-        let table = text.and_then(VerdictTable::parse);
-        return table.map_err(|why| Error::Usage(format!("{}: {why}", file.path)));
+fn choice_of(model: V5Model, parameters: &Parameters) -> SafeChoice {
+    let is_median = parameters.choice("target") == "median";
+    let has_flags = is_median && parameters.choice("revision") != "2";
+    let table = if is_median {
+        model.median
+    } else {
+        model.near.clone()
+    };
+    SafeChoice {
+        table: match parameters.real("confidence") {
+            0.0 => table,
+            confidence => table.known_from(confidence),
+        },
+        near: has_flags.then_some(model.near),
+        jump: parameters.int("jump"),
+        allowance_px: parameters.real("allowance_px"),
+        fitted: model.fitted,
     }
-    Ok(match (target, parameters.int("revision")) {
-        ("near", 1) => VerdictTable::NEAR,
-        ("near", 2) => VerdictTable::NEAR_2,
-        ("near", _) => VerdictTable::NEAR_3,
-        (_, 1) => VerdictTable::MEDIAN,
-        (_, 2) => VerdictTable::MEDIAN_2,
-        _ => VerdictTable::MEDIAN_3,
-    })
 }
 
 impl Matcher for V5 {
@@ -483,6 +420,17 @@ impl Matcher for V5 {
         output.grid = Some(DepthGrid::new(context.grid.shape(), cells)?);
         output.clock.lap(Stage::Checks);
         Ok(())
+    }
+
+    fn memory(&self) -> PairMemory {
+        match self.choice.table.time {
+            Some(_) => PairMemory::Run,
+            None => PairMemory::None,
+        }
+    }
+
+    fn reset(&mut self) {
+        self.past = RunPast::default();
     }
 }
 

@@ -511,15 +511,13 @@ mod tests {
     fn grid_of(distances: [Option<f64>; 3]) -> DepthGrid {
         let cell = |distance_m: Option<f64>| Cell {
             valid_share: 0.5,
-            probability: None,
-            evidence: None,
-            too_close: false,
             depth: distance_m.map(|z| CellDepth {
                 median_px: 1.0,
                 p20_px: 1.0,
                 p80_px: 1.0,
                 distance_m: Some(z),
             }),
+            ..Cell::UNKNOWN
         };
         DepthGrid::new(SHAPE, distances.map(cell).to_vec()).unwrap()
     }

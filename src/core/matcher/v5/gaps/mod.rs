@@ -3,9 +3,6 @@
 
 mod candidates;
 mod lines;
-mod model;
-
-pub use model::GapModel;
 
 use super::level::MatchLevel;
 use crate::kernel::{GapCandidates, GapNetwork, GapVotes, HYPOTHESES, Isa, weigh_hypotheses};

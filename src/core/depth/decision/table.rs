@@ -1,0 +1,349 @@
+//! Decision on a cell: what to report, and the log odds that it is right.
+
+use super::{BINS_PER_PX, CellPixels, TimeTable, Tolerance};
+use crate::stereo::{Cell, CellDepth, CellEvidence, Rig};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// One piece of evidence on a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Feature {
+    /// Fraction of the cell that may be on the wrong side before the report is wrong, ‰.
+    Margin,
+    /// Fraction of pixels that were seen and agree with the report, ‰.
+    Support,
+    /// Fraction of pixels that were seen, ‰.
+    Seen,
+    /// Distance of the report from the percentile, in tolerances, ‰.
+    Shift,
+    /// Mean matching cost, hundredths.
+    Cost,
+    /// Mean difference of left neighbours, hundredths of a grey level.
+    Texture,
+    /// Number of bins of true disparities for which the report is right.
+    Span,
+    /// With learned gaps: fraction of votes for any disparity, ‰.
+    Voted,
+    /// With learned gaps: fraction of votes that agree with the best of their pixel, ‰.
+    Agreed,
+}
+
+impl Feature {
+    /// Unit of its values, empty for a plain number.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Margin
+            | Self::Support
+            | Self::Seen
+            | Self::Shift
+            | Self::Voted
+            | Self::Agreed => "‰",
+            Self::Cost => "bits/100",
+            Self::Texture => "grey levels/100",
+            Self::Span => "px/8",
+        }
+    }
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Margin => "margin",
+            Self::Support => "support",
+            Self::Seen => "seen",
+            Self::Shift => "shift",
+            Self::Cost => "cost",
+            Self::Texture => "texture",
+            Self::Span => "span",
+            Self::Voted => "voted",
+            Self::Agreed => "agreed",
+        }
+    }
+
+    pub const ALL: [Self; CellEvidence::FEATURES] = [
+        Self::Margin,
+        Self::Support,
+        Self::Seen,
+        Self::Shift,
+        Self::Cost,
+        Self::Texture,
+        Self::Span,
+        Self::Voted,
+        Self::Agreed,
+    ];
+
+    /// True if only the votes of learned gaps have it.
+    pub fn needs_gaps(self) -> bool {
+        matches!(self, Self::Voted | Self::Agreed)
+    }
+}
+
+/// Scores by a value: that of the last step which the value exceeds, else 0.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Steps(pub Vec<(i64, i64)>);
+
+/// Greatest number in a table.
+const MAX_NUMBER: i64 = 1_000_000_000;
+
+impl Steps {
+    pub fn score(&self, value: i64) -> i64 {
+        let reached = self.0.iter().rev().find(|(above, _)| value > *above);
+        reached.map_or(0, |(_, score)| *score)
+    }
+
+    /// # Errors
+    /// The fault, in words: values that do not rise, or numbers that are too large.
+    pub(super) fn validate(&self) -> Result<(), String> {
+        if !self.0.is_sorted_by(|a, b| a.0 < b.0) {
+            return Err("its values do not rise".to_owned());
+        }
+        let is_large = |number: i64| number.unsigned_abs() > MAX_NUMBER.unsigned_abs();
+        match self.0.iter().any(|(above, score)| is_large(*above) || is_large(*score)) {
+            true => Err(format!("a number is beyond {MAX_NUMBER}")),
+            false => Ok(()),
+        }
+    }
+}
+
+/// The rule that decides on cells: the disparity that is reported, and the steps that turn the
+/// evidence into the log odds that it is right. Scores are thousandths of log odds.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CellTable {
+    /// The percentile of the cell's disparities to report, 1..=99: 50 is the median, 75 the nearest
+    /// quarter.
+    pub rank: i64,
+    /// Disparities whose safety differs by at most this, thousandths of the cell, count as equal:
+    /// the one nearest to that percentile is reported.
+    pub slack: i64,
+    /// Least score of a known cell.
+    pub least_score: i64,
+    pub base: i64,
+    #[serde(with = "by_name")]
+    pub steps: [Steps; Feature::ALL.len()],
+    /// The scores of earlier reports, if they count.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time: Option<TimeTable>,
+}
+
+impl CellTable {
+    /// Parses a table: JSON with `rank`, `slack`, `least_score`, `base`, and under `steps` per
+    /// feature a list of `[above, score]`.
+    ///
+    /// # Errors
+    /// The fault in the text, in one line.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let table: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        for (name, number, range) in [
+            ("rank", table.rank, 1..=99),
+            ("slack", table.slack, 0..=1000),
+            ("base", table.base, -MAX_NUMBER..=MAX_NUMBER),
+            ("least_score", table.least_score, -MAX_NUMBER..=MAX_NUMBER),
+        ] {
+            if !range.contains(&number) {
+                let (first, last) = range.into_inner();
+                return Err(format!("{name} is {number}, outside {first}..={last}"));
+            }
+        }
+        for (feature, steps) in Feature::ALL.into_iter().zip(&table.steps) {
+            let wrong = |why| format!("steps.{}: {why}", feature.name());
+            steps.validate().map_err(wrong)?;
+        }
+        if let Some(time) = &table.time {
+            time.validate()?;
+        }
+        Ok(table)
+    }
+
+    /// The table in the form that [`CellTable::parse`] reads.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string(self).expect("a table has only numbers and names")
+    }
+
+    /// The same table with cells known from that probability on, 0.5..1.
+    #[must_use]
+    pub fn known_from(mut self, confidence: f64) -> Self {
+        self.least_score = least_score(confidence);
+        if let Some(time) = &mut self.time {
+            time.least_score = self.least_score;
+        }
+        self
+    }
+
+    /// The log odds that the cell's report is right.
+    pub fn score(&self, evidence: &CellEvidence) -> i64 {
+        let parts = self.steps.iter().zip(evidence.features);
+        self.base + parts.map(|(steps, value)| steps.score(value)).sum::<i64>()
+    }
+
+    /// The evidence on a cell and its report: of pixels that were counted, of which at least one
+    /// votes.
+    pub fn evidence(&self, cell: &CellPixels, tolerance: &Tolerance) -> CellEvidence {
+        let (pixels, votes) = (cell.pixels, cell.votes);
+        let bins = tolerance.bins();
+        let all = |bin| cell.all(bin);
+        let supporting = |bin| cell.supporting(bin);
+        // Fraction of the cell that may be uncertain, on the side with less room. Half of the votes
+        // for none count on either side.
+        let rank = self.rank * votes - 50 * cell.none;
+        let safe = |v: usize| {
+            let [l, r] = tolerance.within(v);
+            (rank - 100 * all(l)).min(100 * all(r) - rank)
+        };
+        let held = |v: usize| {
+            let [l, r] = tolerance.within(v);
+            supporting(r) - supporting(l)
+        };
+        let score = |v: usize| 4 * safe(v) + 100 * held(v);
+        let best = (0..bins).map(score).max().unwrap_or_default();
+        let target = cell.percentile(self.rank);
+        let good = |v: &usize| 10 * (best - score(*v)) <= 4 * self.slack * votes;
+        let report = (0..bins)
+            .filter(good)
+            .min_by_key(|&v| ((v as i64 - target).abs(), -(v as i64)))
+            .unwrap_or_default();
+        let report_bins = report as i64;
+        let of_votes = |part: i64| match cell.agreed {
+            Some(_) => 1000 * part / votes,
+            None => CellEvidence::NOT_MEASURED,
+        };
+        CellEvidence {
+            report: report_bins,
+            target,
+            features: [
+                (10 * safe(report)).div_euclid(votes),
+                1000 * held(report) / votes,
+                1000 * cell.seen / pixels,
+                1000 * (report_bins - target).abs() / tolerance.span(report),
+                100 * cell.cost / pixels,
+                25 * cell.texture / pixels,
+                tolerance.span(report),
+                of_votes(votes - cell.none),
+                of_votes(cell.agreed.unwrap_or(0)),
+            ],
+        }
+    }
+
+    /// The cell of a grid, known if `score` is at least `least_score` and a disparity above 0 is
+    /// reported.
+    pub fn cell(
+        &self,
+        pixels: &CellPixels,
+        evidence: &CellEvidence,
+        [score, least_score]: [i64; 2],
+        rig: Option<&Rig>,
+    ) -> Cell {
+        let known = score >= least_score && evidence.report > 0;
+        let px = |bins: i64| bins as f32 / BINS_PER_PX as f32;
+        let median_px = px(evidence.report);
+        Cell {
+            valid_share: pixels.valid_share(),
+            depth: known.then(|| CellDepth {
+                median_px,
+                p20_px: px(pixels.percentile(20)),
+                p80_px: px(pixels.percentile(80)),
+                distance_m: rig.and_then(|rig| rig.depth_m(f64::from(median_px))),
+            }),
+            probability: Some(probability(score)),
+            evidence: Some(*evidence),
+            ..Cell::UNKNOWN
+        }
+    }
+}
+
+/// The score from which a cell is right with that probability, 0.5..1.
+pub fn least_score(confidence: f64) -> i64 {
+    (1000.0 * (confidence / (1.0 - confidence)).ln() + 0.5).floor() as i64
+}
+
+/// The probability of a score.
+pub fn probability(score: i64) -> f64 {
+    1.0 / (1.0 + (-score as f64 / 1000.0).exp())
+}
+
+/// Steps by the names of their features; one without steps is left out.
+mod by_name {
+    use super::{BTreeMap, Feature, Steps};
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    type AllSteps = [Steps; Feature::ALL.len()];
+
+    pub(super) fn serialize<S: Serializer>(steps: &AllSteps, to: S) -> Result<S::Ok, S::Error> {
+        let named = Feature::ALL.into_iter().map(Feature::name).zip(steps);
+        let named = named.filter(|(_, steps)| !steps.0.is_empty());
+        named.collect::<BTreeMap<_, _>>().serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<AllSteps, D::Error> {
+        let mut named = BTreeMap::<String, Steps>::deserialize(from)?;
+        let steps = Feature::ALL.map(|of| named.remove(of.name()).unwrap_or_default());
+        match named.keys().next() {
+            None => Ok(steps),
+            Some(name) => {
+                let names = Feature::ALL.map(Feature::name).join(", ");
+                Err(D::Error::custom(format!(
+                    "steps has '{name}'; expected {names}"
+                )))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table() -> CellTable {
+        let mut steps: [Steps; Feature::ALL.len()] = Default::default();
+        steps[Feature::Margin as usize] = Steps(vec![(44, 755), (102, 941)]);
+        steps[Feature::Cost as usize] = Steps(vec![(313, -59)]);
+        CellTable {
+            rank: 50,
+            slack: 100,
+            least_score: 2197,
+            base: -1907,
+            steps,
+            time: Some(TimeTable {
+                least_score: 2587,
+                agrees: Steps(vec![(2500, 452)]),
+                farther: Steps(vec![(6000, -135)]),
+                nearer: Steps::default(),
+            }),
+        }
+    }
+
+    #[test]
+    fn a_table_comes_back_from_its_text() {
+        for table in [table(), CellTable { time: None, ..table() }] {
+            assert_eq!(CellTable::parse(&table.to_json()), Ok(table));
+        }
+    }
+
+    #[test]
+    fn a_fault_is_one_line_with_its_key() {
+        let text = table().to_json();
+        let cases = [
+            ("\"rank\":50", "\"rank\":0", "rank is 0"),
+            ("\"rank\":50,", "", "missing field `rank`"),
+            ("\"rank\"", "\"ranks\"", "unknown field `ranks`"),
+            ("\"slack\":100", "\"slack\":1001", "slack is 1001"),
+            ("\"margin\"", "\"margins\"", "steps has 'margins'"),
+            ("102", "44", "steps.margin: its values do not rise"),
+            ("-59", "-9999999999", "steps.cost: a number is beyond"),
+            ("-1907", "-9999999999", "base is -9999999999"),
+            ("452", "-452", "time.agrees"),
+            ("-135", "135", "time.farther"),
+        ];
+        for (from, to, expected) in cases {
+            assert!(text.contains(from), "{from}");
+            let error = CellTable::parse(&text.replacen(from, to, 1)).unwrap_err();
+            assert!(error.contains(expected) && !error.contains('\n'), "{error}");
+        }
+    }
+
+    #[test]
+    fn confidence_is_log_odds() {
+        assert_eq!(least_score(0.75), 1099);
+        assert_eq!(least_score(0.5), 0);
+    }
+}

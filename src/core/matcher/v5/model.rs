@@ -1,0 +1,170 @@
+//! The file of a model: safetensors of the network's whole numbers, with the tables as metadata.
+
+use crate::depth::decision::CellTable;
+use crate::filter::{ModelFacts, safetensors_bytes};
+use crate::kernel::{GAP_TENSORS, GAP_WEIGHTS, GapNetwork};
+use crate::stereo::FittedTo;
+use safetensors::{Dtype, SafeTensors};
+
+/// Everything that v5 learned: what `svl train v5` makes and `v5:model=FILE` reads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct V5Model {
+    /// The network that weighs disparities for gaps, if there is one.
+    pub network: Option<GapWeights>,
+    /// The decision on the median of a cell.
+    pub median: CellTable,
+    /// The decision on its nearest quarter.
+    pub near: CellTable,
+    /// The runs that network and tables were fitted to.
+    pub fitted: FittedTo,
+    /// Facts reported by its author: version, data, figures.
+    pub facts: ModelFacts,
+}
+
+/// The weights of a network, in the order of [`GAP_TENSORS`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct GapWeights(Box<[i32; GAP_WEIGHTS]>);
+
+/// Key and version of the format: hypotheses, features, layers, evidence and state of a cell.
+const KEY: &str = "v5";
+const VERSION: &str = "1";
+
+const CURE: &str = "`svl train v5` makes one";
+
+/// Units of a weight and of a bias: 256ths, and 64ths of them.
+const WEIGHT: f32 = 256.0;
+const BIAS: f32 = 64.0 * WEIGHT;
+
+impl GapWeights {
+    /// Rounds the weights of a network in floats.
+    ///
+    /// # Errors
+    /// Weights that are too large, or not finite.
+    pub fn rounded(weights: &[f32; GAP_WEIGHTS]) -> Result<Self, String> {
+        let mut rounded = Box::new([0; GAP_WEIGHTS]);
+        let units = GAP_TENSORS.iter().flat_map(|(name, [rows, inputs])| {
+            let is_bias = name.ends_with("bias");
+            std::iter::repeat_n(if is_bias { BIAS } else { WEIGHT }, rows * inputs)
+        });
+        for ((to, weight), unit) in rounded.iter_mut().zip(weights).zip(units) {
+            if !weight.is_finite() {
+                return Err("a weight is not a finite number".into());
+            }
+            *to = (weight * unit).round() as i32;
+        }
+        GapNetwork::new(&rounded)?;
+        Ok(Self(rounded))
+    }
+
+    /// The network as the matcher computes it.
+    pub(super) fn network(&self) -> GapNetwork {
+        GapNetwork::new(&self.0).expect("checked when the weights were made")
+    }
+
+    /// The weights in a file; none if it has no tensors.
+    fn read(tensors: &SafeTensors<'_>) -> Result<Option<Self>, String> {
+        if tensors.is_empty() {
+            return Ok(None);
+        }
+        let mut weights = Box::new([0; GAP_WEIGHTS]);
+        let mut rest = &mut weights[..];
+        for (name, shape) in GAP_TENSORS {
+            let tensor = tensors.tensor(name);
+            let tensor = tensor.map_err(|_| format!("has no tensor '{name}'"))?;
+            if tensor.dtype() != Dtype::I32 || tensor.shape() != shape {
+                return Err(format!(
+                    "its '{name}' is {:?} {:?}; expected I32 {shape:?}",
+                    tensor.dtype(),
+                    tensor.shape()
+                ));
+            }
+            let (to, others) = rest.split_at_mut(shape[0] * shape[1]);
+            rest = others;
+            for (to, bytes) in to.iter_mut().zip(tensor.data().as_chunks().0) {
+                *to = i32::from_le_bytes(*bytes);
+            }
+        }
+        GapNetwork::new(&weights)?;
+        Ok(Some(Self(weights)))
+    }
+}
+
+impl V5Model {
+    /// The built-in models, by revision.
+    pub(super) const REVISION_2: &[u8] = include_bytes!("revision_2.safetensors");
+    pub(super) const REVISION_4: &[u8] = include_bytes!("revision_4.safetensors");
+
+    /// The model of the current revision.
+    pub fn built_in() -> Self {
+        Self::from_bytes(Self::REVISION_4).expect("a test reads it")
+    }
+
+    /// Parses the bytes of a file.
+    ///
+    /// # Errors
+    /// The fault in them, with its cure, in one line.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+        let damaged = |e| format!("is not a safetensors file, or corrupt: {e}; {CURE}");
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(damaged)?;
+        let tensors = SafeTensors::deserialize(bytes).map_err(damaged)?;
+        let facts = header.metadata().iter().flatten();
+        let mut facts: ModelFacts = facts.map(|(k, v)| (k.clone(), v.clone())).collect();
+        match facts.remove(KEY).as_deref() {
+            Some(VERSION) => {}
+            Some(other) => {
+                return Err(format!(
+                    "is a model of v5 of version '{other}', and this svl reads version {VERSION}; \
+                     {CURE}"
+                ));
+            }
+            None => {
+                return Err(format!(
+                    "is not a model of v5: its metadata has no '{KEY}'; {CURE}"
+                ));
+            }
+        }
+        let mut table = |name: &str, rank: i64| {
+            let text = facts.remove(name);
+            let text = text.ok_or_else(|| format!("its metadata has no '{name}'; {CURE}"))?;
+            let table = CellTable::parse(&text).map_err(|why| format!("'{name}': {why}; {CURE}"))?;
+            match table.rank {
+                of if of == rank => Ok(table),
+                of => Err(format!("'{name}': rank is {of}, expected {rank}; {CURE}")),
+            }
+        };
+        let (median, near) = (table("median", 50)?, table("near", 75)?);
+        if near.time.is_some() {
+            return Err(format!("'near': has no use for 'time'; {CURE}"));
+        }
+        let network = GapWeights::read(&tensors).map_err(|why| format!("{why}; {CURE}"))?;
+        let fitted = FittedTo::of_facts(&facts)?;
+        facts.retain(|key, _| key != FittedTo::RUNS && key != FittedTo::PAIRS);
+        Ok(Self {
+            network,
+            median,
+            near,
+            fitted,
+            facts,
+        })
+    }
+
+    /// The bytes of its file; identical for identical models.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut facts = self.facts.clone();
+        facts.extend(self.fitted.facts());
+        facts.extend([
+            (KEY.to_owned(), VERSION.to_owned()),
+            ("median".to_owned(), self.median.to_json()),
+            ("near".to_owned(), self.near.to_json()),
+        ]);
+        let mut rest = self.network.as_ref().map_or(&[][..], |weights| &weights.0[..]);
+        let tensors = GAP_TENSORS.iter().filter(|_| self.network.is_some());
+        let tensors = tensors.map(|(name, shape)| {
+            let (tensor, others) = rest.split_at(shape[0] * shape[1]);
+            rest = others;
+            let bytes = tensor.iter().flat_map(|w| w.to_le_bytes()).collect();
+            (*name, shape.to_vec(), bytes)
+        });
+        safetensors_bytes(&facts, "I32", &tensors.collect::<Vec<_>>())
+    }
+}
