@@ -121,7 +121,7 @@ impl Outputs {
         }
         let marked = std::fs::read(path.join(rule.mark))
             .is_ok_and(|json| serde_json::from_slice::<serde_json::Value>(&json).is_ok());
-        if !files.is_empty() && !marked {
+        if !files.is_empty() && !marked && !has_only_begun(&files, rule) {
             let what = match path.join(rule.mark).exists() {
                 true => "contains a damaged",
                 false => "contains files but no",
@@ -340,6 +340,16 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>> {
     std::fs::read_dir(folder)
         .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect())
         .map_err(|e| Error::io(folder, e))
+}
+
+/// True if nothing is there but what a run leaves that was killed as it wrote its first file.
+fn has_only_begun(found: &[PathBuf], rule: &FolderRule) -> bool {
+    let is_begun = |file: &PathBuf| file.extension().is_some_and(|ending| ending == "part");
+    let is_inner = |path: &PathBuf| {
+        rule.inner.is_some_and(|inner| path.ends_with(inner))
+            && files(path).is_ok_and(|within| within.iter().all(is_begun))
+    };
+    found.iter().all(is_inner)
 }
 
 /// Moves a file into a folder.

@@ -2,7 +2,9 @@
 
 use super::plan::{Again, EvaluationPlan};
 use crate::console::Console;
-use crate::report::units::{ReportPlan, ReportRun, RunFacts, RunUnits, StoredSeal, Units};
+use crate::report::units::{
+    ReportPlan, ReportRun, RunFacts, RunUnits, StoredSeal, Units, unit_format,
+};
 use std::path::PathBuf;
 use svl_core::{Error, Result};
 use svl_data::manifest::{Manifest, Purpose, hash};
@@ -35,7 +37,14 @@ impl EvaluationSession {
         console: &dyn Console,
     ) -> Result<Self> {
         let units = Units::of_report(plan.folder);
+        let mut again = plan.again;
+        if units.exist() && !units.are_readable() {
+            let folder = plan.folder.display();
+            tracing::warn!("{folder}: is of another version of svl: all is matched again");
+            again = Again::All;
+        }
         let mut plan_of_report = ReportPlan {
+            format: unit_format(),
             identities: identities(&manifest)?,
             manifest,
             runs,
@@ -45,7 +54,7 @@ impl EvaluationSession {
         // Those of the session.
         let shard = plan_of_report.manifest.shard.take();
         plan_of_report.manifest.warnings = console.warnings();
-        if plan.shard.is_some() && plan.again != Again::All && units.exist() {
+        if plan.shard.is_some() && again != Again::All && units.exist() {
             let of_folder = units.plan()?.manifest;
             let differences = of_folder.differences(&plan_of_report.manifest, Purpose::Merge)?;
             if !differences.is_empty() {
@@ -86,7 +95,7 @@ impl EvaluationSession {
                 // Matched fewer times, or more.
                 run.kept.forget_sessions(is_other);
             }
-            match plan.again {
+            match again {
                 Again::Missing => {}
                 Again::Times => run.kept.forget_mixed_blocks(&labels),
                 Again::All => labels.iter().for_each(|label| run.kept.forget(label)),

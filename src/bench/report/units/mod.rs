@@ -23,8 +23,9 @@ pub(crate) use store::remove_file;
 pub use store::{StoredSeal, StoredSession, Units, files_of};
 pub use tables::{ReportTables, RunUnits, collect_tables, made_of, read_tables, write_tables};
 
-use super::drives::CoursePlan;
+use super::drives::{CoursePlan, DriveRow, TrackRow};
 use super::html::{CheckpointFigure, FrameShot, SceneFigure};
+use super::rows::{CellRow, FailureRow, Record, Row};
 use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};
 use svl_core::stereo::Losses;
@@ -46,6 +47,9 @@ pub const UNITS: &str = "units";
 /// What a report is of, as the last `svl score` on its folder asked for it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReportPlan {
+    /// [`unit_format`] of the program that wrote it.
+    #[serde(default)]
+    pub format: String,
     pub manifest: Manifest,
     /// All runs, in their order.
     pub runs: Vec<ReportRun>,
@@ -57,6 +61,19 @@ pub struct ReportPlan {
     /// Pairs that were lost as live topics were recorded for it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lost: Option<Missing>,
+}
+
+/// Identifies the columns of all tables of units: other versions of svl have others.
+pub fn unit_format() -> String {
+    let tables = [
+        Row::columns(),
+        CellRow::columns(),
+        FailureRow::columns(),
+        DriveRow::columns(),
+        TrackRow::columns(),
+    ];
+    let names = tables.iter().flatten().map(|column| column.name.as_bytes());
+    hash(&names.collect::<Vec<_>>().join(&b'\n'))
 }
 
 impl ReportPlan {

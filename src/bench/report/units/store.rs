@@ -1,7 +1,7 @@
 //! The folder of the units: read, checked, and cleared of what is superseded.
 
 use super::block::{FAILURES, ROWS, Seal, SealedFile, json, write_whole};
-use super::{FileStamp, ReportPlan, ReportRun, RunFacts, UNITS};
+use super::{FileStamp, ReportPlan, ReportRun, RunFacts, UNITS, unit_format};
 use crate::report::csv_rows::RowReader;
 use crate::report::rows::{FailureRow, Record, Row};
 use serde::de::DeserializeOwned;
@@ -137,9 +137,22 @@ impl Units {
     }
 
     /// # Errors
-    /// [`Error::Io`], [`Error::Format`].
+    /// [`Error::Io`], [`Error::Format`]; [`Error::Invalid`] for units of another version of svl.
     pub fn plan(&self) -> Result<ReportPlan> {
+        if !self.are_readable() {
+            return Err(Error::Invalid(format!(
+                "{}: its tables are of another version of svl; `svl score` with this folder \
+                 matches them again",
+                self.folder.display()
+            )));
+        }
         read_json(&self.plan_path())
+    }
+
+    /// True unless the units are of another version of svl.
+    pub fn are_readable(&self) -> bool {
+        let plan = read_json::<serde_json::Value>(&self.plan_path());
+        plan.is_ok_and(|plan| plan["format"] == unit_format())
     }
 
     /// # Errors
