@@ -50,7 +50,17 @@ fn match_pair(handle: *mut Handle, pair: &StereoPair, stride: usize) -> Status {
     });
     let (width, height) = (width as u32, height as u32);
     // SAFETY: the images have that size.
-    unsafe { svl_match(handle, left.as_ptr(), right.as_ptr(), width, height, stride, 0) }
+    unsafe {
+        svl_match(
+            handle,
+            left.as_ptr(),
+            right.as_ptr(),
+            width,
+            height,
+            stride,
+            0,
+        )
+    }
 }
 
 fn last_error() -> String {
@@ -292,7 +302,10 @@ fn bad_input_is_a_code_and_a_line() {
     assert_eq!(status, Status::Ok);
     // SAFETY: nothing is read of a null pointer or a size that is refused.
     unsafe {
-        assert_eq!(svl_match(handle, null(), null(), 8, 8, 0, 0), Status::Invalid);
+        assert_eq!(
+            svl_match(handle, null(), null(), 8, 8, 0, 0),
+            Status::Invalid
+        );
         let pixel = [0u8; 1];
         let pixel = pixel.as_ptr();
         assert_eq!(svl_match(handle, pixel, pixel, 0, 0, 0, 0), Status::Invalid);

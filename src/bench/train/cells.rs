@@ -2,14 +2,14 @@
 
 use super::kinds::{KindCells, ReportedCells};
 use super::learned_cells::{LearnedCells, LearnedScenario};
-use super::reliability::{ReliabilityBin, probability, reliability};
+use super::reliability::{ReliabilityBin, reliability};
 use crate::report::page::{PlotView, fill};
 use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::report::table::{Table, TableColumn, TerminalStyle};
 use serde::Serialize;
 use std::collections::HashSet;
 use svl_core::Result;
-use svl_core::depth::decision::{Decision, SafeChoice, VerdictTable};
+use svl_core::depth::decision::{CellTable, SafeChoice, probability};
 use svl_core::matcher::Algorithm;
 use svl_data::fit::{CellFit, CellSample};
 
@@ -59,11 +59,9 @@ impl CellTraining {
         let LearnedCells {
             samples, scenarios, ..
         } = learned;
-        let Decision {
-            least_score, table, ..
-        } = &choice.decision;
-        let least_score = *least_score;
-        let score = |table: &VerdictTable, sample: &CellSample| {
+        let table = &choice.table;
+        let least_score = table.least_score;
+        let score = |table: &CellTable, sample: &CellSample| {
             table.score(&sample.evidence.unwrap_or_default())
         };
         let tested = samples[fit.held_out.len()..].iter();
@@ -111,7 +109,7 @@ impl CellTraining {
             .collect();
         Self {
             algorithm: algorithm.label().to_owned(),
-            steps: fit.table.steps.iter().map(|steps| steps.len()).sum(),
+            steps: fit.table.steps.iter().map(|steps| steps.0.len()).sum(),
             confidence: probability(least_score),
             scenarios: scenarios.iter().map(scenario).collect(),
             kinds: KindCells::all(samples, &by_kind, &scores, &present, least_score, scenarios),
@@ -274,9 +272,9 @@ mod tests {
             right: true,
             known: true,
         };
-        let base = |base| VerdictTable {
+        let base = |base| CellTable {
             base,
-            ..choice.decision.table.clone()
+            ..choice.table.clone()
         };
         let scenario = |(kind, tested): (&str, bool)| LearnedScenario {
             name: kind.to_owned(),

@@ -1,16 +1,20 @@
 //! Training of the network of v5's gaps, with its figures.
 
+use super::RunShare;
+
 use crate::console::{Console, Unit, Watch};
 use crate::run::{Matchers, frames_through};
 use crate::runs::runs;
 use crate::sink::{CollectSink, RunStart};
 use crate::source::{PairRegister, Source};
 use serde::Serialize;
-use svl_core::matcher::{GapModel, GapSampler};
+use svl_core::filter::ModelFacts;
+use svl_core::matcher::{GapSampler, GapWeights};
+use svl_core::stereo::FittedTo;
 use svl_core::{Error, Result, counted, interrupt};
 use svl_data::fit::{GapEpoch, GapSample, GapSettings, fit_gaps, gap_samples};
 use svl_data::manifest::Manifest;
-use svl_data::scenario::Scenario;
+use svl_data::scenario::{Scenario, ScenarioSource};
 
 /// Pixels of a frame that are learned from.
 const GAP_PIXELS: usize = 300;
@@ -21,7 +25,6 @@ const FOLD: usize = 5;
 /// Runs that a network is learned from: names, and pixels of gaps with their truth.
 #[derive(Default)]
 pub struct LearnedGaps {
-    pub runs: Vec<String>,
     samples: Vec<Vec<GapSample>>,
     register: PairRegister,
 }
@@ -40,15 +43,33 @@ pub struct GapTraining {
     pub interrupted: bool,
 }
 
+/// A trained network.
+pub struct LearnedNetwork {
+    pub weights: GapWeights,
+    pub fitted: FittedTo,
+    /// For the model's file.
+    pub facts: ModelFacts,
+    pub training: GapTraining,
+}
+
 impl LearnedGaps {
-    /// Adds the gaps of a scenario's runs.
+    /// Adds the gaps of a share of a scenario's runs.
     ///
     /// # Errors
     /// Those of the runs; [`Error::Invalid`] for frames without truth, [`Error::Usage`] for
     /// recordings that share pairs.
-    pub fn learn(&mut self, scenario: &Scenario, console: &dyn Console) -> Result<()> {
+    pub fn learn(
+        &mut self,
+        scenario: &Scenario,
+        share: RunShare,
+        console: &dyn Console,
+    ) -> Result<()> {
         let manifest = Manifest::new(&scenario.name, &[])?;
-        for run in runs(scenario, console)? {
+        let are_scenes = matches!(scenario.source, ScenarioSource::Dataset { .. });
+        for (i, run) in runs(scenario, console)?.into_iter().enumerate() {
+            if !are_scenes && !share.has(i as u64) {
+                continue;
+            }
             let (run, judge) = run.open(scenario, console, None)?;
             let mut run = run.registered(&scenario.name, &self.register, true);
             let of_seed = run
@@ -56,8 +77,12 @@ impl LearnedGaps {
                 .map(|seed| format!("{} seed {seed}", scenario.name));
             let name = of_seed.unwrap_or_else(|| run.name());
             let mut sampler = GapSampler::new(svl_core::kernel::isa()?)?;
-            let of_frame =
-                CollectSink::new(move |of| gap_samples(&mut sampler, &of.frame, GAP_PIXELS));
+            let of_frame = CollectSink::new(move |of| {
+                if are_scenes && !share.has(of.frame.sequence) {
+                    return Ok(Vec::new());
+                }
+                gap_samples(&mut sampler, &of.frame, GAP_PIXELS)
+            });
             let start = RunStart::new(&manifest, run.seed, &judge);
             let watch = Watch::new(console, &format!("gaps of {name}"), run.pairs(), None);
             let collected =
@@ -70,7 +95,6 @@ impl LearnedGaps {
                 )));
             }
             self.samples.push(samples);
-            self.runs.push(name);
         }
         Ok(())
     }
@@ -80,11 +104,7 @@ impl LearnedGaps {
     ///
     /// # Errors
     /// [`Error::Invalid`] for a single run.
-    pub fn train(
-        &self,
-        settings: GapSettings,
-        console: &dyn Console,
-    ) -> Result<(GapModel, GapTraining)> {
+    pub fn train(&self, settings: GapSettings, console: &dyn Console) -> Result<LearnedNetwork> {
         let runs = self.samples.len();
         if runs < 2 {
             let cure = "take more seeds, scenes or recordings";
@@ -121,17 +141,18 @@ impl LearnedGaps {
             filled_right: fit.filled_right,
             interrupted: fit.interrupted,
         };
-        let mut model = GapModel::rounded(&fit.weights).map_err(Error::Invalid)?;
-        model.facts = training.facts(settings);
-        let fitted = self.register.fitted(|run| !is_held(run));
-        model.facts.extend(fitted.facts());
-        Ok((model, training))
+        Ok(LearnedNetwork {
+            weights: GapWeights::rounded(&fit.weights).map_err(Error::Invalid)?,
+            fitted: self.register.fitted(|run| !is_held(run)),
+            facts: training.facts(settings),
+            training,
+        })
     }
 }
 
 impl GapTraining {
-    /// Facts for the network's file.
-    fn facts(&self, settings: GapSettings) -> svl_core::filter::ModelFacts {
+    /// Facts for the model's file.
+    fn facts(&self, settings: GapSettings) -> ModelFacts {
         let last = self.epochs.last();
         let loss = last.map_or(f64::NAN, |last| last.held_out);
         let facts = [

@@ -7,7 +7,7 @@ use crate::report::plot::{Axis, Chart, Series, SeriesStyle};
 use crate::report::table::{Table, TableColumn};
 use serde::Serialize;
 use svl_core::Result;
-use svl_core::depth::decision::Decision;
+use svl_core::depth::decision;
 use svl_data::fit::CellSample;
 use svl_data::fit::filter::RocCurve;
 
@@ -120,7 +120,7 @@ impl KindCells {
                 }
             };
             let by_confidence = CONFIDENCES.map(|confidence| {
-                let least = Decision::least_score(confidence);
+                let least = decision::least_score(confidence);
                 ConfidenceCells {
                     confidence,
                     without_run: reported(runs_held_out, least),

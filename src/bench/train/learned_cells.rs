@@ -1,23 +1,37 @@
-//! Cells of scenarios that the table of v5 is learned from.
+//! Cells of scenarios that the tables of v5 are learned from.
 
+use super::RunShare;
 use crate::console::{Console, Watch};
 use crate::run::{Matchers, frames_through};
 use crate::runs::runs;
 use crate::sink::{CollectSink, RunStart};
 use crate::source::{PairRegister, Source};
 use std::path::Path;
-use svl_core::depth::decision::Feature;
+use svl_core::depth::decision::{CellTable, Feature, SafeChoice};
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{CellEvidence, FittedTo};
 use svl_core::{Error, Result};
-use svl_data::fit::{CellFit, CellSample, CellTarget, FOLDS, cell_samples, fit_cells};
+use svl_data::fit::{
+    CellFit, CellRun, CellSample, CellTarget, FOLDS, PairCell, PairCells, fit_cells, pair_cells,
+};
 use svl_data::manifest::Manifest;
 use svl_data::scenario::{Scenario, ScenarioSource};
+
+/// The algorithms whose cells are learned: v5 for the median, and for the nearest quarter.
+pub struct CellAlgorithms {
+    pub median: Algorithm,
+    pub near: Algorithm,
+}
 
 /// The cells of all scenarios.
 #[derive(Default)]
 pub struct LearnedCells {
+    /// By the median of a cell.
     pub samples: Vec<CellSample>,
+    /// Of the scenarios that are fitted to: by the nearest quarter, with their weights.
+    near: (Vec<CellSample>, Vec<f64>),
+    /// The runs that are fitted to and whose pairs follow each other.
+    pub runs: Vec<CellRun>,
     /// Runs and scenes.
     pub groups: Vec<String>,
     pub scenarios: Vec<LearnedScenario>,
@@ -39,7 +53,7 @@ pub struct LearnedScenario {
 }
 
 impl LearnedCells {
-    /// Adds the cells of a scenario, which is in the file at `path`, through an algorithm.
+    /// Adds the cells of a share of the runs of a scenario, which is in the file at `path`.
     ///
     /// # Errors
     /// Those of the runs; [`Error::Invalid`] for a scenario without cells to learn from,
@@ -48,23 +62,37 @@ impl LearnedCells {
         &mut self,
         mut scenario: Scenario,
         path: &Path,
-        algorithm: &Algorithm,
-        target: CellTarget,
-        tested: bool,
+        algorithms: &CellAlgorithms,
+        (share, tested): (RunShare, bool),
         console: &dyn Console,
     ) -> Result<()> {
-        scenario.algorithms = vec![algorithm.clone()];
+        let CellAlgorithms { median, near } = algorithms;
+        scenario.algorithms = vec![median.clone(), near.clone()];
+        let choice = |algorithm: &Algorithm| {
+            let choice = algorithm.safe_choice()?;
+            choice.ok_or_else(|| Error::Invalid("v5 decides on cells".to_owned()))
+        };
+        let targets: [(CellTarget, SafeChoice); 2] = [
+            (CellTarget::Median, choice(median)?),
+            (CellTarget::Near, choice(near)?),
+        ];
         let mut matchers = Matchers::new(&scenario.algorithms)?.without_warnings();
         let manifest = Manifest::new(&scenario.name, &scenario.algorithms)?;
-        let before = self.samples.len();
+        let [before, before_near, before_runs] =
+            [self.samples.len(), self.near.0.len(), self.runs.len()];
         let are_scenes = matches!(scenario.source, ScenarioSource::Dataset { .. });
-        for run in runs(&scenario, console)? {
+        for (i, run) in runs(&scenario, console)?.into_iter().enumerate() {
+            if !are_scenes && !share.has(i as u64) {
+                continue;
+            }
             let (run, judge) = run.open(&scenario, console, None)?;
             let mut run = run.registered(&scenario.name, &self.register, true);
             self.tested_runs.push(tested);
+            let (of_run, targets) = (judge.clone(), targets.clone());
             let of_frame = CollectSink::new(move |judged| {
-                let samples = cell_samples(judged, target, 0);
-                (judged.frame.name.clone(), samples)
+                let is_own = !are_scenes || share.has(judged.frame.sequence);
+                let cells = is_own.then(|| pair_cells(judged, &of_run, &targets));
+                (judged.frame.name.clone(), cells.unwrap_or_default())
             });
             let start = RunStart::new(&manifest, run.seed, &judge);
             // The same walk in another arena is not another scene.
@@ -78,21 +106,49 @@ impl LearnedCells {
             let collected = frames_through(&mut run, &mut matchers, &start, of_frame, watch)?;
             // Held out in one place, they would be fitted to in the other.
             self.register.refuse_copies()?;
-            for (scene, samples) in collected {
+            let mut pairs = Vec::new();
+            for (scene, cells) in collected {
                 // The pairs of a recording resemble each other, whatever their names.
                 let scene = scene.filter(|_| are_scenes);
                 let group = self.group(scene.unwrap_or_else(|| name.clone()));
-                let samples = samples.into_iter();
-                self.samples
-                    .extend(samples.map(|sample| CellSample { group, ..sample }));
+                let mut cells = cells.into_iter();
+                let (Some(median), Some(near)) = (cells.next(), cells.next()) else {
+                    continue;
+                };
+                let samples = |of: &PairCells| -> Vec<_> {
+                    let own = of.cells.iter();
+                    own.filter_map(|cell: &PairCell| cell.sample(group))
+                        .collect()
+                };
+                self.samples.extend(samples(&median));
+                if !tested {
+                    self.near.0.extend(samples(&near));
+                }
+                pairs.push(median);
+            }
+            // Each pair of shapes is another scene, as those of data sets are.
+            if !tested && !are_scenes && scenario.kind() != "shapes" {
+                let group = self.group(name);
+                self.runs.push(CellRun {
+                    group,
+                    weight: 1.0,
+                    pairs,
+                });
             }
         }
         let cells = self.samples.len() - before;
         if !self.samples[before..].iter().any(CellSample::is_reportable) {
             return Err(Error::Invalid(format!(
-                "{}: has no cells to learn from; frames need a truth",
+                "{}: has no cells to learn from; frames need a truth, and a scenario three runs or \
+                 scenes",
                 path.display()
             )));
+        }
+        let near = self.near.0.len() - before_near;
+        let weight = weight(near);
+        self.near.1.extend(std::iter::repeat_n(weight, near));
+        for run in &mut self.runs[before_runs..] {
+            run.weight = weight;
         }
         self.scenarios.push(LearnedScenario {
             kind: scenario.kind().to_owned(),
@@ -108,30 +164,42 @@ impl LearnedCells {
         self.fitted_scenarios().map(|scenario| scenario.cells).sum()
     }
 
-    /// Fits a table to them.
+    /// Fits a table for the median, else like the one in use.
     ///
     /// The weight of a scenario is the square root of its number of cells, so that few real scenes
     /// count beside many simulated ones. `None` and `progress` as of [`fit_cells`].
-    pub fn fit(&self, rank: i64, progress: impl Fn() -> bool + Sync) -> Option<CellFit> {
+    pub fn fit(&self, like: &CellTable, progress: impl Fn() -> bool + Sync) -> Option<CellFit> {
         let (fitted, kinds) = (self.fitted(), self.kinds());
         let mut kind_of = Vec::with_capacity(fitted);
         let mut weights = Vec::with_capacity(fitted);
         for scenario in self.fitted_scenarios() {
             let kind = kinds.iter().position(|kind| *kind == scenario.kind);
             kind_of.extend(std::iter::repeat_n(kind.unwrap_or(0), scenario.cells));
-            let weight = 1.0 / (scenario.cells as f64).sqrt();
-            weights.extend(std::iter::repeat_n(weight, scenario.cells));
+            weights.extend(std::iter::repeat_n(weight(scenario.cells), scenario.cells));
         }
-        // The weights sum to the number of samples, so that the ridge's influence stays small.
-        let scale = fitted as f64 / weights.iter().sum::<f64>();
-        weights.iter_mut().for_each(|weight| *weight *= scale);
-        fit_cells(&self.samples[..fitted], &kind_of, &weights, rank, progress)
+        scale(&mut weights);
+        fit_cells(&self.samples[..fitted], &kind_of, &weights, like, progress)
     }
 
-    /// Number of fits that [`LearnedCells::fit`] reports.
+    /// Fits a table for the nearest quarter, as [`LearnedCells::fit`], with the number of its cells.
+    pub fn fit_near(
+        &self,
+        like: &CellTable,
+        progress: impl Fn() -> bool + Sync,
+    ) -> Option<(CellFit, &[CellSample])> {
+        let (samples, mut weights) = (&self.near.0, self.near.1.clone());
+        scale(&mut weights);
+        let kinds = vec![0; samples.len()];
+        Some((
+            fit_cells(samples, &kinds, &weights, like, progress)?,
+            samples,
+        ))
+    }
+
+    /// Number of fits that [`LearnedCells::fit`] and [`LearnedCells::fit_near`] report.
     pub fn fits(&self) -> usize {
         let kinds = self.kinds().len();
-        FOLDS + 1 + if kinds > 1 { kinds } else { 0 }
+        2 * (FOLDS + 1) + if kinds > 1 { kinds } else { 0 }
     }
 
     /// The runs that were fitted to, with their pairs.
@@ -159,6 +227,18 @@ impl LearnedCells {
         })
     }
 }
+
+/// Weight of each cell of a scenario with that many.
+fn weight(cells: usize) -> f64 {
+    1.0 / (cells.max(1) as f64).sqrt()
+}
+
+/// Scales weights so that they sum to their number: the ridge's influence stays small.
+fn scale(weights: &mut [f64]) {
+    let scale = weights.len() as f64 / weights.iter().sum::<f64>();
+    weights.iter_mut().for_each(|weight| *weight *= scale);
+}
+
 /// The samples as CSV: run or scene, the evidence, whether the cell was right and known.
 ///
 /// # Errors

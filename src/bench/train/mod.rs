@@ -1,22 +1,23 @@
-//! Training with its figures for people: the table of v5's cells, the network of its gaps, the
-//! networks of the filters. Computations on every sample are in [`svl_data::fit`].
+//! Training with its figures for people: the model of v5, the networks of the filters. Computations on every sample are in [`svl_data::fit`].
 
-//STUB mod cells;
+mod cells;
 mod filter;
-//STUB mod gaps;
-//STUB mod kinds;
-//STUB mod learned_cells;
-//STUB mod reliability;
+mod gaps;
+mod kinds;
+mod learned_cells;
+mod reliability;
 mod report;
 mod scenario_filters;
+mod v5;
 mod windows;
 
-//STUB pub use cells::{CellTraining, ScenarioCells};
+pub use cells::{CellTraining, ScenarioCells};
 pub use filter::{EpochProgress, REVISION, TrainSettings, train_filter};
-//STUB pub use gaps::{GapTraining, LearnedGaps};
-//STUB pub use kinds::{ConfidenceCells, KindCells, ReportedCells, TableFigures};
-//STUB pub use learned_cells::{LearnedCells, LearnedScenario, samples_csv};
-//STUB pub use reliability::ReliabilityBin;
+pub use gaps::GapTraining;
+pub use kinds::{ConfidenceCells, KindCells, ReportedCells, TableFigures};
+pub use learned_cells::{CellAlgorithms, LearnedCells, LearnedScenario, samples_csv};
+pub use reliability::ReliabilityBin;
 pub use report::{FilterTraining, HiddenTrial};
 pub use scenario_filters::{of_scenario, with_filters};
+pub use v5::{NearTraining, RunShare, TrainedV5, TrainingScenario, V5Training, train_v5};
 pub use windows::{LabelledRuns, train, windows};

@@ -1,6 +1,7 @@
 //! Calibration of probabilities: predicted against observed.
 
 use serde::Serialize;
+use svl_core::depth::decision::probability;
 use svl_data::fit::CellSample;
 
 /// The cells whose probability lies in a range.
@@ -17,11 +18,6 @@ pub struct ReliabilityBin {
 
 /// Ends of the ranges of probability.
 const ENDS: [f64; 10] = [0.0, 0.2, 0.4, 0.6, 0.75, 0.85, 0.9, 0.95, 0.98, 1.0];
-
-/// Probability of a score in log odds, in thousandths.
-pub(super) fn probability(score: i64) -> f64 {
-    1.0 / (1.0 + (-score as f64 / 1000.0).exp())
-}
 
 /// The samples `of` by ranges of the probability of their scores.
 pub(super) fn reliability(

@@ -64,6 +64,14 @@ pub struct ParameterFile {
     pub bytes: Vec<u8>,
 }
 
+impl Value {
+    /// The file of that name with these bytes, which need not exist.
+    pub fn file(path: &str, bytes: Vec<u8>) -> Self {
+        let path = path.to_owned();
+        Self::File(Some(ParameterFile { path, bytes }))
+    }
+}
+
 impl Range {
     /// Whole numbers in `range`.
     pub const fn int(default: i32, range: RangeInclusive<i32>) -> Self {
@@ -193,6 +201,16 @@ impl ParameterFile {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters(Vec<(&'static str, Value)>);
 
+/// Place of a parameter in the algorithm's table.
+fn index(spec: &MatcherSpec, name: &str) -> Result<usize> {
+    let place = spec.parameters.iter().position(|p| p.name == name);
+    place.ok_or_else(|| Error::UnknownParameter {
+        algorithm: spec.name,
+        name: name.to_owned(),
+        nearest: nearest(name, spec.parameters.iter().map(|p| p.name)),
+    })
+}
+
 impl Parameters {
     /// The algorithm's defaults.
     pub fn defaults(spec: &MatcherSpec) -> Self {
@@ -216,15 +234,7 @@ impl Parameters {
         for setting in split(settings, ',').filter(|s| !s.is_empty()) {
             // A name alone has an empty value, which only text ranges accept.
             let (name, text) = setting.split_once('=').unwrap_or((setting, ""));
-            let index = spec
-                .parameters
-                .iter()
-                .position(|p| p.name == name)
-                .ok_or_else(|| Error::UnknownParameter {
-                    algorithm: spec.name,
-                    name: name.to_owned(),
-                    nearest: nearest(name, spec.parameters.iter().map(|p| p.name)),
-                })?;
+            let index = index(spec, name)?;
             if given.contains(&index) {
                 return Err(Error::Usage(format!(
                     "{}: {name} is given twice; omit one",
@@ -249,21 +259,22 @@ impl Parameters {
     /// # Errors
     /// As [`Parameters::parse`].
     pub fn with(&self, spec: &MatcherSpec, name: &str, value: &Value) -> Result<Self> {
-        let setting = format!("{name}={}", value.written());
-        let others = self.settings(spec, |other| other != name);
-        Self::parse(spec, &format!("{others},{setting}"))
+        let index = index(spec, name)?;
+        let mut with = self.clone();
+        with.0[index].1 = match value {
+            Value::File(_) => value.clone(),
+            _ => {
+                let setting = format!("{name}={}", value.written());
+                Self::parse(spec, &setting)?.value(name).clone()
+            }
+        };
+        Ok(with)
     }
 
     /// All values that differ from the defaults, as accepted by [`Parameters::parse`].
     pub fn changes(&self, spec: &MatcherSpec) -> String {
-        self.settings(spec, |_| true)
-    }
-
-    fn settings(&self, spec: &MatcherSpec, is_meant: impl Fn(&str) -> bool) -> String {
         let values = self.iter().zip(spec.parameters);
-        let changed = values.filter(|((name, value), parameter)| {
-            is_meant(name) && **value != parameter.range.default()
-        });
+        let changed = values.filter(|((_, value), parameter)| **value != parameter.range.default());
         let settings = changed.map(|((name, value), _)| format!("{name}={}", value.written()));
         settings.collect::<Vec<_>>().join(",")
     }

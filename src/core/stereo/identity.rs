@@ -74,6 +74,24 @@ impl FittedTo {
         }
     }
 
+    /// These runs and pairs, and those of another.
+    #[must_use]
+    pub fn and(self, other: &Self) -> Self {
+        let mut runs = self.runs.into_owned();
+        for run in other.runs.iter() {
+            if !runs.contains(run) {
+                runs.push(run.clone());
+            }
+        }
+        let mut pairs = [self.pairs, other.pairs.clone()].concat();
+        pairs.sort_unstable();
+        pairs.dedup();
+        Self {
+            runs: Cow::Owned(runs),
+            pairs,
+        }
+    }
+
     /// From the facts of a file; empty where it has none.
     ///
     /// # Errors

@@ -1,12 +1,14 @@
-//! Fitting: the network of v5's gaps; the table that decides the cells of v5, and of algorithms
-//! whose cells are decided in the same way ([`svl_core::depth::decision`]); and the networks of the
-//! filters ([`svl_core::filter`]).
+//! Fitting: the model of v5, which is the network of its gaps and the tables that decide on its
+//! cells ([`svl_core::depth::decision`]); and the networks of the filters ([`svl_core::filter`]).
 
-//STUB mod cells;
+mod cells;
 pub mod filter;
-//STUB mod gaps;
-//STUB mod samples;
+mod gaps;
+mod samples;
+mod steps;
+mod time;
 
-//STUB pub use cells::{CellFit, FOLDS, MOST_STEPS, fit_cells};
-//STUB pub use gaps::{GapEpoch, GapFit, GapSample, GapSettings, fit_gaps, gap_samples};
-//STUB pub use samples::{CellSample, CellTarget, cell_samples};
+pub use cells::{CellFit, FOLDS, fit_cells};
+pub use gaps::{GapEpoch, GapFit, GapSample, GapSettings, fit_gaps, gap_samples};
+pub use samples::{CellSample, CellTarget, PairCell, PairCells, pair_cells};
+pub use time::{CellRun, TimeFigures, TimeFit, fit_time};

@@ -72,8 +72,8 @@ pub fn unit_format() -> String {
         DriveRow::columns(),
         TrackRow::columns(),
     ];
-    let names = tables.iter().flatten().map(|column| column.name.as_bytes());
-    hash(&names.collect::<Vec<_>>().join(&b'\n'))
+    let names = tables.iter().flatten().map(|column| &*column.name);
+    hash(&names.collect::<Vec<_>>().join("\n"))
 }
 
 impl ReportPlan {

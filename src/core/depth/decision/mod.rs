@@ -16,7 +16,7 @@ mod tolerance;
 pub use fill::{fill_empty_rows, fill_row};
 pub use map::{FilledMap, safe_grid};
 pub use table::{CellTable, Feature, Steps, least_score, probability};
-pub use time::{CellPast, Past, TimeTable};
+pub use time::{CellPast, Past, TimeTable, follows};
 pub use tolerance::Tolerance;
 
 use crate::stereo::FittedTo;

@@ -97,7 +97,11 @@ impl Steps {
             return Err("its values do not rise".to_owned());
         }
         let is_large = |number: i64| number.unsigned_abs() > MAX_NUMBER.unsigned_abs();
-        match self.0.iter().any(|(above, score)| is_large(*above) || is_large(*score)) {
+        match self
+            .0
+            .iter()
+            .any(|(above, score)| is_large(*above) || is_large(*score))
+        {
             true => Err(format!("a number is beyond {MAX_NUMBER}")),
             false => Ok(()),
         }
@@ -314,7 +318,13 @@ mod tests {
 
     #[test]
     fn a_table_comes_back_from_its_text() {
-        for table in [table(), CellTable { time: None, ..table() }] {
+        for table in [
+            table(),
+            CellTable {
+                time: None,
+                ..table()
+            },
+        ] {
             assert_eq!(CellTable::parse(&table.to_json()), Ok(table));
         }
     }

@@ -4,7 +4,7 @@
 //! The state of a cell is its last report and the trust in it. Trust is made of scores of single
 //! pairs alone, so it cannot feed itself.
 
-use super::{Steps, Tolerance};
+use super::Steps;
 use serde::{Deserialize, Serialize};
 
 /// Greatest trust, thousandths of log odds.
@@ -12,6 +12,14 @@ const MAX_TRUST: i64 = 14_000;
 
 /// Time after which another report adds to the trust: pairs that follow faster repeat their errors.
 const INDEPENDENT_NS: u64 = 400_000_000;
+
+/// Pairs that follow each other by more have no common past.
+const MAX_STEP_NS: u64 = 1_000_000_000;
+
+/// True if a pair has the one before it as its past, by their stamps.
+pub fn follows(before_ns: u64, now_ns: u64) -> bool {
+    now_ns > before_ns && now_ns - before_ns <= MAX_STEP_NS
+}
 
 /// Scores that the past of a cell adds to that of a pair, thousandths of log odds, by trust.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -50,12 +58,12 @@ pub struct CellPast {
 }
 
 impl CellPast {
-    /// Relation of a `report` above 0 to the last one.
-    pub fn relation(&self, report: i64, tolerance: &Tolerance) -> Past {
-        let [first, last] = tolerance.ends(report as usize).map(i64::from);
+    /// Relation of a `report` above 0 to the last one, by the ends of its tolerance
+    /// ([`super::Tolerance::ends`]).
+    pub fn relation(&self, report: i64, [first, last]: [i32; 2]) -> Past {
         match self.report {
             0 => Past::None,
-            before if (first..=last).contains(&before) => Past::Agrees,
+            before if (first.into()..=last.into()).contains(&before) => Past::Agrees,
             before if report < before => Past::Farther,
             _ => Past::Nearer,
         }
@@ -128,24 +136,30 @@ impl TimeTable {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stereo::CellRule;
 
     #[test]
     fn trust_grows_by_reports_that_agree_and_are_apart() {
         // Right within 2 px: 16 bins.
-        let rule = CellRule::Disparity { tolerance_px: 2.0 };
-        let tolerance = Tolerance::new(rule, None, 0.0, 600);
+        let ends = |report: i64| [report as i32 - 16, report as i32 + 16];
         let mut past = CellPast::default();
         let mut follow = |report, score, ms: u64| {
-            let relation = past.relation(report, &tolerance);
+            let relation = past.relation(report, ends(report));
             past = past.after(relation, report, score, Some(ms * 1_000_000));
             (relation, past.trust)
         };
         assert_eq!(follow(100, 3000, 0), (Past::None, 3000));
-        assert_eq!(follow(116, 4000, 100), (Past::Agrees, 4000), "too soon to add");
+        assert_eq!(
+            follow(116, 4000, 100),
+            (Past::Agrees, 4000),
+            "too soon to add"
+        );
         assert_eq!(follow(101, 2000, 400), (Past::Agrees, 5500));
         assert_eq!(follow(101, 20_000, 799), (Past::Agrees, 14_000), "at most");
-        assert_eq!(follow(101, -500, 800), (Past::Agrees, 12_250), "no less than nothing");
+        assert_eq!(
+            follow(101, -500, 800),
+            (Past::Agrees, 12_250),
+            "no less than nothing"
+        );
         assert_eq!(follow(200, 1000, 900), (Past::Nearer, 1000));
         assert_eq!(follow(183, -1, 1000), (Past::Farther, 0));
         // Without stamps each pair adds.

@@ -19,7 +19,19 @@ impl Tolerance {
     /// From a rule, narrowed on both sides by `allowance_px`, for `bins` bins. Without a rig the
     /// rule is that of [`CellRule::for_rig`].
     pub fn new(rule: CellRule, rig: Option<&Rig>, allowance_px: f64, bins: usize) -> Self {
-        let ends = |v: i32| match (rule.for_rig(rig.is_some()), rig) {
+        let ends = (0..bins as i32).map(|bin| Self::ends_of(rule, rig, allowance_px, bin));
+        let ends: Vec<_> = ends.collect();
+        let limited = |bin: i32| bin.clamp(0, bins as i32) as u32;
+        let within = ends
+            .iter()
+            .map(|[first, last]| [limited(*first), limited(last.saturating_add(1))])
+            .collect();
+        Self { ends, within }
+    }
+
+    /// The first and the last bin for which `bin` is right, as [`Tolerance::ends`].
+    pub fn ends_of(rule: CellRule, rig: Option<&Rig>, allowance_px: f64, bin: i32) -> [i32; 2] {
+        match (rule.for_rig(rig.is_some()), rig) {
             (
                 CellRule::Distance {
                     tolerance_m,
@@ -28,24 +40,17 @@ impl Tolerance {
                 },
                 Some(rig),
             ) => by_distance(
-                v,
+                bin,
                 rig,
                 [tolerance_m, tolerance_percent / 100.0],
                 allowance_px,
             ),
             (CellRule::Disparity { tolerance_px }, _) => {
-                by_disparity(v, tolerance_px, allowance_px)
+                by_disparity(bin, tolerance_px, allowance_px)
             }
             // `for_rig` returns no distance rule without a rig.
-            (CellRule::Distance { .. }, None) => [v, v],
-        };
-        let ends: Vec<_> = (0..bins as i32).map(ends).collect();
-        let limited = |bin: i32| bin.clamp(0, bins as i32) as u32;
-        let within = ends
-            .iter()
-            .map(|[first, last]| [limited(*first), limited(last.saturating_add(1))])
-            .collect();
-        Self { ends, within }
+            (CellRule::Distance { .. }, None) => [bin, bin],
+        }
     }
 
     /// Number of bins.

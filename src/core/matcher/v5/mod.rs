@@ -313,7 +313,8 @@ impl Deciding<'_> {
         if let Some(time) = &table.time
             && evidence.report > 0
         {
-            let relation = before.relation(evidence.report, self.tolerance);
+            let ends = self.tolerance.ends(evidence.report as usize);
+            let relation = before.relation(evidence.report, ends);
             let mut added = time.score(relation, before.trust);
             if self.is_nearer(evidence.report, self.near_m.1) {
                 added = added.max(0);
@@ -342,7 +343,10 @@ impl Deciding<'_> {
     /// True if a report above 0 is nearer than that; never without a rig.
     fn is_nearer(&self, report: i64, metres: f64) -> bool {
         let px = report as f64 / f64::from(BINS_PER_PX);
-        let depth_m = self.rig.filter(|_| report > 0).and_then(|rig| rig.depth_m(px));
+        let depth_m = self
+            .rig
+            .filter(|_| report > 0)
+            .and_then(|rig| rig.depth_m(px));
         depth_m.is_some_and(|depth_m| depth_m < metres)
     }
 }

@@ -126,7 +126,8 @@ impl V5Model {
         let mut table = |name: &str, rank: i64| {
             let text = facts.remove(name);
             let text = text.ok_or_else(|| format!("its metadata has no '{name}'; {CURE}"))?;
-            let table = CellTable::parse(&text).map_err(|why| format!("'{name}': {why}; {CURE}"))?;
+            let table =
+                CellTable::parse(&text).map_err(|why| format!("'{name}': {why}; {CURE}"))?;
             match table.rank {
                 of if of == rank => Ok(table),
                 of => Err(format!("'{name}': rank is {of}, expected {rank}; {CURE}")),
@@ -157,7 +158,10 @@ impl V5Model {
             ("median".to_owned(), self.median.to_json()),
             ("near".to_owned(), self.near.to_json()),
         ]);
-        let mut rest = self.network.as_ref().map_or(&[][..], |weights| &weights.0[..]);
+        let mut rest = self
+            .network
+            .as_ref()
+            .map_or(&[][..], |weights| &weights.0[..]);
         let tensors = GAP_TENSORS.iter().filter(|_| self.network.is_some());
         let tensors = tensors.map(|(name, shape)| {
             let (tensor, others) = rest.split_at(shape[0] * shape[1]);

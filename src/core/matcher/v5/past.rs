@@ -1,11 +1,8 @@
 //! The states of a run's cells before and after a pair.
 
-use crate::depth::decision::CellPast;
+use crate::depth::decision::{CellPast, follows};
 use crate::matcher::MatchContext;
 use crate::stereo::{CellRule, GridShape, Rig};
-
-/// Pairs that follow each other by more have no common past.
-const LONGEST_STEP_NS: u64 = 1_000_000_000;
 
 /// A pair, and what its cells depend on besides.
 #[derive(Clone, Copy, PartialEq)]
@@ -34,7 +31,7 @@ impl PairKey {
     /// most a second, or without stamps its number is the next.
     fn follows(&self, last: &Self) -> bool {
         let is_next = match (last.stamp_ns, self.stamp_ns) {
-            (Some(last), Some(now)) => now > last && now - last <= LONGEST_STEP_NS,
+            (Some(last), Some(now)) => follows(last, now),
             (None, None) => last.sequence.checked_add(1) == Some(self.sequence),
             _ => false,
         };

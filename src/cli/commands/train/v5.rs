@@ -1,0 +1,172 @@
+//! `svl train v5`: the model of v5.
+
+use crate::cli::shared::progress::Terminal;
+use crate::cli::shared::terminal::{print, print_json, style};
+use crate::cli::shared::usage;
+use anyhow::bail;
+use std::path::{Path, PathBuf};
+use svl::fit::GapSettings;
+use svl::manifest::Manifest;
+use svl::matcher::{Algorithm, V5Model, Value};
+use svl::outputs::{Outputs, write};
+use svl::runs;
+use svl::scenario::{Scenario, SourceOptions};
+use svl::train::{CellAlgorithms, TrainingScenario, samples_csv, train_v5};
+
+/// Train the model of v5: the network of its gaps, and the tables of its probabilities
+///
+/// Matches the frames of scenarios with ground truth. Two of three runs train the network, which
+/// weighs the disparities of pixels without a certain one. The others are for the tables: a
+/// logistic regression turns what was measured in a cell into the probability that its report is
+/// right, for the median and for the nearest quarter, and another one what earlier reports add. All
+/// figures are of runs that were held out of the fit which judged them; each kind of scenes is held
+/// out as a whole, too. Equal data give equal files.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  svl train v5 scenarios/arena-training.toml scenarios/worlds-training.toml \\
+    scenarios/shapes-training.toml --seeds 1..60 -o own.safetensors
+  svl train v5 own.toml bag.toml --tables-only -o own.safetensors
+  svl replay run.mcap --algo v5:model=own.safetensors
+
+The weight of a scenario is the square root of its number of cells, so that
+few real scenes count beside many simulated ones. Random worlds and shapes of
+seeds up to 999 are for training.")]
+pub(crate) struct Args {
+    /// Scenarios whose frames have ground truth
+    #[arg(
+        value_name = "SCENARIO.toml", required = true, value_parser = usage::ending(&["toml"])
+    )]
+    scenarios: Vec<PathBuf>,
+    /// Scenario that is no part of the fit, only of the figures; --seeds does not change it
+    #[arg(
+        long, value_name = "SCENARIO.toml", value_parser = usage::ending(&["toml"])
+    )]
+    test: Vec<PathBuf>,
+    /// Model to write; a page of the same name, .html, is written beside it
+    #[arg(
+        short, long, value_name = "FILE.safetensors",
+        value_parser = usage::ending(&["safetensors"])
+    )]
+    output: PathBuf,
+    /// Replace files that exist
+    #[arg(long)]
+    force: bool,
+    /// v5 with the parameters that its cells are learned with
+    #[arg(
+        long, value_name = "ALGO", default_value = "v5",
+        value_parser = usage::algorithm
+    )]
+    algo: Algorithm,
+    /// Keep the network of --algo and fit its tables to all runs: for a few recordings of your own
+    #[arg(long, conflicts_with_all = ["seed", "epochs"])]
+    tables_only: bool,
+    /// Seed of the network's initial weights and of the order of the pixels
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Number of passes of the network over its training set
+    #[arg(
+        long, value_name = "N", default_value_t = 25,
+        value_parser = usage::within(1..=10_000_usize)
+    )]
+    epochs: usize,
+    /// Write the cells that were learned from
+    #[arg(long, value_name = "FILE.csv")]
+    samples: Option<PathBuf>,
+    #[command(flatten)]
+    source: SourceOptions,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    let parameters = args.algo.parameters();
+    let is_current = args.algo.spec().name == "v5"
+        && parameters.choice("revision") != "2"
+        && parameters.choice("target") == "median";
+    if !is_current {
+        let label = args.algo.label();
+        let words = format!("--algo {label}: only v5 is trained, without revision= and target=");
+        return Err(usage::wrong(words));
+    }
+    let base = match parameters.file("model") {
+        None => V5Model::built_in(),
+        // It was read as the algorithm was parsed.
+        Some(file) => V5Model::from_bytes(&file.bytes).map_err(anyhow::Error::msg)?,
+    };
+    let page = args.output.with_extension("html");
+    let paths: Vec<_> = args.scenarios.iter().chain(&args.test).collect();
+    let inputs = paths.iter().map(|path| path.as_path());
+    let files = [&args.output, &page].into_iter().chain(&args.samples);
+    let mut outputs = Outputs::claim(args.force, inputs, files.map(PathBuf::as_path))?;
+    let settings = (!args.tables_only).then_some(GapSettings {
+        seed: args.seed,
+        epochs: args.epochs,
+    });
+    let with = |model: &V5Model| {
+        let of = |target: &'static str| {
+            let file = Value::file(&args.output.display().to_string(), model.to_bytes());
+            let algorithm = args.algo.with("model", &file)?;
+            algorithm.with("target", &Value::Choice(target))
+        };
+        let [median, near] = ["median", "near"].map(of);
+        Ok(CellAlgorithms {
+            median: median?.called("v5".to_owned()),
+            near: near?.called("near".to_owned()),
+        })
+    };
+    let terminal = &Terminal { quiet };
+    let trained = train_v5(scenarios(args, &paths)?, base, settings, &with, terminal);
+    let trained = match trained {
+        Err(svl::Error::Interrupted) => bail!("interrupted; nothing is written"),
+        trained => trained?,
+    };
+    let training = &trained.training;
+    let manifest = Manifest::new("train v5", std::slice::from_ref(&args.algo))?;
+    outputs.set_aside()?;
+    write(&args.output, trained.model.to_bytes())?;
+    write(&page, training.cells.page(manifest.entries())?)?;
+    if let Some(path) = &args.samples {
+        let learned = &trained.learned;
+        let samples = &learned.samples[..learned.fitted()];
+        write(path, samples_csv(samples, &learned.groups)?)?;
+    }
+    outputs.commit();
+    if args.json {
+        print_json(training)
+    } else {
+        let (file, page) = (args.output.display(), page.display());
+        let training = training.terminal(style());
+        print(&format!("{training}\n{file}\n{page}"))
+    }
+}
+
+/// The scenarios with the options of the command line.
+fn scenarios(args: &Args, paths: &[&PathBuf]) -> anyhow::Result<Vec<TrainingScenario>> {
+    let scenarios = paths.iter().map(|path| Scenario::read(path));
+    let mut scenarios = scenarios.collect::<svl::Result<Vec<_>>>()?;
+    let named = args.scenarios[0].display().to_string();
+    let others = SourceOptions {
+        seeds: None,
+        ..args.source.clone()
+    };
+    runs::change(&mut scenarios, &others, &named)?;
+    let seeds = SourceOptions {
+        seeds: args.source.seeds.clone(),
+        ..SourceOptions::default()
+    };
+    let fitted = args.scenarios.len();
+    runs::change(&mut scenarios[..fitted], &seeds, &named)?;
+    let of = |(i, (scenario, path)): (usize, (Scenario, &&PathBuf))| TrainingScenario {
+        path: Path::to_path_buf(path),
+        scenario,
+        tested: i >= fitted,
+    };
+    Ok(scenarios
+        .into_iter()
+        .zip(paths)
+        .enumerate()
+        .map(of)
+        .collect())
+}
