@@ -47,19 +47,7 @@ const PARSED: &[(&str, &str)] = &[
         "cli::folder_truth has such a folder",
     ),
     ("svl datasets fetch", "needs the network"),
-    (
-        "svl train cells scenarios/arena.toml scenarios/arena-row.toml",
-        "takes minutes; cli::train is a short one",
-    ),
-    (
-        "svl train cells scenarios/arena-training.toml",
-        "takes minutes; cli::train is a short one",
-    ),
-    ("svl train gaps", "takes minutes; cli::train is a short one"),
-    (
-        "svl train cells scenarios/worlds.toml",
-        "takes minutes; cli::train is a short one",
-    ),
+    ("svl train v5", "takes minutes; cli::train is a short one"),
     ("svl score scenarios/worlds.toml", "takes minutes"),
     ("svl view", "opens a window"),
     (
@@ -189,7 +177,7 @@ cp left.png disp2.png; cp right.png disp6.png
 mkdir results disp_occ_0 obj_map
 cp d.png results/0.png; cp d.png disp_occ_0/0.png; cp left.png obj_map/0.png
 svl score scenarios/arena.toml --algo v3 -o reports/before
-svl train gaps scenarios/arena.toml --seeds 1..2 --epochs 1 -o gaps.safetensors
+svl train v5 scenarios/arena.toml --seeds 1..2 --tables-only -o own.safetensors
 cp -r reports/before reports/after";
 
 const CALIBRATION: &str = "\

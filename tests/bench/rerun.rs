@@ -73,17 +73,13 @@ fn estimate(label: &str, rig: Option<&Rig>) -> Estimate {
     let cells = vec![
         Cell {
             valid_share: 0.0,
-            probability: None,
-            evidence: None,
-            too_close: false,
             depth: None,
+            ..Cell::UNKNOWN
         },
         Cell {
             valid_share: 1.0,
-            probability: None,
-            evidence: None,
-            too_close: false,
             depth: Some(known),
+            ..Cell::UNKNOWN
         },
     ];
     let grid = DepthGrid::new(

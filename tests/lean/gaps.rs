@@ -4,15 +4,11 @@ use crate::matchers::allocations;
 use crate::oracle::gaps::Gaps;
 use crate::oracle::scenes::{Scene, pair, pool};
 use crate::oracle::v5::V5;
-use svl_core::depth::decision::VerdictTable;
 use svl_core::kernel::{GAP_TENSORS, GAP_WEIGHTS, Isa};
-use svl_core::matcher::{Algorithm, GapModel, MatchContext, MatchOutput};
+use svl_core::matcher::{Algorithm, GapWeights, MatchContext, MatchOutput, V5Model};
 use svl_core::stereo::{CellEvidence, RectifiedPair, StereoPair};
 
-/// The file of revision 3's network.
-const REVISION_3: &[u8] = include_bytes!("../../src/core/matcher/v5/gaps/revision_3.safetensors");
-
-/// A network that prefers something, in a file, with its weights.
+/// A model whose network prefers something, in a file, with its weights.
 fn network(seed: u64, folder: &tempfile::TempDir) -> (String, Vec<i32>) {
     let mut state = seed;
     let mut random = || {
@@ -25,10 +21,13 @@ fn network(seed: u64, folder: &tempfile::TempDir) -> (String, Vec<i32>) {
     weights
         .iter_mut()
         .for_each(|weight| *weight = 0.5 * random());
-    let model = GapModel::rounded(&weights).unwrap();
+    let model = V5Model {
+        network: Some(GapWeights::rounded(&weights).unwrap()),
+        ..V5Model::built_in()
+    };
     let path = folder.path().join(format!("{seed}.safetensors"));
     let bytes = model.to_bytes();
-    assert_eq!(GapModel::from_bytes(&bytes), Ok(model));
+    assert_eq!(V5Model::from_bytes(&bytes), Ok(model));
     let tensors = &bytes[bytes.len() - 4 * GAP_WEIGHTS..];
     let weights = tensors
         .as_chunks()
@@ -70,10 +69,11 @@ fn votes_are_those_of_the_oracle_on_every_instruction_set() {
         let pair = pair(scene, size, shift, noise, i as u64);
         let v5 = V5 {
             max_disparity,
+            slack: 100,
             ..V5::default()
         };
         let (path, weights) = network(1 + i as u64, &folder);
-        let text = format!("v5:max_disparity={max_disparity},gaps={path}");
+        let text = format!("v5:max_disparity={max_disparity},model={path}");
         let algorithm: Algorithm = text.parse().unwrap();
         let half = v5.steps(&pair);
         let quarter = V5 {
@@ -118,8 +118,9 @@ fn gaps_change_cells_alone() {
     let folder = tempfile::tempdir().unwrap();
     let (path, _) = network(3, &folder);
     let pair = pair(Scene::Noise, (150, 60), 6, 150, 7);
-    let with: Algorithm = format!("v5:gaps={path}").parse().unwrap();
-    let [plain, with] = [Algorithm::default(), with].map(|algorithm| {
+    let with: Algorithm = format!("v5:model={path}").parse().unwrap();
+    let plain: Algorithm = "v5:revision=2".parse().unwrap();
+    let [plain, with] = [plain, with].map(|algorithm| {
         let output = cells(&algorithm, Isa::BASELINE, 1, &pair);
         (output.disparity, output.grid.unwrap().into_cells())
     });
@@ -131,56 +132,10 @@ fn gaps_change_cells_alone() {
     }
 }
 
-/// Named by their files, network and table of revision 3 give its cells.
-#[test]
-fn revision_3_is_its_network_and_its_tables() {
-    let folder = tempfile::tempdir().unwrap();
-    let write = |name: &str, bytes: &[u8]| {
-        let path = folder.path().join(name);
-        std::fs::write(&path, bytes).unwrap();
-        path.display().to_string()
-    };
-    let network = write("network.safetensors", REVISION_3);
-    let pair = pair(Scene::Noise, (150, 60), 6, 188, 7);
-    let tables = [
-        ("median", VerdictTable::MEDIAN_3),
-        ("near", VerdictTable::NEAR_3),
-    ];
-    for (target, table) in tables {
-        let table = write(target, table.to_toml().as_bytes());
-        let of = |text: &str, isa, threads| {
-            let output = cells(&text.parse().unwrap(), isa, threads, &pair);
-            (output.disparity, output.grid.unwrap().into_cells())
-        };
-        let files = format!("v5:revision=2,confidence=0.9,gaps={network},table={table}");
-        let expected = of(&files, Isa::BASELINE, 1);
-        let known = expected.1.iter().filter(|cell| cell.depth.is_some());
-        let known = known.count();
-        assert!((1..15).contains(&known), "{target} {known}");
-        let named = format!("v5:revision=3,target={target}");
-        for isa in Isa::available() {
-            for threads in [1, 2, 3, 8] {
-                let got = of(&named, isa, threads);
-                assert!(got == expected, "{target} {isa} {threads}");
-            }
-        }
-        // A table alone is for the revision's network.
-        let table = format!("v5:revision=3,table={table}");
-        assert!(of(&table, Isa::BASELINE, 1) == expected, "{target}");
-    }
-    let plain = write("plain.toml", VerdictTable::MEDIAN_2.to_toml().as_bytes());
-    let refused: Algorithm = format!("v5:revision=3,table={plain}").parse().unwrap();
-    let error = refused.build().err().unwrap().to_string();
-    assert!(
-        error.contains("was fitted without a network, and revision=3 has hash "),
-        "{error}"
-    );
-}
-
 #[test]
 fn nothing_is_allocated_after_the_first_pair() {
     let pair = pair(Scene::Noise, (150, 60), 6, 150, 7);
-    let algorithm: Algorithm = "v5:revision=3".parse().unwrap();
+    let algorithm: Algorithm = "v5".parse().unwrap();
     let count = pool(1).install(|| {
         let mut matcher = algorithm.build().unwrap();
         let mut output = MatchOutput::new().unwrap();
@@ -203,12 +158,12 @@ fn other_files_are_refused_before_a_pair_is_matched() {
     let good = std::fs::read(&path).unwrap();
     let refused = |bytes: &[u8]| {
         std::fs::write(&path, bytes).unwrap();
-        let algorithm: Algorithm = format!("v5:gaps={path}").parse().unwrap();
+        let algorithm: Algorithm = format!("v5:model={path}").parse().unwrap();
         let error = algorithm.build().err().unwrap();
         assert!(error.is_usage());
         let text = error.to_string();
         assert!(
-            !text.contains('\n') && text.contains("svl train gaps"),
+            !text.contains('\n') && text.contains("svl train v5"),
             "{text}"
         );
         text
@@ -216,12 +171,23 @@ fn other_files_are_refused_before_a_pair_is_matched() {
     let changed = |from: &str, to: &str| {
         let at = good.windows(from.len()).position(|w| w == from.as_bytes());
         let mut bytes = good.clone();
-        bytes[at.unwrap()..][..to.len()].copy_from_slice(to.as_bytes());
+        bytes[at.unwrap_or_else(|| panic!("{from}"))..][..to.len()].copy_from_slice(to.as_bytes());
         refused(&bytes)
     };
     for (from, to, reason) in [
-        ("\"gaps\":\"1\"", "\"gaps\":\"2\"", "version '2'"),
-        ("\"gaps\":\"1\"", "\"gups\":\"1\"", "no 'gaps'"),
+        ("\"v5\":\"1\"", "\"v5\":\"2\"", "version '2'"),
+        ("\"v5\":\"1\"", "\"v6\":\"1\"", "no 'v5'"),
+        ("\"near\":", "\"neer\":", "no 'near'"),
+        (
+            "[[2500,452]",
+            "[[2500,-52]",
+            "'median': time.agrees: its scores must begin at 0",
+        ),
+        (
+            "[102,941]",
+            "[ 12,941]",
+            "'median': steps.margin: its values do not rise",
+        ),
         ("score.weight", "skore.weight", "no tensor 'score.weight'"),
         ("[16,17]", "[17,16]", "expected I32 [16, 17]"),
     ] {

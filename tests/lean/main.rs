@@ -21,3 +21,4 @@ mod solve;
 mod thesis;
 mod v3;
 mod v5;
+mod v5_time;

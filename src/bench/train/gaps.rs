@@ -123,7 +123,7 @@ impl LearnedGaps {
         let (training, held_out) = (part(false).concat(), part(true));
         let runs_held_out = held_out.len();
         let held_out = held_out.concat();
-        let bar = console.bar("train gaps", Unit::Epochs, Some(settings.epochs as u64));
+        let bar = console.bar("train network", Unit::Epochs, Some(settings.epochs as u64));
         let mut after = |epoch, of: GapEpoch| {
             bar.set(epoch as u64);
             bar.show(format!("held-out loss {:.4}", of.held_out));

@@ -175,12 +175,12 @@ mod tests {
         let again = Scenario::parse(&beside, &at("c/t.toml")).unwrap();
         assert_eq!(again.gate[0].algorithm, again.algorithms[0].label());
         assert!(beside.contains("../a b/net.py"), "{beside}");
-        let missing = text.replace("\"v3\"", "\"v5:table=t.toml\"");
+        let missing = text.replace("\"v3\"", "\"v5:model=t.safetensors\"");
         let error = Scenario::parse(&missing, &at("a b/s.toml")).unwrap_err();
         assert!(
             error
                 .to_string()
-                .contains(&at("a b/t.toml").display().to_string())
+                .contains(&at("a b/t.safetensors").display().to_string())
         );
     }
 

@@ -104,8 +104,8 @@ fn training_and_search_refuse_copies() {
     files("cut", "\"cut.mcap\"");
     let refused = "2: cut.mcap: has | pairs of run.mcap: name each recording once";
     fixture.fails(&format!(
-        "-q train cells mine.toml cut.toml -o t.toml => {refused}
-        -q train gaps mine.toml cut.toml --epochs 1 -o t.safetensors => {refused}
+        "-q train v5 mine.toml cut.toml --tables-only -o t.safetensors => {refused}
+        -q train v5 mine.toml cut.toml --epochs 1 -o t.safetensors => {refused}
         -q tune run.mcap other.mcap cut.mcap --auto --trials 4 -o t.toml => {refused}
         -q tune run.mcap --auto --trials 4 --test cut.toml -o t.toml => {refused}"
     ));
@@ -122,25 +122,27 @@ fn warnings(fixture: &Fixture, line: &str) -> usize {
 fn scores_on_what_was_fitted_to_are_warned_of() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 12);
-    fixture.run("-q train gaps short.toml --seeds 104..106 --epochs 1 -o gaps.safetensors");
-    fixture.run("-q train cells short.toml --seeds 107..109 -o own.toml");
-    for seed in [104, 106, 108, 109] {
+    fixture.run("-q train v5 short.toml --seeds 204..209 --epochs 1 -o whole.safetensors");
+    fixture.run("-q train v5 short.toml --seeds 107..109 --tables-only -o own.safetensors");
+    for seed in [204, 206, 208, 108, 109] {
         fixture.run(&format!(
             "record short.toml --seed {seed} -q -o {seed}.mcap"
         ));
     }
     fixture.run("record 108.mcap --ros2 -q -o ros.mcap");
-    let own = "--algo own=v5:table=own.toml";
+    let own = "--algo own=v5:model=own.safetensors";
     let score = |what: &str, algo: &str, report: &str| {
         let line = format!("score {what} {algo} --rerun none -o {report}");
         warnings(&fixture, &line)
     };
-    let gaps = "--algo v5:gaps=gaps.safetensors";
-    assert_eq!(score("short.toml --seeds 104..105", gaps, "a"), 1);
-    // Each fifth run is held out, of fewer the last; the last here.
-    assert_eq!(score("106.mcap", gaps, "b"), 0);
-    assert_eq!(score("104.mcap", gaps, "c"), 1);
-    assert_eq!(score("104.mcap", own, "d"), 0);
+    let whole = "--algo v5:model=whole.safetensors";
+    assert_eq!(score("short.toml --seeds 204..205", whole, "a"), 1);
+    // The third and the sixth run are for the tables.
+    assert_eq!(score("206.mcap", whole, "b"), 1);
+    assert_eq!(score("204.mcap", whole, "c"), 1);
+    // Each fifth run of the network is held out, of fewer the last: 208.
+    assert_eq!(score("208.mcap", whole, "i"), 0);
+    assert_eq!(score("204.mcap", own, "d"), 0);
     assert_eq!(score("108.mcap 109.mcap ros.mcap", own, "e"), 1);
     let words = "was fitted to pairs of";
     assert_eq!(
@@ -154,22 +156,22 @@ fn scores_on_what_was_fitted_to_are_warned_of() {
         assert_eq!(fixture.text(page).matches(words).count(), 1, "{page}");
     }
     assert_eq!(
-        warnings(&fixture, "replay ros.mcap --algo v5:table=own.toml"),
+        warnings(&fixture, "replay ros.mcap --algo v5:model=own.safetensors"),
         1
     );
     assert_eq!(
-        warnings(&fixture, "replay 106.mcap --algo v5:table=own.toml"),
+        warnings(&fixture, "replay 206.mcap --algo v5:model=own.safetensors"),
         0
     );
-    let tune = "tune 108.mcap 109.mcap --auto --trials 4 -o t.toml --algo v5:table=own.toml";
+    let tune = "tune 108.mcap 109.mcap --auto --trials 4 -o t.toml --algo v5:model=own.safetensors";
     assert_eq!(warnings(&fixture, tune), 1);
     fixture.write("keys", "q\n");
-    let tune = "tune 108.mcap --script keys --algo v5:table=own.toml";
+    let tune = "tune 108.mcap --script keys --algo v5:model=own.safetensors";
     assert_eq!(warnings(&fixture, tune), 1);
     // Built-in tables know the names of simulated runs.
-    assert_eq!(score("short.toml --seeds 3..4", "--algo v5", "f"), 1);
-    assert_eq!(score("short.toml --seeds 3..3", "--algo v5", "g"), 0);
-    fixture.run("record short.toml --seed 4 -q -o 4.mcap");
+    assert_eq!(score("short.toml --seeds 40..41", "--algo v5", "f"), 1);
+    assert_eq!(score("short.toml --seeds 40..40", "--algo v5", "g"), 0);
+    fixture.run("record short.toml --seed 41 -q -o 4.mcap");
     assert_eq!(score("4.mcap", "--algo v5", "h"), 1);
 }
 

@@ -175,9 +175,10 @@ const COMMANDS: &str = "
     match l.pgm r.pgm -o /dev/null
     match l.pgm r.pgm -o o.pfm --calib /dev/zero
     match l.pgm r.pgm -o there.pfm
-    match l.pgm r.pgm -o o.pfm --algo v5:table=none.toml
-    match l.pgm r.pgm -o o.pfm --algo v5:table=rank.toml
-    match l.pgm r.pgm -o o.pfm --algo v5:table=good.toml,target=near
+    match l.pgm r.pgm -o o.pfm --algo v5:model=none.safetensors
+    match l.pgm r.pgm -o o.pfm --algo v5:model=rank.toml
+    match l.pgm r.pgm -o o.pfm --algo v5:revision=3
+    match l.pgm r.pgm -o o.pfm --algo v5:revision=2,model=rank.toml
     # eval
     eval small.pfm truth.pfm --protocol eth3d
     eval small.pfm truth.pfm --protocol middeval3
@@ -261,17 +262,17 @@ const COMMANDS: &str = "
     label checkpoints p --script wrong
     label checkpoints p
     label checkpoints p --script keys -o bad.toml
-    train cells short.toml --seeds 4..5 -o t.toml --algo v5:rank=60
-    train cells short.toml --scenes cones -o t.toml
-    train cells short.toml --seeds 5..4 -o t.toml
-    train cells short.toml --seeds 3,3 -o t.toml
-    train cells short.toml --seeds a -o t.toml
-    train cells short.toml --seeds 1..5000 -o t.toml
-    train cells short.toml --seeds 4..5 -o mine.toml
-    train cells short.toml --seeds 4..5 -o t.toml --samples t.html
-    train cells short.toml --seeds 4..5 -o t.txt
-    train gaps short.toml --seeds 4..5 -o mine.safetensors
-    train gaps short.toml --seeds 4..5 --epochs 0 -o t.safetensors
+    train v5 short.toml --seeds 4..5 -o t.safetensors --algo v5:revision=2
+    train v5 short.toml --scenes cones -o t.safetensors
+    train v5 short.toml --seeds 5..4 -o t.safetensors
+    train v5 short.toml --seeds 3,3 -o t.safetensors
+    train v5 short.toml --seeds a -o t.safetensors
+    train v5 short.toml --seeds 1..5000 -o t.safetensors
+    train v5 short.toml --seeds 4..5 -o mine.safetensors
+    train v5 short.toml --seeds 4..5 -o t.safetensors --samples t.html
+    train v5 short.toml --seeds 4..5 -o t.txt
+    train v5 short.toml --seeds 4..5 -o mine.safetensors
+    train v5 short.toml --seeds 4..5 --epochs 0 -o t.safetensors
     train filter run.mcap --kind floor -o t.safetensors
     train filter none.mcap --kind floor -o t.safetensors
     train filter short.toml --kind flor -o t.safetensors
@@ -328,7 +329,6 @@ fn inputs() -> Fixture {
     fixture.write("huge.pgm", "P5\n4000000000 4000000000\n255\n");
     fixture.write("empty.png", "");
     fixture.write("rank.toml", "rank = 50\n");
-    fixture.write("good.toml", "rank = 50\nbase = 9000\n");
     fixture.write_pair("odd/im0.pgm", "odd/im1.pgm", (40, 20), 3);
     fixture.write("odd/im1.pgm", pgm(4, 2, &[0; 8]));
     let stamped = ["pairs/left/1700000000.pgm", "pairs/right/1700000000.pgm"];

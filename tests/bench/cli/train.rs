@@ -2,8 +2,9 @@
 
 use super::fixture::{Fixture, assert_says};
 use crate::recording::bag::png;
+use svl::matcher::V5Model;
 
-const TRAIN: &str = "-q train cells short.toml --seeds 4..7 --algo v5:max_disparity=64";
+const TRAIN: &str = "-q train v5 short.toml --seeds 4..7 --tables-only --algo v5:max_disparity=64";
 
 fn short_arena() -> Fixture {
     let fixture = Fixture::new();
@@ -14,7 +15,7 @@ fn short_arena() -> Fixture {
 #[test]
 fn cells_are_learned_and_the_table_decides() {
     let fixture = short_arena();
-    let text = fixture.run(&format!("{TRAIN} -o own.toml --samples own.csv"));
+    let text = fixture.run(&format!("{TRAIN} -o own.safetensors --samples own.csv"));
     assert_says(
         &text,
         &[
@@ -22,7 +23,9 @@ fn cells_are_learned_and_the_table_decides() {
             "arena",
             "720",
             "predicted, %",
-            "own.toml",
+            "nearest quarter, held out",
+            "earlier reports of",
+            "own.safetensors",
             "own.html",
         ],
     );
@@ -34,17 +37,12 @@ fn cells_are_learned_and_the_table_decides() {
     assert!(samples.starts_with("group,report,target,margin,support,seen,shift,cost,"));
     assert_eq!(samples.lines().count(), 1 + 4 * 12 * 15);
     assert_says(&fixture.text("own.html"), &["Reliability", "held out"]);
-    // The same data give the same table, except for its date.
-    let table = fixture.text("own.toml");
-    fixture.run(&format!("{TRAIN} -o again.toml"));
-    let below_date = |table: &str| table.lines().skip(1).map(str::to_owned).collect::<Vec<_>>();
-    assert_eq!(below_date(&table), below_date(&fixture.text("again.toml")));
+    // The same data give the same model, on any number of threads.
+    let model = |name: &str| std::fs::read(fixture.path(name)).unwrap();
+    fixture.run(&format!("{TRAIN} --threads 3 -o again.safetensors"));
+    assert_eq!(model("own.safetensors"), model("again.safetensors"));
 
-    // By the nearest quarter it is a different table.
-    fixture.run("-q train cells short.toml --seeds 4..7 --algo v5:target=near -o near.toml");
-    assert!(fixture.text("near.toml").contains("\nrank = 75\n"));
-
-    // The table is part of the parameters, by its content.
+    // The model is part of the parameters, by its content.
     let right = |algorithm: &str, out: &str| {
         let to = format!("--rerun none -o {out} --json");
         let json = fixture.json(&format!("-q score short.toml --algo {algorithm} {to}"));
@@ -55,11 +53,14 @@ fn cells_are_learned_and_the_table_decides() {
     };
     // A path with slashes is not a list of values.
     std::fs::create_dir(fixture.path("of")).unwrap();
-    fixture.write("of/own.toml", &table);
-    let own = right("v5:table=of/own.toml", "a");
+    fixture.write("of/own.safetensors", model("own.safetensors"));
+    let own = right("v5:model=of/own.safetensors", "a");
     assert!(own.0 > 200, "{own:?}");
-    fixture.write("of/own.toml", table.replace("base = ", "base = -9"));
-    let cautious = right("v5:table=of/own.toml", "b");
+    let mut cautious = V5Model::from_bytes(&model("own.safetensors")).unwrap();
+    assert!(cautious.median.time.is_some());
+    cautious.median.base -= 3000;
+    fixture.write("of/own.safetensors", cautious.to_bytes());
+    let cautious = right("v5:model=of/own.safetensors", "b");
     assert!(
         cautious.0 < own.0 && cautious.1 != own.1,
         "{own:?} {cautious:?}"
@@ -80,8 +81,11 @@ fn kinds_are_held_out_and_tests_are_not_fitted() {
     for kind in ["worlds", "shapes"] {
         fixture.write(&format!("{kind}.toml"), random_scenes(kind));
     }
-    let train = "-q train cells worlds.toml shapes.toml --seeds 1..4";
-    let json = fixture.json(&format!("{train} --test short.toml -o tested.toml --json"));
+    let train = "-q train v5 worlds.toml shapes.toml --seeds 1..4 --tables-only";
+    let json = fixture.json(&format!(
+        "{train} --test short.toml -o tested.safetensors --json"
+    ))["cells"]
+        .clone();
     let kind = |i: usize| &json["kinds"][i];
     assert_eq!(kind(0)["name"], "worlds");
     assert_eq!(kind(0)["cells"], 4 * 6 * 15);
@@ -100,117 +104,72 @@ fn kinds_are_held_out_and_tests_are_not_fitted() {
             assert!((0.0..0.5).contains(&figure("calibration_error")), "{json}");
         }
     }
-    fixture.run(&format!("{train} -o alone.toml"));
-    let steps = |name: &str| {
-        let table = fixture.text(name);
-        table.split_once("rank").unwrap().1.to_owned()
-    };
-    assert_eq!(steps("tested.toml"), steps("alone.toml"));
+    fixture.run(&format!("{train} -o alone.safetensors"));
+    let model = |name: &str| std::fs::read(fixture.path(name)).unwrap();
+    assert_eq!(model("tested.safetensors"), model("alone.safetensors"));
     assert!(fixture.text("tested.html").contains("Kinds of scenes"));
-    // The file names only what it was fitted to.
-    let head = fixture.text("tested.toml");
-    assert!(
-        head.contains("shapes seed 4") && !head.contains("arena seed"),
-        "{head}"
-    );
+    // The file names only what it was fitted to, its network's runs included.
+    let fitted = V5Model::from_bytes(&model("tested.safetensors"))
+        .unwrap()
+        .fitted;
+    let has = |run: &str| fitted.runs.iter().any(|of| of == run);
+    assert!(has("shapes seed 4") && has("arena seed 101..110") && !has("arena seed 1"));
 }
 
 #[test]
-fn gaps_are_learned_and_cells_after_them() {
+fn the_network_is_learned_and_the_tables_on_other_runs() {
     let fixture = short_arena();
-    let train = "-q train gaps short.toml --seeds 4..6 --epochs 20";
-    let text = fixture.run(&format!("{train} --threads 1 -o gaps.safetensors"));
+    let train = "-q train v5 short.toml --seeds 4..9 --epochs 20";
+    let text = fixture.run(&format!("{train} --threads 1 -o own.safetensors"));
     assert_says(
         &text,
         &[
-            "pixels of gaps, 3 runs",
+            "pixels of gaps, 4 runs",
             "1 run",
             "20 epochs",
             "within 2 px",
         ],
     );
-    let json = fixture.json(&format!("{train} --threads 3 -o again.safetensors --json"));
+    let to = "-o again.safetensors --samples own.csv --json";
+    let json = fixture.json(&format!("{train} --threads 3 {to}"));
     let bytes = |name: &str| std::fs::read(fixture.path(name)).unwrap();
-    assert_eq!(bytes("gaps.safetensors"), bytes("again.safetensors"));
+    assert_eq!(bytes("own.safetensors"), bytes("again.safetensors"));
     // It learns, and chooses better than the fill does.
-    let epochs = json["epochs"].as_array().unwrap();
+    let network = &json["network"];
+    let epochs = network["epochs"].as_array().unwrap();
     let number = |of: &serde_json::Value, key: &str| of[key].as_f64().unwrap();
     let [first, last] = [&epochs[0], &epochs[19]].map(|of| number(of, "held_out"));
     assert!(last < first - 0.05, "{json}");
     assert!(
-        number(&epochs[19], "held_out_right") > number(&json, "filled_right"),
+        number(&epochs[19], "held_out_right") > number(network, "filled_right"),
         "{json}"
     );
-
-    // A table on top of it, from what only votes measure.
-    let learn = "-q train cells short.toml --seeds 7..9 -o own.toml --samples own.csv --algo";
-    fixture.run(&format!("{learn} v5:gaps=gaps.safetensors"));
+    // The tables are of the third and the sixth run, from what votes measure, too.
+    assert_eq!(json["cells"]["scenarios"][0]["groups"], 2, "{json}");
     let samples = fixture.text("own.csv");
-    assert!(
-        samples
-            .lines()
-            .next()
-            .unwrap()
-            .ends_with(",span,voted,agreed,right,known")
-    );
-    let filled = samples
-        .lines()
-        .nth(1)
+    let mut lines = samples.lines();
+    let head = lines.next().unwrap();
+    assert!(head.ends_with(",span,voted,agreed,right,known"), "{head}");
+    let is_filled = lines
+        .next()
         .unwrap()
         .split(',')
         .all(|value| !value.is_empty());
-    assert!(filled, "{samples}");
-    let own = fixture.text("own.toml");
-    let network = own.lines().find(|line| line.starts_with("gaps = "));
-    let steps = "[steps]\nvoted = [[500, 9000]]\n";
-    let plain = format!("rank = 50\nbase = 1\n{steps}");
-    let voted = plain.replace(steps, &format!("{}\n{steps}", network.unwrap()));
-    fixture.write("voted.toml", &voted);
-    fixture.write("plain.toml", &plain);
-    fixture.write("other.toml", voted.replace("gaps = \"", "gaps = \"0"));
+    assert!(is_filled, "{samples}");
+    // Earlier reports are evidence.
+    let time = &json["time"];
+    assert!(number(time, "loss") <= number(time, "loss_alone"), "{json}");
+    let of = |i: usize| time["relations"][i].as_u64().unwrap();
+    assert!(of(0) > of(1) + of(2), "{json}");
+    fixture.run("-q score short.toml --rerun none --algo v5:model=own.safetensors -o r");
+    fixture.write("table.toml", "rank = 50\n");
     fixture.write_pair("l.pgm", "r.pgm", (160, 96), 7);
-    let known = |algorithm: &str| {
-        let line = format!("match l.pgm r.pgm -o d.pfm --force --json --algo {algorithm}");
-        let cells = fixture.json(&line)["cells"].clone();
-        let cells = cells.as_array().unwrap().iter();
-        cells
-            .filter(|cell| cell["disparity_px"].is_number())
-            .count()
-    };
-    assert_eq!(known("v5:gaps=gaps.safetensors,table=voted.toml"), 15);
-    // Without its table the probabilities are not the network's.
-    let warned = |algorithm: &str| {
-        let ran = fixture.svl(&format!(
-            "match l.pgm r.pgm -o d.pfm --force --algo {algorithm}"
-        ));
-        ran.stderr.matches("no table= is given").count()
-    };
-    assert_eq!(warned("v5:gaps=gaps.safetensors"), 1);
-    assert_eq!(warned("v5:gaps=gaps.safetensors,table=voted.toml"), 0);
-    assert_eq!(warned("v5:revision=3"), 0);
-    assert_eq!(warned("v5:revision=3,gaps=gaps.safetensors"), 1);
-    let score = "score short.toml --rerun none --algo v5:gaps=gaps.safetensors -o r";
-    let ran = fixture.svl(score);
-    assert_eq!(
-        ran.stderr.matches("no table= is given").count(),
-        1,
-        "{}",
-        ran.stderr
-    );
-    assert!(
-        fixture
-            .text("r/summary.json")
-            .contains("no table= is given")
-    );
     fixture.fails(
-        "match l.pgm r.pgm -o d.pfm --force --algo v5:table=voted.toml => 2: voted.toml | 'voted' \
-         | gaps=FILE
-        match l.pgm r.pgm -o d.pfm --force --algo v5:gaps=gaps.safetensors,table=plain.toml => 2: \
-         plain.toml | fitted without a network
-        match l.pgm r.pgm -o d.pfm --force --algo v5:gaps=gaps.safetensors,table=other.toml => 2: \
-         other.toml | fitted with the network of hash 0
-        match l.pgm r.pgm -o d.pfm --force --algo v5:gaps=voted.toml => 2: voted.toml | \
-         safetensors | svl train gaps",
+        "match l.pgm r.pgm -o d.pfm --algo v5:model=table.toml => 2: table.toml | safetensors | \
+         svl train v5
+        match l.pgm r.pgm -o d.pfm --algo v5:revision=2,model=own.safetensors => 2: revision=2 | \
+         leave one out
+        match l.pgm r.pgm -o d.pfm --algo v5:gaps=own.safetensors => 2: gaps",
     );
 }
 
@@ -218,15 +177,17 @@ fn gaps_are_learned_and_cells_after_them() {
 fn what_cannot_be_learned_is_refused_in_one_line() {
     let fixture = short_arena();
     fixture.fails(
-        "-q train cells short.toml --seeds 4..5 -o t.toml --algo v3 => 2: --algo v3 | no table of \
-         cells | v5
-        -q train cells short.toml --seeds 4 -o t.toml => 1: one run cannot be held out
-        -q train cells short.toml --test short.toml -o t.toml => 2: arena seed 1: has 12 pairs \
-         of arena seed 1: name each recording once
-        -q train cells short.toml --seeds 4..5 -o short.toml --force => 2: short.toml | named twice
-        -q train gaps short.toml --seeds 4 -o t.safetensors => 1: one run cannot be held out",
+        "-q train v5 short.toml --seeds 4..5 -o t.safetensors --algo v3 => 2: --algo v3 | only v5
+        -q train v5 short.toml --seeds 4..5 -o t.safetensors --algo v5:target=near => 2: only v5
+        -q train v5 short.toml --seeds 4 --tables-only -o t.safetensors => 1: one run cannot be held \
+         out
+        -q train v5 short.toml --seeds 4 -o t.safetensors => 1: one run cannot be held out
+        -q train v5 short.toml --seeds 4..5 -o t.safetensors => 1: short.toml | three runs
+        -q train v5 short.toml --tables-only --epochs 3 -o t.safetensors => 2: --epochs
+        -q train v5 short.toml --test short.toml --tables-only -o t.safetensors => 2: arena seed 1: \
+         has 12 pairs of arena seed 1: name each recording once",
     );
-    assert!(!fixture.path("t.toml").exists());
+    assert!(!fixture.path("t.safetensors").exists());
 }
 
 /// Videos of eight pairs each, named alike, whose truth is wrong in the right half; a scenario of
@@ -263,9 +224,11 @@ fn recordings_are_held_out_whole() {
     let fixture = Fixture::new();
     write_videos(&fixture);
     fixture.write("both.toml", of_videos(&["one", "two"]));
-    fixture.fails("-q train cells one.toml -o t.toml => 1: one run cannot be held out");
-    let train = "-q train cells both.toml --json";
-    let json = fixture.json(&format!("{train} -o t.toml --samples t.csv"));
+    fixture.fails(
+        "-q train v5 one.toml --tables-only -o t.safetensors => 1: one run cannot be held out",
+    );
+    let train = "-q train v5 both.toml --tables-only --json";
+    let json = fixture.json(&format!("{train} -o t.safetensors --samples t.csv"))["cells"].clone();
     assert_eq!(json["scenarios"][0]["groups"], 2, "{json}");
     let samples = fixture.text("t.csv");
     let groups = samples.lines().skip(1).map(|line| line.split(',').next());
@@ -278,45 +241,19 @@ fn recordings_are_held_out_whole() {
         "{kind}"
     );
     // Names are alike in another video, and pairs in a copy with other names.
-    fixture.run(&format!("{train} --test three.toml -o other.toml"));
+    fixture.run(&format!("{train} --test three.toml -o other.safetensors"));
     fixture.run("record two --truth depth/*.png -o two.mcap");
     fixture.write(
         "copy.toml",
         of_videos(&["two.mcap"]).replace("truth = \"depth/*.png\"\n", ""),
     );
     fixture.fails(
-        "-q train cells both.toml --test copy.toml -o u.toml => 2: two.mcap: has 8 pairs of two: \
-         name each recording once
-        -q train cells both.toml copy.toml -o u.toml => 2: two.mcap: has 8 pairs of two: name \
-         each recording once
-        -q train gaps both.toml copy.toml -o u.safetensors => 2: two.mcap: has 8 pairs of two: \
-         name each recording once",
+        "-q train v5 both.toml --tables-only --test copy.toml -o u.safetensors => 2: two.mcap: has 8 \
+         pairs of two: name each recording once
+        -q train v5 both.toml copy.toml --tables-only -o u.safetensors => 2: two.mcap: has 8 pairs of \
+         two: name each recording once",
     );
-    let with_test = format!("{train} --test three.toml -o tested.toml --samples tested.csv");
+    let with_test = format!("{train} --test three.toml -o tested.safetensors --samples tested.csv");
     fixture.run(&with_test);
     assert_eq!(fixture.text("tested.csv"), samples);
-}
-
-#[test]
-fn a_table_of_ones_own_decides_the_cells() {
-    let fixture = Fixture::new();
-    fixture.write_pair("l.pgm", "r.pgm", (160, 96), 7);
-    fixture.write("good.toml", "rank = 50\nbase = 9000\n");
-    let known = |algorithm: &str| {
-        let line = format!("match l.pgm r.pgm -o d.pfm --force --json --algo {algorithm}");
-        let cells = fixture.json(&line)["cells"].clone();
-        let cells = cells.as_array().unwrap().iter();
-        cells
-            .filter(|cell| cell["disparity_px"].is_number())
-            .count()
-    };
-    assert_eq!(known("v5:table=good.toml"), 15);
-    let ran = fixture.svl("match l.pgm r.pgm -o d.pfm --force --algo v5:rank=60");
-    assert!(
-        ran.stderr.contains("a table for another rank"),
-        "{}",
-        ran.stderr
-    );
-    fixture.write("good.toml", "rank = 50\nbase = -9000\n");
-    assert_eq!(known("v5:table=good.toml"), 0);
 }

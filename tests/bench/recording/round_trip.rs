@@ -231,10 +231,8 @@ fn results_stand_beside_the_pairs() {
         shape,
         vec![Cell {
             valid_share: 0.0,
-            probability: None,
-            evidence: None,
-            too_close: false,
             depth: None,
+            ..Cell::UNKNOWN
         }],
     )
     .unwrap();

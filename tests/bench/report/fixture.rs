@@ -84,6 +84,7 @@ pub fn cell(algorithm: &str, column: u32, verdict: Verdict) -> CellRow {
             _ => CellState::Known,
         }),
         probability: (verdict == Verdict::Right).then_some(0.75),
+        near_probability: None,
         stress: None,
         true_points: None,
     }

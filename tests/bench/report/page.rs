@@ -74,17 +74,13 @@ fn shot(passed: bool, left: &[u8]) -> FrameShot {
     };
     let known = Cell {
         valid_share: 1.0,
-        probability: None,
-        evidence: None,
-        too_close: false,
         depth: Some(depth),
+        ..Cell::UNKNOWN
     };
     let unknown = Cell {
         valid_share: 0.0,
-        probability: None,
-        evidence: None,
-        too_close: false,
         depth: None,
+        ..Cell::UNKNOWN
     };
     let drawn = |cells: [Cell; 3]| {
         let grid = DepthGrid::new(

@@ -193,6 +193,7 @@ pub(super) mod tests {
             distance_m: z.is_finite().then_some(z),
             disparity_px: None,
             probability: (z == 2.0).then_some(0.75),
+            near_probability: None,
         };
         let rows_of_cells = rows.iter().enumerate();
         let cells = rows_of_cells.flat_map(|(row, cells)| {

@@ -1,0 +1,267 @@
+//! v5 over time against an oracle of its own, which adds the past to the cells of single pairs.
+
+use crate::oracle::scenes::{Scene, pair, pool};
+use svl_core::depth::decision::{CellTable, Tolerance};
+use svl_core::kernel::Isa;
+use svl_core::matcher::{
+    Algorithm, MatchContext, MatchOutput, Matcher, PairMemory, V5Model, Value,
+};
+use svl_core::stereo::{Cell, CellRule, RectifiedPair, Rig, StereoPair};
+
+/// A pair of a run.
+struct RunPair {
+    pair: StereoPair,
+    sequence: u64,
+    stamp_ns: Option<u64>,
+}
+
+const MS: u64 = 1_000_000;
+
+fn rig() -> Rig {
+    Rig::new(60.0, (75.0, 30.0), 0.05, 0.0).unwrap()
+}
+
+/// A scene that comes nearer, farther, and changes, with these stamps in milliseconds.
+fn run(stamps: &[Option<u64>]) -> Vec<RunPair> {
+    let shifts = [6, 6, 7, 7, 12, 12, 6, 6, 6, 9, 9, 9, 3, 3, 14, 14];
+    let pairs = stamps.iter().zip(shifts.iter().cycle()).enumerate();
+    let pairs = pairs.map(|(i, (stamp_ms, shift))| RunPair {
+        pair: pair(
+            Scene::Noise,
+            (150, 60),
+            *shift,
+            120 + 10 * (i as u8 % 7),
+            i as u64,
+        ),
+        sequence: i as u64,
+        stamp_ns: stamp_ms.map(|ms| ms * MS),
+    });
+    pairs.collect()
+}
+
+fn context(of: &RunPair, rig: Option<Rig>) -> MatchContext<'static> {
+    MatchContext {
+        sequence: of.sequence,
+        stamp_ns: of.stamp_ns,
+        rig,
+        ..MatchContext::default()
+    }
+}
+
+fn cells(matcher: &mut dyn Matcher, of: &RunPair, rig: Option<Rig>) -> Vec<Cell> {
+    let mut output = MatchOutput::new().unwrap();
+    let pair = RectifiedPair::assume(&of.pair);
+    matcher
+        .compute(pair, &context(of, rig), &mut output)
+        .unwrap();
+    output.grid.unwrap().into_cells()
+}
+
+/// A model that reports more, so that the past decides.
+fn algorithm() -> Algorithm {
+    let model = V5Model::built_in();
+    let mut median = CellTable {
+        base: model.median.base + 1500,
+        ..model.median
+    };
+    median.time.as_mut().unwrap().least_score = 3500;
+    let model = V5Model {
+        median,
+        near: CellTable {
+            base: model.near.base + 500,
+            ..model.near
+        },
+        ..V5Model::built_in()
+    };
+    let algorithm: Algorithm = "v5:max_disparity=40".parse().unwrap();
+    algorithm
+        .with("model", &Value::file("m", model.to_bytes()))
+        .unwrap()
+}
+
+/// The specification's section 2, cell by cell: `v` and `s`, and the stamp of the last addition.
+#[derive(Clone, Copy, Default)]
+struct State {
+    v: i64,
+    s: i64,
+    added: Option<u64>,
+}
+
+/// The cells of a run from those of its single pairs.
+fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec<(bool, f64)>> {
+    let table = algorithm.safe_choice().unwrap().unwrap().table;
+    let time = table.time.clone().unwrap();
+    let tolerance = Tolerance::new(CellRule::default(), rig.as_ref(), 0.25, 16 * 21);
+    let mut single = algorithm.build().unwrap();
+    let mut states = [State::default(); 15];
+    let mut last: Option<&RunPair> = None;
+    let mut all = Vec::new();
+    for of in run {
+        single.reset();
+        let alone = cells(&mut *single, of, rig);
+        let continues = last.is_some_and(|last| match (last.stamp_ns, of.stamp_ns) {
+            (Some(a), Some(b)) => a < b && b <= a + 1000 * MS,
+            (None, None) => of.sequence == last.sequence + 1,
+            _ => false,
+        });
+        if !continues {
+            states = [State::default(); 15];
+        }
+        last = Some(of);
+        let mut decided = Vec::new();
+        for (cell, state) in alone.iter().zip(&mut states) {
+            let Some(evidence) = cell.evidence else {
+                *state = State::default();
+                decided.push((false, f64::NAN));
+                continue;
+            };
+            let (b, c) = (evidence.report, table.score(&evidence));
+            let (mut score, mut least) = (c, table.least_score);
+            if b == 0 {
+                *state = State::default();
+            } else {
+                let e = c.clamp(0, 14_000);
+                let [lo, hi] = tolerance.ends(b as usize).map(i64::from);
+                let is_clear_nearer =
+                    rig.is_some_and(|rig| rig.depth_m(b as f64 / 8.0).is_some_and(|z| z < 0.75));
+                let (mut g, agrees) = match state.v {
+                    0 => (0, false),
+                    v if lo <= v && v <= hi => (time.agrees.score(state.s), true),
+                    v if b < v => (time.farther.score(state.s), false),
+                    _ => (time.nearer.score(state.s), false),
+                };
+                if is_clear_nearer {
+                    g = g.max(0);
+                }
+                if state.v != 0 {
+                    (score, least) = (c + g, time.least_score);
+                }
+                let is_apart = match (state.added, of.stamp_ns) {
+                    (Some(a), Some(now)) => now - a >= 400 * MS,
+                    _ => true,
+                };
+                *state = match (agrees, is_apart) {
+                    (true, true) => State {
+                        v: b,
+                        s: (state.s - (state.s >> 3) + e).min(14_000),
+                        added: of.stamp_ns,
+                    },
+                    (true, false) => State {
+                        v: b,
+                        s: state.s.max(e),
+                        ..*state
+                    },
+                    (false, _) => State {
+                        v: b,
+                        s: e,
+                        added: of.stamp_ns,
+                    },
+                };
+            }
+            let probability = 1.0 / (1.0 + (-score as f64 / 1000.0).exp());
+            decided.push((score >= least && b > 0, probability));
+        }
+        all.push(decided);
+    }
+    all
+}
+
+fn got(cells: &[Cell]) -> Vec<(bool, f64)> {
+    let of = |cell: &Cell| (cell.depth.is_some(), cell.probability.unwrap_or(f64::NAN));
+    cells.iter().map(of).collect()
+}
+
+fn same(got: &[(bool, f64)], expected: &[(bool, f64)]) -> bool {
+    let is_same = |((a, p), (b, q)): (&(bool, f64), &(bool, f64))| {
+        a == b && (p.is_nan() && q.is_nan() || (p - q).abs() < 1e-12)
+    };
+    got.iter().zip(expected).all(is_same)
+}
+
+#[test]
+fn the_past_of_a_cell_is_that_of_the_specification() {
+    let algorithm = algorithm();
+    let ten_hz: Vec<_> = (0..40).map(|i| Some(1 + 100 * i)).collect();
+    let two_hz: Vec<_> = (0..20).map(|i| Some(500 * i)).collect();
+    // Repeated, backward, absent, and a gap of more than a second.
+    let broken = [0, 100, 100, 200, 150, 250, 1250, 2251, 2300, 2400].map(Some);
+    let mut mixed: Vec<_> = broken.to_vec();
+    mixed.extend([None, None, None, Some(3000), Some(3100)]);
+    let unstamped = vec![None; 12];
+    for stamps in [ten_hz, two_hz, mixed, unstamped] {
+        let run = run(&stamps);
+        for rig in [None, Some(rig())] {
+            let expected = expected(&algorithm, &run, rig);
+            let singles: usize = expected.iter().flatten().filter(|of| of.0).count();
+            assert!(singles > 20, "{singles}");
+            for isa in Isa::available() {
+                for threads in [1, 8] {
+                    pool(threads).install(|| {
+                        let mut matcher = algorithm.build_on(isa).unwrap();
+                        for (of, expected) in run.iter().zip(&expected) {
+                            // Warm-up and rounds: each pair is matched once more.
+                            for _ in 0..2 {
+                                let got = got(&cells(&mut *matcher, of, rig));
+                                assert!(same(&got, expected), "{isa} {threads} {:?}", of.stamp_ns);
+                            }
+                        }
+                    });
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_pair_after_a_reset_is_the_pair_alone() {
+    let algorithm = algorithm();
+    let run = run(&(0..8).map(|i| Some(100 * i)).collect::<Vec<_>>());
+    let mut matcher = algorithm.build().unwrap();
+    assert_eq!(matcher.memory(), PairMemory::Run);
+    let mut differs = false;
+    for of in &run {
+        let followed = cells(&mut *matcher, of, None);
+        let alone = cells(&mut *algorithm.build().unwrap(), of, None);
+        differs |= followed != alone;
+    }
+    assert!(differs, "the past counts");
+    matcher.reset();
+    let alone = cells(&mut *algorithm.build().unwrap(), &run[7], None);
+    assert_eq!(cells(&mut *matcher, &run[7], None), alone);
+    // Another size, grid or rig has no past either.
+    let mut matcher = algorithm.build().unwrap();
+    cells(&mut *matcher, &run[0], None);
+    let other = cells(&mut *algorithm.build().unwrap(), &run[1], Some(rig()));
+    assert_eq!(cells(&mut *matcher, &run[1], Some(rig())), other);
+    for fast in ["v5:revision=2", "v5:target=near"] {
+        let algorithm: Algorithm = fast.parse().unwrap();
+        assert_eq!(algorithm.build().unwrap().memory(), PairMemory::None);
+    }
+}
+
+#[test]
+fn an_unknown_cell_with_something_near_is_flagged() {
+    // Nearly all cells are unknown.
+    let algorithm = algorithm().with("confidence", &Value::Real(0.999)).unwrap();
+    let near: Algorithm = algorithm.with("target", &Value::Choice("near")).unwrap();
+    let near_table = algorithm.safe_choice().unwrap().unwrap().near.unwrap();
+    let rig = rig();
+    let mut flags = 0;
+    for of in &run(&[None; 16]) {
+        let mut matcher = algorithm.build().unwrap();
+        let nearest = cells(&mut *near.build().unwrap(), of, Some(rig));
+        for (cell, near) in cells(&mut *matcher, of, Some(rig)).iter().zip(&nearest) {
+            let evidence = near.evidence.unwrap();
+            let distance_m = rig.depth_m(evidence.report as f64 / 8.0);
+            let is_near = near_table.score(&evidence) >= near_table.least_score
+                && evidence.report > 0
+                && distance_m.is_some_and(|z| z < 0.5);
+            let expected = (cell.depth.is_none() && is_near).then_some(near.probability.unwrap());
+            assert_eq!(cell.near, expected);
+            flags += usize::from(cell.near.is_some());
+        }
+        let without = cells(&mut *algorithm.build().unwrap(), of, None);
+        assert!(without.iter().all(|cell| cell.near.is_none()));
+    }
+    assert!(flags > 0);
+}
