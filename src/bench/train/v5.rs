@@ -226,7 +226,7 @@ impl V5Training {
             Some(time) => {
                 let [agrees, farther, nearer] = time.relations;
                 format!(
-                    "earlier reports of {}: {agrees} agree, {farther} farther, {nearer} nearer; \
+                    "earlier reports of {}: {agrees} agree, {farther} farther,\n{nearer} nearer; \
                      held-out loss {:.4} for {:.4}",
                     counted(time.cells as u64, "cell"),
                     time.loss,

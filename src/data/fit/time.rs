@@ -58,8 +58,12 @@ pub fn fit_time(runs: &[CellRun], table: &CellTable, least_score: i64) -> Option
         let own = samples.features.iter().filter(|of| of[kind] != ABSENT);
         own.count()
     });
+    // They sum to their number, so that the ridge's influence stays small.
+    let scale = count as f64 / samples.weights.iter().sum::<f64>();
+    let weights = samples.weights.iter().map(|weight| scale * weight);
+    let weights = weights.collect();
     let sides = [StepSide::Rises, StepSide::Falls, StepSide::Falls];
-    let data = StepData::new(samples.features, samples.right, samples.weights, sides);
+    let data = StepData::new(samples.features, samples.right, weights, sides);
     let data = data.given(samples.scores);
     let all: Vec<_> = (0..count).collect();
     let groups = samples.groups;

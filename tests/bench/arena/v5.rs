@@ -6,6 +6,12 @@ mod oracle;
 
 use oracle::V5;
 use svl::arena::{Arena, ArenaConfig};
+use svl::depth::GridSettings;
+use svl::depth::decision::CellTable;
+use svl::matcher::{Algorithm, MatchContext, MatchOutput, V5Model, Value};
+use svl::scenario::{Scenario, ScenarioSource};
+use svl::score::TrueCells;
+use svl::stereo::CellRule;
 
 /// CRC-32 of every step for pairs of the arena, as given in the specification (section 3.11).
 #[test]
@@ -59,5 +65,120 @@ fn the_oracle_gives_the_specification_s_answers() {
         ];
         let words = |crcs: &[u32]| crcs.iter().map(|c| format!("{c:08x}")).collect::<Vec<_>>();
         assert_eq!(words(&got), words(&known[..8]), "pair {number}");
+    }
+}
+
+/// A cell becomes near from one pair to the next, in a run of pieces from different places.
+struct Sudden {
+    /// The first of six pairs in which v5 finds it, and in which revision 3 does.
+    found: [Option<usize>; 2],
+}
+
+/// Pieces of eight pairs from different places as one run without a reset, as
+/// `docs/results/v5.md` describes: the pairs in which obstacles that appear are found.
+fn sudden(config: &ArenaConfig, seed: u64) -> Vec<Sudden> {
+    const PIECE: u64 = 8;
+    let arena = Arena::new(config, seed).unwrap();
+    let mut random = fastrand::Rng::with_seed(seed);
+    let mut pieces: Vec<_> = (0..arena.frames() / PIECE).collect();
+    random.shuffle(&mut pieces);
+    let rule = CellRule::default();
+    let v5: Algorithm = "v5".parse().unwrap();
+    let model = V5Model::built_in();
+    let three = V5Model {
+        median: CellTable {
+            slack: 10,
+            time: None,
+            ..model.median.clone()
+        },
+        ..model
+    };
+    let three = Value::file("three", three.to_bytes());
+    let three = v5.with("model", &three).unwrap();
+    let mut matchers = [v5.build().unwrap(), three.build().unwrap()];
+    // Per pair and cell: whether the nearest quarter is far, whether it is near, and whether v5 and
+    // revision 3 find it.
+    let mut pairs: Vec<Vec<(bool, bool, [bool; 2])>> = Vec::new();
+    let numbers = pieces.iter().flat_map(|piece| piece * PIECE..(piece + 1) * PIECE);
+    for (place, number) in numbers.enumerate() {
+        let frame = arena.frame(number).unwrap();
+        let grid = GridSettings::default();
+        let context = MatchContext {
+            sequence: place as u64,
+            stamp_ns: Some(100_000_000 * (place as u64 + 1)),
+            ..MatchContext::of(&frame, grid, rule)
+        };
+        let truth = TrueCells::new(&frame, grid.shape(), rule).unwrap();
+        let judged = [0, 1].map(|i| {
+            let mut output = MatchOutput::new().unwrap();
+            let pair = frame.rectified().unwrap();
+            matchers[i].compute(pair, &context, &mut output).unwrap();
+            let mut grid = output.grid.unwrap();
+            if i == 1 {
+                // Revision 3 has no flags.
+                grid.cells_mut().for_each(|cell| cell.near = None);
+            }
+            truth.judge(&grid)
+        });
+        let near: Vec<_> = truth.near().collect();
+        let cells = near.iter().enumerate().map(|(cell, near)| {
+            let distance_m = near.as_ref().map(|near| near.distance_m);
+            let is_far = distance_m.is_some_and(|z| z.is_none_or(|z| z > 0.75));
+            let is_near = distance_m.flatten().is_some_and(|z| z < 0.5);
+            (is_far, is_near, [0, 1].map(|i| judged[i][cell].near.found))
+        });
+        pairs.push(cells.collect());
+    }
+    let mut events = Vec::new();
+    for start in (PIECE as usize..pairs.len()).step_by(PIECE as usize) {
+        for cell in 0..pairs[0].len() {
+            let after = &pairs[start..start + 6];
+            let is_event = pairs[start - 1][cell].0 && after.iter().all(|pair| pair[cell].1);
+            if is_event {
+                let found = |i: usize| after.iter().position(|pair| pair[cell].2[i]);
+                events.push(Sudden {
+                    found: [found(0), found(1)],
+                });
+            }
+        }
+    }
+    events
+}
+
+/// Figures for `docs/results/v5.md`; `docs/v5.sh` runs it.
+#[test]
+#[ignore = "takes minutes, and prints figures"]
+fn sudden_obstacles() {
+    let read = |name: &str, frames, rate_hz| {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let scenario = Scenario::read(&path.join("scenarios").join(name)).unwrap();
+        match scenario.source {
+            ScenarioSource::Arena { config, .. } => ArenaConfig {
+                frames,
+                rate_hz,
+                ..*config
+            },
+            _ => panic!("{name} is simulated"),
+        }
+    };
+    for (name, config, seeds) in [
+        ("arena", read("arena.toml", 280, 10.0), 7101..=7110),
+        ("worlds", read("worlds.toml", 120, 10.0), 7201..=7220),
+    ] {
+        let events: Vec<_> = seeds.flat_map(|seed| sudden(&config, seed)).collect();
+        let first = |i: usize| events.iter().filter(|of| of.found[i] == Some(0)).count();
+        let later = events.iter().filter(|of| match of.found {
+            [Some(v5), Some(three)] => v5 > three + 1,
+            [None, Some(three)] => three < 5,
+            _ => false,
+        });
+        println!(
+            "{name}: {} events; found in the first pair: v5 {}, revision 3 {}; later by more than \
+             one pair: {}",
+            events.len(),
+            first(0),
+            first(1),
+            later.count()
+        );
     }
 }
