@@ -9,7 +9,7 @@ use std::ptr::{null, null_mut};
 use std::sync::Arc;
 use svl_c::{
     CCell, Handle, Options, Status, svl_cells, svl_close, svl_disparities, svl_error,
-    svl_instruction_set, svl_match, svl_open, svl_reason_name, svl_version,
+    svl_instruction_set, svl_match, svl_open, svl_reason_name, svl_reset, svl_version,
 };
 use svl_core::depth::{self, GridSettings};
 use svl_core::filter::FilterKind;
@@ -40,6 +40,10 @@ fn open(options: &Options) -> (Status, *mut Handle) {
 }
 
 fn match_pair(handle: *mut Handle, pair: &StereoPair, stride: usize) -> Status {
+    match_at(handle, pair, stride, 0)
+}
+
+fn match_at(handle: *mut Handle, pair: &StereoPair, stride: usize, stamp_ns: u64) -> Status {
     let (width, height) = pair.size();
     let [left, right] = [pair.left(), pair.right()].map(|image| {
         let mut pixels = vec![0; stride * height];
@@ -58,7 +62,7 @@ fn match_pair(handle: *mut Handle, pair: &StereoPair, stride: usize) -> Status {
             width,
             height,
             stride,
-            0,
+            stamp_ns,
         )
     }
 }
@@ -78,6 +82,35 @@ fn cells<'a>(handle: *mut Handle) -> Result<&'a [CCell], Status> {
         // SAFETY: the cells are valid until the next call.
         Status::Ok => Ok(unsafe { std::slice::from_raw_parts(cells, (columns * rows) as usize) }),
         failed => Err(failed),
+    }
+}
+
+#[test]
+fn earlier_pairs_count_until_a_reset() {
+    let (status, handle) = open(&Options::default());
+    assert_eq!(status, Status::Ok);
+    let probabilities = |stamp_ns: u64| {
+        assert_eq!(match_at(handle, &pair(), SIZE.0, stamp_ns), Status::Ok);
+        let cells = cells(handle).unwrap().iter();
+        cells
+            .map(|cell| cell.probability.to_bits())
+            .collect::<Vec<_>>()
+    };
+    const S: u64 = 1_000_000_000;
+    let alone = probabilities(S);
+    let followed = probabilities(S + S / 2);
+    assert_ne!(alone, followed);
+    assert_eq!(probabilities(S), alone, "a clock that jumps back");
+    assert_eq!(probabilities(3 * S), alone, "later by more than a second");
+    assert_eq!(probabilities(0), alone, "without a stamp after one with");
+    assert_eq!(probabilities(0), followed, "in the order of the calls");
+    // SAFETY: the handle is open.
+    assert_eq!(unsafe { svl_reset(handle) }, Status::Ok);
+    assert_eq!(probabilities(0), alone);
+    // SAFETY: a null pointer is an error; the handle is closed once.
+    unsafe {
+        assert_eq!(svl_reset(null_mut()), Status::Invalid);
+        svl_close(handle);
     }
 }
 

@@ -424,4 +424,25 @@ mod tests {
             assert_eq!(command.speed_m_per_s == 0.0, stops, "{stands_for:?}");
         }
     }
+
+    #[test]
+    fn a_cell_with_something_near_is_an_unknown_one_unless_the_scenario_says_more() {
+        let mut flagged = grid([0.0; 5]);
+        flagged.cells_mut().for_each(|cell| cell.near = Some(0.9));
+        let (rig, robot) = (rig(), at(0.0));
+        let mut config = DriveConfig::default();
+        let mut speed = |near, unknown| {
+            (config.steering.near, config.steering.unknown) = (near, unknown);
+            let mut steering = Steering::new(&config);
+            let command = steering.decide(&flagged, (&rig, 320), [&robot, &robot], 0.0);
+            command.speed_m_per_s
+        };
+        use CellStandsFor::{Free, Obstacle};
+        let free = speed(None, Free);
+        assert_eq!(speed(Some(Free), Obstacle), free);
+        // At 0.5 m it is slower, and at the 0.2 m of an unknown cell it stops.
+        let near = speed(Some(Obstacle), Free);
+        assert!(0.0 < near && near < free, "{near} {free}");
+        assert_eq!(speed(None, Obstacle), 0.0);
+    }
 }

@@ -220,6 +220,35 @@ mod tests {
     };
 
     #[test]
+    fn a_flag_finds_what_is_near_and_is_false_where_nothing_is() {
+        let judged = |near_m: f64, not_clear: f64| {
+            let quarter = TrueQuarter {
+                near: CellDepth {
+                    median_px: 10.0,
+                    p20_px: 10.0,
+                    p80_px: 10.0,
+                    distance_m: Some(near_m),
+                },
+                not_clear,
+            };
+            let flagged = Cell {
+                near: Some(0.9),
+                ..Cell::UNKNOWN
+            };
+            let rule = CellRule::default();
+            [flagged, Cell::UNKNOWN].map(|cell| {
+                let judged = quarter.judge(&cell, rule);
+                assert!(!judged.missed);
+                (judged.found, judged.falsely)
+            })
+        };
+        assert_eq!(judged(0.4, 0.3), [(true, false), (false, false)]);
+        assert_eq!(judged(2.0, 0.0), [(false, true), (false, false)]);
+        // Something is near, but less than a quarter of the cell.
+        assert_eq!(judged(2.0, 0.1), [(false, false), (false, false)]);
+    }
+
+    #[test]
     fn points_and_a_fifth_of_a_reference_are_scored() {
         let shape = GridShape {
             columns: 2,

@@ -99,7 +99,9 @@ fn sudden(config: &ArenaConfig, seed: u64) -> Vec<Sudden> {
     // Per pair and cell: whether the nearest quarter is far, whether it is near, and whether v5 and
     // revision 3 find it.
     let mut pairs: Vec<Vec<(bool, bool, [bool; 2])>> = Vec::new();
-    let numbers = pieces.iter().flat_map(|piece| piece * PIECE..(piece + 1) * PIECE);
+    let numbers = pieces
+        .iter()
+        .flat_map(|piece| piece * PIECE..(piece + 1) * PIECE);
     for (place, number) in numbers.enumerate() {
         let frame = arena.frame(number).unwrap();
         let grid = GridSettings::default();

@@ -122,6 +122,13 @@ pub(crate) struct Args {
         value_parser = usage::within(0.01..=100.0)
     )]
     camera_height: Option<f64>,
+    /// Distance in the published scan of cells that are near but have none, metres; without it they
+    /// are unknown
+    #[arg(
+        long, value_name = "M", allow_negative_numbers = true, requires = "publish",
+        value_parser = usage::within(0.01..=100.0)
+    )]
+    near: Option<f64>,
     /// Compare the results with those of an earlier run
     ///
     /// By default with those in the recording itself.
@@ -260,6 +267,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
             address,
             options: ResultOptions {
                 camera_height_m: args.camera_height,
+                near_m: args.near,
                 dense: args.dense,
                 ..ResultOptions::new(opened.header.frame_id.as_deref().unwrap_or(LEFT_FRAME))
             },

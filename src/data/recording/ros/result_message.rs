@@ -29,6 +29,9 @@ pub struct ResultOptions {
     /// Height of the camera above the floor, metres; without it the scan has only cells at the
     /// camera's height or above.
     pub camera_height_m: Option<f64>,
+    /// Distance in the scan of cells with something near and no distance of their own; without it
+    /// they are unknown.
+    pub near_m: Option<f64>,
     /// True for a cloud of pixels in place of cells.
     pub dense: bool,
 }
@@ -39,6 +42,7 @@ impl ResultOptions {
         Self {
             frame_id: frame_id.to_owned(),
             camera_height_m: None,
+            near_m: None,
             dense: false,
         }
     }

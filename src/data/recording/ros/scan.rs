@@ -52,8 +52,9 @@ pub fn scan_transform(frame_id: &str, stamp_ns: u64) -> Result<Option<ResultMess
 
 /// A sensor_msgs/msg/LaserScan of the cells that are not of the floor. A beam has the range of the
 /// nearest known cell of its column; `+∞` if all its cells are known and none is nearer than
-/// `range_max`; NaN otherwise, and if the search begins beyond `range_max`. Intensities are the
-/// cells' probabilities, 0 if none is reported.
+/// `range_max`; NaN otherwise, and if the search begins beyond `range_max`. A cell with something near
+/// is unknown, or known at [`ResultOptions::near_m`]. Intensities are the cells' probabilities, 0 if
+/// none is reported.
 pub(super) fn scan(
     result: &PairResult,
     rig: &Rig,
@@ -61,7 +62,7 @@ pub(super) fn scan(
     stamp: RosStamp,
     options: &ResultOptions,
 ) -> Encoded {
-    let columns = Columns::new(&result.cells, rig, size, options.camera_height_m);
+    let columns = Columns::new(&result.cells, rig, size, options);
     let angle = |x: f64| ((rig.center_px().0 - x) / rig.focal_px()).atan();
     // From the right edge of the image to the left one, as angles are counted.
     let (right, left) = (angle(size.0 as f64 - 0.5), angle(-0.5));
@@ -122,8 +123,14 @@ impl Columns {
         cells: &AlgorithmCells,
         rig: &Rig,
         size: (usize, usize),
-        camera_height_m: Option<f64>,
+        options: &ResultOptions,
     ) -> Self {
+        let &ResultOptions {
+            camera_height_m,
+            near_m,
+            ..
+        } = options;
+        let flagged_m = |cell: &CellReport| near_m.filter(|_| cell.state == CellState::Near);
         let column = |column: usize| {
             let own = cells.cells.iter().filter(|cell| cell.column == column);
             let rows = size.1 as f64 / cells.rows as f64;
@@ -133,16 +140,22 @@ impl Columns {
                 camera_height_m.is_some() || below <= BELOW * rows
             };
             let is_obstacle = |cell: &CellReport| {
-                let z = cell.distance_m?;
+                let z = cell.distance_m.or_else(|| flagged_m(cell))?;
                 let [_, below, _] = rig.point_m(cells.center_px(cell, size), z);
                 let is_floor = camera_height_m.is_some_and(|height| below >= FLOOR * height);
-                (!is_floor).then_some((z, cell.probability.unwrap_or(0.0)))
+                let probability = cell.near_probability.or(cell.probability);
+                (!is_floor).then_some((z, probability.unwrap_or(0.0)))
             };
             let looked_at: Vec<_> = own.filter(is_looked_at).collect();
             let obstacles = looked_at.iter().filter_map(|cell| is_obstacle(cell));
             let is_unknown = |cell: &&CellReport| {
                 let is_possible = cell.disparity_px.is_none_or(|d| rig.is_possible(d.into()));
-                cell.state == CellState::Unknown || !is_possible
+                let is_unknown = match cell.state {
+                    CellState::Unknown => true,
+                    CellState::Near => flagged_m(cell).is_none(),
+                    CellState::Known | CellState::TooClose => false,
+                };
+                is_unknown || !is_possible
             };
             let found = Column {
                 nearest: obstacles.min_by(|a, b| a.0.total_cmp(&b.0)),
@@ -205,6 +218,23 @@ mod tests {
         let header = ros::read_cdr(&data, |cdr| Ok(ros::header(cdr)?.frame_id.to_owned()));
         assert_eq!(header.unwrap(), "cam_frame");
         ros::read_cdr(&data, ros::laser_scan).unwrap()
+    }
+
+    #[test]
+    fn a_flagged_cell_is_an_obstacle_if_that_is_asked_for() {
+        let mut result = result(&[&[2.0, f64::NAN]], Plane::filled(1, 1, 0.0).unwrap());
+        result.cells.cells[1].state = CellState::Near;
+        result.cells.cells[1].near_probability = Some(0.9);
+        let scan_of = |near_m| {
+            let options = ResultOptions {
+                near_m,
+                ..ResultOptions::new("cam_optical_frame")
+            };
+            let data = scan(&result, &rig(), SIZE, RosStamp::new(1).unwrap(), &options).data;
+            ros::read_cdr(&data, ros::laser_scan).unwrap().ranges[0]
+        };
+        assert!(scan_of(None).is_nan());
+        assert!((0.5..0.55).contains(&scan_of(Some(0.5))));
     }
 
     #[test]
