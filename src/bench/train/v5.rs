@@ -215,7 +215,7 @@ impl V5Training {
         let cells = self.cells.terminal(style);
         let near = &self.near;
         let near = format!(
-            "nearest quarter, held out: {:.1} % of {} from {:.2} on, {:.2} % of them right",
+            "nearest quarter, held out: {:.1} % of {} from {:.2} on;\n{:.2} % of them right",
             100.0 * near.known,
             counted(near.cells as u64, "cell"),
             near.confidence,

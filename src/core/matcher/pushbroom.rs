@@ -366,7 +366,7 @@ impl Matcher for Pushbroom {
     }
 
     fn needs_poses(&self) -> bool {
-        true
+        self.keep > 0
     }
 }
 

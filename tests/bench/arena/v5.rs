@@ -74,9 +74,17 @@ struct Sudden {
     found: [Option<usize>; 2],
 }
 
+/// Flags: whose nearest quarter is nearer than 0.5 m, farther than 0.75 m, and all with a truth.
+#[derive(Default)]
+struct Flags {
+    near: usize,
+    far: usize,
+    all: usize,
+}
+
 /// Pieces of eight pairs from different places as one run without a reset, as
 /// `docs/results/v5.md` describes: the pairs in which obstacles that appear are found.
-fn sudden(config: &ArenaConfig, seed: u64) -> Vec<Sudden> {
+fn sudden(config: &ArenaConfig, seed: u64, flags: &mut Flags) -> Vec<Sudden> {
     const PIECE: u64 = 8;
     let arena = Arena::new(config, seed).unwrap();
     let mut random = fastrand::Rng::with_seed(seed);
@@ -111,18 +119,26 @@ fn sudden(config: &ArenaConfig, seed: u64) -> Vec<Sudden> {
             ..MatchContext::of(&frame, grid, rule)
         };
         let truth = TrueCells::new(&frame, grid.shape(), rule).unwrap();
+        let near: Vec<_> = truth.near().collect();
         let judged = [0, 1].map(|i| {
             let mut output = MatchOutput::new().unwrap();
             let pair = frame.rectified().unwrap();
             matchers[i].compute(pair, &context, &mut output).unwrap();
             let mut grid = output.grid.unwrap();
+            for (cell, near) in grid.cells_mut().zip(&near).filter(|_| i == 0) {
+                if let (Some(_), Some(near)) = (cell.near, near) {
+                    let distance_m = near.distance_m.unwrap_or(f64::INFINITY);
+                    flags.all += 1;
+                    flags.near += usize::from(distance_m < 0.5);
+                    flags.far += usize::from(distance_m > 0.75);
+                }
+            }
             if i == 1 {
                 // Revision 3 has no flags.
                 grid.cells_mut().for_each(|cell| cell.near = None);
             }
             truth.judge(&grid)
         });
-        let near: Vec<_> = truth.near().collect();
         let cells = near.iter().enumerate().map(|(cell, near)| {
             let distance_m = near.as_ref().map(|near| near.distance_m);
             let is_far = distance_m.is_some_and(|z| z.is_none_or(|z| z > 0.75));
@@ -166,8 +182,11 @@ fn sudden_obstacles() {
     for (name, config, seeds) in [
         ("arena", read("arena.toml", 280, 10.0), 7101..=7110),
         ("worlds", read("worlds.toml", 120, 10.0), 7201..=7220),
+        ("shapes", read("shapes.toml", 24, 2.0), 7301..=7320),
     ] {
-        let events: Vec<_> = seeds.flat_map(|seed| sudden(&config, seed)).collect();
+        let mut flags = Flags::default();
+        let events = seeds.flat_map(|seed| sudden(&config, seed, &mut flags));
+        let events: Vec<_> = events.collect();
         let first = |i: usize| events.iter().filter(|of| of.found[i] == Some(0)).count();
         let later = events.iter().filter(|of| match of.found {
             [Some(v5), Some(three)] => v5 > three + 1,
@@ -182,5 +201,7 @@ fn sudden_obstacles() {
             first(1),
             later.count()
         );
+        let Flags { near, far, all } = flags;
+        println!("{name}: {all} flags; nearest quarter below 0.5 m {near}, beyond 0.75 m {far}");
     }
 }

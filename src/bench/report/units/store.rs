@@ -152,7 +152,8 @@ impl Units {
     /// True unless the units are of another version of svl.
     pub fn are_readable(&self) -> bool {
         let plan = read_json::<serde_json::Value>(&self.plan_path());
-        plan.is_ok_and(|plan| plan["format"] == unit_format())
+        // Of a damaged one nothing is known; reading it says so.
+        plan.map_or(true, |plan| plan["format"] == unit_format())
     }
 
     /// # Errors
