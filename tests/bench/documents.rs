@@ -48,7 +48,6 @@ const PARSED: &[(&str, &str)] = &[
     ),
     ("svl datasets fetch", "needs the network"),
     ("svl train v5", "takes minutes; cli::train is a short one"),
-    ("svl score scenarios/worlds.toml", "takes minutes"),
     ("svl view", "opens a window"),
     (
         "svl label checkpoints",
