@@ -60,9 +60,9 @@ for name, parts in SETS.items():
                     of["missed"] += row["missed_median"] == "true"
                     of["false"] += row["false_median"] == "true"
             for row in csv.DictReader(open(f"reports/rivals-{part}-{decision}/summary.csv")):
-                near[label(row)].update({key: int(row[key] or 0) for key in ("missed", "near")})
-    print(f"\n{name}\n\n| algorithm | right / wrong, % of the cells | missed / false obstacles | near ones missed "
-          "| wrong, % of the known |\n|---|---:|---:|---:|---:|")
+                near[label(row)].update({key: int(row[key] or 0) for key in ("missed", "near", "found")})
+    print(f"\n{name}\n\n| algorithm | right / wrong, % of the cells | missed / false obstacles | near ones found, % | missed "
+          "| wrong, % of the known |\n|---|---:|---:|---:|---:|---:|")
     for algorithm, seeds in counts.items():
         of = sum(seeds.values(), collections.Counter())
         right, wrong = (100 * of[verdict] / of["all"] for verdict in ("right", "wrong"))
@@ -74,6 +74,7 @@ for name, parts in SETS.items():
             sums = sorted(known(sum(draw, collections.Counter())) for draw in draws)
             interval = f" ({sums[50]:.1f}–{sums[1949]:.1f})"
         print(f"| {algorithm} | {right:.1f} / {wrong:.2f} | {of['missed']} / {of['false']} "
+              f"| {100 * near[algorithm]['found'] / max(near[algorithm]['near'], 1):.1f} "
               f"| {near[algorithm]['missed']} of {near[algorithm]['near']} | {known(of):.2f}{interval} |")
 print("\ndrives\n\n| algorithm | courses | finished, % | collisions | near misses | driven, m |\n|---|---:|---:|---:|---:|---:|")
 for decision in ("median", "stixels"):
