@@ -4,7 +4,7 @@
 //!
 //! A simulated camera replaces a real one: a textured wall approaches by 0.2 m per pair.
 
-use svl_core::depth::{self, GridSettings};
+use svl_core::depth::GridSettings;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl_core::stereo::{Gray, RectifiedPair, Rig, StereoPair};
 
@@ -29,23 +29,29 @@ fn main() -> svl_core::Result<()> {
     // Focal length and principal point in pixels, baseline in metres, offset of the principal
     // points in pixels. Package svl-calibrate reads them from a calibration file.
     let rig = Rig::new(328.0, (160.0, 120.0), 0.044, 0.0)?;
-    let mut matcher = "v3:max_disparity=64".parse::<Algorithm>()?.build()?;
+    let mut matcher = Algorithm::default().build()?;
     let mut output = MatchOutput::new()?;
     for step in 0..6 {
-        let pair = pair(&rig, 1.5 - 0.2 * f64::from(step))?;
+        let pair = pair(&rig, 1.5 - 0.2 * step as f64)?;
         output.begin();
+        // The stamp says which pairs follow each other: v5 uses the cells of earlier ones.
+        let context = MatchContext {
+            sequence: step,
+            stamp_ns: Some(100_000_000 * step),
+            rig: Some(rig),
+            ..MatchContext::default()
+        };
         // No allocation after the first pair.
-        matcher.compute(
-            RectifiedPair::assume(&pair),
-            &MatchContext::default(),
-            &mut output,
-        )?;
-        let disparity = output.disparity.disparity();
-        let grid = depth::grid(disparity, GridSettings::default(), Some(&rig));
-        let distances = grid
-            .iter()
-            .filter_map(|(_, cell)| cell.depth.as_ref()?.distance_m);
-        let nearest_m = distances.fold(f64::INFINITY, f64::min);
+        matcher.compute(RectifiedPair::assume(&pair), &context, &mut output)?;
+        // Algorithms that decide on no cells get the median of each.
+        output.decide(GridSettings::default(), Some(&rig));
+        let cells = output.grid.iter().flat_map(|grid| grid.iter());
+        let nearest_m = cells.fold(f64::INFINITY, |nearest_m, (_, cell)| {
+            // Something near that has no distance.
+            let flagged_m = cell.near.map(|_| STOP_M / 2.0);
+            let distance_m = cell.depth.and_then(|depth| depth.distance_m).or(flagged_m);
+            nearest_m.min(distance_m.unwrap_or(f64::INFINITY))
+        });
         let action = if nearest_m < STOP_M { "stop" } else { "go on" };
         println!("nearest cell {nearest_m:.2} m: {action}");
     }
