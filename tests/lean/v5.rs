@@ -4,7 +4,7 @@ use crate::common;
 use crate::oracle::scenes::{Scene, pairs, pool};
 use crate::oracle::v5::{Evidence, MEDIAN, NEAR, Steps, V5, score};
 use proptest::prelude::*;
-use svl_core::depth::decision::{self, CellTable};
+use svl_core::depth::decision::{self, VerdictTable};
 use svl_core::kernel::Isa;
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, V5Model, Value};
 use svl_core::stereo::{CellRule, Reason, RectifiedPair, Rig, StereoPair};
@@ -29,7 +29,7 @@ impl V5 {
             for (steps, of) in steps.iter_mut().zip(features) {
                 *steps = decision::Steps(of.to_vec());
             }
-            CellTable {
+            VerdictTable {
                 rank,
                 slack: *slack,
                 least_score: 1099,

@@ -1,7 +1,7 @@
 //! v5 over time against an oracle of its own, which adds the past to the cells of single pairs.
 
 use crate::oracle::scenes::{Scene, pair, pool};
-use svl_core::depth::decision::{CellTable, Tolerance};
+use svl_core::depth::decision::{Tolerance, VerdictTable};
 use svl_core::kernel::Isa;
 use svl_core::matcher::{
     Algorithm, MatchContext, MatchOutput, Matcher, PairMemory, V5Model, Value,
@@ -60,14 +60,14 @@ fn cells(matcher: &mut dyn Matcher, of: &RunPair, rig: Option<Rig>) -> Vec<Cell>
 /// A model that reports more, so that the past decides.
 fn algorithm() -> Algorithm {
     let model = V5Model::built_in();
-    let mut median = CellTable {
+    let mut median = VerdictTable {
         base: model.median.base + 1500,
         ..model.median
     };
     median.time.as_mut().unwrap().least_score = 3500;
     let model = V5Model {
         median,
-        near: CellTable {
+        near: VerdictTable {
             base: model.near.base + 500,
             ..model.near
         },

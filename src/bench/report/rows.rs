@@ -254,8 +254,8 @@ record! {
         state: Option<CellState>,
         /// Probability that the cell is right, if the algorithm gives one.
         probability: Option<f64>,
-        /// Of an unknown cell with something nearer than `obstacle_m`, state `near`: the probability
-        /// that it is there.
+        /// Of an unknown cell with something nearer than `obstacle_m`, state `near`: the
+        /// probability that it is there.
         near_probability: Option<f64>,
         /// Perturbation of the pair, if any.
         stress: Option<String>,

@@ -9,7 +9,7 @@ use crate::report::table::{Table, TableColumn, TerminalStyle};
 use serde::Serialize;
 use std::collections::HashSet;
 use svl_core::Result;
-use svl_core::depth::decision::{CellTable, SafeChoice, probability};
+use svl_core::depth::decision::{SafeChoice, VerdictTable, probability};
 use svl_core::matcher::Algorithm;
 use svl_data::fit::{CellFit, CellSample};
 
@@ -61,7 +61,7 @@ impl CellTraining {
         } = learned;
         let table = &choice.table;
         let least_score = table.least_score;
-        let score = |table: &CellTable, sample: &CellSample| {
+        let score = |table: &VerdictTable, sample: &CellSample| {
             table.score(&sample.evidence.unwrap_or_default())
         };
         let tested = samples[fit.held_out.len()..].iter();
@@ -272,7 +272,7 @@ mod tests {
             right: true,
             known: true,
         };
-        let base = |base| CellTable {
+        let base = |base| VerdictTable {
             base,
             ..choice.table.clone()
         };

@@ -1,6 +1,6 @@
 //! Training of the network of v5's gaps, with its figures.
 
-use super::RunShare;
+use super::learned_cells::RunShare;
 
 use crate::console::{Console, Unit, Watch};
 use crate::run::{Matchers, frames_through};

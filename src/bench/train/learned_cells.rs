@@ -1,13 +1,12 @@
 //! Cells of scenarios that the tables of v5 are learned from.
 
-use super::RunShare;
 use crate::console::{Console, Watch};
 use crate::run::{Matchers, frames_through};
 use crate::runs::runs;
 use crate::sink::{CollectSink, RunStart};
 use crate::source::{PairRegister, Source};
 use std::path::Path;
-use svl_core::depth::decision::{CellTable, Feature, SafeChoice};
+use svl_core::depth::decision::{Feature, SafeChoice, VerdictTable};
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{CellEvidence, FittedTo};
 use svl_core::{Error, Result};
@@ -16,6 +15,26 @@ use svl_data::fit::{
 };
 use svl_data::manifest::Manifest;
 use svl_data::scenario::{Scenario, ScenarioSource};
+
+/// A part of a scenario's runs, or of the scenes of a data set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RunShare {
+    All,
+    /// Two of three, for the network.
+    Network,
+    /// The others, for the tables: on its own runs a network looks better than it is.
+    Tables,
+}
+
+impl RunShare {
+    pub(super) fn has(self, number: u64) -> bool {
+        match self {
+            Self::All => true,
+            Self::Network => number % 3 != 2,
+            Self::Tables => number % 3 == 2,
+        }
+    }
+}
 
 /// The algorithms whose cells are learned: v5 for the median, and for the nearest quarter.
 pub struct CellAlgorithms {
@@ -168,7 +187,7 @@ impl LearnedCells {
     ///
     /// The weight of a scenario is the square root of its number of cells, so that few real scenes
     /// count beside many simulated ones. `None` and `progress` as of [`fit_cells`].
-    pub fn fit(&self, like: &CellTable, progress: impl Fn() -> bool + Sync) -> Option<CellFit> {
+    pub fn fit(&self, like: &VerdictTable, progress: impl Fn() -> bool + Sync) -> Option<CellFit> {
         let (fitted, kinds) = (self.fitted(), self.kinds());
         let mut kind_of = Vec::with_capacity(fitted);
         let mut weights = Vec::with_capacity(fitted);
@@ -181,10 +200,11 @@ impl LearnedCells {
         fit_cells(&self.samples[..fitted], &kind_of, &weights, like, progress)
     }
 
-    /// Fits a table for the nearest quarter, as [`LearnedCells::fit`], with the number of its cells.
+    /// Fits a table for the nearest quarter, as [`LearnedCells::fit`], with the number of its
+    /// cells.
     pub fn fit_near(
         &self,
-        like: &CellTable,
+        like: &VerdictTable,
         progress: impl Fn() -> bool + Sync,
     ) -> Option<(CellFit, &[CellSample])> {
         let (samples, mut weights) = (&self.near.0, self.near.1.clone());

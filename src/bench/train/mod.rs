@@ -1,4 +1,5 @@
-//! Training with its figures for people: the model of v5, the networks of the filters. Computations on every sample are in [`svl_data::fit`].
+//! Training with its figures for people: the model of v5, the networks of the filters. Computations
+//! on every sample are in [`svl_data::fit`].
 
 mod cells;
 mod filter;
@@ -19,5 +20,5 @@ pub use learned_cells::{CellAlgorithms, LearnedCells, LearnedScenario, samples_c
 pub use reliability::ReliabilityBin;
 pub use report::{FilterTraining, HiddenTrial};
 pub use scenario_filters::{of_scenario, with_filters};
-pub use v5::{NearTraining, RunShare, TrainedV5, TrainingScenario, V5Training, train_v5};
+pub use v5::{NearTraining, TrainedV5, TrainingScenario, V5Training, train_v5};
 pub use windows::{LabelledRuns, train, windows};

@@ -2,7 +2,7 @@
 
 use super::cells::CellTraining;
 use super::gaps::{GapTraining, LearnedGaps, LearnedNetwork};
-use super::learned_cells::{CellAlgorithms, LearnedCells};
+use super::learned_cells::{CellAlgorithms, LearnedCells, RunShare};
 use crate::console::{Console, Unit};
 use crate::report::table::TerminalStyle;
 use serde::Serialize;
@@ -13,26 +13,6 @@ use svl_core::matcher::V5Model;
 use svl_core::{Error, Result, counted, interrupt};
 use svl_data::fit::{CellSample, GapSettings, TimeFigures, fit_time};
 use svl_data::scenario::Scenario;
-
-/// A part of a scenario's runs, or of the scenes of a data set.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum RunShare {
-    All,
-    /// Two of three, for the network.
-    Network,
-    /// The others, for the tables: on its own runs a network looks better than it is.
-    Tables,
-}
-
-impl RunShare {
-    pub(super) fn has(self, number: u64) -> bool {
-        match self {
-            Self::All => true,
-            Self::Network => number % 3 != 2,
-            Self::Tables => number % 3 == 2,
-        }
-    }
-}
 
 /// A scenario in its file.
 pub struct TrainingScenario {

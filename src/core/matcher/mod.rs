@@ -99,8 +99,8 @@ pub enum PairMemory {
 pub struct MatchContext<'a> {
     /// Number of the pair in its run.
     pub sequence: u64,
-    /// Stamp of the pair, if it has one: algorithms with a memory know by it which pairs follow each
-    /// other.
+    /// Stamp of the pair, if it has one: algorithms with a memory know by it which pairs follow
+    /// each other.
     pub stamp_ns: Option<u64>,
     /// Name of the pair, if it has one.
     pub name: Option<&'a str>,

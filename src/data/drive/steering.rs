@@ -136,7 +136,7 @@ impl Steering {
             }
         } else if stands_for == Some(CellStandsFor::Obstacle) {
             let distance_m = match cell.state() {
-                CellState::Near => rule.near_m,
+                CellState::Near if rule.near.is_some() => rule.near_m,
                 _ => rule.assumed_m,
             };
             obstacles.extend(points(distance_m));
@@ -440,7 +440,8 @@ mod tests {
         use CellStandsFor::{Free, Obstacle};
         let free = speed(None, Free);
         assert_eq!(speed(Some(Free), Obstacle), free);
-        // An obstacle at 0.5 m leaves room to turn, and one at the 0.2 m of an unknown cell does not.
+        // An obstacle at 0.5 m leaves room to turn, and one at the 0.2 m of an unknown cell does
+        // not.
         assert!(speed(Some(Obstacle), Free) > 0.0);
         assert_eq!(speed(None, Obstacle), 0.0);
     }

@@ -1,21 +1,21 @@
-//! Fits a [`CellTable`] to samples: a logistic regression on steps ([`super::steps`]).
+//! Fits a [`VerdictTable`] to samples: a logistic regression on steps ([`super::steps`]).
 //!
 //! The number of steps is chosen by cross-validation: whole groups are held out, never single
 //! cells, as the cells of a run are similar to each other.
 
 use super::CellSample;
 use super::steps::{StepData, StepModel, StepSide, at, fewest};
-use svl_core::depth::decision::{CellTable, Feature};
+use svl_core::depth::decision::{Feature, VerdictTable};
 
 /// A fitted table, with its figures on the samples.
 #[derive(Clone, Debug)]
 pub struct CellFit {
-    pub table: CellTable,
+    pub table: VerdictTable,
     /// Per sample, in order, the log odds in thousandths from a table fitted without the sample's
     /// fold; the least number if there is nothing to report.
     pub held_out: Vec<i64>,
     /// Per kind a table fitted without it; empty if there is only one.
-    pub without_kind: Vec<CellTable>,
+    pub without_kind: Vec<VerdictTable>,
     /// Mean logistic loss of held-out samples by the number of steps, from 0 on.
     pub losses: Vec<f64>,
 }
@@ -37,7 +37,7 @@ pub fn fit_cells(
     samples: &[CellSample],
     kinds: &[usize],
     weights: &[f64],
-    like: &CellTable,
+    like: &VerdictTable,
     progress: impl Fn() -> bool + Sync,
 ) -> Option<CellFit> {
     let features = samples
@@ -59,7 +59,7 @@ pub fn fit_cells(
     let steps = fewest(&losses);
     let table = |model: &StepModel| {
         let (base, steps) = data.steps(model);
-        CellTable {
+        VerdictTable {
             base,
             steps,
             time: None,
@@ -110,7 +110,7 @@ mod tests {
     use svl_core::matcher::V5Model;
     use svl_core::stereo::CellEvidence;
 
-    fn like() -> CellTable {
+    fn like() -> VerdictTable {
         V5Model::built_in().median
     }
 

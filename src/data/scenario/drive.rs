@@ -36,8 +36,8 @@ pub struct SteeringRule {
     pub unknown: CellStandsFor,
     /// Interpretation of a cell that a filter reports as too close.
     pub too_close: CellStandsFor,
-    /// Interpretation of an unknown cell with something near, state `near`; as of other unknown ones
-    /// unless given.
+    /// Interpretation of an unknown cell with something near, state `near`; as of other unknown
+    /// ones unless given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near: Option<CellStandsFor>,
     /// Assumed distance of an obstacle in such cells, and in those of state `near`.

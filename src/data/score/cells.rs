@@ -58,7 +58,8 @@ pub struct NearJudgement {
     pub missed: bool,
     /// Near, and reported as near, as too close or at most at `clear_m`.
     pub found: bool,
-    /// Reported as near or nearer than `obstacle_m`, and nearly all of the cell is farther than `clear_m`.
+    /// Reported as near or nearer than `obstacle_m`, and nearly all of the cell is farther than
+    /// `clear_m`.
     pub falsely: bool,
 }
 

@@ -7,7 +7,7 @@ mod oracle;
 use oracle::V5;
 use svl::arena::{Arena, ArenaConfig};
 use svl::depth::GridSettings;
-use svl::depth::decision::CellTable;
+use svl::depth::decision::VerdictTable;
 use svl::matcher::{Algorithm, MatchContext, MatchOutput, V5Model, Value};
 use svl::scenario::{Scenario, ScenarioSource};
 use svl::score::TrueCells;
@@ -94,7 +94,7 @@ fn sudden(config: &ArenaConfig, seed: u64, flags: &mut Flags) -> Vec<Sudden> {
     let v5: Algorithm = "v5".parse().unwrap();
     let model = V5Model::built_in();
     let three = V5Model {
-        median: CellTable {
+        median: VerdictTable {
             slack: 10,
             time: None,
             ..model.median.clone()

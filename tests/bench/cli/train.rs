@@ -179,13 +179,13 @@ fn what_cannot_be_learned_is_refused_in_one_line() {
     fixture.fails(
         "-q train v5 short.toml --seeds 4..5 -o t.safetensors --algo v3 => 2: --algo v3 | only v5
         -q train v5 short.toml --seeds 4..5 -o t.safetensors --algo v5:target=near => 2: only v5
-        -q train v5 short.toml --seeds 4 --tables-only -o t.safetensors => 1: one run cannot be held \
-         out
+        -q train v5 short.toml --seeds 4 --tables-only -o t.safetensors => 1: one run cannot \
+         be held out
         -q train v5 short.toml --seeds 4 -o t.safetensors => 1: one run cannot be held out
         -q train v5 short.toml --seeds 4..5 -o t.safetensors => 1: short.toml | three runs
         -q train v5 short.toml --tables-only --epochs 3 -o t.safetensors => 2: --epochs
-        -q train v5 short.toml --test short.toml --tables-only -o t.safetensors => 2: arena seed 1: \
-         has 12 pairs of arena seed 1: name each recording once",
+        -q train v5 short.toml --test short.toml --tables-only -o t.safetensors => 2: arena \
+         seed 1: has 12 pairs of arena seed 1: name each recording once",
     );
     assert!(!fixture.path("t.safetensors").exists());
 }
@@ -248,10 +248,10 @@ fn recordings_are_held_out_whole() {
         of_videos(&["two.mcap"]).replace("truth = \"depth/*.png\"\n", ""),
     );
     fixture.fails(
-        "-q train v5 both.toml --tables-only --test copy.toml -o u.safetensors => 2: two.mcap: has 8 \
-         pairs of two: name each recording once
-        -q train v5 both.toml copy.toml --tables-only -o u.safetensors => 2: two.mcap: has 8 pairs of \
-         two: name each recording once",
+        "-q train v5 both.toml --tables-only --test copy.toml -o u.safetensors => 2: two.mcap: \
+         has 8 pairs of two: name each recording once
+        -q train v5 both.toml copy.toml --tables-only -o u.safetensors => 2: two.mcap: has 8 pairs \
+         of two: name each recording once",
     );
     let with_test = format!("{train} --test three.toml -o tested.safetensors --samples tested.csv");
     fixture.run(&with_test);

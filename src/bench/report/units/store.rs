@@ -153,7 +153,9 @@ impl Units {
     pub fn are_readable(&self) -> bool {
         let plan = read_json::<serde_json::Value>(&self.plan_path());
         // Of a damaged one nothing is known; reading it says so.
-        plan.map_or(true, |plan| plan["format"] == unit_format())
+        plan.map_or(true, |plan| {
+            plan.get("manifest").is_none() || plan["format"] == unit_format()
+        })
     }
 
     /// # Errors

@@ -286,8 +286,8 @@ fn nothing(root: &Path, name: &str) -> Error {
 
 /// Scenes, one frame each.
 ///
-/// The time at which they were taken is unknown, so they are stamped two seconds apart: farther than
-/// any algorithm takes for one run.
+/// The time at which they were taken is unknown, so they are stamped two seconds apart: farther
+/// than any algorithm takes for one run.
 pub struct SceneSource {
     scenes: Vec<Scene>,
     depth: BitDepth,

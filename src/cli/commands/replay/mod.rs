@@ -122,8 +122,9 @@ pub(crate) struct Args {
         value_parser = usage::within(0.01..=100.0)
     )]
     camera_height: Option<f64>,
-    /// Distance in the published scan of cells that are near but have none, metres; without it they
-    /// are unknown
+    /// Distance in the published scan of cells of state near, metres
+    ///
+    /// They have none of their own, and are unknown in the scan without this.
     #[arg(
         long, value_name = "M", allow_negative_numbers = true, requires = "publish",
         value_parser = usage::within(0.01..=100.0)

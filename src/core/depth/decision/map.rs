@@ -1,14 +1,14 @@
 //! The safe choice for any disparity map.
 
-use super::{BINS_PER_PX, CellPixels, CellTable, Feature, Tolerance, fill_empty_rows, fill_row};
+use super::{BINS_PER_PX, CellPixels, Feature, Tolerance, VerdictTable, fill_empty_rows, fill_row};
 use crate::depth::GridSettings;
 use crate::stereo::{Cell, CellRule, DepthGrid, Gray, Plane, Rig};
 use std::sync::LazyLock;
 
 /// The table for maps of any algorithm: fitted to the arena, seeds 4 to 6 and 31 (docs/v5.md).
-static TABLE: LazyLock<CellTable> = LazyLock::new(|| {
+static TABLE: LazyLock<VerdictTable> = LazyLock::new(|| {
     let text = include_str!("any_map.json");
-    CellTable::parse(text).expect("it is a table, as a test checks")
+    VerdictTable::parse(text).expect("it is a table, as a test checks")
 });
 
 /// As the parameters of v5.

@@ -9,13 +9,15 @@
 
 mod fill;
 mod map;
+mod steps;
 mod table;
 mod time;
 mod tolerance;
 
 pub use fill::{fill_empty_rows, fill_row};
 pub use map::{FilledMap, safe_grid};
-pub use table::{CellTable, Feature, Steps, least_score, probability};
+pub use steps::Steps;
+pub use table::{Feature, VerdictTable, least_score, probability};
 pub use time::{CellPast, Past, TimeTable, follows};
 pub use tolerance::Tolerance;
 
@@ -27,9 +29,9 @@ pub const BINS_PER_PX: i32 = 8;
 /// Computation of cells from a disparity map: the filling of gaps, and the decision.
 #[derive(Clone, Debug)]
 pub struct SafeChoice {
-    pub table: CellTable,
+    pub table: VerdictTable,
     /// The second decision, on unknown cells: whether something near is in them.
-    pub near: Option<CellTable>,
+    pub near: Option<VerdictTable>,
     /// Ends of a gap whose disparities differ by more belong to two surfaces, bins.
     pub jump: i32,
     /// Part of the tolerance reserved for the matcher's own error, pixels.

@@ -1,5 +1,6 @@
 //! Decision on a cell: what to report, and the log odds that it is right.
 
+use super::steps::{MAX_NUMBER, Steps};
 use super::{BINS_PER_PX, CellPixels, TimeTable, Tolerance};
 use crate::stereo::{Cell, CellDepth, CellEvidence, Rig};
 use serde::{Deserialize, Serialize};
@@ -76,43 +77,11 @@ impl Feature {
     }
 }
 
-/// Scores by a value: that of the last step which the value exceeds, else 0.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(transparent)]
-pub struct Steps(pub Vec<(i64, i64)>);
-
-/// Greatest number in a table.
-const MAX_NUMBER: i64 = 1_000_000_000;
-
-impl Steps {
-    pub fn score(&self, value: i64) -> i64 {
-        let reached = self.0.iter().rev().find(|(above, _)| value > *above);
-        reached.map_or(0, |(_, score)| *score)
-    }
-
-    /// # Errors
-    /// The fault, in words: values that do not rise, or numbers that are too large.
-    pub(super) fn validate(&self) -> Result<(), String> {
-        if !self.0.is_sorted_by(|a, b| a.0 < b.0) {
-            return Err("its values do not rise".to_owned());
-        }
-        let is_large = |number: i64| number.unsigned_abs() > MAX_NUMBER.unsigned_abs();
-        match self
-            .0
-            .iter()
-            .any(|(above, score)| is_large(*above) || is_large(*score))
-        {
-            true => Err(format!("a number is beyond {MAX_NUMBER}")),
-            false => Ok(()),
-        }
-    }
-}
-
 /// The rule that decides on cells: the disparity that is reported, and the steps that turn the
 /// evidence into the log odds that it is right. Scores are thousandths of log odds.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct CellTable {
+pub struct VerdictTable {
     /// The percentile of the cell's disparities to report, 1..=99: 50 is the median, 75 the nearest
     /// quarter.
     pub rank: i64,
@@ -129,7 +98,7 @@ pub struct CellTable {
     pub time: Option<TimeTable>,
 }
 
-impl CellTable {
+impl VerdictTable {
     /// Parses a table: JSON with `rank`, `slack`, `least_score`, `base`, and under `steps` per
     /// feature a list of `[above, score]`.
     ///
@@ -158,7 +127,7 @@ impl CellTable {
         Ok(table)
     }
 
-    /// The table in the form that [`CellTable::parse`] reads.
+    /// The table in the form that [`VerdictTable::parse`] reads.
     pub fn to_json(&self) -> String {
         serde_json::to_string(self).expect("a table has only numbers and names")
     }
@@ -297,11 +266,11 @@ mod by_name {
 mod tests {
     use super::*;
 
-    fn table() -> CellTable {
+    fn table() -> VerdictTable {
         let mut steps: [Steps; Feature::ALL.len()] = Default::default();
         steps[Feature::Margin as usize] = Steps(vec![(44, 755), (102, 941)]);
         steps[Feature::Cost as usize] = Steps(vec![(313, -59)]);
-        CellTable {
+        VerdictTable {
             rank: 50,
             slack: 100,
             least_score: 2197,
@@ -320,12 +289,12 @@ mod tests {
     fn a_table_comes_back_from_its_text() {
         for table in [
             table(),
-            CellTable {
+            VerdictTable {
                 time: None,
                 ..table()
             },
         ] {
-            assert_eq!(CellTable::parse(&table.to_json()), Ok(table));
+            assert_eq!(VerdictTable::parse(&table.to_json()), Ok(table));
         }
     }
 
@@ -346,7 +315,7 @@ mod tests {
         ];
         for (from, to, expected) in cases {
             assert!(text.contains(from), "{from}");
-            let error = CellTable::parse(&text.replacen(from, to, 1)).unwrap_err();
+            let error = VerdictTable::parse(&text.replacen(from, to, 1)).unwrap_err();
             assert!(error.contains(expected) && !error.contains('\n'), "{error}");
         }
     }

@@ -4,7 +4,7 @@
 //! The state of a cell is its last report and the trust in it. Trust is made of scores of single
 //! pairs alone, so it cannot feed itself.
 
-use super::Steps;
+use super::steps::Steps;
 use serde::{Deserialize, Serialize};
 
 /// Greatest trust, thousandths of log odds.
@@ -69,8 +69,8 @@ impl CellPast {
         }
     }
 
-    /// The state after a `report` above 0 in that relation, with its score by its pair alone. A pair
-    /// without a stamp always adds to the trust.
+    /// The state after a `report` above 0 in that relation, with its score by its pair alone. A
+    /// pair without a stamp always adds to the trust.
     #[must_use]
     pub fn after(&self, past: Past, report: i64, score: i64, stamp_ns: Option<u64>) -> Self {
         let own = score.clamp(0, MAX_TRUST);

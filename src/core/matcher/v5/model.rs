@@ -1,6 +1,6 @@
 //! The file of a model: safetensors of the network's whole numbers, with the tables as metadata.
 
-use crate::depth::decision::CellTable;
+use crate::depth::decision::VerdictTable;
 use crate::filter::{ModelFacts, safetensors_bytes};
 use crate::kernel::{GAP_TENSORS, GAP_WEIGHTS, GapNetwork};
 use crate::stereo::FittedTo;
@@ -12,9 +12,9 @@ pub struct V5Model {
     /// The network that weighs disparities for gaps, if there is one.
     pub network: Option<GapWeights>,
     /// The decision on the median of a cell.
-    pub median: CellTable,
+    pub median: VerdictTable,
     /// The decision on its nearest quarter.
-    pub near: CellTable,
+    pub near: VerdictTable,
     /// The runs that network and tables were fitted to.
     pub fitted: FittedTo,
     /// Facts reported by its author: version, data, figures.
@@ -127,7 +127,7 @@ impl V5Model {
             let text = facts.remove(name);
             let text = text.ok_or_else(|| format!("its metadata has no '{name}'; {CURE}"))?;
             let table =
-                CellTable::parse(&text).map_err(|why| format!("'{name}': {why}; {CURE}"))?;
+                VerdictTable::parse(&text).map_err(|why| format!("'{name}': {why}; {CURE}"))?;
             match table.rank {
                 of if of == rank => Ok(table),
                 of => Err(format!("'{name}': rank is {of}, expected {rank}; {CURE}")),

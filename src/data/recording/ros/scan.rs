@@ -52,9 +52,9 @@ pub fn scan_transform(frame_id: &str, stamp_ns: u64) -> Result<Option<ResultMess
 
 /// A sensor_msgs/msg/LaserScan of the cells that are not of the floor. A beam has the range of the
 /// nearest known cell of its column; `+∞` if all its cells are known and none is nearer than
-/// `range_max`; NaN otherwise, and if the search begins beyond `range_max`. A cell with something near
-/// is unknown, or known at [`ResultOptions::near_m`]. Intensities are the cells' probabilities, 0 if
-/// none is reported.
+/// `range_max`; NaN otherwise, and if the search begins beyond `range_max`. A cell with something
+/// near is unknown, or known at [`ResultOptions::near_m`]. Intensities are the cells'
+/// probabilities, 0 if none is reported.
 pub(super) fn scan(
     result: &PairResult,
     rig: &Rig,
