@@ -4,8 +4,8 @@
  * Link:               cc robot.c -I src/c/include target/release/libsvl_c.a -lpthread -ldl -lm
  *
  * A handle is for one thread at a time; several handles are independent. Pointers that a handle returns are valid until its
- * next svl_match or svl_close. After the first pair of a size svl_match allocates no memory. Equal pairs give equal bytes on
- * every CPU, instruction set and number of threads.
+ * next svl_match or svl_close. After the first pair of a size svl_match allocates no memory. Equal runs of pairs give equal
+ * bytes on every CPU, instruction set and number of threads.
  */
 #ifndef SVL_H
 #define SVL_H

@@ -56,6 +56,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "map",
             "list",
             "test",
+            "tables_only",
         ],
     ),
     (
@@ -100,6 +101,7 @@ const HEADINGS: &[(&str, &[&str])] = &[
             "ros2",
             "publish",
             "dense",
+            "near",
             "camera_height",
             "rerun",
             "rerun_detail",
@@ -132,6 +134,7 @@ const LONG_OPTIONS: &[&str] = &[
     "rerun_detail",
     "publish",
     "dense",
+    "near",
     "camera_height",
     "drives",
     "times",

@@ -72,7 +72,7 @@ pub fn unit_format() -> String {
         DriveRow::columns(),
         TrackRow::columns(),
     ];
-    let names = tables.iter().flatten().map(|column| &*column.name);
+    let names = tables.iter().flatten().map(|column| column.name);
     hash(&names.collect::<Vec<_>>().join("\n"))
 }
 

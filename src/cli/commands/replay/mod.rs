@@ -127,7 +127,7 @@ pub(crate) struct Args {
     /// They have none of their own, and are unknown in the scan without this.
     #[arg(
         long, value_name = "M", allow_negative_numbers = true, requires = "publish",
-        hide_short_help = true, value_parser = usage::within(0.01..=100.0)
+        value_parser = usage::within(0.01..=100.0)
     )]
     near: Option<f64>,
     /// Compare the results with those of an earlier run
