@@ -12,11 +12,11 @@ svl score scenarios/arena.toml --quiet >/dev/null
 svl score scenarios/middlebury.toml --data "$datasets" --quiet >/dev/null
 table() { awk -v want="$2" '/^\|/ { if (!inside) n++; inside = 1; if (n == want) print; next } { inside = 0 }' "$1"; }
 # Columns that a page has room for; the report has all.
-columns() { awk -F'|' 'NR == 1 { for (i = 2; i < NF; i++) if ($i ~ / (algorithm|MB) $|cells|obstacles|ms per/ && $i !~ /: known $/) keep[i] }
+columns() { awk -F'|' 'NR == 1 { for (i = 2; i < NF; i++) if ($i ~ / (algorithm|MB) $|cells, %|by median|obstacles: (missed|false|found)|ms per/ && $i !~ /: known $/) keep[i] }
   { line = "|"; for (i = 2; i < NF; i++) if (i in keep) line = line $i "|"; print line }'; }
-table reports/arena/summary.md 1 | columns >"$work/arena"
-table reports/arena/summary.md 2 >"$work/checkpoints"
-table reports/middlebury/summary.md 1 >"$work/middlebury"
+table reports/arena/summary.md 2 | columns >"$work/arena"
+table reports/arena/summary.md 3 >"$work/checkpoints"
+table reports/middlebury/summary.md 2 >"$work/middlebury"
 { echo '```text'; svl bench; echo '```'; } >"$work/bench"
 # The run's manifest names day and processor.
 entry() { sed -n "s/^ *\"$1\": *\"\{0,1\}\([^\",]*\).*/\1/p" reports/arena/manifest.json | head -1; }
