@@ -158,8 +158,8 @@ impl LearnedCells {
         let cells = self.samples.len() - before;
         if !self.samples[before..].iter().any(CellSample::is_reportable) {
             return Err(Error::Invalid(format!(
-                "{}: has no cells to learn from; frames need a truth, and a scenario three runs or \
-                 scenes",
+                "{}: has no cells to learn from: frames need a truth, and of three runs or scenes \
+                 one is for the tables; take six, or keep the network with --tables-only",
                 path.display()
             )));
         }

@@ -7,7 +7,7 @@ use crate::console::{Console, Unit};
 use crate::report::table::TerminalStyle;
 use serde::Serialize;
 use std::path::PathBuf;
-use svl_core::depth::decision::probability;
+use svl_core::depth::decision::{TimeTable, probability};
 use svl_core::filter::ModelFacts;
 use svl_core::matcher::V5Model;
 use svl_core::{Error, Result, counted, interrupt};
@@ -115,7 +115,13 @@ pub fn train_v5(
     model.median = fit.table;
     model.near = near.table;
     let time = fit_time(&learned.runs, &model.median, least_with_past);
-    model.median.time = time.as_ref().map(|time| time.table.clone());
+    // Cells with a past are held to more only if it says something.
+    let is_empty = |table: &TimeTable| {
+        let steps = [&table.agrees, &table.farther, &table.nearer];
+        steps.iter().all(|steps| steps.0.is_empty())
+    };
+    let table = time.as_ref().map(|time| time.table.clone());
+    model.median.time = table.filter(|table| !is_empty(table));
     Ok(TrainedV5 {
         training: V5Training {
             network: network.map(|network| network.training),

@@ -36,9 +36,11 @@ int main(int argc, char **argv) {
     float nearest = INFINITY;
     for (uint32_t i = 0; i < columns * rows; i++) {
         if (cells[i].state == SVL_UNKNOWN) printf("%-12s", cells[i].reason ? svl_reason_name(cells[i].reason) : "uncertain");
+        else if (cells[i].state == SVL_NEAR) printf("near    %.2f ", cells[i].probability);
         else printf("%5.2f m %.2f ", cells[i].distance_m, cells[i].probability);
         if ((i + 1) % columns == 0) printf("\n");
-        if (cells[i].distance_m < nearest) nearest = cells[i].distance_m;
+        float distance = cells[i].state == SVL_NEAR ? 0 : cells[i].distance_m;
+        if (distance < nearest) nearest = distance;
     }
     printf("nearest %.2f m: %s\n", nearest, nearest < 0.5f ? "stop" : "go on");
     svl_close(svl);

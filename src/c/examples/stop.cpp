@@ -18,7 +18,7 @@ static uint8_t texture(uint32_t x, uint32_t y) {
 int main() try {
     const uint32_t width = 320, height = 240;
     svl_options options{};
-    options.algorithm = "v3:max_disparity=64";
+    options.algorithm = "v5:max_disparity=64";
     options.focal_px = 328;
     options.baseline_m = 0.044;
     svl_handle *opened;
@@ -36,7 +36,8 @@ int main() try {
         uint32_t columns, rows;
         check(svl_cells(svl.get(), &cells, &columns, &rows));
         float nearest = INFINITY;
-        for (uint32_t i = 0; i < columns * rows; ++i) nearest = std::fmin(nearest, cells[i].distance_m);
+        for (uint32_t i = 0; i < columns * rows; ++i)
+            nearest = std::fmin(nearest, cells[i].state == SVL_NEAR ? 0 : cells[i].distance_m);
         std::printf("nearest %.2f m: %s\n", nearest, nearest < 0.5f ? "stop" : "go on");
     }
     return 0;

@@ -78,8 +78,8 @@ typedef struct svl_handle svl_handle;
 svl_status svl_open(const svl_options *options, svl_handle **handle);
 
 /* Matches a pair of 8-bit grey images, whose rows are stride bytes apart (0: width). stamp_ns: time of the exposure by any
- * clock; 0: none. v5 uses the cells of earlier pairs, unless more than a second lies between two or the clock jumps back;
- * without stamps, of all pairs since svl_open or svl_reset. */
+ * clock; 0: none. v5 uses the cells of earlier pairs of the same size, unless more than a second lies between two, or the
+ * clock does not rise; without stamps, of all pairs since svl_open or svl_reset. */
 svl_status svl_match(svl_handle *handle, const uint8_t *left, const uint8_t *right, uint32_t width, uint32_t height,
                      size_t stride, uint64_t stamp_ns);
 

@@ -14,7 +14,7 @@ use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::outputs::{Outputs, write};
 use svl::recording::CellReport;
 use svl::report::evidence::EvidencePage;
-use svl::stereo::{DepthGrid, Reason, RectifiedPair, Rig};
+use svl::stereo::{CellState, DepthGrid, Reason, RectifiedPair, Rig};
 use svl::timing::Stage;
 use svl::{depth, files, overlay};
 
@@ -307,11 +307,14 @@ impl MatchReport<'_> {
                 100.0 * *pixels as f64 / (width * height) as f64
             )?;
         }
+        let mut states = self.cells.iter().map(|cell| cell.state);
         for row in self.distances_m.iter().flatten() {
-            let cells: Vec<_> = row
-                .iter()
-                .map(|d| d.map_or("     ?".to_owned(), |d| format!("{d:6.2}")))
-                .collect();
+            let cell = |d: &Option<f64>| match (d, states.next()) {
+                (Some(d), _) => format!("{d:6.2}"),
+                (None, Some(CellState::Near)) => "  near".to_owned(),
+                (None, _) => "     ?".to_owned(),
+            };
+            let cells: Vec<_> = row.iter().map(cell).collect();
             writeln!(text, "  {} m", cells.join(" "))?;
         }
         if let Some(rows) = self.median_row_offset {

@@ -79,11 +79,12 @@ impl Frame {
         self.geometry.rig()
     }
 
-    /// Hash of all inputs of the frame's scores: the pixels, as `pair`, the pair's hash; the
-    /// geometry; and the truth as used.
+    /// Hash of all inputs of the frame's scores: the pixels, as `pair`, the pair's hash; the stamp,
+    /// by which algorithms know the pairs before; the geometry; and the truth as used.
     pub fn input_hash(&self, pair: u128) -> u128 {
         let mut hasher = xxhash_rust::xxh3::Xxh3Default::new();
         hasher.update(&pair.to_le_bytes());
+        hasher.update(&self.stamp_ns.to_le_bytes());
         let rig = match &self.geometry {
             Geometry::Raw => vec![f64::NEG_INFINITY],
             Geometry::Rectified(None) => vec![f64::INFINITY],

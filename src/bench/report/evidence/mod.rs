@@ -79,7 +79,10 @@ impl EvidencePage<'_> {
                 let percent = 100.0 * probability;
                 format!("{} px{metres}, {percent:.0} % probable", depth.median_px)
             }
-            (_, Some(probability)) => format!("unknown, {:.0} % probable", 100.0 * probability),
+            (_, Some(probability)) => match cell.near {
+                Some(near) => format!("near, {:.0} % probable", 100.0 * near),
+                None => format!("unknown, {:.0} % probable", 100.0 * probability),
+            },
             (_, None) => "unknown, nothing seen".to_owned(),
         };
         let evidence = cell

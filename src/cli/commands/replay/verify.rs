@@ -333,7 +333,8 @@ impl Verification {
                 n => format!(" (and {} more algorithms)", n - 1),
             };
             bail!(
-                "{label}{more}: {} results differ from those of {against}, the first on pair {}",
+                "{label}{more}: {} results differ from those of {against}, the first on pair {}; \
+                 v5 and pushbroom depend on earlier pairs: verify whole runs",
                 pairs.len(),
                 pairs[0]
             );

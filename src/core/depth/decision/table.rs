@@ -310,6 +310,7 @@ mod tests {
             ("102", "44", "steps.margin: its values do not rise"),
             ("-59", "-9999999999", "steps.cost: a number is beyond"),
             ("-1907", "-9999999999", "base is -9999999999"),
+            ("2587", "9999999999", "time.least_score is beyond"),
             ("452", "-452", "time.agrees"),
             ("-135", "135", "time.farther"),
         ];

@@ -4,7 +4,7 @@
 //! The state of a cell is its last report and the trust in it. Trust is made of scores of single
 //! pairs alone, so it cannot feed itself.
 
-use super::steps::Steps;
+use super::steps::{MAX_NUMBER, Steps};
 use serde::{Deserialize, Serialize};
 
 /// Greatest trust, thousandths of log odds.
@@ -113,6 +113,9 @@ impl TimeTable {
     /// # Errors
     /// The fault, with its key: steps of agreement that fall, or others that rise.
     pub(super) fn validate(&self) -> Result<(), String> {
+        if self.least_score.unsigned_abs() > MAX_NUMBER.unsigned_abs() {
+            return Err(format!("time.least_score is beyond {MAX_NUMBER}"));
+        }
         for (name, steps, sign) in [
             ("agrees", &self.agrees, 1),
             ("farther", &self.farther, -1),

@@ -40,12 +40,14 @@ pub(super) const SPEC: MatcherSpec = MatcherSpec {
             misalignment. 2. The census of 5x5 pixels and semi-global matching along four paths \
             give each pixel a disparity; what leads out of the image costs less than a random \
             match. 3. A pixel is seen when it is unique, the right image agrees, and most of its \
-            neighbours are seen, too. 4. Gaps between seen pixels belong to the farther surface, \
-            as occluded pixels do. 5. A cell reports the disparity that stays right, by the rule \
+            neighbours are seen, too. 4. A small network weighs the disparities that the others \
+            may have. 5. A cell reports the disparity that stays right, by the rule \
             of the scenario, whatever its uncertain pixels are: the one whose tolerance leaves \
             the least of the cell on either side. 6. That margin, how much was seen and supports \
             the report, matching costs and texture become the probability that the report is \
-            right; below `confidence` the cell is unknown. docs/v5.md shows it.",
+            right; below `confidence` the cell is unknown. 7. A report that agrees with the \
+            cell's earlier ones gains, one that contradicts them loses. 8. An unknown cell with \
+            something near is flagged. docs/v5.md shows it.",
     paper: "svl, docs/v5.md; after Hirschmüller, Stereo Processing by Semiglobal Matching and \
             Mutual Information, PAMI 30(2), 2008",
     parameters: &[
@@ -233,8 +235,8 @@ impl V5 {
         }
     }
 
-    /// Decides on the cells of the half image, in raster order.
-    fn decide(&mut self, context: &MatchContext, cells: &mut Vec<Cell>) {
+    /// Decides on the cells of a pair of that size, in raster order.
+    fn decide(&mut self, context: &MatchContext, size: (usize, usize), cells: &mut Vec<Cell>) {
         let bins = self.bins();
         let rule = context.cells.for_rig(context.rig.is_some());
         let known = self.tolerance.take();
@@ -246,7 +248,6 @@ impl V5 {
         let shape = context.grid.shape();
         cells.clear();
         cells.resize(shape.cells(), Cell::UNKNOWN);
-        let size = self.scratch.as_ref().map_or((0, 0), |scratch| scratch.size);
         let (before, after) = self.past.begin(PairKey::new(context, size), shape.cells());
         let Some(Scratch { half, gaps, .. }) = &self.scratch else {
             return;
@@ -420,7 +421,7 @@ impl Matcher for V5 {
             }
         }
         let mut cells = output.take_cells();
-        self.decide(context, &mut cells);
+        self.decide(context, pair.size(), &mut cells);
         output.grid = Some(DepthGrid::new(context.grid.shape(), cells)?);
         output.clock.lap(Stage::Checks);
         Ok(())

@@ -1,7 +1,7 @@
 //! Expectation of a cell, as measured or estimated by eye by a person.
 
 use crate::score::Verdict;
-use svl_core::stereo::{CellDepth, CellRule};
+use svl_core::stereo::{Cell, CellRule};
 
 /// A cell of a checkpoint and its expectation, `[[checkpoint.cell]]` of a scenario.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -19,7 +19,7 @@ pub struct ExpectedCell {
 /// | `distance_m` | reported within the tolerance | reported outside | unknown |
 /// | `nearer_m` | reported nearer | reported there or beyond | unknown |
 /// | `farther_m` | reported farther | reported there or nearer | unknown |
-/// | `free` | unknown, or beyond the rule's `clear_m` | reported at `clear_m` or nearer | – |
+/// | `free` | unknown, or beyond the rule's `clear_m` | reported at `clear_m` or nearer | near |
 ///
 /// A cell reported at infinity is farther than everything.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -142,10 +142,11 @@ impl ExpectedCell {
     }
 
     /// Right, wrong, or unknown if something must be seen: missing.
-    pub fn judge(&self, reported: Option<CellDepth>, rule: CellRule) -> Verdict {
-        let Some(depth) = reported else {
+    pub fn judge(&self, reported: &Cell, rule: CellRule) -> Verdict {
+        let Some(depth) = reported.depth else {
             return match self.expectation {
-                CellExpectation::Free => Verdict::Right,
+                // Something is near, but not known where.
+                CellExpectation::Free if reported.near.is_none() => Verdict::Right,
                 _ => Verdict::Unknown,
             };
         };
@@ -200,6 +201,7 @@ impl ExpectedCell {
 mod tests {
     use super::*;
     use Verdict::{Right, Unknown, Wrong};
+    use svl_core::stereo::CellDepth;
 
     fn cell(toml: &str) -> Result<ExpectedCell, String> {
         let cell: ExpectedCell =
@@ -222,7 +224,24 @@ mod tests {
             Some(at(None)),
             None,
         ]
-        .map(|reported| cell.judge(reported, CellRule::default()))
+        .map(|depth| {
+            let reported = Cell {
+                depth,
+                ..Cell::UNKNOWN
+            };
+            cell.judge(&reported, CellRule::default())
+        })
+    }
+
+    #[test]
+    fn a_cell_with_something_near_is_not_free() {
+        let near = Cell {
+            near: Some(0.9),
+            ..Cell::UNKNOWN
+        };
+        let judge = |toml, reported| cell(toml).unwrap().judge(reported, CellRule::default());
+        assert_eq!(judge("free = true", &near), Unknown);
+        assert_eq!(judge("free = true", &Cell::UNKNOWN), Right);
     }
 
     #[test]

@@ -320,8 +320,9 @@ impl Checkpoint {
     pub fn findings(&self, grid: &DepthGrid, rule: CellRule) -> Vec<CellFinding> {
         let finding = |cell: &ExpectedCell| {
             let [column, row] = cell.at;
-            let reported = grid.cell(column, row).depth;
-            let is_wrong = match cell.judge(reported, rule) {
+            let of_grid = grid.cell(column, row);
+            let reported = of_grid.depth;
+            let is_wrong = match cell.judge(of_grid, rule) {
                 Verdict::Wrong => true,
                 Verdict::Unknown => false,
                 Verdict::Right | Verdict::NoTruth => return None,
@@ -390,7 +391,7 @@ impl Checkpoint {
             let verdicts = self
                 .expected
                 .iter()
-                .map(|cell| cell.judge(depth(cell.at), rule));
+                .map(|cell| cell.judge(grid.cell(cell.at[0], cell.at[1]), rule));
             verdicts.filter(|verdict| *verdict == v).count()
         };
         let must_right = count(&self.must, Verdict::Right);

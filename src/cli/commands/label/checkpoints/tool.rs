@@ -65,7 +65,7 @@ impl Labelling {
             expectation,
         };
         let cell = self.reported.as_ref()?.grid()?.cell(column, row);
-        Some(expected.judge(cell.depth, self.file.scenario().cells))
+        Some(expected.judge(cell, self.file.scenario().cells))
     }
 
     /// Names of the scenario's checkpoints that the frame shows.
