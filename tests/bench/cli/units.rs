@@ -99,6 +99,30 @@ fn files_are_compared_by_their_pairs_where_their_times_differ() {
 }
 
 #[test]
+fn pairs_with_other_stamps_are_matched_again() {
+    let fixture = Fixture::new();
+    // Named by their stamps: v5 uses the cells of pairs that follow within a second.
+    let write = |step_ms: u64| {
+        let _ = std::fs::remove_dir_all(fixture.path("p"));
+        for i in 0..6 {
+            let ns = 1_700_000_000_000_000_000 + i * step_ms * 1_000_000;
+            let [left, right] = ["left", "right"].map(|side| format!("p/{side}/{ns}.pgm"));
+            fixture.write_pair(&left, &right, (160, 96), 5);
+        }
+    };
+    let cells = |report: &str| {
+        fixture.run(&format!("-q score p --algo v5 --rerun none -o {report}"));
+        fixture.text(&format!("{report}/cells.csv"))
+    };
+    write(100);
+    let followed = cells("r");
+    write(3000);
+    let alone = cells("r");
+    assert_ne!(alone, followed);
+    assert_eq!(alone, cells("fresh"));
+}
+
+#[test]
 fn a_program_that_answers_otherwise_is_matched_again() {
     let fixture = counted(5);
     score(&fixture, &[]);
