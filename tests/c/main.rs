@@ -453,7 +453,7 @@ fn the_examples_run() {
         let lines: Vec<_> = text.lines().collect();
         assert_eq!(lines.len(), 6, "{text}");
         assert!(
-            lines[0].contains("1.44 m: go on") && lines[5].contains("stop"),
+            lines[0].contains("1.43 m: go on") && lines[5].contains("stop"),
             "{text}"
         );
     }
