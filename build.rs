@@ -7,10 +7,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The sources that the rows of a report depend on; those of a published package are in Cargo.lock.
-const SOURCES: [&str; 8] = [
+const SOURCES: [&str; 11] = [
     "src/core",
     "src/calibrate",
-    "src/data",
+    "src/files",
+    "src/sim",
+    "src/recording",
+    "src/score",
     "src/bench/source",
     "src/bench/run",
     "src/bench/drive",
@@ -19,12 +22,7 @@ const SOURCES: [&str; 8] = [
 ];
 
 /// The parts of them that no row depends on.
-const OTHER_SOURCES: [&str; 4] = [
-    "src/data/fetch",
-    "src/data/fit",
-    "src/data/grab",
-    "src/core/examples",
-];
+const OTHER_SOURCES: [&str; 2] = ["src/files/fetch", "src/core/examples"];
 
 fn main() {
     // Where they lie differs in a worktree.

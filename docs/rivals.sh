@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # v5 beside matchers that were built for the same question (docs/results/rivals.md): bash docs/rivals.sh DATASETS
-# Prints, for each set of scenes, of v5 (and revision 2), pushbroom, and v3, bm and sgm with the median of each cell and
-# with that of its stixels: right and wrong cells, missed and false obstacles by the median, near obstacles missed by the
-# nearest quarter, and wrong cells of the known ones with their 95 % interval (bootstrap over the seeds); then the drives.
-# The reports stay in reports/rivals-*.
+# Prints, for each set of scenes, of v5 (and revision 2), and v3, bm and sgm with the median of each cell and with that
+# of its stixels: right and wrong cells, missed and false obstacles by the median, near obstacles missed by the nearest
+# quarter, and wrong cells of the known ones with their 95 % interval (bootstrap over the seeds); then the drives. The
+# reports stay in reports/rivals-*.
 set -euo pipefail
 datasets="$(realpath "${1:?the folder of the data sets}")"
 cd "$(dirname "$0")/.."
@@ -18,7 +18,7 @@ with() {
     sed "s/^\[source\]/[grid]\ndecision = \"$1\"\n\n[source]/" "$2"
   fi > "reports/rivals-$1.toml"
 }
-own=(--algo v5 --algo v5:revision=2 --algo pushbroom)
+own=(--algo v5 --algo v5:revision=2)
 dense=(--algo v3 --algo bm --algo sgm)
 score() {
   local name="$1" scenario="$2"

@@ -8,7 +8,6 @@
 use std::path::Path;
 use svl::report::plot::{Axis, Chart, Series, SeriesStyle, two_columns};
 use svl::report::{DriveRow, read_rows};
-use svl::statistics::Concordance;
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -35,15 +34,18 @@ fn algorithm<'a>(summary: &'a serde_json::Value, label: &str) -> Option<&'a serd
 }
 
 fn share(summary: &serde_json::Value, label: &str, column: &str) -> Option<f64> {
-    let of = algorithm(summary, label)?;
+    let summary_row = algorithm(summary, label)?;
     let columns = ["cells_right", "cells_wrong", "cells_unknown"];
-    let all: f64 = columns.iter().filter_map(|name| of[*name].as_f64()).sum();
-    Some(100.0 * of[column].as_f64()? / all)
+    let all: f64 = columns
+        .iter()
+        .filter_map(|name| summary_row[*name].as_f64())
+        .sum();
+    Some(100.0 * summary_row[column].as_f64()? / all)
 }
 
 fn per_pair(summary: &serde_json::Value, label: &str, column: &str) -> Option<f64> {
-    let of = algorithm(summary, label)?;
-    Some(100.0 * of[column].as_f64()? / of["pairs"].as_f64()?)
+    let summary_row = algorithm(summary, label)?;
+    Some(100.0 * summary_row[column].as_f64()? / summary_row["pairs"].as_f64()?)
 }
 
 fn checkpoints_failed(summary: &serde_json::Value, label: &str) -> Option<f64> {
@@ -94,7 +96,7 @@ fn between_halves(drive: &Path) -> Result<Option<f64>, Failure> {
         let both = labels
             .iter()
             .map(|label| (rate(label, true), rate(label, false)));
-        taus.extend(Concordance::of(&mut both.collect::<Vec<_>>()).tau_b());
+        taus.extend(kendall_tau_b(&both.collect::<Vec<_>>()));
     }
     Ok((!taus.is_empty()).then(|| taus.iter().sum::<f64>() / taus.len() as f64))
 }
@@ -102,6 +104,26 @@ fn between_halves(drive: &Path) -> Result<Option<f64>, Failure> {
 /// The two ends of the scale, which would make any metric look good.
 fn is_end(label: &str) -> bool {
     ["truth", "blind"].contains(&label)
+}
+
+/// Points with their labels; one cloud without names for the settings, which have no room.
+fn point_series(points: &[(f64, f64, String)]) -> Vec<Series> {
+    let series = points.iter().map(|(x, y, label)| Series {
+        name: label.clone(),
+        form: if label.contains(':') {
+            SeriesStyle::Points
+        } else {
+            SeriesStyle::Named
+        },
+        points: vec![(*x, *y)],
+    });
+    let (named, settings): (Vec<_>, Vec<_>) = series.partition(|s| s.form == SeriesStyle::Named);
+    let cloud = Series {
+        name: "other settings".to_owned(),
+        form: SeriesStyle::Points,
+        points: settings.into_iter().flat_map(|s| s.points).collect(),
+    };
+    named.into_iter().chain([cloud]).collect()
 }
 
 /// Prints the rank correlations, and returns the figure as SVG.
@@ -126,41 +148,25 @@ pub fn figure(drive: &Path, recordings: &Path) -> Result<String, Failure> {
     println!("{:<40} {:>10} {:>10}", "", "recordings", "own drives");
     let mut panels = Vec::new();
     for (name, value) in PREDICTORS {
-        let points = |of: &serde_json::Value| -> Vec<(f64, f64, String)> {
+        let points = |summary: &serde_json::Value| -> Vec<(f64, f64, String)> {
             let points = hits.iter();
-            let point =
-                |(label, hits): &(&str, f64)| Some((value(of, label)?, *hits, (*label).to_owned()));
+            let point = |(label, hits): &(&str, f64)| {
+                Some((value(summary, label)?, *hits, (*label).to_owned()))
+            };
             points.filter_map(point).collect()
         };
         let tau = |points: &[(f64, f64, String)]| {
-            let mut both: Vec<_> = points.iter().map(|(x, y, _)| (*x, *y)).collect();
-            let tau = Concordance::of(&mut both).tau_b();
+            let both: Vec<_> = points.iter().map(|(x, y, _)| (*x, *y)).collect();
+            let tau = kendall_tau_b(&both);
             tau.map_or_else(|| "–".to_owned(), |tau| format!("{tau:+.2}"))
         };
         let (recorded, own) = (points(&scored), points(&driven));
         println!("{name:<40} {:>10} {:>10}", tau(&recorded), tau(&own));
-        let series = recorded.iter().map(|(x, y, label)| Series {
-            name: label.clone(),
-            form: if label.contains(':') {
-                SeriesStyle::Points
-            } else {
-                SeriesStyle::Named
-            },
-            points: vec![(*x, *y)],
-        });
-        // One cloud without names for the settings, which have no room.
-        let (named, settings): (Vec<_>, Vec<_>) =
-            series.partition(|s| s.form == SeriesStyle::Named);
-        let cloud = Series {
-            name: "other settings".to_owned(),
-            form: SeriesStyle::Points,
-            points: settings.into_iter().flat_map(|s| s.points).collect(),
-        };
         let chart = Chart {
             title: format!("tau {}", tau(&recorded)),
             x: Axis::new(name),
             y: Axis::new("collisions per 100 m"),
-            series: named.into_iter().chain([cloud]).collect(),
+            series: point_series(&recorded),
         };
         panels.push(chart.svg()?);
     }
@@ -173,6 +179,23 @@ pub fn figure(drive: &Path, recordings: &Path) -> Result<String, Failure> {
     Ok(two_columns(&panels))
 }
 
+/// Rank correlation of x and y over observations (x, y): −1 to 1, or `None` if no two differ in x
+/// or none in y (Kendall, "The Treatment of Ties in Ranking Problems", Biometrika 33, 1945).
+fn kendall_tau_b(observations: &[(f64, f64)]) -> Option<f64> {
+    let sign = |d: f64| if d == 0.0 { 0.0 } else { d.signum() };
+    let (mut net, mut differing_x, mut differing_y) = (0.0, 0.0, 0.0);
+    for (i, a) in observations.iter().enumerate() {
+        for b in &observations[..i] {
+            let (x, y) = (sign(a.0 - b.0), sign(a.1 - b.1));
+            net += x * y;
+            differing_x += x.abs();
+            differing_y += y.abs();
+        }
+    }
+    let differing: f64 = differing_x * differing_y;
+    (differing > 0.0).then(|| net / differing.sqrt())
+}
+
 pub fn main() -> Result<(), Failure> {
     let arguments: Vec<_> = std::env::args().skip(1).collect();
     let [drive, recordings, file] = &arguments[..] else {
@@ -180,4 +203,26 @@ pub fn main() -> Result<(), Failure> {
     };
     std::fs::write(file, figure(Path::new(drive), Path::new(recordings))?)?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::kendall_tau_b;
+
+    #[test]
+    fn tau_b_equals_values_computed_by_hand() {
+        let up = [(1.0, 1.0), (2.0, 2.0), (3.0, 3.0)];
+        let down = up.map(|(x, y)| (x, -y));
+        assert_eq!(
+            [up, down].map(|o| kendall_tau_b(&o)),
+            [Some(1.0), Some(-1.0)]
+        );
+        // Five concordant pairs, one discordant: 4/6.
+        let one_off = [(1.0, 1.0), (2.0, 3.0), (3.0, 2.0), (4.0, 4.0)];
+        assert_eq!(kendall_tau_b(&one_off), Some(4.0 / 6.0));
+        // Concordant 4, x differs in 5, y in 5.
+        let ties = [(1.0, 1.0), (1.0, 2.0), (2.0, 2.0), (3.0, 3.0)];
+        assert_eq!(kendall_tau_b(&ties), Some(4.0 / 5.0));
+        assert_eq!(kendall_tau_b(&[(1.0, 1.0), (1.0, 2.0)]), None);
+    }
 }

@@ -24,7 +24,9 @@ const ALGORITHMS: [&str; 4] = ["v3", "v5", "bm", "sgm"];
 /// The slope of a line through the logarithms, by least squares: `y` grows with this power of `x`.
 pub fn exponent(points: &[(f64, f64)]) -> f64 {
     let logs: Vec<_> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
-    let mean = |of: fn(&(f64, f64)) -> f64| logs.iter().map(of).sum::<f64>() / logs.len() as f64;
+    let mean = |coordinate: fn(&(f64, f64)) -> f64| {
+        logs.iter().map(coordinate).sum::<f64>() / logs.len() as f64
+    };
     let (x, y) = (mean(|p| p.0), mean(|p| p.1));
     let cross: f64 = logs.iter().map(|p| (p.0 - x) * (p.1 - y)).sum();
     cross / logs.iter().map(|p| (p.0 - x).powi(2)).sum::<f64>()
@@ -125,7 +127,7 @@ fn panel(title: &str, x: &str, y: &str, curves: &[Curve]) -> Result<String, Fail
 }
 
 /// A curve per algorithm.
-fn of_matchers(
+fn time_curves(
     points: &[usize],
     mut time: impl FnMut(&str, usize) -> Result<(f64, f64), Failure>,
 ) -> Result<Vec<Curve>, Failure> {
@@ -140,7 +142,7 @@ fn of_matchers(
 fn figure(svl: &Path) -> Result<String, Failure> {
     let cores = std::thread::available_parallelism()?.get();
     let mut panels = Vec::new();
-    let sizes = of_matchers(&[160, 320, 640, 1280], |name, width| {
+    let sizes = time_curves(&[160, 320, 640, 1280], |name, width| {
         let pixels = (width * width / 4 * 3) as f64;
         Ok((pixels, matching_ms(name, 64, &pair(width)?, 1)?))
     })?;
@@ -151,7 +153,7 @@ fn figure(svl: &Path) -> Result<String, Failure> {
         &sizes,
     )?);
     let vga = pair(640)?;
-    let disparities = of_matchers(&[32, 64, 128, 256], |name, count| {
+    let disparities = time_curves(&[32, 64, 128, 256], |name, count| {
         Ok((count as f64, matching_ms(name, count, &vga, 1)?))
     })?;
     panels.push(panel(
@@ -161,7 +163,7 @@ fn figure(svl: &Path) -> Result<String, Failure> {
         &disparities,
     )?);
     let powers = (0..).map(|i| 1 << i).take_while(|n| *n <= cores);
-    let threads = of_matchers(&powers.collect::<Vec<_>>(), |name, count| {
+    let threads = time_curves(&powers.collect::<Vec<_>>(), |name, count| {
         Ok((count as f64, matching_ms(name, 128, &vga, count)?))
     })?;
     panels.push(panel(
@@ -198,18 +200,18 @@ fn figure(svl: &Path) -> Result<String, Failure> {
     run("score arena --seeds 1..8 --algo bm -q --rerun none -o all")?;
     let mut shards: [Curve; 2] =
         ["all shards, one after the other", "svl merge"].map(|name| (name.to_owned(), Vec::new()));
-    for of in [1, 2, 4, 8] {
+    for count in [1, 2, 4, 8] {
         let mut all_s = 0.0;
-        for number in 1..=of {
-            let shard = format!("--shard {number}/{of} -o p{number}");
+        for number in 1..=count {
+            let shard = format!("--shard {number}/{count} -o p{number}");
             all_s += run(&format!(
                 "score arena --seeds 1..8 --algo bm -q --rerun none {shard}"
             ))?;
         }
-        let parts: Vec<_> = (1..=of).map(|number| format!("p{number}")).collect();
+        let parts: Vec<_> = (1..=count).map(|number| format!("p{number}")).collect();
         let merge_s = run(&format!("merge {} -o all -q", parts.join(" ")))?;
-        shards[0].1.push((of as f64, all_s));
-        shards[1].1.push((of as f64, merge_s));
+        shards[0].1.push((count as f64, all_s));
+        shards[1].1.push((count as f64, merge_s));
     }
     panels.push(panel(
         "Eight runs of the arena, bm",

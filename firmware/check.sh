@@ -1,6 +1,6 @@
 #!/bin/sh
 # The firmware's part of the CI: trigger.hex does on a simulated board what README.md says, and is what trigger.c compiles
-# to. Installs the tools with apt-get where they are missing.
+# to. Where the tools are missing it prints the command that installs them, and skips.
 set -eu
 cd "$(dirname "$0")"
 packages="make gcc libc6-dev gcc-avr avr-libc binutils-avr libsimavr-dev"
@@ -10,16 +10,8 @@ missing() {
   [ ! -e /usr/lib/avr/include/avr/io.h ] || [ ! -e /usr/include/simavr/sim_avr.h ]
 }
 if missing; then
-  if ! command -v apt-get >/dev/null; then
-    echo "skipped: the firmware's checks need $packages, and there is no apt-get to install them"
-    exit 0
-  fi
-  as_root=""
-  [ "$(id -u)" = 0 ] || as_root="sudo -n"
-  install="$as_root apt-get install -qq -y --no-install-recommends $packages"
-  $install >/dev/null 2>&1 || { $as_root apt-get update -qq && $install >/dev/null; } || {
-    echo "the firmware's checks need $packages, which could not be installed: as root, apt-get install $packages"
-    exit 1
-  }
+  echo "skipped: the firmware's checks need $packages; as root: apt-get install $packages"
+  [ -z "${SVL_SKIPPED:-}" ] || echo "the firmware's checks: apt-get install $packages" >> "$SVL_SKIPPED"
+  exit 0
 fi
 make -s check current

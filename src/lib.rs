@@ -27,21 +27,24 @@
 //! # Ok::<(), svl::Error>(())
 //! ```
 
-#[cfg(feature = "ros2")]
-pub use svl_bench::{bridge, dds};
-pub use svl_bench::{
-    console, drive, evaluation, outputs, record, report, run, runs, sink, source, train, tune,
-};
+pub use svl_bench::{console, drive, evaluation, record, run, runs, sink, source, tune};
 pub use svl_calibrate as calibrate;
 pub use svl_core::{
     Error, Result, alternatives, counted, depth, filter, interrupt, joined, kernel, matcher,
     rectify, statistics, stereo, timing,
 };
-pub use svl_data::{
-    BuildInfo, agreement, arena, bootstrap, fetch, files, fit, grab, losses, manifest, memory,
-    overlay, plausibility, recording, resize, scenario, score, slow_profile, stress,
+pub use svl_files::{self as files, BuildInfo, fetch, overlay, slow_profile};
+pub use svl_grab as grab;
+#[cfg(feature = "ros2")]
+pub use svl_live::{bridge, dds};
+pub use svl_recording as recording;
+pub use svl_report::{self as report, outputs};
+pub use svl_score::{
+    agreement, bootstrap, judge as score, losses, manifest, memory, plausibility, resize, scenario,
 };
+pub use svl_sim::{arena, stress};
 pub use svl_thesis as reproduce;
+pub use svl_train::{self as train, fit};
 #[cfg(feature = "rerun")]
 pub use svl_viewer as viewer;
 

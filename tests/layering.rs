@@ -11,13 +11,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// A package: its root file below `src/`, and its rooms in layers. A room uses those of the layers
-/// above its own. Cargo enforces the dependencies between packages.
+/// above its own. Cargo enforces the dependencies between packages. A package without layers is one
+/// room.
 struct Package {
     root: &'static str,
     layers: &'static [&'static [&'static str]],
 }
 
-const PACKAGES: [Package; 8] = [
+const PACKAGES: [Package; 15] = [
     Package {
         root: "core/lib.rs",
         layers: &[
@@ -41,38 +42,71 @@ const PACKAGES: [Package; 8] = [
         layers: &[&["errors"], &["engine"], &["worker"]],
     },
     Package {
-        root: "data/lib.rs",
+        root: "files/lib.rs",
         layers: &[
             &[
-                "agreement",
-                "bootstrap",
                 "build_info",
-                "pairing",
-                "files",
-                "losses",
+                "cloud",
+                "columns",
+                "decoded",
+                "ffmpeg",
+                "jpeg",
+                "npz",
                 "overlay",
-                "memory",
+                "pairing",
+                "pfm",
+                "rvl",
             ],
-            &["arena", "stress", "fetch", "manifest"],
-            &["grab", "recording", "score"],
-            &["scenario"],
-            &["resize", "fit", "drive", "plausibility"],
+            &["picture"],
+            &["image"],
+            &["disparity"],
+            &["depth"],
+            &["fetch"],
         ],
+    },
+    Package {
+        root: "sim/lib.rs",
+        layers: &[&["arena", "stress"]],
+    },
+    Package {
+        root: "score/lib.rs",
+        layers: &[
+            &["agreement", "bootstrap", "judge", "losses", "memory"],
+            &["plausibility", "scenario"],
+            &["drive", "manifest", "resize"],
+        ],
+    },
+    Package {
+        root: "live/lib.rs",
+        layers: &[&["dds"], &["bridge"]],
     },
     Package {
         root: "bench/lib.rs",
         layers: &[
-            &["outputs", "dds"],
-            &["bridge"],
-            &["source", "report"],
+            &["source"],
             &["sink"],
             &["run"],
-            &["console"],
-            &["record"],
+            &["console", "drive", "record"],
             &["runs"],
-            &["train", "tune", "drive"],
+            &["tune"],
             &["evaluation"],
         ],
+    },
+    Package {
+        root: "recording/lib.rs",
+        layers: &[],
+    },
+    Package {
+        root: "grab/lib.rs",
+        layers: &[],
+    },
+    Package {
+        root: "report/lib.rs",
+        layers: &[],
+    },
+    Package {
+        root: "train/lib.rs",
+        layers: &[],
     },
     Package {
         root: "viewer/lib.rs",
@@ -172,22 +206,33 @@ fn dependencies() -> BTreeMap<String, toml::Table> {
 
 #[test]
 fn heavy_crates_have_one_user() {
-    // Two packages use clap: the options of a source are declared once, for scenarios and the
-    // command line.
-    for (heavy, package) in [
-        ("polars", "svl-bench"),
-        ("rustdds", "svl-bench"),
-        ("rerun", "svl-viewer"),
-        ("svl-thesis", "svl"),
-        ("svl-viewer", "svl"),
+    for (package, heavy) in [
+        ("svl-recording", &["mcap", "zstd", "rusqlite"][..]),
+        ("svl-report", &["polars", "plotters", "minijinja"]),
+        ("svl-live", &["rustdds", "tungstenite"]),
+        ("svl-grab", &["aravis", "serial2"]),
+        ("svl-viewer", &["rerun"]),
+        ("svl", &["svl-thesis", "svl-viewer", "ratatui"]),
     ] {
-        let users: Vec<_> = dependencies()
-            .into_iter()
-            .filter(|(_, needs)| needs.contains_key(heavy))
-            .map(|(name, _)| name)
-            .collect();
-        assert_eq!(users, [package], "{heavy}");
+        for heavy in heavy {
+            let users: Vec<_> = dependencies()
+                .into_iter()
+                .filter(|(_, needs)| needs.contains_key(*heavy))
+                .map(|(name, _)| name)
+                .collect();
+            assert_eq!(users, [package], "{heavy}");
+        }
     }
+}
+
+/// Tests of other packages turn the feature on for all of the workspace, so no test of the program
+/// would miss it.
+#[test]
+fn the_program_has_the_matcher_exec() {
+    let core = &dependencies()["svl-bench"]["svl-core"];
+    let features = core.get("features").and_then(toml::Value::as_array);
+    let features = features.unwrap_or_else(|| panic!("svl-core of svl-bench: {core}"));
+    assert!(features.iter().any(|name| name.as_str() == Some("exec")));
 }
 
 /// The program's commands.

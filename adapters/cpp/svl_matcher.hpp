@@ -33,8 +33,6 @@
 #include <exception>
 #include <limits>
 #include <string>
-#include <fcntl.h>
-#include <sys/mman.h>
 #include <unistd.h>
 #include <vector>
 
@@ -160,28 +158,6 @@ class Input {
   size_t from = 0, to = 0;
 };
 
-// svl's memory with the images and, behind them, room for the disparities.
-class Shared {
- public:
-  // Nothing where it cannot be mapped.
-  uint8_t* mapped(const std::string& path, size_t count) {
-    if (count <= held) return memory;
-    if (memory) munmap(memory, held);
-    memory = nullptr, held = 0;
-    const int file = open(path.c_str(), O_RDWR | O_CLOEXEC);
-    if (file < 0) return nullptr;
-    void* at = mmap(nullptr, count, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
-    close(file);
-    if (at == MAP_FAILED) return nullptr;
-    memory = static_cast<uint8_t*>(at), held = count;
-    return memory;
-  }
-
- private:
-  uint8_t* memory = nullptr;
-  size_t held = 0;
-};
-
 inline bool write_all(int file, const void* from, size_t count) {
   for (auto* at = static_cast<const char*>(from); count > 0;) {
     const ssize_t put = ::write(file, at, count);
@@ -193,7 +169,7 @@ inline bool write_all(int file, const void* from, size_t count) {
 
 inline std::string hello_line(const Hello& hello) {
   std::string out = "{\"hello\":{\"threads\":" + std::to_string(hello.threads) +
-                    ",\"shared\":true,\"color\":" + (hello.color ? "true" : "false");
+                    ",\"color\":" + (hello.color ? "true" : "false");
   const auto add = [&](const char* key, const std::string& value) {
     if (!value.empty()) out += ",\"" + std::string(key) + "\":" + quoted(value);
   };
@@ -239,7 +215,6 @@ int serve(const Hello& hello, Function function) {
   const int target = dup(1);
   dup2(2, 1);
   Input input;
-  Shared shared;
   std::string line;
   std::vector<uint8_t> images;
   std::vector<float> disparities;
@@ -258,24 +233,14 @@ int serve(const Hello& hello, Function function) {
                 number(line, "baseline_m"), number(line, "doffs_px")};
     const size_t pixels = static_cast<size_t>(pair.width) * pair.height;
     const size_t image = pixels * pair.channels;
-    const size_t behind = (2 * image + 63) / 64 * 64;
-    uint8_t* room = nullptr;
-    if (const std::string path = text(line, "shared"); !path.empty()) {
-      room = shared.mapped(path, behind + 4 * pixels);
-      if (!room) {
-        std::perror("svl's shared memory");
-        return 1;
-      }
-    } else {
-      images.resize(2 * image);
-      if (!input.read_all(images.data(), images.size())) {
-        std::fputs("svl's input ended within an image\n", stderr);
-        return 1;
-      }
+    images.resize(2 * image);
+    if (!input.read_all(images.data(), images.size())) {
+      std::fputs("svl's input ended within an image\n", stderr);
+      return 1;
     }
-    pair.left = room ? room : images.data(), pair.right = pair.left + image;
-    if (!room) disparities.resize(pixels);
-    answer.disparity = room ? reinterpret_cast<float*>(room + behind) : disparities.data();
+    pair.left = images.data(), pair.right = pair.left + image;
+    disparities.resize(pixels);
+    answer.disparity = disparities.data();
     if (is_first) {
       is_first = false;
       // svl sends the pair once more, in colour where that was asked for.
@@ -307,7 +272,7 @@ int serve(const Hello& hello, Function function) {
       std::replace_if(
           answer.disparity, answer.disparity + pixels, [](float d) { return !std::isfinite(d); }, none);
     if (!write_all(target, reply.data(), reply.size())) return 1;
-    if (is_matched && !room && !write_all(target, answer.disparity, 4 * pixels)) return 1;
+    if (is_matched && !write_all(target, answer.disparity, 4 * pixels)) return 1;
   }
   return 0;
 }

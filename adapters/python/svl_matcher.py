@@ -24,7 +24,6 @@ import argparse
 import inspect
 import io
 import json
-import mmap
 import os
 import sys
 import time
@@ -102,9 +101,9 @@ def serve(
     """
     source, target = open(0, "rb", closefd=False), _private_stdout()
     with_requests = len(inspect.signature(function).parameters) > 2
-    is_first, warm, shared = True, set(), _Shared()
+    is_first, warm = True, set()
     while lines := _read_batch(source):
-        pairs = [shared.pair(lines[0]) if "shared" in lines[0] else _read_pair(source, lines[0])]
+        pairs = [_read_pair(source, lines[0])]
         # The next line of a batch comes after the images of the last.
         while len(pairs) < lines[0].get("batch", 1):
             lines.append(json.loads(source.readline()))
@@ -113,8 +112,7 @@ def serve(
         if is_first:
             is_first = False
             started = start(requests[0]) if start else None
-            described = {"color": color, "batch": batch, "shared": batch == 1}
-            described = {**described, **hello, **(started or {})}
+            described = {"color": color, "batch": batch, **hello, **(started or {})}
             _write(target, {"hello": {k: v for k, v in described.items() if v is not None}})
             continue
         lefts, rights = (np.stack(side) if batch > 1 else side[0] for side in zip(*pairs))
@@ -146,9 +144,6 @@ def serve(
             words = f"{type(error).__name__}: {' '.join(str(error).split())}"
             replies = [({"seq": line["seq"], "error": words}, b"") for line in lines]
         for reply, pixels in replies:
-            if "shared" in lines[0] and pixels:
-                shared.put(pixels)
-                pixels = b""
             _write(target, reply, pixels)
 
 
@@ -167,36 +162,13 @@ def _read_batch(source):
 
 
 def _read_pair(source, line):
-    images = np.empty((2, *_shape(line)), np.uint8)
+    shape = (line["height"], line["width"])
+    if line["channels"] > 1:
+        shape = (*shape, line["channels"])
+    images = np.empty((2, *shape), np.uint8)
     if source.readinto(memoryview(images).cast("B")) < images.nbytes:
         sys.exit("svl's input ended within an image")
     return images[0], images[1]
-
-
-def _shape(line):
-    shape = (line["height"], line["width"])
-    return shape if line["channels"] == 1 else (*shape, line["channels"])
-
-
-class _Shared:
-    """svl's memory with the images and, behind them, room for the disparities."""
-
-    def __init__(self) -> None:
-        self.map: mmap.mmap | None = None
-
-    def pair(self, line):
-        shape = _shape(line)
-        count = int(np.prod(shape))
-        self.at = -(-2 * count // 64) * 64
-        if self.map is None or len(self.map) < self.at + 4 * line["height"] * line["width"]:
-            with open(line["shared"], "r+b") as file:
-                self.map = mmap.mmap(file.fileno(), 0)
-        # Copies, as svl writes the next pair in the same place.
-        images = np.frombuffer(self.map, np.uint8, 2 * count).reshape(2, *shape).copy()
-        return images[0], images[1]
-
-    def put(self, pixels):
-        self.map[self.at : self.at + len(pixels)] = pixels
 
 
 def _request(line):

@@ -318,8 +318,13 @@ fn encodings() -> Result<(), Box<dyn std::error::Error>> {
     let calibration = message("/info", info, &foreign(info, "cdr"))?;
     for (encoding, step, rows) in ENCODINGS {
         let data = ros_image(encoding, step, rows);
-        let of = |topic| message(topic, image, &data);
-        let all = [calibration.clone(), of("/l")?, of("/r")?, of("/depth")?];
+        let image_message = |topic| message(topic, image, &data);
+        let all = [
+            calibration.clone(),
+            image_message("/l")?,
+            image_message("/r")?,
+            image_message("/depth")?,
+        ];
         seed("messages", encoding, &all.concat())?;
     }
     let codes = stereo::Plane::from_fn(4, 2, |x, y| (x * 900 * y) as u16)?;
@@ -341,9 +346,14 @@ fn encodings() -> Result<(), Box<dyn std::error::Error>> {
         cdr.resize(cdr.len().next_multiple_of(4), 0);
         cdr.extend((data.len() as u32).to_le_bytes());
         cdr.extend(data);
-        let of = |topic| message(topic, image, &mono8);
+        let image_message = |topic| message(topic, image, &mono8);
         let depth = message("/depth/ros", "sensor_msgs/msg/CompressedImage", &cdr)?;
-        let all = [calibration.clone(), of("/l")?, of("/r")?, depth];
+        let all = [
+            calibration.clone(),
+            image_message("/l")?,
+            image_message("/r")?,
+            depth,
+        ];
         seed("messages", name, &all.concat())?;
     }
     Ok(())

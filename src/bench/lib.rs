@@ -1,20 +1,13 @@
-//! The bench: sources, the loop over frames and matchers, sinks, reports, drives, tuning, training.
+//! The bench: sources, the loop over frames and matchers, sinks, drives, tuning, evaluation.
 //!
 //! `svl` re-exports its modules.
 
-#[cfg(feature = "ros2")]
-pub mod bridge;
 pub mod console;
-#[cfg(feature = "ros2")]
-pub mod dds;
 pub mod drive;
 pub mod evaluation;
-pub mod outputs;
 pub mod record;
-pub mod report;
 pub mod run;
 pub mod runs;
 pub mod sink;
 pub mod source;
-pub mod train;
 pub mod tune;

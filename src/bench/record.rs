@@ -6,10 +6,10 @@ use crate::source::{Opened, RecordingSource, Source, open_arena};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 use svl_core::{Error, Result};
-use svl_data::manifest::Manifest;
-use svl_data::recording::{Dialect, Header, Recording, RecordingFormat};
-use svl_data::scenario::Scenario;
-use svl_data::score::Judge;
+use svl_recording::{Dialect, Header, Recording, RecordingFormat};
+use svl_score::judge::Judge;
+use svl_score::manifest::Manifest;
+use svl_score::scenario::Scenario;
 
 /// Records all of a source into `path`, which must not exist. A file without a pair is removed.
 ///
@@ -66,7 +66,7 @@ pub fn record(
 
 /// Age from which an unfinished recording in the cache counts as abandoned: a living writer
 /// modifies it about once a second.
-const ABANDONED: Duration = Duration::from_secs(60);
+const MIN_ABANDONED_AGE: Duration = Duration::from_secs(60);
 
 /// The recording of an arena scenario with a seed in the cache `folder`, made first if the cache
 /// does not have it.
@@ -154,7 +154,7 @@ fn remove_abandoned(folder: &Path) {
             let modified = entry.metadata().ok()?.modified().ok()?;
             SystemTime::now().duration_since(modified).ok()
         };
-        if path.extension().is_some_and(|e| e == "partial") && age() > Some(ABANDONED) {
+        if path.extension().is_some_and(|e| e == "partial") && age() > Some(MIN_ABANDONED_AGE) {
             let _ = std::fs::remove_file(path);
         }
     }

@@ -6,16 +6,16 @@ use crate::sink::LiveTable;
 use crate::source::dataset::{Scene, SceneSource};
 use crate::source::{
     self, Limited, Opened, PlausibleSource, RecordingSource, ReferenceSource, Request, RunSource,
-    Source, run_request,
+    Source, SourceKind, SourceOrigin, run_request,
 };
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use svl_core::matcher::Algorithm;
 use svl_core::{Error, Result, interrupt};
-use svl_data::grab::Host;
-use svl_data::manifest::RunRecord;
-use svl_data::scenario::{Scenario, ScenarioSource, SourceOptions};
-use svl_data::score::Judge;
+use svl_grab::Host;
+use svl_score::judge::Judge;
+use svl_score::manifest::RunRecord;
+use svl_score::scenario::{Scenario, ScenarioSource, SourceOptions};
 
 /// Gives each scenario those source options of the command line that it accepts. `named`: the
 /// user's name of the first one.
@@ -41,11 +41,19 @@ pub fn change(scenarios: &mut [Scenario], given: &SourceOptions, named: &str) ->
 /// The scenario that is named, or one of the recordings that are named.
 pub fn named(what: &[String]) -> Result<Scenario> {
     let is_scenario = |what: &str| Path::new(what).extension().is_some_and(|e| e == "toml");
+    let simulated = |name: &str| match SourceKind::without_files(name)?.origin {
+        SourceOrigin::Simulated { scenario } => scenario,
+        _ => None,
+    };
+    if let [name] = what
+        && let Some(scenario) = simulated(name)
+    {
+        return scenario();
+    }
     match what {
-        [name] if name == "arena" => Scenario::arena(),
         [path] if is_scenario(path) => Scenario::read(Path::new(path)),
         recordings => {
-            if let Some(name) = recordings.iter().find(|name| source::are_live_topics(name)) {
+            if let Some(name) = recordings.iter().find(|name| SourceKind::are_topics(name)) {
                 let cure = format!("record them first, svl record {name} -o run.mcap");
                 return Err(Error::Usage(format!("{name}: are live topics; {cure}")));
             }
@@ -53,7 +61,7 @@ pub fn named(what: &[String]) -> Result<Scenario> {
                 let cure = "name one scenario, or recordings";
                 return Err(Error::Usage(format!("{name}: is a scenario; {cure}")));
             }
-            Scenario::of_recordings(recordings, vec![Algorithm::default()])
+            Scenario::from_recordings(recordings, vec![Algorithm::default()])
         }
     }
 }
@@ -152,7 +160,7 @@ pub fn run_at(scenario: &Scenario, place: usize, console: &dyn Console) -> Resul
         }
         ScenarioSource::Recording(_) => {
             let run = &scenario.recordings()?[place];
-            RunSource::of_recording(run, open(run_request(scenario, run)?, console)?)
+            RunSource::from_recording(run, open(run_request(scenario, run)?, console)?)
         }
     };
     let judge = run.judge(&scenario.judge())?;
@@ -249,11 +257,10 @@ pub fn data_folder(named: Option<&Path>) -> Option<PathBuf> {
 pub fn warn_of_own_reference(options: &SourceOptions, algorithms: &[Algorithm]) -> Result<()> {
     let references = options.references()?;
     let is_reference = |algorithm: &&Algorithm| {
-        let name = algorithm.spec().name;
-        // exec can be any program.
+        let spec = algorithm.spec();
         let same = |reference: &Algorithm| {
-            reference.spec().name == name
-                && (name != "exec" || reference.parameters() == algorithm.parameters())
+            let is_same_program = || reference.parameters() == algorithm.parameters();
+            reference.spec().name == spec.name && (!spec.is_program() || is_same_program())
         };
         references.iter().any(same)
     };
@@ -264,4 +271,30 @@ pub fn warn_of_own_reference(options: &SourceOptions, algorithms: &[Algorithm]) 
         );
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::source::SOURCES;
+
+    #[test]
+    fn simulated_sources_are_named_by_their_scenarios() {
+        let simulated = SOURCES.iter().filter(|kind| kind.is_simulated());
+        for kind in simulated.filter(|kind| kind.is_scored()) {
+            assert_eq!(named(&[kind.name.to_owned()]).unwrap().name, kind.name);
+        }
+    }
+
+    #[test]
+    fn topics_are_recorded_before_they_are_scored() {
+        let topics = SOURCES.iter().filter_map(|kind| match &kind.origin {
+            SourceOrigin::Topics(topics) => Some(topics.prefix),
+            _ => None,
+        });
+        for name in topics {
+            let refused = named(&[name.to_owned()]).unwrap_err().to_string();
+            assert!(refused.contains(&format!("svl record {name}")), "{refused}");
+        }
+    }
 }

@@ -166,7 +166,7 @@ pub unsafe extern "C" fn svl_match(
 ) -> Status {
     guarded(|| {
         // SAFETY: as the caller promised.
-        let handle = unsafe { of(handle)? };
+        let handle = unsafe { borrow(handle)? };
         let stamp_ns = (stamp_ns != 0).then_some(stamp_ns);
         let stride = if stride == 0 { width as usize } else { stride };
         let image = |pixels| Image::new(pixels, width as usize, height as usize, stride);
@@ -180,7 +180,7 @@ pub unsafe extern "C" fn svl_match(
 pub unsafe extern "C" fn svl_reset(handle: *mut Handle) -> Status {
     guarded(|| {
         // SAFETY: as the caller promised.
-        let handle = unsafe { of(handle)? };
+        let handle = unsafe { borrow(handle)? };
         handle.worker.reset()
     })
 }
@@ -196,7 +196,7 @@ pub unsafe extern "C" fn svl_cells(
 ) -> Status {
     guarded(|| {
         // SAFETY: as the caller promised.
-        let handle = unsafe { of(handle)? };
+        let handle = unsafe { borrow(handle)? };
         handle.worker.result(|engine| {
             let shape = engine.shape();
             // SAFETY: as the caller promised.
@@ -221,7 +221,7 @@ pub unsafe extern "C" fn svl_disparities(
 ) -> Status {
     guarded(|| {
         // SAFETY: as the caller promised.
-        let handle = unsafe { of(handle)? };
+        let handle = unsafe { borrow(handle)? };
         handle.worker.result(|engine| {
             let map = engine.map();
             let size = map.size();
@@ -281,7 +281,7 @@ fn owned(text: &str) -> CString {
 
 /// # Safety
 /// `handle` is null or of [`svl_open`].
-unsafe fn of<'a>(handle: *mut Handle) -> Result<&'a Handle, Error> {
+unsafe fn borrow<'a>(handle: *mut Handle) -> Result<&'a Handle, Error> {
     // SAFETY: as the caller promised.
     unsafe { handle.as_ref() }.ok_or_else(|| Error::Invalid("handle is a null pointer".into()))
 }

@@ -5,8 +5,9 @@
 
 use crate::engine::{Engine, Image};
 use crate::errors::Failure;
+use parking_lot::{Condvar, Mutex, MutexGuard};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use svl_core::Error;
 
 enum JobState {
@@ -28,16 +29,7 @@ struct JobSlot {
 
 impl JobSlot {
     fn lock(&self) -> MutexGuard<'_, (JobState, Engine)> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn wait<'a>(
-        &self,
-        guard: MutexGuard<'a, (JobState, Engine)>,
-    ) -> MutexGuard<'a, (JobState, Engine)> {
-        self.changed
-            .wait(guard)
-            .unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 
     fn serve(&self) {
@@ -53,7 +45,9 @@ impl JobSlot {
                     self.changed.notify_all();
                 }
                 JobState::Closed => return,
-                JobState::Idle | JobState::Done(_) | JobState::Broken => guard = self.wait(guard),
+                JobState::Idle | JobState::Done(_) | JobState::Broken => {
+                    self.changed.wait(&mut guard)
+                }
             }
         }
     }
@@ -80,8 +74,8 @@ impl PairWorker {
             state: Mutex::new((JobState::Idle, engine)),
             changed: Condvar::new(),
         });
-        let of_job = Arc::clone(&shared);
-        pool.spawn(move || of_job.serve());
+        let slot = Arc::clone(&shared);
+        pool.spawn(move || slot.serve());
         Ok(Self {
             shared,
             _pool: pool,
@@ -98,7 +92,7 @@ impl PairWorker {
         guard.0 = JobState::Loaded;
         self.shared.changed.notify_all();
         loop {
-            guard = self.shared.wait(guard);
+            self.shared.changed.wait(&mut guard);
             match std::mem::replace(&mut guard.0, JobState::Idle) {
                 JobState::Done(result) => return result,
                 JobState::Broken => {

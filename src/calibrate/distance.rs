@@ -7,7 +7,7 @@ use svl_core::stereo::{Cell, DepthGrid, GridShape};
 use svl_core::{Error, Result};
 
 /// Fewest cells that must show the target.
-pub const LEAST_CELLS: usize = 3;
+pub const MIN_CELLS: usize = 3;
 
 /// Cells show one target if they differ by at most this, or by [`SHARE`] of the disparity.
 const APART_PX: f64 = 1.0;
@@ -67,9 +67,9 @@ impl TargetMeasurement {
                 ))
             })?);
         }
-        if cells.len() < LEAST_CELLS {
+        if cells.len() < MIN_CELLS {
             return Err(Error::Invalid(format!(
-                "the target is in {}, at least {LEAST_CELLS} are needed: {}; use a larger one, or \
+                "the target is in {}, at least {MIN_CELLS} are needed: {}; use a larger one, or \
                  name its cells with --target",
                 counted(cells.len() as u64, "cell"),
                 cell_list(&cells)

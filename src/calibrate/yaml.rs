@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_file_needs_is_refused_with_its_line() {
+    fn needless_syntax_is_refused_with_its_line() {
         let bomb = "a: &a [1, 1]\nb: &b [*a, *a]\n";
         assert!(parse(bomb).unwrap_err().starts_with("line 2: an alias"));
         for (open, close) in [("[", "]"), ("{a: ", "}")] {

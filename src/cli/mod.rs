@@ -75,9 +75,17 @@ impl Cli {
                 .map_or_else(|error| usage::report_clap(&error), |_| ExitCode::SUCCESS);
         }
         cli.configure();
-        // As one of rayon's threads: beside them it would be one too many for the cores, and they
-        // wait for each other.
-        match rayon::scope(|_| cli.command.run(cli.quiet, program)) {
+        let waits_for_keys = cli.command.waits_for_keys();
+        let run = || cli.command.run(cli.quiet, program);
+        // A command runs as one of rayon's threads: beside them it would be one too many for the
+        // cores, and they wait for each other. A tool that waits for keys runs beside them: as one
+        // of them it would hold a worker while its own threads wait for one, with --threads 1 for
+        // ever.
+        let ran = match waits_for_keys {
+            true => run(),
+            false => rayon::scope(|_| run()),
+        };
+        match ran {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => usage::report(&error),
         }
@@ -153,7 +161,7 @@ mod tests {
 
     /// clap breaks longer lines and continues them at the margin.
     #[test]
-    fn what_stands_below_the_options_fits_into_78_columns() {
+    fn text_below_the_options_fits_into_78_columns() {
         fn check(command: &clap::Command) {
             let text = command.get_after_help().unwrap_or_default().to_string();
             assert!(

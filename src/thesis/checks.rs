@@ -23,7 +23,7 @@ impl Correlated {
     /// The thesis's range of disparities.
     pub(super) const DISPARITIES: (i32, i32) = (0, 80);
 
-    pub(super) fn of(pair: &StereoPair) -> Result<Self> {
+    pub(super) fn new(pair: &StereoPair) -> Result<Self> {
         let (width, height) = pair.size();
         let isa = isa()?;
         let range = DisparityRange::new(Self::DISPARITIES.0, Self::DISPARITIES.1)?;
@@ -128,7 +128,7 @@ mod tests {
     use super::*;
     use svl_core::matcher::Algorithm;
     use svl_core::stereo::RectifiedPair;
-    use svl_data::arena::{Arena, ArenaConfig};
+    use svl_sim::arena::{Arena, ArenaConfig};
 
     #[test]
     fn with_the_self_check_it_is_v3() {
@@ -142,7 +142,7 @@ mod tests {
             .match_pair(RectifiedPair::assume(&pair), None)
             .unwrap()
             .disparity;
-        let correlated = Correlated::of(&pair).unwrap();
+        let correlated = Correlated::new(&pair).unwrap();
         assert_eq!(correlated.self_checked().hash(), v3.hash());
         assert!(correlated.symmetric(0).valid() < correlated.symmetric(1).valid());
         assert!(correlated.symmetric_on_texture(1).valid() < correlated.symmetric(1).valid());

@@ -4,9 +4,9 @@ use super::checks::Correlated;
 use super::finding::{axis, series};
 use super::measure::{MeanMedian, SSDPI_TOP, Valid, gray_picture, ssdpi_picture, valid};
 use super::{Context, Experiment, Finding, TableValue, stage};
-use svl_bench::report::plot::{Axis, Chart, SeriesStyle};
 use svl_core::Result;
 use svl_core::stereo::Frame;
+use svl_report::plot::{Axis, Chart, SeriesStyle};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.7", "5.6"],
@@ -20,7 +20,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              scenes cannot be moved, so there the nearer half of the matches, by the truth, is \
              compared with the farther half, which shows other things.",
     records: false,
-    by_default: true,
     run,
 };
 
@@ -31,39 +30,8 @@ const DEPTH_M: f64 = 0.3;
 
 fn run(context: &mut Context<'_>) -> Result<Finding> {
     let mut finding = Finding::default();
-    let mut subject = |ahead_m: f64, name: &str| {
-        let mut config = stage::empty();
-        config.world.blocks = vec![stage::block(ahead_m, 0.03, [0.16, 0.10, 0.13], 35.0)];
-        config.world.balls = vec![stage::ball(ahead_m + 0.02, -0.07, 0.05)];
-        let frame = context.still(&config)?;
-        // Unchecked matches: the checks would drop those with a high SSDPI, which are of interest
-        // here.
-        let matches = Correlated::of(&frame.pair)?.matches;
-        // The rig of the arena always exists.
-        let farthest_px = frame
-            .rig()
-            .map_or(0.0, |rig| rig.disparity_px(ahead_m + DEPTH_M))
-            as f32;
-        let on_subject = |v: &Valid| {
-            frame
-                .truth
-                .as_ref()
-                .is_some_and(|truth| truth.disparity.get(v.at.0, v.at.1) > farthest_px)
-        };
-        // The wall behind is farther away than the subject's depth, so the true disparity separates
-        // them.
-        let values: Vec<f64> = valid(&matches)
-            .filter(on_subject)
-            .map(|v| v.ln_ssdpi)
-            .collect();
-        finding.show(gray_picture(
-            format!("{name}, {ahead_m} m"),
-            frame.pair.left(),
-        )?);
-        finding.show(ssdpi_picture(format!("ln SSDPI, {name}"), &matches)?);
-        Ok::<_, svl_core::Error>(values)
-    };
-    let (close, far) = (subject(CLOSE_M, "close")?, subject(FAR_M, "far")?);
+    let close = subject(context, CLOSE_M, "close", &mut finding)?;
+    let far = subject(context, FAR_M, "far", &mut finding)?;
     let histograms = vec![("close", histogram(&close)), ("far", histogram(&far))];
     let (close, far) = (MeanMedian::or_nan(close), MeanMedian::or_nan(far));
     finding.condition(
@@ -77,45 +45,9 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         close.mean > far.mean,
         format!("So is the mean: {:.2} and {:.2}.", close.mean, far.mean),
     );
-    let values = |near: MeanMedian, far: MeanMedian| {
-        [near.median, far.median, near.mean, far.mean].map(TableValue::from)
-    };
-    let mut rows = vec![("arena".to_owned(), values(close, far))];
-    let (mut scenes, mut higher) = (0, 0);
-    for frame in context.real() {
-        let frame = frame?;
-        context.step()?;
-        let Some([near, far]) = halves(&frame)? else {
-            continue;
-        };
-        scenes += 1;
-        higher += usize::from(near.median > far.median);
-        let name = frame.name.clone().unwrap_or_default();
-        rows.push((name, values(near, far)));
-    }
-    let table = finding.table([
-        "ln SSDPI",
-        "close, median",
-        "far, median",
-        "close, mean",
-        "far, mean",
-    ]);
-    rows.into_iter()
-        .for_each(|(name, values)| table.row(name, values));
-    let real = if scenes == 0 {
-        String::new()
-    } else {
-        format!("; in {higher} of {scenes} real scenes the nearer half has the higher median")
-    };
-    if scenes > 0 {
-        finding.condition(
-            2 * higher > scenes,
-            format!(
-                "In most real scenes the nearer half of the matches has the higher median: in \
-                 {higher} of {scenes}."
-            ),
-        );
-    }
+    let mut rows = vec![("arena".to_owned(), [close, far])];
+    rows.extend(real_scenes(context)?);
+    let real = add_scenes(&rows, &mut finding);
     finding.why = format!(
         "Close, the subject's ln SSDPI is {:.2} in the median and {:.2} in the mean, far {:.2} \
          and {:.2}{real}.",
@@ -129,6 +61,86 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         series: histograms.into_iter().map(line).collect(),
     })?;
     Ok(finding)
+}
+
+/// The ln SSDPIs of the subject's matches at a distance.
+fn subject(
+    context: &mut Context<'_>,
+    ahead_m: f64,
+    name: &str,
+    finding: &mut Finding,
+) -> Result<Vec<f64>> {
+    let mut config = stage::empty();
+    config.world.blocks = vec![stage::block(ahead_m, 0.03, [0.16, 0.10, 0.13], 35.0)];
+    config.world.balls = vec![stage::ball(ahead_m + 0.02, -0.07, 0.05)];
+    let frame = context.still(&config)?;
+    // Unchecked matches: the checks would drop those with a high SSDPI, which are of interest here.
+    let matches = Correlated::new(&frame.pair)?.matches;
+    // The rig of the arena always exists.
+    let farthest_px = frame
+        .rig()
+        .map_or(0.0, |rig| rig.disparity_px(ahead_m + DEPTH_M)) as f32;
+    let on_subject = |v: &Valid| {
+        frame
+            .truth
+            .as_ref()
+            .is_some_and(|truth| truth.disparity.get(v.at.0, v.at.1) > farthest_px)
+    };
+    // The wall behind is farther away than the subject's depth, so the true disparity separates
+    // them.
+    let values: Vec<f64> = valid(&matches)
+        .filter(on_subject)
+        .map(|v| v.ln_ssdpi)
+        .collect();
+    finding.show(gray_picture(
+        format!("{name}, {ahead_m} m"),
+        frame.pair.left(),
+    )?);
+    finding.show(ssdpi_picture(format!("ln SSDPI, {name}"), &matches)?);
+    Ok(values)
+}
+
+/// The nearer and the farther half of each real scene.
+fn real_scenes(context: &mut Context<'_>) -> Result<Vec<(String, [MeanMedian; 2])>> {
+    let mut scenes = Vec::new();
+    for frame in context.real() {
+        let frame = frame?;
+        context.step()?;
+        if let Some(halves) = halves(&frame)? {
+            scenes.push((frame.name.clone().unwrap_or_default(), halves));
+        }
+    }
+    Ok(scenes)
+}
+
+/// Adds the table of all rows and the condition of the real scenes, which are behind the arena;
+/// returns words on them.
+fn add_scenes(rows: &[(String, [MeanMedian; 2])], finding: &mut Finding) -> String {
+    let table = finding.table([
+        "ln SSDPI",
+        "close, median",
+        "far, median",
+        "close, mean",
+        "far, mean",
+    ]);
+    for (name, [near, far]) in rows {
+        let values = [near.median, far.median, near.mean, far.mean];
+        table.row(name.clone(), values.map(TableValue::from));
+    }
+    let is_higher = |(_, [near, far]): &&(String, [MeanMedian; 2])| near.median > far.median;
+    let scenes = rows.len() - 1;
+    let higher = rows[1..].iter().filter(is_higher).count();
+    if scenes == 0 {
+        return String::new();
+    }
+    finding.condition(
+        2 * higher > scenes,
+        format!(
+            "In most real scenes the nearer half of the matches has the higher median: in \
+             {higher} of {scenes}."
+        ),
+    );
+    format!("; in {higher} of {scenes} real scenes the nearer half has the higher median")
 }
 
 /// Fractions, in per cent, of values in bins of a quarter.
@@ -149,14 +161,15 @@ fn halves(frame: &Frame) -> Result<Option<[MeanMedian; 2]>> {
     let Some(truth) = &frame.truth else {
         return Ok(None);
     };
-    let matches = Correlated::of(&frame.pair)?.matches;
+    let matches = Correlated::new(&frame.pair)?.matches;
     let known = |v: Valid| {
         Some((truth.disparity.get(v.at.0, v.at.1), v.ln_ssdpi)).filter(|(d, _)| d.is_finite())
     };
     let mut known: Vec<(f32, f64)> = valid(&matches).filter_map(known).collect();
     known.sort_by(|a, b| b.0.total_cmp(&a.0));
     let (near, far) = known.split_at(known.len() / 2);
-    let spread = |half: &[(f32, f64)]| MeanMedian::of(half.iter().map(|(_, ln_ssdpi)| *ln_ssdpi));
+    let spread =
+        |half: &[(f32, f64)]| MeanMedian::from_values(half.iter().map(|(_, ln_ssdpi)| *ln_ssdpi));
     Ok(spread(near).zip(spread(far)).map(<[MeanMedian; 2]>::from))
 }
 

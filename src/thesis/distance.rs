@@ -1,13 +1,13 @@
 //! Figure 5.1: the distance curve, from the thesis's measurements and from a simulated target.
 
 use super::{Context, Experiment, Finding, TableValue, stage};
-use svl_bench::report::plot::distance_chart;
 use svl_core::Result;
 use svl_core::depth::DistanceCurve;
 use svl_core::statistics::lower_median;
 use svl_core::stereo::{Cell, GridShape};
-use svl_data::arena::ArenaConfig;
-use svl_data::score::{Judge, Judged};
+use svl_report::plot::{Chart, distance_chart};
+use svl_score::judge::{Judge, Judged};
+use svl_sim::arena::ArenaConfig;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.1"],
@@ -20,7 +20,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              fits that table best. A measurement is the median of v3's cells (6 x 3) that show \
              the target. It needs at least three such cells, as in the thesis.",
     records: false,
-    by_default: true,
     run,
 };
 
@@ -31,144 +30,193 @@ const TOLERANCE: f64 = 0.10;
 const ALGORITHM: &str = "v3:max_disparity=96";
 
 fn run(context: &mut Context<'_>) -> Result<Finding> {
-    let table = DistanceCurve::TABLE_B1;
-    let product = pinhole_cm_px(&table);
-    let mut config = stage::empty();
-    // High above the floor, so that no cell shows the floor instead of the target.
-    config.rig.above_floor_m = 0.5;
-    // f·B in cm·px is fixed by the table and f by the image, so the baseline follows.
-    config.rig.baseline_m = product / 100.0 / focal_px(&config);
-    let mut frames = Vec::new();
-    for (cm, _) in table {
-        config.world.blocks = vec![stage::block(cm / 100.0, 0.0, [0.8, 0.1, 1.0], 0.0)];
-        frames.push(context.still(&config)?);
-    }
-    let judge = Judge {
-        grid: SHAPE.into(),
-        ..Judge::default()
-    };
-    let judged = context.judged(frames, &[ALGORITHM], &judge)?;
-    let mut measured = Vec::new();
-    let mut off_px: f64 = 0.0;
-    for ((cm, _), judged) in table.into_iter().zip(&judged) {
-        let true_px = product / cm;
-        match target_px(judged, true_px) {
-            Some(px) => {
-                off_px = off_px.max((px - true_px).abs());
-                measured.push((cm, px));
+    let target = MeasuredTarget::new(context)?;
+    let curves = Curves::new(&target)?;
+    let mut finding = Finding::default();
+    curves.add_conditions(target.off_px, &mut finding);
+    target.add_quantities(&mut finding);
+    curves.add_table(&target, &mut finding);
+    finding.why = curves.why(&target);
+    finding.plot(&curves.chart(target))?;
+    Ok(finding)
+}
+
+/// The simulated target at the distances of table B.1.
+struct MeasuredTarget {
+    /// The f·B of the arena's cameras, which fits the table best.
+    product_cm_px: f64,
+    /// Distance, cm, and disparity, px, where the target could be measured.
+    points: Vec<(f64, f64)>,
+    /// Largest error of a disparity; infinite if the target could not be measured somewhere.
+    off_px: f64,
+}
+
+impl MeasuredTarget {
+    fn new(context: &mut Context<'_>) -> Result<Self> {
+        let table = DistanceCurve::TABLE_B1;
+        let product_cm_px = pinhole_cm_px(&table);
+        let mut config = stage::empty();
+        // High above the floor, so that no cell shows the floor instead of the target.
+        config.rig.above_floor_m = 0.5;
+        // f·B in cm·px is fixed by the table and f by the image, so the baseline follows.
+        config.rig.baseline_m = product_cm_px / 100.0 / focal_px(&config);
+        let mut frames = Vec::new();
+        for (cm, _) in table {
+            config.world.blocks = vec![stage::block(cm / 100.0, 0.0, [0.8, 0.1, 1.0], 0.0)];
+            frames.push(context.still(&config)?);
+        }
+        let judge = Judge {
+            grid: SHAPE.into(),
+            ..Judge::default()
+        };
+        let judged = context.judged(frames, &[ALGORITHM], &judge)?;
+        let mut points = Vec::new();
+        let mut off_px: f64 = 0.0;
+        for ((cm, _), judged) in table.into_iter().zip(&judged) {
+            let true_px = product_cm_px / cm;
+            match target_px(judged, true_px) {
+                Some(px) => {
+                    off_px = off_px.max((px - true_px).abs());
+                    points.push((cm, px));
+                }
+                // A target that cannot be measured fails the condition.
+                None => off_px = f64::INFINITY,
             }
-            // A target that cannot be measured fails the condition.
-            None => off_px = f64::INFINITY,
+        }
+        Ok(Self {
+            product_cm_px,
+            points,
+            off_px,
+        })
+    }
+
+    fn add_quantities(&self, finding: &mut Finding) {
+        let (farthest, nearest) = (self.points.first(), self.points.last());
+        finding.quantity("target at 16 cm", "px", "81", nearest.map(|(_, px)| *px));
+        finding.quantity("target at 130 cm", "px", "11", farthest.map(|(_, px)| *px));
+    }
+}
+
+/// The curves of degree 5 and their errors. An error is relative, with the disparity at which it
+/// occurs.
+struct Curves {
+    thesis: DistanceCurve,
+    ours: DistanceCurve,
+    /// Largest error of the thesis's curve at its own measurements.
+    at_points: (f64, f64),
+    /// Largest increase of the thesis's curve with increasing disparity.
+    rise_cm: f64,
+    /// Largest error of the other curve, also between the measurements.
+    between: (f64, f64),
+}
+
+impl Curves {
+    fn new(target: &MeasuredTarget) -> Result<Self> {
+        let thesis = DistanceCurve::annex_b()?;
+        let ours = DistanceCurve::fit(&target.points)?;
+        let true_points = ours.points().into_iter();
+        let true_points = true_points.map(|(px, _)| (target.product_cm_px / px, px));
+        Ok(Self {
+            at_points: worst(DistanceCurve::TABLE_B1.into_iter(), &thesis),
+            rise_cm: largest_rise_cm(thesis.points().into_iter().map(|(_, cm)| cm)),
+            between: worst(true_points, &ours),
+            thesis,
+            ours,
+        })
+    }
+
+    fn add_conditions(&self, off_px: f64, finding: &mut Finding) {
+        let ((at_points, at_px), (between, between_px)) = (self.at_points, self.between);
+        let rise_cm = self.rise_cm;
+        finding.condition(
+            at_points <= TOLERANCE,
+            format!(
+                "The thesis's curve passes within 10 % of each of its own measurements: at worst \
+                 {:.1} %, at {at_px:.0} px.",
+                100.0 * at_points
+            ),
+        );
+        finding.condition(
+            rise_cm <= 1.0,
+            format!(
+                "A larger disparity is never farther, by more than 1 cm: the thesis's curve rises \
+                 by {rise_cm:.1} cm."
+            ),
+        );
+        finding.condition(
+            off_px <= 1.0,
+            format!(
+                "The simulated target is measured within 1 px at every distance: at worst \
+                 {off_px:.2} px off."
+            ),
+        );
+        finding.condition(
+            between <= TOLERANCE,
+            format!(
+                "The curve through the simulated measurements is within 10 % of the true distance \
+                 between them too: at worst {:.0} % off, at {between_px:.0} px.",
+                100.0 * between
+            ),
+        );
+    }
+
+    fn add_table(&self, target: &MeasuredTarget, finding: &mut Finding) {
+        let rows = finding.table([
+            "distance, cm",
+            "thesis: disparity, px",
+            "thesis: its curve there, cm",
+            "here: true disparity, px",
+            "here: disparity, px",
+            "here: its curve there, cm",
+        ]);
+        for (cm, px) in DistanceCurve::TABLE_B1 {
+            let found = target.points.iter().find(|(at, _)| *at == cm);
+            let found = found.map(|(_, px)| *px);
+            let curve = found.and_then(|px| self.ours.distance_cm(px));
+            let here = [Some(target.product_cm_px / cm), found, curve].map(TableValue::from);
+            let [true_px, found, curve] = here;
+            let thesis_cm = self.thesis.distance_cm(px).into();
+            rows.row(
+                format!("{cm:.0}"),
+                [px.into(), thesis_cm, true_px, found, curve],
+            );
         }
     }
 
-    let mut finding = Finding::default();
-    let thesis = DistanceCurve::annex_b()?;
-    let ours = DistanceCurve::fit(&measured)?;
-    let at_points = worst(table.into_iter(), &thesis);
-    let rise_cm = largest_rise_cm(thesis.points().into_iter().map(|(_, cm)| cm));
-    let between = worst(
-        ours.points().into_iter().map(|(px, _)| (product / px, px)),
-        &ours,
-    );
-
-    finding.condition(
-        at_points.0 <= TOLERANCE,
+    fn why(&self, target: &MeasuredTarget) -> String {
+        let pinhole = DistanceCurve::TABLE_B1
+            .iter()
+            .map(|(cm, px)| (target.product_cm_px / px - cm).abs() / cm)
+            .fold(0.0, f64::max);
         format!(
-            "The thesis's curve passes within 10 % of each of its own measurements: at worst \
-             {:.1} %, at {:.0} px.",
-            100.0 * at_points.0,
-            at_points.1
-        ),
-    );
-    finding.condition(
-        rise_cm <= 1.0,
-        format!(
-            "A larger disparity is never farther, by more than 1 cm: the thesis's curve rises by \
-             {rise_cm:.1} cm."
-        ),
-    );
-    finding.condition(
-        off_px <= 1.0,
-        format!(
-            "The simulated target is measured within 1 px at every distance: at worst {off_px:.2} \
-             px off."
-        ),
-    );
-    finding.condition(
-        between.0 <= TOLERANCE,
-        format!(
-            "The curve through the simulated measurements is within 10 % of the true distance \
-             between them too: at worst {:.0} % off, at {:.0} px.",
-            100.0 * between.0,
-            between.1
-        ),
-    );
-    let pinhole = table
-        .iter()
-        .map(|(cm, px)| (product / px - cm).abs() / cm)
-        .fold(0.0, f64::max);
-    finding.quantity(
-        "target at 16 cm",
-        "px",
-        "81",
-        measured.last().map(|(_, px)| *px),
-    );
-    finding.quantity(
-        "target at 130 cm",
-        "px",
-        "11",
-        measured.first().map(|(_, px)| *px),
-    );
-    let rows = finding.table([
-        "distance, cm",
-        "thesis: disparity, px",
-        "thesis: its curve there, cm",
-        "here: true disparity, px",
-        "here: disparity, px",
-        "here: its curve there, cm",
-    ]);
-    for (cm, px) in table {
-        let found = measured.iter().find(|(at, _)| *at == cm).map(|(_, px)| *px);
-        let curve = found.and_then(|px| ours.distance_cm(px));
-        let here = [Some(product / cm), found, curve].map(TableValue::from);
-        let [true_px, found, curve] = here;
-        rows.row(
-            format!("{cm:.0}"),
-            [
-                px.into(),
-                thesis.distance_cm(px).into(),
-                true_px,
-                found,
-                curve,
-            ],
-        );
+            "A target's disparity fixes its distance to within {:.1} px, but degree 5 swings \
+             between the near measurements: the thesis's own curve rises by {:.0} cm where it \
+             should fall, and the one through the simulated target is {:.0} % off at {:.0} px. \
+             f·B/d cannot swing, and is at most {:.0} % off at the thesis's own measurements.",
+            target.off_px,
+            self.rise_cm,
+            100.0 * self.between.0,
+            self.between.1,
+            100.0 * pinhole
+        )
     }
-    finding.why = format!(
-        "A target's disparity fixes its distance to within {off_px:.1} px, but degree 5 swings \
-         between the near measurements: the thesis's own curve rises by {rise_cm:.0} cm where it \
-         should fall, and the one through the simulated target is {:.0} % off at {:.0} px. f·B/d \
-         cannot swing, and is at most {:.0} % off at the thesis's own measurements.",
-        100.0 * between.0,
-        between.1,
-        100.0 * pinhole
-    );
-    // Half-pixel steps from 9 to 90 px, the range of the plot.
-    let f_b = (18..=180)
-        .map(|i| (0.5 * f64::from(i), product / (0.5 * f64::from(i))))
-        .collect();
-    finding.plot(&distance_chart(
-        vec![
-            ("thesis, degree 5".into(), thesis.points()),
-            ("svl, degree 5".into(), ours.points()),
-            ("f·B/d".into(), f_b),
-        ],
-        vec![
-            ("thesis, measured".into(), table.to_vec()),
-            ("svl, simulated".into(), measured),
-        ],
-    ))?;
-    Ok(finding)
+
+    fn chart(&self, target: MeasuredTarget) -> Chart {
+        // Half-pixel steps from 9 to 90 px, the range of the plot.
+        let steps_px = (18..=180).map(|i| 0.5 * f64::from(i));
+        let pinhole = steps_px.map(|px| (px, target.product_cm_px / px)).collect();
+        distance_chart(
+            vec![
+                ("thesis, degree 5".into(), self.thesis.points()),
+                ("svl, degree 5".into(), self.ours.points()),
+                ("f·B/d".into(), pinhole),
+            ],
+            vec![
+                ("thesis, measured".into(), DistanceCurve::TABLE_B1.to_vec()),
+                ("svl, simulated".into(), target.points),
+            ],
+        )
+    }
 }
 
 const SHAPE: GridShape = GridShape {

@@ -1,9 +1,9 @@
 //! The result of an experiment: conditions, quantities, tables, pictures.
 
 use serde::Serialize;
-use svl_bench::report::plot::{Axis, Chart, Series, SeriesStyle};
 use svl_core::Result;
-use svl_data::overlay::Mark;
+use svl_files::overlay::Mark;
+use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
 
 /// Result of an experiment.
 #[derive(Clone, Debug, Default, Serialize)]

@@ -27,7 +27,6 @@ mod stage;
 mod stressed;
 mod texture;
 mod validity;
-mod without_truth;
 
 pub use finding::{
     ClaimVerdict, Condition, DrawnCell, Exhibit, Finding, FindingTable, Quantity, TableValue,
@@ -41,9 +40,9 @@ use svl_bench::source::Source;
 use svl_bench::source::dataset::Scene;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result, did_you_mean};
-use svl_data::manifest::Manifest;
-use svl_data::scenario::Scenario;
-use svl_data::score::{Judge, Judged};
+use svl_score::judge::{Judge, Judged};
+use svl_score::manifest::Manifest;
+use svl_score::scenario::Scenario;
 
 /// One of the thesis's figures or tables, and svl's experiment for it.
 pub struct Experiment {
@@ -58,12 +57,10 @@ pub struct Experiment {
     pub method: &'static str,
     /// True if it needs a run of the arena, [`Context::recording`].
     pub records: bool,
-    /// True if it runs when no figure is named, like those of the thesis.
-    pub by_default: bool,
     pub run: fn(&mut Context<'_>) -> Result<Finding>,
 }
 
-/// The experiments of the thesis that svl repeats, in the thesis's order, and svl's own.
+/// The experiments of the thesis that svl repeats, in the thesis's order.
 pub const EXPERIMENTS: &[Experiment] = &[
     distance::EXPERIMENT,
     situations::EXPERIMENT,
@@ -80,7 +77,6 @@ pub const EXPERIMENTS: &[Experiment] = &[
     filters::training::EXPERIMENT,
     filters::hidden::EXPERIMENT,
     filters::motion::EXPERIMENT,
-    without_truth::EXPERIMENT,
 ];
 
 /// The experiment for that figure.
@@ -113,8 +109,6 @@ impl Experiment {
 pub struct Context<'a> {
     /// Real scenes; empty if no folder of data sets was given.
     pub scenes: &'a [Scene],
-    /// The folder of data sets, if given.
-    pub data: Option<&'a Path>,
     /// The processor, in words.
     pub machine: &'a str,
     /// A run of the scenario's arena, for the experiment that [`Experiment::records`].
@@ -158,17 +152,15 @@ pub fn scenes(data: &Path) -> Result<Vec<Scene>> {
 }
 
 impl<'a> Context<'a> {
-    /// `data` and `scenes`: the folder of data sets and the result of [`scenes`] for it. The
-    /// monitor is called after every pair and may end the work.
+    /// The monitor is called after every pair and may end the work.
     pub fn new(
         machine: &'a str,
-        (data, scenes): (Option<&'a Path>, &'a [Scene]),
+        scenes: &'a [Scene],
         recording: Option<(Scenario, Box<dyn Source>)>,
         monitor: &'a mut dyn Monitor,
     ) -> Self {
         Self {
             machine,
-            data,
             scenes,
             recording,
             monitor,

@@ -18,7 +18,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              threshold of 4 grey levels, and one in proportion to a quarter of the light. Counted \
              is what an algorithm keeps of its right cells.",
     records: false,
-    by_default: true,
     run,
 };
 

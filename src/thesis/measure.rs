@@ -4,9 +4,9 @@ use super::{DrawnCell, Exhibit};
 use svl_core::Result;
 use svl_core::statistics::lower_median;
 use svl_core::stereo::{DisparityMap, Frame, Gray, Truth};
-use svl_data::files::encode_png;
-use svl_data::overlay::{Nearness, marks, viridis};
-use svl_data::score::{JudgedEstimate, Verdict};
+use svl_files::encode_png;
+use svl_files::overlay::{Nearness, marks, viridis};
+use svl_score::judge::{JudgedEstimate, Verdict};
 
 /// Mean and median.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,7 +17,7 @@ pub(super) struct MeanMedian {
 
 impl MeanMedian {
     /// Over finite values; `None` without any. The median is by nearest rank.
-    pub(super) fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+    pub(super) fn from_values(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let values: Vec<f64> = values.into_iter().collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         let median = lower_median(values)?;
@@ -27,7 +27,7 @@ impl MeanMedian {
     /// Over finite values; NaN without any.
     pub(super) fn or_nan(values: impl IntoIterator<Item = f64>) -> Self {
         let [mean, median] = [f64::NAN; 2];
-        Self::of(values).unwrap_or(Self { mean, median })
+        Self::from_values(values).unwrap_or(Self { mean, median })
     }
 }
 
@@ -100,7 +100,7 @@ pub(super) fn grid_picture(
     scored: &JudgedEstimate,
 ) -> Result<Exhibit> {
     let size = frame.pair.size();
-    let marks = marks(&scored.estimate.grid, size, Nearness::of_frame(frame));
+    let marks = marks(&scored.estimate.grid, size, Nearness::for_frame(frame));
     let drawn = marks.into_iter().zip(scored.cells.iter().flatten());
     let drawn = drawn.map(|(mark, cell)| DrawnCell {
         mark,
@@ -139,16 +139,16 @@ mod tests {
 
     #[test]
     fn medians_are_nearest_ranks() {
-        assert_eq!(MeanMedian::of([]), None);
+        assert_eq!(MeanMedian::from_values([]), None);
         assert_eq!(
-            MeanMedian::of([4.0, 1.0, 1.0, 2.0]),
+            MeanMedian::from_values([4.0, 1.0, 1.0, 2.0]),
             Some(MeanMedian {
                 mean: 2.0,
                 median: 1.0
             })
         );
         assert_eq!(
-            MeanMedian::of([4.0, 0.0, 2.0]),
+            MeanMedian::from_values([4.0, 0.0, 2.0]),
             Some(MeanMedian {
                 mean: 2.0,
                 median: 2.0

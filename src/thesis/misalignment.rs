@@ -16,7 +16,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              is what an algorithm keeps of its right cells, v3 with its vertical smoothing and \
              without.",
     records: false,
-    by_default: true,
     run,
 };
 

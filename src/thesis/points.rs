@@ -2,14 +2,14 @@
 
 use super::measure::{grid_picture, percent};
 use super::{Context, Exhibit, Experiment, Finding, TableValue};
-use svl_bench::report::plot::Bars;
 use svl_bench::sink::{Outbox, Sink};
 use svl_core::stereo::DepthGrid;
 use svl_core::{Error, Result};
-use svl_data::scenario::Scenario;
-use svl_data::score::{
+use svl_report::plot::Bars;
+use svl_score::judge::{
     CellJudgement, Checkpoint, CheckpointFrame, CheckpointTally, Judged, Verdict,
 };
+use svl_score::scenario::Scenario;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["7.3"],
@@ -26,7 +26,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              matcher could measure is wrong, and the distances are in the scene's order. The SVS \
              cannot see that order where it needs the first column. A cross marks a wrong cell.",
     records: true,
-    by_default: true,
     run,
 };
 
@@ -34,7 +33,7 @@ const ALGORITHMS: [&str; 2] = ["v3", "bm"];
 /// Their names here.
 const NAMES: [&str; 2] = ["v3", "SVS (bm)"];
 /// Difference between the fractions of right cells, in percentage points, that counts as near.
-const NEAR: f64 = 5.0;
+const MAX_NEAR_DIFFERENCE: f64 = 5.0;
 
 fn run(context: &mut Context<'_>) -> Result<Finding> {
     let Some((scenario, mut source)) = context.recording.take() else {
@@ -139,32 +138,7 @@ impl Points {
         // A point shown in no frame has no fraction.
         let share = |p: &Point| percent(p.tally.passed, p.tally.frames).unwrap_or(f64::NAN);
         conclude(&scenario.checkpoints, &points, cells, &mut finding);
-        let rows = finding.table([
-            "point",
-            "thesis",
-            "v3: best",
-            "v3: worst",
-            "v3: frames that pass, %",
-            "v3: frames with a wrong cell, %",
-            "v3: cells right, %",
-            "SVS: best",
-            "SVS: worst",
-            "SVS: frames that pass, %",
-            "SVS: frames with a wrong cell, %",
-            "SVS: cells right, %",
-        ]);
-        for (checkpoint, [v3, svs]) in scenario.checkpoints.iter().zip(&points) {
-            let thesis = match checkpoint.number {
-                2 => "v3 erroneous, SVS better",
-                3 => "v3 unknown where flat",
-                6 => "SVS better",
-                _ => "near results",
-            };
-            let name = format!("{}. {}", checkpoint.number, checkpoint.name);
-            let thesis = TableValue::Text(thesis.to_owned());
-            let values = v3.values().into_iter().chain(svs.values());
-            rows.row(name, [thesis].into_iter().chain(values));
-        }
+        add_table(&scenario.checkpoints, &points, &mut finding);
         for (name, cells) in NAMES.iter().zip(cells) {
             for (verdict, count) in [("right", cells.right), ("wrong", cells.wrong)] {
                 let words = format!("all frames, {name}: cells {verdict}");
@@ -191,18 +165,55 @@ impl Points {
             bars: bars.collect(),
         };
         finding.exhibits.push(Exhibit::Plot(chart.svg()?));
-        type Lead = fn(&CheckpointTally<Exhibit>) -> &Option<(Exhibit, CheckpointFrame)>;
-        let leads: [(&str, Lead); 2] = [("worst", |of| &of.worst), ("best", |of| &of.best)];
-        for (point, (rank, lead)) in points.iter().flat_map(|p| leads.map(|lead| (p, lead))) {
-            for (exhibit, _) in point.iter().flat_map(|p| lead(&p.tally)) {
-                let mut exhibit = exhibit.clone();
-                if let Exhibit::Picture { caption, .. } = &mut exhibit {
-                    *caption = caption.replace("RANK", rank);
-                }
-                finding.show(exhibit);
-            }
-        }
+        show_frames(&points, &mut finding);
         Ok(finding)
+    }
+}
+
+fn add_table(checkpoints: &[Checkpoint], points: &[[Point; 2]], finding: &mut Finding) {
+    let rows = finding.table([
+        "point",
+        "thesis",
+        "v3: best",
+        "v3: worst",
+        "v3: frames that pass, %",
+        "v3: frames with a wrong cell, %",
+        "v3: cells right, %",
+        "SVS: best",
+        "SVS: worst",
+        "SVS: frames that pass, %",
+        "SVS: frames with a wrong cell, %",
+        "SVS: cells right, %",
+    ]);
+    for (checkpoint, [v3, svs]) in checkpoints.iter().zip(points) {
+        let thesis = match checkpoint.number {
+            2 => "v3 erroneous, SVS better",
+            3 => "v3 unknown where flat",
+            6 => "SVS better",
+            _ => "near results",
+        };
+        let name = format!("{}. {}", checkpoint.number, checkpoint.name);
+        let thesis = TableValue::Text(thesis.to_owned());
+        let values = v3.values().into_iter().chain(svs.values());
+        rows.row(name, [thesis].into_iter().chain(values));
+    }
+}
+
+/// Shows the worst and the best frame of each point.
+fn show_frames(points: &[[Point; 2]], finding: &mut Finding) {
+    type Lead = fn(&CheckpointTally<Exhibit>) -> &Option<(Exhibit, CheckpointFrame)>;
+    let leads: [(&str, Lead); 2] = [
+        ("worst", |range| &range.worst),
+        ("best", |range| &range.best),
+    ];
+    for (point, (rank, lead)) in points.iter().flat_map(|p| leads.map(|lead| (p, lead))) {
+        for (exhibit, _) in point.iter().flat_map(|p| lead(&p.tally)) {
+            let mut exhibit = exhibit.clone();
+            if let Exhibit::Picture { caption, .. } = &mut exhibit {
+                *caption = caption.replace("RANK", rank);
+            }
+            finding.show(exhibit);
+        }
     }
 }
 
@@ -215,13 +226,70 @@ fn conclude(
 ) {
     let right = cells.map(|c| c.right_percent());
     finding.condition(
-        (right[0] - right[1]).abs() <= NEAR,
+        (right[0] - right[1]).abs() <= MAX_NEAR_DIFFERENCE,
         format!(
             "The results are near: the fractions of right cells, over all frames, differ by at \
-             most {NEAR} percentage points, {:.1} % of v3's and {:.1} % of the SVS's.",
+             most {MAX_NEAR_DIFFERENCE} percentage points, {:.1} % of v3's and {:.1} % of the \
+             SVS's.",
             right[0], right[1]
         ),
     );
+    add_wrong_elsewhere(checkpoints, points, finding);
+    let sum = |count: fn(&Point) -> usize, algorithm: usize| {
+        points.iter().map(|p| count(&p[algorithm])).sum::<usize>()
+    };
+    let frames = sum(|p| p.tally.frames, 0);
+    let wrong = [0, 1].map(|a| sum(|p| p.wrong, a));
+    finding.condition(
+        wrong[0] < wrong[1],
+        format!(
+            "The SVS is wrong in more frames than v3: {} and {} of {frames}.",
+            wrong[1], wrong[0]
+        ),
+    );
+    add_better_points(checkpoints, points, finding);
+    finding.condition(
+        cells[1].first_column == 0,
+        format!(
+            "The SVS's first column is unknown in every frame: {} of its cells are known.",
+            cells[1].first_column
+        ),
+    );
+    let passed = [0, 1].map(|a| sum(|p| p.tally.passed, a));
+    finding.why = format!(
+        "Of the {frames} frames of the six points v3 passes {} and the SVS {}; v3 is wrong \
+         somewhere in {} of them, the SVS in {}.",
+        passed[0], passed[1], wrong[0], wrong[1]
+    );
+}
+
+/// Adds the points that the thesis's SVS handles better.
+fn add_better_points(checkpoints: &[Checkpoint], points: &[[Point; 2]], finding: &mut Finding) {
+    for number in [2, 6] {
+        for (checkpoint, point) in checkpoints
+            .iter()
+            .zip(points)
+            .filter(|(c, _)| c.number == number)
+        {
+            let [v3, svs] = point;
+            finding.condition(
+                svs.tally.passed > v3.tally.passed,
+                format!(
+                    "The SVS handles point {number}, {}, better: it passes {} of {} frames, v3 {} \
+                     ({:.0} % and {:.0} % of all their cells are right).",
+                    checkpoint.name,
+                    svs.tally.passed,
+                    svs.tally.frames,
+                    v3.tally.passed,
+                    svs.cells.right_percent(),
+                    v3.cells.right_percent()
+                ),
+            );
+        }
+    }
+}
+
+fn add_wrong_elsewhere(checkpoints: &[Checkpoint], points: &[[Point; 2]], finding: &mut Finding) {
     let elsewhere: Vec<_> = checkpoints
         .iter()
         .zip(points)
@@ -246,53 +314,6 @@ fn conclude(
                 places.join(", ")
             ),
         },
-    );
-    let sum = |of: fn(&Point) -> usize, algorithm: usize| {
-        points.iter().map(|p| of(&p[algorithm])).sum::<usize>()
-    };
-    let frames = sum(|p| p.tally.frames, 0);
-    let wrong = [0, 1].map(|a| sum(|p| p.wrong, a));
-    finding.condition(
-        wrong[0] < wrong[1],
-        format!(
-            "The SVS is wrong in more frames than v3: {} and {} of {frames}.",
-            wrong[1], wrong[0]
-        ),
-    );
-    for number in [2, 6] {
-        for (checkpoint, point) in checkpoints
-            .iter()
-            .zip(points)
-            .filter(|(c, _)| c.number == number)
-        {
-            let [v3, svs] = point;
-            finding.condition(
-                svs.tally.passed > v3.tally.passed,
-                format!(
-                    "The SVS handles point {number}, {}, better: it passes {} of {} frames, v3 {} \
-                     ({:.0} % and {:.0} % of all their cells are right).",
-                    checkpoint.name,
-                    svs.tally.passed,
-                    svs.tally.frames,
-                    v3.tally.passed,
-                    svs.cells.right_percent(),
-                    v3.cells.right_percent()
-                ),
-            );
-        }
-    }
-    finding.condition(
-        cells[1].first_column == 0,
-        format!(
-            "The SVS's first column is unknown in every frame: {} of its cells are known.",
-            cells[1].first_column
-        ),
-    );
-    let passed = [0, 1].map(|a| sum(|p| p.tally.passed, a));
-    finding.why = format!(
-        "Of the {frames} frames of the six points v3 passes {} and the SVS {}; v3 is wrong \
-         somewhere in {} of them, the SVS in {}.",
-        passed[0], passed[1], wrong[0], wrong[1]
     );
 }
 
@@ -359,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_thesis_saw_holds() {
+    fn the_observations_of_the_thesis_hold() {
         let checkpoints = Scenario::arena().unwrap().checkpoints;
         let cells = Cells {
             all: 100,

@@ -2,11 +2,11 @@
 
 use super::measure::grid_picture;
 use super::{Context, Exhibit, Experiment, Finding, TableValue, stage};
-use svl_bench::report::plot::Bars;
 use svl_core::Result;
 use svl_core::stereo::{Frame, GridShape};
-use svl_data::arena::{Arena, ArenaConfig};
-use svl_data::score::{CellJudgement, CellTally, Judge, Judged, Verdict};
+use svl_report::plot::Bars;
+use svl_score::judge::{CellJudgement, CellTally, Judge, Judged, Verdict};
+use svl_sim::arena::{Arena, ArenaConfig};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["table5.1", "A.1", "A.2"],
@@ -21,7 +21,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              the algorithm says so. In the pictures, larger red squares are nearer, a dot is \
              unknown, a cross is wrong.",
     records: false,
-    by_default: true,
     run,
 };
 
@@ -168,9 +167,15 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let answers = outcomes.iter_mut().flatten();
     answers.for_each(|answer| finding.exhibits.extend(answer.exhibit.take()));
     conclude(&outcomes, &mut finding);
+    let chart = chart(&outcomes);
+    finding.exhibits.push(Exhibit::Plot(chart.svg()?));
+    Ok(finding)
+}
+
+fn chart(outcomes: &[[SituationAnswer; 2]]) -> Bars {
     let bars = SITUATIONS
         .iter()
-        .zip(&outcomes)
+        .zip(outcomes)
         .flat_map(|(situation, outcome)| {
             ALGORITHMS
                 .iter()
@@ -181,14 +186,12 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
                     (format!("{}, {algorithm}", situation.name), cells.to_vec())
                 })
         });
-    let chart = Bars {
+    Bars {
         title: "Cells of eight situations".into(),
         label: "cells of 18".into(),
         parts: ["right", "wrong", "unknown"].map(str::to_owned).to_vec(),
         bars: bars.collect(),
-    };
-    finding.exhibits.push(Exhibit::Plot(chart.svg()?));
-    Ok(finding)
+    }
 }
 
 /// Adds the conditions and the sentence that summarizes them.
@@ -233,10 +236,9 @@ fn conclude(outcomes: &[[SituationAnswer; 2]], finding: &mut Finding) {
             outcomes.len()
         ),
     );
-    let all = |algorithm: usize| {
-        (0..outcomes.len())
-            .map(|s| wrong(s, algorithm))
-            .sum::<usize>()
+    let all = |algorithm: usize| -> usize {
+        let situations = 0..outcomes.len();
+        situations.map(|s| wrong(s, algorithm)).sum()
     };
     finding.why = format!(
         "dp has {} of {cells} cells wrong in the normal view, {} with the small escape and {} in \
@@ -309,7 +311,7 @@ fn answer(situation: &Situation, judged: &Judged, algorithm: usize) -> Result<Si
 mod tests {
     use super::*;
     use svl_core::stereo::CellRule;
-    use svl_data::score::TrueCells;
+    use svl_score::judge::TrueCells;
 
     /// An answer with its first `wrong` cells wrong and the others right.
     fn answers(wrong: usize) -> SituationAnswer {
@@ -328,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_thesis_saw_holds() {
+    fn the_observations_of_the_thesis_hold() {
         let met = |dp: [usize; 8], v3: usize| {
             let mut finding = Finding::default();
             let outcomes: Vec<_> = dp

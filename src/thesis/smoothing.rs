@@ -3,11 +3,11 @@
 use super::finding::series;
 use super::measure::{MeanMedian, percent, right, ssdpi, ssdpi_picture, valid};
 use super::{Context, Experiment, Finding, TableValue};
-use svl_bench::report::plot::{Axis, Chart, SeriesStyle};
 use svl_core::Result;
 use svl_core::stereo::{DisparityMap, Frame, Gray, StereoPair};
-use svl_data::arena::{Arena, ArenaConfig};
-use svl_data::score::Judge;
+use svl_report::plot::{Axis, Chart, SeriesStyle};
+use svl_score::judge::Judge;
+use svl_sim::arena::{Arena, ArenaConfig};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.3"],
@@ -21,7 +21,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              + 1). Smoothing lowers it in any case, as the row at 0 px shows, so matches are also \
              compared with the truth: a match is wrong when it is off by more than 2 px.",
     records: false,
-    by_default: true,
     run,
 };
 
@@ -35,6 +34,38 @@ const SHARP: &str = "v3:smoothing_sigma=0";
 
 fn run(context: &mut Context<'_>) -> Result<Finding> {
     let mut finding = Finding::default();
+    let outcomes = arena_outcomes(context, &mut finding)?;
+    let (_, sharp, smooth) = outcomes[ONE_PX];
+    let lower = [sharp, smooth].map(|o| o.ssdpi.median);
+    add_conditions([sharp, smooth], &mut finding);
+    let rows = finding.table(HEADS);
+    for (offset_px, sharp, smooth) in &outcomes {
+        rows.row(format!("arena, {offset_px} px, without"), sharp.values());
+        rows.row(format!("arena, {offset_px} px, with"), smooth.values());
+    }
+    finding.why = format!(
+        "With the right image 1 px too low, smoothing lowers the median ln SSDPI from {:.2} to \
+         {:.2} and the fraction of wrong matches from {:.1} % to {:.1} %; an aligned pair's goes \
+         from {:.2} to {:.2} and from {:.1} % to {:.1} %.",
+        lower[0],
+        lower[1],
+        sharp.wrong_percent,
+        smooth.wrong_percent,
+        outcomes[0].1.ssdpi.median,
+        outcomes[0].2.ssdpi.median,
+        outcomes[0].1.wrong_percent,
+        outcomes[0].2.wrong_percent
+    );
+    plot(&outcomes, &mut finding)?;
+    real(context, &mut finding)?;
+    Ok(finding)
+}
+
+/// Row offset, px, and the outcomes without and with smoothing.
+type OffsetOutcome = (f64, MatchOutcome, MatchOutcome);
+
+/// The arena's views at every row offset.
+fn arena_outcomes(context: &mut Context<'_>, finding: &mut Finding) -> Result<Vec<OffsetOutcome>> {
     let mut outcomes = Vec::new();
     for offset_px in OFFSETS_PX {
         let mut config = ArenaConfig::default();
@@ -49,8 +80,8 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         let [sharp, smooth] = both(context, &frames)?;
         outcomes.push((
             offset_px,
-            MatchOutcome::of(&frames, &sharp),
-            MatchOutcome::of(&frames, &smooth),
+            MatchOutcome::new(&frames, &sharp),
+            MatchOutcome::new(&frames, &smooth),
         ));
         if offset_px == OFFSETS_PX[ONE_PX] {
             for (with, maps) in [("without", &sharp), ("with", &smooth)] {
@@ -59,7 +90,11 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             }
         }
     }
-    let (_, sharp, smooth) = outcomes[ONE_PX];
+    Ok(outcomes)
+}
+
+/// The conditions of a pair that is misaligned by 1 px, without and with smoothing.
+fn add_conditions([sharp, smooth]: [MatchOutcome; 2], finding: &mut Finding) {
     let lower = [sharp, smooth].map(|o| o.ssdpi.median);
     finding.condition(
         lower[1] < lower[0],
@@ -84,32 +119,17 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             sharp.wrong_percent, smooth.wrong_percent
         ),
     );
-    let rows = finding.table(HEADS);
-    for (offset_px, sharp, smooth) in &outcomes {
-        rows.row(format!("arena, {offset_px} px, without"), sharp.values());
-        rows.row(format!("arena, {offset_px} px, with"), smooth.values());
-    }
-    finding.why = format!(
-        "With the right image 1 px too low, smoothing lowers the median ln SSDPI from {:.2} to \
-         {:.2} and the fraction of wrong matches from {:.1} % to {:.1} %; an aligned pair's goes \
-         from {:.2} to {:.2} and from {:.1} % to {:.1} %.",
-        lower[0],
-        lower[1],
-        sharp.wrong_percent,
-        smooth.wrong_percent,
-        outcomes[0].1.ssdpi.median,
-        outcomes[0].2.ssdpi.median,
-        outcomes[0].1.wrong_percent,
-        outcomes[0].2.wrong_percent
-    );
+}
+
+fn plot(outcomes: &[OffsetOutcome], finding: &mut Finding) -> Result<()> {
     type Value = fn(&MatchOutcome) -> f64;
     let charts: [(&str, &str, Value); 2] = [
         ("SSDPI", "median ln SSDPI", |o| o.ssdpi.median),
         ("Wrong matches", "wrong matches, %", |o| o.wrong_percent),
     ];
-    for (what, label, of) in charts {
-        let sharp = outcomes.iter().map(|(px, sharp, _)| (*px, of(sharp)));
-        let smooth = outcomes.iter().map(|(px, _, smooth)| (*px, of(smooth)));
+    for (what, label, value) in charts {
+        let sharp = outcomes.iter().map(|(px, sharp, _)| (*px, value(sharp)));
+        let smooth = outcomes.iter().map(|(px, _, smooth)| (*px, value(smooth)));
         finding.plot(&Chart {
             title: format!("{what} of a misaligned pair"),
             x: Axis::new("right image too low by, px"),
@@ -120,8 +140,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             ],
         })?;
     }
-    real(context, &mut finding)?;
-    Ok(finding)
+    Ok(())
 }
 
 /// Real scenes misaligned by one row.
@@ -133,7 +152,7 @@ fn real(context: &mut Context<'_>, finding: &mut Finding) -> Result<()> {
     if frames.is_empty() {
         return Ok(());
     }
-    let [sharp, smooth] = both(context, &frames)?.map(|maps| MatchOutcome::of(&frames, &maps));
+    let [sharp, smooth] = both(context, &frames)?.map(|maps| MatchOutcome::new(&frames, &maps));
     finding.condition(
         smooth.ssdpi.median < sharp.ssdpi.median && smooth.wrong_percent < sharp.wrong_percent,
         format!(
@@ -205,7 +224,7 @@ impl MatchOutcome {
         [median, mean, valid, right, self.wrong_percent].map(TableValue::from)
     }
 
-    fn of(frames: &[Frame], maps: &[DisparityMap]) -> Self {
+    fn new(frames: &[Frame], maps: &[DisparityMap]) -> Self {
         let (mut pixels, mut matches, mut known, mut good) = (0, 0, 0, 0);
         for (frame, map) in frames.iter().zip(maps) {
             pixels += map.size().0 * map.size().1;
@@ -250,7 +269,7 @@ mod tests {
         row.accept(1, 5.5);
         row.set_ssdpi(0, 0);
         row.set_ssdpi(1, 6);
-        let outcome = MatchOutcome::of(&[frame], &[map]);
+        let outcome = MatchOutcome::new(&[frame], &[map]);
         assert_eq!(
             (
                 outcome.valid_percent,

@@ -2,13 +2,13 @@
 
 use super::{Context, Experiment, Finding};
 use std::time::{Duration, Instant};
-use svl_bench::report::plot::Bars;
 use svl_core::kernel::{Isa, isa};
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
 use svl_core::statistics::nearest_rank;
 use svl_core::stereo::{RectifiedPair, StereoPair};
 use svl_core::{Error, Result, joined};
-use svl_data::arena::{Arena, ArenaConfig};
+use svl_report::plot::Bars;
+use svl_sim::arena::{Arena, ArenaConfig};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["fps"],
@@ -24,7 +24,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              is the instruction set that svl picks here. On a busy machine, where a tenth of the \
              times exceeds the median by a quarter, no condition is tested.",
     records: false,
-    by_default: true,
     run,
 };
 
@@ -33,11 +32,11 @@ const ALGORITHMS: [(&str, &str, &str); 2] = [("v3", "v3", "6–8"), ("SVS (bm)",
 /// Time for each algorithm on each instruction set.
 const BUDGET: Duration = Duration::from_millis(600);
 /// Largest ratio that still counts as slightly faster.
-const SLIGHTLY: f64 = 2.0;
+const MAX_SLIGHT_RATIO: f64 = 2.0;
 /// Ninth decile of the times over their median: more than this and the machine is busy.
-const STEADY: f64 = 1.25;
+const MAX_STEADY_RATIO: f64 = 1.25;
 /// Frames per second that a robot needs (section 5.1).
-const NEEDED: f64 = 7.0;
+const MIN_FRAMES_PER_S: f64 = 7.0;
 
 fn run(context: &mut Context<'_>) -> Result<Finding> {
     let pair = Arena::new(&ArenaConfig::default(), 1)?.frame(140)?.pair;
@@ -82,6 +81,12 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         finding.why +=
             " The machine was busy, so no condition is tested: repeat this on an idle one.";
     }
+    let chart = chart(&rates);
+    finding.exhibits.push(super::Exhibit::Plot(chart.svg()?));
+    Ok(finding)
+}
+
+fn chart(rates: &[(Isa, Rates)]) -> Bars {
     let bars = rates.iter().flat_map(|(isa, rates)| {
         ALGORITHMS
             .iter()
@@ -92,14 +97,12 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         ("v3, thesis".to_owned(), vec![7.0]),
         ("SVS, thesis".to_owned(), vec![8.5]),
     ];
-    let chart = Bars {
+    Bars {
         title: "Frames per second, 320 x 240".into(),
         label: "frames per second, one thread".into(),
         parts: vec![String::new()],
         bars: thesis.into_iter().chain(bars).collect(),
-    };
-    finding.exhibits.push(super::Exhibit::Plot(chart.svg()?));
-    Ok(finding)
+    }
 }
 
 /// Speed of the algorithms on an instruction set.
@@ -116,7 +119,7 @@ impl Rates {
             times.sort_unstable();
             let rank = |share| nearest_rank(times, share).map_or(f64::NAN, |t| t.as_secs_f64());
             *rate = 1.0 / rank(0.5);
-            steady &= rank(0.9) <= STEADY * rank(0.5);
+            steady &= rank(0.9) <= MAX_STEADY_RATIO * rank(0.5);
         }
         Self { per_second, steady }
     }
@@ -124,17 +127,17 @@ impl Rates {
 
 fn conclude([v3, svs]: [f64; 2], finding: &mut Finding) {
     finding.condition(
-        v3 >= NEEDED,
-        format!("v3 gives a robot the {NEEDED} frames a second it needs: {v3:.0}."),
+        v3 >= MIN_FRAMES_PER_S,
+        format!("v3 gives a robot the {MIN_FRAMES_PER_S} frames a second it needs: {v3:.0}."),
     );
     finding.condition(
         svs > v3,
         format!("The SVS is faster than v3: {svs:.0} against {v3:.0} frames a second."),
     );
     finding.condition(
-        svs.max(v3) < SLIGHTLY * svs.min(v3),
+        svs.max(v3) < MAX_SLIGHT_RATIO * svs.min(v3),
         format!(
-            "They differ by less than a factor of {SLIGHTLY}: by {:.2}.",
+            "They differ by less than a factor of {MAX_SLIGHT_RATIO}: by {:.2}.",
             svs.max(v3) / svs.min(v3)
         ),
     );

@@ -4,7 +4,7 @@
 use super::Context;
 use svl_core::Result;
 use svl_core::stereo::Frame;
-use svl_data::arena::{Arena, ArenaConfig, Ball, Block, RobotConfig, Waypoint, WorldConfig};
+use svl_sim::arena::{Arena, ArenaConfig, Ball, Block, RobotConfig, Waypoint, WorldConfig};
 
 /// Position of the stereo head's centre; it faces along y.
 const HEAD_M: [f64; 2] = [2.0, 1.0];
@@ -81,7 +81,7 @@ impl Context<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use svl_data::arena::RigConfig;
+    use svl_sim::arena::RigConfig;
 
     #[test]
     fn a_block_stands_where_it_is_told() {

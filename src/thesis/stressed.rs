@@ -1,13 +1,13 @@
-//! Remaining right cells of an algorithm on perturbed pairs ([`svl_data::stress`]).
+//! Remaining right cells of an algorithm on perturbed pairs ([`svl_sim::stress`]).
 
 use super::finding::series;
 use super::{Context, Finding, TableValue};
-use svl_bench::report::plot::{Axis, Chart, SeriesStyle};
 use svl_core::Result;
 use svl_core::stereo::Frame;
-use svl_data::arena::{Arena, ArenaConfig};
-use svl_data::score::{CellTally, Judge};
-use svl_data::stress::Stress;
+use svl_report::plot::{Axis, Chart, SeriesStyle};
+use svl_score::judge::{CellTally, Judge};
+use svl_sim::arena::{Arena, ArenaConfig};
+use svl_sim::stress::Stress;
 
 /// Every eighth pair of a run through the arena of chapter 7, with exactly aligned cameras.
 pub(super) fn views() -> Result<Vec<Frame>> {

@@ -3,12 +3,12 @@
 use super::finding::{axis, series};
 use super::measure::{MeanMedian, gray_picture, percent};
 use super::{Context, Experiment, Finding, TableValue};
-use svl_bench::report::plot::{Axis, Chart, SeriesStyle};
 use svl_core::Result;
 use svl_core::kernel::isa;
 use svl_core::matcher::stage::{DeviationTexture, DogTexture, TextureFilter, VerticalSmoothing};
 use svl_core::stereo::{Gray, Plane};
-use svl_data::arena::{Arena, ArenaConfig};
+use svl_report::plot::{Axis, Chart, SeriesStyle};
+use svl_sim::arena::{Arena, ArenaConfig};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.5", "5.4"],
@@ -23,7 +23,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              as bright\" halves every grey level. The threshold of the standard deviation is \
              v2's, 4 grey levels.",
     records: false,
-    by_default: true,
     run,
 };
 
@@ -39,14 +38,14 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     context.step()?;
     let left = smoothed(frame.pair.left())?;
     let mut finding = Finding::default();
-    let arena = Filtered::of(&left)?;
+    let arena = Filtered::new(&left)?;
     let row_kept = arena.kept.row(ROW).iter().filter(|kept| **kept).count();
     let row_percent = percent(left.width() - row_kept, left.width());
     let mut all = vec![("arena".to_owned(), arena)];
     for frame in context.real() {
         let frame = frame?;
         context.step()?;
-        let filtered = Filtered::of(&smoothed(frame.pair.left())?)?;
+        let filtered = Filtered::new(&smoothed(frame.pair.left())?)?;
         all.push((frame.name.unwrap_or_default(), filtered));
     }
     let rows = finding.table([
@@ -60,45 +59,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     for (name, filtered) in &all {
         rows.row(name, filtered.values());
     }
-    if let Some((name, filtered)) = all.first() {
-        finding.condition(
-            filtered.dropped_contrast <= 0.5 * filtered.kept_contrast,
-            format!(
-                "In the {name} what is dropped has at most half the contrast of what is kept, by \
-                 their medians: {:.1} and {:.1} grey levels.",
-                filtered.dropped_contrast, filtered.kept_contrast
-            ),
-        );
-        finding.condition(
-            filtered.dog_changes < filtered.deviation_changes,
-            format!(
-                "In the {name} half the brightness changes fewer answers than the standard \
-                 deviation's: {:.1} % against {:.1} % of the pixels.",
-                filtered.dog_changes, filtered.deviation_changes
-            ),
-        );
-    }
-    // The first view is the arena.
-    if let [_, real @ ..] = &all[..]
-        && !real.is_empty()
-    {
-        let flatter = real
-            .iter()
-            .filter(|(_, f)| f.dropped_contrast <= 0.5 * f.kept_contrast)
-            .count();
-        let steadier = real
-            .iter()
-            .filter(|(_, f)| f.dog_changes < f.deviation_changes)
-            .count();
-        finding.condition(
-            2 * flatter > real.len() && 2 * steadier > real.len(),
-            format!(
-                "So it is in most real scenes: the contrast in {flatter}, the brightness in \
-                 {steadier} of {}.",
-                real.len()
-            ),
-        );
-    }
+    add_conditions(&all, &mut finding);
     let arena = &all[0].1;
     finding.why = format!(
         "The filter drops {:.0} % of the row and {:.0} % of the image, where the median contrast \
@@ -122,6 +83,48 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     })?;
     finding.show(gray_picture("what the filter keeps", &masked)?);
     Ok(finding)
+}
+
+/// The conditions of all views; the first is the arena.
+fn add_conditions(all: &[(String, Filtered)], finding: &mut Finding) {
+    if let Some((name, filtered)) = all.first() {
+        finding.condition(
+            filtered.dropped_contrast <= 0.5 * filtered.kept_contrast,
+            format!(
+                "In the {name} what is dropped has at most half the contrast of what is kept, by \
+                 their medians: {:.1} and {:.1} grey levels.",
+                filtered.dropped_contrast, filtered.kept_contrast
+            ),
+        );
+        finding.condition(
+            filtered.dog_changes < filtered.deviation_changes,
+            format!(
+                "In the {name} half the brightness changes fewer answers than the standard \
+                 deviation's: {:.1} % against {:.1} % of the pixels.",
+                filtered.dog_changes, filtered.deviation_changes
+            ),
+        );
+    }
+    if let [_, real @ ..] = all
+        && !real.is_empty()
+    {
+        let flatter = real
+            .iter()
+            .filter(|(_, f)| f.dropped_contrast <= 0.5 * f.kept_contrast)
+            .count();
+        let steadier = real
+            .iter()
+            .filter(|(_, f)| f.dog_changes < f.deviation_changes)
+            .count();
+        finding.condition(
+            2 * flatter > real.len() && 2 * steadier > real.len(),
+            format!(
+                "So it is in most real scenes: the contrast in {flatter}, the brightness in \
+                 {steadier} of {}.",
+                real.len()
+            ),
+        );
+    }
 }
 
 fn plots(finding: &mut Finding, row: &[u8], kept: &[bool]) -> Result<()> {
@@ -175,7 +178,7 @@ struct Filtered {
 }
 
 impl Filtered {
-    fn of(image: &Gray) -> Result<Self> {
+    fn new(image: &Gray) -> Result<Self> {
         let (width, height) = image.size();
         let (isa, dog, deviation) = (
             isa()?,
@@ -199,8 +202,10 @@ impl Filtered {
                 // Windows of 1 x 9 that lie inside the image.
                 (0..height).flat_map(|y| (4..width.saturating_sub(4)).map(move |x| (x, y)));
             let windows = windows.filter(|&(x, y)| kept.get(x, y) == which);
-            MeanMedian::of(windows.map(|(x, y)| deviation_of(&image.row(y)[x - 4..=x + 4])))
-                .map_or(f64::NAN, |s| s.median)
+            MeanMedian::from_values(
+                windows.map(|(x, y)| deviation_of(&image.row(y)[x - 4..=x + 4])),
+            )
+            .map_or(f64::NAN, |s| s.median)
         };
         let changes = |a: &Plane<bool>, b: &Plane<bool>| {
             let changed = a.pixels().zip(b.pixels()).filter(|(a, b)| a != b).count();
@@ -267,7 +272,7 @@ mod tests {
             (128.0 + 90.0 * ((x * x + 31 * y) as f64 * 0.01).sin()) as u8
         })
         .unwrap();
-        let filtered = Filtered::of(&image).unwrap();
+        let filtered = Filtered::new(&image).unwrap();
         for y in 0..4 {
             let [fine, coarse] = responses(image.row(y));
             for x in 0..120 {

@@ -5,10 +5,10 @@ use super::checks::Correlated;
 use super::finding::{axis, series};
 use super::measure::{MeanMedian, gray_picture, percent, right, ssdpi_picture, valid};
 use super::{Context, Experiment, Finding, TableValue, stage};
-use svl_bench::report::plot::{Axis, Chart, SeriesStyle};
 use svl_core::Result;
 use svl_core::stereo::{DisparityMap, Frame};
-use svl_data::arena::ArenaConfig;
+use svl_report::plot::{Axis, Chart, SeriesStyle};
+use svl_sim::arena::ArenaConfig;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     figures: &["5.9", "5.8"],
@@ -25,7 +25,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
              within 0.5, a factor of 1.65. The truth says which matches are right, within 2 px; \
              the thesis could not know.",
     records: false,
-    by_default: true,
     run,
 };
 
@@ -42,12 +41,12 @@ const VARIANTS: [&str; 3] = [
 ];
 const LETTER: usize = 2;
 /// Difference of ln SSDPIs that counts as comparable.
-const COMPARABLE: f64 = 0.5;
+const MAX_COMPARABLE_DIFFERENCE: f64 = 0.5;
 
 fn run(context: &mut Context<'_>) -> Result<Finding> {
     let mut finding = Finding::default();
     let frame = context.still(&close_object(CLOSE_M))?;
-    let close = Checked::of(&frame)?;
+    let close = Checked::new(&frame)?;
     let dropped = close.comparison.dropped();
     finding.quantity("matches that the self check drops", "%", "35", dropped[0]);
     finding.quantity(
@@ -67,16 +66,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let mut rows = close.comparison.rows("close object");
     let approach = approach(context, &mut finding)?;
 
-    // The real scenes are pooled: each match counts once, regardless of the size of its scene.
-    let mut real = CheckComparison::default();
-    let mut shares = Vec::new();
-    for frame in context.real() {
-        let frame = frame?;
-        context.step()?;
-        let scene = Checked::of(&frame)?.comparison;
-        shares.push(scene.dropped());
-        real.add(scene);
-    }
+    let (real, shares) = real_scenes(context)?;
     if real.matches > 0 {
         conditions("In the real scenes", &real, &mut finding);
         why += &format!("; in the real scenes {}", real.words());
@@ -106,6 +96,21 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     Ok(finding)
 }
 
+/// The real scenes, pooled: each match counts once, regardless of the size of its scene; and the
+/// fractions that each drops.
+fn real_scenes(context: &mut Context<'_>) -> Result<(CheckComparison, Vec<[f64; 3]>)> {
+    let mut real = CheckComparison::default();
+    let mut shares = Vec::new();
+    for frame in context.real() {
+        let frame = frame?;
+        context.step()?;
+        let scene = Checked::new(&frame)?.comparison;
+        shares.push(scene.dropped());
+        real.add(scene);
+    }
+    Ok((real, shares))
+}
+
 /// A block rotated by 35°, a ball next to it and a wall behind.
 fn close_object(ahead_m: f64) -> ArenaConfig {
     let mut config = stage::empty();
@@ -122,7 +127,7 @@ fn approach(context: &mut Context<'_>, finding: &mut Finding) -> Result<Chart> {
     let mut dropped = Vec::new();
     for ahead_m in APPROACH_M {
         let frame = context.still(&close_object(ahead_m))?;
-        dropped.push((ahead_m, Checked::of(&frame)?.comparison.dropped()));
+        dropped.push((ahead_m, Checked::new(&frame)?.comparison.dropped()));
     }
     // The approach is not empty.
     if let (Some((far_m, far)), Some((near_m, near))) = (dropped.first(), dropped.last()) {
@@ -185,8 +190,8 @@ struct Checked {
 }
 
 impl Checked {
-    fn of(frame: &Frame) -> Result<Self> {
-        let correlated = Correlated::of(&frame.pair)?;
+    fn new(frame: &Frame) -> Result<Self> {
+        let correlated = Correlated::new(&frame.pair)?;
         // v1 tolerates a pixel of difference.
         let (own, symmetric) = (correlated.self_checked(), correlated.symmetric(1));
         let kept = |map: &DisparityMap| {
@@ -249,7 +254,7 @@ struct KeptMatches {
 
 impl KeptMatches {
     fn spread(&self) -> Option<MeanMedian> {
-        MeanMedian::of(self.ln_ssdpi.iter().copied())
+        MeanMedian::from_values(self.ln_ssdpi.iter().copied())
     }
 
     fn wrong_percent(&self) -> Option<f64> {
@@ -338,10 +343,10 @@ fn conditions(place: &str, comparison: &CheckComparison, finding: &mut Finding) 
         );
     }
     finding.condition(
-        (medians[0] - medians[1]).abs() <= COMPARABLE,
+        (medians[0] - medians[1]).abs() <= MAX_COMPARABLE_DIFFERENCE,
         format!(
-            "{place} the median ln SSDPIs of what they keep are within {COMPARABLE}: {:.2} and \
-             {:.2}.",
+            "{place} the median ln SSDPIs of what they keep are within \
+             {MAX_COMPARABLE_DIFFERENCE}: {:.2} and {:.2}.",
             medians[0], medians[1]
         ),
     );

@@ -14,7 +14,7 @@ use rerun::{Clear, LineStrips2D, Points2D, Rgba32, TextDocument};
 use svl_bench::sink::{BoardView, RerunTarget};
 use svl_core::Result;
 use svl_core::stereo::StereoPair;
-use svl_data::overlay::viridis;
+use svl_files::overlay::viridis;
 
 /// Shows pairs with the corners of a board.
 pub(crate) struct RerunBoard {

@@ -1,13 +1,13 @@
 //! Amount of a run that is sent to Rerun: maps of every frame, or of some.
 
-use svl_data::score::Judged;
+use svl_score::judge::Judged;
 
 /// Every Nth frame is listed,
 const EVERY: u64 = 30;
 /// and every Nth while frames show a checkpoint: one or two of a robot's visit.
 const EVERY_AT_CHECKPOINT: u64 = 10;
 /// Limit on the scenes of a run that are all listed; a folder with more is a recording.
-const SCENES: u64 = 64;
+const MAX_LISTED_SCENES: u64 = 64;
 
 /// Chooses some frames as they arrive: a run's first one, every 30th, every 10th of those that show
 /// a checkpoint, and its first scenes.
@@ -42,7 +42,7 @@ impl ListedFrames {
         let since = self.since.map(|since| since + 1);
         self.scenes += u64::from(is_scene);
         // Scenes are few, and their neighbours are different.
-        let is_scene = is_scene && self.scenes <= SCENES;
+        let is_scene = is_scene && self.scenes <= MAX_LISTED_SCENES;
         let listed = is_scene || since.is_none_or(|since| since >= every);
         self.since = if listed { Some(0) } else { since };
         listed
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn listed_are_the_first_every_nth_those_of_checkpoints_and_scenes() {
+    fn the_first_every_nth_and_checkpoint_frames_and_scenes_are_listed() {
         let mut frames = ListedFrames::default();
         let mut at = |checkpoint: std::ops::Range<u64>| {
             frames.begin_run();

@@ -1,12 +1,12 @@
 //! Rerun's file. The SDK's own sink waits forever for the end of a file that cannot grow.
 
+use parking_lot::Mutex;
 use rerun::external::re_log_encoding::{EncodeError, Encoder, EncodingOptions};
 use rerun::log::LogMsg;
 use rerun::sink::{FileSinkError, LogSink, SinkFlushError};
 use rerun::{RecordingStream, RecordingStreamBuilder, RecordingStreamResult};
 use std::fs::File;
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// Writes messages to a file, up to the first failure.
@@ -31,7 +31,7 @@ pub(crate) fn open(
 
 impl LogSink for FileWriter {
     fn send(&self, message: LogMsg) {
-        let mut encoder = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut encoder = self.0.lock();
         if let Ok(open) = &mut *encoder
             && let Err(error) = open.append(&message)
         {
@@ -40,7 +40,7 @@ impl LogSink for FileWriter {
     }
 
     fn flush_blocking(&self, _: Duration) -> Result<(), SinkFlushError> {
-        let encoder = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let encoder = self.0.lock();
         let failed = encoder.as_ref().err();
         failed.map_or(Ok(()), |error| {
             Err(SinkFlushError::failed(error.to_string()))

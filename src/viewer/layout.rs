@@ -15,7 +15,7 @@ use rerun::{ApplicationId, Rgba32, components::Color};
 use std::path::Path;
 use svl_bench::sink::RerunTarget;
 use svl_core::Result;
-use svl_data::score::{Metric, MetricUnit};
+use svl_score::judge::{Metric, MetricUnit};
 
 /// Contents of the first frame. A view without data would only be a hole in the layout.
 pub(crate) struct Facts {

@@ -55,8 +55,8 @@ use svl_bench::sink::{
 use svl_core::Result;
 use svl_core::stereo::{ExtraPlanes, Frame, Pose, Rig, TruthOrigin};
 use svl_core::timing::Stage;
-use svl_data::arena::WireObject;
-use svl_data::score::{Checkpoint, Judged, METRICS, Metric};
+use svl_score::judge::{Checkpoint, Judged, METRICS, Metric};
+use svl_sim::arena::WireObject;
 use target::Destination;
 
 /// Rerun's application id: recordings of one application share their layout.
@@ -298,20 +298,37 @@ impl RerunSink {
     fn scale(&mut self, frame: &Frame) -> Result<Scale> {
         let size = frame.pair.size();
         match self.camera {
-            Some((scale, rig, of)) if rig.as_ref() == frame.rig() && of == size => Ok(scale),
+            Some((scale, rig, scale_size)) if rig.as_ref() == frame.rig() && scale_size == size => {
+                Ok(scale)
+            }
             _ => {
-                let scale = Scale::of(frame);
+                let scale = Scale::new(frame);
                 self.camera = Some((scale, frame.rig().copied(), size));
                 self.log_static(LEGEND, &picture::legend(size))?;
                 Ok(scale)
             }
         }
     }
+
+    /// Sets the time of what is logged next. `is_wall`: it has the stamps of a clock on the wall.
+    fn set_time(&self, now: Moment, is_wall: bool) {
+        let nanos = i64::try_from(now.time_ns).unwrap_or(i64::MAX);
+        self.stream
+            .set_time_sequence(TIMELINES[0], i64::try_from(now.pair).unwrap_or(i64::MAX));
+        self.stream.set_time(
+            TIMELINES[1],
+            if is_wall {
+                TimeCell::from_timestamp_nanos_since_epoch(nanos)
+            } else {
+                TimeCell::from_duration_nanos(nanos)
+            },
+        );
+    }
 }
 
 /// The colour of the algorithm at that position in the run.
 fn color(place: usize) -> Rgba32 {
-    let [r, g, b] = svl_data::overlay::algorithm_color(place);
+    let [r, g, b] = svl_files::overlay::algorithm_color(place);
     Rgba32::from_rgb(r, g, b)
 }
 
@@ -361,17 +378,7 @@ impl Sink for RerunSink {
         let is_first = before.is_none();
         // The existing content is kept while only an algorithm changes.
         let is_again = self.changes.is_some() && before.is_some_and(|last| last.pair == now.pair);
-        let nanos = i64::try_from(now.time_ns).unwrap_or(i64::MAX);
-        self.stream
-            .set_time_sequence(TIMELINES[0], i64::try_from(now.pair).unwrap_or(i64::MAX));
-        self.stream.set_time(
-            TIMELINES[1],
-            if frame.stamp_ns < EPOCH_NS {
-                TimeCell::from_duration_nanos(nanos)
-            } else {
-                TimeCell::from_timestamp_nanos_since_epoch(nanos)
-            },
-        );
+        self.set_time(now, frame.stamp_ns >= EPOCH_NS);
         if let Some(changes) = &mut self.changes {
             *changes += 1;
             self.stream.set_time_sequence(CHANGES, *changes);

@@ -9,7 +9,7 @@
 use crate::scale::Scale;
 use rerun::{Boxes2D, LineStrips2D, Points2D, Radius, Rgba32};
 use svl_core::stereo::{DepthGrid, GridShape};
-use svl_data::overlay::{self, Rect};
+use svl_files::overlay::{self, Rect};
 
 const RED: Rgba32 = Rgba32::from_rgb(240, 40, 40);
 const YELLOW: Rgba32 = Rgba32::from_rgb(255, 221, 50);

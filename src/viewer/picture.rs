@@ -9,11 +9,11 @@ use rerun::components::{Colormap, MediaType};
 use rerun::{AnnotationContext, EncodedDepthImage, EncodedImage, Image, Points2D, Radius, Rgba32};
 use svl_core::Result;
 use svl_core::stereo::{Frame, Gray, Plane, Reason, Rig};
-use svl_data::files::{self, InverseDepth};
-use svl_data::overlay::{
+use svl_files::overlay::{
     CODES_PER_LN, CODES_PER_PX, depth_codes, disparity_codes, no_depth_classes, reason_classes,
     sparse_disparities, ssdpi_codes,
 };
+use svl_files::{self as files, InverseDepth};
 
 /// The thesis's scale of SSDPI: 0 to 12, its logarithm (section 5.3.3).
 const SSDPI_RANGE: [f64; 2] = [0.0, 12.0];

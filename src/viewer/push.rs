@@ -8,7 +8,7 @@ use rerun::{AsComponents, Clear, Scalars, TextLog};
 use svl_core::Result;
 use svl_core::stereo::{DepthGrid, DisparityMap, Frame, Plane};
 use svl_core::timing::Stage;
-use svl_data::score::{Judged, JudgedEstimate, METRICS};
+use svl_score::judge::{Judged, JudgedEstimate, METRICS};
 
 impl RerunSink {
     /// Logs the camera: image, pose, projection, and the name of the scene.
@@ -96,7 +96,7 @@ impl RerunSink {
         for metric in METRICS {
             let Some(plot) = metric.plot else { continue };
             let value = scored.metrics.get(metric.name);
-            let shown = value.map(|value| Scalars::single(metric.of_frame_shown(value)));
+            let shown = value.map(|value| Scalars::single(metric.plotted(value)));
             self.log_or_clear(&algorithm.path(plot), shown)?;
         }
         Ok(())

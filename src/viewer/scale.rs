@@ -1,7 +1,7 @@
 //! The fixed colour scale of one camera: disparity and depth of the last colour.
 
 use svl_core::stereo::Frame;
-use svl_data::overlay::{NEAR_M, Nearness, lowest_disparity};
+use svl_files::overlay::{NEAR_M, Nearness, lowest_disparity};
 
 /// Colours end at this multiple of the near distance: 3 m in the arena.
 const FAR: f64 = 15.0;
@@ -18,8 +18,8 @@ pub(crate) struct Scale {
 
 impl Scale {
     /// Far is 15 times near, or the farthest point of a static scene with truth if that is nearer.
-    pub(crate) fn of(frame: &Frame) -> Self {
-        let nearness = Nearness::of_frame(frame);
+    pub(crate) fn new(frame: &Frame) -> Self {
+        let nearness = Nearness::for_frame(frame);
         let near_m = frame
             .rig()
             .and_then(|rig| rig.depth_m(nearness.near_px()))
@@ -55,11 +55,11 @@ mod tests {
                 Geometry::Rectified(Some(rig)),
             )
         };
-        assert!((Scale::of(&arena).far_m - 3.0).abs() < 1e-6);
+        assert!((Scale::new(&arena).far_m - 3.0).abs() < 1e-6);
         let scene = Frame {
             pose: None,
             ..arena
         };
-        assert!((Scale::of(&scene).far_m - 2.0).abs() < 1e-6);
+        assert!((Scale::new(&scene).far_m - 2.0).abs() < 1e-6);
     }
 }

@@ -9,7 +9,7 @@ use crate::{CAMERA, scale::Scale};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 use rerun::{CoordinateFrame, LineStrips3D, Pinhole, Radius, Rgba32, Transform3D};
 use svl_core::stereo::{Frame, Pose, Rig, Side};
-use svl_data::arena::WireObject;
+use svl_sim::arena::WireObject;
 
 /// Name of the left camera's optical frame.
 const CAMERA_FRAME: &str = "left_camera";

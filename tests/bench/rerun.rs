@@ -405,12 +405,12 @@ fn the_viewer_verifies_the_file() {
             "{}",
             String::from_utf8_lossy(&output.stderr)
         ),
-        Err(error) => println!("skipped: {program}: {error}"),
+        Err(error) => crate::common::skip(&format!("no program {program}: {error}")),
     }
 }
 
 #[test]
-fn what_is_tuned_comes_again_and_the_rest_stays() {
+fn tuning_replaces_the_tuned_maps_and_keeps_the_rest() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("tuned.rrd");
     let labels = ["now", "compared"];

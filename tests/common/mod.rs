@@ -1,6 +1,9 @@
 //! Shared helpers: real scenes, and running an algorithm.
 
+use proptest::test_runner::Config as ProptestConfig;
 use std::ffi::OsStr;
+use std::fs::File;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use svl_core::kernel::Isa;
@@ -15,6 +18,20 @@ pub(crate) fn repository() -> &'static Path {
         .unwrap()
 }
 
+/// Notes that a test, or a part of it, was skipped: on its output, and as a line of the file that
+/// `SVL_SKIPPED` names, which `.ci/run` counts.
+#[allow(dead_code, reason = "each test binary uses its part of this module")]
+pub(crate) fn skip(reason: &str) {
+    println!("skipped: {reason}");
+    if let Some(path) = std::env::var_os("SVL_SKIPPED") {
+        let file = File::options().append(true).create(true).open(path);
+        // One write per line: tests run side by side.
+        file.unwrap()
+            .write_all(format!("{reason}\n").as_bytes())
+            .unwrap();
+    }
+}
+
 /// The data sets, from `SVL_DATASETS` or next to the repository; `None`, with a note, if there are
 /// none.
 #[allow(dead_code, reason = "each test binary uses its part of this module")]
@@ -24,7 +41,7 @@ pub fn datasets() -> Option<PathBuf> {
     if folder.is_dir() {
         Some(folder)
     } else {
-        println!("skipped: no data sets");
+        skip("no data sets");
         None
     }
 }
@@ -99,7 +116,7 @@ pub fn python<A: AsRef<OsStr>>(
     let import = format!("import {modules}");
     let asked = Command::new(&python).args(["-c", &import]).output();
     if !asked.is_ok_and(|output| output.status.success()) {
-        println!("skipped: `{python} -c '{import}'` fails; name one that has them in SVL_PYTHON");
+        skip(&format!("no Python with {modules}; SVL_PYTHON names one"));
         return None;
     }
     let folder = repository().join("tests/python");
@@ -115,4 +132,23 @@ pub fn python<A: AsRef<OsStr>>(
         String::from_utf8_lossy(&output.stderr)
     );
     Some(output.stdout)
+}
+
+/// True in `.ci/nightly`, which sets `SVL_CASES` to "all".
+#[allow(dead_code, reason = "each test binary uses its part of this module")]
+pub(crate) fn is_nightly() -> bool {
+    std::env::var_os("SVL_CASES").is_some_and(|cases| cases == "all")
+}
+
+/// Configuration of a property test with `all` cases in `.ci/nightly`, a quarter of them otherwise.
+#[allow(dead_code, reason = "each test binary uses its part of this module")]
+pub(crate) fn cases(all: u32) -> ProptestConfig {
+    ProptestConfig::with_cases(if is_nightly() { all } else { all.div_ceil(4) })
+}
+
+/// Step through the places of a file that a test damages: `all` in `.ci/nightly`, five times that
+/// otherwise.
+#[allow(dead_code, reason = "each test binary uses its part of this module")]
+pub(crate) fn step(all: usize) -> usize {
+    if is_nightly() { all } else { 5 * all }
 }

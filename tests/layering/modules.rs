@@ -182,8 +182,8 @@ fn defines(code: &str, name: &str) -> bool {
     })
 }
 
-/// `text` with comments and literals replaced by spaces, and without items for tests.
-pub(crate) fn code(text: &str) -> String {
+/// `text` with comments and literals replaced by spaces.
+pub(crate) fn without_texts(text: &str) -> String {
     let mut code = String::with_capacity(text.len());
     let mut rest = text;
     while let Some(first) = rest.chars().next() {
@@ -197,6 +197,12 @@ pub(crate) fn code(text: &str) -> String {
             rest = &rest[length..];
         }
     }
+    code
+}
+
+/// [`without_texts`] without items for tests.
+pub(crate) fn code(text: &str) -> String {
+    let mut code = without_texts(text);
     while let Some(start) = ["#[cfg(test)]", "#[cfg(all(test"]
         .iter()
         .find_map(|a| code.find(a))

@@ -1,5 +1,6 @@
 //! bm against its oracle on images of every kind, and against OpenCV itself on real scenes.
 
+use crate::common::cases;
 use crate::oracle::bm::Bm;
 use crate::oracle::scenes::pairs;
 use crate::{common, contract};
@@ -70,7 +71,7 @@ fn matchers() -> impl Strategy<Value = Bm> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(cases(300))]
 
     #[test]
     fn equals_the_oracle(pair in pairs(sizes()), bm in matchers()) {
@@ -79,7 +80,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(30))]
+    #![proptest_config(cases(30))]
 
     #[test]
     fn threads_do_not_matter(pair in pairs((40usize..=80, 30usize..=90)), bm in matchers()) {
@@ -185,7 +186,8 @@ fn departures_from_opencv_are_as_small_as_documented() {
             return;
         };
         let per_cent = |differing: usize, pixels: usize| 100.0 * differing as f64 / pixels as f64;
-        let sum = |of: fn(&(String, usize, usize)) -> usize| scenes.iter().map(of).sum::<usize>();
+        let sum =
+            |count: fn(&(String, usize, usize)) -> usize| scenes.iter().map(count).sum::<usize>();
         let found = per_cent(sum(|scene| scene.1), sum(|scene| scene.2));
         let shares = scenes
             .iter()

@@ -75,10 +75,6 @@ fn every_reason_occurs_and_no_other() {
                 "max_disparity=20,min_disparity=2",
                 &[Valid, Border, Ambiguous, Inconsistent][..],
             ),
-            "pushbroom" => (
-                "disparity=5,block_size=5,threshold=1,invariance=5",
-                &[Valid, Border, Untextured, Ambiguous, Unmatched][..],
-            ),
             other => panic!("no reasons are expected of {other}"),
         };
         let algorithm = format!("{}:{settings}", spec.name);

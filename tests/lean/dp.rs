@@ -1,6 +1,7 @@
 //! dp against its oracle, on every instruction set and thread count, and against the results of
 //! OpenCV's own code.
 
+use crate::common::cases;
 use crate::oracle::dp::Dp;
 use crate::oracle::scenes::difference;
 use crate::{common, contract};
@@ -124,7 +125,7 @@ fn algorithms() -> impl Strategy<Value = Dp> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(600))]
+    #![proptest_config(cases(600))]
 
     #[test]
     fn equals_the_oracle(pair in scenes(), dp in algorithms()) {

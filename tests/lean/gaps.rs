@@ -92,8 +92,8 @@ fn votes_are_those_of_the_oracle_on_every_instruction_set() {
         } else {
             vec![None; 15]
         };
-        let expected = expected.into_iter().map(|of| {
-            let [report, target, features @ ..] = of?;
+        let expected = expected.into_iter().map(|numbers| {
+            let [report, target, features @ ..] = numbers?;
             Some(CellEvidence {
                 report,
                 target,
@@ -206,9 +206,9 @@ fn other_files_are_refused_before_a_pair_is_matched() {
     let (mut at, mut tensors) = (data, GAP_TENSORS.iter());
     tensors
         .by_ref()
-        .take_while(|of| of.0 != "choice.weight")
-        .for_each(|of| {
-            at += 4 * of.1[0] * of.1[1];
+        .take_while(|tensor| tensor.0 != "choice.weight")
+        .for_each(|tensor| {
+            at += 4 * tensor.1[0] * tensor.1[1];
         });
     for weight in most[at..][..4 * 2 * 16 * 24].as_chunks_mut::<4>().0 {
         *weight = 32_767_i32.to_le_bytes();

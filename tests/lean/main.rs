@@ -14,7 +14,6 @@ mod expected;
 mod gaps;
 mod matchers;
 mod oracle;
-mod pushbroom;
 mod rectify;
 mod sgm;
 mod solve;

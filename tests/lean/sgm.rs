@@ -1,5 +1,6 @@
 //! sgm against its oracle on images of every kind, and its quality on real scenes.
 
+use crate::common::cases;
 use crate::oracle::scenes::pairs;
 use crate::oracle::sgm::Sgm;
 use crate::{common, contract};
@@ -57,7 +58,7 @@ fn matchers() -> impl Strategy<Value = Sgm> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(cases(300))]
 
     #[test]
     fn equals_the_oracle(pair in pairs(sizes()), sgm in matchers()) {
@@ -66,7 +67,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
+    #![proptest_config(cases(40))]
 
     #[test]
     fn threads_do_not_matter(pair in pairs((1usize..=330, 1usize..=60)), sgm in matchers()) {

@@ -1,6 +1,7 @@
 //! v1, v2 and v4 against their oracles: on images of every kind, size and range, on every
 //! instruction set and thread count.
 
+use crate::common::cases;
 use crate::oracle::scenes::{Scene, pair, scenes};
 use crate::oracle::symmetric::{Filter, Symmetric};
 use crate::oracle::v4::V4;
@@ -79,7 +80,7 @@ fn lowered(pair: &StereoPair, rows: i32) -> StereoPair {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(500))]
+    #![proptest_config(cases(500))]
 
     #[test]
     fn v1_and_v2_equal_their_oracle(pair in scenes(), algorithm in symmetric()) {
@@ -88,7 +89,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(250))]
+    #![proptest_config(cases(250))]
 
     #[test]
     fn v4_equals_its_oracle(pair in scenes(), rows in -3i32..=3, algorithm in v4()) {

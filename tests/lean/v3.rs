@@ -1,6 +1,7 @@
 //! v3 against its oracle: on images of every kind, size and range, on every instruction set and
 //! thread count.
 
+use crate::common::cases;
 use crate::oracle::scenes::{Scene, pair, scenes};
 use crate::{common, contract, oracle};
 use proptest::prelude::*;
@@ -54,7 +55,7 @@ fn algorithms() -> impl Strategy<Value = oracle::V3> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(600))]
+    #![proptest_config(cases(600))]
 
     #[test]
     fn equals_the_oracle(pair in scenes(), v3 in algorithms()) {

@@ -1,6 +1,7 @@
 //! v5 against its oracle, and the oracle against known answers of other implementations.
 
 use crate::common;
+use crate::common::cases;
 use crate::oracle::scenes::{Scene, pairs, pool};
 use crate::oracle::v5::{Evidence, MEDIAN, NEAR, Steps, V5, score};
 use proptest::prelude::*;
@@ -26,8 +27,8 @@ impl V5 {
         } = self;
         let table = |rank, (base, features): crate::oracle::v5::Table| {
             let mut steps: [decision::Steps; 9] = Default::default();
-            for (steps, of) in steps.iter_mut().zip(features) {
-                *steps = decision::Steps(of.to_vec());
+            for (steps, feature_steps) in steps.iter_mut().zip(features) {
+                *steps = decision::Steps(feature_steps.to_vec());
             }
             VerdictTable {
                 rank,
@@ -247,7 +248,7 @@ fn sizes() -> impl Strategy<Value = (usize, usize)> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(60))]
+    #![proptest_config(cases(60))]
 
     #[test]
     fn equals_its_oracle(

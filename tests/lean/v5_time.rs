@@ -3,9 +3,7 @@
 use crate::oracle::scenes::{Scene, pair, pool};
 use svl_core::depth::decision::{Tolerance, VerdictTable};
 use svl_core::kernel::Isa;
-use svl_core::matcher::{
-    Algorithm, MatchContext, MatchOutput, Matcher, PairMemory, V5Model, Value,
-};
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, V5Model, Value};
 use svl_core::stereo::{Cell, CellRule, RectifiedPair, Rig, StereoPair};
 
 /// A pair of a run.
@@ -39,22 +37,31 @@ fn run(stamps: &[Option<u64>]) -> Vec<RunPair> {
     pairs.collect()
 }
 
-fn context(of: &RunPair, rig: Option<Rig>) -> MatchContext<'static> {
+fn context(run_pair: &RunPair, rig: Option<Rig>) -> MatchContext<'static> {
     MatchContext {
-        sequence: of.sequence,
-        stamp_ns: of.stamp_ns,
+        sequence: run_pair.sequence,
+        stamp_ns: run_pair.stamp_ns,
         rig,
         ..MatchContext::default()
     }
 }
 
-fn cells(matcher: &mut dyn Matcher, of: &RunPair, rig: Option<Rig>) -> Vec<Cell> {
+fn cells(matcher: &mut dyn Matcher, run_pair: &RunPair, rig: Option<Rig>) -> Vec<Cell> {
+    decided(matcher, run_pair, &context(run_pair, rig))
+}
+
+fn decided(matcher: &mut dyn Matcher, run_pair: &RunPair, context: &MatchContext<'_>) -> Vec<Cell> {
     let mut output = MatchOutput::new().unwrap();
-    let pair = RectifiedPair::assume(&of.pair);
-    matcher
-        .compute(pair, &context(of, rig), &mut output)
-        .unwrap();
+    let pair = RectifiedPair::assume(&run_pair.pair);
+    matcher.compute(pair, context, &mut output).unwrap();
     output.grid.unwrap().into_cells()
+}
+
+/// A matcher after that pair.
+fn followed(algorithm: &Algorithm, pair: &RunPair) -> Box<dyn Matcher> {
+    let mut matcher = algorithm.build().unwrap();
+    cells(&mut *matcher, pair, None);
+    matcher
 }
 
 /// A model that reports more, so that the past decides.
@@ -96,18 +103,18 @@ fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec
     let mut states = [State::default(); 15];
     let mut last: Option<&RunPair> = None;
     let mut all = Vec::new();
-    for of in run {
+    for run_pair in run {
         single.reset();
-        let alone = cells(&mut *single, of, rig);
-        let continues = last.is_some_and(|last| match (last.stamp_ns, of.stamp_ns) {
+        let alone = cells(&mut *single, run_pair, rig);
+        let continues = last.is_some_and(|last| match (last.stamp_ns, run_pair.stamp_ns) {
             (Some(a), Some(b)) => a < b && b <= a + 1000 * MS,
-            (None, None) => of.sequence == last.sequence + 1,
+            (None, None) => run_pair.sequence == last.sequence + 1,
             _ => false,
         });
         if !continues {
             states = [State::default(); 15];
         }
-        last = Some(of);
+        last = Some(run_pair);
         let mut decided = Vec::new();
         for (cell, state) in alone.iter().zip(&mut states) {
             let Some(evidence) = cell.evidence else {
@@ -136,7 +143,7 @@ fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec
                 if state.v != 0 {
                     (score, least) = (c + g, time.least_score);
                 }
-                let is_apart = match (state.added, of.stamp_ns) {
+                let is_apart = match (state.added, run_pair.stamp_ns) {
                     (Some(a), Some(now)) => now - a >= 400 * MS,
                     _ => true,
                 };
@@ -144,7 +151,7 @@ fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec
                     (true, true) => State {
                         v: b,
                         s: (state.s - (state.s >> 3) + e).min(14_000),
-                        added: of.stamp_ns,
+                        added: run_pair.stamp_ns,
                     },
                     (true, false) => State {
                         v: b,
@@ -154,7 +161,7 @@ fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec
                     (false, _) => State {
                         v: b,
                         s: e,
-                        added: of.stamp_ns,
+                        added: run_pair.stamp_ns,
                     },
                 };
             }
@@ -167,8 +174,8 @@ fn expected(algorithm: &Algorithm, run: &[RunPair], rig: Option<Rig>) -> Vec<Vec
 }
 
 fn got(cells: &[Cell]) -> Vec<(bool, f64)> {
-    let of = |cell: &Cell| (cell.depth.is_some(), cell.probability.unwrap_or(f64::NAN));
-    cells.iter().map(of).collect()
+    let verdict = |cell: &Cell| (cell.depth.is_some(), cell.probability.unwrap_or(f64::NAN));
+    cells.iter().map(verdict).collect()
 }
 
 fn same(got: &[(bool, f64)], expected: &[(bool, f64)]) -> bool {
@@ -192,17 +199,21 @@ fn the_past_of_a_cell_is_that_of_the_specification() {
         let run = run(&stamps);
         for rig in [None, Some(rig())] {
             let expected = expected(&algorithm, &run, rig);
-            let singles: usize = expected.iter().flatten().filter(|of| of.0).count();
+            let singles: usize = expected.iter().flatten().filter(|cell| cell.0).count();
             assert!(singles > 20, "{singles}");
             for isa in Isa::available() {
                 for threads in [1, 8] {
                     pool(threads).install(|| {
                         let mut matcher = algorithm.build_on(isa).unwrap();
-                        for (of, expected) in run.iter().zip(&expected) {
+                        for (run_pair, expected) in run.iter().zip(&expected) {
                             // Warm-up and rounds: each pair is matched once more.
                             for _ in 0..2 {
-                                let got = got(&cells(&mut *matcher, of, rig));
-                                assert!(same(&got, expected), "{isa} {threads} {:?}", of.stamp_ns);
+                                let got = got(&cells(&mut *matcher, run_pair, rig));
+                                assert!(
+                                    same(&got, expected),
+                                    "{isa} {threads} {:?}",
+                                    run_pair.stamp_ns
+                                );
                             }
                         }
                     });
@@ -217,25 +228,55 @@ fn a_pair_after_a_reset_is_the_pair_alone() {
     let algorithm = algorithm();
     let run = run(&(0..8).map(|i| Some(100 * i)).collect::<Vec<_>>());
     let mut matcher = algorithm.build().unwrap();
-    assert_eq!(matcher.memory(), PairMemory::Run);
+    assert!(matcher.has_run_memory());
     let mut differs = false;
-    for of in &run {
-        let followed = cells(&mut *matcher, of, None);
-        let alone = cells(&mut *algorithm.build().unwrap(), of, None);
+    for run_pair in &run {
+        let followed = cells(&mut *matcher, run_pair, None);
+        let alone = cells(&mut *algorithm.build().unwrap(), run_pair, None);
         differs |= followed != alone;
     }
     assert!(differs, "the past counts");
     matcher.reset();
     let alone = cells(&mut *algorithm.build().unwrap(), &run[7], None);
     assert_eq!(cells(&mut *matcher, &run[7], None), alone);
-    // Another size, grid or rig has no past either.
-    let mut matcher = algorithm.build().unwrap();
-    cells(&mut *matcher, &run[0], None);
-    let other = cells(&mut *algorithm.build().unwrap(), &run[1], Some(rig()));
-    assert_eq!(cells(&mut *matcher, &run[1], Some(rig())), other);
+    // A pair of another size, also where the half images are alike, of another grid, rig or rule.
+    let odd = RunPair {
+        pair: pair(Scene::Noise, (151, 60), 6, 120, 0),
+        ..run[1]
+    };
+    let with = |change: &dyn Fn(&mut MatchContext<'static>)| {
+        let mut context = context(&run[1], None);
+        change(&mut context);
+        context
+    };
+    let cases = [
+        (&odd, with(&|_| {})),
+        (&run[1], with(&|context| context.rig = Some(rig()))),
+        (&run[1], with(&|context| context.grid.columns = 4)),
+        (
+            &run[1],
+            with(&|context| context.cells = CellRule::Disparity { tolerance_px: 3.0 }),
+        ),
+    ];
+    let same = decided(
+        &mut *followed(&algorithm, &run[0]),
+        &run[1],
+        &context(&run[1], None),
+    );
+    let alone = decided(
+        &mut *algorithm.build().unwrap(),
+        &run[1],
+        &context(&run[1], None),
+    );
+    assert_ne!(same, alone);
+    for (run_pair, context) in cases {
+        let alone = decided(&mut *algorithm.build().unwrap(), run_pair, &context);
+        let after = decided(&mut *followed(&algorithm, &run[0]), run_pair, &context);
+        assert_eq!(after, alone, "{context:?}");
+    }
     for fast in ["v5:revision=2", "v5:target=near"] {
         let algorithm: Algorithm = fast.parse().unwrap();
-        assert_eq!(algorithm.build().unwrap().memory(), PairMemory::None);
+        assert!(!algorithm.build().unwrap().has_run_memory());
     }
 }
 
@@ -247,10 +288,13 @@ fn an_unknown_cell_with_something_near_is_flagged() {
     let near_table = algorithm.safe_choice().unwrap().unwrap().near.unwrap();
     let rig = rig();
     let mut flags = 0;
-    for of in &run(&[None; 16]) {
+    for run_pair in &run(&[None; 16]) {
         let mut matcher = algorithm.build().unwrap();
-        let nearest = cells(&mut *near.build().unwrap(), of, Some(rig));
-        for (cell, near) in cells(&mut *matcher, of, Some(rig)).iter().zip(&nearest) {
+        let nearest = cells(&mut *near.build().unwrap(), run_pair, Some(rig));
+        for (cell, near) in cells(&mut *matcher, run_pair, Some(rig))
+            .iter()
+            .zip(&nearest)
+        {
             let evidence = near.evidence.unwrap();
             let distance_m = rig.depth_m(evidence.report as f64 / 8.0);
             let is_near = near_table.score(&evidence) >= near_table.least_score
@@ -260,7 +304,7 @@ fn an_unknown_cell_with_something_near_is_flagged() {
             assert_eq!(cell.near, expected);
             flags += usize::from(cell.near.is_some());
         }
-        let without = cells(&mut *algorithm.build().unwrap(), of, None);
+        let without = cells(&mut *algorithm.build().unwrap(), run_pair, None);
         assert!(without.iter().all(|cell| cell.near.is_none()));
     }
     assert!(flags > 0);

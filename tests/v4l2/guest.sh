@@ -128,7 +128,7 @@ for name in gone fatal damaged; do
 done
 
 # Webcams by the kernel's USB driver, with a shutter and a gain to be set, and JPEGs without Huffman tables.
-plug() { python3 "$house/tests/v4l2/webcam.py" "$1" "$house/src/data/grab/v4l2/linux/webcam.jpg" >"/mnt/webcam$1.set" & }
+plug() { python3 "$house/tests/v4l2/webcam.py" "$1" "$house/src/grab/v4l2/linux/webcam.jpg" >"/mnt/webcam$1.set" & }
 webcams() { grep -lx 0 /dev/null $(grep -l "Test webcam" /sys/class/video4linux/*/name | sed 's/name$/index/') | cut -d/ -f5; }
 plug 0
 left_cord=$!

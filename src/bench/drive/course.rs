@@ -6,9 +6,9 @@
 
 use std::f64::consts::FRAC_PI_2;
 use svl_core::Result;
-use svl_data::arena::{ArenaConfig, ArenaWorld, Ball, Block, FloorPattern, Gait};
-use svl_data::drive::{GroundPoint, RobotState};
-use svl_data::scenario::DriveConfig;
+use svl_score::drive::{GroundPoint, RobotState};
+use svl_score::scenario::DriveConfig;
+use svl_sim::arena::{ArenaConfig, ArenaWorld, Ball, Block, FloorPattern, Gait};
 
 /// A world with start, goal, and a route that leads there.
 pub struct Course {

@@ -17,4 +17,4 @@ mod source;
 pub use course::Course;
 pub use run::{DrivePlan, DriveResult};
 pub use source::DriveSource;
-pub use svl_data::drive::{DriveEvent, DriveLog, TrackPoint};
+pub use svl_score::drive::{DriveEvent, DriveLog, TrackPoint};

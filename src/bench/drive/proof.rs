@@ -5,12 +5,12 @@ use super::course::Course;
 use super::source::Drive;
 use svl_core::depth::{GridSettings, grid};
 use svl_core::{Error, Result};
-use svl_data::arena::ArenaConfig;
-use svl_data::drive::{DriveEvent, RobotState};
-use svl_data::scenario::{DriveConfig, Scenario, ScenarioSource};
+use svl_score::drive::{DriveEvent, RobotState};
+use svl_score::scenario::{DriveConfig, Scenario, ScenarioSource};
+use svl_sim::arena::ArenaConfig;
 
 /// Largest number of layouts that are drawn for a course.
-const ATTEMPTS: u32 = 30;
+const MAX_LAYOUTS: u32 = 30;
 
 impl Course {
     /// The course with that seed. `arena` has the cameras, the gait and the look of the images.
@@ -24,14 +24,14 @@ impl Course {
         settings: GridSettings,
         seed: u64,
     ) -> Result<Self> {
-        for attempt in 0..ATTEMPTS {
+        for attempt in 0..MAX_LAYOUTS {
             let course = Self::draw(arena, drive, seed, attempt)?;
             if let Some(route) = course.proof(settings)? {
                 return Ok(course.with_route(route));
             }
         }
         Err(Error::Invalid(format!(
-            "course {seed}: none of {ATTEMPTS} layouts can be passed even with perfect sight; \
+            "course {seed}: none of {MAX_LAYOUTS} layouts can be passed even with perfect sight; \
              drive.gap_m = {} may be too narrow for the robot, or drive.steering unfit",
             drive.gap_m
         )))
@@ -41,7 +41,7 @@ impl Course {
     ///
     /// # Errors
     /// As [`Course::new`]; [`Error::Invalid`] for a scenario of another kind.
-    pub fn of_scenario(scenario: &Scenario, seed: u64) -> Result<Self> {
+    pub fn for_scenario(scenario: &Scenario, seed: u64) -> Result<Self> {
         match &scenario.source {
             ScenarioSource::Drive { config, drive, .. } => {
                 Self::new(config, drive, scenario.grid, seed)

@@ -2,22 +2,23 @@
 
 use super::course::Course;
 use super::source::DriveSource;
-use crate::report::html::{CheckpointFigure, Rank};
-use crate::report::{CellRow, CoursePlan, DriveRow, FailureRow, Row, TrackRow};
 use crate::run::{Matchers, Monitor, Pace, run};
 use crate::sink::{Outbox, RunIdentity, RunStart, Sink, SinkRequest, Sinks, frame_shot};
 use crate::source::{ArenaSource, Source, StressedSource};
+use parking_lot::Mutex;
 use std::collections::VecDeque;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use svl_core::Result;
 use svl_core::matcher::Algorithm;
-use svl_data::drive::{DriveEvent, DriveLog};
-use svl_data::manifest::{Manifest, hash};
-use svl_data::recording::{Header, SCENARIO, Writer};
-use svl_data::scenario::Scenario;
-use svl_data::score::{Judge, Judged, RunPart};
-use svl_data::stress::Stress;
+use svl_recording::{Header, SCENARIO, Writer};
+use svl_report::html::{CheckpointFigure, Rank};
+use svl_report::{CellRow, CoursePlan, DriveRow, FailureRow, Row, TrackRow};
+use svl_score::drive::{DriveEvent, DriveLog};
+use svl_score::judge::{Judge, Judged, RunPart};
+use svl_score::manifest::{Manifest, hash};
+use svl_score::scenario::Scenario;
+use svl_sim::stress::Stress;
 
 /// The plan of a drive.
 pub struct DrivePlan<'a> {
@@ -100,7 +101,7 @@ impl DrivePlan<'_> {
             monitor,
         );
         ran.and(crate::sink::finish(sinks))?;
-        let log = log.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let log = log.lock().clone();
         let mut result = kept.take();
         result.interrupted = outcome.interrupted;
         result.track = self.track(&log);
@@ -125,7 +126,7 @@ impl DrivePlan<'_> {
                 .then(|| ArenaSource::hash(self.course.world().config(), seed)),
             ..Header::new("drive")
         };
-        let mut writer = Writer::create(path, &header, svl_data::recording::ImageFormat::Raw)?;
+        let mut writer = Writer::create(path, &header, svl_recording::ImageFormat::Raw)?;
         writer.identify(self.manifest)?;
         let text = self.scenario.text.as_bytes();
         writer.attach(SCENARIO, "application/toml", text)?;
@@ -133,7 +134,7 @@ impl DrivePlan<'_> {
     }
 
     fn track(&self, log: &DriveLog) -> Vec<TrackRow> {
-        let row = |point: &svl_data::drive::TrackPoint| {
+        let row = |point: &svl_score::drive::TrackPoint| {
             let (event, with) = match &point.event {
                 None => (None, None),
                 Some(DriveEvent::Collision { with, .. }) => (Some("collision"), Some(with)),
@@ -232,7 +233,7 @@ impl Sink for DriveSink {
             self.kept.rows.push(self.identity.row(judged, scored));
         }
         let (limit, hit) = {
-            let log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+            let log = self.log.lock();
             let limit = (SHOWN_S * log.rate_hz) as usize + 1;
             let hit = log.track.last().and_then(|point| match &point.event {
                 Some(DriveEvent::Collision { with, .. }) => {

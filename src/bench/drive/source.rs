@@ -2,14 +2,15 @@
 
 use super::course::Course;
 use crate::source::Source;
+use parking_lot::Mutex;
 use std::f64::consts::FRAC_PI_2;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use svl_core::Result;
 use svl_core::stereo::{DepthGrid, Frame, Pose};
-use svl_data::arena::{Gait, Twist};
-use svl_data::drive::Steering;
-use svl_data::drive::{DriveCommand, DriveEvent, DriveLog, RobotState, TrackPoint, advance};
-use svl_data::score::Judged;
+use svl_score::drive::Steering;
+use svl_score::drive::{DriveCommand, DriveEvent, DriveLog, RobotState, TrackPoint, advance};
+use svl_score::judge::Judged;
+use svl_sim::arena::{Gait, Twist};
 
 /// Renders what the robot sees on its way through a course, steered by the algorithm of the run.
 pub struct DriveSource {
@@ -45,7 +46,7 @@ impl Source for DriveSource {
         if !self.drive.step(&self.course) {
             return Ok(None);
         }
-        let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut log = self.log.lock();
         log.rate_hz = self.drive.log.rate_hz;
         log.arrived = self.drive.log.arrived;
         log.track.extend(self.drive.log.track.last().cloned());
@@ -236,8 +237,8 @@ impl Drive {
 mod tests {
     use super::*;
     use svl_core::depth::{GridSettings, grid};
-    use svl_data::arena::ArenaConfig;
-    use svl_data::scenario::DriveConfig;
+    use svl_score::scenario::DriveConfig;
+    use svl_sim::arena::ArenaConfig;
 
     #[test]
     fn a_command_is_delayed_by_one_frame() {

@@ -4,16 +4,17 @@ use super::plan::EvaluationPlan;
 use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Bar, Console, Unit};
 use crate::drive::{Course, DrivePlan, DriveResult};
-use crate::report::CoursePlan;
-use crate::report::units::{BlockPictures, BlockWriter, DriveFacts, ReportRun, remove_file};
 use crate::run::{Monitor, Pace};
+use parking_lot::{Mutex, MutexGuard};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use svl_core::{Error, Result, interrupt};
-use svl_data::manifest::hash;
-use svl_data::scenario::{Scenario, ScenarioSource};
-use svl_data::stress::Stress;
+use svl_report::CoursePlan;
+use svl_report::units::{BlockPictures, BlockWriter, DriveFacts, ReportRun, remove_file};
+use svl_score::manifest::hash;
+use svl_score::scenario::{Scenario, ScenarioSource};
+use svl_sim::stress::Stress;
 
 /// A drive of the scenario, by the places of course and algorithm in it.
 #[derive(Clone, Copy)]
@@ -23,6 +24,31 @@ struct DriveUnit {
     course: usize,
     stress: Option<Stress>,
     algorithm: usize,
+}
+
+/// The drives of the shard that the session does not have. `runs`: course and perturbation of each.
+fn missing_units(
+    plan: &EvaluationPlan<'_>,
+    session: &EvaluationSession,
+    runs: &[(usize, Option<Stress>)],
+) -> Vec<DriveUnit> {
+    let algorithms = &plan.scenario.algorithms;
+    let is_missing = |unit: &DriveUnit| {
+        let label = algorithms[unit.algorithm].label();
+        session.runs[unit.run].kept.count(label) == 0
+    };
+    let units = runs.iter().enumerate().flat_map(|(run, (course, stress))| {
+        (0..algorithms.len()).map(move |algorithm| DriveUnit {
+            run,
+            course: *course,
+            stress: *stress,
+            algorithm,
+        })
+    });
+    let units = units
+        .enumerate()
+        .filter(|(i, _)| plan.shard.is_none_or(|shard| shard.takes(*i)));
+    units.map(|(_, unit)| unit).filter(is_missing).collect()
 }
 
 /// The name of a drive's recording in its report.
@@ -68,23 +94,7 @@ pub(super) fn measure(plan: &EvaluationPlan<'_>, console: &dyn Console) -> Resul
     let keys = runs.iter().map(key).collect();
     let session = EvaluationSession::open(plan, manifest, keys, console)?;
     session.begin()?;
-    let algorithms = scenario.algorithms.len();
-    let is_missing = |unit: &DriveUnit| {
-        let label = scenario.algorithms[unit.algorithm].label();
-        session.runs[unit.run].kept.count(label) == 0
-    };
-    let units = runs.iter().enumerate().flat_map(|(run, (course, stress))| {
-        (0..algorithms).map(move |algorithm| DriveUnit {
-            run,
-            course: *course,
-            stress: *stress,
-            algorithm,
-        })
-    });
-    let units = units
-        .enumerate()
-        .filter(|(i, _)| plan.shard.is_none_or(|shard| shard.takes(*i)));
-    let todo: Vec<_> = units.map(|(_, unit)| unit).filter(is_missing).collect();
+    let todo = missing_units(plan, &session, &runs);
     if todo.is_empty() {
         return Ok(MeasuredUnits {
             ran: Ok(()),
@@ -265,9 +275,7 @@ impl<'a> Courses<'a> {
     }
 
     fn slot(&self, place: usize) -> MutexGuard<'_, CourseSlot> {
-        self.slots[place]
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
+        self.slots[place].lock()
     }
 
     fn get(&self, place: usize) -> Result<Arc<Course>> {
@@ -275,7 +283,7 @@ impl<'a> Courses<'a> {
         if let Some(course) = &slot.course {
             return Ok(Arc::clone(course));
         }
-        let course = Arc::new(Course::of_scenario(self.scenario, self.seeds[place])?);
+        let course = Arc::new(Course::for_scenario(self.scenario, self.seeds[place])?);
         slot.course = Some(Arc::clone(&course));
         Ok(course)
     }

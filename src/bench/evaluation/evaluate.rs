@@ -4,13 +4,12 @@ use super::plan::EvaluationPlan;
 use super::session::MeasuredUnits;
 use super::{drives, scored_runs};
 use crate::console::Console;
-use crate::outputs::Outputs;
-use crate::report::units::{RunUnits, StoredSeal, Units};
-use crate::report::{BuildOptions, BuiltReport, build};
 use std::collections::BTreeSet;
-use std::fs::File;
 use svl_core::{Error, Result, joined};
-use svl_data::scenario::ScenarioSource;
+use svl_report::outputs::Outputs;
+use svl_report::units::{RunUnits, StoredSeal, Units};
+use svl_report::{BuildOptions, BuiltReport, build};
+use svl_score::scenario::ScenarioSource;
 
 /// An evaluation that is over.
 pub struct Evaluation {
@@ -34,7 +33,7 @@ impl EvaluationPlan<'_> {
             _ => scored_runs::measure,
         };
         let MeasuredUnits { ran, session } = measure(self, console)?;
-        let units = Units::of_report(self.folder);
+        let units = Units::for_report(self.folder);
         let is_whole = self.clear(&units, console)?;
         // Shards may share the folder: the last one builds the report.
         let _lock = self.shard.map(|_| units.lock()).transpose()?;
@@ -115,14 +114,5 @@ impl EvaluationPlan<'_> {
             ));
         }
         Ok(is_whole)
-    }
-}
-
-impl Units {
-    /// Waits until no other process builds the report.
-    fn lock(&self) -> Result<File> {
-        let path = self.lock_path();
-        let locked = File::create(&path).and_then(|file| file.lock().map(|()| file));
-        locked.map_err(|e| Error::io(&path, e))
     }
 }

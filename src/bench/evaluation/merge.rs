@@ -1,11 +1,11 @@
 //! Merges reports of shards: their units become those of one report.
 
-use crate::report::units::{ReportPlan, RunUnits, Units};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use svl_core::matcher::ProgramRecord;
 use svl_core::{Error, Result, counted};
-use svl_data::manifest::{Manifest, Purpose};
+use svl_report::units::{ReportPlan, RunUnits, Units};
+use svl_score::manifest::{Manifest, Purpose};
 
 /// Reports of shards of one run.
 pub struct Parts(Vec<FoundPart>);
@@ -46,7 +46,7 @@ impl Parts {
     /// # Errors
     /// [`Error::Io`] with the file.
     pub fn copy_into(&self, out: &Path) -> Result<()> {
-        let (units, first) = (Units::of_report(out), &self.0[0]);
+        let (units, first) = (Units::for_report(out), &self.0[0]);
         units.clear()?;
         units.write_plan(&first.plan)?;
         for part in &self.0 {
@@ -84,17 +84,17 @@ impl Parts {
     /// Refuses parts that ran different programs, and warns of those that may have.
     fn check_programs(&self) -> Result<()> {
         for label in self.0[0].plan.labels() {
-            let of_part = |part: &FoundPart| {
+            let part_program = |part: &FoundPart| {
                 let program = part.program(label)?;
                 Some((part.folder.clone(), program))
             };
-            let programs: Vec<_> = self.0.iter().filter_map(of_part).collect();
+            let programs: Vec<_> = self.0.iter().filter_map(part_program).collect();
             let Some((folder, first)) = programs.first() else {
                 continue;
             };
             let other = programs
                 .iter()
-                .find(|(_, of)| of.identity() != first.identity());
+                .find(|(_, program)| program.identity() != first.identity());
             if let Some((other, program)) = other {
                 return Err(Error::Invalid(format!(
                     "{}: is not of the same run as {}: {label}: {} and {}",
@@ -141,13 +141,13 @@ impl Parts {
         let plan = &self.0[0].plan;
         let mut partial = Vec::new();
         for (i, run) in plan.runs.iter().enumerate() {
-            let of_parts = || self.0.iter().map(|part| &part.runs[i]);
+            let part_runs = || self.0.iter().map(|part| &part.runs[i]);
             let pairs = match plan.is_driven() {
                 true => Some(1),
-                false => of_parts().filter_map(RunUnits::pairs).next(),
+                false => part_runs().filter_map(RunUnits::pairs).next(),
             };
             let count = |label: &str| {
-                let places = of_parts().filter_map(|run| run.kept.places(label));
+                let places = part_runs().filter_map(|run| run.kept.places(label));
                 let places: BTreeSet<_> = places.flat_map(|places| places.keys()).collect();
                 places.len() as u64
             };
@@ -181,7 +181,7 @@ impl Parts {
 
 impl FoundPart {
     fn read(folder: &Path) -> Result<Self> {
-        let (shown, units) = (folder.display(), Units::of_report(folder));
+        let (shown, units) = (folder.display(), Units::for_report(folder));
         if !units.exist() {
             return Err(Error::Invalid(format!(
                 "{shown}: is not a report; `svl score --shard I/N` writes the parts of one"
@@ -212,7 +212,10 @@ impl FoundPart {
             units,
             plan,
             runs,
-            sessions: sessions.into_iter().map(|of| of.manifest).collect(),
+            sessions: sessions
+                .into_iter()
+                .map(|session| session.manifest)
+                .collect(),
         })
     }
 

@@ -5,11 +5,11 @@ use crate::run::Pace;
 use crate::sink::{RerunDetail, RerunTarget, Viewer};
 use std::path::Path;
 use svl_core::Result;
-use svl_data::losses::Missing;
-use svl_data::manifest::Manifest;
-use svl_data::scenario::{Scenario, StressLevels};
-use svl_data::score::Metric;
-use svl_data::stress::Stress;
+use svl_score::judge::Metric;
+use svl_score::losses::Missing;
+use svl_score::manifest::Manifest;
+use svl_score::scenario::{Scenario, StressLevels};
+use svl_sim::stress::Stress;
 
 /// An evaluation: a scenario through its algorithms into a report.
 pub struct EvaluationPlan<'a> {

@@ -2,7 +2,6 @@
 
 use super::shard::Shard;
 use crate::console::Console;
-use crate::report::units::{BLOCK, FileStamp, KeptResults, ReportRun, files_of};
 use crate::runs::{self, ScoredSource, data_folder};
 use crate::sink::{LiveTable, Wanted};
 use crate::source::dataset::Scene;
@@ -10,10 +9,11 @@ use crate::source::{PairRegister, RunSource};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use svl_core::Result;
-use svl_data::manifest::RunRecord;
-use svl_data::scenario::{Scenario, ScenarioSource};
-use svl_data::score::Judge;
-use svl_data::stress::Stress;
+use svl_report::units::{BLOCK, FileStamp, KeptResults, ReportRun, files_of};
+use svl_score::judge::Judge;
+use svl_score::manifest::RunRecord;
+use svl_score::scenario::{Scenario, ScenarioSource};
+use svl_sim::stress::Stress;
 
 /// A run of a scenario, unperturbed or perturbed, by its place.
 pub(super) type RunPlace = (Option<Stress>, usize);

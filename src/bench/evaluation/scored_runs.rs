@@ -4,18 +4,18 @@ use super::plan::EvaluationPlan;
 use super::run_opener::{RunOpener, RunPlace, WantedResults, files_of_runs};
 use super::session::{EvaluationSession, MeasuredUnits};
 use crate::console::{Console, Watch};
-use crate::report::hash_words;
-use crate::report::units::{FileStamp, RunEndFacts, RunFacts, RunWarning};
 use crate::run::{Matchers, Outcome, Pace, report_losses, run_through};
 use crate::runs::warn_of_own_reference;
 use crate::sink::{LiveTable, RunInfo, RunStart, SinkRequest, Sinks, UnitRequest, ViewerRequest};
 use crate::source::{RunSource, Source};
 use svl_core::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl_core::{Error, Result, interrupt};
-use svl_data::manifest::Manifest;
-use svl_data::plausibility::MeasuredScales;
-use svl_data::scenario::{PairRange, ScenarioSource};
-use svl_data::score::Judge;
+use svl_report::hash_words;
+use svl_report::units::{FileStamp, RunEndFacts, RunFacts, RunWarning};
+use svl_score::judge::Judge;
+use svl_score::manifest::Manifest;
+use svl_score::plausibility::MeasuredScales;
+use svl_score::scenario::{PairRange, ScenarioSource};
 
 /// Most algorithms that Rerun shows.
 const MAX_SHOWN: usize = 32;
@@ -89,8 +89,8 @@ impl RunWork<'_> {
     /// The runs whose pairs are registered before those of a run.
     fn before(&self, i: usize) -> Vec<String> {
         let runs = self.runs[..i].iter().zip(&self.session.runs);
-        let of_stress = runs.filter(|(run, _)| run.0 == self.runs[i].0);
-        let names = of_stress.map(|(_, run)| run.run.folder());
+        let stressed = runs.filter(|(run, _)| run.0 == self.runs[i].0);
+        let names = stressed.map(|(_, run)| run.run.folder());
         names.filter(|_| self.are_recordings()).collect()
     }
 
@@ -139,7 +139,7 @@ impl RunWork<'_> {
     /// answer is another: a command may run another program than before.
     fn check_programs(&mut self) -> Result<()> {
         for algorithm in &self.plan.scenario.algorithms {
-            if algorithm.spec().name != "exec" {
+            if !algorithm.spec().is_program() {
                 continue;
             }
             let label = algorithm.label();
@@ -271,11 +271,11 @@ impl RunWork<'_> {
         };
         let title = self.title(&run, &judge);
         let watch = Watch::new(self.console, &title, run.pairs(), Some(opener.live()));
-        let of_run = match &judge.run.stress {
+        let stress = match &judge.run.stress {
             None => sinks.as_mut_slice(),
             Some(_) => sinks.tables_mut(),
         };
-        let (outcome, ran) = run_through(&mut run, &mut matchers, &start, pace, of_run, watch);
+        let (outcome, ran) = run_through(&mut run, &mut matchers, &start, pace, stress, watch);
         self.matchers = matchers;
         if outcome.interrupted {
             ran?;
@@ -440,7 +440,7 @@ fn result_hash(
         return Ok(None);
     };
     let (mut matcher, mut output) = (algorithm.build()?, MatchOutput::new()?);
-    let context = MatchContext::of(&frame, judge.grid, judge.cells);
+    let context = MatchContext::for_frame(&frame, judge.grid, judge.cells);
     output.begin();
     let matched = matcher.compute(frame.rectified()?, &context, &mut output);
     Ok(matched.is_ok().then(|| {

@@ -2,12 +2,12 @@
 
 use super::plan::{Again, EvaluationPlan};
 use crate::console::Console;
-use crate::report::units::{
-    ReportPlan, ReportRun, RunFacts, RunUnits, StoredSeal, Units, unit_format,
-};
 use std::path::PathBuf;
 use svl_core::{Error, Result};
-use svl_data::manifest::{Manifest, Purpose, hash};
+use svl_report::units::{
+    ReportPlan, ReportRun, RunFacts, RunUnits, StoredSeal, Units, unit_format,
+};
+use svl_score::manifest::{Manifest, Purpose, hash};
 
 /// The units of a report as a session finds them.
 pub(super) struct EvaluationSession {
@@ -36,7 +36,7 @@ impl EvaluationSession {
         runs: Vec<ReportRun>,
         console: &dyn Console,
     ) -> Result<Self> {
-        let units = Units::of_report(plan.folder);
+        let units = Units::for_report(plan.folder);
         let mut again = plan.again;
         if units.exist() && !units.are_readable() {
             let folder = plan.folder.display();
@@ -55,8 +55,9 @@ impl EvaluationSession {
         let shard = plan_of_report.manifest.shard.take();
         plan_of_report.manifest.warnings = console.warnings();
         if plan.shard.is_some() && again != Again::All && units.exist() {
-            let of_folder = units.plan()?.manifest;
-            let differences = of_folder.differences(&plan_of_report.manifest, Purpose::Merge)?;
+            let folder_manifest = units.plan()?.manifest;
+            let differences =
+                folder_manifest.differences(&plan_of_report.manifest, Purpose::Merge)?;
             if !differences.is_empty() {
                 return Err(Error::Invalid(format!(
                     "{}: has another run ({}); use the same options for all shards, another -o, \
@@ -154,7 +155,8 @@ impl EvaluationSession {
     pub(super) fn forget_program(&mut self, label: &str) {
         for run in &mut self.runs {
             let seals = run.kept.seals().iter();
-            let own = seals.filter(|of| of.seal.algorithms.iter().any(|own| own.label == label));
+            let own =
+                seals.filter(|stored| stored.seal.algorithms.iter().any(|own| own.label == label));
             let own = own.map(|seal| (seal.clone(), label.to_owned()));
             self.other_programs.extend(own);
             run.kept.forget(label);
@@ -190,7 +192,7 @@ pub(super) struct MeasuredUnits {
 /// Per algorithm the hash of all that its results depend on besides the pairs.
 fn identities(manifest: &Manifest) -> Result<Vec<String>> {
     let run = manifest.identity_hash(Purpose::Keep)?;
-    let identity = |record: &svl_data::manifest::AlgorithmRecord| {
+    let identity = |record: &svl_score::manifest::AlgorithmRecord| {
         hash(&format!("{run} {}:{}", record.name, record.parameters_hash))
     };
     Ok(manifest.algorithms.iter().map(identity).collect())

@@ -9,15 +9,15 @@ use std::str::FromStr;
 pub struct Shard {
     /// From 1.
     pub number: usize,
-    pub of: usize,
+    pub count: usize,
 }
 
 impl Shard {
-    const MAX: usize = 10_000;
+    const MAX_SHARDS: usize = 10_000;
 
     /// True if the unit at that index is in this shard: units are dealt out in turn.
     pub fn takes(self, unit: usize) -> bool {
-        unit % self.of == self.number - 1
+        unit % self.count == self.number - 1
     }
 }
 
@@ -28,12 +28,14 @@ impl FromStr for Shard {
         let numbers = text.split_once('/');
         let numbers = numbers.and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
         match numbers {
-            Some((number, of)) if (1..=Self::MAX).contains(&of) && (1..=of).contains(&number) => {
-                Ok(Self { number, of })
+            Some((number, count))
+                if (1..=Self::MAX_SHARDS).contains(&count) && (1..=count).contains(&number) =>
+            {
+                Ok(Self { number, count })
             }
             _ => Err(format!(
                 "expected I/N, I from 1 to N, as 3/16; N at most {}",
-                Self::MAX
+                Self::MAX_SHARDS
             )),
         }
     }
@@ -55,7 +57,7 @@ impl From<Shard> for String {
 
 impl std::fmt::Display for Shard {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}/{}", self.number, self.of)
+        write!(f, "{}/{}", self.number, self.count)
     }
 }
 
@@ -65,9 +67,9 @@ mod tests {
 
     #[test]
     fn every_unit_is_in_one_shard() {
-        for of in [1, 3, 16] {
+        for count in [1, 3, 16] {
             for unit in 0..100 {
-                let shards = (1..=of).map(|number| Shard { number, of });
+                let shards = (1..=count).map(|number| Shard { number, count });
                 assert_eq!(shards.filter(|shard| shard.takes(unit)).count(), 1);
             }
         }
@@ -75,7 +77,13 @@ mod tests {
 
     #[test]
     fn shards_are_written_from_one() {
-        assert_eq!("3/16".parse(), Ok(Shard { number: 3, of: 16 }));
+        assert_eq!(
+            "3/16".parse(),
+            Ok(Shard {
+                number: 3,
+                count: 16
+            })
+        );
         for wrong in ["0/4", "5/4", "1/0", "1", "a/b", "1/99999", "-1/4"] {
             assert!(wrong.parse::<Shard>().is_err(), "{wrong}");
         }

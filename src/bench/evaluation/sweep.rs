@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn a_range_is_so_many_ordinary_algorithms() {
+    fn a_range_expands_to_algorithms() {
         assert_eq!(labels("v3").unwrap(), ["v3"]);
         assert_eq!(
             labels("bm:uniqueness=0..25/10").unwrap(),

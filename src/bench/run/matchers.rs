@@ -1,12 +1,12 @@
 //! The algorithms of a run, each with its memory.
 
 use std::collections::VecDeque;
-use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher, PairMemory};
-use svl_core::stereo::{DisparityMap, Frame, RectifiedPair, Rig};
+use svl_core::matcher::{Algorithm, MatchContext, MatchOutput, Matcher};
+use svl_core::stereo::{DisparityMap, RectifiedPair, Rig};
 use svl_core::timing::StageTimes;
 use svl_core::{Error, Result};
-use svl_data::manifest::Manifest;
-use svl_data::memory::{self, MemoryUse};
+use svl_score::manifest::Manifest;
+use svl_score::memory::{self, MemoryUse};
 
 /// The algorithms of a run, ready to match.
 pub struct Matchers(pub(super) Vec<RunMatcher>);
@@ -19,8 +19,6 @@ pub(super) struct RunMatcher {
     failed_pairs: u64,
     failure: Option<String>,
     is_failing: bool,
-    /// Place in the run of the pair that it matched last.
-    last: Option<u64>,
     /// Maps that the sinks no longer need.
     spent: Vec<DisparityMap>,
     memory: Option<MemoryUse>,
@@ -28,8 +26,6 @@ pub(super) struct RunMatcher {
     pub(super) max_disparity: Option<i32>,
     /// True if the user was warned of the range.
     warned_of_range: bool,
-    /// True if the user was warned that it remembers nothing.
-    warned_of_poses: bool,
     /// The size of images that it has memory for, once it was measured.
     pub(super) warm_for: Option<(usize, usize)>,
     /// Results of the next pairs, where it matches several at once.
@@ -49,13 +45,11 @@ impl RunMatcher {
             failed_pairs: 0,
             failure: None,
             is_failing: false,
-            last: None,
             spent: Vec::new(),
             memory: None,
             max_disparity: algorithm.max_disparity(),
             // Obstacles beyond the range are not missed behind a filter that says "too close".
             warned_of_range: !algorithm.filters().is_empty(),
-            warned_of_poses: false,
             warm_for: None,
             ahead: VecDeque::new(),
         })
@@ -126,7 +120,7 @@ impl Matchers {
     /// Those whose results depend on all earlier pairs of a run.
     pub fn with_run_memory(&self) -> impl Iterator<Item = &str> {
         let entries = self.0.iter();
-        let entries = entries.filter(|entry| entry.matcher.memory() == PairMemory::Run);
+        let entries = entries.filter(|entry| entry.matcher.has_run_memory());
         entries.map(|entry| entry.label.as_str())
     }
 
@@ -214,49 +208,11 @@ impl RunMatcher {
         is_first.then_some(nearest_m)
     }
 
-    /// Warns once if its memory needs poses, and this pair has none.
-    pub(super) fn check(&mut self, frame: &Frame) {
-        let lacks_pose = self.matcher.needs_poses() && frame.pose.is_none();
-        if lacks_pose && !std::mem::replace(&mut self.warned_of_poses, true) {
-            let label = &self.label;
-            tracing::warn!("{label}: the pairs have no poses, so it remembers nothing of them");
-        }
-    }
-
     /// A run begins.
     pub(super) fn begin_run(&mut self) {
         // Pairs of a run that was interrupted.
         self.ahead.clear();
-        self.last = None;
         self.matcher.reset();
-    }
-
-    /// The use of its result of the pair at `place` in the run. `is_wanted`: whether the result of
-    /// a pair is asked for.
-    pub(super) fn need(&self, place: u64, is_wanted: impl Fn(u64) -> bool) -> Need {
-        let later = match self.matcher.memory() {
-            // Of a run with `PairMemory::Run` all results are asked for, or none.
-            PairMemory::None | PairMemory::Run => 0,
-            PairMemory::Pairs(pairs) => pairs,
-        };
-        if is_wanted(place) {
-            Need::Count
-        } else if (1..=later).any(|after| is_wanted(place + after)) {
-            Need::Remember
-        } else {
-            Need::Skip
-        }
-    }
-
-    /// Forgets the pairs before unless the one directly before was matched.
-    pub(super) fn begin_pair(&mut self, place: u64) {
-        if self
-            .last
-            .replace(place)
-            .is_some_and(|last| last + 1 != place)
-        {
-            self.matcher.reset();
-        }
     }
 
     /// Notes that it has an estimate of a pair.
@@ -320,16 +276,6 @@ pub(super) fn add(outputs: &mut Result<Vec<MatchOutput>>, output: Result<MatchOu
             Err(error) => *outputs = Err(error),
         }
     }
-}
-
-/// The use of an algorithm's result of a pair.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Need {
-    /// The result counts.
-    Count,
-    /// Later results depend on the pair.
-    Remember,
-    Skip,
 }
 
 /// The output of an algorithm for a frame.

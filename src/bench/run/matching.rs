@@ -1,14 +1,14 @@
 //! Between source and sinks: a frame through the algorithms, then through the judge.
 
-use super::matchers::{Matched, Matchers, Need, RunMatcher, add};
+use super::matchers::{Matched, Matchers, RunMatcher, add};
 use super::{Monitor, Pace};
 use crate::sink::{RunStart, Wanted};
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
-use svl_core::matcher::MatchContext;
+use svl_core::matcher::{MatchContext, MatchOutput};
 use svl_core::stereo::{Estimate, Frame, RectifiedPair, Rig};
 use svl_core::{Error, Result, depth};
-use svl_data::score::{Judge, Judged, MatchFailure};
+use svl_score::judge::{Judge, Judged, MatchFailure};
 
 /// The outputs of all algorithms for a frame.
 #[derive(Default)]
@@ -18,7 +18,7 @@ pub(super) struct MatchedFrame {
 }
 
 /// Completes the estimates of a frame with their grids and scores them.
-pub(super) fn judged(judge: &Judge, frame: Frame, of_frame: MatchedFrame) -> Judged {
+pub(super) fn judged(judge: &Judge, frame: Frame, matches: MatchedFrame) -> Judged {
     let estimate = |matched: Matched| {
         let Matched {
             algorithm,
@@ -42,9 +42,9 @@ pub(super) fn judged(judge: &Judge, frame: Frame, of_frame: MatchedFrame) -> Jud
             times,
         }
     };
-    let estimates = of_frame.matched.into_iter().map(estimate).collect();
+    let estimates = matches.matched.into_iter().map(estimate).collect();
     let mut judged = judge.judge(frame, estimates);
-    judged.failures = of_frame.failures;
+    judged.failures = matches.failures;
     judged
 }
 
@@ -98,66 +98,36 @@ impl<'a> Matching<'a> {
         self.rounds.is_some()
     }
 
-    /// The use of each algorithm's result of the pair at `place`.
-    fn needs(&self, place: u64) -> Vec<Need> {
-        let need = |entry: &RunMatcher| match self.wanted {
-            None => Need::Count,
-            Some(wanted) => entry.need(place, |place| wanted.wants(place, &entry.label)),
-        };
-        self.matchers.0.iter().map(need).collect()
-    }
-
     pub(super) fn matched(&mut self, frame: &Frame) -> Result<MatchedFrame> {
         self.pacer.wait_for(frame);
-        let needs = self.needs(self.place);
-        let place = self.place;
+        let (wanted, place) = (self.wanted, self.place);
         self.place += 1;
-        if needs.iter().all(|need| *need == Need::Skip) {
+        let entries = self.matchers.0.iter_mut();
+        let mut matching: Vec<_> = entries
+            .filter(|entry| is_wanted(wanted, place, entry))
+            .collect();
+        if matching.is_empty() {
             // A recording of raw pairs needs no rectified ones.
             return Ok(MatchedFrame::default());
         }
         let pair = frame.rectified()?;
-        let context = MatchContext::of(frame, self.judge.grid, self.judge.cells);
-        let entries = self.matchers.0.iter_mut().zip(&needs);
-        let mut matching: Vec<_> = entries.filter(|(_, need)| **need != Need::Skip).collect();
-        for (entry, _) in &mut matching {
-            entry.check(frame);
-            entry.begin_pair(place);
-        }
+        let context = MatchContext::for_frame(frame, self.judge.grid, self.judge.cells);
         if self.rounds.is_some() {
-            let entries = matching.iter_mut().map(|(entry, _)| &mut **entry);
-            warm_up(entries, frame, pair, &context);
+            warm_up(&mut matching, frame, pair, &context);
         }
-        // In turns, so that a slow moment of the machine affects all algorithms.
-        let mut rounds: Vec<_> = matching.iter().map(|_| Ok(Vec::new())).collect();
-        for _ in 0..self.rounds.unwrap_or(1) {
-            for ((entry, _), outputs) in matching.iter_mut().zip(&mut rounds) {
-                if entry.ahead.is_empty() && outputs.is_ok() {
-                    add(outputs, entry.compute(pair, &context));
-                }
-            }
-        }
-        for ((entry, _), outputs) in matching.iter_mut().zip(&mut rounds) {
-            if let Some(ahead) = entry.ahead.pop_front() {
-                *outputs = ahead;
-            }
-        }
+        let rounds = in_rounds(&mut matching, pair, &context, self.rounds.unwrap_or(1));
         if rounds
             .iter()
             .any(|outputs| matches!(outputs, Err(Error::Interrupted)))
         {
             return Err(Error::Interrupted);
         }
-        let mut of_frame = MatchedFrame::default();
-        for ((entry, need), outputs) in matching.into_iter().zip(rounds) {
-            let output = outputs.and_then(|outputs| entry.median(outputs));
-            if *need == Need::Remember {
-                continue;
-            }
-            match output {
+        let mut matches = MatchedFrame::default();
+        for (entry, outputs) in matching.into_iter().zip(rounds) {
+            match outputs.and_then(|outputs| entry.median(outputs)) {
                 Ok(output) => {
                     entry.succeeded();
-                    of_frame.matched.push(Matched {
+                    matches.matched.push(Matched {
                         algorithm: entry.label.clone(),
                         range_px: entry.max_disparity.map(f64::from),
                         times: output.clock.times(),
@@ -172,11 +142,11 @@ impl<'a> Matching<'a> {
                     if is_news {
                         self.monitor.failed(&failure.words(frame.sequence));
                     }
-                    of_frame.failures.push(failure);
+                    matches.failures.push(failure);
                 }
             }
         }
-        Ok(of_frame)
+        Ok(matches)
     }
 
     /// Matches a frame and those that wait behind it by the algorithms that take several pairs at
@@ -190,12 +160,12 @@ impl<'a> Matching<'a> {
                 continue;
             }
             let frames = std::iter::once(frame).chain(waiting).zip(self.place..);
-            let is_next = |(_, place): &(&Frame, u64)| self.needs(*place)[i] == Need::Count;
+            let is_next = |(_, place): &(&Frame, u64)| is_wanted(self.wanted, *place, entry);
             let pairs = frames
                 .take_while(is_next)
                 .take(batch)
                 .map_while(|(frame, _)| {
-                    let context = MatchContext::of(frame, self.judge.grid, self.judge.cells);
+                    let context = MatchContext::for_frame(frame, self.judge.grid, self.judge.cells);
                     let pair = frame.rectified().ok();
                     pair.filter(|pair| pair.size() == size)
                         .map(|pair| (pair, context))
@@ -210,6 +180,11 @@ impl<'a> Matching<'a> {
         self.interrupted = !self.monitor.go_on(self.frames);
         !self.interrupted
     }
+}
+
+/// True if the result of an algorithm of the pair at `place` is asked for.
+fn is_wanted(wanted: Option<&dyn Wanted>, place: u64, entry: &RunMatcher) -> bool {
+    wanted.is_none_or(|wanted| wanted.wants(place, &entry.label))
 }
 
 struct Pacer {
@@ -229,10 +204,34 @@ impl Pacer {
     }
 }
 
+/// The outputs of each algorithm, of all rounds or ahead.
+fn in_rounds(
+    matching: &mut [&mut RunMatcher],
+    pair: RectifiedPair<'_>,
+    context: &MatchContext<'_>,
+    rounds: usize,
+) -> Vec<Result<Vec<MatchOutput>>> {
+    // In turns, so that a slow moment of the machine affects all algorithms.
+    let mut all: Vec<_> = matching.iter().map(|_| Ok(Vec::new())).collect();
+    for _ in 0..rounds {
+        for (entry, outputs) in matching.iter_mut().zip(&mut all) {
+            if entry.ahead.is_empty() && outputs.is_ok() {
+                add(outputs, entry.compute(pair, context));
+            }
+        }
+    }
+    for (entry, outputs) in matching.iter_mut().zip(&mut all) {
+        if let Some(ahead) = entry.ahead.pop_front() {
+            *outputs = ahead;
+        }
+    }
+    all
+}
+
 /// Sets up the memory of algorithms for the size of a pair, and warns of those whose range ends
 /// before obstacles do.
-fn warm_up<'a>(
-    entries: impl Iterator<Item = &'a mut RunMatcher>,
+fn warm_up(
+    entries: &mut [&mut RunMatcher],
     frame: &Frame,
     pair: RectifiedPair<'_>,
     context: &MatchContext<'_>,

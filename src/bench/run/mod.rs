@@ -19,8 +19,8 @@ use matching::Matching;
 use std::collections::BTreeMap;
 use svl_core::stereo::Losses;
 use svl_core::{Error, Result};
-use svl_data::losses::{FailedPairs, Missing};
-use svl_data::plausibility::MeasuredScales;
+use svl_score::losses::{FailedPairs, Missing};
+use svl_score::plausibility::MeasuredScales;
 use threads::{TakenFrames, in_batches, in_turn, side_by_side};
 
 /// Watches a run and may end it.
@@ -84,14 +84,14 @@ pub struct Outcome {
 impl Outcome {
     /// Number of pairs that are missing, and of all.
     pub fn missing(&self) -> Missing {
-        let of = |(label, &failed): (&String, &u64)| {
+        let failed_pairs = |(label, &failed): (&String, &u64)| {
             let pairs = self.frames;
             (label.clone(), FailedPairs { pairs, failed })
         };
         Missing {
             pairs: self.frames,
             losses: self.losses.clone(),
-            algorithms: self.failures.iter().map(of).collect(),
+            algorithms: self.failures.iter().map(failed_pairs).collect(),
             doubts: self.scales.doubt().into_iter().collect(),
         }
     }

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use svl_core::matcher::{MatchContext, MatchOutput, Matcher};
 use svl_core::stereo::{ExtraPlanes, Frame, Geometry, Gray, RectifiedPair, StereoPair};
-use svl_data::manifest::Manifest;
-use svl_data::score::{Judge, Judged, MatchFailure};
+use svl_score::judge::{Judge, Judged, MatchFailure};
+use svl_score::manifest::Manifest;
 
 /// That many frames, then an error.
 struct Failing {
@@ -185,7 +185,7 @@ fn memory_is_set_up_once_for_a_size_in_all_runs() {
     assert_eq!((run(&mut matchers), run(&mut matchers)), (3, 2));
     // One that replaces another has to be set up; none that was away meanwhile has.
     matchers.replace(&algorithms[1]).unwrap();
-    let is_warm = |matchers: &Matchers| matchers.0.iter().all(|of| of.warm_for.is_some());
+    let is_warm = |matchers: &Matchers| matchers.0.iter().all(|matcher| matcher.warm_for.is_some());
     assert!(!is_warm(&matchers));
     let counted = matchers.take(&[algorithms[0].label()]);
     assert_eq!(run(&mut matchers), 0);
@@ -299,7 +299,7 @@ impl Matcher for Several {
 }
 
 #[test]
-fn of_several_pairs_each_has_its_own_outputs() {
+fn each_pair_has_its_own_outputs() {
     let mut entry = RunMatcher::new(&"v3".parse().unwrap()).unwrap();
     entry.matcher = Box::new(Several(VecDeque::new()));
     let image = Gray::filled(4, 2, 0).unwrap();

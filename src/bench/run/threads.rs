@@ -4,14 +4,14 @@ use super::matchers::Spent;
 use super::matching::{MatchedFrame, Matching, judged};
 use crate::sink::Sink;
 use crate::source::Source;
+use parking_lot::Mutex;
 use std::collections::VecDeque;
 use std::sync::mpsc::{channel, sync_channel};
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use svl_core::Result;
 use svl_core::stereo::Frame;
-use svl_data::plausibility::TruthScales;
-use svl_data::score::{Judge, Judged};
+use svl_score::judge::{Judge, Judged};
+use svl_score::plausibility::TruthScales;
 
 /// Runs everything in the calling thread, frame by frame.
 pub(super) fn in_turn(
@@ -36,7 +36,7 @@ pub(super) fn in_turn(
 }
 
 /// Number of frames that may wait between two threads: enough to absorb a single slow frame.
-const BETWEEN: usize = 2;
+const MAX_QUEUED_FRAMES: usize = 2;
 
 /// Reads, matches, and scores with the sinks, in a thread each.
 pub(super) fn side_by_side(
@@ -46,7 +46,7 @@ pub(super) fn side_by_side(
     taken: &mut TakenFrames,
 ) -> Result<()> {
     std::thread::scope(|scope| {
-        let (read, frames) = sync_channel(BETWEEN);
+        let (read, frames) = sync_channel(MAX_QUEUED_FRAMES);
         let reading = move || {
             // Ends with the source, with its first error, or when the receiver is gone.
             while let Some(next) = source.next().transpose() {
@@ -58,7 +58,7 @@ pub(super) fn side_by_side(
         };
         scope.spawn(|| in_own_pool(reading));
         let judge = matching.judge;
-        let (send, received) = sync_channel::<(Frame, MatchedFrame)>(BETWEEN);
+        let (send, received) = sync_channel::<(Frame, MatchedFrame)>(MAX_QUEUED_FRAMES);
         let (give_back, given_back) = channel();
         let push_all = move || {
             for (frame, matched) in received {
@@ -97,11 +97,31 @@ pub(super) fn side_by_side(
 }
 
 /// Limits of a batch of a measured run: frames,
-const BATCH_FRAMES: usize = 32;
+const MAX_BATCH_FRAMES: usize = 32;
 /// bytes of frames and maps,
-const BATCH_BYTES: usize = 256 << 20;
+const MAX_BATCH_BYTES: usize = 256 << 20;
 /// and the time to match it, so that a slow program's results are written soon.
-const BATCH_TIME: Duration = Duration::from_secs(1);
+const MAX_BATCH_TIME: Duration = Duration::from_secs(1);
+
+/// Matches waiting frames, for a time. The result is false if the user ended it.
+fn match_batch(
+    matching: &mut Matching<'_>,
+    waiting: &mut Waiting,
+) -> (Vec<(Frame, MatchedFrame)>, Result<bool>) {
+    let (mut matched, mut ran) = (Vec::new(), Ok(true));
+    let began = Instant::now();
+    while matches!(ran, Ok(true)) && began.elapsed() < MAX_BATCH_TIME {
+        let Some(frame) = waiting.frames.pop_front() else {
+            break;
+        };
+        matching.match_ahead(&frame, &waiting.frames);
+        ran = matching.matched(&frame).map(|estimates| {
+            matched.push((frame, estimates));
+            matching.go_on()
+        });
+    }
+    (matched, ran)
+}
 
 /// Batches are matched while nothing else runs; then one is read while the sinks take the last.
 pub(super) fn in_batches(
@@ -114,24 +134,13 @@ pub(super) fn in_batches(
     let mut waiting = Waiting::new(matching.matchers.0.len());
     in_own_pool(|| waiting.fill(source));
     loop {
-        let (mut matched, mut ran) = (Vec::new(), Ok(true));
-        let began = Instant::now();
-        while matches!(ran, Ok(true)) && began.elapsed() < BATCH_TIME {
-            let Some(frame) = waiting.frames.pop_front() else {
-                break;
-            };
-            matching.match_ahead(&frame, &waiting.frames);
-            ran = matching.matched(&frame).map(|estimates| {
-                matched.push((frame, estimates));
-                matching.go_on()
-            });
-        }
+        let (matched, ran) = match_batch(matching, &mut waiting);
         let goes_on = matches!(ran, Ok(true));
         let pushed = std::thread::scope(|scope| {
             if goes_on {
                 scope.spawn(|| in_own_pool(|| waiting.fill(source)));
             }
-            let (send, received) = sync_channel(BETWEEN);
+            let (send, received) = sync_channel(MAX_QUEUED_FRAMES);
             let judging = move || {
                 let mut judging = matched.into_iter();
                 // Ends early when a sink failed.
@@ -191,7 +200,7 @@ impl Waiting {
             width * height * (9 + 6 * self.algorithms)
         };
         let mut held: usize = self.frames.iter().map(bytes).sum();
-        while self.end.is_none() && self.frames.len() < BATCH_FRAMES && held < BATCH_BYTES {
+        while self.end.is_none() && self.frames.len() < MAX_BATCH_FRAMES && held < MAX_BATCH_BYTES {
             match source.next() {
                 Ok(Some(frame)) => {
                     held += bytes(&frame);
@@ -208,7 +217,7 @@ impl Waiting {
 /// kept for later work: rayon never frees one that is the thread that made it.
 fn in_own_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     static IDLE: Mutex<Vec<rayon::ThreadPool>> = Mutex::new(Vec::new());
-    let idle = || IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+    let idle = || IDLE.lock();
     let kept = idle().pop();
     let pool = kept.unwrap_or_else(|| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();

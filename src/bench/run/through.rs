@@ -5,8 +5,8 @@ use crate::sink::{CollectSink, RunStart, Sink, finish};
 use crate::source::{AlignmentMonitor, AssumeRectified, Source};
 use svl_core::stereo::Losses;
 use svl_core::{Error, Result, counted, interrupt};
-use svl_data::losses::{LossLimit, Missing, RunEnding, RunState};
-use svl_data::score::Judged;
+use svl_score::judge::Judged;
+use svl_score::losses::{LossLimit, Missing, RunEnding, RunState};
 
 /// Runs a source through the algorithms, watched by `monitor`, and warns of what is in no frame.
 /// The outcome holds also for a run that failed.

@@ -2,7 +2,7 @@
 
 use super::{Outbox, Sink};
 use svl_core::Result;
-use svl_data::score::Judged;
+use svl_score::judge::Judged;
 
 /// A sink that keeps what a function returns for each frame.
 ///

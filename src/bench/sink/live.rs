@@ -1,14 +1,15 @@
 //! Results of the algorithms so far, below the progress bar of `svl score`.
 
 use super::Sink;
+use parking_lot::{Mutex, MutexGuard};
 use std::fmt::Write;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 use svl_core::Result;
-use svl_data::score::{Judged, Metric, MetricValues};
+use svl_score::judge::{Judged, Metric, MetricValues};
 
-/// Most algorithms that are shown.
-const SHOWN: usize = 12;
+/// Largest number of algorithms that are shown.
+const MAX_SHOWN: usize = 12;
 
 /// A sink that sums up results, and shows them as text. Clones share them.
 #[derive(Clone, Default)]
@@ -24,20 +25,20 @@ struct LiveLine {
 impl LiveTable {
     fn lines(&self) -> MutexGuard<'_, Vec<LiveLine>> {
         // Consistent after a panic elsewhere, too: lines are changed at once.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 
     /// A line per algorithm, each after a line break.
     pub fn text(&self) -> String {
         let lines = self.lines();
         let names = lines.iter().map(|line| line.algorithm.chars().count());
-        let width = names.take(SHOWN).max().unwrap_or(0).min(40);
+        let width = names.take(MAX_SHOWN).max().unwrap_or(0).min(40);
         let mut text = String::new();
-        for line in lines.iter().take(SHOWN) {
+        for line in lines.iter().take(MAX_SHOWN) {
             let name: String = line.algorithm.chars().take(width).collect();
             let _ = write!(text, "\n{name:<width$}{}", line.words());
         }
-        if let Some(more) = lines.len().checked_sub(SHOWN).filter(|more| *more > 0) {
+        if let Some(more) = lines.len().checked_sub(MAX_SHOWN).filter(|more| *more > 0) {
             let _ = write!(text, "\nand {more} more");
         }
         text
@@ -93,7 +94,7 @@ impl Sink for LiveTable {
             line.time += scored.estimate.times.total();
             let before = line.sums;
             line.sums = MetricValues::from_fn(|metric| {
-                let [sum, value] = [&before, &scored.metrics].map(|of| of.get(metric.name));
+                let [sum, value] = [&before, &scored.metrics].map(|values| values.get(metric.name));
                 match (sum, value) {
                     (Some(sum), Some(value)) => Some(sum + value),
                     (one, None) | (None, one) => one,

@@ -21,15 +21,16 @@ pub use viewer::{
     BoardView, CellNote, RerunDetail, RerunTarget, RunInfo, StepView, Verdicts, Viewer,
 };
 
-use crate::report::units::{ReportPlan, Units};
-use crate::report::{Row, checkpoint_results};
+use parking_lot::{Mutex, MutexGuard};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use svl_core::Result;
 use svl_core::stereo::Losses;
-use svl_data::manifest::Manifest;
-use svl_data::recording::{ResultOptions, StoredResults, Writer};
-use svl_data::score::{Judge, Judged};
+use svl_recording::{ResultOptions, StoredResults, Writer};
+use svl_report::units::{ReportPlan, Units};
+use svl_report::{Row, checkpoint_results};
+use svl_score::judge::{Judge, Judged};
+use svl_score::manifest::Manifest;
 
 /// The runs for Rerun in the folder of a report, a file per session, in their order.
 pub fn report_runs(folder: &Path) -> Vec<PathBuf> {
@@ -88,7 +89,8 @@ pub trait Sink: Send {
 
 /// The results of a run that are asked for.
 pub trait Wanted: Sync {
-    /// True for the result of an algorithm of the pair at `place`, counted from 0.
+    /// True for the result of an algorithm of the pair at `place`, counted from 0. Where results
+    /// depend on all earlier pairs, all of a run are asked for, or none.
     fn wants(&self, place: u64, algorithm: &str) -> bool;
 }
 
@@ -203,7 +205,7 @@ impl Sinks {
                 sinks.push(Box::new(table.with_newest(request.newest_rows)));
             }
             Some(report) => {
-                let units = Units::of_report(report.folder);
+                let units = Units::for_report(report.folder);
                 sinks.push(Box::new(UnitSink::new(&units, report.plan, report.session)));
             }
         }
@@ -326,7 +328,7 @@ impl<T> Outbox<T> {
     }
 
     fn lock(&self) -> MutexGuard<'_, T> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 }
 

@@ -2,22 +2,22 @@
 
 use super::RunStart;
 use super::table::RunIdentity;
-use crate::report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
-use crate::report::shots::{MAX_SAMPLES, MAX_SCENES, stride};
-use crate::report::units::{BlockPictures, CheckpointShot};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use svl_core::Result;
 use svl_core::stereo::{CellRule, DepthGrid, Frame, Plane};
-use svl_data::files;
-use svl_data::overlay::{self, Nearness, Picture};
-use svl_data::score::{Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate};
+use svl_files as files;
+use svl_files::overlay::{self, Nearness, Picture};
+use svl_report::html::{CheckpointFigure, FrameShot, Rank, SceneFigure, SceneResult};
+use svl_report::shots::{MAX_SAMPLES, MAX_SCENES, stride};
+use svl_report::units::{BlockPictures, CheckpointShot};
+use svl_score::judge::{Checkpoint, CheckpointFrame, CheckpointTally, Judged, JudgedEstimate};
 
-/// Widest picture of a frame, pixels: as wide as the arena's.
-const WIDTH: usize = 320;
-/// Widest picture of a scene: nineteen scenes through eight algorithms are a page of 3.3 MB. The
-/// page shows it two thirds as wide.
-const SCENE_WIDTH: usize = 200;
+/// Largest width of a frame's picture, pixels: that of the arena's.
+const MAX_WIDTH: usize = 320;
+/// Largest width of a scene's picture: nineteen scenes through eight algorithms are a page of
+/// 3.3 MB. The page shows it two thirds as wide.
+const MAX_SCENE_WIDTH: usize = 200;
 
 /// The pictures of a block: the best and the worst frame of each checkpoint (thesis, figure 7.3),
 /// or frames spread over a recording, or the scenes of a data set.
@@ -176,7 +176,7 @@ impl BlockShots {
             let (grid, checkpoint) = (&scored.estimate.grid, &self.checkpoints[c]);
             let left = match &self.left {
                 Some((own, left)) if *own == place => left.clone(),
-                _ => left(&judged.frame, WIDTH)?,
+                _ => left(&judged.frame, MAX_WIDTH)?,
             };
             self.left = Some((place, left.clone()));
             let RawShot { shot: raw, preview } = raw_shot(identity, judged, scored, left);
@@ -223,13 +223,13 @@ fn scene(
     shown: &[&JudgedEstimate],
 ) -> Result<SceneFigure> {
     let frame = &judged.frame;
-    let max_px = Nearness::of_frame(frame).near_px();
+    let max_px = Nearness::for_frame(frame).near_px();
     let disparities =
-        |plane: &Plane<f32>| png(overlay::disparities(plane, max_px as f32), SCENE_WIDTH);
+        |plane: &Plane<f32>| png(overlay::disparities(plane, max_px as f32), MAX_SCENE_WIDTH);
     let truth = frame.truth.as_ref();
     let shot = |scored: &&JudgedEstimate| {
         let map = &scored.estimate.disparity;
-        let errors = truth.map(|truth| png(overlay::errors::errors(map, truth), SCENE_WIDTH));
+        let errors = truth.map(|truth| png(overlay::errors::errors(map, truth), MAX_SCENE_WIDTH));
         Ok(SceneResult {
             row: identity.row(judged, scored),
             disparities: disparities(map.disparity())?,
@@ -240,7 +240,7 @@ fn scene(
     Ok(SceneFigure {
         title: name.to_owned(),
         size: frame.pair.size(),
-        left: left(frame, SCENE_WIDTH)?,
+        left: left(frame, MAX_SCENE_WIDTH)?,
         max_px,
         truth: truth.transpose()?,
         shots: shown.iter().map(shot).collect::<Result<_>>()?,
@@ -256,7 +256,7 @@ pub(crate) fn frame_shot(
     judged: &Judged,
     scored: &JudgedEstimate,
 ) -> Result<FrameShot> {
-    raw_shot(identity, judged, scored, left(&judged.frame, WIDTH)?).encoded()
+    raw_shot(identity, judged, scored, left(&judged.frame, MAX_WIDTH)?).encoded()
 }
 
 /// As [`frame_shot`], with the left image, encoded.
@@ -268,7 +268,7 @@ fn raw_shot(
 ) -> RawShot {
     let (frame, estimate) = (&judged.frame, &scored.estimate);
     let size = frame.pair.size();
-    let nearness = Nearness::of_frame(frame);
+    let nearness = Nearness::for_frame(frame);
     let marks = |grid: &DepthGrid| overlay::marks(grid, size, nearness);
     let preview = overlay::disparities(estimate.disparity.disparity(), nearness.near_px() as f32);
     let shot = FrameShot {
@@ -285,7 +285,7 @@ fn raw_shot(
     };
     RawShot {
         shot,
-        preview: preview.at_most(WIDTH),
+        preview: preview.at_most(MAX_WIDTH),
     }
 }
 

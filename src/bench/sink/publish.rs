@@ -2,17 +2,18 @@
 //! second.
 
 use super::{RunEnd, RunStart, Sink};
-use crate::dds::{Address, Domain, TopicOutbox};
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 use svl_core::{Error, Result, counted};
-use svl_data::recording::{
+use svl_live::dds::{Address, Domain, TopicOutbox};
+use svl_recording::{
     LiveTopic, PairResult, ResultMessage, ResultOptions, diagnostics, result_messages,
     scan_transform,
 };
-use svl_data::score::Judged;
+use svl_score::judge::Judged;
 
 /// Interval of the status.
 const STATUS_EVERY: Duration = Duration::from_secs(1);
@@ -87,8 +88,8 @@ impl PublishSink {
             publication.send(transform)?;
         }
         let state = Arc::new(Mutex::new(publication));
-        let of_thread = Arc::clone(&state);
-        let status = std::thread::spawn(move || report_until_ended(&of_thread));
+        let shared = Arc::clone(&state);
+        let status = std::thread::spawn(move || report_until_ended(&shared));
         Ok(Self {
             state,
             status: Some(status),
@@ -101,7 +102,7 @@ impl PublishSink {
 }
 
 fn lock(state: &Mutex<Publication>) -> MutexGuard<'_, Publication> {
-    state.lock().unwrap_or_else(PoisonError::into_inner)
+    state.lock()
 }
 
 /// Sends a status once a second.
@@ -154,10 +155,10 @@ impl Publication {
         let interval = std::mem::take(&mut self.interval);
         let seconds = self.since.elapsed().as_secs_f64();
         self.since = Instant::now();
-        let of_pairs = |sum: f64| sum / f64::from(interval.pairs.max(1));
+        let per_pair = |sum: f64| sum / f64::from(interval.pairs.max(1));
         let ms = |time: Duration| format!("{:.1}", time.as_secs_f64() * 1e3);
         let rate = format!("{:.1}", f64::from(interval.pairs) / seconds);
-        let known = format!("{:.0}", 100.0 * of_pairs(interval.cells));
+        let known = format!("{:.0}", 100.0 * per_pair(interval.cells));
         let values = [
             ("pairs per second", rate.clone()),
             ("matching ms", ms(interval.matching / interval.pairs.max(1))),

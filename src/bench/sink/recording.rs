@@ -2,8 +2,8 @@
 
 use super::{RunEnd, Sink};
 use svl_core::{Result, counted};
-use svl_data::recording::{GRABBER, PairResult, StoredResults, Writer};
-use svl_data::score::Judged;
+use svl_recording::{GRABBER, PairResult, StoredResults, Writer};
+use svl_score::judge::Judged;
 
 /// A recording as a sink: the pairs of the source, and beside them every algorithm's disparities.
 pub struct RecordingSink {
@@ -37,7 +37,7 @@ impl Sink for RecordingSink {
             return Ok(());
         };
         let pair_hash = format!("{:032x}", judged.pair_hash());
-        for result in stored.of_pair(frame.sequence)? {
+        for result in stored.pair_results(frame.sequence)? {
             if result.result.pair_hash == pair_hash {
                 self.writer.write_result(frame, &result)?;
             } else {

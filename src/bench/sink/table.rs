@@ -1,13 +1,13 @@
 //! Rows of the tables: one per pair and algorithm, one per cell.
 
 use super::{Outbox, RunStart, Sink};
-use crate::report::{CellRow, FailureRow, Row, TableWriter, hash_words};
 use std::path::Path;
 use std::time::Duration;
 use svl_core::Result;
 use svl_core::timing::Stage;
-use svl_data::manifest::AlgorithmRecord;
-use svl_data::score::{CellJudgement, Judged, JudgedEstimate, MatchFailure};
+use svl_report::{CellRow, FailureRow, Row, TableWriter, hash_words};
+use svl_score::judge::{CellJudgement, Judged, JudgedEstimate, MatchFailure};
+use svl_score::manifest::AlgorithmRecord;
 
 /// Rows that are removed at once.
 const TRIMMED: usize = 500;

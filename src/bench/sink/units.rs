@@ -3,12 +3,12 @@
 use super::pictures::BlockShots;
 use super::table::RunIdentity;
 use super::{RunEnd, RunStart, Sink};
-use crate::report::units::{BLOCK, BlockWriter, ReportPlan, ReportRun, SealedPair, Units};
-use crate::report::{FrameRow, hash_words};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use svl_core::Result;
-use svl_data::score::{Checkpoint, Judged};
+use svl_report::units::{BLOCK, BlockWriter, ReportPlan, ReportRun, SealedPair, Units};
+use svl_report::{FrameRow, hash_words};
+use svl_score::judge::{Checkpoint, Judged};
 
 /// Writes the results of a run.
 pub struct UnitSink {
@@ -31,8 +31,8 @@ impl UnitSink {
         let pictured = plan.pictured();
         let labels = plan.manifest.labels().zip(&plan.identities);
         let algorithm = |(label, identity): (&str, &String)| {
-            let of = (identity.clone(), pictured.contains(&label));
-            (label.to_owned(), of)
+            let facts = (identity.clone(), pictured.contains(&label));
+            (label.to_owned(), facts)
         };
         Self {
             units: units.clone(),

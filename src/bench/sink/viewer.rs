@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use svl_core::stereo::{Frame, GridShape, StereoPair};
 use svl_core::{Error, Result};
-use svl_data::arena::WireObject;
-use svl_data::manifest::Manifest;
+use svl_score::manifest::Manifest;
+use svl_sim::arena::WireObject;
 
 /// A viewer that svl can write to.
 pub trait Viewer: Sync {
@@ -234,7 +234,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn targets_are_told_apart() {
+    fn targets_are_distinguished() {
         let url = |text: &str| Ok(RerunTarget::Url(text.to_owned()));
         let parse = |text: &str| text.parse::<RerunTarget>().map_err(|e| e.to_string());
         assert_eq!(parse("spawn"), Ok(RerunTarget::Spawn));

@@ -17,9 +17,9 @@ pub struct AlignmentMonitor<'a> {
 
 /// One in this many pairs is measured, up to this many in all: enough for a result, at little cost.
 const EVERY: u64 = 8;
-const MEASURED: u64 = 5;
+const MAX_MEASURED: u64 = 5;
 /// Fraction of points with a negative disparity above which left and right count as exchanged.
-const EXCHANGED: f64 = 0.8;
+const MAX_NEGATIVE: f64 = 0.8;
 
 impl<'a> AlignmentMonitor<'a> {
     pub fn new(source: &'a mut dyn Source) -> Self {
@@ -32,20 +32,20 @@ impl<'a> AlignmentMonitor<'a> {
     }
 
     fn measure(&mut self, frame: Option<&Frame>) {
-        let due = self.taken.is_multiple_of(EVERY) && self.measured < MEASURED;
+        let due = self.taken.is_multiple_of(EVERY) && self.measured < MAX_MEASURED;
         self.taken += 1;
         let last = match frame {
             Some(frame) if due => {
                 self.meter.add(&frame.pair);
                 self.measured += 1;
-                self.measured == MEASURED
+                self.measured == MAX_MEASURED
             }
             Some(_) => false,
-            None => std::mem::replace(&mut self.measured, MEASURED) < MEASURED,
+            None => std::mem::replace(&mut self.measured, MAX_MEASURED) < MAX_MEASURED,
         };
         if last
             && let Some(share) = self.meter.beyond_infinity()
-            && share > EXCHANGED
+            && share > MAX_NEGATIVE
         {
             tracing::warn!(
                 "{}: left and right look exchanged: {:.0} % of {} points are farther right in the \

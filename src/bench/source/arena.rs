@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use std::collections::VecDeque;
 use svl_core::Result;
 use svl_core::stereo::Frame;
-use svl_data::BuildInfo;
-use svl_data::arena::{self, Arena, ArenaConfig};
+use svl_files::BuildInfo;
+use svl_sim::arena::{self, Arena, ArenaConfig};
 
 /// Renders an arena's run, a few frames ahead and in parallel.
 pub struct ArenaSource {

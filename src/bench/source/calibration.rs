@@ -8,7 +8,7 @@ use svl_calibrate::files;
 use svl_core::rectify::{Framing, bouguet};
 use svl_core::stereo::StereoCalibration;
 use svl_core::{Error, Result};
-use svl_data::recording::{CALIBRATION, Recording};
+use svl_recording::{CALIBRATION, Recording};
 
 /// The calibration that rectifies the pairs of a source.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -19,8 +19,6 @@ pub enum Calib {
     /// A calibration: a file, two with a comma between, the folder of the two, or a recording that
     /// keeps it.
     File(PathBuf),
-    /// An estimate from the images alone, which gives no distances.
-    Estimate,
     /// Nothing: the pairs are taken as rectified.
     None,
     /// Nothing: the pairs are raw, to calibrate cameras with.
@@ -30,11 +28,10 @@ pub enum Calib {
 impl FromStr for Calib {
     type Err = Infallible;
 
-    /// `own`, `estimate`, `none`, or a path.
+    /// `own`, `none`, or a path.
     fn from_str(text: &str) -> std::result::Result<Self, Infallible> {
         Ok(match text {
             "own" => Self::Own,
-            "estimate" => Self::Estimate,
             "none" => Self::None,
             path => Self::File(path.into()),
         })
@@ -45,13 +42,10 @@ impl Calib {
     /// The cure if rows are misaligned nevertheless.
     pub fn cure(&self) -> &'static str {
         match self {
-            Self::Own | Self::None | Self::Raw => {
-                "rectify them with --calib FILE, or --calib estimate"
-            }
+            Self::Own | Self::None | Self::Raw => "rectify them with --calib FILE",
             Self::File(_) => {
                 "the calibration is not, or no longer, that of these cameras: calibrate again"
             }
-            Self::Estimate => "an estimate knows no distortion: calibrate the cameras",
         }
     }
 }
@@ -104,15 +98,12 @@ pub(super) fn framed(
     let Some(alpha) = alpha else {
         return Ok(calibration);
     };
-    let rectification = bouguet(&calibration, &framing(alpha))?;
-    Ok(calibration.with_rectification(rectification))
-}
-
-pub(super) fn framing(alpha: f64) -> Framing {
-    Framing {
+    let framing = Framing {
         alpha,
         ..Framing::default()
-    }
+    };
+    let rectification = bouguet(&calibration, &framing)?;
+    Ok(calibration.with_rectification(rectification))
 }
 
 fn folder() -> Result<tempfile::TempDir> {

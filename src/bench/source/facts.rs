@@ -10,14 +10,15 @@ use std::time::{Duration, Instant};
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{CellRule, Frame, GridShape, Rig};
 use svl_core::{Error, Result};
-use svl_data::plausibility::{Spread, TruthSpread};
-use svl_data::recording::{PairGeometry, RawCamera, Reader};
-use svl_data::scenario::SourceOptions;
-use svl_data::score::TrueCells;
+use svl_recording::{PairGeometry, RawCamera, Reader};
+use svl_score::judge::TrueCells;
+use svl_score::plausibility::{Spread, TruthSpread};
+use svl_score::scenario::SourceOptions;
 
-/// Pairs that are looked at for each truth, and the time after which no further one is.
-const PAIRS: u64 = 20;
-const TIME: Duration = Duration::from_secs(2);
+/// Largest number of pairs that are read for each truth, and the time after which no further
+/// one is.
+const MAX_PAIRS: u64 = 20;
+const MAX_TIME: Duration = Duration::from_secs(2);
 
 /// Facts of a source, as its first pairs show them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -105,7 +106,9 @@ impl SourceFacts {
             },
             rig,
             is_constant,
-            nearest: rig.as_ref().and_then(NearestDistance::of_default),
+            nearest: rig
+                .as_ref()
+                .and_then(NearestDistance::for_default_algorithm),
             truths: if has_truth {
                 own.topic = topics
                     .into_iter()
@@ -114,7 +117,7 @@ impl SourceFacts {
             } else {
                 topics
                     .into_iter()
-                    .map(|topic| TruthFacts::of_topic(name, topic, rig.is_some(), is_recording))
+                    .map(|topic| TruthFacts::from_topic(name, topic, rig.is_some(), is_recording))
                     .collect()
             },
         })
@@ -146,14 +149,14 @@ fn recorded(opened: &Opened, name: &str) -> Result<Recorded> {
 /// ends it.
 fn look(source: &mut dyn Source, mut see: impl FnMut(Frame)) -> Result<Option<Error>> {
     let begin = Instant::now();
-    for done in 0..PAIRS {
+    for done in 0..MAX_PAIRS {
         match source.next() {
             Ok(Some(frame)) => see(frame),
             Ok(None) => break,
             Err(error) if done == 0 => return Err(error),
             Err(error) => return Ok(Some(error)),
         }
-        if begin.elapsed() > TIME {
+        if begin.elapsed() > MAX_TIME {
             break;
         }
     }
@@ -162,7 +165,7 @@ fn look(source: &mut dyn Source, mut see: impl FnMut(Frame)) -> Result<Option<Er
 
 impl NearestDistance {
     /// Range of the default algorithm with its default disparities.
-    fn of_default(rig: &Rig) -> Option<Self> {
+    fn for_default_algorithm(rig: &Rig) -> Option<Self> {
         let algorithm = Algorithm::default();
         let max_disparity_px = algorithm.max_disparity()?;
         Some(Self {
@@ -175,7 +178,7 @@ impl NearestDistance {
 
 impl TruthFacts {
     /// The truth of another sensor of a recording or a folder.
-    fn of_topic(name: &str, topic: String, has_rig: bool, is_recording: bool) -> Self {
+    fn from_topic(name: &str, topic: String, has_rig: bool, is_recording: bool) -> Self {
         let mut facts = Self {
             topic: Some(topic.clone()),
             is_asked_for: true,

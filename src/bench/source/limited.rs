@@ -3,7 +3,7 @@
 use super::Source;
 use svl_core::stereo::{Frame, Losses};
 use svl_core::{Error, Result, counted};
-use svl_data::scenario::PairRange;
+use svl_score::scenario::PairRange;
 
 /// A source limited to a range of its pairs, and to N of these. Frames keep their
 /// sequence numbers and stamps.
@@ -186,11 +186,11 @@ impl Source for Limited {
         if self.is_timed() || self.frames.is_some() {
             return Ok(false);
         }
-        let of_source = index * self.every;
-        let sought = self.source.seek(of_source)?;
+        let source_index = index * self.every;
+        let sought = self.source.seek(source_index)?;
         if sought {
             self.ahead = None;
-            self.in_range = of_source;
+            self.in_range = source_index;
         }
         Ok(sought)
     }
@@ -302,7 +302,7 @@ mod tests {
 
     #[test]
     fn every_third_is_sought_by_its_own_index() {
-        let of = |every, to_s| {
+        let limited = |every, to_s| {
             let range = PairRange {
                 every,
                 to_s,
@@ -314,13 +314,13 @@ mod tests {
             let rest = std::iter::from_fn(|| source.next().unwrap());
             (sought, rest.map(|frame| frame.sequence).collect::<Vec<_>>())
         };
-        assert_eq!(of(Some(3), None), (true, vec![9, 12, 15, 18, 21]));
+        assert_eq!(limited(Some(3), None), (true, vec![9, 12, 15, 18, 21]));
         // The end of a range is known by reading.
-        assert_eq!(of(None, Some(0.2)), (false, vec![3, 4]));
+        assert_eq!(limited(None, Some(0.2)), (false, vec![3, 4]));
     }
 
     #[test]
-    fn how_many_there_are_is_known_where_it_can_be() {
+    fn the_number_of_pairs_is_known_unless_a_range_of_time_is_read() {
         let pairs = |every, to_s, frames| {
             let range = PairRange {
                 every,

@@ -3,7 +3,7 @@
 use super::Source;
 use svl_core::stereo::{Frame, GrabberReport, Losses};
 use svl_core::{Error, Result};
-use svl_data::grab::{self, GrabRequest, Grabber, Host};
+use svl_grab::{self as grab, GrabRequest, Grabber, Host};
 
 /// A running grabber as a source. It ends when `stopped`.
 ///
@@ -22,7 +22,7 @@ pub struct LiveSource {
 
 /// Fraction of the requested rate below which it counts as not reached: stamps and clocks differ
 /// less.
-const REACHED: f64 = 0.95;
+const MIN_RATE: f64 = 0.95;
 
 impl LiveSource {
     /// Opens the two cameras that `name` names, as `v4l2:/dev/video0,/dev/video2`, and starts to
@@ -61,7 +61,7 @@ impl LiveSource {
         let ([first, last], asked) = (self.stamps_ns?, self.asked_hz?);
         let seconds = last.saturating_sub(first) as f64 / 1e9;
         let reached = (self.pairs - 1) as f64 / seconds;
-        let is_missed = seconds > 0.0 && reached < REACHED * asked;
+        let is_missed = seconds > 0.0 && reached < MIN_RATE * asked;
         is_missed.then(|| format!("asked for {asked} pairs a second, reached {reached:.1}"))
     }
 }

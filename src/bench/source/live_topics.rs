@@ -7,11 +7,18 @@ use svl_core::Result;
 /// Options that they accept.
 pub(super) const OPTIONS: &[&str] = &["left", "right", "bits", "max_skew_ms", "queue", "when_full"];
 
-/// True if `name` names live topics, over DDS or through a bridge.
-pub fn are_live_topics(name: &str) -> bool {
-    ["ros2:", "foxglove:"]
-        .iter()
-        .any(|prefix| name.starts_with(prefix))
+/// Listens at the named topics; the second argument is true once it shall stop.
+pub type Listen = fn(&str, fn() -> bool) -> Result<Heard>;
+
+/// Topics of a network, as an entry of the sources.
+pub struct LiveTopics {
+    /// Beginning of their names, for completion scripts.
+    pub prefix: &'static str,
+    /// Listens for some seconds, to say what there is, unless it is stopped.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Camera`] if nothing is published, and those of the network.
+    pub listen: Listen,
 }
 
 pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
@@ -23,11 +30,7 @@ pub(super) fn open(request: &Request<'_>) -> Result<Opened> {
     Err(without_ros2(request.name))
 }
 
-/// Listens to live topics for some seconds, to say what there is.
-///
-/// # Errors
-/// [`svl_core::Error::Camera`] if nothing is published, and those of the network.
-pub fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
+pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
     #[cfg(feature = "ros2")]
     {
         super::ros2::listen(name, stopped)

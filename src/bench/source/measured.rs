@@ -3,7 +3,7 @@
 use super::{FolderTruth, Source};
 use svl_core::Result;
 use svl_core::stereo::{Frame, Losses};
-use svl_data::recording::TruthTopic;
+use svl_recording::TruthTopic;
 
 /// The measurements of another sensor.
 pub enum SensorTruth {

@@ -38,9 +38,9 @@ pub use limited::Limited;
 pub use live::LiveSource;
 #[cfg(not(feature = "ros2"))]
 pub(crate) use live_topics::without_ros2;
-pub use live_topics::{are_live_topics, listen};
+pub use live_topics::{Listen, LiveTopics};
 pub use measured::{MeasuredSource, SensorTruth};
-pub use open::{CAMERAS, SOURCES, SourceKind, expected, open, open_arena, open_recording};
+pub use open::{SOURCES, SourceKind, SourceOrigin, expected, open, open_arena, open_recording};
 pub use opened::{Heard, Opened};
 pub use plausible::PlausibleSource;
 pub use recording::RecordingSource;
@@ -55,7 +55,7 @@ pub use video::VideoSource;
 
 use svl_core::Result;
 use svl_core::stereo::{Frame, Losses};
-use svl_data::score::Judged;
+use svl_score::judge::Judged;
 
 /// A sequence of frames, pulled one by one.
 pub trait Source: Send {

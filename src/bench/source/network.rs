@@ -1,9 +1,9 @@
 //! Networks with live topics: a domain of DDS, or a Foxglove bridge.
 
-use crate::bridge::{Bridge, BridgeAddress};
-use crate::dds::{Address, Domain, FoundTopic, TopicInbox};
 use std::time::Duration;
 use svl_core::{Error, Result};
+use svl_live::bridge::{Bridge, BridgeAddress};
+use svl_live::dds::{Address, Domain, FoundTopic, TopicInbox};
 
 /// A network with topics.
 pub(super) enum TopicNetwork {

@@ -2,7 +2,7 @@
 
 use super::calibration::CalibrationFiles;
 use super::dataset::{Scene, SceneSource};
-use super::live_topics::{self, are_live_topics};
+use super::live_topics::{self, LiveTopics};
 use super::opened::Opened;
 use super::request::Request;
 use super::video::is_video;
@@ -12,10 +12,10 @@ use super::{
 };
 use std::path::Path;
 use svl_core::{Error, Result, joined};
-use svl_data::arena::Arena;
-use svl_data::grab::{self, DRIVERS, Driver, GrabRequest};
-use svl_data::recording::{Header, Recording, is_bag};
-use svl_data::scenario::{Scenario, ScenarioSource, flag};
+use svl_grab::{self as grab, DRIVERS, Driver, GrabRequest};
+use svl_recording::{Header, Recording, is_bag};
+use svl_score::scenario::{Scenario, ScenarioSource, flag};
+use svl_sim::arena::Arena;
 
 /// A kind of source that a user can name.
 pub struct SourceKind {
@@ -25,18 +25,89 @@ pub struct SourceKind {
     pub noun: &'static str,
     /// Its description, for help texts.
     pub help: &'static str,
+    pub origin: SourceOrigin,
     /// Keys of the options that it accepts, besides those that all accept.
     options: &'static [&'static str],
-    /// True if it is named by a path, which must exist.
-    is_path: bool,
     recognizes: fn(&str) -> bool,
     open: fn(&Request<'_>) -> Result<Opened>,
 }
 
+/// Origin of the frames of a source.
+pub enum SourceOrigin {
+    /// Rendered by svl; scored if a scenario describes it.
+    Simulated {
+        scenario: Option<fn() -> Result<Scenario>>,
+    },
+    /// Cameras of this machine, by one of [`DRIVERS`]: they are recorded first.
+    Cameras,
+    /// Topics that another program publishes: opened like a recording, but they have no end.
+    Topics(LiveTopics),
+    Recording,
+    Folder,
+    /// Another file.
+    File,
+}
+
 impl SourceKind {
+    /// The source without files of that name; the file system is not read.
+    pub fn without_files(name: &str) -> Option<&'static Self> {
+        let mut kinds = SOURCES.iter().filter(|kind| !kind.is_path());
+        kinds.find(|kind| (kind.recognizes)(name))
+    }
+
+    /// True if `name` names cameras.
+    pub fn are_cameras(name: &str) -> bool {
+        Self::without_files(name).is_some_and(Self::is_cameras)
+    }
+
+    /// The live topics that `name` names, over DDS or through a bridge.
+    pub fn topics(name: &str) -> Option<&'static LiveTopics> {
+        match &Self::without_files(name)?.origin {
+            SourceOrigin::Topics(topics) => Some(topics),
+            _ => None,
+        }
+    }
+
+    /// True if `name` names live topics.
+    pub fn are_topics(name: &str) -> bool {
+        Self::topics(name).is_some()
+    }
+
+    /// True if its frames are captured while they are read: it has neither an end nor a past.
+    pub fn is_live(&self) -> bool {
+        matches!(self.origin, SourceOrigin::Cameras | SourceOrigin::Topics(_))
+    }
+
+    /// True for the row that represents all [`DRIVERS`].
+    pub fn is_cameras(&self) -> bool {
+        matches!(self.origin, SourceOrigin::Cameras)
+    }
+
     /// True if it needs neither file nor camera.
     pub fn is_simulated(&self) -> bool {
-        !self.is_path && self.name != CAMERAS && !are_live_topics(self.name)
+        matches!(self.origin, SourceOrigin::Simulated { .. })
+    }
+
+    /// True if a scenario can have its frames.
+    pub fn is_scored(&self) -> bool {
+        match self.origin {
+            SourceOrigin::Simulated { scenario } => scenario.is_some(),
+            _ => !self.is_live(),
+        }
+    }
+
+    /// True if it is named by a path, which must exist.
+    fn is_path(&self) -> bool {
+        match self.origin {
+            SourceOrigin::Simulated { .. } | SourceOrigin::Cameras | SourceOrigin::Topics(_) => {
+                false
+            }
+            SourceOrigin::Recording | SourceOrigin::Folder | SourceOrigin::File => true,
+        }
+    }
+
+    fn is_recording(&self) -> bool {
+        matches!(self.origin, SourceOrigin::Recording)
     }
 }
 
@@ -46,8 +117,10 @@ pub const SOURCES: &[SourceKind] = &[
         name: "arena",
         noun: "the arena",
         help: "the simulated arena, the thesis's test",
+        origin: SourceOrigin::Simulated {
+            scenario: Some(Scenario::arena),
+        },
         options: &["seed"],
-        is_path: false,
         recognizes: |name| name == "arena",
         open: |request| open_arena(&Scenario::arena()?, request.seed.unwrap_or(1)),
     },
@@ -56,16 +129,17 @@ pub const SOURCES: &[SourceKind] = &[
         noun: "the board",
         help: "a simulated chessboard that is moved before two cameras with distortion: for `svl \
                calibrate board`",
+        origin: SourceOrigin::Simulated { scenario: None },
         options: &["seed"],
-        is_path: false,
         recognizes: |name| name == "board",
         open: board,
     },
     // The syntax is that of the rows of DRIVERS.
     SourceKind {
-        name: CAMERAS,
+        name: "cameras",
         noun: "cameras",
         help: "two cameras",
+        origin: SourceOrigin::Cameras,
         options: &[
             "seed",
             "max_skew_ms",
@@ -76,7 +150,6 @@ pub const SOURCES: &[SourceKind] = &[
             "when_full",
             "timeout",
         ],
-        is_path: false,
         recognizes: |name| grab::driver(name).is_some(),
         open: cameras,
     },
@@ -86,8 +159,11 @@ pub const SOURCES: &[SourceKind] = &[
         help: "live topics of ROS 2, found by type and name, or the two that are named; options: \
                domain=N [default: ROS_DOMAIN_ID, else 0], interface=ADDRESS of the network to use \
                [default: all]",
+        origin: SourceOrigin::Topics(LiveTopics {
+            prefix: "ros2:",
+            listen: live_topics::listen,
+        }),
         options: live_topics::OPTIONS,
-        is_path: false,
         recognizes: |name| name.starts_with("ros2:"),
         open: live_topics::open,
     },
@@ -95,8 +171,11 @@ pub const SOURCES: &[SourceKind] = &[
         name: "foxglove:ws://HOST:PORT[/LEFT,RIGHT]",
         noun: "topics of a Foxglove bridge",
         help: "the same through a running foxglove_bridge, where DDS does not reach",
+        origin: SourceOrigin::Topics(LiveTopics {
+            prefix: "foxglove:ws://",
+            listen: live_topics::listen,
+        }),
         options: live_topics::OPTIONS,
-        is_path: false,
         recognizes: |name| name.starts_with("foxglove:"),
         open: live_topics::open,
     },
@@ -104,8 +183,8 @@ pub const SOURCES: &[SourceKind] = &[
         name: "SCENARIO.toml",
         noun: "a scenario",
         help: "the arena with other parameters",
+        origin: SourceOrigin::File,
         options: &["seed"],
-        is_path: true,
         recognizes: |name| is_file(name, &["toml"]),
         open: |request| {
             let scenario = Scenario::read(Path::new(request.name))?;
@@ -117,12 +196,12 @@ pub const SOURCES: &[SourceKind] = &[
         },
     },
     SourceKind {
-        name: RECORDING,
+        name: "FILE.mcap, BAG",
         noun: "a recording",
         help: "a recording: svl's, a ROS 2 bag (its folder or a file of it), a ROS 1 bag, the \
                RealSense SDK's, Foxglove's; raw, compressed or Bayer images of two topics",
+        origin: SourceOrigin::Recording,
         options: &["left", "right", "bits", "max_skew_ms", "truth"],
-        is_path: true,
         // Bags in other containers are among them: their reader says which it reads.
         recognizes: |name| {
             let path = Path::new(name);
@@ -141,35 +220,28 @@ pub const SOURCES: &[SourceKind] = &[
         noun: "a video",
         help: "a video of both images, with --side-by-side; two are named by their folder: svl \
                record . --left a.mp4 --right b.mp4; the program ffmpeg decodes them",
+        origin: SourceOrigin::File,
         options: &["side_by_side", "fps"],
-        is_path: true,
         recognizes: |name| is_video(name) && !Path::new(name).is_dir(),
         open: video,
     },
     SourceKind {
-        name: FOLDER,
+        name: "FOLDER",
         noun: "a folder",
         help: "a data-set scene (im0.png, im1.png, truth, calib.txt), a folder of such scenes, \
                KITTI's training/ (the pairs with truth), or many pairs: left/ and right/ with \
                images of equal names, EuRoC's and KITTI's sequences, 00_left.png and 00_right.png, \
                or the images that --left and --right name",
+        origin: SourceOrigin::Folder,
         options: &["left", "right", "side_by_side", "fps", "bits", "truth"],
-        is_path: true,
         recognizes: |name| Path::new(name).is_dir(),
         open: folder,
     },
 ];
 
-/// The row of [`SOURCES`] that represents all [`DRIVERS`].
-pub const CAMERAS: &str = "cameras";
-
-/// The row of [`SOURCES`] that recordings are opened by.
-const RECORDING: &str = "FILE.mcap, BAG";
-const FOLDER: &str = "FOLDER";
-
 /// The sources that [`open`] accepts, in a line.
 pub fn expected() -> String {
-    let kinds = SOURCES.iter().filter(|kind| kind.name != CAMERAS);
+    let kinds = SOURCES.iter().filter(|kind| !kind.is_cameras());
     let kinds = joined(kinds.map(|kind| kind.name));
     let drivers: Vec<_> = DRIVERS.iter().map(Driver::source).collect();
     format!("{kinds}, or cameras: {}", drivers.join(" or "))
@@ -189,11 +261,11 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
     // Recordings may lie in a folder of images or videos.
     let are_files = |side: &String| side.contains('*') || is_video(side);
     let topics = request.topics();
-    let of_files = request.options.side_by_side || topics.iter().flatten().any(are_files);
-    let is_bag = |kind: &SourceKind| kind.name == RECORDING && path.is_dir();
-    let mut kinds = SOURCES.iter().filter(|kind| !(of_files && is_bag(kind)));
+    let names_files = request.options.side_by_side || topics.iter().flatten().any(are_files);
+    let is_bag = |kind: &SourceKind| kind.is_recording() && path.is_dir();
+    let mut kinds = SOURCES.iter().filter(|kind| !(names_files && is_bag(kind)));
     let kind = kinds.find(|kind| (kind.recognizes)(name));
-    let Some(kind) = kind.filter(|kind| !kind.is_path || path.exists()) else {
+    let Some(kind) = kind.filter(|kind| !kind.is_path() || path.exists()) else {
         let what = if path.exists() {
             "not a source"
         } else {
@@ -213,26 +285,31 @@ pub fn open(request: &Request<'_>) -> Result<Opened> {
 /// # Errors
 /// As [`open`].
 pub fn open_recording(request: &Request<'_>) -> Result<Opened> {
-    let name = request.name;
-    let exists = Path::new(name).exists();
-    let kind = SOURCES.iter().find(|kind| (kind.recognizes)(name));
-    if are_live_topics(name) {
+    refuse_others(request)?;
+    if SourceKind::are_topics(request.name) {
         return open(request);
     }
-    // A folder may have no images either; then its error as a bag is reported.
-    let is_other = kind.is_some_and(|kind| match kind.name {
-        RECORDING => false,
-        FOLDER => folder(request).is_ok(),
-        _ => exists == kind.is_path,
-    });
-    if is_other {
-        let cure = format!("make one first, svl record {name} -o run.mcap");
-        return Err(Error::Usage(format!("{name}: is not a recording; {cure}")));
-    }
-    if let Some(kind) = SOURCES.iter().find(|kind| kind.name == RECORDING) {
+    if let Some(kind) = SOURCES.iter().find(|kind| kind.is_recording()) {
         refuse_options(request, kind)?;
     }
     recorded(request)?.prepared(request)
+}
+
+/// Refuses a source that is neither a recording nor live topics, nor missing.
+fn refuse_others(request: &Request<'_>) -> Result<()> {
+    let name = request.name;
+    let kind = SOURCES.iter().find(|kind| (kind.recognizes)(name));
+    let is_other = kind.is_some_and(|kind| match kind.origin {
+        SourceOrigin::Recording | SourceOrigin::Topics(_) => false,
+        // A folder may have no images either; then its error as a bag is reported.
+        SourceOrigin::Folder => folder(request).is_ok(),
+        _ => Path::new(name).exists() == kind.is_path(),
+    });
+    if !is_other {
+        return Ok(());
+    }
+    let cure = format!("make one first, svl record {name} -o run.mcap");
+    Err(Error::Usage(format!("{name}: is not a recording; {cure}")))
 }
 
 /// Opens a run of the arena in a scenario.
@@ -339,10 +416,10 @@ fn video(request: &Request<'_>) -> Result<Opened> {
     }
     let source = VideoSource::side_by_side(path, request.options.fps)?;
     let stem = path.file_stem().and_then(|stem| stem.to_str());
-    Ok(of_video(source, request, stem.unwrap_or("video")))
+    Ok(opened_video(source, request, stem.unwrap_or("video")))
 }
 
-fn of_video(source: VideoSource, request: &Request<'_>, stem: &str) -> Opened {
+fn opened_video(source: VideoSource, request: &Request<'_>, stem: &str) -> Opened {
     let header = Header {
         stamps: source.stamps(),
         ..Header::new(request.name)
@@ -360,7 +437,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         scenario: Some(stem.to_owned()),
         ..Header::new(path.display().to_string())
     };
-    let folder = request.of_folder();
+    let folder = request.folder_request();
     if let [Some(left), Some(right)] = &folder.images
         && is_video(left)
         && is_video(right)
@@ -370,7 +447,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
             return Err(Error::Usage(format!("--bits or --side-by-side {why}")));
         }
         let source = VideoSource::pair(&path.join(left), &path.join(right), folder.fps)?;
-        return Ok(of_video(source, request, stem));
+        return Ok(opened_video(source, request, stem));
     }
     // A user that names the images does not mean a scene of a data set.
     let scenes = if folder.images == [None, None] && !folder.side_by_side {
@@ -382,27 +459,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         Vec::new()
     };
     if !scenes.is_empty() {
-        let given = [
-            ("--fps", folder.fps.is_some()),
-            ("--truth", request.options.truth.is_some()),
-        ];
-        if let Some((option, _)) = given.iter().find(|(_, is_given)| *is_given) {
-            let cure = format!("{option} is for sequences of pairs; leave it out");
-            return Err(Error::Usage(format!(
-                "{}: contains scenes of a data set; {cure}",
-                request.name
-            )));
-        }
-        let source = SceneSource::with_bits(scenes, folder.bits)?;
-        let header = Header {
-            stamps: Some(SceneSource::STAMPS),
-            bits: source.bits(),
-            ..header
-        };
-        return Ok(Opened {
-            notes: source.note().into_iter().collect(),
-            ..Opened::new(source, header, stem)
-        });
+        return opened_scenes(scenes, request, header, stem);
     }
     let source = FolderSource::new(path, &folder)?;
     let truth = request.truth().map(|truth| source.truth(&truth));
@@ -412,7 +469,7 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
         bits: source.bits(),
         ..header
     };
-    let of_truth = truth.as_ref().and_then(FolderTruth::note);
+    let truth_note = truth.as_ref().and_then(FolderTruth::note);
     let (own_calibration, unread) = match source.calibration() {
         Ok(own) => (own.clone(), None),
         Err(reason) => (None, Some(reason)),
@@ -424,8 +481,38 @@ fn folder(request: &Request<'_>) -> Result<Opened> {
     Ok(Opened {
         own_calibration,
         remarks: unread.map(lacks).into_iter().collect(),
-        notes: note.into_iter().chain(of_truth).collect(),
+        notes: note.into_iter().chain(truth_note).collect(),
         truth: truth.map(SensorTruth::Files),
+        ..Opened::new(source, header, stem)
+    })
+}
+
+fn opened_scenes(
+    scenes: Vec<Scene>,
+    request: &Request<'_>,
+    header: Header,
+    stem: &str,
+) -> Result<Opened> {
+    let folder = request.folder_request();
+    let given = [
+        ("--fps", folder.fps.is_some()),
+        ("--truth", request.options.truth.is_some()),
+    ];
+    if let Some((option, _)) = given.iter().find(|(_, is_given)| *is_given) {
+        let cure = format!("{option} is for sequences of pairs; leave it out");
+        return Err(Error::Usage(format!(
+            "{}: contains scenes of a data set; {cure}",
+            request.name
+        )));
+    }
+    let source = SceneSource::with_bits(scenes, folder.bits)?;
+    let header = Header {
+        stamps: Some(SceneSource::STAMPS),
+        bits: source.bits(),
+        ..header
+    };
+    Ok(Opened {
+        notes: source.note().into_iter().collect(),
         ..Opened::new(source, header, stem)
     })
 }
@@ -447,7 +534,7 @@ fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
         timeout,
         ..
     } = &request.grab;
-    let of_cameras = [
+    let camera_options = [
         ("seed", request.seed.is_some()),
         ("trigger", trigger.is_some()),
         ("rate", rate_hz.is_some()),
@@ -456,7 +543,7 @@ fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
         ("when_full", when_full.is_some()),
         ("timeout", timeout.is_some()),
     ];
-    let given = of_cameras.iter().filter(|(_, given)| *given);
+    let given = camera_options.iter().filter(|(_, given)| *given);
     let mut given: Vec<_> = given.map(|(key, _)| (*key).to_owned()).collect();
     given.extend(request.options.keys()?);
     let nouns = |key: &str| -> Vec<_> {
@@ -474,4 +561,62 @@ fn refuse_options(request: &Request<'_>, kind: &SourceKind) -> Result<()> {
         request.name,
         kind.noun
     )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The sources without files, each with a name.
+    fn without_files() -> impl Iterator<Item = (&'static SourceKind, &'static str)> {
+        SOURCES.iter().filter_map(|kind| match &kind.origin {
+            SourceOrigin::Simulated { .. } => Some((kind, kind.name)),
+            SourceOrigin::Cameras => Some((kind, DRIVERS[0].name)),
+            SourceOrigin::Topics(topics) => Some((kind, topics.prefix)),
+            SourceOrigin::Recording | SourceOrigin::Folder | SourceOrigin::File => None,
+        })
+    }
+
+    #[test]
+    fn sources_without_files_are_found_by_their_names() {
+        for (kind, name) in without_files() {
+            let found = SourceKind::without_files(name).unwrap();
+            assert_eq!(found.name, kind.name);
+            assert_eq!(SourceKind::are_cameras(name), kind.is_cameras());
+        }
+        for name in [".", "run.mcap", "arena.toml", "ros2", "a/ros2:"] {
+            assert!(SourceKind::without_files(name).is_none(), "{name}");
+        }
+    }
+
+    #[test]
+    fn live_sources_have_no_scenario() {
+        for (kind, name) in without_files().filter(|(kind, _)| kind.is_live()) {
+            assert!(!kind.is_scored() && !kind.is_simulated(), "{name}");
+        }
+    }
+
+    #[test]
+    fn simulated_sources_are_scored_if_they_have_a_scenario() {
+        for (kind, name) in without_files() {
+            if let SourceOrigin::Simulated { scenario } = kind.origin {
+                assert_eq!(kind.is_scored(), scenario.is_some(), "{name}");
+                assert!(!kind.is_live(), "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn topics_replace_a_recording_and_other_sources_without_files_do_not() {
+        for (_, name) in without_files() {
+            let refused = refuse_others(&Request::new(name));
+            assert_eq!(refused.is_ok(), SourceKind::are_topics(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn opened_cameras_are_live() {
+        let (_, name) = without_files().find(|(kind, _)| kind.is_cameras()).unwrap();
+        assert!(open(&Request::new(name)).unwrap().is_live);
+    }
 }

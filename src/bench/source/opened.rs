@@ -11,9 +11,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl_core::stereo::{LengthUnit, StereoCalibration};
 use svl_core::{Error, Result};
-use svl_data::manifest::{Manifest, RunRecord, hash, hash_bytes};
-use svl_data::recording::{CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, Writer};
-use svl_data::scenario::{CropScale, PairRange};
+use svl_recording::{CALIBRATION, Header, Recording, RecordingFormat, SCENARIO, Writer};
+use svl_score::manifest::{Manifest, RunRecord, hash, hash_bytes};
+use svl_score::scenario::{CropScale, PairRange};
 use tempfile::TempDir;
 
 /// A source, and the contents of a recording of it besides its pairs.
@@ -136,11 +136,7 @@ impl Opened {
                     );
                 }
                 let names: Vec<_> = files.iter().map(|(name, _)| name.as_str()).collect();
-                (Some(calibration), names.join(", "), files)
-            }
-            (Calib::Estimate, _) => {
-                let by = "an estimate from its pictures".to_owned();
-                (None, by, CalibrationFiles::new())
+                (calibration, names.join(", "), files)
             }
             (Calib::Own, Some(own)) => {
                 self.notes.push(format!(
@@ -151,7 +147,7 @@ impl Opened {
                     Some(_) => "the recording's own calibration",
                     None => "the folder's own calibration",
                 };
-                (Some(own.clone()), by.to_owned(), CalibrationFiles::new())
+                (own.clone(), by.to_owned(), CalibrationFiles::new())
             }
             (Calib::None, _) if alpha.is_some() => {
                 return Err(Error::Usage(
@@ -169,13 +165,9 @@ impl Opened {
                 return Ok(self);
             }
         };
-        self.source = Box::new(match calibration {
-            Some(own) if calib == Calib::Own => RectifiedSource::by_pairs(self.source, own)?,
-            Some(calibration) => RectifiedSource::new(self.source, calibration)?,
-            None => {
-                let framing = calibration::framing(alpha.unwrap_or(0.0));
-                RectifiedSource::estimated(self.source, &framing)?
-            }
+        self.source = Box::new(match calib {
+            Calib::Own => RectifiedSource::by_pairs(self.source, calibration)?,
+            _ => RectifiedSource::new(self.source, calibration)?,
         });
         self.header.calibration = Some(by);
         self.calibration = files;

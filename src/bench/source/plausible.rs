@@ -4,7 +4,7 @@ use super::Source;
 use std::collections::VecDeque;
 use svl_core::stereo::{Frame, Losses};
 use svl_core::{Error, Result};
-use svl_data::plausibility::remove_impossible;
+use svl_score::plausibility::remove_impossible;
 
 /// Impossible truths at the start that refuse all of them: a single one may be damaged.
 const MAX_REFUSALS: u64 = 3;
@@ -40,14 +40,14 @@ impl PlausibleSource {
 
     /// Removes what is impossible from a frame's truth, and returns the reason if all of it is.
     fn check(&mut self, frame: &mut Frame) -> Option<String> {
-        let of = frame.truth.as_ref()?.kind.origin.to_string();
+        let origin = frame.truth.as_ref()?.kind.origin.to_string();
         let check = remove_impossible(frame);
         let Some(refusal) = check.refusal else {
             self.has_possible |= check.removed < check.known;
             if check.removed > 0 && self.pixels == 0 {
                 tracing::warn!(
-                    "{}: pair {}: {} of {} pixels of the truth ({of}) are impossible or zeros in \
-                     place of none: dropped, as those of later pairs",
+                    "{}: pair {}: {} of {} pixels of the truth ({origin}) are impossible or zeros \
+                     in place of none: dropped, as those of later pairs",
                     self.source.name(),
                     frame.sequence,
                     check.removed,
@@ -59,7 +59,7 @@ impl PlausibleSource {
         };
         frame.truth = None;
         self.refused += 1;
-        Some(format!("the truth ({of}) is impossible: {refusal}"))
+        Some(format!("the truth ({origin}) is impossible: {refusal}"))
     }
 
     /// Reads on to decide if the first impossible truths are all.

@@ -4,7 +4,7 @@ use super::Source;
 use std::path::PathBuf;
 use svl_core::stereo::{Frame, Losses};
 use svl_core::{Error, Result};
-use svl_data::recording::{Reader, Recording, SCENARIO, Selection};
+use svl_recording::{Reader, Recording, SCENARIO, Selection};
 
 /// A recording as a source.
 ///

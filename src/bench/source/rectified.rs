@@ -1,9 +1,8 @@
 //! Rectification of a source's raw pairs.
 
 use super::Source;
-use std::collections::VecDeque;
 use std::sync::Arc;
-use svl_core::rectify::{EpipolarGeometry, Framing, Rectifier, bouguet, matches, uncalibrated};
+use svl_core::rectify::{Framing, Rectifier, bouguet};
 use svl_core::stereo::{Frame, Geometry, Gray, Losses, StereoCalibration, StereoPair};
 use svl_core::{Error, Result};
 
@@ -11,23 +10,16 @@ use svl_core::{Error, Result};
 pub struct RectifiedSource {
     source: Box<dyn Source>,
     rectifier: Rectifier,
-    /// The calibration of the rectifier; none of an estimate.
-    calibration: Option<Arc<StereoCalibration>>,
+    /// The calibration of the rectifier.
+    calibration: Arc<StereoCalibration>,
     /// True if a pair with a calibration of its own is rectified by that.
     follows_pairs: bool,
     /// Pairs that were rectified, and those that could not be.
     rectified: u64,
     unreadable: u64,
-    /// Frames read ahead for the estimate, still raw.
-    ahead: VecDeque<Frame>,
     /// Buffers that the next pair is rectified into: the raw images of the last one.
     spare: [Gray; 2],
 }
-
-/// Pairs from which an uncalibrated rectification is estimated.
-const ESTIMATED_FROM: usize = 8;
-/// Largest distance of an inlier from the epipolar geometry: as far as distortion moves points.
-const TOLERANCE_PX: f64 = 2.0;
 
 impl RectifiedSource {
     /// Rectifies the raw pairs of `source` by one calibration.
@@ -36,7 +28,17 @@ impl RectifiedSource {
     /// [`Error::Dimensions`], and those of [`Rectifier::new`].
     pub fn new(source: Box<dyn Source>, calibration: StereoCalibration) -> Result<Self> {
         let (rectifier, calibration) = prepared(calibration)?;
-        Self::ahead(source, rectifier, Some(calibration), VecDeque::new())
+        let (width, height) = rectifier.size();
+        let blank = || Gray::filled(width, height, 0);
+        Ok(Self {
+            source,
+            rectifier,
+            calibration,
+            follows_pairs: false,
+            rectified: 0,
+            unreadable: 0,
+            spare: [blank()?, blank()?],
+        })
     }
 
     /// Rectifies each raw pair of `source` by its own calibration, or by that of the pair before it
@@ -51,55 +53,6 @@ impl RectifiedSource {
         })
     }
 
-    /// Rectifies the raw pairs of `source` without a calibration, by matches in its first ones:
-    /// pairs become row-aligned, but there is no rig.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] for too few matches; those of the source.
-    pub fn estimated(mut source: Box<dyn Source>, framing: &Framing) -> Result<Self> {
-        let mut ahead: VecDeque<Frame> = VecDeque::new();
-        while ahead.len() < ESTIMATED_FROM
-            && let Some(frame) = source.next()?
-        {
-            ahead.push_back(frame);
-        }
-        let size = ahead.front().map_or((0, 0), |frame| frame.pair.size());
-        let alike = ahead.iter().filter(|frame| frame.pair.size() == size);
-        let pooled: Vec<_> = alike.flat_map(|frame| matches(&frame.pair)).collect();
-        let agreeing = EpipolarGeometry::estimate(&pooled, TOLERANCE_PX)
-            .map(|found| found.inliers)
-            .unwrap_or_default();
-        let context = |e: Error| {
-            Error::Invalid(format!(
-                "{}: cannot be rectified from its images: {e}",
-                source.name()
-            ))
-        };
-        let homographies = uncalibrated(&agreeing, size, framing).map_err(context)?;
-        let rectifier = Rectifier::uncalibrated(&homographies, size)?;
-        Self::ahead(source, rectifier, None, ahead)
-    }
-
-    fn ahead(
-        source: Box<dyn Source>,
-        rectifier: Rectifier,
-        calibration: Option<Arc<StereoCalibration>>,
-        ahead: VecDeque<Frame>,
-    ) -> Result<Self> {
-        let (width, height) = rectifier.size();
-        let blank = || Gray::filled(width, height, 0);
-        Ok(Self {
-            source,
-            rectifier,
-            calibration,
-            follows_pairs: false,
-            rectified: 0,
-            unreadable: 0,
-            ahead,
-            spare: [blank()?, blank()?],
-        })
-    }
-
     fn rectified(&mut self, frame: Frame) -> Result<Frame> {
         // A rig and a truth belong to rectified images, so a calibration cannot apply to them. A
         // pair that is only declared rectified is raw if its user gives a calibration.
@@ -109,10 +62,9 @@ impl RectifiedSource {
         }
         if self.follows_pairs
             && let Some(own) = &frame.calibration
-            && self.calibration.as_ref() != Some(own)
+            && self.calibration != *own
         {
-            let (rectifier, calibration) = prepared(StereoCalibration::clone(own))?;
-            (self.rectifier, self.calibration) = (rectifier, Some(calibration));
+            (self.rectifier, self.calibration) = prepared(StereoCalibration::clone(own))?;
         }
         let [left, right] = &mut self.spare;
         let context = |e: Error| {
@@ -135,11 +87,11 @@ impl RectifiedSource {
             pair: StereoPair::new(left, right)?,
             color,
             geometry: Geometry::Rectified(self.rectifier.rig().copied()),
-            calibration: self.calibration.clone(),
+            calibration: Some(self.calibration.clone()),
             // The pose is that of the left camera, which rectification rotates.
             pose: frame
                 .pose
-                .and_then(|pose| Some(pose * self.rectifier.rotation()?.inverse())),
+                .map(|pose| pose * self.rectifier.rotation().inverse()),
             ..frame
         })
     }
@@ -156,8 +108,7 @@ impl Source for RectifiedSource {
 
     fn next(&mut self) -> Result<Option<Frame>> {
         loop {
-            let ahead = self.ahead.pop_front().map(|frame| Ok(Some(frame)));
-            let Some(mut frame) = ahead.unwrap_or_else(|| self.source.next())? else {
+            let Some(mut frame) = self.source.next()? else {
                 return Ok(None);
             };
             frame.keep_id();
@@ -184,14 +135,6 @@ impl Source for RectifiedSource {
             unreadable: losses.unreadable + self.unreadable,
             ..losses
         }
-    }
-
-    fn seek(&mut self, index: u64) -> Result<bool> {
-        let seeks = self.source.seek(index)?;
-        if seeks {
-            self.ahead.clear();
-        }
-        Ok(seeks)
     }
 }
 

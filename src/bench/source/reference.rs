@@ -7,7 +7,7 @@ use svl_core::stereo::{
     CellRule, Frame, Losses, Plane, RectifiedPair, Truth, TruthDensity, TruthKind, TruthOrigin,
 };
 use svl_core::{Error, Result};
-use svl_data::agreement::{both, consistent, textured};
+use svl_score::agreement::{both, consistent, textured};
 
 /// A source whose frames get the disparities of references for their truth, in place of their own.
 ///
@@ -96,7 +96,7 @@ impl Reference {
                 tracing::warn!("reference {label} on pair {sequence}{what}: {error}");
             }
         };
-        let context = MatchContext::of(frame, GridSettings::default(), CellRule::default());
+        let context = MatchContext::for_frame(frame, GridSettings::default(), CellRule::default());
         let matched = RectifiedPair::assume(&frame.pair);
         self.left.begin();
         if let Err(error) = self.matcher.compute(matched, &context, &mut self.left) {
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fails_leaves_no_truth_and_is_counted() {
+    fn a_failed_reference_leaves_no_truth_and_is_counted() {
         let references = ["exec:command=false".parse().unwrap()];
         let mut source = ReferenceSource::new(Box::new(Wall(3)), &references).unwrap();
         for _ in 0..3 {

@@ -2,8 +2,9 @@
 //! learned files were fitted to.
 
 use super::Source;
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::{FittedTo, Frame, Losses, PairId};
 use svl_core::{Error, Result, counted};
@@ -99,7 +100,7 @@ impl PairRegister {
     }
 
     fn lock(&self) -> MutexGuard<'_, RegisteredPairs> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 }
 
@@ -112,9 +113,10 @@ impl RegisteredPairs {
             others.push(run);
         }
         for &other in others.iter().filter(|other| **other != run) {
-            let [(name, simulated), (first, of_first)] = [&self.runs[run], &self.runs[other]];
+            let [(name, simulated), (first, first_simulated)] =
+                [&self.runs[run], &self.runs[other]];
             let is_same = match simulated {
-                Some(_) => simulated == of_first,
+                Some(_) => simulated == first_simulated,
                 None => id.stamps_ns[0] >= MIN_CLOCK_NS,
             };
             if is_same && self.same_moments.insert([run, other]) {
@@ -140,14 +142,22 @@ impl RegisteredPairs {
         let names = [simulated.as_deref(), frame.name.as_deref()];
         let names = names.into_iter().flatten();
         let id = frame.id();
-        for of in self.learned.iter_mut().filter(|of| !of.is_reported) {
-            if of.fitted.iter().any(|fitted| fitted.has(id, names.clone())) {
-                of.is_reported = true;
+        for learned in self
+            .learned
+            .iter_mut()
+            .filter(|learned| !learned.is_reported)
+        {
+            if learned
+                .fitted
+                .iter()
+                .any(|fitted| fitted.has(id, names.clone()))
+            {
+                learned.is_reported = true;
                 let scene = frame.name.as_deref().unwrap_or(run);
                 tracing::warn!(
                     "{}: was fitted to pairs of {scene}: scores on what it was fitted to say \
                      little of other recordings",
-                    of.label
+                    learned.label
                 );
             }
         }

@@ -2,9 +2,9 @@
 
 use super::FolderRequest;
 use super::calibration::Calib;
-use svl_data::grab::{GrabRequest, Host};
-use svl_data::recording::{Selection, TruthSelection};
-use svl_data::scenario::SourceOptions;
+use svl_grab::{GrabRequest, Host};
+use svl_recording::{Selection, TruthSelection};
+use svl_score::scenario::SourceOptions;
 
 /// A source to open, with its options.
 #[derive(Clone)]
@@ -74,7 +74,7 @@ impl<'a> Request<'a> {
         [self.options.left.clone(), self.options.right.clone()]
     }
 
-    pub(super) fn of_folder(&self) -> FolderRequest {
+    pub(super) fn folder_request(&self) -> FolderRequest {
         FolderRequest {
             images: self.topics(),
             side_by_side: self.options.side_by_side,

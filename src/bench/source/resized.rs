@@ -3,8 +3,8 @@
 use super::Source;
 use svl_core::Result;
 use svl_core::stereo::Frame;
-use svl_data::resize::Resizer;
-use svl_data::scenario::CropScale;
+use svl_score::resize::Resizer;
+use svl_score::scenario::CropScale;
 
 /// A source whose images are cropped and shrunk.
 pub struct Resized {

@@ -5,7 +5,6 @@ use super::network::{Inbox, Joined, TopicNetwork};
 use super::opened::Opened;
 use super::request::Request;
 use super::{Heard, Source};
-use crate::dds::FoundTopic;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,21 +12,22 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 use svl_core::stereo::{Frame, Geometry, GrabberReport, Losses};
 use svl_core::{Error, Result, counted};
-use svl_data::grab::{Pushed, Queue, WhenFull};
-use svl_data::recording::{Header, LiveTopic, Selection, TopicFile, TopicPairs};
+use svl_grab::{Pushed, Queue, WhenFull};
+use svl_live::dds::FoundTopic;
+use svl_recording::{Header, LiveTopic, Selection, TopicFile, TopicPairs};
 
 /// Longest wait for publishers of the topics, and for the first pair of their messages.
-const PATIENCE: Duration = Duration::from_secs(10);
+const MAX_WAIT: Duration = Duration::from_secs(10);
 /// Time without a new topic after which all are found.
 const SETTLED: Duration = Duration::from_secs(1);
 /// Longest wait for calibrations after the first message.
-const FOR_CALIBRATION: Duration = Duration::from_secs(2);
-/// Silence of a topic that is reported.
-const SILENCE: Duration = Duration::from_secs(2);
+const MAX_CALIBRATION_WAIT: Duration = Duration::from_secs(2);
+/// Longest silence of a topic that is not reported.
+const MAX_SILENCE: Duration = Duration::from_secs(2);
 /// Interval at which waiting threads look whether to stop.
 const STEP: Duration = Duration::from_millis(50);
-/// Time for the last pairs to arrive.
-const LATE: Duration = SILENCE;
+/// Longest wait for the last pairs to arrive.
+const MAX_LATENESS: Duration = MAX_SILENCE;
 /// Pairs that may wait to be used.
 const QUEUE: usize = 64;
 
@@ -138,7 +138,7 @@ fn settled(
             (known, changed) = (found, Instant::now());
         }
         let is_settled = changed.elapsed() >= SETTLED && is_enough(&known);
-        if is_settled || began.elapsed() >= PATIENCE {
+        if is_settled || began.elapsed() >= MAX_WAIT {
             return Ok(known);
         }
         if stopped() {
@@ -165,7 +165,7 @@ fn find(
         let cure = format!("`svl info {name}` lists what is published");
         Error::camera(
             name,
-            format!("{reason}; {found} found in {PATIENCE:?}; {cure}"),
+            format!("{reason}; {found} found in {MAX_WAIT:?}; {cure}"),
         )
     })?;
     let named = |name| known.iter().find(|found| found.topic.name == name).cloned();
@@ -180,7 +180,8 @@ impl Receiver {
         let mut first = None;
         let mut ahead = Vec::new();
         let mut is_ready = false;
-        while !is_ready && first.is_none_or(|first: Instant| first.elapsed() < FOR_CALIBRATION) {
+        while !is_ready && first.is_none_or(|first: Instant| first.elapsed() < MAX_CALIBRATION_WAIT)
+        {
             self.check_patience(began, stopped)?;
             let pairs = &mut self.pairs;
             self.inbox.receive(STEP, |topic, data| {
@@ -207,11 +208,11 @@ impl Receiver {
         if stopped() {
             return Err(Error::Interrupted);
         }
-        if began.elapsed() < PATIENCE {
+        if began.elapsed() < MAX_WAIT {
             return Ok(());
         }
         let why = self.pairs.why_none();
-        Err(Error::camera(&self.name, format!("{why}, in {PATIENCE:?}")))
+        Err(Error::camera(&self.name, format!("{why}, in {MAX_WAIT:?}")))
     }
 
     /// Takes in the messages that came.
@@ -224,9 +225,12 @@ impl Receiver {
         }
         let topics = self.pairs.topics().zip(&mut self.heard);
         for (topic, heard) in topics {
-            if heard.is_some_and(|heard| heard.elapsed() >= SILENCE) {
+            if heard.is_some_and(|heard| heard.elapsed() >= MAX_SILENCE) {
                 *heard = None;
-                tracing::warn!("{}: {topic}: nothing received for {SILENCE:?}", self.name);
+                tracing::warn!(
+                    "{}: {topic}: nothing received for {MAX_SILENCE:?}",
+                    self.name
+                );
             }
         }
         Ok(())
@@ -393,10 +397,10 @@ impl TopicSource {
         let queue = Arc::new(Queue::new(length, when_full));
         queue.push(first);
         let ended = Arc::new(AtomicBool::new(false));
-        let (of_thread, told) = (Arc::clone(&queue), Arc::clone(&ended));
+        let (thread_queue, told) = (Arc::clone(&queue), Arc::clone(&ended));
         let run = move || {
-            let ran = receiver.run(&of_thread, &told);
-            of_thread.close(ran);
+            let ran = receiver.run(&thread_queue, &told);
+            thread_queue.close(ran);
             receiver
         };
         Self {
@@ -406,7 +410,7 @@ impl TopicSource {
             ended,
             deadline: request.live_s.and_then(|seconds| {
                 let longest = Duration::try_from_secs_f64(seconds).ok()?;
-                Instant::now().checked_add(longest + LATE)
+                Instant::now().checked_add(longest + MAX_LATENESS)
             }),
             stopped: request.host.stopped,
         }
@@ -485,7 +489,7 @@ fn now_ns() -> u64 {
 /// Duration of [`listen`], after all topics were found.
 const LISTEN: Duration = Duration::from_secs(3);
 /// Limit on the bytes of its messages.
-const LISTEN_BYTES: usize = 512 << 20;
+const MAX_LISTEN_BYTES: usize = 512 << 20;
 
 /// Listens to images, calibrations and static transforms, to say what there is.
 ///
@@ -499,7 +503,7 @@ pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
     } = TopicNetwork::join(name)?;
     let known = settled(&mut network, stopped, |known| !known.is_empty())?;
     if known.is_empty() {
-        return Err(Error::camera(name, format!("{why_none}, in {PATIENCE:?}")));
+        return Err(Error::camera(name, format!("{why_none}, in {MAX_WAIT:?}")));
     }
     let is_wanted = |found: &FoundTopic| {
         let topic = &found.topic;
@@ -511,7 +515,7 @@ pub(super) fn listen(name: &str, stopped: fn() -> bool) -> Result<Heard> {
     let (wanted, others): (Vec<_>, Vec<_>) = known.into_iter().partition(is_wanted);
     let mut inbox = network.subscribe(&wanted)?;
     let (mut messages, mut bytes, began) = (Vec::new(), 0, Instant::now());
-    while began.elapsed() < LISTEN && bytes < LISTEN_BYTES && !stopped() {
+    while began.elapsed() < LISTEN && bytes < MAX_LISTEN_BYTES && !stopped() {
         inbox.receive(STEP, |topic, data| {
             bytes += data.len();
             messages.push((topic, now_ns(), data));

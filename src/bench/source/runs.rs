@@ -3,14 +3,15 @@
 use super::opened::Opened;
 use super::request::Request;
 use super::{Limited, PairRegister, RegisteredSource, Source, StressedSource};
+use parking_lot::Mutex;
 use std::io::ErrorKind;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
-use svl_data::manifest::RunRecord;
-use svl_data::scenario::{PairRange, RecordingRun, Scenario};
-use svl_data::score::{Judge, RunPart};
-use svl_data::stress::Stress;
+use svl_score::judge::{Judge, RunPart};
+use svl_score::manifest::RunRecord;
+use svl_score::scenario::{PairRange, RecordingRun, Scenario};
+use svl_sim::stress::Stress;
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// The request of a scenario of recordings for one of its files.
@@ -77,7 +78,7 @@ impl Source for DigestedSource {
         let frame = self.source.next()?;
         if let Some(frame) = &frame {
             let hash = frame.input_hash(frame.pair.hash());
-            let mut digest = self.digest.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut digest = self.digest.lock();
             digest.update(&hash.to_le_bytes());
         }
         Ok(frame)
@@ -91,7 +92,7 @@ impl RunSource {
     }
 
     /// A recording.
-    pub fn of_recording(run: &RecordingRun, opened: Opened) -> Self {
+    pub fn from_recording(run: &RecordingRun, opened: Opened) -> Self {
         let record = opened.record(&run.name, &run.path);
         let simulated = opened.header.simulated();
         Self {
@@ -125,9 +126,9 @@ impl RunSource {
     /// be registered.
     #[must_use]
     pub fn registered(self, scenario: &str, register: &PairRegister, seeks: bool) -> Self {
-        let of_seed = self.seed.map(|seed| format!("{scenario} seed {seed}"));
-        let name = of_seed.clone().unwrap_or_else(|| self.name());
-        let simulated = of_seed.or(self.simulated);
+        let seed_name = self.seed.map(|seed| format!("{scenario} seed {seed}"));
+        let name = seed_name.clone().unwrap_or_else(|| self.name());
+        let simulated = seed_name.or(self.simulated);
         let source = Box::new(self.source);
         let source = RegisteredSource::new(source, register, (name, simulated), seeks);
         let start_ns = Some(self.start_ns);
@@ -156,7 +157,7 @@ impl RunSource {
     /// The digest of the frames read so far; empty if it is not digested.
     pub fn inputs(&self) -> String {
         let digest = self.digest.as_ref().map(|digest| {
-            let digest = digest.lock().unwrap_or_else(PoisonError::into_inner);
+            let digest = digest.lock();
             format!("{:032x}", digest.digest128())
         });
         digest.unwrap_or_default()

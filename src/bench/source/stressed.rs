@@ -1,10 +1,10 @@
-//! A source whose pairs are perturbed in one way ([`svl_data::stress`]).
+//! A source whose pairs are perturbed in one way ([`svl_sim::stress`]).
 
 use super::Source;
 use std::collections::VecDeque;
 use svl_core::stereo::{Frame, Gray, StereoPair};
 use svl_core::{Error, Result};
-use svl_data::stress::Stress;
+use svl_sim::stress::Stress;
 
 /// Perturbs the pairs of another source. Sequence numbers, stamps and truth stay.
 pub struct StressedSource {
@@ -117,7 +117,7 @@ impl Source for StressedSource {
 mod tests {
     use super::*;
     use crate::source::ArenaSource;
-    use svl_data::arena::{Arena, ArenaConfig};
+    use svl_sim::arena::{Arena, ArenaConfig};
 
     #[test]
     fn skew_takes_the_right_image_of_an_earlier_pair() {

@@ -4,7 +4,7 @@ use super::values::TrialValues;
 use std::cmp::Ordering;
 use std::str::FromStr;
 use svl_core::{Error, Result, did_you_mean};
-use svl_data::score::{Better, METRICS, Metric, MetricUnit};
+use svl_score::judge::{Better, METRICS, Metric, MetricUnit};
 
 /// An objective with constraints.
 #[derive(Clone, Debug, PartialEq)]
@@ -215,9 +215,10 @@ impl Goal {
 mod tests {
     use super::*;
 
-    fn values(of: &[(&str, f64)]) -> TrialValues {
+    fn values(pairs: &[(&str, f64)]) -> TrialValues {
         let mut values = TrialValues::default();
-        of.iter()
+        pairs
+            .iter()
             .for_each(|(name, value)| values.set(name, Some(*value)));
         values
     }

@@ -3,8 +3,6 @@
 use super::sample::{self, Sampler, spread_order};
 use super::{Evaluated, Evaluator, FrontEntry, Goal, Search, Space, TrialValues, TunedAlgorithm};
 use crate::console::{Bar, Console, Unit};
-use crate::report::compare::{changes, total};
-use crate::report::{OBJECTIVES, Row, pareto_front};
 use crate::run::{Matchers, Monitor, Pace};
 use crate::runs::{self, runs};
 use crate::sink::{Outbox, RunStart, Sink, TableSink, finish};
@@ -13,18 +11,20 @@ use std::sync::Arc;
 use svl_core::matcher::Algorithm;
 use svl_core::stereo::Frame;
 use svl_core::{Error, Result, interrupt};
-use svl_data::manifest::Manifest;
-use svl_data::scenario::Scenario;
-use svl_data::score::{Judge, Metric};
+use svl_report::compare::{Change, changes, total};
+use svl_report::{OBJECTIVES, Row, pareto_front};
+use svl_score::judge::{Judge, Metric};
+use svl_score::manifest::Manifest;
+use svl_score::scenario::Scenario;
 
 /// Largest memory of the frames of the search, and of those of the test, bytes.
-const FRAME_BYTES: usize = 1 << 30;
+const MAX_FRAME_BYTES: usize = 1 << 30;
 
 /// The test has this many times as many pairs as the search, if there are as many.
 const TEST_PAIRS: usize = 4;
 
-/// Settings of a Pareto front that are shown.
-const FRONT: usize = 16;
+/// Largest number of settings of a Pareto front that are shown.
+const MAX_FRONT: usize = 16;
 
 /// Frames of a run, in memory.
 pub struct HeldRun {
@@ -37,6 +37,39 @@ pub struct HeldRun {
 impl HeldRun {
     pub(super) fn judge(&self) -> &Judge {
         &self.judge
+    }
+
+    /// Takes out the last third, or of scenes every third, with a caution for the former.
+    fn hold_out(&mut self) -> (Self, Option<String>) {
+        let frames = std::mem::take(&mut self.frames);
+        let are_scenes = frames.iter().all(|frame| frame.name.is_some());
+        let is_test = |i: usize| {
+            if are_scenes {
+                i % 3 == 2
+            } else {
+                i >= frames.len() * 2 / 3
+            }
+        };
+        let side = |test: bool| {
+            let frames = frames.iter().enumerate();
+            let frames = frames.filter(|(i, _)| is_test(*i) == test);
+            frames
+                .map(|(_, frame)| Arc::clone(frame))
+                .collect::<Vec<_>>()
+        };
+        self.frames = side(false);
+        let caution = (!are_scenes).then(|| {
+            "The test is the last third of the same recording: it says little about others; name \
+             some with --test."
+                .to_owned()
+        });
+        let held_out = Self {
+            name: format!("{}, held out", self.name),
+            seed: self.seed,
+            judge: self.judge.clone(),
+            frames: side(true),
+        };
+        (held_out, caution)
     }
 }
 
@@ -51,6 +84,27 @@ pub struct SearchData {
 }
 
 impl SearchData {
+    /// Number of the pairs of the search.
+    pub fn training_pairs(&self) -> usize {
+        self.training.iter().map(|part| part.frames.len()).sum()
+    }
+
+    /// True if a pair has a truth.
+    pub fn has_truth(&self) -> bool {
+        let parts = self.training.iter().chain(&self.test);
+        let mut frames = parts.flat_map(|part| &part.frames);
+        frames.any(|frame| frame.truth.is_some())
+    }
+
+    /// The evaluator of the search.
+    pub fn evaluator(&self) -> HeldRuns<'_> {
+        HeldRuns {
+            parts: &self.training,
+            has_truth: self.has_truth(),
+            bar: None,
+        }
+    }
+
     /// Reads about `wanted` pairs of the runs of `scenario`, and those of `tested` for the test;
     /// without it a part is held out.
     ///
@@ -81,35 +135,7 @@ impl SearchData {
         register.refuse_copies()?;
         let (test, caution) = match &mut training[..] {
             [only] => {
-                let frames = std::mem::take(&mut only.frames);
-                let are_scenes = frames.iter().all(|frame| frame.name.is_some());
-                let is_test = |i: usize| {
-                    if are_scenes {
-                        i % 3 == 2
-                    } else {
-                        i >= frames.len() * 2 / 3
-                    }
-                };
-                let side = |test: bool| {
-                    let frames = frames.iter().enumerate();
-                    let frames = frames.filter(|(i, _)| is_test(*i) == test);
-                    frames
-                        .map(|(_, frame)| Arc::clone(frame))
-                        .collect::<Vec<_>>()
-                };
-                let (kept, held_out) = (side(false), side(true));
-                let caution = (!are_scenes).then(|| {
-                    "The test is the last third of the same recording: it says little about \
-                     others; name some with --test."
-                        .to_owned()
-                });
-                let test = HeldRun {
-                    name: format!("{}, held out", only.name),
-                    seed: only.seed,
-                    judge: only.judge.clone(),
-                    frames: held_out,
-                };
-                only.frames = kept;
+                let (test, caution) = only.hold_out();
                 (vec![test], caution)
             }
             all => {
@@ -147,7 +173,7 @@ fn parts(
         }
         let each = wanted.div_ceil(count);
         let bar = console.bar(&format!("read {name}"), Unit::Pairs, Some(each as u64));
-        let sampler = Sampler::new(Box::new(run), each, FRAME_BYTES / count);
+        let sampler = Sampler::new(Box::new(run), each, MAX_FRAME_BYTES / count);
         let frames = sampler.read_all(|| {
             bar.step();
             !interrupt::requested()
@@ -213,7 +239,7 @@ impl HeldRuns<'_> {
         let mut chosen = spread_order(all);
         chosen.truncate(pairs);
         chosen.sort_unstable();
-        let mut of_labels = vec![Vec::new(); labels.len()];
+        let mut by_label = vec![Vec::new(); labels.len()];
         let mut first = 0;
         for part in self.parts {
             let end = first + part.frames.len();
@@ -251,11 +277,37 @@ impl HeldRuns<'_> {
             }
             for row in rows.take() {
                 if let Some(place) = labels.iter().position(|label| *label == row.algorithm) {
-                    of_labels[place].push(row);
+                    by_label[place].push(row);
                 }
             }
         }
-        Ok(Some(of_labels))
+        Ok(Some(by_label))
+    }
+}
+
+impl HeldRuns<'_> {
+    /// The changes from the first to the second setting over all pairs; none if they are equal, or
+    /// the user ended it.
+    fn compare(
+        mut self,
+        both: &[Algorithm; 2],
+        title: &str,
+        console: &dyn Console,
+    ) -> Result<Vec<Change>> {
+        let pairs: usize = self.parts.iter().map(|part| part.frames.len()).sum();
+        let [base, other] = both;
+        if interrupt::requested() || base.written() == other.written() || pairs == 0 {
+            return Ok(Vec::new());
+        }
+        self.bar = Some(console.bar(title, Unit::Pairs, Some(2 * pairs as u64)));
+        let rows = self.rows(both, pairs);
+        self.bar = None;
+        let rows = rows?.unwrap_or_default();
+        let sides = rows.iter().map(|rows| rows.iter().collect::<Vec<_>>());
+        Ok(match &sides.collect::<Vec<_>>()[..] {
+            [base, other] if base.len() == other.len() => changes(base, other),
+            _ => Vec::new(),
+        })
     }
 }
 
@@ -287,51 +339,39 @@ pub fn found(
     space: &Space,
     search: &Search<'_>,
     goal: &Goal,
-    training: &[HeldRun],
-    test: &[HeldRun],
-    has_truth: bool,
+    data: &SearchData,
     console: &dyn Console,
 ) -> Result<TunedAlgorithm> {
     let best = search.best().clone();
     let ranked = search.ranked();
     let reference = ranked
         .iter()
-        .find(|of| of.algorithm.written() == space.base.written())
-        .map(|of| of.values.clone())
+        .find(|evaluated| evaluated.algorithm.written() == space.base.written())
+        .map(|evaluated| evaluated.values.clone())
         .unwrap_or_default();
-    let (_, front) = pareto_front(&ranked, &OBJECTIVES, |of, metric| of.values.get(metric));
+    let (_, front) = pareto_front(&ranked, &OBJECTIVES, |evaluated, metric| {
+        evaluated.values.get(metric)
+    });
     // The best comes first, though a setting that exceeds a bound may dominate it.
-    let is_other = |of: &&&Evaluated| of.algorithm.written() != best.written();
+    let is_other = |evaluated: &&&Evaluated| evaluated.algorithm.written() != best.written();
     let first = ranked.first().into_iter();
-    let front = first.chain(front.into_iter().filter(is_other)).take(FRONT);
+    let front = first
+        .chain(front.into_iter().filter(is_other))
+        .take(MAX_FRONT);
     let front = front
-        .map(|of| FrontEntry::new(of, goal, &reference))
+        .map(|evaluated| FrontEntry::new(evaluated, goal, &reference))
         .collect();
     let both = [space.base.clone(), best.clone()];
-    let compared = |what: &str, parts: &[HeldRun]| -> Result<_> {
-        let pairs: usize = parts.iter().map(|part| part.frames.len()).sum();
-        if interrupt::requested() || best.written() == space.base.written() || pairs == 0 {
-            return Ok((Vec::new(), pairs));
-        }
-        let title = format!("{what} {}", space.base.label());
-        let mut runs = HeldRuns {
+    let compared = |part: &str, parts: &[HeldRun]| {
+        let runs = HeldRuns {
             parts,
-            has_truth,
-            bar: Some(console.bar(&title, Unit::Pairs, Some(2 * pairs as u64))),
+            has_truth: data.has_truth(),
+            bar: None,
         };
-        let rows = runs.rows(&both, pairs);
-        runs.bar = None;
-        let changed = rows?.map(|rows| {
-            let sides = rows.iter().map(|rows| rows.iter().collect::<Vec<_>>());
-            match &sides.collect::<Vec<_>>()[..] {
-                [base, other] if base.len() == other.len() => changes(base, other),
-                _ => Vec::new(),
-            }
-        });
-        Ok((changed.unwrap_or_default(), pairs))
+        runs.compare(&both, &format!("{part} {}", space.base.label()), console)
     };
-    let (training, _) = compared("train", training)?;
-    let (test, test_pairs) = compared("test", test)?;
+    let training = compared("train", &data.training)?;
+    let test = compared("test", &data.test)?;
     let tried = search.tried();
     Ok(TunedAlgorithm {
         reference: space.base.written(),
@@ -344,6 +384,6 @@ pub fn found(
         front,
         training,
         test,
-        test_pairs,
+        test_pairs: data.test.iter().map(|part| part.frames.len()).sum(),
     })
 }

@@ -7,7 +7,7 @@ use svl_core::filter::FilterModel;
 use svl_core::matcher::{Algorithm, Parameter, Range, Value};
 use svl_core::stereo::CellRule;
 use svl_core::{Error, Result};
-use svl_data::scenario::MAX_GRID;
+use svl_score::scenario::MAX_GRID;
 
 /// An algorithm with all its parameters, and how its cells are made and scored.
 #[derive(Clone, Debug)]
@@ -125,7 +125,7 @@ const ON_OFF: Range = Range::Flag { default: false };
 const STEPS: i32 = 16;
 
 impl Knob {
-    fn of(part: KnobPart, parameter: &Parameter) -> Self {
+    fn new(part: KnobPart, parameter: &Parameter) -> Self {
         let Parameter {
             name,
             unit,
@@ -234,12 +234,12 @@ impl TunedSetting {
             CellRule::Distance { .. } => &DISTANCE,
             CellRule::Disparity { .. } => &DISPARITY,
         };
-        let of = |part| move |parameter| Knob::of(part, parameter);
+        let knob = |part| move |parameter| Knob::new(part, parameter);
         parameters
-            .map(of(KnobPart::Algorithm))
+            .map(knob(KnobPart::Algorithm))
             .chain(filters)
-            .chain(GRID.iter().map(of(KnobPart::Grid)))
-            .chain(cells.iter().map(of(KnobPart::Cells)))
+            .chain(GRID.iter().map(knob(KnobPart::Grid)))
+            .chain(cells.iter().map(knob(KnobPart::Cells)))
             .collect()
     }
 
@@ -278,10 +278,7 @@ impl TunedSetting {
         match (knob.part, value) {
             (KnobPart::Algorithm, value) => {
                 changed.algorithm = self.algorithm.with(knob.name, value)?;
-                // A program is not started to check its parameters.
-                if changed.algorithm.spec().name != "exec" {
-                    changed.algorithm.build()?;
-                }
+                changed.algorithm.check()?;
             }
             (KnobPart::Filter, Value::Flag(on)) => {
                 let is_on = |filter: &&Arc<FilterModel>| {
@@ -431,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_value_is_refused_with_what_is() {
+    fn invalid_values_are_refused_with_the_valid_ones() {
         let bm = setting("bm");
         let refused = |name: &str, text: &str| {
             let typed = bm.typed(&knob(&bm, name), text);

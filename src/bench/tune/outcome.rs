@@ -3,16 +3,16 @@
 use super::goal::Goal;
 use super::search::Evaluated;
 use super::values::TrialValues;
-use crate::report::compare::{Change, Judgement, change_table, signed};
-use crate::report::table::{NONE, Table, TerminalStyle, escape, wrapped};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use svl_core::Result;
 use svl_core::counted;
 use svl_core::filter::FilterKind;
-use svl_data::scenario::{Scenario, ScenarioFilter};
-use svl_data::score::{METRICS, Metric};
+use svl_report::compare::{Change, Judgement, change_table, signed};
+use svl_report::table::{NONE, Table, TerminalStyle, escape, wrapped};
+use svl_score::judge::{METRICS, Metric};
+use svl_score::scenario::{Scenario, ScenarioFilter};
 
 /// Facts of a search.
 #[derive(Clone, Debug, Serialize)]
@@ -73,12 +73,12 @@ pub struct TuneOutcome {
 }
 
 impl FrontEntry {
-    pub fn new(of: &Evaluated, goal: &Goal, reference: &TrialValues) -> Self {
+    pub fn new(evaluated: &Evaluated, goal: &Goal, reference: &TrialValues) -> Self {
         let values = METRICS.iter();
-        let values = values.filter_map(|metric| Some((metric.name, of.values.get(metric)?)));
+        let values = values.filter_map(|metric| Some((metric.name, evaluated.values.get(metric)?)));
         Self {
-            setting: of.algorithm.written(),
-            is_allowed: goal.violation(&of.values, reference) == 0.0,
+            setting: evaluated.algorithm.written(),
+            is_allowed: goal.violation(&evaluated.values, reference) == 0.0,
             values: values.collect(),
         }
     }
@@ -147,8 +147,21 @@ impl TunedAlgorithm {
 }
 
 impl TuneOutcome {
+    /// The best settings and the references, each once.
+    pub fn settings(&self) -> Vec<String> {
+        let mut settings = Vec::new();
+        for algorithm in &self.algorithms {
+            for written in [&algorithm.best, &algorithm.reference] {
+                if !settings.contains(written) {
+                    settings.push(written.clone());
+                }
+            }
+        }
+        settings
+    }
+
     /// The changes on the training pairs, and on the test pairs if there are some.
-    fn parts(&self, of: &TunedAlgorithm) -> Vec<Table> {
+    fn parts(&self, algorithm: &TunedAlgorithm) -> Vec<Table> {
         let TuneFacts {
             training,
             training_pairs,
@@ -162,8 +175,8 @@ impl TuneOutcome {
             names => names.join(", "),
         };
         let parts = [
-            ("training", *training_pairs, training, &of.training),
-            ("test", of.test_pairs, test, &of.test),
+            ("training", *training_pairs, training, &algorithm.training),
+            ("test", algorithm.test_pairs, test, &algorithm.test),
         ];
         let parts = parts
             .into_iter()
@@ -187,20 +200,20 @@ impl TuneOutcome {
         for note in self.notes() {
             let _ = write!(text, "\n**{note}**\n");
         }
-        for of in &self.algorithms {
-            let _ = write!(text, "\n## {}\n\n", of.reference);
-            let _ = writeln!(text, "Best: `{}`\n", of.best);
-            if let Some(verdict) = of.verdict() {
+        for algorithm in &self.algorithms {
+            let _ = write!(text, "\n## {}\n\n", algorithm.reference);
+            let _ = writeln!(text, "Best: `{}`\n", algorithm.best);
+            if let Some(verdict) = algorithm.verdict() {
                 let _ = writeln!(text, "**{verdict}**\n");
             }
             let _ = writeln!(
                 text,
                 "{} tried, {} of them on all training pairs. Varied: `{}`.",
-                counted(of.tried as u64, "setting"),
-                of.finalists,
-                of.axes.join(" ")
+                counted(algorithm.tried as u64, "setting"),
+                algorithm.finalists,
+                algorithm.axes.join(" ")
             );
-            for table in self.parts(of) {
+            for table in self.parts(algorithm) {
                 let _ = write!(text, "\nOn the {}:\n\n", escape(&table.title));
                 text += &table.markdown();
             }
@@ -208,7 +221,7 @@ impl TuneOutcome {
                 text,
                 "\nThe Pareto front on the training pairs: no other setting is as good by all of \
                  these metrics and better by one:\n\n{}",
-                of.front_table().markdown()
+                algorithm.front_table().markdown()
             );
         }
         text += "\n## How it was made\n\n";
@@ -223,20 +236,23 @@ impl TuneOutcome {
         let mut lines = vec![format!("sought: {}", self.facts.goal)];
         lines.extend(self.notes());
         let mut text = String::new();
-        for of in &self.algorithms {
-            lines.extend([String::new(), of.reference.clone()]);
-            lines.push(if of.is_unchanged() {
-                format!("best is the reference itself, of {} tried", of.tried)
+        for algorithm in &self.algorithms {
+            lines.extend([String::new(), algorithm.reference.clone()]);
+            lines.push(if algorithm.is_unchanged() {
+                format!("best is the reference itself, of {} tried", algorithm.tried)
             } else {
-                format!("best of {} tried: {}", of.tried, of.best)
+                format!("best of {} tried: {}", algorithm.tried, algorithm.best)
             });
-            lines.extend(of.verdict());
+            lines.extend(algorithm.verdict());
             for line in lines.drain(..) {
                 text += &wrapped(&line, 2, style.width);
             }
             // Training pairs are shown only without a test: the file beside the output has both.
-            let changes = self.parts(of).pop().filter(|_| !of.is_unchanged());
-            let front = (!of.front.is_empty()).then(|| of.front_table());
+            let changes = self
+                .parts(algorithm)
+                .pop()
+                .filter(|_| !algorithm.is_unchanged());
+            let front = (!algorithm.front.is_empty()).then(|| algorithm.front_table());
             for table in changes.iter().chain(&front) {
                 let title = wrapped(&table.title, 2, style.width);
                 text += &format!("\n{title}{}", table.terminal(style));
@@ -305,7 +321,11 @@ mod tests {
             (moved.grid, moved.cells, &moved.source),
             (scenario.grid, scenario.cells, &scenario.source)
         );
-        let own = [&moved, &scenario].map(|of| of.filters[0].training(of).unwrap()[0].name.clone());
+        let own = [&moved, &scenario].map(|scenario| {
+            scenario.filters[0].training(scenario).unwrap()[0]
+                .name
+                .clone()
+        });
         assert_eq!(own[0], own[1]);
         assert!(moved.gate.is_empty());
         let kind = scenario.filters[0].detects;
@@ -315,8 +335,8 @@ mod tests {
     }
 
     #[test]
-    fn the_test_has_the_last_word() {
-        let mut of = TunedAlgorithm {
+    fn the_verdict_follows_from_the_test_pairs() {
+        let mut tuned = TunedAlgorithm {
             reference: "v3".into(),
             best: "v3:max_disparity=64".into(),
             objective: "right",
@@ -328,7 +348,7 @@ mod tests {
             test: Vec::new(),
             test_pairs: 9,
         };
-        assert_eq!(of.verdict(), None);
+        assert_eq!(tuned.verdict(), None);
         let interval = Some((-0.1, 0.3));
         for (judgement, interval, words) in [
             (
@@ -340,7 +360,7 @@ mod tests {
             (Judgement::Unclear, None, "too few pairs to tell"),
             (Judgement::Worse, interval, "refutes it"),
         ] {
-            of.test = vec![Change {
+            tuned.test = vec![Change {
                 metric: Metric::find("right").unwrap(),
                 base: 0.5,
                 other: 0.6,
@@ -348,7 +368,7 @@ mod tests {
                 interval,
                 judgement,
             }];
-            let verdict = of.verdict().unwrap();
+            let verdict = tuned.verdict().unwrap();
             assert!(verdict.contains(words), "{verdict}");
         }
     }

@@ -8,7 +8,7 @@ use svl_core::stereo::Frame;
 use svl_core::{Error, Result};
 
 /// Frames that cannot be read, one after the other, after which a source is given up.
-const UNREADABLE: u64 = 16;
+const MAX_UNREADABLE: u64 = 16;
 
 /// Reads frames that are spread evenly over a source, a step at a time.
 pub struct Sampler {
@@ -66,7 +66,7 @@ impl Sampler {
                 self.done = true;
                 return Err(error);
             }
-            Err(error) if self.frames.is_empty() && self.next > UNREADABLE => {
+            Err(error) if self.frames.is_empty() && self.next > MAX_UNREADABLE => {
                 self.done = true;
                 return Err(error);
             }
@@ -190,7 +190,7 @@ mod tests {
 
     struct Numbered {
         next: u64,
-        of: u64,
+        count: u64,
         seeks: bool,
         counted: bool,
     }
@@ -203,7 +203,7 @@ mod tests {
         fn next(&mut self) -> Result<Option<Frame>> {
             let sequence = self.next;
             self.next += 1;
-            if sequence >= self.of {
+            if sequence >= self.count {
                 return Ok(None);
             }
             if sequence == 7 {
@@ -217,7 +217,7 @@ mod tests {
         }
 
         fn pairs(&self) -> Option<u64> {
-            self.counted.then_some(self.of)
+            self.counted.then_some(self.count)
         }
 
         fn seek(&mut self, index: u64) -> Result<bool> {
@@ -226,10 +226,10 @@ mod tests {
         }
     }
 
-    fn sampled(of: u64, seeks: bool, counted: bool, wanted: usize, limit: usize) -> Vec<u64> {
+    fn sampled(count: u64, seeks: bool, counted: bool, wanted: usize, limit: usize) -> Vec<u64> {
         let source = Box::new(Numbered {
             next: 0,
-            of,
+            count,
             seeks,
             counted,
         });

@@ -8,7 +8,7 @@ use super::values::TrialValues;
 use std::collections::{BTreeMap, BTreeSet};
 use svl_core::Result;
 use svl_core::matcher::Algorithm;
-use svl_data::score::Metric;
+use svl_score::judge::Metric;
 
 /// Runs settings over pairs.
 pub trait Evaluator {
@@ -44,8 +44,8 @@ const HALVING: usize = 3;
 /// Numbers of pairs that a setting is run on before all.
 const RUNGS: u32 = 2;
 
-/// Fewest pairs that a setting is run on.
-const FEWEST_PAIRS: usize = 8;
+/// Smallest number of pairs that a setting is run on.
+const MIN_PAIRS: usize = 8;
 
 /// Settings near which others are tried.
 const ELITES: usize = 5;
@@ -206,6 +206,48 @@ impl<'a> Search<'a> {
         });
     }
 
+    /// Logs and keeps the values of a batch over `pairs`, of which the first is the reference.
+    /// Times are scaled to its first one.
+    fn take_in(
+        &mut self,
+        batch: &[Algorithm],
+        values: Vec<Option<TrialValues>>,
+        pairs: usize,
+        log: &mut dyn FnMut(&LoggedTrial<'_>) -> Result<()>,
+    ) -> Result<()> {
+        let time = Metric::find("time").expect("a metric of METRICS");
+        let mut found = batch.iter().zip(values);
+        let base = self.space.base.clone();
+        let Some((_, Some(reference))) = found.next() else {
+            return Err(svl_core::Error::Invalid(format!(
+                "{}: fails, so that nothing can be compared with it",
+                base.label()
+            )));
+        };
+        let first = self.value(&base, pairs).unwrap_or(&reference).get(time);
+        let scale = first
+            .zip(reference.get(time))
+            .map(|(first, now)| first / now);
+        let scaled = |mut values: TrialValues| {
+            let ms = values.get(time).zip(scale).map(|(ms, scale)| ms * scale);
+            values.set(time.name, ms);
+            values
+        };
+        let found: Vec<_> = found.map(|(a, v)| (a.written(), v.map(scaled))).collect();
+        let is_new = !self.known.contains_key(&(base.written(), pairs));
+        let reference = is_new.then(|| (base.written(), Some(reference)));
+        for (written, values) in reference.into_iter().chain(found) {
+            log(&LoggedTrial {
+                setting: &written,
+                generation: self.generation,
+                pairs,
+                values: values.as_ref(),
+            })?;
+            self.known.insert((written, pairs), values);
+        }
+        Ok(())
+    }
+
     /// Finds the values of algorithms and of the reference over `pairs`; false if the user ended
     /// it.
     fn look_at(
@@ -222,40 +264,12 @@ impl<'a> Search<'a> {
         if batches.is_empty() && !self.known.contains_key(&(base.written(), pairs)) {
             batches.push(&[]);
         }
-        let time = Metric::find("time").expect("a metric of METRICS");
         for batch in batches {
             let run: Vec<_> = std::iter::once(&base).chain(batch).cloned().collect();
             let Some(values) = evaluator.evaluate(&run, pairs)? else {
                 return Ok(false);
             };
-            let mut found = run.iter().zip(values);
-            let Some((_, Some(reference))) = found.next() else {
-                return Err(svl_core::Error::Invalid(format!(
-                    "{}: fails, so that nothing can be compared with it",
-                    base.label()
-                )));
-            };
-            let first = self.value(&base, pairs).unwrap_or(&reference).get(time);
-            let scale = first
-                .zip(reference.get(time))
-                .map(|(first, now)| first / now);
-            let scaled = |mut values: TrialValues| {
-                let ms = values.get(time).zip(scale).map(|(ms, scale)| ms * scale);
-                values.set(time.name, ms);
-                values
-            };
-            let found: Vec<_> = found.map(|(a, v)| (a.written(), v.map(scaled))).collect();
-            let is_new = !self.known.contains_key(&(base.written(), pairs));
-            let reference = is_new.then(|| (base.written(), Some(reference)));
-            for (written, values) in reference.into_iter().chain(found) {
-                log(&LoggedTrial {
-                    setting: &written,
-                    generation: self.generation,
-                    pairs,
-                    values: values.as_ref(),
-                })?;
-                self.known.insert((written, pairs), values);
-            }
+            self.take_in(&run, values, pairs, log)?;
         }
         for algorithm in std::iter::once(&base).chain(algorithms) {
             let written = algorithm.written();
@@ -360,7 +374,7 @@ fn rungs(pairs: usize) -> impl Iterator<Item = usize> {
     let mut before = 0;
     let all = (0..=RUNGS).rev().map(move |power| {
         let part = pairs / HALVING.pow(power);
-        part.max(FEWEST_PAIRS).min(pairs).max(1)
+        part.max(MIN_PAIRS).min(pairs).max(1)
     });
     all.filter(move |&pairs| std::mem::replace(&mut before, pairs) != pairs)
 }
@@ -400,8 +414,8 @@ mod tests {
                 return Ok(None);
             }
             let values = algorithms.iter().map(|algorithm| {
-                let of = |name| f64::from(algorithm.parameters().int(name));
-                let (uniqueness, size) = (of("uniqueness"), of("block_size"));
+                let number = |name| f64::from(algorithm.parameters().int(name));
+                let (uniqueness, size) = (number("uniqueness"), number("block_size"));
                 let off = (uniqueness - 30.0).abs() / 30.0 + (size - 21.0).abs() / 20.0;
                 let mut values = TrialValues::default();
                 values.set("right", Some(1.0 - 0.3 * off));
@@ -453,9 +467,9 @@ mod tests {
     fn the_best_is_found_within_the_constraints_and_again() {
         let (best, log, matchings, _) = found(1, usize::MAX);
         let best: Algorithm = best.parse().unwrap();
-        let of = |name| best.parameters().int(name);
-        assert!((25..=35).contains(&of("uniqueness")), "{best:?}");
-        assert!((19..=23).contains(&of("block_size")), "{best:?}");
+        let number = |name| best.parameters().int(name);
+        assert!((25..=35).contains(&number("uniqueness")), "{best:?}");
+        assert!((19..=23).contains(&number("block_size")), "{best:?}");
         // Few settings are run on all pairs.
         assert!(matchings < 120 * 90 / 2, "{matchings}");
         assert_eq!(found(1, usize::MAX).1, log, "equal seeds, equal searches");

@@ -2,15 +2,15 @@
 
 use super::held::HeldRun;
 use super::{Known, LoggedTrial, TrialValues};
-use crate::outputs::Outputs;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use svl_core::filter::FilterModel;
 use svl_core::matcher::Algorithm;
 use svl_core::{Error, Result};
-use svl_data::manifest::{Manifest, Purpose, hash};
-use svl_data::score::{METRICS, Metric};
+use svl_report::outputs::Outputs;
+use svl_score::judge::{METRICS, Metric};
+use svl_score::manifest::{Manifest, Purpose, hash};
 
 /// The log of the trials: a row for each setting and number of pairs, written as it is known.
 pub struct TrialLog {
@@ -102,9 +102,9 @@ impl TrialLog {
 
     /// The trials of an algorithm that are known.
     pub fn known(&self, base: &Algorithm) -> Known {
-        let of = self.known.iter();
-        let of = of.filter(|((algorithm, _, _), _)| *algorithm == base.written());
-        of.map(|((_, setting, pairs), values)| ((setting.clone(), *pairs), values.clone()))
+        let own = self.known.iter();
+        let own = own.filter(|((algorithm, _, _), _)| *algorithm == base.written());
+        own.map(|((_, setting, pairs), values)| ((setting.clone(), *pairs), values.clone()))
             .collect()
     }
 

@@ -1,6 +1,6 @@
 //! Values that a setting reached.
 
-use svl_data::score::{METRICS, Metric};
+use svl_score::judge::{METRICS, Metric};
 
 /// The metrics of a setting over some pairs, by their places in [`METRICS`]. Times are in
 /// milliseconds, scaled by the ratio of the reference's time in its first run to that in the same

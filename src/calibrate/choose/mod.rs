@@ -46,7 +46,7 @@ pub enum Refusal {
 /// Number of views that suffices if no coverage is missing.
 pub const ENOUGH: usize = 20;
 /// Number of views that suffices whatever coverage is missing.
-pub const MOST: usize = 60;
+pub const MAX_VIEWS: usize = 60;
 
 /// Largest blur that still gives good corners: pixels, or fraction of the image's width.
 const BLUR: (f64, f64) = (2.0, 0.003);
@@ -141,7 +141,7 @@ impl Chooser {
 
     /// True if there are enough views.
     pub fn is_done(&self) -> bool {
-        self.views.len() >= MOST || (self.views.len() >= ENOUGH && self.missing().is_empty())
+        self.views.len() >= MAX_VIEWS || (self.views.len() >= ENOUGH && self.missing().is_empty())
     }
 
     /// The sighting of a complete, sharp board.
@@ -337,7 +337,7 @@ mod tests {
         assert_eq!(chooser.missing().tilted, ["left", "right", "up", "down"]);
         chooser.keep(moving.view(0).unwrap());
         assert!(chooser.missing().left.len() < 9 && !chooser.is_done());
-        for _ in 1..MOST {
+        for _ in 1..MAX_VIEWS {
             chooser.keep(moving.view(0).unwrap());
         }
         assert!(chooser.is_done());

@@ -13,7 +13,7 @@ const STEPS: usize = 100;
 const GAIN: f64 = 1e-12;
 const ROBUST_GAIN: f64 = 1e-5;
 const DAMPING: f64 = 1e-3;
-const MOST_DAMPING: f64 = 1e12;
+const MAX_DAMPING: f64 = 1e12;
 
 /// Moves cameras and poses to the nearest minimum. `None` if the cost is undefined at the start.
 pub(super) fn adjust(bundle: &mut BundleProblem, loss: LossFunction) -> Option<()> {
@@ -37,7 +37,7 @@ pub(super) fn adjust(bundle: &mut BundleProblem, loss: LossFunction) -> Option<(
             }
             // The step was too long for the linearization: shorten it, towards gradient descent.
             damping *= 10.0;
-            if damping > MOST_DAMPING {
+            if damping > MAX_DAMPING {
                 return Some(());
             }
         };

@@ -283,18 +283,14 @@ pub(super) fn in_front(board: &[Point3<f64>], pose: &Isometry3<f64>) -> bool {
 pub(super) mod tests {
     use super::*;
 
+    fn intrinsics(f: f64, k1: f64) -> Intrinsics {
+        let distortion = [k1, 0.1, 0.001, -0.002, 0.01];
+        Intrinsics::new((640, 480), (f, f + 3.0), (322.0, 236.0), distortion).unwrap()
+    }
+
     /// Two cameras, one of them rotated, and their views of a board in three poses, with errors of
     /// a few pixels.
     pub fn pair() -> BundleProblem {
-        let intrinsics = |f: f64, k1: f64| {
-            Intrinsics::new(
-                (640, 480),
-                (f, f + 3.0),
-                (322.0, 236.0),
-                [k1, 0.1, 0.001, -0.002, 0.01],
-            )
-            .unwrap()
-        };
         let from_first = Isometry3::new(
             Vector3::new(-0.12, 0.01, 0.02),
             Vector3::new(0.02, 0.1, -0.03),

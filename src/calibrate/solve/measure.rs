@@ -21,15 +21,7 @@ pub(super) fn solution(
     bundle: BundleProblem,
     refused: Vec<Option<String>>,
 ) -> Result<Solution> {
-    let (mut squares, mut numbers) = (0.0, 0_usize);
-    for view in &bundle.views {
-        for camera in 0..2 {
-            for residual in bundle.used_residuals(view, camera).flatten() {
-                squares += residual.x.powi(2) + residual.y.powi(2);
-                numbers += 2;
-            }
-        }
-    }
+    let (squares, numbers) = squared_residuals(&bundle);
     let unknowns = bundle.parameters() + MOTION * bundle.views.len();
     // Unbiased: degrees of freedom are residuals minus unknowns.
     let variance = squares / numbers.saturating_sub(unknowns).max(1) as f64;
@@ -40,51 +32,33 @@ pub(super) fn solution(
     let covariance = covariance.ok_or_else(|| parallel(&bundle, None))?;
     let deviations: Vec<f64> = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
 
+    check_focal_lengths(&bundle, &deviations)?;
+
     let [first, second] = [0, 1].map(|i| &bundle.cameras[i]);
     let begin = BundleProblem::begin(1);
-    for (name, camera, begin) in [("left", first, 0), ("right", second, begin)] {
-        let (fx, fy) = camera.intrinsics.focal_px();
-        for (focal, deviation) in [(fx, deviations[begin]), (fy, deviations[begin + 1])] {
-            if deviation.is_nan() || deviation > UNCERTAIN * focal {
-                return Err(parallel(&bundle, Some((name, focal, deviation))));
-            }
-        }
-    }
     let from_first = second.from_first;
-    let intrinsics = (first.intrinsics, second.intrinsics);
-    let calibration = StereoCalibration::new(intrinsics.0, intrinsics.1, from_first, board.unit())?;
+    let [left, right] = [first.intrinsics, second.intrinsics];
+    let calibration = StereoCalibration::new(left, right, from_first, board.unit())?;
     let extrinsics = begin + INTRINSICS;
     let pair = covariance
         .fixed_view::<MOTION, MOTION>(extrinsics, extrinsics)
         .into_owned();
     let [rotation_deg, translation] = motion(&from_first, &pair);
     let rows = RectifiedRows::new(first, second);
-    let views: Vec<ViewFit> = refused
-        .into_iter()
-        .enumerate()
-        .map(|(id, refused)| {
-            let view = bundle.views.iter().find(|view| view.id == id);
-            ViewFit {
-                refused,
-                fit: view.map(|view| fit(&bundle, &rows, view)),
-            }
-        })
-        .collect();
+    let view_fit = |(id, refused)| {
+        let view = bundle.views.iter().find(|view| view.id == id);
+        let fit = view.map(|view| fit(&bundle, &rows, view));
+        ViewFit { refused, fit }
+    };
+    let views: Vec<ViewFit> = refused.into_iter().enumerate().map(view_fit).collect();
     let fits = || views.iter().filter_map(|view| view.fit.as_ref());
-    let camera = |intrinsics: &Intrinsics, begin: usize, corners: &dyn Fn(&Fit) -> &Vec<Corner>| {
-        let all: Vec<Corner> = fits()
-            .flat_map(|fit| corners(fit).iter().copied())
-            .collect();
-        camera(intrinsics, &deviations[begin..begin + INTRINSICS], &all)
+    let corners = |side: fn(&Fit) -> &Vec<Corner>| -> Vec<Corner> {
+        fits().flat_map(|fit| side(fit).iter().copied()).collect()
     };
-    let (left, right) = (
-        camera(&first.intrinsics, 0, &|fit| &fit.left),
-        camera(&second.intrinsics, begin, &|fit| &fit.right),
-    );
+    let lens_deviations = |begin: usize| &deviations[begin..][..INTRINSICS];
+    let left = camera(&left, lens_deviations(0), &corners(|fit| &fit.left));
+    let right = camera(&right, lens_deviations(begin), &corners(|fit| &fit.right));
     let misalignments: Vec<f64> = fits().flat_map(|fit| rows.misalignments(fit)).collect();
-    let mean = |f: &dyn Fn(f64) -> f64| {
-        misalignments.iter().map(|v| f(*v)).sum::<f64>() / misalignments.len().max(1) as f64
-    };
     Ok(Solution {
         board: (board.columns(), board.rows()),
         size: first.intrinsics.size(),
@@ -96,19 +70,54 @@ pub(super) fn solution(
         baseline: baseline(&from_first, &pair),
         rms_px: (squares / (numbers.max(2) / 2) as f64).sqrt(),
         corner_deviation_px: variance.sqrt(),
-        epipolar: EpipolarError {
-            mean_px: mean(&f64::abs),
-            rms_px: mean(&|v| v * v).sqrt(),
-            worst_px: misalignments
-                .iter()
-                .copied()
-                .map(f64::abs)
-                .fold(0.0, f64::max),
-        },
+        epipolar: epipolar_error(&misalignments),
         correlations: correlations(&covariance),
         views,
         calibration,
     })
+}
+
+/// The sum of the squared residuals of the corners that are used, and their number, two per corner.
+fn squared_residuals(bundle: &BundleProblem) -> (f64, usize) {
+    let (mut squares, mut numbers) = (0.0, 0);
+    for view in &bundle.views {
+        for camera in 0..2 {
+            for residual in bundle.used_residuals(view, camera).flatten() {
+                squares += residual.x.powi(2) + residual.y.powi(2);
+                numbers += 2;
+            }
+        }
+    }
+    (squares, numbers)
+}
+
+/// Refuses focal lengths that the views leave undetermined.
+fn check_focal_lengths(bundle: &BundleProblem, deviations: &[f64]) -> Result<()> {
+    for (i, name) in ["left", "right"].into_iter().enumerate() {
+        let (fx, fy) = bundle.cameras[i].intrinsics.focal_px();
+        let begin = BundleProblem::begin(i);
+        for (focal, deviation) in [(fx, deviations[begin]), (fy, deviations[begin + 1])] {
+            if deviation.is_nan() || deviation > UNCERTAIN * focal {
+                return Err(parallel(bundle, Some((name, focal, deviation))));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn epipolar_error(misalignments: &[f64]) -> EpipolarError {
+    let mean = |f: &dyn Fn(f64) -> f64| {
+        misalignments.iter().map(|v| f(*v)).sum::<f64>() / misalignments.len().max(1) as f64
+    };
+    EpipolarError {
+        mean_px: mean(&f64::abs),
+        rms_px: mean(&|v| v * v).sqrt(),
+        worst_px: misalignments
+            .iter()
+            .copied()
+            .map(f64::abs)
+            .fold(0.0, f64::max),
+    }
 }
 
 /// The error for boards tilted too little. `focal`: the uncertain focal length's camera, value and

@@ -23,10 +23,11 @@ use bundle::{BundleProblem, ImageCorners, PosedCamera, PosedView};
 use nalgebra::{Isometry3, Matrix3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
 use outliers::{RejectedView, adjust_robustly};
 use svl_core::statistics::upper_median;
+use svl_core::stereo::Intrinsics;
 use svl_core::{Error, Result};
 
 /// Fewest views that determine all parameters (Zhang, section 3.1).
-pub const LEAST_VIEWS: usize = 3;
+pub const MIN_VIEWS: usize = 3;
 
 /// The views, with the reasons for those refused.
 struct ViewSelection<'a> {
@@ -92,7 +93,7 @@ impl ViewSelection<'_> {
 
     fn require_enough(&self) -> Result<()> {
         let (used, all) = (self.used().count(), self.views.len());
-        if used >= LEAST_VIEWS {
+        if used >= MIN_VIEWS {
             return Ok(());
         }
         let reasons = self
@@ -112,20 +113,21 @@ impl ViewSelection<'_> {
             format!(" ({})", reasons.join("; "))
         };
         Err(Error::Invalid(format!(
-            "{used} of {all} views of the board can be used, at least {LEAST_VIEWS} are \
+            "{used} of {all} views of the board can be used, at least {MIN_VIEWS} are \
              needed{why}; add views with the board tilted differently"
         )))
     }
 }
 
-/// Calibrates one camera alone from the views that are not refused.
-fn calibrate_camera(
+/// The homographies of one camera's views of the board, with the number of the view; refuses views
+/// whose corners are in disorder.
+fn homographies(
     board: &[Point3<f64>],
     size: (usize, usize),
     selection: &mut ViewSelection<'_>,
     name: &str,
     pixels: impl Fn(&StereoView) -> &Vec<Point2<f64>>,
-) -> Result<BundleProblem> {
+) -> Vec<(usize, Matrix3<f64>)> {
     let views = selection.views;
     let mut homographies: Vec<(usize, Matrix3<f64>, f64)> = Vec::new();
     for id in selection.used().collect::<Vec<_>>() {
@@ -150,16 +152,22 @@ fn calibrate_camera(
         }
         *off <= limit
     });
-    selection.require_enough()?;
+    homographies.into_iter().map(|(id, h, _)| (id, h)).collect()
+}
 
-    let intrinsics = start::intrinsics(
-        size,
-        &homographies.iter().map(|(_, h, _)| *h).collect::<Vec<_>>(),
-    );
-    let intrinsics = intrinsics.ok_or_else(|| undetermined(&format!("{name} camera")))?;
+/// The poses of the board in one camera's views; refuses views without one.
+fn posed_views(
+    board: &[Point3<f64>],
+    intrinsics: &Intrinsics,
+    homographies: &[(usize, Matrix3<f64>)],
+    selection: &mut ViewSelection<'_>,
+    name: &str,
+    pixels: impl Fn(&StereoView) -> &Vec<Point2<f64>>,
+) -> Vec<PosedView> {
+    let views = selection.views;
     let mut posed = Vec::new();
-    for (id, h, _) in homographies {
-        match start::pose(&intrinsics, &h).filter(|pose| bundle::in_front(board, pose)) {
+    for &(id, h) in homographies {
+        match start::pose(intrinsics, &h).filter(|pose| bundle::in_front(board, pose)) {
             Some(pose) => posed.push(PosedView {
                 id,
                 pose,
@@ -172,6 +180,25 @@ fn calibrate_camera(
             }
         }
     }
+    posed
+}
+
+/// Calibrates one camera alone from the views that are not refused.
+fn calibrate_camera(
+    board: &[Point3<f64>],
+    size: (usize, usize),
+    selection: &mut ViewSelection<'_>,
+    name: &str,
+    pixels: impl Fn(&StereoView) -> &Vec<Point2<f64>>,
+) -> Result<BundleProblem> {
+    let homographies = homographies(board, size, selection, name, &pixels);
+    selection.require_enough()?;
+    let intrinsics = start::intrinsics(
+        size,
+        &homographies.iter().map(|(_, h)| *h).collect::<Vec<_>>(),
+    );
+    let intrinsics = intrinsics.ok_or_else(|| undetermined(&format!("{name} camera")))?;
+    let views = posed_views(board, &intrinsics, &homographies, selection, name, &pixels);
     selection.require_enough()?;
     let cameras = vec![PosedCamera {
         intrinsics,
@@ -180,7 +207,7 @@ fn calibrate_camera(
     let mut bundle = BundleProblem {
         board: board.to_vec(),
         cameras,
-        views: posed,
+        views,
     };
     for RejectedView { view, reason } in adjust_robustly(&mut bundle, &[name])
         .ok_or_else(|| undetermined(&format!("{name} camera")))?

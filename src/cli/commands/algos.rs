@@ -113,7 +113,7 @@ impl AlgorithmEntry {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(example) = args.example {
-        if args.name.is_none_or(|spec| spec.name != "exec") {
+        if !args.name.is_some_and(MatcherSpec::is_program) {
             let words = "--example needs a kind of program: svl algos exec --example KIND";
             return Err(usage::wrong(words.to_owned()));
         }
@@ -147,8 +147,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Column where the description of an algorithm begins.
 const COLUMN: usize = 7;
-/// Narrowest column of descriptions beside names and values of parameters.
-const NARROWEST: usize = 30;
+/// Smallest width of the column of descriptions beside names and values of parameters.
+const MIN_DESCRIPTION_COLUMN: usize = 30;
 
 fn describe(spec: &MatcherSpec, last: usize) -> String {
     let mut text = wrapped(spec.name, COLUMN, spec.summary, last);
@@ -164,7 +164,7 @@ fn describe(spec: &MatcherSpec, last: usize) -> String {
     let beside = COLUMN + names + 2 + values + 2;
     for p in spec.parameters {
         let head = format!("{:COLUMN$}{:<names$}  {}", "", p.name, setting(p));
-        if beside + NARROWEST <= last {
+        if beside + MIN_DESCRIPTION_COLUMN <= last {
             text += &wrapped(&head, beside, p.description, last);
         } else {
             text += &format!("{head}\n");

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 use svl::arena::{Arena, ArenaConfig};
-use svl::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput, Matcher};
+use svl::matcher::{Algorithm, MATCHERS, MatchContext, MatchOutput, Matcher, Value, find};
 use svl::report::table::{Table, TerminalStyle};
 use svl::statistics::nearest_rank;
 use svl::stereo::{RectifiedPair, StereoPair};
@@ -28,8 +28,8 @@ Examples:
   SVL_ISA=avx2 svl bench      as a CPU without AVX-512 would; or portable")]
 pub(crate) struct Args {
     /// Algorithm, as NAME[:key=value,…]; repeatable [default: all of svl's own]
-    #[arg(long, value_name = "ALGO")]
-    algo: Vec<Algorithm>,
+    #[arg(long, value_name = "ALGO", value_parser = algorithm)]
+    algo: Vec<(Algorithm, bool)>,
     #[command(flatten)]
     filters: FilterArgs,
     /// Size of the images
@@ -49,9 +49,9 @@ pub(crate) struct Args {
 /// Default number of threads: speeds are compared per core.
 pub(super) const THREADS: u16 = 1;
 
-/// Time spent on each algorithm.
-const BUDGET: Duration = Duration::from_secs(2);
-/// Fewest and most matchings of each algorithm.
+/// Shortest time spent on each algorithm.
+const MIN_TIME: Duration = Duration::from_secs(2);
+/// Smallest and largest number of matchings of each algorithm.
 const ROUNDS: std::ops::RangeInclusive<usize> = 5..=1000;
 
 fn size(text: &str) -> Result<(usize, usize), String> {
@@ -84,13 +84,19 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         [] => MATCHERS
             .iter()
             .filter(|spec| spec.matches_images())
-            .map(|spec| spec.name.parse())
+            .map(|spec| algorithm(spec.name))
             .collect::<Result<_, _>>()?,
         named => named.to_vec(),
     };
     let algorithms = algorithms
-        .iter()
-        .map(|a| with_range(a, args.max_disparity))
+        .into_iter()
+        .map(|(algorithm, has_own_range)| {
+            if has_own_range {
+                Ok(algorithm)
+            } else {
+                with_range(algorithm, args.max_disparity)
+            }
+        })
         .collect::<svl::Result<Vec<_>>>()?;
     let algorithms = with_filters(algorithms, &args.filters.models()?);
     let pair = pair(args.size)?;
@@ -102,14 +108,24 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
 }
 
-/// The algorithm with that range of disparities, unless it has none or sets its own.
-fn with_range(algorithm: &Algorithm, max_disparity: u16) -> svl::Result<Algorithm> {
-    let label = algorithm.label();
-    if label.contains("max_disparity=") || algorithm.spec().parameter("max_disparity").is_none() {
-        return Ok(algorithm.clone());
+/// An algorithm, and true if its text sets its range of disparities.
+fn algorithm(text: &str) -> svl::Result<(Algorithm, bool)> {
+    Ok((text.parse()?, text.contains("max_disparity=")))
+}
+
+/// The algorithm with that range of disparities, if it has one. It keeps the name that the user
+/// gave it.
+fn with_range(algorithm: Algorithm, max_disparity: u16) -> svl::Result<Algorithm> {
+    if algorithm.spec().parameter("max_disparity").is_none() {
+        return Ok(algorithm);
     }
-    let joint = if label.contains(':') { ',' } else { ':' };
-    format!("{label}{joint}max_disparity={max_disparity}").parse()
+    let ranged = algorithm.with("max_disparity", &Value::Int(max_disparity.into()))?;
+    let name = algorithm.label().split(':').next().unwrap_or_default();
+    // No label is an algorithm's own name.
+    Ok(match find(name) {
+        Ok(_) => ranged,
+        Err(_) => ranged.called(algorithm.label().to_owned()),
+    })
 }
 
 /// A pair of the arena at that size: textured walls, a plain floor, noise.
@@ -133,7 +149,7 @@ fn measure(algorithms: &[Algorithm], pair: &StereoPair) -> anyhow::Result<Vec<Fi
     for round in 0..*ROUNDS.end() {
         for (_, matcher, times) in &mut entries {
             let spent: Duration = times.iter().sum();
-            if spent < BUDGET || round < *ROUNDS.start() {
+            if spent < MIN_TIME || round < *ROUNDS.start() {
                 times.push(time(&mut **matcher, pair, &mut output)?);
             }
             if progress::interrupted() {

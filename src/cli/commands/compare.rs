@@ -4,7 +4,7 @@ use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::usage;
 use anyhow::bail;
 use clap::builder::NonEmptyStringValueParser;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use svl::outputs::{Outputs, write};
 use svl::report::compare::{Change, Comparison, Judgement, ScoredRun};
 use svl::report::{TestCase, TestResult, junit};
@@ -95,8 +95,28 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             Err(error) => return Err(error.into()),
         }
     }
-    let cannot = comparisons.iter().find(|c| !c.is_judged());
-    if let (Some(unlike), false) = (cannot, args.fail_on.is_empty()) {
+    let cases = if args.fail_on.is_empty() {
+        Vec::new()
+    } else {
+        gate_cases(&comparisons, &args.fail_on)?
+    };
+    if let Some(path) = &args.junit {
+        write_junit(path, &cases, args.force)?;
+    }
+    show(args, &comparisons, &not_compared)?;
+    match &complaints(&cases)[..] {
+        [] => all_compared(&comparisons, &not_compared),
+        [one] => Err(usage::gate(one)),
+        [first, more @ ..] => Err(usage::gate(format!("{first}; and {} more", more.len()))),
+    }
+}
+
+/// The cases of --fail-on.
+///
+/// # Errors
+/// For reports that cannot be compared, and if none measures the metrics.
+fn gate_cases(comparisons: &[Comparison], fail_on: &[FailOn]) -> anyhow::Result<Vec<TestCase>> {
+    if let Some(unlike) = comparisons.iter().find(|c| !c.is_judged()) {
         let (base, other) = (unlike.base.display(), unlike.other.display());
         let differences = unlike.differences.join("; ");
         return Err(usage::gate(format!(
@@ -104,8 +124,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
              compare them"
         )));
     }
-    let incomplete = comparisons.iter().flat_map(|of| &of.incomplete).next();
-    if let (Some((folder, why)), false) = (incomplete, args.fail_on.is_empty()) {
+    let mut incomplete = comparisons
+        .iter()
+        .flat_map(|comparison| &comparison.incomplete);
+    if let Some((folder, why)) = incomplete.next() {
         let folder = folder.display();
         return Err(usage::gate(format!(
             "{folder}: is incomplete ({why}), so --fail-on cannot compare it"
@@ -113,23 +135,30 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     }
     let cases: Vec<_> = comparisons
         .iter()
-        .flat_map(|c| cases(c, &args.fail_on))
+        .flat_map(|comparison| cases(comparison, fail_on))
         .collect();
-    if cases.is_empty() && !args.fail_on.is_empty() {
+    if cases.is_empty() {
         return Err(usage::gate("--fail-on: no report measures these metrics"));
     }
-    if let Some(path) = &args.junit {
-        if path.extension().is_none_or(|extension| extension != "xml") {
-            return Err(usage::wrong(format!(
-                "{}: must end in .xml",
-                path.display()
-            )));
-        }
-        let mut outputs = Outputs::claim(args.force, [], [path.as_path()])?;
-        outputs.set_aside()?;
-        write(path, junit("svl compare", &cases))?;
-        outputs.commit();
+    Ok(cases)
+}
+
+fn write_junit(path: &Path, cases: &[TestCase], force: bool) -> anyhow::Result<()> {
+    if path.extension().is_none_or(|extension| extension != "xml") {
+        return Err(usage::wrong(format!(
+            "{}: must end in .xml",
+            path.display()
+        )));
     }
+    let mut outputs = Outputs::claim(force, [], [path])?;
+    outputs.set_aside()?;
+    write(path, junit("svl compare", cases))?;
+    outputs.commit();
+    Ok(())
+}
+
+/// Prints the comparisons. `not_compared`: the reasons of the reports without one.
+fn show(args: &Args, comparisons: &[Comparison], not_compared: &[String]) -> anyhow::Result<()> {
     let joined = |text: &dyn Fn(&Comparison) -> String| {
         let reasons = not_compared
             .iter()
@@ -138,17 +167,21 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         parts.join("\n")
     };
     if args.json {
-        print_json(&comparisons)?;
+        print_json(&comparisons)
     } else if comparisons.is_empty() {
         // The error names the reasons.
+        Ok(())
     } else if args.markdown {
-        print(&joined(&Comparison::markdown))?;
+        print(&joined(&Comparison::markdown))
     } else {
         let columns = args.columns.clone().unwrap_or_default();
         let style = style();
-        print(&joined(&|of| of.terminal(&columns, style)))?;
+        print(&joined(&|comparison| comparison.terminal(&columns, style)))
     }
-    // Metrics that became worse come before those that could not be tested.
+}
+
+/// The reasons to fail: metrics that became worse come before those that could not be tested.
+fn complaints(cases: &[TestCase]) -> Vec<String> {
     let failed = cases.iter().filter_map(|case| match &case.result {
         TestResult::Failed(why) => Some(format!("{}: {why}", case.name)),
         _ => None,
@@ -157,19 +190,18 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         TestResult::Skipped(why) => Some(format!("{}: {why}", case.name)),
         _ => None,
     });
-    match &failed.chain(skipped).collect::<Vec<_>>()[..] {
-        [] => all_compared(&comparisons, &not_compared),
-        [one] => Err(usage::gate(one)),
-        [first, more @ ..] => Err(usage::gate(format!("{first}; and {} more", more.len()))),
-    }
+    failed.chain(skipped).collect()
 }
 
 /// Fails if a report has nothing that was compared. `reasons`: those without a comparison.
 fn all_compared(comparisons: &[Comparison], reasons: &[String]) -> anyhow::Result<()> {
-    let without_pairs = comparisons.iter().filter(|of| !of.has_pairs()).map(|of| {
-        let (base, other) = (of.base.display(), of.other.display());
-        format!("{base} and {other}: {other} has no result of the pairs of {base}")
-    });
+    let without_pairs = comparisons
+        .iter()
+        .filter(|comparison| !comparison.has_pairs())
+        .map(|comparison| {
+            let (base, other) = (comparison.base.display(), comparison.other.display());
+            format!("{base} and {other}: {other} has no result of the pairs of {base}")
+        });
     let reasons: Vec<_> = reasons.iter().cloned().chain(without_pairs).collect();
     if reasons.is_empty() {
         Ok(())
@@ -179,14 +211,18 @@ fn all_compared(comparisons: &[Comparison], reasons: &[String]) -> anyhow::Resul
     }
 }
 
-/// The metrics that must not become worse, a case each.
+/// The metrics of `fail_on`, which has some, a case each.
 fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
     let is_meant = |metric: &Metric| {
         let mut asked = fail_on.iter();
         asked.any(|FailOn(only)| only.is_none_or(|only| only.name == metric.name))
     };
+    // Times are not tested where all metrics are: the machine varies between runs.
+    let is_tested = |change: &Change| {
+        change.metric.unit != MetricUnit::Ms || fail_on.iter().any(|limit| limit.0.is_some())
+    };
     let mut cases = Vec::new();
-    for algorithm in comparison.algorithms.iter().filter(|_| !fail_on.is_empty()) {
+    for algorithm in &comparison.algorithms {
         // More failures leave fewer pairs for every metric, so they count for any.
         let open = (algorithm.pairs == 0).then(|| "no pair in common".to_owned());
         let failed = algorithm.failures().map(TestResult::Failed);
@@ -201,46 +237,35 @@ fn cases(comparison: &Comparison, fail_on: &[FailOn]) -> Vec<TestCase> {
         let meant = algorithm
             .changes()
             .filter(|(_, change)| is_meant(change.metric));
-        // Times are not tested where all metrics are: the machine varies between runs.
-        let is_tested = |change: &Change| {
-            change.metric.unit != MetricUnit::Ms || fail_on.iter().any(|of| of.0.is_some())
-        };
-        for (name, change) in meant.filter(|(_, change)| is_tested(change)) {
-            let show = |value| change.metric.show(value);
-            let result = match (change.judgement, change.interval) {
-                (Judgement::Worse, _) => TestResult::Failed(format!(
-                    "became worse, {} to {}",
-                    show(change.base),
-                    show(change.other)
-                )),
-                _ if change.metric.unit == MetricUnit::Ms => TestResult::Skipped(
-                    "times of two runs vary with the machine; a [[gate]] of the ratio to another \
-                     algorithm tests them"
-                        .to_owned(),
-                ),
-                (Judgement::Unclear, None) => TestResult::Skipped(format!(
-                    "{} to {}, but too few independent pairs for an interval ({} blocks, at least \
-                     {}): score more pairs",
-                    show(change.base),
-                    show(change.other),
-                    algorithm.blocks,
-                    comparison.method.fewest_blocks
-                )),
-                _ => TestResult::Passed,
-            };
-            cases.push(TestCase {
-                name: format!("{}: {name}", algorithm.title()),
-                result,
-            });
-        }
+        let tested = meant.filter(|(_, change)| is_tested(change));
+        cases.extend(tested.map(|(name, change)| TestCase {
+            name: format!("{}: {name}", algorithm.title()),
+            result: test(change, algorithm.blocks, comparison.method.fewest_blocks),
+        }));
     }
-    let gone = comparison
-        .only_in_base
-        .iter()
-        .filter(|_| !fail_on.is_empty());
+    let gone = comparison.only_in_base.iter();
     cases.extend(gone.map(|label| TestCase {
         name: label.clone(),
         result: TestResult::Skipped(format!("is not in {}", comparison.other.display())),
     }));
     cases
+}
+
+/// The result for a change over that many blocks of pairs.
+fn test(change: &Change, blocks: usize, min_blocks: usize) -> TestResult {
+    let show = |value| change.metric.show(value);
+    let (base, other) = (show(change.base), show(change.other));
+    match (change.judgement, change.interval) {
+        (Judgement::Worse, _) => TestResult::Failed(format!("became worse, {base} to {other}")),
+        _ if change.metric.unit == MetricUnit::Ms => TestResult::Skipped(
+            "times of two runs vary with the machine; a [[gate]] of the ratio to another \
+             algorithm tests them"
+                .to_owned(),
+        ),
+        (Judgement::Unclear, None) => TestResult::Skipped(format!(
+            "{base} to {other}, but too few independent pairs for an interval ({blocks} blocks, \
+             at least {min_blocks}): score more pairs"
+        )),
+        _ => TestResult::Passed,
+    }
 }

@@ -7,6 +7,7 @@ use anyhow::Context;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
+use std::time::Duration;
 use svl::calibrate::files::read_calib;
 use svl::depth::{GridSettings, Stixels};
 use svl::manifest::Manifest;
@@ -14,7 +15,7 @@ use svl::matcher::{Algorithm, MatchContext, MatchOutput};
 use svl::outputs::{Outputs, write};
 use svl::recording::CellReport;
 use svl::report::evidence::EvidencePage;
-use svl::stereo::{CellState, DepthGrid, Reason, RectifiedPair, Rig};
+use svl::stereo::{CellState, DepthGrid, DisparityMap, Reason, RectifiedPair, Rig, StereoPair};
 use svl::timing::Stage;
 use svl::{depth, files, overlay};
 
@@ -103,29 +104,9 @@ struct MatchReport<'a> {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let choice = args.algo.safe_choice()?;
-    if args.evidence.is_some() && choice.is_none() {
-        let label = args.algo.label();
-        let words = format!("--evidence: {label} gives no evidence for its cells; --algo v5 does");
-        return Err(usage::wrong(words));
-    }
-    let is_cloud = files::has_ending(&args.output, "ply");
-    if is_cloud && args.calib.is_none() {
-        let cure = "a point cloud needs --calib calib.txt, for distances";
-        return Err(usage::wrong(format!("{}: {cure}", args.output.display())));
-    }
-    let outputs = [
-        Some(&args.output),
-        args.why.as_ref(),
-        args.preview.as_ref(),
-        args.stixels.as_ref(),
-        args.evidence.as_ref(),
-    ];
-    let mut outputs = Outputs::claim(
-        args.force,
-        [args.left.as_path(), &args.right],
-        outputs.into_iter().flatten().map(PathBuf::as_path),
-    )?;
-    if args.algo.spec().name == "exec" {
+    check(args, choice.is_some())?;
+    let mut outputs = claim(args)?;
+    if args.algo.spec().is_program() {
         // svl has to end the program, so Ctrl-C must not end svl at once.
         listen_for_interrupt();
     }
@@ -136,10 +117,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(note) = note {
         print_error(note);
     }
-    let (width, height) = pair.size();
     let calib = args.calib.as_deref();
     let rig = calib
-        .map(|path| read_calib(path, (width, height)))
+        .map(|path| read_calib(path, pair.size()))
         .transpose()?;
     let context = MatchContext {
         color: color.as_ref(),
@@ -148,25 +128,85 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     };
     output.begin();
     matcher.compute(RectifiedPair::assume(&pair), &context, &mut output)?;
-    let MatchOutput {
-        disparity: map,
-        grid: own_grid,
-        clock,
-        ..
-    } = output;
 
     outputs.set_aside()?;
-    match rig.as_ref().filter(|_| is_cloud) {
+    let rig = rig.as_ref();
+    write_maps(args, &output.disparity, &pair, rig)?;
+    let map = output.disparity.disparity();
+    let settings = GridSettings::default();
+    let own_grid = output.grid.take();
+    let grid = own_grid.unwrap_or_else(|| depth::grid(map, settings, rig));
+    if let Some((path, choice)) = args.evidence.as_ref().zip(choice) {
+        let manifest = Manifest::new("match", std::slice::from_ref(&args.algo))?;
+        let page = EvidencePage {
+            title: format!("{}, {}", args.algo.label(), args.left.display()),
+            left: pair.left(),
+            disparity: map,
+            grid: &grid,
+            rule: context.cells.for_rig(rig.is_some()),
+            rig,
+            choice,
+            identity: manifest.entries(),
+        };
+        write(path, page.render()?)?;
+    }
+    outputs.commit();
+    let report = MatchReport::new(&args.algo, &output, &grid, rig);
+    if args.json {
+        print_json(&report)
+    } else {
+        print(&report.text()?)
+    }
+}
+
+/// Checks that the options go together.
+fn check(args: &Args, has_evidence: bool) -> anyhow::Result<()> {
+    if args.evidence.is_some() && !has_evidence {
+        let label = args.algo.label();
+        let words = format!("--evidence: {label} gives no evidence for its cells; --algo v5 does");
+        return Err(usage::wrong(words));
+    }
+    if files::has_ending(&args.output, "ply") && args.calib.is_none() {
+        let cure = "a point cloud needs --calib calib.txt, for distances";
+        return Err(usage::wrong(format!("{}: {cure}", args.output.display())));
+    }
+    Ok(())
+}
+
+fn claim(args: &Args) -> svl::Result<Outputs> {
+    let outputs = [
+        Some(&args.output),
+        args.why.as_ref(),
+        args.preview.as_ref(),
+        args.stixels.as_ref(),
+        args.evidence.as_ref(),
+    ];
+    Outputs::claim(
+        args.force,
+        [args.left.as_path(), &args.right],
+        outputs.into_iter().flatten().map(PathBuf::as_path),
+    )
+}
+
+/// Writes the files that are made from the disparities alone.
+fn write_maps(
+    args: &Args,
+    map: &DisparityMap,
+    pair: &StereoPair,
+    rig: Option<&Rig>,
+) -> anyhow::Result<()> {
+    let (width, height) = pair.size();
+    match rig.filter(|_| files::has_ending(&args.output, "ply")) {
         Some(rig) => files::write_ply(&args.output, map.disparity(), pair.left(), rig)?,
-        None => files::write_disparity(&args.output, &map)?,
+        None => files::write_disparity(&args.output, map)?,
     }
     if let Some(path) = &args.why {
-        files::write_why(path, &map)?;
+        files::write_why(path, map)?;
     }
     if let Some(path) = &args.preview {
         let finite = map.disparity().pixels().filter(|d| d.is_finite());
         let max_px = finite.fold(1.0, f32::max);
-        files::write_png(path, width, height, &overlay::preview(&map, max_px))?;
+        files::write_png(path, width, height, &overlay::preview(map, max_px))?;
     }
     if let Some(path) = &args.stixels {
         let stixels = Stixels::new(map.disparity());
@@ -174,51 +214,40 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             let picture = overlay::stixels(pair.left(), &stixels);
             files::write_png(path, width, height, &picture)?;
         } else {
-            write(path, table(&stixels, rig.as_ref())?)?;
+            write(path, table(&stixels, rig)?)?;
         }
     }
-    let settings = GridSettings::default();
-    let grid = own_grid.unwrap_or_else(|| depth::grid(map.disparity(), settings, rig.as_ref()));
-    if let Some((path, choice)) = args.evidence.as_ref().zip(choice) {
-        let manifest = Manifest::new("match", std::slice::from_ref(&args.algo))?;
-        let page = EvidencePage {
-            title: format!("{}, {}", args.algo.label(), args.left.display()),
-            left: pair.left(),
-            disparity: map.disparity(),
-            grid: &grid,
-            rule: context.cells.for_rig(rig.is_some()),
-            rig: rig.as_ref(),
-            choice,
-            identity: manifest.entries(),
-        };
-        write(path, page.render()?)?;
-    }
-    outputs.commit();
-    let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;
-    let report = MatchReport {
-        algorithm: args.algo.label(),
-        parameters: args.algo.parameters().to_string(),
-        width,
-        height,
-        coverage: map.coverage(),
-        pixels: Reason::ALL
-            .iter()
-            .map(|r| (r.name(), map.tally()[*r as usize]))
-            .collect(),
-        total_ms: ms(clock.times().total()),
-        stages_ms: Stage::ALL
-            .iter()
-            .map(|s| (s.name(), ms(clock.times().get(*s))))
-            .collect(),
-        hash: format!("{:032x}", map.hash()),
-        median_row_offset: map.median_row_offset(),
-        distances_m: rig.map(|_| distances(&grid)),
-        cells: CellReport::of_grid(&grid),
-    };
-    if args.json {
-        print_json(&report)
-    } else {
-        print(&report.text()?)
+    Ok(())
+}
+
+impl<'a> MatchReport<'a> {
+    fn new(
+        algorithm: &'a Algorithm,
+        output: &MatchOutput,
+        grid: &DepthGrid,
+        rig: Option<&Rig>,
+    ) -> Self {
+        let (map, times) = (&output.disparity, output.clock.times());
+        let (width, height) = map.disparity().size();
+        let ms = |time: Duration| time.as_secs_f64() * 1e3;
+        let pixels = Reason::ALL.iter();
+        let stages = Stage::ALL.iter();
+        Self {
+            algorithm: algorithm.label(),
+            parameters: algorithm.parameters().to_string(),
+            width,
+            height,
+            coverage: map.coverage(),
+            pixels: pixels
+                .map(|r| (r.name(), map.tally()[*r as usize]))
+                .collect(),
+            total_ms: ms(times.total()),
+            stages_ms: stages.map(|s| (s.name(), ms(times.get(*s)))).collect(),
+            hash: format!("{:032x}", map.hash()),
+            median_row_offset: map.median_row_offset(),
+            distances_m: rig.map(|_| distances(grid)),
+            cells: CellReport::from_grid(grid),
+        }
     }
 }
 

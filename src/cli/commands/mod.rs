@@ -57,6 +57,15 @@ impl Command {
         matches!(self, Self::Bench(_)).then_some(bench::THREADS)
     }
 
+    /// True for tools that wait for keys while other threads compute.
+    pub(super) fn waits_for_keys(&self) -> bool {
+        match self {
+            Self::Tune(args) => args.is_by_hand(),
+            Self::Label(_) => true,
+            _ => false,
+        }
+    }
+
     /// Runs the subcommand. `program`: the whole command line, for what describes it.
     pub(super) fn run(self, quiet: bool, program: fn() -> clap::Command) -> anyhow::Result<()> {
         match self {

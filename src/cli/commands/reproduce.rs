@@ -29,8 +29,8 @@ Examples:
   svl reproduce 5.9 7.3
   svl reproduce --data DATASETS -o reports/thesis")]
 pub(crate) struct Args {
-    /// Figure of the thesis, `fps` for the speeds of its chapter 7, or `without-truth`, a study of
-    /// svl's own that takes minutes; may be given more than once [default: all of the thesis]
+    /// Figure of the thesis, or `fps` for the speeds of its chapter 7; may be given more than once
+    /// [default: all]
     #[arg(value_name = "FIGURE", value_parser = figure)]
     figures: Vec<NamedExperiment>,
     /// Folder for the report; an existing report of svl's is replaced
@@ -68,7 +68,7 @@ const STOPPED: &str = "interrupted; the report holds what was found before";
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let asked = |e: &&Experiment| {
         let is_named = args.figures.iter().any(|f| f.0.figure() == e.figure());
-        is_named || args.figures.is_empty() && e.by_default
+        is_named || args.figures.is_empty()
     };
     let experiments: Vec<&'static Experiment> = EXPERIMENTS.iter().filter(asked).collect();
     let mut outputs = Outputs::claim_folder(&args.output, &REPORT)?;
@@ -89,13 +89,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let processor = &manifest.machine.processor;
         entries.push(ExperimentFinding {
             experiment,
-            finding: repeat(
-                experiment,
-                processor,
-                (data.as_deref(), &scenes),
-                recording,
-                quiet,
-            )?,
+            finding: repeat(experiment, processor, &scenes, recording, quiet)?,
         });
         Ok(())
     });
@@ -133,7 +127,7 @@ fn arena_run(quiet: bool) -> anyhow::Result<(Scenario, Box<dyn Source>)> {
 fn repeat(
     experiment: &Experiment,
     processor: &str,
-    scenes: (Option<&Path>, &[Scene]),
+    scenes: &[Scene],
     recording: Option<(Scenario, Box<dyn Source>)>,
     quiet: bool,
 ) -> anyhow::Result<Finding> {

@@ -26,7 +26,7 @@ impl FilterArgs {
     }
 
     /// They, as a scenario has them.
-    pub(crate) fn of_scenario(&self) -> anyhow::Result<Vec<ScenarioFilter>> {
+    pub(crate) fn scenario_filters(&self) -> anyhow::Result<Vec<ScenarioFilter>> {
         let files = self.files(&self.models()?).into_iter();
         let filters = files.map(|(detects, file)| ScenarioFilter {
             detects,

@@ -155,8 +155,8 @@ const LONG_OPTIONS: &[&str] = &[
 /// The command whose page has the options of sources, which others name.
 const SOURCES_PAGE: &str = "svl help sources";
 
-/// Most lines that `-h` shows below the options.
-const MOST_LINES: usize = 7;
+/// Largest number of lines that `-h` shows below the options.
+const MAX_LINES: usize = 7;
 
 /// The command line with its help arranged.
 pub(crate) fn arranged(program: Command) -> Command {
@@ -241,7 +241,7 @@ fn with_headings(command: Command, path: &str) -> Command {
         let names = wrapped("", 2, &names, LAST_COLUMN);
         below = format!("Source, as svl help sources explains:\n{names}\n{below}");
     }
-    short += &if below.lines().count() > MOST_LINES {
+    short += &if below.lines().count() > MAX_LINES {
         format!("Examples: {path} --help")
     } else {
         below.clone()

@@ -9,10 +9,10 @@ use std::time::Duration;
 use svl::grab::{self, DRIVERS, Driver, GrabRequest, PairBy, RATES_HZ, TriggerSource, WhenFull};
 use svl::matcher::{Range, Value};
 use svl::recording::files;
-use svl::source::{CAMERAS, Opened, Request, SOURCES, are_live_topics};
+use svl::source::{Opened, Request, SOURCES, SourceKind, SourceOrigin};
 
 /// Options of a scenario's source, which commands that open one source refuse.
-pub(crate) const OF_SCENARIOS: &[&str] = &["data", "scenes", "seeds", "reference"];
+pub(crate) const SCENARIO_OPTIONS: &[&str] = &["data", "scenes", "seeds", "reference"];
 
 /// Hides an option that a command refuses from its help.
 pub(crate) fn hidden(arg: clap::Arg, keys: &[&str]) -> clap::Arg {
@@ -100,7 +100,7 @@ impl CameraArgs {
 
 /// Opens a source, with a progress bar where that takes long.
 pub(crate) fn open(request: Request<'_>, quiet: bool) -> svl::Result<Opened> {
-    if grab::driver(request.name).is_some() || are_live_topics(request.name) {
+    if SourceKind::without_files(request.name).is_some_and(SourceKind::is_live) {
         listen_for_interrupt();
     }
     svl::runs::open(request, &Terminal { quiet })
@@ -115,10 +115,11 @@ pub(crate) fn inputs(name: &str) -> Vec<PathBuf> {
 pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     let cameras = DRIVERS.iter().map(|driver| driver.name);
     let simulated = SOURCES.iter().filter(|kind| kind.is_simulated());
-    simulated
-        .map(|kind| kind.name)
-        .chain(cameras)
-        .chain(["ros2:", "foxglove:ws://"])
+    let topics = SOURCES.iter().filter_map(|kind| match &kind.origin {
+        SourceOrigin::Topics(topics) => Some(topics.prefix),
+        _ => None,
+    });
+    simulated.map(|kind| kind.name).chain(cameras).chain(topics)
 }
 
 /// The name of a source: any text, for which completion scripts offer [`names`].
@@ -177,9 +178,13 @@ const LIST_COLUMN: usize = 24;
 
 /// The sources with their options, as lines of `svl help sources`.
 pub(super) fn sources_help() -> String {
-    let help = SOURCES.iter().map(|kind| match kind.name {
-        CAMERAS => DRIVERS.iter().map(driver_help).collect(),
-        name => wrapped(&format!("  {name}"), COLUMN, kind.help, LAST_COLUMN),
+    let help = SOURCES.iter().map(|kind| {
+        if kind.is_cameras() {
+            DRIVERS.iter().map(driver_help).collect()
+        } else {
+            let head = format!("  {}", kind.name);
+            wrapped(&head, COLUMN, kind.help, LAST_COLUMN)
+        }
     });
     help.fold("Sources:\n".to_owned(), |text, help| text + &help)
 }

@@ -2,10 +2,10 @@
 //! on standard error.
 
 use anyhow::Context;
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use svl::counted;
 use svl::recording::DamagedPart;
 use svl::report::table::TerminalStyle;
@@ -84,7 +84,7 @@ impl WarningLog {
     }
 
     fn warned() -> MutexGuard<'static, Warned> {
-        WARNED.lock().unwrap_or_else(PoisonError::into_inner)
+        WARNED.lock()
     }
 }
 
@@ -92,9 +92,9 @@ impl Write for WarningLog {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let mut warned = Self::warned();
         let line = String::from_utf8_lossy(bytes);
-        let mut of_part = warned.text[warned.part..].lines();
-        let is_known = of_part.any(|known| known == line.trim_end());
-        if warned.text.len() < MOST_HELD && !is_known {
+        let mut lines = warned.text[warned.part..].lines();
+        let is_known = lines.any(|known| known == line.trim_end());
+        if warned.text.len() < MAX_HELD_BYTES && !is_known {
             warned.text.push_str(&line);
         }
         Ok(bytes.len())
@@ -108,8 +108,8 @@ impl Write for WarningLog {
 /// Warnings that are held back, and the place in them of the first that was not yet taken.
 static HELD: Mutex<Option<(Vec<u8>, usize)>> = Mutex::new(None);
 
-/// Warnings that are held back, bytes.
-const MOST_HELD: usize = 1 << 16;
+/// Largest size of warnings that are held back, bytes.
+const MAX_HELD_BYTES: usize = 1 << 16;
 
 impl Warnings {
     /// From now on warnings are held back.
@@ -134,7 +134,7 @@ impl Warnings {
     }
 
     fn held() -> MutexGuard<'static, Option<(Vec<u8>, usize)>> {
-        HELD.lock().unwrap_or_else(PoisonError::into_inner)
+        HELD.lock()
     }
 }
 
@@ -157,12 +157,12 @@ impl Write for Warnings {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match &mut *Self::held() {
             Some((held, _)) => {
-                let room = MOST_HELD.saturating_sub(held.len());
+                let room = MAX_HELD_BYTES.saturating_sub(held.len());
                 held.extend_from_slice(&bytes[..bytes.len().min(room)]);
                 Ok(bytes.len())
             }
             None => {
-                let mut written = WRITTEN.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut written = WRITTEN.lock();
                 if written.is_new(bytes) {
                     io::stderr().write_all(bytes)?;
                 }
@@ -176,8 +176,8 @@ impl Write for Warnings {
     }
 }
 
-/// Gaps and losses that are listed one by one.
-pub(crate) const LISTED: usize = 5;
+/// Largest number of gaps and of losses that are listed one by one.
+pub(crate) const MAX_LISTED: usize = 5;
 
 /// Parts of a file that cannot be read, a line each.
 pub(crate) fn losses(losses: &[DamagedPart]) -> Vec<String> {
@@ -193,11 +193,11 @@ pub(crate) fn losses(losses: &[DamagedPart]) -> Vec<String> {
         ),
         _ => format!("lost       {} at byte {at_byte}: {reason}", size(*bytes)),
     };
-    let mut lines: Vec<_> = losses.iter().take(LISTED).map(part).collect();
-    if losses.len() > LISTED {
+    let mut lines: Vec<_> = losses.iter().take(MAX_LISTED).map(part).collect();
+    if losses.len() > MAX_LISTED {
         lines.push(format!(
             "           and {} more; --json lists them",
-            losses.len() - LISTED
+            losses.len() - MAX_LISTED
         ));
     }
     lines
@@ -221,7 +221,7 @@ pub(crate) fn size(bytes: u64) -> String {
 /// Width of tables that go to a pipe or a file, columns.
 const PIPED: usize = 100;
 /// Narrower terminals get lines that the terminal itself breaks.
-const NARROWEST: usize = 40;
+const MIN_WIDTH: usize = 40;
 
 /// Columns of standard output: the terminal's, else those of the variable `COLUMNS`, or 100.
 pub(crate) fn width() -> usize {
@@ -229,7 +229,7 @@ pub(crate) fn width() -> usize {
     let own = size.map(|(columns, _)| usize::from(columns.0));
     let named = || std::env::var("COLUMNS").ok()?.parse().ok();
     own.or_else(named)
-        .map_or(PIPED, |columns| columns.max(NARROWEST))
+        .map_or(PIPED, |columns| columns.max(MIN_WIDTH))
 }
 
 /// Form of tables on standard output: with bars and colours on a terminal, unless `NO_COLOR` is

@@ -116,12 +116,10 @@ fn similar_commands(error: &Error) -> &'static [&'static str] {
     }
 }
 
-/// An algorithm whose parameters go together. A program is not started to find that out.
+/// An algorithm whose parameters go together.
 pub(crate) fn algorithm(text: &str) -> svl::Result<Algorithm> {
     let algorithm: Algorithm = text.parse()?;
-    if algorithm.spec().name != "exec" {
-        algorithm.build()?;
-    }
+    algorithm.check()?;
     Ok(algorithm)
 }
 

@@ -13,7 +13,7 @@ use crate::statistics::midpoint_median;
 use nalgebra::{Matrix2, Vector2};
 
 /// Fewest measurements: two parameters and one degree of freedom for the residuals.
-const LEAST: usize = 3;
+const MIN_MEASUREMENTS: usize = 3;
 
 /// Tukey's constant: 95 % of the efficiency of least squares if all errors are normal.
 const BIWEIGHT: f64 = 4.685;
@@ -30,43 +30,37 @@ const DISTANCE_CM: f64 = 0.5;
 /// Floor of the scale of both deviations: a few measurements may agree by chance.
 const BEST: f64 = 0.03;
 
-/// Distance as `a/(d + b)`, with the covariance of `a` and `b`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PinholeFit {
-    a_cm_px: f64,
-    b_px: f64,
-    covariance: Matrix2<f64>,
-    noise_px: f64,
-    weights: Vec<f64>,
+/// Checks that the pairs may be fitted to.
+fn check(pairs: &[(f64, f64)]) -> Result<()> {
+    if pairs
+        .iter()
+        .any(|(cm, px)| !(cm.is_finite() && *cm > 0.0 && px.is_finite()))
+    {
+        return Err(Error::Invalid(
+            "a distance curve needs positive distances and finite disparities".into(),
+        ));
+    }
+    if pairs.len() < MIN_MEASUREMENTS {
+        return Err(Error::Invalid(format!(
+            "a distance curve needs {MIN_MEASUREMENTS} measurements, got {}",
+            pairs.len()
+        )));
+    }
+    Ok(())
 }
 
-impl PinholeFit {
-    /// The robust least-squares line through `(distance_cm, disparity_px)` pairs.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] for fewer than three pairs, a single distance, numbers that are not
-    /// finite, distances that are not positive, and disparities that do not grow as the target
-    /// comes nearer.
-    pub fn fit(pairs: &[(f64, f64)]) -> Result<Self> {
-        if pairs
-            .iter()
-            .any(|(cm, px)| !(cm.is_finite() && *cm > 0.0 && px.is_finite()))
-        {
-            return Err(Error::Invalid(
-                "a distance curve needs positive distances and finite disparities".into(),
-            ));
-        }
-        if pairs.len() < LEAST {
-            return Err(Error::Invalid(format!(
-                "a distance curve needs {LEAST} measurements, got {}",
-                pairs.len()
-            )));
-        }
-        let mut line = median_line(pairs).ok_or_else(|| {
-            Error::Invalid("a distance curve needs measurements at different distances".into())
-        })?;
-        let mut rows = Vec::new();
-        let mut normal = Matrix2::zeros();
+/// A line of least squares with the weights of its measurements.
+struct WeightedLine {
+    line: Vector2<f64>,
+    rows: Vec<Row>,
+    /// Matrix of the normal equations.
+    normal: Matrix2<f64>,
+}
+
+impl WeightedLine {
+    /// The line of Tukey's biweight, from a line near it.
+    fn fit(pairs: &[(f64, f64)], start: Vector2<f64>) -> Self {
+        let (mut line, mut rows, mut normal) = (start, Vec::new(), Matrix2::zeros());
         for _ in 0..STEPS {
             rows = pairs
                 .iter()
@@ -95,6 +89,33 @@ impl PinholeFit {
                 break;
             }
         }
+        Self { line, rows, normal }
+    }
+}
+
+/// Distance as `a/(d + b)`, with the covariance of `a` and `b`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PinholeFit {
+    a_cm_px: f64,
+    b_px: f64,
+    covariance: Matrix2<f64>,
+    noise_px: f64,
+    weights: Vec<f64>,
+}
+
+impl PinholeFit {
+    /// The robust least-squares line through `(distance_cm, disparity_px)` pairs.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for fewer than three pairs, a single distance, numbers that are not
+    /// finite, distances that are not positive, and disparities that do not grow as the target
+    /// comes nearer.
+    pub fn fit(pairs: &[(f64, f64)]) -> Result<Self> {
+        check(pairs)?;
+        let start = median_line(pairs).ok_or_else(|| {
+            Error::Invalid("a distance curve needs measurements at different distances".into())
+        })?;
+        let WeightedLine { line, rows, normal } = WeightedLine::fit(pairs, start);
         let kept: f64 = rows.iter().map(|row| row.weight).sum();
         let squares: f64 = rows
             .iter()
@@ -295,9 +316,9 @@ mod tests {
             let noisy = |(cm, px): (f64, f64)| (cm + 0.5 * normal(), px + 0.3 * normal());
             let pairs: Vec<_> = target(1300.0, 1.0).into_iter().map(noisy).collect();
             let fit = PinholeFit::fit(&pairs).unwrap();
-            let (of_a, of_b) = fit.standard_deviations();
-            inside[0] += usize::from((fit.a_cm_px() - 1300.0).abs() < 2.0 * of_a);
-            inside[1] += usize::from((fit.b_px() - 1.0).abs() < 2.0 * of_b);
+            let (a_deviation, b_deviation) = fit.standard_deviations();
+            inside[0] += usize::from((fit.a_cm_px() - 1300.0).abs() < 2.0 * a_deviation);
+            inside[1] += usize::from((fit.b_px() - 1.0).abs() < 2.0 * b_deviation);
             // A new measurement at 2 m, beyond all fitted ones.
             let measured =
                 1300.0 / 200.0 - 1.0 + 0.3 * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
@@ -338,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_target_is_refused() {
+    fn measurements_of_no_target_are_refused() {
         for (pairs, word) in [
             (
                 vec![(10.0, 1.0), (20.0, 2.0)],

@@ -125,10 +125,10 @@ impl Fan {
 
 /// One and a half times the mean spacing of the samples over the area they cover.
 fn radius(samples: &[(usize, usize, f32)]) -> usize {
-    let range = |of: fn(&(usize, usize, f32)) -> usize| {
+    let range = |coordinate: fn(&(usize, usize, f32)) -> usize| {
         let (least, most) = samples
             .iter()
-            .map(of)
+            .map(coordinate)
             .fold((usize::MAX, 0), |(a, b), v| (a.min(v), b.max(v)));
         (most + 1).saturating_sub(least)
     };
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_behind_the_camera_outside_or_no_point_is_left_out() {
+    fn points_behind_the_camera_outside_or_not_finite_are_left_out() {
         let points = [
             Point3::new(0.0, 0.0, -1.0),
             Point3::new(0.0, 0.0, 0.0),

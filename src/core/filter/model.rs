@@ -65,40 +65,13 @@ impl FilterModel {
         let mut facts: ModelFacts = said
             .map(|(key, text)| (key.clone(), text.clone()))
             .collect();
-        let mut take = |key: &str| {
-            let text = facts.remove(key);
-            text.ok_or_else(|| {
-                format!(
-                    "is not a filter of svl: its metadata has no '{key}'; `svl train filter` \
-                     makes one"
-                )
-            })
-        };
-        let kind = take("filter")?;
+        let kind = take(&mut facts, "filter")?;
         let kind: FilterKind = kind.parse().map_err(|e: Error| e.to_string())?;
-        let window = take("window")?;
-        let window = window.parse().ok().filter(|side| {
-            let side: &usize = side;
-            (2..=MAX_WINDOW).contains(side) && side.is_multiple_of(2)
-        });
-        let window = window.ok_or(format!(
-            "its window is not an even number up to {MAX_WINDOW}"
-        ))?;
-        let scaling = take("scaling")?;
-        let scaling = Scaling::from_name(&scaling);
-        let features = Features {
-            window,
-            scaling: scaling.ok_or("its scaling is neither 'amplitude' nor 'log'")?,
-            mean: match take("mean")?.as_str() {
-                "kept" => true,
-                "removed" => false,
-                _ => return Err("its mean is neither 'kept' nor 'removed'".into()),
-            },
-        };
+        let features = take_features(&mut facts)?;
         let range_px = match kind {
             FilterKind::Floor => None,
             FilterKind::TooClose => {
-                let range = take("range_px")?.parse().ok();
+                let range = take(&mut facts, "range_px")?.parse().ok();
                 let range = range.filter(|px: &f64| px.is_finite() && *px > 0.0);
                 Some(range.ok_or("its range_px is not a positive number")?)
             }
@@ -108,8 +81,9 @@ impl FilterModel {
             [_, inputs] if inputs == features.count() => inputs,
             _ => {
                 return Err(format!(
-                    "its '{HIDDEN_WEIGHT}' is {:?}, but windows of {window} have {} features",
+                    "its '{HIDDEN_WEIGHT}' is {:?}, but windows of {} have {} features",
                     weights.shape,
+                    features.window,
                     features.count()
                 ));
             }
@@ -218,6 +192,37 @@ pub(crate) fn safetensors_bytes(
     header.resize(header.len().next_multiple_of(8), b' ');
     let length = (header.len() as u64).to_le_bytes();
     [&length[..], &header, &data].concat()
+}
+
+/// Removes a fact that every filter has.
+fn take(facts: &mut ModelFacts, key: &str) -> std::result::Result<String, String> {
+    let text = facts.remove(key);
+    text.ok_or_else(|| {
+        format!("is not a filter of svl: its metadata has no '{key}'; `svl train filter` makes one")
+    })
+}
+
+/// Removes the facts about the features.
+fn take_features(facts: &mut ModelFacts) -> std::result::Result<Features, String> {
+    let window = take(facts, "window")?;
+    let window = window.parse().ok().filter(|side| {
+        let side: &usize = side;
+        (2..=MAX_WINDOW).contains(side) && side.is_multiple_of(2)
+    });
+    let window = window.ok_or(format!(
+        "its window is not an even number up to {MAX_WINDOW}"
+    ))?;
+    let scaling = take(facts, "scaling")?;
+    let scaling = Scaling::from_name(&scaling);
+    Ok(Features {
+        window,
+        scaling: scaling.ok_or("its scaling is neither 'amplitude' nor 'log'")?,
+        mean: match take(facts, "mean")?.as_str() {
+            "kept" => true,
+            "removed" => false,
+            _ => return Err("its mean is neither 'kept' nor 'removed'".into()),
+        },
+    })
 }
 
 struct Floats {

@@ -43,7 +43,7 @@ impl CellFilter {
         let features = self.model.features;
         let size = left.size();
         let windows = match &mut self.windows {
-            Some((of, grid, windows)) if (*of, *grid) == (size, shape) => windows,
+            Some((known_size, grid, windows)) if (*known_size, *grid) == (size, shape) => windows,
             windows => {
                 let new = FilterWindows::new(self.model.kind, features.window, size, shape)?;
                 &mut windows.insert((size, shape, new)).2
@@ -58,9 +58,10 @@ impl CellFilter {
         let network = &self.model.network;
         network.scores(self.isa, &self.inputs, &mut self.hidden, &mut self.scores);
         let scores = &self.scores;
-        let is_seen = |of: &Vec<usize>| of.iter().any(|&window| scores[window] > 0.0);
+        let is_seen =
+            |cell_windows: &Vec<usize>| cell_windows.iter().any(|&window| scores[window] > 0.0);
         self.seen.clear();
-        self.seen.extend(windows.of_cells().iter().map(is_seen));
+        self.seen.extend(windows.by_cell().iter().map(is_seen));
         Ok(&self.seen)
     }
 
@@ -81,9 +82,9 @@ impl Filters {
     /// [`Error::Usage`] for two of the same kind.
     pub fn new(models: &[Arc<FilterModel>], isa: Isa) -> Result<Self> {
         let only = |kind: FilterKind| {
-            let mut of_kind = models.iter().filter(|model| model.kind == kind);
-            let first = of_kind.next();
-            match of_kind.next() {
+            let mut candidates = models.iter().filter(|model| model.kind == kind);
+            let first = candidates.next();
+            match candidates.next() {
                 Some(_) => Err(Error::Usage(format!("filter {kind}: named twice"))),
                 None => Ok(first.map(|model| CellFilter::new(Arc::clone(model), isa))),
             }

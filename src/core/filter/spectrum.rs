@@ -58,8 +58,8 @@ impl Features {
 /// Plans and memory for the spectra of windows of a size.
 pub struct Spectrum {
     side: usize,
-    of_columns: Arc<dyn RealToComplex<f32>>,
-    of_rows: Arc<dyn Fft<f32>>,
+    column_transform: Arc<dyn RealToComplex<f32>>,
+    row_transform: Arc<dyn Fft<f32>>,
     column: Vec<f32>,
     column_spectrum: Vec<Complex<f32>>,
     /// Rows of vertical frequencies 0 to N/2.
@@ -70,20 +70,20 @@ pub struct Spectrum {
 impl Spectrum {
     /// For windows of that side, which must be even.
     pub fn new(side: usize) -> Self {
-        let of_columns = RealFftPlanner::new().plan_fft_forward(side);
-        let of_rows = FftPlanner::new().plan_fft_forward(side);
+        let column_transform = RealFftPlanner::new().plan_fft_forward(side);
+        let row_transform = FftPlanner::new().plan_fft_forward(side);
         let zero = Complex::default();
-        let scratch = of_columns
+        let scratch = column_transform
             .get_scratch_len()
-            .max(of_rows.get_inplace_scratch_len());
+            .max(row_transform.get_inplace_scratch_len());
         Self {
             side,
-            column: of_columns.make_input_vec(),
-            column_spectrum: of_columns.make_output_vec(),
+            column: column_transform.make_input_vec(),
+            column_spectrum: column_transform.make_output_vec(),
             rows: vec![zero; (side / 2 + 1) * side],
             scratch: vec![zero; scratch],
-            of_columns,
-            of_rows,
+            column_transform,
+            row_transform,
         }
     }
 
@@ -96,17 +96,19 @@ impl Spectrum {
                 *value = f32::from(image.get(x + column, y + row));
             }
             let (input, output) = (&mut self.column, &mut self.column_spectrum);
-            let scratch = &mut self.scratch[..self.of_columns.get_scratch_len()];
+            let scratch = &mut self.scratch[..self.column_transform.get_scratch_len()];
             // Fails only for other lengths.
-            let done = self.of_columns.process_with_scratch(input, output, scratch);
+            let done = self
+                .column_transform
+                .process_with_scratch(input, output, scratch);
             done.expect("lengths as planned");
             for (row, value) in output.iter().enumerate() {
                 self.rows[row * n + column] = *value;
             }
         }
         let (upper, middle) = self.rows.split_at_mut(n / 2 * n);
-        let scratch = &mut self.scratch[..self.of_rows.get_inplace_scratch_len()];
-        self.of_rows.process_with_scratch(upper, scratch);
+        let scratch = &mut self.scratch[..self.row_transform.get_inplace_scratch_len()];
+        self.row_transform.process_with_scratch(upper, scratch);
         for (out, value) in out.iter_mut().zip(&*upper) {
             *out = (value.re * value.re + value.im * value.im).sqrt();
         }
@@ -180,7 +182,7 @@ mod tests {
     #[test]
     fn features_are_scaled_and_padded() {
         let image = noise(16, 16);
-        let of = |scaling, mean| {
+        let scaled = |scaling, mean| {
             let features = Features {
                 window: 16,
                 scaling,
@@ -194,10 +196,10 @@ mod tests {
             );
             out
         };
-        let (plain, log) = (of(Scaling::Amplitude, true), of(Scaling::Log, true));
+        let (plain, log) = (scaled(Scaling::Amplitude, true), scaled(Scaling::Log, true));
         let mean = image.pixels().map(f32::from).sum::<f32>() / 256.0;
         assert!((plain[0] - mean).abs() < 1e-3);
         assert!((log[5] - (256.0 * plain[5]).ln_1p()).abs() < 1e-4);
-        assert_eq!(of(Scaling::Log, false)[0], 0.0);
+        assert_eq!(scaled(Scaling::Log, false)[0], 0.0);
     }
 }

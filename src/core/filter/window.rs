@@ -12,7 +12,7 @@ pub struct FilterWindows {
     /// Left upper corners.
     corners: Vec<[usize; 2]>,
     /// Per cell of the grid, in raster order, its windows; a detection in any of them suffices.
-    of_cells: Vec<Vec<usize>>,
+    by_cell: Vec<Vec<usize>>,
 }
 
 /// The strips of the image's width, in tenths, that the two windows of *too close* cover.
@@ -46,7 +46,7 @@ impl FilterWindows {
                 |middle: usize, length: usize| (middle.saturating_sub(side) / 2).min(length - side);
             [corner(middle[0], width), corner(middle[1], height)]
         };
-        let (corners, of_cells) = match kind {
+        let (corners, by_cell) = match kind {
             FilterKind::Floor => {
                 let middle = |place| {
                     let (x, y) = shape.pixels(place, (width, height));
@@ -57,7 +57,7 @@ impl FilterWindows {
             }
             FilterKind::TooClose => {
                 let corners = STRIPS.map(|[from, to]| corner([(from + to) * width / 10, height]));
-                let of_cell = |(column, row)| {
+                let covering = |(column, row)| {
                     let (x, _) = shape.pixels((column, row), (width, height));
                     let covers = |[from, to]: [usize; 2]| {
                         let (from, to) = (from * width / 10, to * width / 10);
@@ -66,10 +66,10 @@ impl FilterWindows {
                     };
                     (0..STRIPS.len()).filter(|&i| covers(STRIPS[i])).collect()
                 };
-                (corners.to_vec(), shape.iter().map(of_cell).collect())
+                (corners.to_vec(), shape.iter().map(covering).collect())
             }
         };
-        Ok(Self { corners, of_cells })
+        Ok(Self { corners, by_cell })
     }
 
     /// Left upper corners, x and y.
@@ -78,8 +78,8 @@ impl FilterWindows {
     }
 
     /// Per cell of the grid, in raster order, its windows; a detection in any of them suffices.
-    pub fn of_cells(&self) -> &[Vec<usize>] {
-        &self.of_cells
+    pub fn by_cell(&self) -> &[Vec<usize>] {
+        &self.by_cell
     }
 }
 
@@ -93,7 +93,7 @@ mod tests {
         let windows = FilterWindows::new(FilterKind::Floor, 64, (320, 240), shape).unwrap();
         let corners: Vec<_> = windows.corners().iter().step_by(6).collect();
         assert_eq!(corners, [&[0, 8], &[64, 88], &[128, 168]]);
-        assert_eq!(windows.of_cells()[7], [7]);
+        assert_eq!(windows.by_cell()[7], [7]);
         // Clamped if a cell is narrower than a window.
         let narrow = FilterWindows::new(FilterKind::Floor, 64, (100, 70), shape).unwrap();
         assert_eq!(narrow.corners()[0], [0, 0]);
@@ -106,10 +106,10 @@ mod tests {
         let windows = FilterWindows::new(FilterKind::TooClose, 128, (320, 240), shape).unwrap();
         assert_eq!(windows.corners(), [[32, 56], [160, 56]]);
         let row = [vec![0], vec![0], vec![0, 1], vec![1], vec![1]];
-        assert_eq!(windows.of_cells(), [row.clone(), row.clone(), row].concat());
+        assert_eq!(windows.by_cell(), [row.clone(), row.clone(), row].concat());
         let double = FilterWindows::new(FilterKind::TooClose, 128, (640, 480), shape).unwrap();
         assert_eq!(double.corners(), [[128, 176], [384, 176]]);
-        assert_eq!(double.of_cells(), windows.of_cells());
+        assert_eq!(double.by_cell(), windows.by_cell());
     }
 
     #[test]

@@ -79,6 +79,13 @@ impl Totals {
 /// See [`super::choose_row`].
 #[inline(always)]
 pub(super) fn choose<const W: usize>(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) {
+    choose_left::<W>(totals, uniqueness, row);
+    choose_right::<W>(totals, row);
+}
+
+/// The left image's winners.
+#[inline(always)]
+fn choose_left<const W: usize>(totals: &Totals, uniqueness: u32, row: &mut ChosenRow<'_>) {
     let shape = totals.shape;
     for (part, (left, why)) in row
         .left
@@ -126,8 +133,13 @@ pub(super) fn choose<const W: usize>(totals: &Totals, uniqueness: u32, row: &mut
             };
         }
     }
-    // The right image's winners come from the same sums (Hirschmüller 2008, section 2.3), along a
-    // diagonal of the volume.
+}
+
+/// The right image's winners, from the same sums (Hirschmüller 2008, section 2.3), along a diagonal
+/// of the volume.
+#[inline(always)]
+fn choose_right<const W: usize>(totals: &Totals, row: &mut ChosenRow<'_>) {
+    let shape = totals.shape;
     for (part, right) in row.right.as_chunks_mut::<W>().0.iter_mut().enumerate() {
         // The right pixel x meets the left one x + d.
         let x = (part * W) as i32 + shape.first;

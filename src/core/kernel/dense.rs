@@ -165,12 +165,12 @@ mod tests {
         for samples in 1..=12 {
             let (inputs, weights) = (some(samples * stride, 1), some(neurons * stride, 2));
             let bias = some(neurons, 3);
-            let of = |isa| {
+            let sums = |isa| {
                 let mut out = vec![0.0; samples * neurons];
                 weighted_sums(isa, &inputs, &weights, &bias, stride, &mut out);
                 out
             };
-            let expected = of(Isa::BASELINE);
+            let expected = sums(Isa::BASELINE);
             for (i, sum) in expected.iter().enumerate() {
                 let (sample, neuron) = (i / neurons, i % neurons);
                 let row = |rows: &[f32], i: usize| rows[i * stride..][..stride].to_vec();
@@ -178,7 +178,7 @@ mod tests {
                     f64::from(bias[neuron]) + dot(&row(&inputs, sample), &row(&weights, neuron));
                 assert!((f64::from(*sum) - definition).abs() < 1e-5);
             }
-            assert!(Isa::available().all(|isa| of(isa) == expected));
+            assert!(Isa::available().all(|isa| sums(isa) == expected));
         }
     }
 
@@ -190,7 +190,7 @@ mod tests {
             rate: 0.01,
             decay: 0.1,
         };
-        let of = |isa| {
+        let trained = |isa| {
             let mut gradient = some(length, 6);
             add_scaled(isa, &values, &factors, &mut gradient);
             let [mut mean, mut square, mut weights] = [7, 8, 9].map(|seed| some(length, seed));
@@ -198,7 +198,7 @@ mod tests {
             adam_on(isa, step, &gradient, &mut mean, &mut square, &mut weights);
             (gradient, weights)
         };
-        let (gradient, weights) = of(Isa::BASELINE);
+        let (gradient, weights) = trained(Isa::BASELINE);
         for (i, value) in gradient.iter().enumerate() {
             let column: Vec<_> = (0..rows).map(|row| values[row * length + i]).collect();
             let definition = f64::from(some(length, 6)[i]) + dot(&column, &factors);
@@ -208,6 +208,6 @@ mod tests {
         let slope = gradient[0] + step.decay * some(length, 9)[0];
         let change = (0.9 * mean + 0.1 * slope) / (0.999 * square + 0.001 * slope * slope).sqrt();
         assert!((weights[0] - (some(length, 9)[0] - step.rate * change)).abs() < 1e-5);
-        assert!(Isa::available().all(|isa| of(isa) == (gradient.clone(), weights.clone())));
+        assert!(Isa::available().all(|isa| trained(isa) == (gradient.clone(), weights.clone())));
     }
 }

@@ -9,6 +9,7 @@ use super::paths::{PathOutput, advance};
 use super::volume::OUTSIDE;
 use super::{Lanes, Penalties, VolumeShape};
 use crate::stereo::Gray;
+use std::ops::Range;
 
 const N: usize = Lanes::COUNT;
 const ROWS: usize = RowPaths::ROWS;
@@ -76,87 +77,119 @@ pub(super) fn follow(
     penalties: &Penalties,
     sums: &mut [Lanes<u8>],
 ) {
-    let RowPaths {
-        shape,
-        costs: transposed,
-        added,
-        steps,
-        lines: [before, now],
-    } = paths;
-    let (count, stride) = (shape.count, shape.stride());
-    let rows = costs.len() / stride;
-    for (part, squares) in transposed.chunks_exact_mut(count).enumerate() {
-        let (block, part) = (part / PARTS, part % PARTS);
-        let squares = &mut squares[..shape.reached_in(block)];
-        // A band at the bottom may have fewer rows; the content of the others does not matter.
-        let lanes: [_; ROWS] = std::array::from_fn(|row| {
-            &costs[row.min(rows - 1) * stride + block * count..][..squares.len()]
-        });
-        for (i, to) in squares.iter_mut().enumerate() {
-            let mut square = Square::default();
-            for row in 0..ROWS {
-                square[row] = lanes[row][i].0.as_chunks().0[part];
-            }
-            *to = transpose_square(&square);
-        }
-    }
-    for (block, steps) in steps.as_chunks_mut::<ROWS>().0.iter_mut().enumerate() {
-        for (row, steps) in steps.iter_mut().take(rows).enumerate() {
-            let grey = image.row(top + row);
-            for (step, x) in steps.iter_mut().zip(block * ROWS..shape.width) {
-                *step = penalties.large[usize::from(grey[x].abs_diff(grey[x.saturating_sub(1)]))];
+    let rows = costs.len() / paths.shape.stride();
+    paths.load_costs(costs, rows);
+    paths.load_steps(image, top..top + rows, penalties);
+    paths.follow_from_left(penalties.small);
+    paths.follow_from_right(penalties.small);
+    paths.write_sums(rows, sums);
+}
+
+impl RowPaths {
+    /// Transposes the costs of a band of `rows` rows.
+    #[inline(always)]
+    fn load_costs(&mut self, costs: &[Lanes<u8>], rows: usize) {
+        let (shape, count, stride) = (&self.shape, self.shape.count, self.shape.stride());
+        for (part, squares) in self.costs.chunks_exact_mut(count).enumerate() {
+            let (block, part) = (part / PARTS, part % PARTS);
+            let squares = &mut squares[..shape.reached_in(block)];
+            // A band at the bottom may have fewer rows; the content of the others does not matter.
+            let lanes: [_; ROWS] = std::array::from_fn(|row| {
+                &costs[row.min(rows - 1) * stride + block * count..][..squares.len()]
+            });
+            for (i, to) in squares.iter_mut().enumerate() {
+                let mut square = Square::default();
+                for row in 0..ROWS {
+                    square[row] = lanes[row][i].0.as_chunks().0[part];
+                }
+                *to = transpose_square(&square);
             }
         }
-        *steps = transpose_square(steps);
     }
 
-    // From the left: at column 0 no path has begun, so all its costs are `OUTSIDE` and it adds
-    // nothing.
-    before.fill([[OUTSIDE; ROWS]]);
-    now.fill([[OUTSIDE; ROWS]]);
-    for x in 0..shape.width {
-        let (first, column) = (x / SIDE * count, x % SIDE);
-        let costs = &transposed[first..][..shape.reached(x)];
-        let added = &mut added[first..][..count];
-        advance(
-            before,
-            now,
-            ([0], 0),
-            costs.iter().map(|square| &square[column]),
-            penalties.small,
-            [steps[x]],
-            added.iter_mut().map(|square| FromLeft(&mut square[column])),
-        );
-        std::mem::swap(before, now);
-    }
-    before.fill([[OUTSIDE; ROWS]]);
-    now.fill([[OUTSIDE; ROWS]]);
-    for x in (0..shape.width).rev() {
-        let (first, column) = (x / SIDE * count, x % SIDE);
-        let costs = &transposed[first..][..shape.reached(x)];
-        let added = &mut added[first..][..count];
-        // The last column has no column after it.
-        let step = steps[(x + 1).min(shape.width - 1)];
-        advance(
-            before,
-            now,
-            ([0], 0),
-            costs.iter().map(|square| &square[column]),
-            penalties.small,
-            [step],
-            added
-                .iter_mut()
-                .map(|square| FromRight(&mut square[column])),
-        );
-        std::mem::swap(before, now);
+    /// Looks up P2 of the steps along those rows of the image.
+    #[inline(always)]
+    fn load_steps(&mut self, image: &Gray, rows: Range<usize>, penalties: &Penalties) {
+        let width = self.shape.width;
+        for (block, steps) in self.steps.as_chunks_mut::<ROWS>().0.iter_mut().enumerate() {
+            for (steps, y) in steps.iter_mut().zip(rows.clone()) {
+                let grey = image.row(y);
+                for (step, x) in steps.iter_mut().zip(block * ROWS..width) {
+                    let difference = grey[x].abs_diff(grey[x.saturating_sub(1)]);
+                    *step = penalties.large[usize::from(difference)];
+                }
+            }
+            *steps = transpose_square(steps);
+        }
     }
 
-    for (part, squares) in added.chunks_exact(count).enumerate() {
-        let (block, part) = (part / PARTS, part % PARTS);
-        for (i, square) in squares[..shape.reached_in(block)].iter().enumerate() {
-            for (row, lanes) in transpose_square(square).iter().take(rows).enumerate() {
-                let sums = &mut sums[row * stride + block * count + i].0;
-                sums.as_chunks_mut().0[part] = *lanes;
+    /// At the end of the rows no path has begun, so all its costs are `OUTSIDE` and it adds
+    /// nothing.
+    #[inline(always)]
+    fn begin(&mut self) {
+        for line in &mut self.lines {
+            line.fill([[OUTSIDE; ROWS]]);
+        }
+    }
+
+    #[inline(always)]
+    fn follow_from_left(&mut self, small: u8) {
+        self.begin();
+        let (shape, [before, now]) = (&self.shape, &mut self.lines);
+        for x in 0..shape.width {
+            let (first, column) = (x / SIDE * shape.count, x % SIDE);
+            let costs = &self.costs[first..][..shape.reached(x)];
+            let added = &mut self.added[first..][..shape.count];
+            advance(
+                before,
+                now,
+                ([0], 0),
+                costs.iter().map(|square| &square[column]),
+                small,
+                [self.steps[x]],
+                added.iter_mut().map(|square| FromLeft(&mut square[column])),
+            );
+            std::mem::swap(before, now);
+        }
+    }
+
+    #[inline(always)]
+    fn follow_from_right(&mut self, small: u8) {
+        self.begin();
+        let (shape, [before, now]) = (&self.shape, &mut self.lines);
+        for x in (0..shape.width).rev() {
+            let (first, column) = (x / SIDE * shape.count, x % SIDE);
+            let costs = &self.costs[first..][..shape.reached(x)];
+            let added = &mut self.added[first..][..shape.count];
+            // The last column has no column after it.
+            let step = self.steps[(x + 1).min(shape.width - 1)];
+            advance(
+                before,
+                now,
+                ([0], 0),
+                costs.iter().map(|square| &square[column]),
+                small,
+                [step],
+                added
+                    .iter_mut()
+                    .map(|square| FromRight(&mut square[column])),
+            );
+            std::mem::swap(before, now);
+        }
+    }
+
+    /// Transposes what the paths added back.
+    #[inline(always)]
+    fn write_sums(&self, rows: usize, sums: &mut [Lanes<u8>]) {
+        let (count, stride) = (self.shape.count, self.shape.stride());
+        for (part, squares) in self.added.chunks_exact(count).enumerate() {
+            let (block, part) = (part / PARTS, part % PARTS);
+            let reached = self.shape.reached_in(block);
+            for (i, square) in squares[..reached].iter().enumerate() {
+                for (row, lanes) in transpose_square(square).iter().take(rows).enumerate() {
+                    let sums = &mut sums[row * stride + block * count + i].0;
+                    sums.as_chunks_mut().0[part] = *lanes;
+                }
             }
         }
     }

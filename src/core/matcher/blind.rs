@@ -3,13 +3,14 @@
 //! It is the other end of the scale from `truth`. A robot that it steers treats every cell as
 //! unknown.
 
-use super::{MatchContext, MatchOutput, Matcher, MatcherSpec};
+use super::{MatchContext, MatchOutput, Matcher, MatcherKind, MatcherSpec};
 use crate::error::Result;
 use crate::stereo::{ExtraPlanes, Reason, RectifiedPair};
 use crate::timing::Stage;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "blind",
+    kind: MatcherKind::Blind,
     aliases: &[],
     summary: "reports nothing: every pixel and every cell is unknown",
     about: "",

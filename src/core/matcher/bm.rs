@@ -16,7 +16,7 @@ use super::method::{Method, matcher};
 use super::stage::{
     DisparityRange, EdgeImage, OnePassCheck, Prefilter, SadSearch, Speckles, both, uniqueness,
 };
-use super::{MatcherSpec, Parameter, Parameters, Range};
+use super::{MatcherKind, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::Isa;
 use crate::stereo::{DisparityMap, ExtraPlanes, StereoPair};
@@ -24,6 +24,7 @@ use crate::timing::{Clock, Stage};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "bm",
+    kind: MatcherKind::Images,
     aliases: &["svs"],
     summary: "block matching of edges in square windows, the Small Vision System's and OpenCV's: \
               fast and dense",

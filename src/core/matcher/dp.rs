@@ -21,7 +21,7 @@ use super::method::{Method, matcher};
 use super::stage::{
     Blocks, PathCosts, Propagation, PropagationPixel, Scanlines, both, bridge, each_band, each_row,
 };
-use super::{MatcherSpec, Parameter, Parameters, Range};
+use super::{MatcherKind, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::Result;
 use crate::kernel::{Isa, edge, edge_before};
 use crate::stereo::{DisparityMap, ExtraPlanes, Gray, StereoPair};
@@ -29,6 +29,7 @@ use crate::timing::{Clock, Stage};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "dp",
+    kind: MatcherKind::Images,
     aliases: &[],
     summary: "dynamic programming along rows: dense and often wrong; the first matcher of the \
               2007 thesis",

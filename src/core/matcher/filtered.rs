@@ -1,6 +1,6 @@
 //! An algorithm followed by filters ([`crate::filter`]): `v3+floor`.
 
-use super::{MatchContext, MatchOutput, Matcher, PairMemory, ProgramRecord};
+use super::{MatchContext, MatchOutput, Matcher, ProgramRecord};
 use crate::depth;
 use crate::error::Result;
 use crate::filter::Filters;
@@ -47,16 +47,12 @@ impl Matcher for FilteredMatcher {
         self.matcher.program()
     }
 
-    fn memory(&self) -> PairMemory {
-        self.matcher.memory()
+    fn has_run_memory(&self) -> bool {
+        self.matcher.has_run_memory()
     }
 
     fn reset(&mut self) {
         self.matcher.reset();
-    }
-
-    fn needs_poses(&self) -> bool {
-        self.matcher.needs_poses()
     }
 
     fn batch(&self) -> usize {

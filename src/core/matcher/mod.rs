@@ -11,7 +11,6 @@ mod method;
 mod mirrored;
 mod parameter;
 mod program;
-mod pushbroom;
 mod quotes;
 mod sgm;
 pub mod stage;
@@ -33,7 +32,7 @@ use crate::error::{Error, Result, nearest};
 use crate::filter::{FilterModel, Filters};
 use crate::kernel::{Isa, isa};
 use crate::stereo::{
-    Cell, CellRule, DepthGrid, DisparityMap, FittedTo, Frame, Pose, RectifiedPair, Rgb, Rig, Truth,
+    Cell, CellRule, DepthGrid, DisparityMap, FittedTo, Frame, RectifiedPair, Rgb, Rig, Truth,
 };
 use crate::timing::Clock;
 use filtered::FilteredMatcher;
@@ -59,19 +58,14 @@ pub trait Matcher: Send {
         None
     }
 
-    /// The earlier pairs that a result depends on. A pair that is computed once more, of the same
-    /// [`MatchContext::sequence`], has the same earlier pairs and an equal result.
-    fn memory(&self) -> PairMemory {
-        PairMemory::None
+    /// True if a result depends on all earlier pairs of the run. A pair that is computed once more,
+    /// of the same [`MatchContext::sequence`], has the same earlier pairs and an equal result.
+    fn has_run_memory(&self) -> bool {
+        false
     }
 
     /// Forgets all earlier pairs.
     fn reset(&mut self) {}
-
-    /// True if its memory needs the poses of the pairs.
-    fn needs_poses(&self) -> bool {
-        false
-    }
 
     /// Number of pairs it matches at once.
     fn batch(&self) -> usize {
@@ -81,17 +75,6 @@ pub trait Matcher: Send {
     /// Announces the pairs of the next calls of [`Matcher::compute`], of one size and in their
     /// order, to a matcher that handles several at once.
     fn announce(&mut self, _pairs: &[(RectifiedPair<'_>, MatchContext<'_>)]) {}
-}
-
-/// The earlier pairs of a run that the result of a pair depends on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PairMemory {
-    /// None of them.
-    None,
-    /// That many pairs directly before it.
-    Pairs(u64),
-    /// All of them.
-    Run,
 }
 
 /// Everything a matcher may use besides the pair.
@@ -110,8 +93,6 @@ pub struct MatchContext<'a> {
     pub truth: Option<&'a Truth>,
     /// The rig of a calibrated pair.
     pub rig: Option<Rig>,
-    /// Pose of the left camera in the world, if the source has it.
-    pub pose: Option<Pose>,
     /// Shape of the depth grid, and the rule for a known cell.
     pub grid: GridSettings,
     /// Rule for a right cell.
@@ -121,8 +102,7 @@ pub struct MatchContext<'a> {
 }
 
 impl Default for MatchContext<'_> {
-    /// No rig, no pose, the thesis's grid, the default cell rule, the threads of rayon's current
-    /// pool.
+    /// No rig, the thesis's grid, the default cell rule, the threads of rayon's current pool.
     fn default() -> Self {
         Self {
             sequence: 0,
@@ -131,7 +111,6 @@ impl Default for MatchContext<'_> {
             color: None,
             truth: None,
             rig: None,
-            pose: None,
             grid: GridSettings::default(),
             cells: CellRule::default(),
             threads: rayon::current_num_threads(),
@@ -141,7 +120,7 @@ impl Default for MatchContext<'_> {
 
 impl<'a> MatchContext<'a> {
     /// Context of a frame with those settings.
-    pub fn of(frame: &'a Frame, grid: GridSettings, cells: CellRule) -> Self {
+    pub fn for_frame(frame: &'a Frame, grid: GridSettings, cells: CellRule) -> Self {
         Self {
             sequence: frame.sequence,
             stamp_ns: Some(frame.stamp_ns),
@@ -149,7 +128,6 @@ impl<'a> MatchContext<'a> {
             color: frame.color.as_ref(),
             truth: frame.truth.as_ref(),
             rig: frame.rig().copied(),
-            pose: frame.pose,
             grid,
             cells,
             ..Self::default()
@@ -222,9 +200,23 @@ impl MatchOutput {
     }
 }
 
+/// Kind of a matcher by what its disparities come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MatcherKind {
+    /// The images, matched in this process.
+    Images,
+    /// A program that the user names, with its own algorithm.
+    Program,
+    /// The truth of the frame.
+    Truth,
+    /// Nothing: it has no disparities.
+    Blind,
+}
+
 /// An entry of [`MATCHERS`].
 pub struct MatcherSpec {
     pub name: &'static str,
+    pub kind: MatcherKind,
     /// Other names it is known by; unique in the table, as `name` is.
     pub aliases: &'static [&'static str],
     pub summary: &'static str,
@@ -251,7 +243,6 @@ pub const MATCHERS: &[MatcherSpec] = &[
     v5::SPEC,
     bm::SPEC,
     sgm::SPEC,
-    pushbroom::SPEC,
     truth::SPEC,
     blind::SPEC,
     #[cfg(feature = "exec")]
@@ -301,7 +292,18 @@ fn similar(name: &str) -> Vec<String> {
 impl MatcherSpec {
     /// True if it matches images in this process: not a program, `truth` or `blind`.
     pub fn matches_images(&self) -> bool {
-        !["exec", "truth", "blind"].contains(&self.name)
+        self.kind == MatcherKind::Images
+    }
+
+    /// True if it starts a program that the user names: its parameters do not say which algorithm
+    /// that is.
+    pub fn is_program(&self) -> bool {
+        self.kind == MatcherKind::Program
+    }
+
+    /// True if it reports the truth.
+    pub fn is_truth(&self) -> bool {
+        self.kind == MatcherKind::Truth
     }
 
     /// Its parameter of that name.
@@ -330,6 +332,16 @@ impl std::fmt::Debug for Algorithm {
         self.filters
             .iter()
             .try_for_each(|filter| write!(f, "+{}", filter.kind))
+    }
+}
+
+impl PartialEq for Algorithm {
+    /// Equality of name, parameters, filters and label.
+    fn eq(&self, other: &Self) -> bool {
+        self.spec.name == other.spec.name
+            && self.parameters == other.parameters
+            && self.filters == other.filters
+            && self.label == other.label
     }
 }
 
@@ -547,9 +559,10 @@ impl Algorithm {
         let choice = self.safe_choice()?;
         let mut fitted: Vec<_> = choice.map(|choice| choice.fitted).into_iter().collect();
         for filter in &self.filters {
-            let of_filter = FittedTo::of_facts(&filter.facts);
-            fitted
-                .push(of_filter.map_err(|why| Error::Invalid(format!("{}: {why}", self.label())))?);
+            let fitted_filter = FittedTo::from_facts(&filter.facts);
+            fitted.push(
+                fitted_filter.map_err(|why| Error::Invalid(format!("{}: {why}", self.label())))?,
+            );
         }
         Ok(fitted)
     }
@@ -561,6 +574,18 @@ impl Algorithm {
     /// CPU lacks.
     pub fn build(&self) -> Result<Box<dyn Matcher>> {
         self.build_on(isa()?)
+    }
+
+    /// Checks that the parameters go together, by building a matcher. A program is not started for
+    /// that.
+    ///
+    /// # Errors
+    /// As [`Algorithm::build`].
+    pub fn check(&self) -> Result<()> {
+        if self.spec.is_program() {
+            return Ok(());
+        }
+        self.build().map(drop)
     }
 
     /// Matches one pair with a matcher built for it: the short form for a single pair.

@@ -187,7 +187,7 @@ impl std::fmt::Display for Value {
 impl ParameterFile {
     fn read(path: &str) -> Option<Self> {
         // Before opening: opening a pipe would wait for its writer.
-        let is_file = std::fs::metadata(path).is_ok_and(|of| of.is_file());
+        let is_file = std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
         let file = std::fs::File::open(path).ok().filter(|_| is_file)?;
         let mut bytes = Vec::new();
         // One more than allowed, as the file may grow while it is read.

@@ -16,7 +16,7 @@ use super::method::{Method, matcher};
 use super::stage::{
     Aggregation, Chosen, CostVolume, DisparityRange, OnePassCheck, Speckles, uniqueness,
 };
-use super::{MatcherSpec, Parameter, Parameters, Range};
+use super::{MatcherKind, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::{ChosenRow, Isa, PathBlock, Penalties, VolumeShape, median_row};
 use crate::stereo::{DisparityMap, ExtraPlanes, Reason, RowMut, StereoPair};
@@ -24,6 +24,7 @@ use crate::timing::{Clock, Stage};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "sgm",
+    kind: MatcherKind::Images,
     aliases: &[],
     summary: "semi-global matching of census transforms along eight paths: dense, exact, slow",
     about: "",

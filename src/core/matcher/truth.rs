@@ -4,13 +4,14 @@
 //! cell beyond the range is right, and a checkpoint that it fails cannot be passed.
 
 use super::stage::DisparityRange;
-use super::{MatchContext, MatchOutput, Matcher, MatcherSpec};
+use super::{MatchContext, MatchOutput, Matcher, MatcherKind, MatcherSpec};
 use crate::error::{Error, Result};
 use crate::stereo::{ExtraPlanes, Reason, RectifiedPair};
 use crate::timing::Stage;
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "truth",
+    kind: MatcherKind::Truth,
     aliases: &[],
     summary: "the truth of the frames: what a perfect matcher with that range would report",
     about: "",

@@ -11,12 +11,13 @@ use super::method::matcher;
 use super::stage::{
     BACK_CHECK, CostFilter, CostSearch, DisparityRange, SUBPIXEL, SymmetricCheck, VerticalSmoothing,
 };
-use super::{MatcherSpec, Parameter, Parameters, Range};
+use super::{MatcherKind, MatcherSpec, Parameter, Parameters, Range};
 use crate::error::{Error, Result};
 use crate::kernel::{Doubt, Isa, Lanes, Match, SsdSearch, matches_and_rivals};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v1",
+    kind: MatcherKind::Images,
     aliases: &[],
     summary: "block matching of every pixel with an error filter and a symmetric check: dense, \
               and wrong in textureless areas",

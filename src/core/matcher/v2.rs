@@ -13,11 +13,12 @@ use super::stage::{
     BACK_CHECK, CostFilter, CostSearch, DeviationTexture, DisparityRange, SUBPIXEL, SymmetricCheck,
     VerticalSmoothing,
 };
-use super::{MatcherSpec, Parameter, Range};
+use super::{MatcherKind, MatcherSpec, Parameter, Range};
 use crate::kernel::{Doubt, Isa, Lanes, Match, SsdSearch, matches_and_spread};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v2",
+    kind: MatcherKind::Images,
     aliases: &[],
     summary: "block matching of high-contrast pixels with a spread filter and a symmetric check: \
               sparse and careful",

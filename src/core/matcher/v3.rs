@@ -7,15 +7,16 @@
 //! Departures from the thesis: all in integers; windows near the left edge try the disparities that
 //! stay inside the right image; the back check sends negative disparities to 0.
 
-use super::MatcherSpec;
 use super::block_matching::BlockMatching;
 use super::method::matcher;
 use super::stage::{
     BACK_CHECK, BlockSearch, DisparityRange, DogTexture, SUBPIXEL, SelfCheck, VerticalSmoothing,
 };
+use super::{MatcherKind, MatcherSpec};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v3",
+    kind: MatcherKind::Images,
     aliases: &[],
     summary: "block matching on textured pixels with a self check: fast and robust, made for \
               obstacle avoidance",

@@ -1,6 +1,6 @@
 //! Vertical misalignment of pairs, measured from images alone.
 
-use super::epipolar::EpipolarGeometry;
+use super::epipolar::inliers;
 use super::features::{PointMatch, matches};
 use crate::statistics::{lower_median, nearest_rank};
 use crate::stereo::{GridShape, StereoPair};
@@ -63,8 +63,8 @@ impl Alignment {
 /// than noise does.
 const TOLERANCE_PX: f64 = 2.0;
 /// Fewest matches for a result: in all, and in a part of the image.
-const LEAST: usize = 40;
-const LEAST_OF_PART: usize = 8;
+const MIN_MATCHES: usize = 40;
+const MIN_MATCHES_OF_PART: usize = 8;
 /// Negative disparities of smaller magnitude may belong to points far away.
 const BEYOND_PX: f64 = 1.0;
 /// Iterations of the robust plane fit.
@@ -84,11 +84,7 @@ impl AlignmentMeter {
         }
         self.pairs += 1;
         // Pair by pair, as pairs of several scenes need not share one epipolar geometry.
-        self.matches.extend(
-            EpipolarGeometry::estimate(&matches(pair), TOLERANCE_PX)
-                .into_iter()
-                .flat_map(|found| found.inliers),
-        );
+        self.matches.extend(inliers(&matches(pair), TOLERANCE_PX));
     }
 
     /// The matches collected so far.
@@ -102,12 +98,12 @@ impl AlignmentMeter {
         let is_beyond = |m: &&PointMatch| m.left.x - m.right.x < -BEYOND_PX;
         let beyond = self.matches.iter().filter(is_beyond).count();
         let share = beyond as f64 / self.matches.len() as f64;
-        (self.matches.len() >= LEAST).then_some(share)
+        (self.matches.len() >= MIN_MATCHES).then_some(share)
     }
 
     /// The misalignment; `None` with too few matches.
     pub fn alignment(&self) -> Option<Alignment> {
-        if self.matches.len() < LEAST {
+        if self.matches.len() < MIN_MATCHES {
             return None;
         }
         let offset = |m: &PointMatch| m.right.y - m.left.y;
@@ -124,7 +120,7 @@ impl AlignmentMeter {
                 x.contains(&(m.left.x as usize)) && y.contains(&(m.left.y as usize))
             };
             let offsets: Vec<_> = self.matches.iter().filter(inside).map(offset).collect();
-            lower_median(offsets.iter().copied()).filter(|_| offsets.len() >= LEAST_OF_PART)
+            lower_median(offsets.iter().copied()).filter(|_| offsets.len() >= MIN_MATCHES_OF_PART)
         };
         Some(Alignment {
             pairs: self.pairs,

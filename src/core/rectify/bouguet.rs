@@ -114,13 +114,15 @@ mod tests {
         }
     }
 
+    fn beside(left: Intrinsics, right: Intrinsics, apart: Isometry3<f64>) -> StereoCalibration {
+        StereoCalibration::new(left, right, apart, LengthUnit::Metres).unwrap()
+    }
+
     #[test]
     fn errors_say_what_to_do() {
         let one = camera((500.0, 500.0), (319.5, 239.5), [0.0; 5]);
         let at = |x: f64, y: f64, z: f64, right: Intrinsics| {
-            let apart = Isometry3::translation(-x, -y, -z);
-            let calibration =
-                StereoCalibration::new(one, right, apart, LengthUnit::Metres).unwrap();
+            let calibration = beside(one, right, Isometry3::translation(-x, -y, -z));
             bouguet(&calibration, &Framing::default())
         };
         assert!(at(0.1, 0.0, 0.0, one).is_ok());
@@ -136,54 +138,33 @@ mod tests {
             error.contains("640x480") && error.contains("320x240"),
             "{error}"
         );
-        let vast =
-            Intrinsics::new((1 << 40, 480), (500.0, 500.0), (320.0, 240.0), [0.0; 5]).unwrap();
-        let apart = Isometry3::translation(-0.1, 0.0, 0.0);
-        let vast = StereoCalibration::new(vast, vast, apart, LengthUnit::Metres).unwrap();
-        assert!(
-            bouguet(
-                &vast,
-                &Framing {
-                    size: Some((640, 480)),
-                    alpha: 0.0
-                }
-            )
-            .is_err()
-        );
 
         let narrow = camera((2000.0, 2000.0), (319.5, 239.5), [0.0; 5]);
         let away = UnitQuaternion::from_euler_angles(0.0, 0.5, 0.0);
-        let motion = Isometry3::from_parts(
-            Translation3::from(away * Vector3::new(-0.1, 0.0, 0.0)),
-            away,
-        );
-        let calibration =
-            StereoCalibration::new(narrow, narrow, motion, LengthUnit::Metres).unwrap();
+        let shift = Translation3::from(away * Vector3::new(-0.1, 0.0, 0.0));
+        let calibration = beside(narrow, narrow, Isometry3::from_parts(shift, away));
         let error = bouguet(&calibration, &Framing::default())
             .unwrap_err()
             .to_string();
         assert!(error.contains("seen by both"), "{error}");
+    }
+
+    #[test]
+    fn impossible_framings_are_refused() {
+        let framing = |alpha, size| Framing { alpha, size };
+        let apart = Isometry3::translation(-0.1, 0.0, 0.0);
+        let vast =
+            Intrinsics::new((1 << 40, 480), (500.0, 500.0), (320.0, 240.0), [0.0; 5]).unwrap();
+        let vast = beside(vast, vast, apart);
+        assert!(bouguet(&vast, &framing(0.0, Some((640, 480)))).is_err());
+        let one = camera((500.0, 500.0), (319.5, 239.5), [0.0; 5]);
+        let calibration = beside(one, one, apart);
         for framing in [
-            Framing {
-                alpha: 1.1,
-                size: None,
-            },
-            Framing {
-                alpha: f64::NAN,
-                size: None,
-            },
-            Framing {
-                size: Some((0, 9)),
-                alpha: 0.0,
-            },
+            framing(1.1, None),
+            framing(f64::NAN, None),
+            framing(0.0, Some((0, 9))),
         ] {
-            let calibration = StereoCalibration::new(
-                one,
-                one,
-                Isometry3::translation(-0.1, 0.0, 0.0),
-                LengthUnit::Metres,
-            );
-            assert!(bouguet(&calibration.unwrap(), &framing).is_err());
+            assert!(bouguet(&calibration, &framing).is_err());
         }
     }
 }

@@ -6,74 +6,60 @@
 use super::features::PointMatch;
 use nalgebra::{Matrix3, SMatrix, SVD, SymmetricEigen, Vector3};
 
-/// A fundamental matrix and its inliers.
-#[derive(Clone, Debug)]
-pub struct EpipolarGeometry {
-    /// F in `rightᵀ F left = 0`, for homogeneous pixels; norm 1.
-    pub fundamental: Matrix3<f64>,
-    /// The matches that agree with it.
-    pub inliers: Vec<PointMatch>,
-}
-
 /// Largest number of samples.
 const SAMPLES: usize = 500;
 /// Fewest inliers that cannot be chance.
-const LEAST: usize = 16;
+const MIN_INLIERS: usize = 16;
 /// Probability of having drawn a sample without outliers at which sampling stops.
 const CERTAINTY: f64 = 0.999;
 
-impl EpipolarGeometry {
-    /// The geometry with the most inliers, whose Sampson distance is below `tolerance_px`; `None`
-    /// if fewer than 16, or less than half of all matches, are inliers.
-    pub fn estimate(matches: &[PointMatch], tolerance_px: f64) -> Option<Self> {
-        if matches.len() < LEAST {
-            return None;
-        }
-        let mut random = Random(0x5EED);
-        let agreeing = |f: &Matrix3<f64>| -> Vec<PointMatch> {
-            matches
-                .iter()
-                .filter(|m| sampson_px(f, m) < tolerance_px)
-                .copied()
-                .collect()
-        };
-        let mut best: Vec<PointMatch> = Vec::new();
-        let mut samples = SAMPLES;
-        let mut tried = 0;
-        while tried < samples {
-            tried += 1;
-            let sample: [PointMatch; 8] =
-                std::array::from_fn(|_| matches[random.below(matches.len())]);
-            let Some(f) = fundamental(&sample) else {
-                continue;
-            };
-            let count = matches
-                .iter()
-                .filter(|m| sampson_px(&f, m) < tolerance_px)
-                .count();
-            // Counting first saves an allocation for most samples.
-            if count > best.len() {
-                best = agreeing(&f);
-                let share = count as f64 / matches.len() as f64;
-                let needed =
-                    (1.0 - CERTAINTY).ln() / (1.0 - share.powi(8)).max(f64::MIN_POSITIVE).ln();
-                // The more inliers, the fewer samples are needed (Fischler & Bolles).
-                samples = SAMPLES.min(needed.ceil().max(1.0) as usize);
-            }
-        }
-        // The winning sample fits eight points; refit to all its inliers until they hardly change.
-        let mut found = None;
-        for _ in 0..3 {
-            let f = fundamental(&best)?;
-            best = agreeing(&f);
-            found = Some(f);
-        }
-        let enough = best.len() >= LEAST && 2 * best.len() >= matches.len();
-        found.filter(|_| enough).map(|fundamental| Self {
-            fundamental,
-            inliers: best,
-        })
+/// The matches that agree with the geometry of most of them: those whose Sampson distance is below
+/// `tolerance_px`. Empty if they are fewer than 16, or less than half of all matches.
+pub(super) fn inliers(matches: &[PointMatch], tolerance_px: f64) -> Vec<PointMatch> {
+    if matches.len() < MIN_INLIERS {
+        return Vec::new();
     }
+    let mut random = Random(0x5EED);
+    let agreeing = |f: &Matrix3<f64>| -> Vec<PointMatch> {
+        matches
+            .iter()
+            .filter(|m| sampson_px(f, m) < tolerance_px)
+            .copied()
+            .collect()
+    };
+    let mut best: Vec<PointMatch> = Vec::new();
+    let mut samples = SAMPLES;
+    let mut tried = 0;
+    while tried < samples {
+        tried += 1;
+        let sample: [PointMatch; 8] = std::array::from_fn(|_| matches[random.below(matches.len())]);
+        let Some(f) = fundamental(&sample) else {
+            continue;
+        };
+        let count = matches
+            .iter()
+            .filter(|m| sampson_px(&f, m) < tolerance_px)
+            .count();
+        // Counting first saves an allocation for most samples.
+        if count > best.len() {
+            best = agreeing(&f);
+            let share = count as f64 / matches.len() as f64;
+            let needed = (1.0 - CERTAINTY).ln() / (1.0 - share.powi(8)).max(f64::MIN_POSITIVE).ln();
+            // The more inliers, the fewer samples are needed (Fischler & Bolles).
+            samples = SAMPLES.min(needed.ceil().max(1.0) as usize);
+        }
+    }
+    // The winning sample fits eight points; refit to all its inliers until they hardly change.
+    for _ in 0..3 {
+        let Some(f) = fundamental(&best) else {
+            return Vec::new();
+        };
+        best = agreeing(&f);
+    }
+    if best.len() < MIN_INLIERS || 2 * best.len() < matches.len() {
+        best.clear();
+    }
+    best
 }
 
 /// Sampson distance: the distance of a match from the nearest one that satisfies `f`, to first
@@ -85,6 +71,7 @@ fn sampson_px(f: &Matrix3<f64>, PointMatch { left, right }: &PointMatch) -> f64 
     right.dot(&there).abs() / slope.sqrt()
 }
 
+/// F in `rightᵀ F left = 0`, for homogeneous pixels; norm 1.
 fn fundamental(matches: &[PointMatch]) -> Option<Matrix3<f64>> {
     let left = normalisation(matches.iter().map(|m| m.left.to_homogeneous()))?;
     let right = normalisation(matches.iter().map(|m| m.right.to_homogeneous()))?;
@@ -188,27 +175,22 @@ mod tests {
     #[test]
     fn outliers_are_rejected() {
         let (good, bad) = seen(200, 0.2, 100);
-        let found = EpipolarGeometry::estimate(&[good.clone(), bad].concat(), 1.0).unwrap();
-        let kept = good.iter().filter(|m| found.inliers.contains(m)).count();
+        let found = inliers(&[good.clone(), bad].concat(), 1.0);
+        let kept = good.iter().filter(|m| found.contains(m)).count();
         assert!(
-            found.fundamental.determinant().abs() < 1e-15,
-            "not of rank two"
-        );
-        assert!(
-            kept > 195 && found.inliers.len() - kept < 10,
+            kept > 195 && found.len() - kept < 10,
             "{kept} of {}",
-            found.inliers.len()
+            found.len()
         );
+        let f = fundamental(&found).unwrap();
+        assert!(f.determinant().abs() < 1e-15, "not of rank two");
     }
 
     #[test]
     fn random_matches_have_no_geometry() {
         let (good, bad) = seen(20, 0.0, 300);
-        assert!(EpipolarGeometry::estimate(&bad, 1.0).is_none());
-        assert!(EpipolarGeometry::estimate(&good[..10], 1.0).is_none());
-        assert!(
-            EpipolarGeometry::estimate(&[good[0]; 40], 1.0).is_none(),
-            "one point is no geometry"
-        );
+        assert_eq!(inliers(&bad, 1.0), []);
+        assert_eq!(inliers(&good[..10], 1.0), []);
+        assert_eq!(inliers(&[good[0]; 40], 1.0), [], "one point is no geometry");
     }
 }

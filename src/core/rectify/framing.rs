@@ -138,11 +138,11 @@ fn visible_region(view: &RotatedCamera) -> Result<VisibleRegion> {
     }
     // Distorted borders are curved: the valid rectangle ends at the innermost point of each side.
     let [left, top, right, bottom] = &sides;
-    let x = |side: &[Vector2<f64>], of: fn(f64, f64) -> f64| {
-        side.iter().map(|d| d.x).reduce(of).unwrap_or(f64::NAN)
+    let x = |side: &[Vector2<f64>], extreme: fn(f64, f64) -> f64| {
+        side.iter().map(|d| d.x).reduce(extreme).unwrap_or(f64::NAN)
     };
-    let y = |side: &[Vector2<f64>], of: fn(f64, f64) -> f64| {
-        side.iter().map(|d| d.y).reduce(of).unwrap_or(f64::NAN)
+    let y = |side: &[Vector2<f64>], extreme: fn(f64, f64) -> f64| {
+        side.iter().map(|d| d.y).reduce(extreme).unwrap_or(f64::NAN)
     };
     let all = sides.concat();
     Ok(VisibleRegion {

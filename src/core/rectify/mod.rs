@@ -1,10 +1,9 @@
 //! Rectification: from raw pairs to pairs whose rows correspond (thesis, section 2.3).
 //!
 //! ```text
-//! calibration ── bouguet ───────────▶ Rectification ─┐
-//!                                                    ├─▶ Rectifier ─pair by pair─▶ rectified pairs
-//! pairs ── matches ── uncalibrated ─▶ Homographies ──┘                                   │
-//!             └────────────────────── AlignmentMeter ◀───────────────────────────────────┘
+//! calibration ── bouguet ──▶ Rectification ──▶ Rectifier ──pair by pair──▶ rectified pairs
+//!                                                                                │
+//! misalignment ◀── AlignmentMeter ◀── matches ◀──────────────────────────────────┘
 //! ```
 //!
 //! ```
@@ -34,13 +33,10 @@ mod framing;
 mod rectifier;
 mod remap;
 mod rotated_camera;
-mod uncalibrated;
 
 pub use alignment::{Alignment, AlignmentMeter, Misfit};
 pub use bouguet::bouguet;
-pub use epipolar::EpipolarGeometry;
-pub use features::{PointMatch, matches};
+pub use features::PointMatch;
 pub use framing::Framing;
 pub use rectifier::Rectifier;
 pub use remap::Remap;
-pub use uncalibrated::{Homographies, uncalibrated};

@@ -4,11 +4,10 @@ use super::bouguet::{bouguet, views};
 use super::framing::Framing;
 use super::remap::Remap;
 use super::rotated_camera::RotatedCamera;
-use super::uncalibrated::Homographies;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::kernel::{Isa, isa};
 use crate::stereo::{Gray, Rgb, Rig, Side, StereoCalibration, StereoPair};
-use nalgebra::{Matrix3, Point2, UnitQuaternion, Vector2};
+use nalgebra::{Point2, UnitQuaternion, Vector2};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -19,7 +18,7 @@ pub struct Rectifier {
     left: Remap,
     right: Remap,
     rig: Option<Rig>,
-    rotation: Option<UnitQuaternion<f64>>,
+    rotation: UnitQuaternion<f64>,
 }
 
 impl Rectifier {
@@ -27,8 +26,8 @@ impl Rectifier {
     /// has none.
     ///
     /// # Errors
-    /// Those of [`bouguet`], and [`Error::Invalid`] if `SVL_ISA` names an instruction set that this
-    /// CPU lacks.
+    /// Those of [`bouguet`], and [`crate::Error::Invalid`] if `SVL_ISA` names an instruction set
+    /// that this CPU lacks.
     pub fn new(calibration: &StereoCalibration) -> Result<Self> {
         let rectification = match calibration.rectification() {
             Some(own) => own.clone(),
@@ -46,7 +45,7 @@ impl Rectifier {
         };
         let left = remap(&views[0], Side::Left)?;
         let right = remap(&views[1], Side::Right)?;
-        let rotation = Some(UnitQuaternion::from_rotation_matrix(&rectification.left));
+        let rotation = UnitQuaternion::from_rotation_matrix(&rectification.left);
         // Only a calibration in metres gives a rig; one in squares has no distances.
         let rig = calibration.clone().with_rectification(rectification).rig();
         Ok(Self {
@@ -55,36 +54,6 @@ impl Rectifier {
             right,
             rig,
             rotation,
-        })
-    }
-
-    /// From homographies, for raw images of `size`. There is no rig.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] for singular homographies, and as [`Rectifier::new`].
-    pub fn uncalibrated(homographies: &Homographies, size: (usize, usize)) -> Result<Self> {
-        let remap = |homography: &Matrix3<f64>| {
-            let flat = || {
-                Error::Invalid(format!(
-                    "a homography that maps the image to a line: {homography}"
-                ))
-            };
-            // A remapping table goes from rectified pixels back to raw ones.
-            let back = homography.try_inverse().ok_or_else(flat)?;
-            let from = |pixel: Point2<f64>| {
-                let seen = back * pixel.to_homogeneous();
-                // Points behind the camera are not visible.
-                (seen.z > 0.0).then(|| Point2::from(seen.xy() / seen.z))
-            };
-            Remap::new(size, homographies.size, from)
-        };
-        let (left, right) = (remap(&homographies.left)?, remap(&homographies.right)?);
-        Ok(Self {
-            isa: isa()?,
-            left,
-            right,
-            rig: None,
-            rotation: None,
         })
     }
 
@@ -98,9 +67,8 @@ impl Rectifier {
         self.rig.as_ref()
     }
 
-    /// Rotation of the left camera, `X_rectified = rotation · X_left`; `None` without a
-    /// calibration.
-    pub fn rotation(&self) -> Option<UnitQuaternion<f64>> {
+    /// Rotation of the left camera, `X_rectified = rotation · X_left`.
+    pub fn rotation(&self) -> UnitQuaternion<f64> {
         self.rotation
     }
 
@@ -120,7 +88,7 @@ impl Rectifier {
     /// on rayon's current thread pool.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a pair of another size than the calibration's.
+    /// [`crate::Error::Invalid`] for a pair of another size than the calibration's.
     pub fn apply(&self, pair: &StereoPair, left: &mut Gray, right: &mut Gray) -> Result<()> {
         let (width, height) = self.size();
         for out in [&mut *left, &mut *right] {
@@ -158,7 +126,7 @@ impl Rectifier {
     /// As [`Rectifier::apply`], for each of the three colours.
     ///
     /// # Errors
-    /// Those of [`Rectifier::apply`]; [`Error::PairSize`].
+    /// Those of [`Rectifier::apply`]; [`crate::Error::PairSize`].
     pub fn apply_color(&self, [left, right]: &[Rgb; 2]) -> Result<[Rgb; 2]> {
         let (width, height) = self.size();
         let mut out = [
@@ -333,8 +301,8 @@ mod tests {
             rig,
             ..plain.clone()
         };
-        let of = |own| Rectifier::new(&calibration.clone().with_rectification(own)).unwrap();
-        let (plain, apart) = (of(plain), of(apart));
+        let rectifier = |own| Rectifier::new(&calibration.clone().with_rectification(own)).unwrap();
+        let (plain, apart) = (rectifier(plain), rectifier(apart));
         assert_eq!(apart.rig().unwrap().doffs_px(), 4.0);
         // The right image is shifted 4 pixels further right, the left one is unchanged.
         let pair = pair(&calibration);

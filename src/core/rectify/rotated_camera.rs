@@ -45,11 +45,11 @@ impl RotatedCamera {
 }
 
 /// Largest radius of a direction (87 degrees off the axis); no useful image shows more.
-const MOST: f64 = 20.0;
+const MAX_RADIUS: f64 = 20.0;
 
 fn onto_plane(v: Vector3<f64>) -> Option<Vector2<f64>> {
     let on_plane = v.xy() / v.z;
-    (v.z > 0.0 && on_plane.norm_squared() < MOST * MOST).then_some(on_plane)
+    (v.z > 0.0 && on_plane.norm_squared() < MAX_RADIUS * MAX_RADIUS).then_some(on_plane)
 }
 
 /// Beyond the radius where `r (1 + k1 r² + k2 r⁴ + k3 r⁶)` stops growing, the distortion model
@@ -61,11 +61,11 @@ fn fold_r2(camera: &Intrinsics) -> f64 {
         1.0 + r2 * (3.0 * k1 + r2 * (5.0 * k2 + r2 * 7.0 * k3))
     };
     // The derivative of the radial model; a root search on a grid is exact enough for a bound.
-    let steps = (0..=10_000).map(|step| f64::from(step) * MOST / 10_000.0);
+    let steps = (0..=10_000).map(|step| f64::from(step) * MAX_RADIUS / 10_000.0);
     steps
         .into_iter()
         .find(|&r| growth(r) <= 0.0)
-        .map_or(MOST * MOST, |r| r * r)
+        .map_or(MAX_RADIUS * MAX_RADIUS, |r| r * r)
 }
 
 #[cfg(test)]

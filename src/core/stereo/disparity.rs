@@ -3,7 +3,7 @@
 use super::row::NO_SSDPI;
 use super::{BandMut, GridShape, Plane, Reason, RowMut};
 use crate::error::Result;
-use std::sync::{Mutex, PoisonError};
+use parking_lot::Mutex;
 
 /// Disparity and reason for every pixel of the left image; with some matchers also the winner's SSD
 /// and row offset.
@@ -286,7 +286,7 @@ fn share<T: Send>(items: impl Iterator<Item = T> + Send, count: usize, work: imp
         return items.for_each(work);
     }
     let items = Mutex::new(items);
-    let next = || items.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let next = || items.lock().next();
     let work_off = || std::iter::from_fn(next).for_each(&work);
     if rayon::current_thread_index().is_some() {
         return repeat(helpers, &work_off);

@@ -212,7 +212,7 @@ impl Truth {
     }
 
     /// The truth of another sensor, named after its topic or files.
-    pub fn of_sensor(disparity: Plane<f32>, density: TruthDensity, name: &str) -> Self {
+    pub fn from_sensor(disparity: Plane<f32>, density: TruthDensity, name: &str) -> Self {
         Self {
             kind: TruthKind {
                 density,

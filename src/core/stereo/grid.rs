@@ -59,8 +59,8 @@ pub struct Cell {
     pub probability: Option<f64>,
     /// Evidence behind the probability, if svl's own decision computed it.
     pub evidence: Option<CellEvidence>,
-    /// Of an unknown cell with something nearer than the rule's `obstacle_m`: the probability that
-    /// it is there.
+    /// Probability that something is nearer than the rule's `obstacle_m`, of an unknown cell that
+    /// is flagged.
     pub near: Option<f64>,
 }
 

@@ -117,7 +117,7 @@ impl FittedTo {
     }
 
     /// From the facts of a network, with its runs in lines.
-    pub(crate) fn of_facts(facts: &BTreeMap<String, String>) -> Result<Self, String> {
+    pub(crate) fn from_facts(facts: &BTreeMap<String, String>) -> Result<Self, String> {
         let fact = |key: &str| facts.get(key).map_or("", String::as_str);
         Self::parse(fact(Self::RUNS).lines(), fact(Self::PAIRS))
     }
@@ -146,18 +146,18 @@ impl FittedTo {
         }
         let mut runs = names
             .into_iter()
-            .flat_map(|name| self.runs.iter().map(move |of| (of, name)));
-        runs.any(|(of, name)| of == name || has_seed(of, name).unwrap_or(false))
+            .flat_map(|name| self.runs.iter().map(move |run| (run, name)));
+        runs.any(|(run, name)| run == name || has_seed(run, name).unwrap_or(false))
     }
 }
 
 /// True if `arena seed 4..10` has `arena seed 7`.
 fn has_seed(runs: &str, run: &str) -> Option<bool> {
     let (name, seed) = run.rsplit_once(' ')?;
-    let (of, seeds) = runs.rsplit_once(' ')?;
+    let (runs_name, seeds) = runs.rsplit_once(' ')?;
     let (first, last) = seeds.split_once("..")?;
     let [first, last, seed] = [first, last, seed].map(|number| number.parse::<u64>().ok());
-    Some(of == name && (first?..=last?).contains(&seed?))
+    Some(runs_name == name && (first?..=last?).contains(&seed?))
 }
 
 #[cfg(test)]
@@ -181,12 +181,12 @@ mod tests {
     }
 
     #[test]
-    fn what_was_fitted_to_comes_back_from_facts() {
+    fn runs_and_pairs_come_back_from_facts() {
         let ids = (0..50).map(|i| id(i, 0, None));
         let runs = vec!["night, wet.mcap".to_owned(), "arena seed 4".to_owned()];
         let fitted = FittedTo::new(runs, ids);
         let facts = fitted.facts().into();
-        assert_eq!(FittedTo::of_facts(&facts), Ok(fitted.clone()));
+        assert_eq!(FittedTo::from_facts(&facts), Ok(fitted.clone()));
         assert!(fitted.has(id(49, 0, None), []));
         assert!(!fitted.has(id(50, 0, None), ["arena seed 5"]));
         // Other pairs of a run are no test, either.

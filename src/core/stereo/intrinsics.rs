@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_behind_is_not_seen() {
+    fn points_behind_are_not_seen() {
         assert_eq!(wide().project(&Point3::new(0.1, 0.1, -1.0)), None);
         let centre = wide().project(&Point3::new(0.0, 0.0, 2.0)).unwrap();
         assert_eq!((centre.x, centre.y), (367.2, 248.4));

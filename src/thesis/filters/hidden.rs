@@ -4,7 +4,7 @@ use super::super::{Context, Experiment, Finding, TableValue};
 use super::{draw, samples, train};
 use svl_core::Result;
 use svl_core::filter::FilterKind;
-use svl_data::fit::filter::SamplePart;
+use svl_train::fit::filter::SamplePart;
 
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     figures: &["8.3"],
@@ -17,7 +17,6 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
              from runs with different patterns. Each size is trained with three seeds, and their \
              means are drawn, as the thesis suggests.",
     records: false,
-    by_default: true,
     run,
 };
 
@@ -41,8 +40,8 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let mut finding = Finding::default();
     let by_hidden = training.by_hidden();
     let mean = |sizes: &dyn Fn(usize) -> bool| {
-        let of = by_hidden.iter().filter(|(hidden, _)| sizes(**hidden));
-        let sums: Vec<_> = of
+        let chosen = by_hidden.iter().filter(|(hidden, _)| sizes(**hidden));
+        let sums: Vec<_> = chosen
             .map(|(_, [accepted, rejected])| accepted + rejected)
             .collect();
         sums.iter().sum::<f64>() / sums.len() as f64

@@ -9,13 +9,13 @@ use super::{Context, Finding};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::Path;
-use svl_bench::train::{FilterTraining, TrainSettings, train_filter};
 use svl_core::filter::{FilterKind, FilterModel, Spectrum};
 use svl_core::kernel::isa;
 use svl_core::{Error, Result};
-use svl_data::arena::{Arena, ArenaConfig};
-use svl_data::fit::filter::{EpochError, FitSettings, SamplePart, WindowLabels, WindowSamples};
-use svl_data::scenario::{Scenario, ScenarioSource};
+use svl_score::scenario::{Scenario, ScenarioSource};
+use svl_sim::arena::{Arena, ArenaConfig};
+use svl_train::fit::filter::{EpochError, FitSettings, SamplePart, WindowLabels, WindowSamples};
+use svl_train::{FilterTraining, TrainSettings, train_filter};
 
 /// The arena in which a filter of the scenarios is trained.
 fn arena(kind: FilterKind) -> Result<ArenaConfig> {
@@ -97,7 +97,7 @@ fn draw(finding: &mut Finding, training: &FilterTraining, which: &[&str]) -> Res
     for (title, _, chart) in training.charts() {
         if which.contains(&title) {
             let title = title.to_owned();
-            finding.plot(&svl_bench::report::plot::Chart { title, ..chart })?;
+            finding.plot(&svl_report::plot::Chart { title, ..chart })?;
         }
     }
     Ok(())

@@ -3,12 +3,12 @@
 use super::super::finding::{axis, series};
 use super::super::{Context, Experiment, Finding, TableValue};
 use super::{errors, samples, train};
-use svl_bench::report::plot::{Chart, SeriesStyle};
-use svl_bench::train::FilterTraining;
 use svl_core::Result;
 use svl_core::filter::FilterKind;
-use svl_data::arena::ArenaConfig;
-use svl_data::fit::filter::{SamplePart, WindowSamples};
+use svl_report::plot::{Chart, SeriesStyle};
+use svl_sim::arena::ArenaConfig;
+use svl_train::FilterTraining;
+use svl_train::fit::filter::{SamplePart, WindowSamples};
 
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     figures: &["8.2.2"],
@@ -20,7 +20,6 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
              robot that goes and sways twice as fast with a shutter of 16 ms; then trained with \
              blur, and on fewer floors. Tests are on patterns that nothing was trained on.",
     records: false,
-    by_default: true,
     run,
 };
 
@@ -57,14 +56,14 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let moving = samples(context, kind, &moving(&config), &runs, 3)?;
     let mut tried = |name: &str, trained: &WindowSamples, floors, tested: &WindowSamples| {
         let parts = &still.parts;
-        let of = |samples: &WindowSamples, takes: &dyn Fn(usize) -> bool| {
+        let chosen = |samples: &WindowSamples, takes: &dyn Fn(usize) -> bool| {
             let numbers = 0..samples.samples.len();
             samples.select(numbers.filter(|&i| takes(samples.samples[i].group)))
         };
         let is_test = |group: usize| parts[group] == SamplePart::Test;
         let learns = |group: usize| !is_test(group) && (group < floors || group >= FLOORS);
-        let mut data = of(trained, &learns);
-        data.append(of(tested, &is_test));
+        let mut data = chosen(trained, &learns);
+        data.append(chosen(tested, &is_test));
         let (_, training) = train(context, &mut data, &[kind.spec().hidden], &[1])?;
         Ok::<_, svl_core::Error>((name.to_owned(), training))
     };
@@ -92,6 +91,16 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         mended < little,
         format!("More data improve it: with 4 of the {FLOORS} floors {little:.1} %."),
     );
+    add_table(&trials, &mut finding);
+    plot(&trials, &mut finding)?;
+    finding.why = format!(
+        "Trained without blur: {resting:.1} % of both errors together at rest, {robot:.1} % \
+         moving; trained with blur {mended:.1} %, on 4 of the {FLOORS} floors {little:.1} %."
+    );
+    Ok(finding)
+}
+
+fn add_table(trials: &[(String, FilterTraining)], finding: &mut Finding) {
     let heads = [
         "trained",
         "false accepted, %",
@@ -99,13 +108,16 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         "area of the ROC",
     ];
     let table = finding.table(heads);
-    for (name, training) in &trials {
+    for (name, training) in trials {
         let [accepted, rejected] = errors(training);
         table.row(
             name,
             [accepted, rejected, training.roc.area].map(TableValue::from),
         );
     }
+}
+
+fn plot(trials: &[(String, FilterTraining)], finding: &mut Finding) -> Result<()> {
     let curve = |(name, training): &(String, FilterTraining)| {
         let points = training
             .roc
@@ -120,9 +132,5 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         y: axis("true acceptance, %", (60.0, 100.0)),
         series: trials.iter().map(curve).collect(),
     })?;
-    finding.why = format!(
-        "Trained without blur: {resting:.1} % of both errors together at rest, {robot:.1} % \
-         moving; trained with blur {mended:.1} %, on 4 of the {FLOORS} floors {little:.1} %."
-    );
-    Ok(finding)
+    Ok(())
 }

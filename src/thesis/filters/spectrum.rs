@@ -2,12 +2,12 @@
 
 use super::super::measure::gray_picture;
 use super::super::{Context, Experiment, Finding};
-use svl_bench::train::TrainSettings;
 use svl_core::Result;
 use svl_core::filter::{FilterKind, FilterWindows, Spectrum};
 use svl_core::stereo::{Gray, GridShape, Plane};
-use svl_data::arena::Arena;
-use svl_data::fit::filter::true_label;
+use svl_sim::arena::Arena;
+use svl_train::TrainSettings;
+use svl_train::fit::filter::true_label;
 
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     figures: &["8.1"],
@@ -20,7 +20,6 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
              frequencies above a quarter of the sampling rate. Windows are too close by the \
              truth.",
     records: false,
-    by_default: true,
     run,
 };
 
@@ -69,6 +68,16 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
              of the amplitude, in others {normal:.1} %."
         ),
     );
+    let order = add_order(&shares, &mut finding);
+    finding.why = format!(
+        "High frequencies have {close:.1} % of the amplitude of too close windows and {normal:.1} \
+         % of others; {order:.1} % of pairs are in that order."
+    );
+    Ok(finding)
+}
+
+/// Adds how well the share alone separates normal windows and too close ones: per cent of pairs.
+fn add_order(shares: &[Vec<f64>; 2], finding: &mut Finding) -> f64 {
     // Probability that a too close window has less than a normal one: the area under a ROC curve.
     let pairs = shares[0].len() * shares[1].len();
     let lower = shares[1]
@@ -85,11 +94,7 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
         order > 90.0,
         format!("This share alone separates most windows (more than 90 % of pairs): {order:.1} %."),
     );
-    finding.why = format!(
-        "High frequencies have {close:.1} % of the amplitude of too close windows and {normal:.1} \
-         % of others; {order:.1} % of pairs are in that order."
-    );
-    Ok(finding)
+    order
 }
 
 /// The frequencies of a value in the first half of a spectrum; `side` is that of the window.

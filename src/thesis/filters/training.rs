@@ -4,7 +4,8 @@ use super::super::{Context, Experiment, Finding, TableValue};
 use super::{draw, errors, samples, train};
 use svl_core::Result;
 use svl_core::filter::FilterKind;
-use svl_data::fit::filter::SamplePart;
+use svl_train::FilterTraining;
+use svl_train::fit::filter::SamplePart;
 
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     figures: &["8.2"],
@@ -16,7 +17,6 @@ pub(crate) const EXPERIMENT: Experiment = Experiment {
              each category to train on; 25 more of each decide when to stop. Tested on all windows \
              of other runs, with other pictures. Then trained on all windows of the runs, too.",
     records: false,
-    by_default: true,
     run,
 };
 
@@ -32,9 +32,33 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
     let (_, small) = train(context, &mut few, &[25, 100, 400], &[1, 2, 3])?;
     let (_, large) = train(context, &mut all, &[100], &[1])?;
     let mut finding = Finding::default();
-    let ends = |of: fn(&svl_data::fit::filter::EpochError) -> f64| {
-        let first = small.epochs.first().map(of).unwrap_or(f64::NAN);
-        (first, small.epochs.iter().map(of).fold(first, f64::min))
+    let [training, validation] = add_errors(&small, &mut finding);
+    add_sizes(&small, &mut finding);
+    add_tables(&small, &large, &mut finding);
+    finding.why = format!(
+        "With 100 samples the training error falls from {:.3} to {:.3}, the validation error from \
+         {:.3} to {:.3}. On other runs {:.1} % of both errors together are left; trained on all \
+         windows {:.1} %.",
+        training.0,
+        training.1,
+        validation.0,
+        validation.1,
+        errors(&small).iter().sum::<f64>(),
+        errors(&large).iter().sum::<f64>()
+    );
+    draw(
+        &mut finding,
+        &small,
+        &["Training and validation", "Hidden neurons"],
+    )?;
+    Ok(finding)
+}
+
+/// Adds the errors of the epochs: of training and validation the first and the least one.
+fn add_errors(small: &FilterTraining, finding: &mut Finding) -> [(f64, f64); 2] {
+    let ends = |error: fn(&svl_train::fit::filter::EpochError) -> f64| {
+        let first = small.epochs.first().map(error).unwrap_or(f64::NAN);
+        (first, small.epochs.iter().map(error).fold(first, f64::min))
     };
     let (training, validation) = (ends(|e| e.training), ends(|e| e.validation));
     finding.quantity("training error at the start", "MSE", "0.42", training.0);
@@ -60,6 +84,11 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
             validation.0, validation.1
         ),
     );
+    [training, validation]
+}
+
+/// Adds whether the thesis's number of hidden neurons is a good one.
+fn add_sizes(small: &FilterTraining, finding: &mut Finding) {
     let by_hidden = small.by_hidden();
     let sum = |[accepted, rejected]: &[f64; 2]| accepted + rejected;
     let least = by_hidden.values().map(sum).fold(f64::INFINITY, f64::min);
@@ -71,37 +100,24 @@ fn run(context: &mut Context<'_>) -> Result<Finding> {
              together, at best {least:.1} %."
         ),
     );
+}
+
+/// The errors by the number of hidden neurons, and with 100 and with all samples.
+fn add_tables(small: &FilterTraining, large: &FilterTraining, finding: &mut Finding) {
     let table = finding.table([
         "hidden neurons, 100 samples",
         "false accepted, %",
         "false rejected, %",
     ]);
-    for (hidden, errors) in &by_hidden {
+    for (hidden, errors) in &small.by_hidden() {
         table.row(hidden.to_string(), errors.map(TableValue::from));
     }
     let table = finding.table(["samples", "false accepted, %", "false rejected, %"]);
-    for (name, training) in [("100", &small), ("all", &large)] {
+    for (name, training) in [("100", small), ("all", large)] {
         let [yes, no] = training.samples["training"];
         table.row(
             format!("{name}: {yes} and {no}"),
             errors(training).map(TableValue::from),
         );
     }
-    finding.why = format!(
-        "With 100 samples the training error falls from {:.3} to {:.3}, the validation error from \
-         {:.3} to {:.3}. On other runs {:.1} % of both errors together are left; trained on all \
-         windows {:.1} %.",
-        training.0,
-        training.1,
-        validation.0,
-        validation.1,
-        errors(&small).iter().sum::<f64>(),
-        errors(&large).iter().sum::<f64>()
-    );
-    draw(
-        &mut finding,
-        &small,
-        &["Training and validation", "Hidden neurons"],
-    )?;
-    Ok(finding)
 }

@@ -5,9 +5,9 @@ use super::{
 };
 use serde::Serialize;
 use std::fmt::Write;
-use svl_bench::report::page::{ImageView, MarkView, PageImages, PictureView, fill};
-use svl_bench::report::table::{NONE, Table};
 use svl_core::{Error, Result, joined};
+use svl_report::page::{ImageView, MarkView, PageImages, PictureView, fill};
+use svl_report::table::{NONE, Table};
 
 /// Contents of the report.
 pub struct FindingsPage<'a> {
@@ -71,7 +71,7 @@ impl FindingsPage<'_> {
     /// Number of experiments per verdict, in words.
     pub fn tally(&self) -> String {
         let verdicts = || self.entries.iter().map(|e| e.finding.verdict());
-        let count = |verdict| verdicts().filter(|of| *of == verdict).count();
+        let count = |verdict| verdicts().filter(|own| *own == verdict).count();
         let words = |verdict: ClaimVerdict| match count(verdict) {
             0 => None,
             1 => Some(format!("1 {}", verdict.words())),
@@ -201,16 +201,16 @@ fn numbers(quantity: &Quantity) -> [String; 2] {
     [thesis, ours.unwrap_or_else(|| NONE.to_owned())]
 }
 
-fn worded(of: &FindingTable) -> Table {
+fn worded(finding: &FindingTable) -> Table {
     let cell = |value: &TableValue| match value {
         TableValue::Number(value) => number(*value),
         TableValue::Text(text) => text.clone(),
         TableValue::Nothing => NONE.to_owned(),
     };
-    let mut heads = of.heads.iter();
+    let mut heads = finding.heads.iter();
     let first = heads.next().map_or("", String::as_str);
     let mut table = Table::new("", first).with_columns(heads);
-    for (name, values) in &of.rows {
+    for (name, values) in &finding.rows {
         table.push(name, values.iter().map(cell));
     }
     table

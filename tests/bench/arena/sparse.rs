@@ -169,7 +169,7 @@ fn thinned(dense: &Dense, has_point: &HasPoint) -> Frame {
 
 fn estimate(algorithm: &Algorithm, frame: &Frame) -> Estimate {
     let judge = Judge::default();
-    let context = MatchContext::of(frame, judge.grid, judge.cells);
+    let context = MatchContext::for_frame(frame, judge.grid, judge.cells);
     let mut output = MatchOutput::new().unwrap();
     let mut matcher = algorithm.build().unwrap();
     matcher
@@ -262,20 +262,20 @@ fn tallies(frames: &[Frame], algorithm: &str, patterns: &[(&str, HasPoint)]) -> 
 /// The algorithms' cells scored by sparse truths agree with those by the dense truth of the frames.
 fn agree(frames: &[Frame], algorithms: [&str; 4]) {
     let patterns = patterns();
-    let of_algorithms = algorithms.map(|name| tallies(frames, name, &patterns));
+    let by_algorithm = algorithms.map(|name| tallies(frames, name, &patterns));
     println!("| points | scored cells | {} |", algorithms.join(" | "));
     println!("|---|---:|---:|---:|---:|---:|");
     for (i, (pattern, _)) in patterns.iter().enumerate() {
-        let of_pattern = of_algorithms.each_ref().map(|tallies| tallies[i]);
-        let Tally { cells, scored, .. } = of_pattern[0];
-        let agreements = of_pattern.map(|tally| tally.agreement());
+        let by_pattern = by_algorithm.each_ref().map(|tallies| tallies[i]);
+        let Tally { cells, scored, .. } = by_pattern[0];
+        let agreements = by_pattern.map(|tally| tally.agreement());
         let shown = agreements
             .map(|percent| format!("{percent:.1}"))
             .join(" | ");
         println!("| {pattern} | {scored} of {cells} | {shown} |");
         // The same cells for all algorithms.
         assert!(
-            of_pattern.iter().all(|tally| tally.scored == scored),
+            by_pattern.iter().all(|tally| tally.scored == scored),
             "{pattern}"
         );
         assert!(scored >= frames.len(), "{pattern}: {scored} cells");

@@ -116,7 +116,7 @@ fn sudden(config: &ArenaConfig, seed: u64, flags: &mut Flags) -> Vec<Sudden> {
         let context = MatchContext {
             sequence: place as u64,
             stamp_ns: Some(100_000_000 * (place as u64 + 1)),
-            ..MatchContext::of(&frame, grid, rule)
+            ..MatchContext::for_frame(&frame, grid, rule)
         };
         let truth = TrueCells::new(&frame, grid.shape(), rule).unwrap();
         let near: Vec<_> = truth.near().collect();
@@ -187,8 +187,13 @@ fn sudden_obstacles() {
         let mut flags = Flags::default();
         let events = seeds.flat_map(|seed| sudden(&config, seed, &mut flags));
         let events: Vec<_> = events.collect();
-        let first = |i: usize| events.iter().filter(|of| of.found[i] == Some(0)).count();
-        let later = events.iter().filter(|of| match of.found {
+        let first = |i: usize| {
+            events
+                .iter()
+                .filter(|event| event.found[i] == Some(0))
+                .count()
+        };
+        let later = events.iter().filter(|event| match event.found {
             [Some(v5), Some(three)] => v5 > three + 1,
             [None, Some(three)] => three < 5,
             _ => false,

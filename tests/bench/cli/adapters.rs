@@ -15,7 +15,7 @@ pub fn python_with(modules: &str) -> Option<String> {
     let import = format!("import {modules}");
     let output = Command::new(&python).args(["-c", &import]).output();
     if !output.is_ok_and(|output| output.status.success()) {
-        println!("skipped: {python} has no {modules}; name a Python that has them in SVL_PYTHON");
+        crate::common::skip(&format!("no Python with {modules}; SVL_PYTHON names one"));
         return None;
     }
     Some(python)
@@ -267,7 +267,7 @@ fn a_header_makes_a_program_in_cpp() {
         .current_dir(fixture.path(""))
         .output();
     let Ok(built) = built else {
-        println!("skipped: no C++ compiler");
+        crate::common::skip("no C++ compiler");
         return;
     };
     assert!(

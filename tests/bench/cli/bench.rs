@@ -28,3 +28,28 @@ fn bad_sizes_are_wrong_usage() {
         .svl("bench --algo dp --max-disparity 1000")
         .failed(2, &["max_disparity=1000"]);
 }
+
+#[test]
+fn a_named_algorithm_keeps_its_name_and_its_own_range() {
+    // 80 is also the default.
+    let line = "bench --algo v3small=v3:smoothing_sigma=0 --algo wide=bm:max_disparity=80 \
+                --algo bm --size 96x64 --max-disparity 20 --json";
+    let json: serde_json::Value = serde_json::from_str(&Fixture::new().run(line)).unwrap();
+    let figures = json.as_array().unwrap().iter();
+    let figures: Vec<_> = figures
+        .map(|figures| {
+            (
+                figures["algo"].as_str().unwrap(),
+                figures["disparities"].as_u64(),
+            )
+        })
+        .collect();
+    assert_eq!(
+        figures,
+        [
+            ("v3small", Some(21)),
+            ("wide", Some(81)),
+            ("bm:max_disparity=20", Some(21))
+        ]
+    );
+}

@@ -135,7 +135,7 @@ fn nothing_is_overwritten_unasked() {
 }
 
 #[test]
-fn what_cannot_be_calibrated_says_why_and_what_to_do() {
+fn calibrations_that_fail_are_reported_with_cause_and_cure() {
     let fixture = Fixture::new();
     write_pictures(&fixture, still(3));
     let wrong = "

@@ -57,7 +57,7 @@ fn equal_runs_are_equal_and_json_says_all() {
 }
 
 #[test]
-fn another_yardstick_judges_nothing() {
+fn runs_with_other_cell_rules_are_not_compared() {
     let fixture = scored(&["v1"]);
     let text = fixture.text("short.toml");
     let text = text.replace("seeds = [1, 2]", "seeds = [2]");
@@ -91,7 +91,7 @@ fn another_yardstick_judges_nothing() {
 }
 
 #[test]
-fn what_cannot_be_compared_is_said() {
+fn runs_without_common_data_are_not_compared() {
     let fixture = scored(&["v3 --algo bm", "v1 --algo v2"]);
     let wrong = "
         compare 0 1 => 4: nothing was compared: 0 and 1: no algorithm in common (v3, bm; v1, v2)
@@ -225,7 +225,7 @@ fn algorithms_of_a_report_and_mapped_ones_are_compared() {
 }
 
 #[test]
-fn what_became_worse_fails_and_is_in_junits_xml() {
+fn worse_metrics_fail_and_are_in_junits_xml() {
     let fixture = scored(&["v3", "v3"]);
     fixture.run("compare 0 1 --fail-on worse --junit equal.xml");
     let xml = fixture.text("equal.xml");

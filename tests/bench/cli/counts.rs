@@ -41,9 +41,9 @@ fn tables_count_the_scored_pairs_of_folders_and_recordings() {
     for report in ["folder", "recording"] {
         let summary = fixture.text(&format!("{report}/summary.json"));
         let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
-        let of = &summary["algorithms"][0];
+        let algorithm = &summary["algorithms"][0];
         assert_eq!(
-            (&of["scored_pairs"], &of["scored_cells"]),
+            (&algorithm["scored_pairs"], &algorithm["scored_cells"]),
             (&1.into(), &15.into())
         );
     }
@@ -111,7 +111,9 @@ fn the_table_is_sorted_by_a_metric() {
         let summary = fixture.text("r/summary.json");
         let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
         let algorithms = summary["algorithms"].as_array().unwrap().iter();
-        let values: Vec<f64> = algorithms.map(|of| of[column].as_f64().unwrap()).collect();
+        let values: Vec<f64> = algorithms
+            .map(|algorithm| algorithm[column].as_f64().unwrap())
+            .collect();
         let is_sorted = if is_more_better {
             values.is_sorted_by(|a, b| a >= b)
         } else {

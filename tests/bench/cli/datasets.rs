@@ -252,7 +252,7 @@ fn single_files_go_where_the_archive_would_have_put_them() {
 }
 
 #[test]
-fn what_cannot_be_had_is_one_line_with_the_cure() {
+fn unavailable_data_sets_are_one_line_with_the_cure() {
     let fixture = Fixture::new();
     let server = Server::new(
         &[(

@@ -8,7 +8,7 @@ fn hashes(fixture: &Fixture, report: &str) -> Vec<String> {
     let manifest: Value =
         serde_json::from_str(&fixture.text(&format!("{report}/manifest.json"))).unwrap();
     let algorithms = manifest["algorithms"].as_array().unwrap().iter();
-    let results = algorithms.map(|of| of["results_hash"].to_string());
+    let results = algorithms.map(|algorithm| algorithm["results_hash"].to_string());
     results
         .chain([manifest["pairs_hash"].to_string()])
         .collect()
@@ -33,12 +33,12 @@ fn repeats(fixture: &Fixture, command: &str) {
         manifest["description"].clone()
     });
     // Limits of algorithms that are not run are not printed.
-    let without = |mut of: Value| {
-        of.as_object_mut().unwrap().remove("gate");
+    let without = |mut manifest: Value| {
+        manifest.as_object_mut().unwrap().remove("gate");
         for path in ["files", "calib", "data"] {
-            of["source"].as_object_mut().unwrap().remove(path);
+            manifest["source"].as_object_mut().unwrap().remove(path);
         }
-        of
+        manifest
     };
     assert_eq!(without(first), without(second), "{command}");
     // On the terminal: relative to the working folder.

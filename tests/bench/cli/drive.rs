@@ -141,7 +141,7 @@ fn collisions_have_limits() {
 }
 
 #[test]
-fn what_the_driver_sees_is_made_worse() {
+fn stresses_perturb_the_pairs_of_drives() {
     let fixture = Fixture::new();
     fixture.write("small.toml", courses(""));
     let line = "score small.toml --seeds 1 --algo seen=v5:max_disparity=24 --algo truth -q \

@@ -96,7 +96,7 @@ fn masks_stand_side_by_side() {
 }
 
 #[test]
-fn options_count() {
+fn options_change_the_numbers() {
     let fixture = scene();
     let value = |protocol: &str, key: &str| {
         let line = format!("eval d.pfm truth.pfm --json --protocol {protocol}");

@@ -134,8 +134,50 @@ while read -r line; do
 done
 "#;
 
+/// Algorithm and reason of each line of a table of failures.
+fn failed_pairs(table: &str) -> Vec<[String; 2]> {
+    let mut table = csv::Reader::from_reader(table.as_bytes());
+    let heads = table.headers().unwrap().clone();
+    let place = |name: &str| heads.iter().position(|head| head == name).unwrap();
+    let places = ["algorithm", "reason"].map(place);
+    let failed = table.records().map(|line| {
+        let line = line.unwrap();
+        places.map(|place| line[place].to_owned())
+    });
+    failed.collect()
+}
+
+/// An algorithm that failed on every pair has a line without numbers.
+#[track_caller]
+fn assert_never_has_no_numbers(json: &serde_json::Value, table: &str) {
+    let never = json["algorithms"].as_array().unwrap().iter();
+    let never: Vec<_> = never.filter(|a| a["algorithm"] == "never").collect();
+    assert_eq!(never.len(), 1);
+    assert_eq!(
+        (&never[0]["pairs"], &never[0]["failed_pairs"]),
+        (&0.into(), &5.into())
+    );
+    let mut table = csv::Reader::from_reader(table.as_bytes());
+    let heads = table.headers().unwrap().clone();
+    let lines = table.records().map(Result::unwrap);
+    let never: Vec<_> = lines.filter(|line| &line[0] == "never").collect();
+    assert_eq!(never.len(), 1);
+    let filled = never[0]
+        .iter()
+        .zip(&heads)
+        .filter(|(cell, _)| !cell.is_empty());
+    assert_eq!(
+        filled.collect::<Vec<_>>(),
+        [
+            ("never", "algorithm"),
+            ("0", "pairs"),
+            ("5", "failed_pairs")
+        ]
+    );
+}
+
 #[test]
-fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
+fn failures_are_in_a_table_the_manifest_and_the_page() {
     let fixture = Fixture::new();
     std::fs::create_dir(fixture.path("pairs")).unwrap();
     for i in 0..5 {
@@ -154,28 +196,19 @@ fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
     .concat();
     let ran = fixture.svl(&line);
     assert_eq!(ran.code, Some(4), "{}", ran.stderr);
-    let table = fixture.text("r/failures.csv");
-    let mut table = csv::Reader::from_reader(table.as_bytes());
-    let heads = table.headers().unwrap().clone();
-    let place = |name: &str| heads.iter().position(|head| head == name).unwrap();
-    let places = ["algorithm", "reason"].map(place);
-    let failed = table.records().map(|line| {
-        let line = line.unwrap();
-        places.map(|place| line[place].to_owned())
-    });
-    let failed: Vec<_> = failed.collect();
-    let of = |name: &'static str| {
+    let failed = failed_pairs(&fixture.text("r/failures.csv"));
+    let failures = |name: &'static str| {
         failed
             .iter()
             .filter(move |[algorithm, _]| algorithm == name)
     };
     assert_eq!(
-        (of("some").count(), of("never").count()),
+        (failures("some").count(), failures("never").count()),
         (1, 5),
         "{failed:?}"
     );
-    assert!(of("some").all(|[_, reason]| reason.contains("too dark")));
-    assert!(of("never").any(|[_, reason]| reason.contains("failed 1 times")));
+    assert!(failures("some").all(|[_, reason]| reason.contains("too dark")));
+    assert!(failures("never").any(|[_, reason]| reason.contains("failed 1 times")));
     let manifest: serde_json::Value =
         serde_json::from_str(&fixture.text("r/manifest.json")).unwrap();
     let record = &manifest["algorithms"][0];
@@ -203,32 +236,7 @@ fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
     let summary: serde_json::Value = serde_json::from_str(&json.stdout).unwrap();
     assert_eq!(summary["failed"][0]["pairs"], 1);
     assert_eq!(summary["failed"][1]["on_every_pair"], true);
-    // An algorithm that failed on every pair has a line without numbers.
-    let never = summary["algorithms"].as_array().unwrap().iter();
-    let never: Vec<_> = never.filter(|a| a["algorithm"] == "never").collect();
-    assert_eq!(never.len(), 1);
-    assert_eq!(
-        (&never[0]["pairs"], &never[0]["failed_pairs"]),
-        (&0.into(), &5.into())
-    );
-    let table = fixture.text("r/summary.csv");
-    let mut table = csv::Reader::from_reader(table.as_bytes());
-    let heads = table.headers().unwrap().clone();
-    let lines = table.records().map(Result::unwrap);
-    let never: Vec<_> = lines.filter(|line| &line[0] == "never").collect();
-    assert_eq!(never.len(), 1);
-    let filled = never[0]
-        .iter()
-        .zip(&heads)
-        .filter(|(cell, _)| !cell.is_empty());
-    assert_eq!(
-        filled.collect::<Vec<_>>(),
-        [
-            ("never", "algorithm"),
-            ("0", "pairs"),
-            ("5", "failed_pairs")
-        ]
-    );
+    assert_never_has_no_numbers(&summary, &fixture.text("r/summary.csv"));
     assert_eq!(
         ran.stdout
             .lines()
@@ -239,7 +247,7 @@ fn what_failed_stands_in_a_table_the_manifest_and_on_the_page() {
 }
 
 #[test]
-fn what_failed_on_every_pair_is_not_measured() {
+fn an_algorithm_that_failed_on_every_pair_is_not_measured() {
     let fixture = Fixture::new();
     fixture.write_recorded_arena("short.toml", 4);
     let text = fixture.text("short.toml");
@@ -271,13 +279,16 @@ fn what_failed_on_every_pair_is_not_measured() {
     let both = fixture.svl(&[&score[..], &both].concat());
     assert_eq!(both.code, Some(3), "{}", both.stderr);
     let both: serde_json::Value = serde_json::from_str(&both.stdout).unwrap();
-    let of = |i: usize, key: &str| both["algorithms"][i][key].clone();
-    assert_eq!([of(0, "algorithm"), of(1, "algorithm")], ["v3", "never"]);
+    let number = |i: usize, key: &str| both["algorithms"][i][key].clone();
     assert_eq!(
-        (of(1, "pairs"), of(1, "scored_pairs")),
+        [number(0, "algorithm"), number(1, "algorithm")],
+        ["v3", "never"]
+    );
+    assert_eq!(
+        (number(1, "pairs"), number(1, "scored_pairs")),
         (0.into(), 0.into())
     );
-    assert!(of(1, "cells_wrong").is_null() && of(1, "results_hash") == "");
+    assert!(number(1, "cells_wrong").is_null() && number(1, "results_hash") == "");
     for i in 0..2 {
         assert_eq!(both["gate"][i]["state"], "not-measured", "{i}");
     }

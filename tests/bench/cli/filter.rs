@@ -129,9 +129,9 @@ fn algorithms_run_with_and_without_filters() {
     let [v3, filtered, v5, filtered_v5] = &algorithms[..] else {
         panic!("{json}")
     };
-    let count = |of: &serde_json::Value, key: &str| of[key].as_u64();
+    let count = |counts: &serde_json::Value, key: &str| counts[key].as_u64();
     // v3 sees the tiles before the robot, and no longer.
-    let floor = |of| count(of, "floor_obstacles").unwrap();
+    let floor = |counts| count(counts, "floor_obstacles").unwrap();
     assert!(
         floor(v5) > 20 && 3 * floor(filtered_v5) < 2 * floor(v5),
         "{json}"
@@ -354,7 +354,7 @@ fn frames_of_both_kinds_are_not_labelled_by_truth() {
 }
 
 #[test]
-fn what_cannot_be_trained_or_run_is_refused_in_one_line() {
+fn invalid_trainings_and_filters_are_refused_in_one_line() {
     let fixture = Fixture::new();
     write_filter(&fixture);
     fixture.write_short_arena("short.toml", 3);

@@ -21,7 +21,7 @@ impl Board {
         let firmware = Path::new(env!("CARGO_MANIFEST_DIR")).join("firmware");
         let sim = firmware.join("build/sim");
         if !sim.is_file() {
-            println!("skipped: no simulated board; `make -C firmware check` builds it");
+            crate::common::skip("no simulated board; `make -C firmware check` builds it");
             return None;
         }
         let mut command = Command::new(sim);

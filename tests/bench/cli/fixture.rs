@@ -3,9 +3,10 @@
 pub use crate::common::{assert_says, datasets};
 
 use assert_cmd::Command;
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use tempfile::TempDir;
 
 pub struct Fixture {
@@ -164,7 +165,7 @@ impl Fixture {
     pub fn write_recorded_arena(&self, name: &str, frames: u64) -> PathBuf {
         type Files = Vec<(std::ffi::OsString, Vec<u8>)>;
         static RECORDED: Mutex<BTreeMap<u64, Arc<Files>>> = Mutex::new(BTreeMap::new());
-        let mut recorded = RECORDED.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut recorded = RECORDED.lock();
         let record = || {
             let fixture = Self::new();
             fixture.write_short_arena("short.toml", frames);
@@ -262,7 +263,7 @@ pub(crate) fn has(program: &str, args: &[&str]) -> bool {
     let found = Command::new(program).args(args).output();
     let found = found.is_ok_and(|output| output.status.success());
     if !found {
-        eprintln!("skipped: {program} is missing");
+        crate::common::skip(&format!("no program {program}"));
     }
     found
 }

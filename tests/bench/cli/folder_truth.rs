@@ -91,7 +91,7 @@ fn depth_images_and_arrays_are_the_same_truth() {
 }
 
 #[test]
-fn what_is_no_truth_is_refused_in_one_line() {
+fn invalid_truths_are_refused_in_one_line() {
     let fixture = Fixture::new();
     scene(&fixture);
     fixture.write("p/depth/1700000000.00.png", png(SIZE, &[9u8; 40 * 24]));
@@ -171,7 +171,7 @@ fn wall(fixture: &Fixture) {
 const WALL: (usize, usize) = (160, 120);
 
 /// The wall's value, zero at every seventh pixel.
-fn of_wall(value: u16) -> Vec<u8> {
+fn wall_image(value: u16) -> Vec<u8> {
     let at = |i| if i % 7 == 0 { 0 } else { value };
     png(WALL, &(0..WALL.0 * WALL.1).map(at).collect::<Vec<_>>())
 }
@@ -181,10 +181,10 @@ fn disparity_images_are_read_as_such() {
     let fixture = Fixture::new();
     wall(&fixture);
     for name in ["disp_occ_0", "other"] {
-        fixture.write(&format!("w/{name}/0.png"), of_wall(8 * 256));
+        fixture.write(&format!("w/{name}/0.png"), wall_image(8 * 256));
     }
-    fixture.write("w/half/0.png", of_wall(8 * 128));
-    fixture.write("w/metres/0.png", of_wall(625));
+    fixture.write("w/half/0.png", wall_image(8 * 128));
+    fixture.write("w/metres/0.png", wall_image(625));
     let truth = |pattern: &str| frames(&fixture, "w", pattern)[0].truth.clone().unwrap();
     for (pattern, name) in [
         // As said, by the name, and by the images.
@@ -239,7 +239,7 @@ fn a_truth_of_another_unit_is_named_with_the_likely_one() {
         fixture.svl(&[&args[..], &["--truth", pattern]].concat())
     };
     // TUM's 1/5000 m, read as millimetres.
-    fixture.write("w/depth/0.png", of_wall(3125));
+    fixture.write("w/depth/0.png", wall_image(3125));
     let ran = score("depth/*.png");
     let doubt = "the truth is doubtful: its distances are 5 times those of every algorithm \
                  (bm, sgm); likely --truth 'depth/*.png:unit=0.0002'";
@@ -260,7 +260,7 @@ fn a_truth_of_another_unit_is_named_with_the_likely_one() {
     // 0.6 mm is no distance.
     let ran = score("depth/*.png:unit=0.0000002");
     assert_eq!(ran.code, Some(2), "{}", ran.stderr);
-    fixture.write("w/near/0.png", of_wall(625));
+    fixture.write("w/near/0.png", wall_image(625));
     score("near/*.png:unit=0.000001").failed(
         1,
         &[

@@ -100,7 +100,7 @@ fn no_arguments_is_wrong_usage() {
 }
 
 #[test]
-fn completions_and_man_page() {
+fn completions_and_the_man_page_are_printed() {
     let fixture = Fixture::new();
     assert_says(&fixture.run("generate completions bash"), &["_svl"]);
     assert_says(&fixture.run("generate man"), &[".TH svl"]);

@@ -7,8 +7,9 @@ use std::collections::BTreeSet;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// Number of histories; the variable `SVL_HISTORIES` has another, and `SVL_HISTORY` the first.
-const HISTORIES: u64 = 20;
+/// Number of histories, by default and in `.ci/nightly`; the variable `SVL_HISTORIES` has another,
+/// and `SVL_HISTORY` the first.
+const HISTORIES: [u64; 2] = [2, 20];
 
 /// Commands of a history.
 const STEPS: usize = 6;
@@ -18,7 +19,8 @@ const ALGORITHMS: [&str; 6] = [
     "bm:max_disparity=8",
     "v3:max_disparity=8",
     "sgm:max_disparity=8",
-    "pushbroom:memory=3",
+    // Each pair depends on all before it.
+    "v5:max_disparity=8",
     "a=bm:max_disparity=8,block_size=5",
     "a=bm:max_disparity=8,block_size=9",
 ];
@@ -240,7 +242,7 @@ fn untimed(text: &str) -> String {
     let mut lines = csv::Reader::from_reader(text.as_bytes());
     let heads = lines.headers().unwrap().clone();
     let but = ["_us", "_ms", "_s", "outliers", "memory_mb", "session"];
-    let is_kept = |head: &str| but.iter().all(|of| !head.ends_with(of));
+    let is_kept = |head: &str| but.iter().all(|ending| !head.ends_with(ending));
     let mut kept = String::new();
     for line in lines.records() {
         let line = line.unwrap();
@@ -258,7 +260,13 @@ fn a_report_is_that_of_a_fresh_run_whatever_was_done_to_its_folder() {
         text.map_or(or, |text| text.parse().unwrap())
     };
     let first = number("SVL_HISTORY", 0);
-    for seed in first..first + number("SVL_HISTORIES", HISTORIES) {
+    for seed in first
+        ..first
+            + number(
+                "SVL_HISTORIES",
+                HISTORIES[usize::from(crate::common::is_nightly())],
+            )
+    {
         let mut history = History::new(seed);
         history.log.push(format!("history {seed}"));
         for _ in 0..STEPS {

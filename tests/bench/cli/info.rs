@@ -66,9 +66,9 @@ fn the_first_pairs_answer_the_first_questions() {
             "distance_m": own["truths"][0]["distance_m"], "error": null
         }])
     };
-    let of_truth = |unit: &str, key: &str| own["truths"][0][unit][key].as_f64().unwrap();
+    let truth_number = |unit: &str, key: &str| own["truths"][0][unit][key].as_f64().unwrap();
     for unit in ["disparity_px", "distance_m"] {
-        let [min, median, max] = ["min", "median", "max"].map(|key| of_truth(unit, key));
+        let [min, median, max] = ["min", "median", "max"].map(|key| truth_number(unit, key));
         assert!(
             0.0 < min && min < median && median < max,
             "{unit}: {min} {median} {max}"
@@ -76,7 +76,9 @@ fn the_first_pairs_answer_the_first_questions() {
     }
     // The nearest point has the greatest disparity.
     let fb = rig(&own, "focal_px") * 0.044;
-    assert!((fb / of_truth("disparity_px", "max") - of_truth("distance_m", "min")).abs() < 1e-6);
+    assert!(
+        (fb / truth_number("disparity_px", "max") - truth_number("distance_m", "min")).abs() < 1e-6
+    );
     assert_eq!(own["truths"], truth("/truth/depth", false));
     let ros = first("ros.mcap");
     assert_eq!(ros["truths"], truth("/truth/depth", true));

@@ -57,7 +57,7 @@ fn cells_are_tied_to_the_frame_at_which_they_were_labelled() {
 }
 
 #[test]
-fn what_is_labelled_is_scored() {
+fn labelled_cells_are_scored() {
     let fixture = recorded();
     let keys = "> [ , , , [ . . ] right down = \">0.05\" enter right f
                 n \"ahead:\" space \"far\" enter w q";
@@ -211,7 +211,7 @@ fn the_arena_has_a_scenario_of_its_seed() {
 }
 
 #[test]
-fn of_several_recordings_the_checkpoint_names_its_own() {
+fn a_checkpoint_names_its_recording_among_several() {
     let fixture = recorded();
     fixture.run("record --frames 3 --seed 2 -o two.mcap");
     let text = "name = \"both\"\ndescription = \"\"\nalgorithms = [\"v3\"]\n[cells]\njudge = \

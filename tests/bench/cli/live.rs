@@ -123,7 +123,7 @@ fn every_trigger_records() {
 }
 
 #[test]
-fn what_came_before_a_camera_failed_is_kept() {
+fn pairs_before_a_camera_failed_are_kept() {
     let fixture = Fixture::new();
     for (name, fault, words) in [
         ("h.mcap", "hang_at", "silent for 3.0 s"),

@@ -280,7 +280,7 @@ fn a_workflow_whose_shard_misses_a_pair_ends_with_the_report() {
 }
 
 #[test]
-fn what_is_missing_is_a_test_of_junits_xml() {
+fn missing_pairs_are_a_test_of_junits_xml() {
     let fixture = with_a_bad_pair();
     let text = fixture.text("two.toml");
     let gated = |min: &str| {

@@ -148,11 +148,11 @@ fn a_merged_report_names_its_machines() {
     let sessions = manifest["sessions"].as_array().unwrap();
     let machines = sessions
         .iter()
-        .map(|of| of["machine"]["processor"] == "another");
+        .map(|session| session["machine"]["processor"] == "another");
     assert_eq!(machines.filter(|is_another| *is_another).count(), 1);
     assert_says(&fixture.text("all/index.html"), &["another"]);
     // The times of a report are those of its machines: none is compared.
     let compared = fixture.json("compare whole all --json");
     let metrics = compared[0]["algorithms"][0]["metrics"].as_array().unwrap();
-    assert!(!metrics.is_empty() && metrics.iter().all(|of| of["metric"] != "time"));
+    assert!(!metrics.is_empty() && metrics.iter().all(|change| change["metric"] != "time"));
 }

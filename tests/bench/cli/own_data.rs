@@ -69,7 +69,7 @@ fn rates_are_told_or_not_known() {
 }
 
 #[test]
-fn what_a_folder_loses_is_counted() {
+fn losses_of_a_folder_are_counted() {
     let fixture = Fixture::new();
     for i in 0..3 {
         fixture.write_pair(
@@ -90,28 +90,6 @@ fn what_a_folder_loses_is_counted() {
     fixture.write("p/left/alone.pgm", pgm(40, 20, &[0; 800]));
     let ran = fixture.svl("record p -o q.mcap");
     incomplete(ran, &["1 image dropped", "1 image had no partner"]);
-}
-
-#[test]
-fn an_algorithm_that_needs_poses_says_once_that_there_are_none() {
-    let fixture = Fixture::new();
-    for i in 0..3 {
-        let [left, right] = ["left", "right"].map(|side| format!("p/{side}/{i}.pgm"));
-        fixture.write_pair(&left, &right, (160, 96), 22);
-    }
-    let warnings = |line: &str| {
-        let ran = fixture.svl(line);
-        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-        ran.stderr.matches("no poses").count()
-    };
-    fixture.run("record p -o p.mcap");
-    let replays =
-        |algo: &str, rows: &str| warnings(&format!("replay p.mcap --algo {algo} --rows {rows}"));
-    assert_eq!(replays("pushbroom", "a.csv"), 1);
-    assert_eq!(replays("pushbroom:memory=0", "b.csv"), 0);
-    // The arena has them.
-    fixture.write_short_arena("short.toml", 3);
-    assert_eq!(warnings("score short.toml --algo pushbroom -o r"), 0);
 }
 
 #[test]

@@ -153,6 +153,21 @@ fn verify_proves_equal_results() {
 }
 
 #[test]
+fn a_part_of_a_run_is_not_proved_where_results_depend_on_earlier_pairs() {
+    let fixture = Fixture::new();
+    fixture.run("-q record arena --seed 5 --frames 12 -o a.mcap");
+    fixture.run("-q replay a.mcap --algo v5 --algo v3 -o both.mcap");
+    fixture.run("-q replay both.mcap --verify");
+    let ran = fixture.svl("-q replay both.mcap --algo v3 --from 0.5 --verify");
+    assert_says(&ran.stderr, &["5 of its results none here; 7 are equal"]);
+    assert!(!ran.stderr.contains("depends"), "{}", ran.stderr);
+    fixture.fails(
+        "-q replay both.mcap --algo v5 --from 0.5 --verify => 1: results differ from those of \
+         both.mcap | v5 depends on earlier pairs: verify the whole run",
+    );
+}
+
+#[test]
 fn verify_tells_what_differs() {
     let fixture = recorded("3");
     fixture.run("replay a.mcap --rows rows.csv");

@@ -158,7 +158,7 @@ fn a_gate_passes_v3_and_stops_a_worse_one() {
 }
 
 #[test]
-fn what_is_not_measured_is_not_zero() {
+fn unmeasured_numbers_are_not_zero() {
     let fixture = Fixture::new();
     fixture.write_pair("data/scene/im0.pgm", "data/scene/im1.pgm", (80, 60), 5);
     for (name, truth, scored) in [("empty", f32::INFINITY, false), ("exact", 5.0, true)] {
@@ -177,7 +177,7 @@ fn what_is_not_measured_is_not_zero() {
         let line = format!("score s.toml --data data --rerun none --gate -o {name} --json");
         let ran = fixture.svl(&line);
         let json: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
-        let of = &json["algorithms"][0];
+        let algorithm = &json["algorithms"][0];
         let state = &json["gate"][0]["state"];
         if scored {
             assert_eq!(
@@ -187,10 +187,10 @@ fn what_is_not_measured_is_not_zero() {
                 ran.stderr
             );
             assert_eq!(
-                (&of["scored_pairs"], &of["cells_wrong"]),
+                (&algorithm["scored_pairs"], &algorithm["cells_wrong"]),
                 (&1.into(), &0.into())
             );
-            assert!(of["scored_cells"].as_u64() > Some(9), "{of}");
+            assert!(algorithm["scored_cells"].as_u64() > Some(9), "{algorithm}");
         } else {
             assert_eq!(
                 (ran.code, state),
@@ -199,10 +199,13 @@ fn what_is_not_measured_is_not_zero() {
                 ran.stderr
             );
             assert_eq!(
-                (&of["scored_pairs"], &of["scored_cells"]),
+                (&algorithm["scored_pairs"], &algorithm["scored_cells"]),
                 (&0.into(), &0.into())
             );
-            assert!(of["cells_wrong"].is_null() && of["right"].is_null(), "{of}");
+            assert!(
+                algorithm["cells_wrong"].is_null() && algorithm["right"].is_null(),
+                "{algorithm}"
+            );
             let warning = "no cell of 1 pair has enough of a ground truth";
             assert_says(&ran.stderr, &[warning]);
             let manifest = fixture.text(&format!("{name}/manifest.json"));
@@ -338,8 +341,8 @@ fn the_safe_choice_decides_the_cells_of_any_map() {
         let json = fixture.json(&format!(
             "score {scenario} -q --json --algo sgm:speckle_size=0 --algo v5 -o {scenario}.report"
         ));
-        let of = |i: usize, key: &str| json["algorithms"][i][key].as_u64().unwrap();
-        [0, 1].map(|i| ["cells_right", "cells_wrong"].map(|key| of(i, key)))
+        let number = |i: usize, key: &str| json["algorithms"][i][key].as_u64().unwrap();
+        [0, 1].map(|i| ["cells_right", "cells_wrong"].map(|key| number(i, key)))
     };
     let ([median_sgm, median_v5], [safe_sgm, safe_v5]) = (cells("median.toml"), cells("safe.toml"));
     assert_eq!(median_v5, safe_v5, "v5 decides by itself");

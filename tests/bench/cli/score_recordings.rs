@@ -259,7 +259,7 @@ fn a_range_keeps_numbers_and_stamps_and_a_smaller_image_its_distances() {
 }
 
 #[test]
-fn what_a_source_lacks_is_said_with_its_cure() {
+fn a_source_without_truth_or_frames_is_reported_with_the_cure() {
     let fixture = Fixture::new();
     fixture.write_pair("pairs/left/1.pgm", "pairs/right/1.pgm", (64, 48), 4);
     fixture.write_pair("pairs/left/2.pgm", "pairs/right/2.pgm", (64, 48), 4);
@@ -333,7 +333,7 @@ fn cells_are_data_in_results_tables_and_json() {
     assert_eq!((kept.len(), table.len()), (12, 12 * 15));
     let flat = kept
         .iter()
-        .flat_map(|of| of.cells.iter().map(|cell| (of.sequence, cell)));
+        .flat_map(|result| result.cells.iter().map(|cell| (result.sequence, cell)));
     for ((sequence, cell), row) in flat.zip(&table) {
         assert_eq!(
             (sequence, cell.column, cell.row, Some(cell.state)),

@@ -52,9 +52,9 @@ fn fix_unit_times(fixture: &Fixture, report: &str) {
             let seal = format!("{name}.json");
             let text = std::fs::read_to_string(&seal).unwrap();
             let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
-            let of = &mut value["files"][path.file_name().unwrap().to_str().unwrap()];
-            of["bytes"] = path.metadata().unwrap().len().into();
-            of["hash"] = svl::manifest::hash_file(&path).unwrap().into();
+            let entry = &mut value["files"][path.file_name().unwrap().to_str().unwrap()];
+            entry["bytes"] = path.metadata().unwrap().len().into();
+            entry["hash"] = svl::manifest::hash_file(&path).unwrap().into();
             std::fs::write(seal, value.to_string()).unwrap();
         }
     }

@@ -23,18 +23,18 @@ fn levels_are_scored_tabled_and_drawn() {
     // The main table covers the original pairs.
     assert_eq!(summary["algorithms"][0]["pairs"], 6);
     let stress = summary["stress"].as_array().unwrap();
-    let of = |kind: &str| {
+    let levels = |kind: &str| {
         stress
             .iter()
             .filter(|s| s["kind"] == kind)
             .collect::<Vec<_>>()
     };
-    let right = |i: usize| of("row_offset")[i]["right"].as_f64().unwrap();
-    assert_eq!(of("row_offset").len(), 3);
+    let right = |i: usize| levels("row_offset")[i]["right"].as_f64().unwrap();
+    assert_eq!(levels("row_offset").len(), 3);
     assert!(right(2) < 0.5 * right(0), "{stress:?}");
-    assert!(of("row_offset")[2]["broken"].is_string());
+    assert!(levels("row_offset")[2]["broken"].is_string());
     // The first pair has none before it.
-    assert_eq!(of("skew")[1]["pairs"], 5);
+    assert_eq!(levels("skew")[1]["pairs"], 5);
     let rows = fixture.text("r/rows.csv");
     assert_eq!(rows.matches(",row_offset=8,").count(), 6);
     assert!(fixture.text("r/index.html").contains("id=\"stress\""));

@@ -86,7 +86,7 @@ fn a_killed_recording_is_recovered() {
 }
 
 #[test]
-fn what_is_left_of_an_unfinished_recording_is_replayed() {
+fn the_rest_of_an_unfinished_recording_is_replayed() {
     let fixture = Fixture::new();
     // Simulated cameras, whose recordings contain no scenario that could be found before the
     // damage.
@@ -158,7 +158,7 @@ fn a_full_disk_is_told_and_leaves_what_fitted() {
         .arg(&disk)
         .output();
     if !mounted.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: cannot mount a tmpfs");
+        crate::common::skip("cannot mount a tmpfs");
         return;
     }
     let stderr = failed_in_one_line(record(&fixture, "disk/a.mcap"));

@@ -93,11 +93,13 @@ fn kinds_are_held_out_and_tests_are_not_fitted() {
     // --seeds changes only what is fitted to.
     assert_eq!(kind(2)["cells"], 2 * 12 * 15);
     let tested = json["scenarios"].as_array().unwrap().iter();
-    let tested: Vec<_> = tested.map(|of| of["tested"].as_bool().unwrap()).collect();
+    let tested: Vec<_> = tested
+        .map(|scenario| scenario["tested"].as_bool().unwrap())
+        .collect();
     assert_eq!(tested, [false, false, true]);
     for i in 0..3 {
-        for of in ["held_out", "present"] {
-            let figure = |name: &str| kind(i)[of][name].as_f64().unwrap();
+        for figures in ["held_out", "present"] {
+            let figure = |name: &str| kind(i)[figures][name].as_f64().unwrap();
             assert!((0.0..=1.0).contains(&figure("known")), "{json}");
             assert!((0.5..=1.0).contains(&figure("area")), "{json}");
             assert!((0.0..0.5).contains(&figure("calibration_error")), "{json}");
@@ -111,7 +113,7 @@ fn kinds_are_held_out_and_tests_are_not_fitted() {
     let fitted = V5Model::from_bytes(&model("tested.safetensors"))
         .unwrap()
         .fitted;
-    let has = |run: &str| fitted.runs.iter().any(|of| of == run);
+    let has = |run: &str| fitted.runs.iter().any(|fitted_run| fitted_run == run);
     assert!(has("shapes seed 4") && has("arena seed 101..110") && !has("arena seed 1"));
 }
 
@@ -136,8 +138,8 @@ fn the_network_is_learned_and_the_tables_on_other_runs() {
     // It learns, and chooses better than the fill does.
     let network = &json["network"];
     let epochs = network["epochs"].as_array().unwrap();
-    let number = |of: &serde_json::Value, key: &str| of[key].as_f64().unwrap();
-    let [first, last] = [&epochs[0], &epochs[19]].map(|of| number(of, "held_out"));
+    let number = |epoch: &serde_json::Value, key: &str| epoch[key].as_f64().unwrap();
+    let [first, last] = [&epochs[0], &epochs[19]].map(|epoch| number(epoch, "held_out"));
     assert!(last < first - 0.05, "{json}");
     assert!(
         number(&epochs[19], "held_out_right") > number(network, "filled_right"),
@@ -158,8 +160,8 @@ fn the_network_is_learned_and_the_tables_on_other_runs() {
     // Earlier reports are evidence.
     let time = &json["time"];
     assert!(number(time, "loss") <= number(time, "loss_alone"), "{json}");
-    let of = |i: usize| time["relations"][i].as_u64().unwrap();
-    assert!(of(0) > of(1) + of(2), "{json}");
+    let relation = |i: usize| time["relations"][i].as_u64().unwrap();
+    assert!(relation(0) > relation(1) + relation(2), "{json}");
     fixture.run("-q score short.toml --rerun none --algo v5:model=own.safetensors -o r");
     fixture.write("table.toml", "rank = 50\n");
     fixture.write_pair("l.pgm", "r.pgm", (160, 96), 7);
@@ -173,7 +175,7 @@ fn the_network_is_learned_and_the_tables_on_other_runs() {
 }
 
 #[test]
-fn what_cannot_be_learned_is_refused_in_one_line() {
+fn invalid_training_data_are_refused_in_one_line() {
     let fixture = short_arena();
     fixture.fails(
         "-q train v5 short.toml --seeds 4..5 -o t.safetensors --algo v3 => 2: --algo v3 | only v5
@@ -207,11 +209,11 @@ fn write_videos(fixture: &Fixture) {
         let calib = "cam0=[100 0 80; 0 100 48; 0 0 1]\ncam1=[100 0 80; 0 100 48; 0 0 1]\n\
                      doffs=0\nbaseline=100\nwidth=160\nheight=96\nndisp=16\n";
         fixture.write(&format!("{video}/calib.txt"), calib);
-        fixture.write(&format!("{video}.toml"), of_videos(&[video]));
+        fixture.write(&format!("{video}.toml"), video_scenario(&[video]));
     }
 }
 
-fn of_videos(videos: &[&str]) -> String {
+fn video_scenario(videos: &[&str]) -> String {
     format!(
         "name = \"own\"\n[source]\nkind = \"recording\"\nfiles = {videos:?}\n\
          truth = \"depth/*.png\"\n"
@@ -222,7 +224,7 @@ fn of_videos(videos: &[&str]) -> String {
 fn recordings_are_held_out_whole() {
     let fixture = Fixture::new();
     write_videos(&fixture);
-    fixture.write("both.toml", of_videos(&["one", "two"]));
+    fixture.write("both.toml", video_scenario(&["one", "two"]));
     fixture.fails(
         "-q train v5 one.toml --tables-only -o t.safetensors => 1: one run cannot be held out",
     );
@@ -244,7 +246,7 @@ fn recordings_are_held_out_whole() {
     fixture.run("record two --truth depth/*.png -o two.mcap");
     fixture.write(
         "copy.toml",
-        of_videos(&["two.mcap"]).replace("truth = \"depth/*.png\"\n", ""),
+        video_scenario(&["two.mcap"]).replace("truth = \"depth/*.png\"\n", ""),
     );
     fixture.fails(
         "-q train v5 both.toml --tables-only --test copy.toml -o u.safetensors => 2: two.mcap: \

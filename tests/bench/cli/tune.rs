@@ -38,6 +38,15 @@ fn the_screen_shows_knobs_and_what_they_are_worth() {
     insta::assert_snapshot!(timeless(&screens));
 }
 
+/// The algorithms' thread needs the only thread to compute with while the tool waits for it.
+#[test]
+fn one_thread_suffices_for_a_script() {
+    let fixture = recorded();
+    let keys = "wait down right wait screen q";
+    let text = tune(&fixture, "run.mcap --algo v5 --threads 1", keys).done();
+    assert_says(&text, &["12 pairs"]);
+}
+
 #[test]
 fn keys_turn_type_undo_and_compare() {
     let fixture = recorded();
@@ -117,7 +126,7 @@ fn keys_turn_type_undo_and_compare() {
 }
 
 #[test]
-fn what_is_found_is_written_and_scored() {
+fn the_tuned_algorithm_is_written_and_scored() {
     let fixture = recorded();
     let keys = "down \"70\" enter wait w enter w screen esc q";
     let text = tune(&fixture, "run.mcap --algo v3", keys).done();
@@ -382,7 +391,7 @@ fn a_search_on_recordings_holds_some_out() {
 }
 
 #[test]
-fn what_is_tested_on_is_read_as_what_is_searched_on() {
+fn test_pairs_are_read_as_search_pairs() {
     let fixture = Fixture::new();
     fixture.write_short_arena("short.toml", 12);
     fixture.run("record short.toml -o run.mcap");

@@ -123,6 +123,43 @@ fn pairs_with_other_stamps_are_matched_again() {
 }
 
 #[test]
+fn a_folder_of_another_version_is_matched_again() {
+    let fixture = counted(3);
+    let line = "score pairs --rerun none -o r --algo bm:max_disparity=8";
+    fixture.run(line);
+    let rows = fixture.text("r/rows.csv");
+    let plan = fixture.text("r/units/plan.json");
+    let mut plan: Value = serde_json::from_str(&plan).unwrap();
+    plan["format"] = "another".into();
+    fixture.write("r/units/plan.json", plan.to_string());
+    fixture.fails("report r => 1: r/units: its tables are of another version of svl | svl score");
+    let ran = fixture.svl(line);
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    assert_says(
+        &ran.stderr,
+        &["r: is of another version of svl: all is matched again"],
+    );
+    let pairs = |rows: &str| rows.lines().count();
+    assert_eq!(pairs(&fixture.text("r/rows.csv")), pairs(&rows));
+    fixture.run("report r");
+}
+
+#[test]
+fn a_run_that_was_killed_at_its_first_file_is_no_foreign_folder() {
+    let fixture = counted(3);
+    let line = "score pairs --rerun none --algo bm:max_disparity=8 -o";
+    std::fs::create_dir_all(fixture.path("r/units")).unwrap();
+    fixture.write("r/units/plan.77.part", "{");
+    fixture.run(&format!("{line} r"));
+    // Anything else is not svl's.
+    std::fs::create_dir_all(fixture.path("s/units")).unwrap();
+    fixture.write("s/units/own.txt", "mine");
+    fixture.fails(&format!(
+        "{line} s => 1: s: contains files but no units/plan.json"
+    ));
+}
+
+#[test]
 fn a_program_that_answers_otherwise_is_matched_again() {
     let fixture = counted(5);
     score(&fixture, &[]);
@@ -145,10 +182,10 @@ fn pairs_that_a_program_failed_on_are_matched_again_with_their_warnings() {
         let text = fixture.text("r/manifest.json");
         let manifest: Value = serde_json::from_str(&text).unwrap();
         let warnings = manifest["warnings"].as_array().cloned().unwrap_or_default();
-        let of_pairs = warnings
+        let pair_warnings = warnings
             .iter()
             .filter(|text| text.as_str().unwrap().contains("on pair"));
-        of_pairs.count()
+        pair_warnings.count()
     };
     // It fails on two pairs: the first matching sets up its memory.
     assert_eq!(score(&fixture, &[]).1, Some(4));
@@ -192,7 +229,7 @@ fn an_edited_table_is_not_compared() {
 }
 
 #[test]
-fn what_is_damaged_is_matched_again() {
+fn damaged_results_are_matched_again() {
     let fixture = counted(70);
     score(&fixture, &[]);
     let rows = fixture.text("r/rows.csv");

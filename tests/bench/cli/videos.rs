@@ -17,7 +17,7 @@ fn ffmpeg(fixture: &Fixture, args: &[&str]) {
 }
 
 #[test]
-fn videos_are_pairs() {
+fn two_videos_are_pairs() {
     if !has("ffmpeg", &["-version"]) {
         return;
     }

@@ -72,7 +72,7 @@ fn pictures_without_a_board_show_none() {
     let mut detectors =
         [(9, 6), (4, 3)].map(|sides| Detector::new(Board::new(sides, None).unwrap()).unwrap());
     let mut images = 0;
-    for line in index.lines().skip(1) {
+    for line in index.lines().skip(1).step_by(common::step(1)) {
         let mut fields = line.split('\t');
         let [Some(scene), Some(left), Some(right)] = [fields.next(), fields.next(), fields.next()]
         else {
@@ -87,5 +87,5 @@ fn pictures_without_a_board_show_none() {
             }
         }
     }
-    assert!(images >= 50, "{images}");
+    assert!(images >= 50 / common::step(1), "{images}");
 }

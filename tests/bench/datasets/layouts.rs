@@ -110,7 +110,7 @@ fn middlebury_2005_and_2006_in_three_sizes() {
 }
 
 #[test]
-fn a_scale_nobody_knows_is_no_guess() {
+fn an_unknown_scale_is_refused() {
     let tree = Tree::new();
     tree.pair("cropped/view1.png", "cropped/view5.png");
     tree.scaled("cropped/disp1.png", "cropped/disp5.png", 3.0);
@@ -268,7 +268,7 @@ fn truth_of_another_size_is_named() {
 }
 
 #[test]
-fn what_is_missing_is_named_with_its_cure() {
+fn missing_files_are_named_with_the_cure() {
     let tree = Tree::new();
     tree.text("kitti2015/readme.txt", "");
     for (name, words) in [

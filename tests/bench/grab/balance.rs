@@ -93,7 +93,7 @@ struct Before {
     step_us: u32,
 }
 
-const WIDE: Limits = Limits::new(100..=16_666, 0..=18_000);
+const WIDE_LIMITS: Limits = Limits::new(100..=16_666, 0..=18_000);
 
 impl Before {
     fn greys(&self, settings: Settings) -> Vec<u8> {
@@ -161,7 +161,7 @@ fn a_window_in_a_dark_room_does_not_make_it_pump() {
         let mut scene = vec![room; 100 - share];
         scene.resize(100, window);
         for first_us in [200, 4_000, 16_666] {
-            let mut balance = Balance::new(WIDE, Settings::new(first_us, 0), 1);
+            let mut balance = Balance::new(WIDE_LIMITS, Settings::new(first_us, 0), 1);
             Before {
                 scene: scene.clone(),
                 gamma: 1.0,
@@ -186,7 +186,7 @@ proptest! {
         let part = |(log, count)| vec![10f64.powf(log); count];
         let scene = parts.into_iter().flat_map(part).collect();
         let mut before = Before { scene, gamma, step_us };
-        let mut balance = Balance::new(WIDE, Settings::new(first_us, 0), 1);
+        let mut balance = Balance::new(WIDE_LIMITS, Settings::new(first_us, 0), 1);
         prop_assert_eq!(before.is_right(&mut balance), Ok(()));
         before.scene.iter_mut().for_each(|radiance| *radiance *= 10f64.powf(change));
         prop_assert_eq!(before.is_right(&mut balance), Ok(()));
@@ -206,7 +206,7 @@ fn pairs_from_before_a_change_do_not_count() {
 }
 
 #[test]
-fn limits_in_common() {
+fn cameras_without_common_limits_are_refused() {
     let short = Limits {
         shutter_us: 20_000..=30_000,
         ..LIMITS

@@ -49,7 +49,7 @@ fn until(triggered: Triggered, rule: Rule, stage: Stage) -> (usize, String) {
 }
 
 #[test]
-fn what_came_before_a_camera_hangs_is_kept() {
+fn pairs_before_a_camera_hangs_are_kept() {
     for triggered in [Triggered::WhenArmed, Triggered::AtFixedRate] {
         let (pairs, error) = until_it_fails(
             triggered,
@@ -68,7 +68,7 @@ fn what_came_before_a_camera_hangs_is_kept() {
 }
 
 #[test]
-fn what_came_before_a_camera_is_unplugged_is_kept() {
+fn pairs_before_a_camera_is_unplugged_are_kept() {
     for triggered in [Triggered::WhenArmed, Triggered::AtFixedRate] {
         let (pairs, error) = until_it_fails(
             triggered,

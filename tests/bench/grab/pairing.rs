@@ -114,7 +114,7 @@ proptest! {
     /// Pulses that either camera may miss, in any order of arrival: all that both have are paired,
     /// equally by number and by stamp, as long as neither camera is too far behind.
     #[test]
-    fn what_both_have_is_paired(
+    fn stamps_of_both_cameras_are_paired(
         missed in prop::collection::vec((any::<bool>(), any::<bool>()), 0..100),
         lag in 0..WAITING / 2,
     ) {
@@ -159,9 +159,11 @@ proptest! {
                 at
             })
             .collect();
-        let of = |side: Side| stamps.iter().map(|both| both[side as usize]).collect::<Vec<_>>();
+        let stamps_of = |side: Side| -> Vec<_> {
+            stamps.iter().map(|both| both[side as usize]).collect()
+        };
         let pairs_of = |sides: Vec<Side>| {
-            let mut next = Side::BOTH.map(|side| of(side).into_iter());
+            let mut next = Side::BOTH.map(|side| stamps_of(side).into_iter());
             let arrivals: Vec<_> = sides
                 .into_iter()
                 .filter_map(|side| Some((side, next[side as usize].next()?)))
@@ -175,7 +177,7 @@ proptest! {
         let arriving = |lag_ns: u64| {
             let taken = |side: Side| {
                 let latency_ns = if side == Side::Right { lag_ns } else { 600 };
-                of(side).into_iter().map(move |at| (at + latency_ns, side))
+                stamps_of(side).into_iter().map(move |at| (at + latency_ns, side))
             };
             let mut arrivals: Vec<_> = taken(Side::Left).chain(taken(Side::Right)).collect();
             arrivals.sort_by_key(|(at, _)| *at);
@@ -190,18 +192,18 @@ proptest! {
             let is_free = |side: usize, at: u64| pairs[..i].iter().all(|pair| pair[side] < at);
             for (side, partner) in [(Side::Left, right), (Side::Right, left)] {
                 let nearer = |at: u64| at.abs_diff(partner) < skew && is_free(side as usize, at);
-                prop_assert!(!of(side).into_iter().any(nearer));
+                prop_assert!(!stamps_of(side).into_iter().any(nearer));
             }
         }
         // Two images that are uniquely the nearest to each other are a pair.
-        for &left in &of(Side::Left) {
-            for &right in &of(Side::Right) {
+        for &left in &stamps_of(Side::Left) {
+            for &right in &stamps_of(Side::Right) {
                 let skew = left.abs_diff(right);
                 let farther = |at: u64, own: u64, partner: u64| {
                     at == own || at.abs_diff(partner) > skew
                 };
-                let nearest = of(Side::Left).iter().all(|&at| farther(at, left, right))
-                    && of(Side::Right).iter().all(|&at| farther(at, right, left));
+                let nearest = stamps_of(Side::Left).iter().all(|&at| farther(at, left, right))
+                    && stamps_of(Side::Right).iter().all(|&at| farther(at, right, left));
                 let is_pair = pairs.contains(&[left, right]);
                 prop_assert!(is_pair || !nearest || !is_near([left, right]));
             }

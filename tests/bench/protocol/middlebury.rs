@@ -169,7 +169,7 @@ fn sizes_must_go_together() {
 }
 
 #[test]
-fn masks_leave_255_alone() {
+fn masks_keep_255() {
     let codes = map(&[&[0u8, 128, 255, 254, 1, 255]]);
     let mask = codes.map(Visibility::from_code);
     let estimate = map(&[&[9.0, 9.0, 2.5, 9.0, 9.0, NO]]);

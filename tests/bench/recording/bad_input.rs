@@ -75,7 +75,7 @@ fn pair_of(left: &[u8], right: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn files_that_are_no_recordings() {
+fn files_that_are_no_recordings_are_refused() {
     let missing = Path::new("no/such/file.mcap");
     assert!(one_line(missing, &Reader::open(missing).err().unwrap()).contains("no such file"));
     let folder = tempfile::tempdir().unwrap();
@@ -89,7 +89,7 @@ fn files_that_are_no_recordings() {
 }
 
 #[test]
-fn recordings_without_pairs() {
+fn recordings_without_pairs_are_refused() {
     let image = raw_image(4, 2, "mono8", 8);
     assert!(complaint(&mcap_of(&[])).contains("it has no images"));
     assert!(complaint(&mcap_of(&[("/scan", "LaserScan", 1, b"x")])).contains("it has no images"));
@@ -112,7 +112,7 @@ fn recordings_without_pairs() {
 }
 
 #[test]
-fn pairs_that_are_none() {
+fn invalid_pairs_are_refused() {
     let good = raw_image(4, 2, "mono8", 8);
     let says = |left: &[u8], what: &str| {
         let text = complaint(&pair_of(left, &good));
@@ -276,7 +276,7 @@ fn a_changed_byte_anywhere_is_noticed() {
     let (path, frames) = specimen(folder.path());
     let bytes = std::fs::read(&path).unwrap();
     let changed = folder.path().join("changed.mcap");
-    for at in (0..bytes.len()).step_by(3) {
+    for at in (0..bytes.len()).step_by(crate::common::step(3)) {
         let mut bad = bytes.clone();
         bad[at] ^= 1 << (at % 8);
         std::fs::write(&changed, &bad).unwrap();
@@ -303,7 +303,7 @@ fn rubbish_in_place_of_lengths_is_no_panic_and_no_memory() {
     let path = record(folder.path(), &[bare(0, SIZE)], ImageFormat::Png);
     let bytes = std::fs::read(&path).unwrap();
     let changed = folder.path().join("changed.mcap");
-    for at in (0..bytes.len() - 8).step_by(3) {
+    for at in (0..bytes.len() - 8).step_by(crate::common::step(3)) {
         for rubbish in [[0xFF; 8], [0; 8], [0xFF, 0xFF, 0xFF, 0x7F, 0, 0, 0, 0]] {
             let mut bad = bytes.clone();
             bad[at..at + 8].copy_from_slice(&rubbish);

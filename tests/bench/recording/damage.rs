@@ -33,13 +33,13 @@ impl Whole {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let (bytes, frames) = specimen(folder.path());
-        let of = |opcode| {
+        let ranges = |opcode| {
             records(&bytes)
                 .into_iter()
                 .filter(move |(kind, _)| *kind == opcode)
                 .map(|(_, range)| range)
         };
-        let (chunks, attachment) = (of(6).collect::<Vec<_>>(), of(9).next().unwrap());
+        let (chunks, attachment) = (ranges(6).collect::<Vec<_>>(), ranges(9).next().unwrap());
         assert_eq!(chunks.len(), frames.len());
         Self {
             folder,
@@ -123,6 +123,7 @@ fn any_bit_of_a_head_costs_no_more_than_its_record() {
         } else {
             1
         };
+        let step = crate::common::step(step);
         for at in (range.start..range.end.min(range.start + 55)).step_by(step) {
             let mut bad = whole.bytes.clone();
             bad[at] ^= 1 << ((at / step) % 8);
@@ -153,7 +154,7 @@ fn any_bit_of_a_head_costs_no_more_than_its_record() {
 fn bytes_that_are_zeroed_or_gone_cost_only_what_they_hit() {
     let whole = Whole::new();
     for (length, step) in [(1, 97), (20, 83), (300, 61), (1500, 127)] {
-        for at in (0..whole.bytes.len() - length).step_by(step) {
+        for at in (0..whole.bytes.len() - length).step_by(crate::common::step(step)) {
             let hit = at..at + length;
             let mut zeroed = whole.bytes.clone();
             zeroed[hit.clone()].fill(0);
@@ -168,7 +169,7 @@ fn bytes_that_are_zeroed_or_gone_cost_only_what_they_hit() {
 
 /// After damage, bytes from 0x80 on look like private records, of any length.
 #[test]
-fn what_looks_like_a_private_record_behind_damage_covers_nothing() {
+fn a_false_private_record_behind_damage_covers_no_other() {
     let whole = Whole::new();
     let (chunk, next) = (&whole.chunks[2], &whole.chunks[3]);
     let length = (next.end - chunk.end) as u64;
@@ -230,12 +231,12 @@ fn a_recording_is_known_without_its_first_bytes() {
 #[test]
 fn files_one_behind_the_other_are_all_read() {
     let folder = tempfile::tempdir().unwrap();
-    let of = |range: Range<u64>| -> Vec<_> { range.map(|i| bare(i, (24, 16))).collect() };
+    let bare_frames = |range: Range<u64>| -> Vec<_> { range.map(|i| bare(i, (24, 16))).collect() };
     let written = |frames: &[Frame]| {
         let folder = tempfile::tempdir().unwrap();
         std::fs::read(record(folder.path(), frames, ImageFormat::Raw)).unwrap()
     };
-    let (first_frames, second_frames) = (of(0..3), of(10..14));
+    let (first_frames, second_frames) = (bare_frames(0..3), bare_frames(10..14));
     let (first, second) = (&written(&first_frames)[..], &written(&second_frames)[..]);
     let cut = &first[..first.len() - 100];
     for (first, says) in [
@@ -284,7 +285,7 @@ fn files_one_behind_the_other_are_all_read() {
 }
 
 #[test]
-fn what_only_looks_like_records_takes_no_time() {
+fn false_records_are_skipped_quickly() {
     let folder = tempfile::tempdir().unwrap();
     let (bytes, _) = specimen(folder.path());
     let path = folder.path().join("hostile.mcap");

@@ -29,7 +29,7 @@ fn nothing_is_overwritten() {
 }
 
 #[test]
-fn folders_that_are_missing_or_files() {
+fn missing_folders_and_files_in_their_place_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("missing/a.mcap");
     assert!(told(&path, &create(&path).err().unwrap()).contains("no such file"));
@@ -51,7 +51,7 @@ fn a_vanished_folder_is_noticed() {
 }
 
 #[test]
-fn what_is_synced_survives_the_writer() {
+fn synced_pairs_survive_the_writer() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
     let mut writer = create(&path).unwrap();
@@ -108,7 +108,7 @@ impl Drop for Mount {
 fn a_full_disk_keeps_what_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let Some(mount) = Mount::new(folder.path(), "size=2m") else {
-        eprintln!("skipped: cannot mount a tmpfs");
+        crate::common::skip("cannot mount a tmpfs");
         return;
     };
     let path = mount.0.join("a.mcap");
@@ -137,7 +137,7 @@ fn a_full_disk_keeps_what_was_written() {
 fn a_read_only_disk_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let Some(mount) = Mount::new(folder.path(), "ro") else {
-        eprintln!("skipped: cannot mount a tmpfs");
+        crate::common::skip("cannot mount a tmpfs");
         return;
     };
     let path = mount.0.join("a.mcap");

@@ -32,7 +32,7 @@ fn pair(i: u64, skew_ns: u64) -> [Message; 2] {
     ]
 }
 
-fn of(messages: impl IntoIterator<Item = Message>) -> (tempfile::TempDir, PathBuf) {
+fn write_bag(messages: impl IntoIterator<Item = Message>) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = bag::write(folder.path(), &messages.into_iter().collect::<Vec<_>>());
     (folder, path)
@@ -58,9 +58,11 @@ fn a_bag_of_rectified_images_has_pairs_stamps_and_a_rig() {
         data: vec![1],
     };
     // The calibrations come after their images.
-    let (_folder, path) = of((0..10)
-        .flat_map(|i| pair(i, 2_000).into_iter().chain(infos(i)))
-        .chain([scan]));
+    let (_folder, path) = write_bag(
+        (0..10)
+            .flat_map(|i| pair(i, 2_000).into_iter().chain(infos(i)))
+            .chain([scan]),
+    );
     let mut source = RecordingSource::open(&path).unwrap();
     assert!(source.reader().remarks().is_empty() && source.reader().header().is_none());
     for i in 0..10 {
@@ -99,7 +101,7 @@ fn raw_images_are_called_so() {
         camera_info("/cam0/camera_info", 9, &[-0.28], 0.0),
         camera_info("/cam1/camera_info", 9, &[], -14.432),
     ];
-    let (_folder, path) = of(infos.into_iter().chain([left, right]));
+    let (_folder, path) = write_bag(infos.into_iter().chain([left, right]));
     let mut reader = Reader::open(&path).unwrap();
     assert_eq!(reader.next_pair().unwrap().unwrap().rig().copied(), None);
     let remarks = reader.remarks();
@@ -107,7 +109,7 @@ fn raw_images_are_called_so() {
         remarks.len() == 1 && remarks[0].contains("not rectified"),
         "{remarks:?}"
     );
-    let (_folder, path) = of(pair(0, 0));
+    let (_folder, path) = write_bag(pair(0, 0));
     let remarks = Reader::open(&path).unwrap().remarks();
     assert!(
         remarks.len() == 1 && remarks[0].contains("no calibration of both cameras"),
@@ -118,7 +120,7 @@ fn raw_images_are_called_so() {
 #[test]
 fn a_calibration_is_of_the_images_that_it_says() {
     let distances = |infos: [Message; 2]| {
-        let (_folder, path) = of(infos.into_iter().chain(pair(0, 0)));
+        let (_folder, path) = write_bag(infos.into_iter().chain(pair(0, 0)));
         let mut reader = Reader::open(&path).unwrap();
         (
             reader.remarks(),
@@ -166,9 +168,11 @@ fn a_calibration_is_of_the_images_that_it_says() {
     let [left, right] = infos((24, 16), 0, [0; 4]);
     for length in (0..left.data.len() - 1).step_by(7) {
         let short = left.with(left.data[..length].to_vec());
-        let (_folder, path) = of([short, right.with(right.data.clone())]
-            .into_iter()
-            .chain(pair(0, 0)));
+        let (_folder, path) = write_bag(
+            [short, right.with(right.data.clone())]
+                .into_iter()
+                .chain(pair(0, 0)),
+        );
         let mut reader = Reader::open(&path).unwrap();
         assert_eq!(reader.broken(), &[("/cam0/camera_info".into(), 1)].into());
         let pair = reader.next_pair().unwrap().unwrap();
@@ -195,7 +199,7 @@ fn raw_images_are_known_by_the_last_part_of_their_topics() {
             info("/director/left/camera_info", 0.0),
             info("/director/right/camera_info", -14.432),
         ];
-        let (_folder, path) = of(infos.into_iter().chain(images));
+        let (_folder, path) = write_bag(infos.into_iter().chain(images));
         let mut reader = Reader::open(&path).unwrap();
         (
             reader.calibration().is_some(),
@@ -224,7 +228,8 @@ fn a_compressed_mosaic_is_that_mosaic() {
     let pixels = bytes(&image(SIZE, 3));
     let png = svl::files::encode_png(SIZE.0, SIZE.1, &pixels).unwrap();
     let left = |message: Message| {
-        let (_folder, path) = of([message, ros_image(RIGHT, stamp(0), SIZE, "mono8", &pixels)]);
+        let (_folder, path) =
+            write_bag([message, ros_image(RIGHT, stamp(0), SIZE, "mono8", &pixels)]);
         bytes(read(&path).0[0].pair.left())
     };
     let compressed = |format| left(bag::ros_compressed(LEFT, stamp(0), format, &png));
@@ -303,7 +308,7 @@ fn every_form_of_an_image_gives_its_pixels() {
             left.encoding,
             left.data.len()
         );
-        let (_folder, path) = of([
+        let (_folder, path) = write_bag([
             left,
             ros_image(RIGHT, stamp(0), SIZE, "mono8", &bytes(&grey)),
         ]);
@@ -326,7 +331,7 @@ fn every_form_of_an_image_gives_its_pixels() {
 fn no_form_of_an_image_that_is_cut_off_gives_other_pixels() {
     let grey = image(SIZE, 3);
     let left_of = |message| {
-        let (_folder, path) = of([
+        let (_folder, path) = write_bag([
             message,
             ros_image(RIGHT, stamp(0), SIZE, "mono8", &bytes(&grey)),
         ]);
@@ -354,7 +359,7 @@ fn the_unpaired_are_counted_and_the_skew_is_bounded() {
         let [left, right] = pair(i, skew(i));
         std::iter::once(left).chain((i % 5 != 4).then_some(right))
     });
-    let (_folder, path) = of(messages);
+    let (_folder, path) = write_bag(messages);
     let pairs = |max_skew_ns| {
         let selection = Selection {
             max_skew_ns,
@@ -405,7 +410,7 @@ fn messages_out_of_order_find_their_partners() {
     for block in messages.chunks_mut(8) {
         block.reverse();
     }
-    let (_folder, path) = of(messages);
+    let (_folder, path) = write_bag(messages);
     let (frames, error) = read(&path);
     assert!(error.is_none() && frames.len() == 12);
     for frame in frames {
@@ -421,7 +426,7 @@ fn messages_out_of_order_find_their_partners() {
 fn one_camera_after_the_other_loses_no_pair() {
     let (lefts, rights): (Vec<_>, Vec<_>) =
         (0..100).map(|i| <(_, _)>::from(pair(i, 2_000))).unzip();
-    let (_folder, path) = of(lefts.into_iter().chain(rights));
+    let (_folder, path) = write_bag(lefts.into_iter().chain(rights));
     let mut source = RecordingSource::open(&path).unwrap();
     for i in 0..100 {
         let frame = source.next().unwrap().unwrap();
@@ -453,7 +458,7 @@ fn a_pair_that_cannot_be_read_costs_only_itself() {
                 [nothing(LEFT), nothing(RIGHT)]
             }
         });
-        let (_folder, path) = of(messages);
+        let (_folder, path) = write_bag(messages);
         let mut source = RecordingSource::open(&path)?;
         let stamps = std::iter::from_fn(|| source.next().unwrap())
             .map(|frame| (frame.stamp_ns - START_NS) / PERIOD_NS);
@@ -476,14 +481,14 @@ fn a_pair_that_cannot_be_read_costs_only_itself() {
 }
 
 #[test]
-fn what_is_no_pair_is_told() {
-    let (_folder, path) = of([pair(0, 0).into_iter().next().unwrap()]);
+fn unpaired_images_are_reported() {
+    let (_folder, path) = write_bag([pair(0, 0).into_iter().next().unwrap()]);
     assert!(complaint(&path).contains("/cam0/image_rect is its only topic of images"));
     let other = |i| Message {
         topic: "/cam2/image_rect",
         ..pair(i, 0).into_iter().next().unwrap()
     };
-    let (_folder, path) = of(pair(0, 0).into_iter().chain([other(0)]));
+    let (_folder, path) = write_bag(pair(0, 0).into_iter().chain([other(0)]));
     let text = complaint(&path);
     assert!(
         text.contains(
@@ -493,17 +498,17 @@ fn what_is_no_pair_is_told() {
     );
     let [left, _] = pair(0, 0);
     let small = ros_image(RIGHT, stamp(0), (12, 16), "mono8", &[9; 12 * 16]);
-    let (_folder, path) = of([left, small]);
+    let (_folder, path) = write_bag([left, small]);
     assert!(complaint(&path).contains("left image is 24x16, right image is 12x16"));
     let [left, right] = pair(0, 0);
     let other = Message {
         encoding: "xml",
         ..right
     };
-    let (_folder, path) = of([left, other]);
+    let (_folder, path) = write_bag([left, other]);
     assert!(complaint(&path).contains("is in 'xml', svl reads cdr, ros1, protobuf and json"));
     let [left, right] = pair(0, 0);
-    let (_folder, path) = of([
+    let (_folder, path) = write_bag([
         Message {
             data: left.data[..60].to_vec(),
             ..left
@@ -512,13 +517,13 @@ fn what_is_no_pair_is_told() {
     ]);
     assert!(complaint(&path).contains("its CDR cannot be read"));
     let [left, right] = pair(0, 0).map(|whole| whole.with(vec![0x28, 0xB5, 0x2F, 0xFD, 4, 0]));
-    let (_folder, path) = of([left, right]);
+    let (_folder, path) = write_bag([left, right]);
     assert!(complaint(&path).contains("it is compressed with zstd and cannot be unpacked"));
 }
 
 #[test]
 fn a_damaged_bag_gives_its_whole_pairs_and_says_so() {
-    let (folder, path) = of((0..12).flat_map(|i| pair(i, 0)));
+    let (folder, path) = write_bag((0..12).flat_map(|i| pair(i, 0)));
     let bytes = std::fs::read(&path).unwrap();
     let is_true = |frame: &Frame| {
         let i = (frame.stamp_ns - START_NS) / PERIOD_NS;

@@ -59,7 +59,7 @@ fn write(fixture: &Fixture, frames: impl Iterator<Item = Frame>) {
 }
 
 #[test]
-fn sound_recordings_have_none() {
+fn sound_recordings_have_no_hints() {
     let fixture = Fixture::new();
     arena(&fixture);
     fixture.run("record arena.mcap --ros2 -o ros.mcap");

@@ -82,7 +82,7 @@ fn pairs_have_the_calibration_that_comes_after_them() {
 }
 
 /// An empty image in that frame.
-fn of_frame(frame: &str) -> Vec<u8> {
+fn header(frame: &str) -> Vec<u8> {
     cdr_in(frame, START_NS, |cdr| {
         (0..2).for_each(|_| cdr.write_u32(0));
         cdr.write_string("mono8");
@@ -96,16 +96,16 @@ fn the_frame_is_that_of_the_left_images() {
     for (first, expected) in [([0, 1], "left"), ([1, 0], "left")] {
         let mut pairs = pairs();
         for topic in first {
-            pairs.look_at(topic, &of_frame(["left", "right"][topic]));
+            pairs.look_at(topic, &header(["left", "right"][topic]));
         }
         pairs.begin().unwrap();
         assert_eq!(pairs.frame_id(), Some(expected));
         // A later frame changes nothing.
-        drop(pairs.take_in(0, 0, &of_frame("other")));
+        drop(pairs.take_in(0, 0, &header("other")));
         assert_eq!(pairs.frame_id(), Some(expected));
     }
     let mut pairs = pairs();
-    pairs.look_at(0, &of_frame(""));
+    pairs.look_at(0, &header(""));
     assert_eq!(pairs.frame_id(), None);
 }
 

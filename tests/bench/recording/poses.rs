@@ -207,13 +207,13 @@ fn odometry_that_contradicts_tf_is_told() {
 #[test]
 fn odometry_of_a_frame_with_a_static_parent_is_used() {
     // The odometry of an inertial sensor, a child of the robot, in which the camera is.
-    let of_sensor = |stamp: u64| odometry_of("/vio", "imu", stamp, [x_at(stamp), 1.0, 0.0]);
+    let sensor_pose = |stamp: u64| odometry_of("/vio", "imu", stamp, [x_at(stamp), 1.0, 0.0]);
     let fixed = |frames: [&str; 2], at, turn| transform("/tf_static", 0, frames, at, turn);
     let mut all = vec![
         fixed(["base_link", "imu"], [0.0, 0.0, 0.5], [0.0, 0.0, 0.0, 1.0]),
         fixed(["imu", "cam"], [0.1, 0.0, 0.3], OPTICAL),
     ];
-    all.extend(messages(of_sensor).into_iter().skip(1));
+    all.extend(messages(sensor_pose).into_iter().skip(1));
     let expected = places(&messages(moving)).unwrap();
     let found = places(&all).unwrap();
     for (a, b) in expected.iter().flatten().zip(found.iter().flatten()) {
@@ -335,7 +335,7 @@ fn all_places_are_in_the_frame_of_the_first() {
     // A third pair 3 s later, and a map that places the odometry from 2 s on.
     let last_ns = START_NS + 3_000_000_000;
     all.extend((7..80).map(|i| moving(START_NS - 30_000_000 + 40_000_000 * i)));
-    let of_map = (50..80).map(|i| {
+    let map_poses = (50..80).map(|i| {
         let stamp = START_NS - 30_000_000 + 40_000_000 * i;
         transform(
             "/tf",
@@ -345,7 +345,7 @@ fn all_places_are_in_the_frame_of_the_first() {
             FACING_AHEAD,
         )
     });
-    all.extend(of_map);
+    all.extend(map_poses);
     for topic in ["/cam0/image_rect", "/cam1/image_rect"] {
         let pixels: Vec<u8> = image(SIZE, 9).pixels().collect();
         all.push(ros_image(topic, last_ns, SIZE, "mono8", &pixels));

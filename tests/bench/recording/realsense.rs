@@ -205,8 +205,8 @@ fn damage_leaves_the_pairs() {
                 "{at} {text:?}: {error:?}"
             );
             // The depth camera and its unit do not matter for the pairs' distances.
-            let of_pairs = ![0, 1, 4].contains(&at);
-            assert_eq!(frames[0].rig().is_none(), of_pairs, "{at} {text:?}");
+            let has_pairs = ![0, 1, 4].contains(&at);
+            assert_eq!(frames[0].rig().is_none(), has_pairs, "{at} {text:?}");
             std::fs::remove_file(path).unwrap();
         }
     }

@@ -145,7 +145,7 @@ pub(crate) fn saved_pairs(folder: &Path, frames: &[Frame], bad: &[u8], what: &st
 }
 
 #[test]
-fn whatever_is_cut_or_changed_what_is_saved_is_true_and_whole() {
+fn recovered_pairs_are_whole_after_any_cut_or_change() {
     let folder = tempfile::tempdir().unwrap();
     let (bytes, frames) = specimen(folder.path());
     let check = |bad: &[u8], what: &str| saved_pairs(folder.path(), &frames, bad, what);

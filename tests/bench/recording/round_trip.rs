@@ -278,7 +278,7 @@ fn results_stand_beside_the_pairs() {
 }
 
 #[test]
-fn what_a_file_cannot_say_is_refused() {
+fn values_without_a_field_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let mut writer = Writer::create(
         folder.path().join("a.mcap"),

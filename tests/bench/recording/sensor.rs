@@ -112,7 +112,7 @@ pub(super) fn tf(topic: &'static str, links: &[(&str, &str, [f64; 3])]) -> Messa
     }
 }
 
-fn of(messages: impl IntoIterator<Item = Message>) -> (tempfile::TempDir, PathBuf) {
+fn write_bag(messages: impl IntoIterator<Item = Message>) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let messages: Vec<_> = messages.into_iter().collect();
     let path = bag::write(folder.path(), &messages);
@@ -134,7 +134,7 @@ pub(super) fn truths(
     messages: impl IntoIterator<Item = Message>,
     topic: &str,
 ) -> (Vec<Option<Truth>>, u64) {
-    let (_folder, path) = of(pairs().into_iter().chain(messages));
+    let (_folder, path) = write_bag(pairs().into_iter().chain(messages));
     let mut source = open(&path, topic).unwrap().source;
     let frames: Vec<Frame> = std::iter::from_fn(|| source.next().unwrap()).collect();
     let without = source.finish(2).without_truth;
@@ -147,7 +147,7 @@ pub(super) fn truths(
 /// The error of opening the source or reading its pairs, in one line.
 #[track_caller]
 pub(super) fn refused(messages: impl IntoIterator<Item = Message>, topic: &str, words: &[&str]) {
-    let (_folder, path) = of(messages);
+    let (_folder, path) = write_bag(messages);
     let read = open(&path, topic).and_then(|mut opened| {
         while opened.source.next()?.is_some() {}
         Ok(())
@@ -288,8 +288,8 @@ fn disparity_image(pixels: &[f32], [focal, baseline, min]: [f32; 3]) -> Message 
 fn a_disparity_image_is_the_depth_of_its_own_baseline() {
     let pixels: Vec<_> = (0..24 * 16u16).map(|i| f32::from(i) / 20.0 - 3.0).collect();
     // Twice the focal length and half the baseline of the pairs: the same depths.
-    let of = |min: f32, focal: f32| disparity_image(&pixels, [focal, 0.022, min]);
-    let (found, _) = truths([of(5.0, 656.0)], "/disparity");
+    let disparities = |min: f32, focal: f32| disparity_image(&pixels, [focal, 0.022, min]);
+    let (found, _) = truths([disparities(5.0, 656.0)], "/disparity");
     let disparity = &found[0].as_ref().unwrap().disparity;
     for ((i, d), pixel) in (0..).zip(disparity.pixels()).zip(&pixels) {
         let expected = f64::from(*pixel);
@@ -301,11 +301,11 @@ fn a_disparity_image_is_the_depth_of_its_own_baseline() {
     }
     let all = || pairs().into_iter();
     refused(
-        all().chain([of(5.0, 0.0)]),
+        all().chain([disparities(5.0, 0.0)]),
         "/disparity",
         &["no focal length"],
     );
-    let (_folder, path) = self::of(all().chain([of(5.0, 656.0)]));
+    let (_folder, path) = write_bag(all().chain([disparities(5.0, 656.0)]));
     let topics = svl::recording::Reader::open(&path).unwrap().truth_topics();
     assert_eq!(topics.unwrap(), ["/disparity"]);
 }
@@ -317,7 +317,7 @@ fn a_disparity_image_beside_raw_images_is_of_the_rectified_camera() {
     // The distortion moves pixels at the border by 2 px.
     let distortion = [-150.0, 0.0, 0.0, 0.0, 0.0];
     let pixels: Vec<u8> = image(SIZE, 0).pixels().collect();
-    let of_camera = |images, info, tx| {
+    let camera = |images, info, tx| {
         [
             camera_info(info, stamp(0), &distortion, tx),
             ros_image(images, stamp(0), SIZE, "mono8", &pixels),
@@ -327,10 +327,10 @@ fn a_disparity_image_beside_raw_images_is_of_the_rectified_camera() {
     let slanted: Vec<_> = (0..24 * 16u16)
         .map(|i| 4.0 + f32::from(i % 24) / 2.0)
         .collect();
-    let messages = of_camera("/cam0/image_raw", "/cam0/camera_info", 0.0).into_iter();
-    let right = of_camera("/cam1/image_raw", "/cam1/camera_info", -FB);
+    let messages = camera("/cam0/image_raw", "/cam0/camera_info", 0.0).into_iter();
+    let right = camera("/cam1/image_raw", "/cam1/camera_info", -FB);
     let truth = disparity_image(&slanted, [328.0, (FB / 328.0) as f32, 1.0]);
-    let (_folder, path) = of(messages.chain(right).chain([truth]));
+    let (_folder, path) = write_bag(messages.chain(right).chain([truth]));
     let mut source = open(&path, "/disparity").unwrap().source;
     let frame = source.next().unwrap().unwrap();
     let (rig, truth) = (*frame.rig().unwrap(), frame.truth.unwrap());
@@ -466,7 +466,7 @@ fn foxglove_s_clouds_scans_and_transforms_are_read() {
 }
 
 #[test]
-fn what_cannot_be_a_truth_is_refused_in_one_line() {
+fn topics_that_are_no_truth_are_refused_in_one_line() {
     let with = |message: Message| pairs().into_iter().chain([message]);
     let flat = |_: usize, _: usize| 1.0;
     refused(

@@ -133,13 +133,13 @@ fn alike(a: &[CellJudgement], b: &[CellJudgement]) -> f64 {
 fn matched(frames: &[Frame]) -> [Vec<DepthGrid>; 3] {
     ALGORITHMS.map(|name| {
         let algorithm: Algorithm = name.parse().unwrap();
-        let of = |frame: &Frame| {
+        let cells = |frame: &Frame| {
             let pair = RectifiedPair::assume(&frame.pair);
             let output = algorithm.match_pair(pair, frame.rig().copied()).unwrap();
             let map = output.disparity.disparity();
             grid(map, GridSettings::default(), frame.rig())
         };
-        frames.iter().map(of).collect()
+        frames.iter().map(cells).collect()
     })
 }
 

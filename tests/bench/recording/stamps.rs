@@ -155,7 +155,7 @@ fn a_recording_whose_pairs_share_stamps_is_read_in_order() {
 #[test]
 fn a_summary_pairs_as_a_source_does() {
     let folder = tempfile::tempdir().unwrap();
-    let of = |messages: &[Message]| {
+    let count = |messages: &[Message]| {
         let path = bag::write(folder.path(), messages);
         let summary = summarize(&path).unwrap();
         let mut source = RecordingSource::open(&path).unwrap();
@@ -168,14 +168,14 @@ fn a_summary_pairs_as_a_source_does() {
         );
         frames
     };
-    assert_eq!(of(&stereo(4, |_| START_NS)), 4);
+    assert_eq!(count(&stereo(4, |_| START_NS)), 4);
     let unset = stereo(4, |_| 0).into_iter();
     let unset: Vec<_> = unset.map(|message| stamped(&message, 0, 0)).collect();
-    assert_eq!(of(&unset), 4);
+    assert_eq!(count(&unset), 4);
     // One right image is missing, and those after it wait for its partner.
     let is_missing = |at: usize| at % 4 == 3 && at / 4 == 2;
     let images = stereo(6, |i| START_NS + i / 3 * PERIOD_NS).into_iter();
     let images = images.enumerate().filter(|(at, _)| !is_missing(*at));
     let images: Vec<_> = images.map(|(_, message)| message).collect();
-    assert_eq!(of(&images), 3);
+    assert_eq!(count(&images), 3);
 }

@@ -56,7 +56,7 @@ fn judged(folder: &Path, bytes: &[u8]) -> (RecordingSummary, Recovery) {
 }
 
 #[test]
-fn that_nothing_vouches_for_the_pixels_is_said() {
+fn pixels_without_a_checksum_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = specimen(folder.path());
     let (summary, recovery) = judged(folder.path(), &bytes);
@@ -153,13 +153,13 @@ fn messages(bytes: &[u8]) -> BTreeSet<(String, u64, Vec<u8>)> {
 }
 
 #[test]
-fn whatever_is_changed_the_other_chunks_are_saved() {
+fn any_change_costs_only_its_own_chunk() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = specimen(folder.path());
     let all = messages(&bytes);
     let chunks = chunks(&bytes);
     // The messages of a chunk are those that a file without it does not have.
-    let of_chunk: Vec<_> = chunks
+    let chunk_messages: Vec<_> = chunks
         .iter()
         .map(|chunk| {
             let mut without = bytes.clone();
@@ -170,11 +170,14 @@ fn whatever_is_changed_the_other_chunks_are_saved() {
             lacking
         })
         .collect();
-    assert_eq!(of_chunk.iter().map(BTreeSet::len).sum::<usize>(), all.len());
+    assert_eq!(
+        chunk_messages.iter().map(BTreeSet::len).sum::<usize>(),
+        all.len()
+    );
     let check = |bad: &[u8], hit: Range<usize>, what: &str| {
         let (_, recovery) = judged(folder.path(), bad);
         let saved = messages(&std::fs::read(folder.path().join("saved.mcap")).unwrap());
-        for (chunk, messages) in chunks.iter().zip(&of_chunk) {
+        for (chunk, messages) in chunks.iter().zip(&chunk_messages) {
             let missed = chunk.end <= hit.start || hit.end <= chunk.start;
             assert!(
                 !missed || messages.is_subset(&saved),
@@ -198,7 +201,7 @@ fn whatever_is_changed_the_other_chunks_are_saved() {
             "{what}"
         );
     };
-    for at in (0..bytes.len() - 400).step_by(23) {
+    for at in (0..bytes.len() - 400).step_by(crate::common::step(23)) {
         let mut flipped = bytes.clone();
         flipped[at] ^= 1 << (at % 8);
         check(&flipped, at..at + 1, &format!("byte {at} flipped"));

@@ -162,26 +162,29 @@ fn after_damage_a_video_goes_on_at_the_next_keyframe() {
         .concat();
         check(&lost, &rest, "a message before it is missing");
         // One is cut off, which H.265 decoders conceal; one is another, or not a video.
-        let of = |i: usize, bytes: &[u8]| {
+        let with_packet = |i: usize, bytes: &[u8]| {
             let mut changed = all.clone();
             changed[i] = build(changed[i].topic, changed[i].log_time, codec, bytes);
             changed
         };
         let picture = &sides[0][8];
         if codec == "h264" {
-            let path = bag::write(folder.path(), &of(16, &picture[..picture.len() / 2]));
+            let path = bag::write(
+                folder.path(),
+                &with_packet(16, &picture[..picture.len() / 2]),
+            );
             assert_eq!(numbers(&path).0, rest);
         }
-        check(&of(16, b"anything"), &rest, "not in Annex B");
-        check(&of(16, &[]), &rest, "not in Annex B");
-        check(&of(16, &[0, 0, 1]), &rest, "no picture");
+        check(&with_packet(16, b"anything"), &rest, "not in Annex B");
+        check(&with_packet(16, &[]), &rest, "not in Annex B");
+        check(&with_packet(16, &[0, 0, 1]), &rest, "no picture");
         check(
-            &of(16, &sides[0][9]),
+            &with_packet(16, &sides[0][9]),
             &rest,
             "a message before it is missing",
         );
         let both = [&picture[..], &sides[0][9]].concat();
-        check(&of(16, &both), &rest, "one whole picture");
+        check(&with_packet(16, &both), &rest, "one whole picture");
         let mut other = all.clone();
         other[16] = build(LEFT, stamp(8), "av1", picture);
         check(&other, &rest, "svl reads h264 and h265");

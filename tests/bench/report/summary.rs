@@ -78,7 +78,7 @@ fn an_algorithm_is_summed_up() {
 
 #[test]
 fn percentiles_are_nearest_rank() {
-    let of = |times: std::ops::RangeInclusive<u64>| {
+    let percentiles = |times: std::ops::RangeInclusive<u64>| {
         let summary = summary(
             times.rev().map(|ms| row("v3", ms, 1000 * ms)).collect(),
             Vec::new(),
@@ -86,11 +86,11 @@ fn percentiles_are_nearest_rank() {
         let v3 = &summary.algorithms[0];
         (v3.p50_ms.unwrap(), v3.p99_ms.unwrap())
     };
-    assert_eq!(of(5..=5), (5.0, 5.0));
-    assert_eq!(of(1..=4), (2.0, 4.0));
-    assert_eq!(of(1..=100), (50.0, 99.0));
-    assert_eq!(of(1..=101), (51.0, 100.0));
-    assert_eq!(of(1..=200), (100.0, 198.0));
+    assert_eq!(percentiles(5..=5), (5.0, 5.0));
+    assert_eq!(percentiles(1..=4), (2.0, 4.0));
+    assert_eq!(percentiles(1..=100), (50.0, 99.0));
+    assert_eq!(percentiles(1..=101), (51.0, 100.0));
+    assert_eq!(percentiles(1..=200), (100.0, 198.0));
 }
 
 #[test]
@@ -197,7 +197,7 @@ fn the_answer_is_one_screen() {
 }
 
 #[test]
-fn of_a_hundred_algorithms_the_first_twelve_are_shown() {
+fn the_first_twelve_of_a_hundred_algorithms_are_shown() {
     let names: Vec<String> = (0..100).map(|i| format!("bm:uniqueness={i}")).collect();
     let right = |i: usize| 9.0 - i as f64 / 20.0;
     let algorithms: Vec<_> = names
@@ -255,7 +255,7 @@ fn columns_are_those_that_are_named() {
 #[test]
 fn a_lead_is_as_sure_as_its_interval() {
     let leads = |summary: &Summary| {
-        let of = |lead: &Lead| {
+        let facts = |lead: &Lead| {
             let second = lead.second.clone().unwrap();
             (
                 lead.metric.name,
@@ -268,17 +268,17 @@ fn a_lead_is_as_sure_as_its_interval() {
             .leads
             .iter()
             .filter(|lead| lead.metric.name != "time");
-        scored.map(of).collect::<Vec<_>>()
+        scored.map(facts).collect::<Vec<_>>()
     };
-    let of = |metric, best: &str, second: &str, certainty| {
+    let lead = |metric, best: &str, second: &str, certainty| {
         (metric, best.to_owned(), second.to_owned(), certainty)
     };
     // Equal counts are not a difference.
     let two = run(&[("v3", 6.0, 1.0, [1, 1, 1]), ("bm", 5.0, 1.0, [1, 1, 1])]);
     let expected = [
-        of("right", "v3", "bm", Certainty::Clear),
-        of("wrong", "v3", "bm", Certainty::NoDifference),
-        of("missed", "v3", "bm", Certainty::NoDifference),
+        lead("right", "v3", "bm", Certainty::Clear),
+        lead("wrong", "v3", "bm", Certainty::NoDifference),
+        lead("missed", "v3", "bm", Certainty::NoDifference),
     ];
     assert_eq!(leads(&two), expected);
     // Five pairs are too few blocks.
@@ -331,14 +331,14 @@ fn the_best_may_be_the_fastest_and_another_pass_more_checkpoints() {
 
 #[test]
 fn the_fastest_of_a_data_set_costs_errors_and_coverage() {
-    let of = |name: &'static str, bad2, coverage, us| {
+    let rows_of = |name: &'static str, bad2, coverage, us| {
         (0..60).map(move |sequence| Row {
             metrics: MetricValues::from([("bad2", bad2), ("coverage", coverage)]),
             ..row(name, sequence, us)
         })
     };
-    let rows = of("sgm", 0.02, 0.9, 9_000).chain(of("bm", 0.05, 0.6, 1_000));
-    let worse = of("v1", 0.4, 0.5, 10_000).chain(of("truth", 0.0, 1.0, 1));
+    let rows = rows_of("sgm", 0.02, 0.9, 9_000).chain(rows_of("bm", 0.05, 0.6, 1_000));
+    let worse = rows_of("v1", 0.4, 0.5, 10_000).chain(rows_of("truth", 0.0, 1.0, 1));
     let rows: Vec<_> = rows.chain(worse).collect();
     let mut summary = summary(rows.clone(), Vec::new());
     summary.perfect = vec!["truth".to_owned()];

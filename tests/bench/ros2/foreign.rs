@@ -24,7 +24,7 @@ fn cyclone_s_images_arrive_and_it_reads_the_results() {
     let fixture = Fixture::new();
     let publish = ["publish", &domain, "120", "10", "320", "240", "latched"].map(str::to_owned);
     let read = |what: &str| ["read", &domain, what, "1", "30"].map(str::to_owned);
-    let of_pixels = format!(
+    let pixel_svl = format!(
         "replay {source} --to 6 --dense --publish {}",
         address(8, "/dense")
     );
@@ -38,14 +38,14 @@ fn cyclone_s_images_arrive_and_it_reads_the_results() {
         let [points, scan, disparity, depth] = topics.each_ref().map(|topic| read(topic));
         let status = read("/diagnostics");
         let dense = read("/dense/points");
-        let of_pixels = scope.spawn(|| fixture.svl(&of_pixels));
+        let pixel_svl = scope.spawn(|| fixture.svl(&pixel_svl));
         let line = format!("replay {source} --to 6 --publish {prefix} -o live.mcap");
         let replayed = fixture.svl(&line);
-        let of_pixels = of_pixels.join().unwrap();
+        let pixel_svl = pixel_svl.join().unwrap();
         let threads = [sent, points, dense, scan, disparity, depth, status];
         let output = threads.map(|thread| thread.join().unwrap());
         if output.iter().all(Option::is_some) {
-            for ran in [replayed, of_pixels] {
+            for ran in [replayed, pixel_svl] {
                 assert_eq!(ran.code, Some(0), "{}", ran.stderr);
             }
         }

@@ -61,8 +61,8 @@ fn live_topics_are_recorded_to_be_scored() {
             .unwrap()
             .split(',')
             .position(|name| name == "result_hash");
-        let of = |line: &str| line.split(',').nth(at.unwrap()).unwrap().to_owned();
-        text.lines().map(of).collect()
+        let result_hash = |line: &str| line.split(',').nth(at.unwrap()).unwrap().to_owned();
+        text.lines().map(result_hash).collect()
     };
     let [first, second] = ["reports/ros2-1/rows.csv", "again/rows.csv"].map(rows);
     assert!(first.lines().count() > 10, "{first}");
@@ -200,7 +200,7 @@ fn info_says_what_is_published_and_why_there_are_no_pairs() {
 }
 
 #[test]
-fn what_cannot_be_opened_is_told_in_a_line() {
+fn topics_that_cannot_be_opened_are_one_line() {
     let fixture = Fixture::new();
     fixture.fails(
         "record ros2:/left -o a.mcap => 2: name two topics
@@ -236,7 +236,7 @@ fn what_cannot_be_opened_is_told_in_a_line() {
 }
 
 #[test]
-fn a_recording_survives_what_robots_do() {
+fn a_recording_survives_resets_and_restarts() {
     let fixture = Fixture::new();
     let record = |n, fault, robots: usize| {
         let robots: Vec<_> = (0..robots).map(|_| Robot::start(n, fault)).collect();

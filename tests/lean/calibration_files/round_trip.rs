@@ -1,7 +1,7 @@
 //! Calibrations written and read back in every format.
 
 use super::*;
-use crate::common::assert_says;
+use crate::common::{assert_says, cases};
 use proptest::prelude::*;
 
 fn distortion() -> impl Strategy<Value = [f64; 5]> {
@@ -48,7 +48,7 @@ fn held(format: &str, c: &StereoCalibration) -> Option<StereoCalibration> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(cases(64))]
 
     #[test]
     fn every_pair_of_formats_keeps_what_both_hold(c in calibrations(), keep in any::<bool>()) {
@@ -72,7 +72,7 @@ proptest! {
 }
 
 #[test]
-fn what_a_format_cannot_hold_is_reported() {
+fn losses_of_a_format_are_reported() {
     let folder = Folder::new();
     for (format, word) in [
         ("boofcv", "rectification"),

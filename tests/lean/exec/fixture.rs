@@ -41,7 +41,7 @@ pub(crate) fn python() -> Option<PathBuf> {
         .output()
         .is_ok_and(|output| output.status.success());
     if !found {
-        println!("skipped: no Python; name one in SVL_PYTHON");
+        crate::common::skip("no Python; SVL_PYTHON names one");
     }
     found.then_some(python)
 }

@@ -3,7 +3,7 @@
 use svl_core::matcher::{Algorithm, Value};
 
 #[test]
-fn what_cannot_be_started_is_told_before_the_first_pair() {
+fn a_command_that_cannot_start_is_told_before_the_first_pair() {
     let error = |text: &str| {
         text.parse::<Algorithm>()
             .and_then(|a| a.build())

@@ -196,27 +196,31 @@ impl Gaps<'_> {
         let ((x, y), (w, h)) = (at, self.half.size);
         let (nd, small) = (self.v5.nd(), self.small(at));
         let (wide, narrow) = (Winner(self.half, nd), Winner(self.quarter, nd.div_ceil(2)));
-        let bins = || hypotheses.iter().flatten().map(|of| of.bin);
+        let bins = || hypotheses.iter().flatten().map(|hypothesis| hypothesis.bin);
         let (least, most) = (bins().min().unwrap(), bins().max().unwrap());
-        let feature = |of: &Option<Hypothesis>| {
-            let Some(of) = of else { return [0; 15] };
-            let d = ((of.bin as usize + 8) / 16).min(nd - 1);
-            let d_small = ((of.bin as usize + 16) / 32).min(nd.div_ceil(2) - 1);
+        let feature = |hypothesis: &Option<Hypothesis>| {
+            let Some(hypothesis) = hypothesis else {
+                return [0; 15];
+            };
+            let d = ((hypothesis.bin as usize + 8) / 16).min(nd - 1);
+            let d_small = ((hypothesis.bin as usize + 16) / 32).min(nd.div_ceil(2) - 1);
             let out = x < d;
             let right = if out {
                 0
             } else {
-                signed_log(16 * wide.right((x - d, y)) - of.bin)
+                signed_log(16 * wide.right((x - d, y)) - hypothesis.bin)
             };
-            let agree = bins().filter(|bin| (bin - of.bin).abs() <= 12).count() as i64;
-            let [seen, unique, own] = of.quality;
+            let agree = bins()
+                .filter(|bin| (bin - hypothesis.bin).abs() <= 12)
+                .count() as i64;
+            let [seen, unique, own] = hypothesis.quality;
             [
-                log(1 + of.distance),
-                signed_log(of.bin - least),
-                signed_log(most - of.bin),
-                signed_log(of.bin - i64::from(self.half.filled[self.index(at)])),
-                log(8 + of.barrier) - 48,
-                log(8 + (self.grey(at) - self.grey(of.from)).abs()) - 48,
+                log(1 + hypothesis.distance),
+                signed_log(hypothesis.bin - least),
+                signed_log(most - hypothesis.bin),
+                signed_log(hypothesis.bin - i64::from(self.half.filled[self.index(at)])),
+                log(8 + hypothesis.barrier) - 48,
+                log(8 + (self.grey(at) - self.grey(hypothesis.from)).abs()) - 48,
                 2 * (wide.sum(at, d) - wide.least(at)),
                 64 * i64::from(out),
                 right,
@@ -224,7 +228,7 @@ impl Gaps<'_> {
                 2 * unique,
                 85 * own / 16,
                 85 * agree / 8,
-                signed_log(of.ends),
+                signed_log(hypothesis.ends),
                 2 * (narrow.sum(small, d_small) - narrow.least(small)),
             ]
             .map(|feature| feature.clamp(-127, 127))
@@ -287,20 +291,20 @@ impl Gaps<'_> {
         let z: Vec<i64> = (0..16)
             .map(|i| activate(dot(w[i], &pixel) + i64::from(bias[0][i])))
             .collect();
-        let (w, of_z, bias) = (tensor(24, 15), tensor(24, 16), tensor(12, 24));
+        let (w, z_weights, bias) = (tensor(24, 15), tensor(24, 16), tensor(12, 24));
         let hidden = |k: usize| -> Vec<i64> {
-            let sum = |i: usize| dot(w[i], &features[k]) + dot(of_z[i], &z);
+            let sum = |i: usize| dot(w[i], &features[k]) + dot(z_weights[i], &z);
             (0..24)
                 .map(|i| activate(sum(i) + i64::from(bias[k][i])))
                 .collect()
         };
         let exist: Vec<usize> = (0..12).filter(|&k| hypotheses[k].is_some()).collect();
         let hidden: Vec<Vec<i64>> = exist.iter().map(|&k| hidden(k)).collect();
-        let mean = |i: usize| hidden.iter().map(|of| of[i]).sum::<i64>() >> 3;
+        let mean = |i: usize| hidden.iter().map(|activations| activations[i]).sum::<i64>() >> 3;
         let mean: Vec<i64> = (0..24).map(mean).collect();
-        let (w, of_mean, bias) = (tensor(16, 24), tensor(16, 24), tensor(1, 16));
+        let (w, mean_weights, bias) = (tensor(16, 24), tensor(16, 24), tensor(1, 16));
         let choice = |hidden: &Vec<i64>| -> Vec<i64> {
-            let sum = |i: usize| dot(w[i], hidden) + dot(of_mean[i], &mean);
+            let sum = |i: usize| dot(w[i], hidden) + dot(mean_weights[i], &mean);
             (0..16)
                 .map(|i| activate(sum(i) + i64::from(bias[0][i])))
                 .collect()
@@ -308,8 +312,8 @@ impl Gaps<'_> {
         let w = tensor(1, 16);
         let score = |hidden: &Vec<i64>| (dot(w[0], &choice(hidden)) + 32) >> 6;
         let mut scores: Vec<i64> = hidden.iter().map(score).collect();
-        let (of_mean, of_z, bias) = (tensor(1, 24), tensor(1, 16), tensor(1, 1));
-        let none = dot(of_mean[0], &mean) + dot(of_z[0], &z) + i64::from(bias[0][0]);
+        let (mean_weights, z_weights, bias) = (tensor(1, 24), tensor(1, 16), tensor(1, 1));
+        let none = dot(mean_weights[0], &mean) + dot(z_weights[0], &z) + i64::from(bias[0][0]);
         scores.push((none + 32) >> 6);
         let most = *scores.iter().max().unwrap();
         let exp = |score: &i64| match most - score {
@@ -341,10 +345,10 @@ impl Gaps<'_> {
             let xs = column * w / columns..(column + 1) * w / columns;
             let ys = row * h / rows..(row + 1) * h / rows;
             // Those of the lattice, or the last one before.
-            let places = |of: std::ops::Range<usize>, step: usize| -> Vec<usize> {
-                let all: Vec<_> = of.clone().filter(|i| i % step == 0).collect();
+            let places = |range: std::ops::Range<usize>, step: usize| -> Vec<usize> {
+                let all: Vec<_> = range.clone().filter(|i| i % step == 0).collect();
                 if all.is_empty() {
-                    vec![of.start / step * step]
+                    vec![range.start / step * step]
                 } else {
                     all
                 }
@@ -353,14 +357,14 @@ impl Gaps<'_> {
             let pixels = ys.iter().flat_map(|y| xs.iter().map(|x| (*x, *y)));
             let votes: Vec<Votes> = pixels.map(|at| self.votes(at)).collect();
             let (mut below, mut none, mut agreed) = (vec![0; n + 1], 0, 0);
-            for of in &votes {
-                for (bin, votes) in &of.bins {
+            for pixel_votes in &votes {
+                for (bin, votes) in &pixel_votes.bins {
                     below[*bin as usize + 1..]
                         .iter_mut()
                         .for_each(|sum| *sum += votes);
                 }
-                none += of.none;
-                agreed += of.agreed;
+                none += pixel_votes.none;
+                agreed += pixel_votes.agreed;
             }
             let (rank, any) = (self.v5.rank, below[n]);
             let total = any + none;

@@ -3,7 +3,6 @@
 pub(crate) mod bm;
 pub(crate) mod dp;
 pub(crate) mod gaps;
-pub(crate) mod pushbroom;
 pub(crate) mod scenes;
 pub(crate) mod sgm;
 pub(crate) mod symmetric;

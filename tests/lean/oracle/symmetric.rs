@@ -129,11 +129,11 @@ impl Symmetric {
             return Err((Reason::Ambiguous, ssdpi));
         }
         let u = x - winner;
-        let of_right = (self.min..=self.max)
+        let right_winner = (self.min..=self.max)
             .filter(|d| inside(u + d))
             .min_by_key(|&d| (cost(u + d, d), d))
             .unwrap();
-        if (of_right - winner).abs() > self.symmetry_tolerance {
+        if (right_winner - winner).abs() > self.symmetry_tolerance {
             return Err((Reason::Inconsistent, ssdpi));
         }
         let refined = if self.subpixel {

@@ -123,9 +123,12 @@ impl V5 {
 
     /// The steps for a map's images, halved again.
     #[allow(dead_code, reason = "each test program uses its part of this module")]
-    pub(crate) fn quarter_steps(&self, of: &Steps) -> Steps {
-        let size = (of.size.0 / 2, of.size.1 / 2);
-        self.steps_of(of.half.each_ref().map(|half| halved(half, of.size)), size)
+    pub(crate) fn quarter_steps(&self, steps: &Steps) -> Steps {
+        let size = (steps.size.0 / 2, steps.size.1 / 2);
+        self.steps_of(
+            steps.half.each_ref().map(|half| halved(half, steps.size)),
+            size,
+        )
     }
 
     fn steps_of(&self, half: [Vec<u16>; 2], size: (usize, usize)) -> Steps {
@@ -366,7 +369,7 @@ impl V5 {
                 (half(p) - half(p - 1)).abs()
             }
         };
-        let sum = |of: &dyn Fn(usize) -> i64| pixels.iter().map(|&p| of(p)).sum::<i64>();
+        let sum = |value: &dyn Fn(usize) -> i64| pixels.iter().map(|&p| value(p)).sum::<i64>();
         [
             report,
             median,

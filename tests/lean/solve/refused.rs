@@ -1,6 +1,7 @@
 //! Refused calibrations: the message is one line with the remedy; nothing panics.
 
 use super::simulated::{Simulated, Spoil};
+use crate::common::cases;
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use proptest::prelude::*;
 use svl_calibrate::{Board, StereoView, solve};
@@ -178,7 +179,7 @@ fn reasons_describe_what_happened() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, ..ProptestConfig::default() })]
+    #![proptest_config(cases(200))]
 
     #[test]
     fn nothing_panics(

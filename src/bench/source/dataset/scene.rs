@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use svl_calibrate::files::{read_calib, read_projections};
 use svl_core::stereo::{Exposure, Frame, Geometry, Rig};
 use svl_core::{Error, Result};
-use svl_data::files::{BitDepth, DECIDING_PAIRS, DecodedImage, IMAGE_ENDINGS, read_image};
-use svl_data::recording::StampOrigin;
+use svl_files::{BitDepth, DECIDING_PAIRS, DecodedImage, IMAGE_ENDINGS, read_image};
+use svl_recording::StampOrigin;
 
 /// A left and a right image, and if they exist, truth, mask and calibration: a folder of its own,
 /// or one of many numbered scenes that share a folder, as in KITTI.
@@ -118,7 +118,7 @@ impl Scene {
                     }
                 }
                 (folder, own) => Self::find(&root.join(name), name).map_or_else(
-                    || Self::of_number(&root.join(folder), &prefix(folder), own),
+                    || Self::by_number(&root.join(folder), &prefix(folder), own),
                     |scene| Ok(vec![scene]),
                 )?,
             };
@@ -137,7 +137,7 @@ impl Scene {
     }
 
     /// A scene by its number, or by its frame's name as KITTI's results have it, `000000_10`.
-    fn of_number(folder: &Path, prefix: &str, name: &str) -> Result<Vec<Self>> {
+    fn by_number(folder: &Path, prefix: &str, name: &str) -> Result<Vec<Self>> {
         let numbers = [Some(name), name.strip_suffix("_10")].into_iter().flatten();
         let pairs = files().flat_map(|f| f.pairs).filter(|pair| pair.numbered());
         let mut named = pairs.flat_map(|pair| numbers.clone().map(move |number| (pair, number)));

@@ -5,7 +5,7 @@ use super::files;
 use std::path::{Path, PathBuf};
 use svl_core::stereo::{Plane, Truth, TruthDensity, TruthKind, Visibility, cross_check};
 use svl_core::{Error, Result};
-use svl_data::files::{read_mask, read_pfm, read_scaled_disparity};
+use svl_files::{read_mask, read_pfm, read_scaled_disparity};
 
 /// The truth of a scene whose images have this size, if there is one. `file` finds a file of the
 /// scene by its name. Visibility comes from the scene's mask, or else from the right truth or the

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use svl_calibrate::files::{self, read_calib, read_projections};
 use svl_core::Result;
 use svl_core::stereo::{Geometry, StereoCalibration};
-use svl_data::files::read_text;
+use svl_files::read_text;
 
 pub(super) const CALIB: &str = "calib.txt";
 /// KITTI's, of a whole day.
@@ -56,7 +56,7 @@ pub(super) fn cameras(
         Cameras::Rectified | Cameras::Projections(_) => rectified(None),
         Cameras::Sensors(folders) => sensors(folders).unwrap_or_else(|| rectified(None)),
         Cameras::RawSensors(folders) => sensors(folders).unwrap_or_else(|| raw(Ok(None))),
-        Cameras::CamToCam(projections) => match of_the_day(folder) {
+        Cameras::CamToCam(projections) => match calibration_of_the_day(folder) {
             Some(path) => {
                 let [left, right] = projections;
                 let rig = read_projections(&path, left, right)?;
@@ -78,7 +78,7 @@ pub(super) fn cameras(
 }
 
 /// KITTI's calibration of the day, in the folder or in one of the two above it.
-fn of_the_day(folder: &Path) -> Option<PathBuf> {
+fn calibration_of_the_day(folder: &Path) -> Option<PathBuf> {
     let folder = folder.canonicalize().ok()?;
     let files = folder
         .ancestors()
@@ -88,7 +88,7 @@ fn of_the_day(folder: &Path) -> Option<PathBuf> {
 }
 
 /// Reason why a pair does not fit the rig of earlier pairs.
-pub(super) fn of_another_size(first: (usize, usize), own: (usize, usize)) -> String {
+pub(super) fn size_mismatch(first: (usize, usize), own: (usize, usize)) -> String {
     format!(
         "has {}x{} pixels, the calibration is for images of {}x{}",
         own.0, own.1, first.0, first.1

@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use svl_core::{Error, Result};
-use svl_data::files::IMAGE_ENDINGS;
+use svl_files::IMAGE_ENDINGS;
 
 /// A folder of many pairs.
 pub(super) struct Layout {

@@ -10,7 +10,7 @@ mod truth;
 pub use truth::FolderTruth;
 
 use super::Source;
-use cameras::{cameras, of_another_size};
+use cameras::{cameras, size_mismatch};
 use layout::Layout;
 use pairs::{PairFiles, pairs};
 use poses::poses;
@@ -18,8 +18,8 @@ use stamps::{Stamp, stamps};
 use std::path::{Path, PathBuf};
 use svl_core::stereo::{Exposure, Frame, Geometry, Losses, Pose, StereoCalibration};
 use svl_core::{Error, Result};
-use svl_data::files::{BitDepth, DECIDING_PAIRS, DecodedImage, read_image};
-use svl_data::recording::{StampOrigin, TruthSelection};
+use svl_files::{BitDepth, DECIDING_PAIRS, DecodedImage, read_image};
+use svl_recording::{StampOrigin, TruthSelection};
 
 /// Options of a folder.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -77,7 +77,7 @@ impl FolderSource {
             }
         };
         let size = size(&found.pairs)?;
-        let of_cameras = cameras(folder, found.layout, size)?;
+        let calibrated = cameras(folder, found.layout, size)?;
         // One that cannot be read is reported in its turn.
         let readable = found
             .pairs
@@ -97,8 +97,8 @@ impl FolderSource {
             unpaired: found.unpaired,
             unreadable: 0,
             depth,
-            geometry: of_cameras.geometry,
-            calibration: of_cameras.calibration,
+            geometry: calibrated.geometry,
+            calibration: calibrated.calibration,
             size,
             sizes_differ: false,
             next: 0,
@@ -153,7 +153,7 @@ impl FolderSource {
         let pair = self.depth.pair(read(files)?);
         let (pair, color) = pair.map_err(|e| wrong(e.to_string()))?;
         if self.geometry.rig().is_some() && pair.size() != self.size {
-            return Err(wrong(of_another_size(self.size, pair.size())));
+            return Err(wrong(size_mismatch(self.size, pair.size())));
         }
         let sequence = number as u64;
         Ok(Frame {

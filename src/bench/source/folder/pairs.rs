@@ -5,7 +5,7 @@ use super::layout::{Images, LAYOUTS, Layout, entries, find, known, natural, stem
 use std::path::{Path, PathBuf};
 use svl_core::counted;
 use svl_core::{Error, Result};
-use svl_data::files::IMAGE_ENDINGS;
+use svl_files::IMAGE_ENDINGS;
 
 /// The pairs of a folder in natural order.
 pub(super) struct FoundPairs {
@@ -158,8 +158,8 @@ fn ordered(mut pairs: Vec<PairFiles>) -> Vec<PairFiles> {
     pairs
 }
 
-/// Number of names that a message lists of each kind.
-const LISTED: usize = 4;
+/// Largest number of names that a message lists of each kind.
+const MAX_LISTED: usize = 4;
 
 /// Content of a folder, in words.
 fn contents(folder: &Path) -> Result<String> {
@@ -185,11 +185,15 @@ fn contents(folder: &Path) -> Result<String> {
 }
 
 fn listed(paths: &[PathBuf], noun: &str) -> String {
-    let names = paths.iter().take(LISTED);
+    let names = paths.iter().take(MAX_LISTED);
     let names: Vec<_> = names
         .map(|path| path.file_name().unwrap_or_default().to_string_lossy())
         .collect();
-    let more = if paths.len() > LISTED { ", …" } else { "" };
+    let more = if paths.len() > MAX_LISTED {
+        ", …"
+    } else {
+        ""
+    };
     let count = counted(paths.len() as u64, noun);
     format!("{count} ({}{more})", names.join(", "))
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use svl_calibrate::files::read_offset;
 use svl_core::stereo::{Pose, motion};
 use svl_core::{Error, Result};
-use svl_data::files::read_text;
+use svl_files::read_text;
 
 /// Limit of the file's size, bytes: a million lines.
 const MAX_BYTES: u64 = 1 << 28;
@@ -29,11 +29,11 @@ pub(super) fn poses(
         return none();
     };
     let real = folder.canonicalize().map_err(|e| Error::io(folder, e))?;
-    let of_sequence = || {
+    let sequence_poses = || {
         let name = format!("{}.txt", real.file_name()?.to_str()?);
         Some(real.parent()?.parent()?.join("poses").join(name))
     };
-    let places = [Some(real.join("poses.txt")), of_sequence()];
+    let places = [Some(real.join("poses.txt")), sequence_poses()];
     let Some(path) = places.into_iter().flatten().find(|path| path.is_file()) else {
         return none();
     };
@@ -56,11 +56,11 @@ pub(super) fn poses(
         pose(line).map_err(|why| Error::format(&path, format!("line {}: {why}", i + 1)))
     };
     let poses = lines.enumerate().map(line).collect::<Result<Vec<_>>>()?;
-    let of_pair = |pair: &PairFiles| {
+    let pose = |pair: &PairFiles| {
         let number: usize = std::str::from_utf8(&pair.key).ok()?.parse().ok()?;
         Some(poses.get(number)? * to_left.inverse())
     };
-    Ok(pairs.iter().map(of_pair).collect())
+    Ok(pairs.iter().map(pose).collect())
 }
 
 /// The pose in a line: row by row the rotation and the translation, x right, y down, z ahead; moved

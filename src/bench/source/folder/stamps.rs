@@ -5,7 +5,7 @@ use super::pairs::PairFiles;
 use std::collections::HashMap;
 use std::path::Path;
 use svl_core::{Error, Result};
-use svl_data::files::{IMAGE_ENDINGS, read_text};
+use svl_files::{IMAGE_ENDINGS, read_text};
 
 /// Limit of the size of a file of stamps, in bytes: some million lines.
 const MAX_BYTES: u64 = 1 << 28;
@@ -160,7 +160,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_that_are_times() {
+    fn names_that_are_times_are_parsed() {
         let ns = 1_403_715_273_262_142_976;
         for (name, expected) in [
             ("1403715273262142976", Some(ns)),
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn kitti_s_times() {
+    fn times_of_kitti_are_parsed() {
         assert_eq!(time_ns("1.036224e-01"), Some(103_622_400));
         let date = time_ns("2011-09-26 13:02:25.964389445").unwrap();
         assert_eq!(date, 1_317_042_145_964_389_445);

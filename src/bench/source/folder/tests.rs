@@ -1,7 +1,7 @@
 //! Folders with the layouts that users have, one by one.
 
 use super::*;
-use svl_data::files::encode_png;
+use svl_files::encode_png;
 use tempfile::TempDir;
 
 /// A folder with these files: images whose only pixel is their number in the list, and texts.
@@ -275,7 +275,7 @@ fn images_of_both_are_split() {
 }
 
 #[test]
-fn what_holds_no_pair_is_told() {
+fn folders_without_pairs_are_reported() {
     let folder = folder(&["a.png", "b.png", "sub/c.png"], &[("notes.txt", "")]);
     let error = open(&folder).err().unwrap().to_string();
     for words in [
@@ -291,7 +291,7 @@ fn what_holds_no_pair_is_told() {
 }
 
 #[test]
-fn what_cannot_be_read_is_counted() {
+fn unreadable_files_are_counted() {
     let images = [
         "left/1.png",
         "right/1.png",
@@ -328,7 +328,7 @@ fn names_that_are_not_utf_8_are_read() {
 }
 
 #[test]
-fn cameras_of_a_folder() {
+fn cameras_of_a_folder_are_read() {
     let calib = "cam0=[300 0 1; 0 300 0; 0 0 1]\ncam1=[300 0 1; 0 300 0; 0 0 1]\ndoffs=0\n\
                  baseline=100\n";
     let images = ["left/1.png", "right/1.png"];

@@ -9,9 +9,9 @@ use svl_calibrate::files::read_scanner;
 use svl_core::depth::project;
 use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity};
 use svl_core::{Error, Result, counted};
-use svl_data::files::{has_ending, read_depth, read_disparity_steps, read_points};
-use svl_data::plausibility::{TruthUnit, is_better_match};
-use svl_data::recording::{RawCamera, TruthSelection, disparities};
+use svl_files::{has_ending, read_depth, read_disparity_steps, read_points};
+use svl_recording::{RawCamera, TruthSelection, disparities};
+use svl_score::plausibility::{TruthUnit, is_better_match};
 
 /// Extensions of the files that are read.
 const ENDINGS: &[&str] = &["png", "tif", "tiff", "npy", "npz", "pfm", "bin"];
@@ -29,8 +29,8 @@ const USUAL: [&str; 7] = [
 const INTEGERS: [&str; 3] = ["png", "tif", "tiff"];
 /// KITTI's images are 256 times the disparity.
 const KITTI: TruthUnit = TruthUnit::Disparity(256.0);
-/// Difference of time above which a measurement is reported.
-const LATE_NS: u64 = 5_000_000;
+/// Largest difference of time between image and measurement that is not reported.
+const MAX_OFFSET_NS: u64 = 5_000_000;
 
 /// The files of a pattern, as truths of a folder's pairs.
 pub struct FolderTruth {
@@ -209,7 +209,7 @@ impl FolderTruth {
         } else {
             TruthDensity::Dense
         };
-        frame.truth = Some(Truth::of_sensor(disparity, density, &self.name()));
+        frame.truth = Some(Truth::from_sensor(disparity, density, &self.name()));
         Ok(())
     }
 
@@ -239,16 +239,16 @@ impl FolderTruth {
         };
         let depth = read_depth(path, unit_m)?;
         let rig = rig.ok_or_else(|| self.wrong("depths need a calibration: --calib FILE"))?;
-        let of_depth = disparities(&depth, &rig);
+        let from_depth = disparities(&depth, &rig);
         let has_integers = INTEGERS.iter().any(|ending| has_ending(path, ending));
         let is_open = self.unit.is_none() && has_integers && !self.has_decided;
-        if is_open && of_depth.size() == frame.pair.size() {
+        if is_open && from_depth.size() == frame.pair.size() {
             self.has_decided = true;
             let TruthUnit::Disparity(scale) = KITTI else {
-                return Ok(of_depth);
+                return Ok(from_depth);
             };
             let as_disparity = read_disparity_steps(path, scale)?;
-            if is_better_match(&frame.pair, &as_disparity, &of_depth) {
+            if is_better_match(&frame.pair, &as_disparity, &from_depth) {
                 tracing::warn!(
                     "--truth '{}': its values match the two images as disparities and not as \
                      depths: read as :{KITTI}; :unit=0.001 is for depths in millimetres",
@@ -258,7 +258,7 @@ impl FolderTruth {
                 return Ok(as_disparity);
             }
         }
-        Ok(of_depth)
+        Ok(from_depth)
     }
 
     /// Warns once of names and times that fit no pair.
@@ -280,7 +280,7 @@ impl FolderTruth {
 
     /// Warns once of a file of another time: nothing moves it to that of the pair.
     fn warn_of_time(&mut self, frame: &Frame, path: &Path, apart_ns: u64) {
-        let is_late = apart_ns > LATE_NS && frame.stamp_ns > 0;
+        let is_late = apart_ns > MAX_OFFSET_NS && frame.stamp_ns > 0;
         if !is_late || std::mem::replace(&mut self.told.late, true) {
             return;
         }

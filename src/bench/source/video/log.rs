@@ -87,7 +87,7 @@ mod tests {
     use std::io::Write;
 
     #[test]
-    fn times_and_errors_of_a_log_that_grows() {
+    fn a_growing_log_gives_times_and_errors() {
         let written = tempfile::NamedTempFile::new().unwrap();
         let mut log = DecoderLog::new(written.reopen().unwrap());
         let write = |text: &str| written.as_file().write_all(text.as_bytes()).unwrap();

@@ -10,9 +10,9 @@ use std::path::Path;
 use stream::VideoStream;
 use svl_core::stereo::{Exposure, Frame, Geometry, Losses};
 use svl_core::{Error, Result};
-use svl_data::files::{BitDepth, DecodedImage};
-use svl_data::pairing::{Nearest, WaitingStamps};
-use svl_data::recording::StampOrigin;
+use svl_files::pairing::{Nearest, WaitingStamps};
+use svl_files::{BitDepth, DecodedImage};
+use svl_recording::StampOrigin;
 
 /// Extensions of videos.
 const ENDINGS: &[&str] = &[

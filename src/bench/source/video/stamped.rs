@@ -3,8 +3,8 @@
 use super::stream::VideoStream;
 use std::collections::VecDeque;
 use svl_core::Result;
-use svl_data::files::DecodedImage;
-use svl_data::recording::StampOrigin;
+use svl_files::DecodedImage;
+use svl_recording::StampOrigin;
 
 /// Rate of the stamps if none is known.
 const NOMINAL_HZ: f64 = 10.0;

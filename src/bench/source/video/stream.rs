@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use svl_core::stereo::{Gray, MAX_SIDE};
 use svl_core::{Error, Result};
-use svl_data::files::{DecodedImage, ffmpeg};
+use svl_files::{DecodedImage, ffmpeg};
 
 /// Options for an input: the times of an AVI are those of its index, which has damaged frames too.
 const BY_INDEX: [&str; 2] = ["-fflags", "+sortdts"];
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn what_ffprobe_says() {
+    fn output_of_ffprobe_is_parsed() {
         let stream = r#""width":4,"height":2,"pix_fmt":"gray","avg_frame_rate":"30000/1001""#;
         let packets = r#""packets":[{"pts_time":"1.1"},{"pts_time":"1.3"},{"pts_time":"1.2"}]"#;
         let found = info(&format!(

@@ -10,7 +10,7 @@ use crate::cli::shared::viewer::RerunChoice;
 use anyhow::{anyhow, bail};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use svl::calibrate::{Board, LEAST_VIEWS, Solution, files, solve};
+use svl::calibrate::{Board, MIN_VIEWS, Solution, files, solve};
 use svl::outputs::Outputs;
 use svl::rectify::{Framing, bouguet};
 use svl::report::calibration;
@@ -176,7 +176,7 @@ fn calibrate(
             folder.path().display()
         ),
     };
-    if collected.views.len() < LEAST_VIEWS {
+    if collected.views.len() < MIN_VIEWS {
         return Err(kept(collected.too_few(&args.source, &board)));
     }
     let solution = solve(&board, collected.size, &collected.views);

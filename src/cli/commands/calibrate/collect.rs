@@ -10,7 +10,7 @@ use std::fmt::{Display, Formatter};
 use std::time::{Duration, Instant};
 use svl::calibrate::choose::{Chooser, ENOUGH, MissingCoverage, Refusal};
 use svl::calibrate::detect::PairDetector;
-use svl::calibrate::{Board, LEAST_VIEWS, StereoView};
+use svl::calibrate::{Board, MIN_VIEWS, StereoView};
 use svl::run::report_losses;
 use svl::source::Opened;
 use svl::stereo::Frame;
@@ -69,9 +69,7 @@ pub(super) fn collect(
         }
         let chooser = chooser.get_or_insert_with(|| {
             if frame.rig().is_some() {
-                bar.suspend(|| {
-                    tracing::warn!("{}: its images are rectified already", opened.source.name())
-                });
+                bar.suspend(|| warn_of_rectified(&opened));
             }
             found.size = frame.pair.size();
             Chooser::new(board, found.size)
@@ -98,45 +96,21 @@ pub(super) fn collect(
                     view: &view,
                     missing: chooser.missing(),
                 };
-                match bar.suspend(|| prompt.ask(&offer))? {
-                    Decision::Accept => {
-                        folder.keep(&frame, &view)?;
-                        found.accepted.push(name(&frame));
-                        chooser.keep(view);
-                        "accepted".to_owned()
-                    }
-                    Decision::Decline => {
-                        chooser.decline(&view);
-                        *found.refused.entry("not wanted".to_owned()).or_default() += 1;
-                        "not wanted".to_owned()
-                    }
-                    Decision::Stop => break,
+                let decision = bar.suspend(|| prompt.ask(&offer))?;
+                match found.follow(decision, &frame, view, chooser, folder)? {
+                    Some(word) => word,
+                    None => break,
                 }
             }
         };
-        let missing = chooser.missing();
-        let missing = if missing.is_empty() {
-            String::new()
-        } else {
-            format!("; still missing: {missing}")
-        };
         bar.inc(1);
-        bar.set_message(format!(
-            "{} of {ENOUGH} accepted, last {word}{missing}",
-            chooser.views().len()
-        ));
+        bar.set_message(progress(chooser, &word));
         if chooser.is_done() {
             break;
         }
     }
     bar.finish_and_clear();
-    if let Some(failure) = found
-        .failure
-        .as_ref()
-        .filter(|_| folder.pairs() >= LEAST_VIEWS)
-    {
-        tracing::warn!("{failure:#}; calibrating from the views before it");
-    }
+    found.warn_of_failure(folder);
     prompt.finish()?;
     report_losses(&opened.source.name(), &opened.source.finish(found.pairs));
     if let Some(chooser) = chooser {
@@ -144,6 +118,22 @@ pub(super) fn collect(
         found.views = chooser.views().to_vec();
     }
     Ok(found)
+}
+
+fn warn_of_rectified(opened: &Opened) {
+    tracing::warn!("{}: its images are rectified already", opened.source.name());
+}
+
+/// The message of the bar; `word` is what became of the last pair.
+fn progress(chooser: &Chooser, word: &str) -> String {
+    let missing = chooser.missing();
+    let missing = if missing.is_empty() {
+        String::new()
+    } else {
+        format!("; still missing: {missing}")
+    };
+    let accepted = chooser.views().len();
+    format!("{accepted} of {ENOUGH} accepted, last {word}{missing}")
 }
 
 /// The name of a pair in messages: its own, or its number.
@@ -178,11 +168,11 @@ struct Lag {
 
 impl Lag {
     /// Pairs that waited longer are skipped: the board is elsewhere by now.
-    const MOST: Duration = Duration::from_millis(250);
+    const MAX_LAG: Duration = Duration::from_millis(250);
 
     fn is_late(&mut self, stamp_ns: u64) -> bool {
         let (began, first_ns) = *self.first.get_or_insert((Instant::now(), stamp_ns));
-        began.elapsed() > Duration::from_nanos(stamp_ns.saturating_sub(first_ns)) + Self::MOST
+        began.elapsed() > Duration::from_nanos(stamp_ns.saturating_sub(first_ns)) + Self::MAX_LAG
     }
 }
 
@@ -208,6 +198,39 @@ impl Collected {
         word
     }
 
+    /// Keeps or declines an offered view, and returns a word for it; `None` to stop.
+    fn follow(
+        &mut self,
+        decision: Decision,
+        frame: &Frame,
+        view: StereoView,
+        chooser: &mut Chooser,
+        folder: &mut ReportFolder,
+    ) -> anyhow::Result<Option<String>> {
+        Ok(match decision {
+            Decision::Accept => {
+                folder.keep(frame, &view)?;
+                self.accepted.push(name(frame));
+                chooser.keep(view);
+                Some("accepted".to_owned())
+            }
+            Decision::Decline => {
+                chooser.decline(&view);
+                *self.refused.entry("not wanted".to_owned()).or_default() += 1;
+                Some("not wanted".to_owned())
+            }
+            Decision::Stop => None,
+        })
+    }
+
+    /// Warns of an error that ended the search, if there are enough views without it.
+    fn warn_of_failure(&self, folder: &ReportFolder) {
+        let failure = self.failure.as_ref();
+        if let Some(failure) = failure.filter(|_| folder.pairs() >= MIN_VIEWS) {
+            tracing::warn!("{failure:#}; calibrating from the views before it");
+        }
+    }
+
     /// Reason why there are not enough views, with the cure.
     pub(super) fn too_few(self, source: &str, board: &Board) -> anyhow::Error {
         if let Some(failure) = self.failure {
@@ -231,7 +254,7 @@ impl Collected {
                 self.reasons()
             ),
             (views, ..) => format!(
-                "{source}: {views} of {} pairs accepted, at least {LEAST_VIEWS} are needed ({})",
+                "{source}: {views} of {} pairs accepted, at least {MIN_VIEWS} are needed ({})",
                 self.pairs,
                 self.reasons()
             ),

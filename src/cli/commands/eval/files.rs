@@ -47,8 +47,13 @@ impl ImageFiles {
                 object_map: args.object_map.clone(),
             }]);
         }
-        let truths = Folder::read(truth)?;
-        let disparities = Folder::read(disparity)?;
+        Self::in_folders(args)
+    }
+
+    /// One image per file of the folder of truths.
+    fn in_folders(args: &Args) -> anyhow::Result<Vec<Self>> {
+        let truths = Folder::read(&args.ground_truth)?;
+        let disparities = Folder::read(&args.disparity)?;
         let masks = args
             .mask
             .iter()
@@ -56,7 +61,7 @@ impl ImageFiles {
             .collect::<anyhow::Result<Vec<_>>>()?;
         let right_truths = args.right_truth.as_deref().map(Folder::read).transpose()?;
         let object_maps = args.object_map.as_deref().map(Folder::read).transpose()?;
-        let of = |folder: &Option<Folder>, name: &str| {
+        let optional = |folder: &Option<Folder>, name: &str| {
             folder.as_ref().map(|folder| folder.file(name)).transpose()
         };
         let image = |(name, truth): (&String, &PathBuf)| {
@@ -68,8 +73,8 @@ impl ImageFiles {
                     .iter()
                     .map(|folder| folder.file(name))
                     .collect::<anyhow::Result<_>>()?,
-                right_truth: of(&right_truths, name)?,
-                object_map: of(&object_maps, name)?,
+                right_truth: optional(&right_truths, name)?,
+                object_map: optional(&object_maps, name)?,
             })
         };
         let images = truths
@@ -85,7 +90,7 @@ impl ImageFiles {
             tracing::warn!(
                 "{}: has no truth in {}; skipped",
                 file.display(),
-                truth.display()
+                args.ground_truth.display()
             );
         }
         Ok(images)

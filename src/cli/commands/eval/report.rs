@@ -42,11 +42,11 @@ pub(super) fn print_scores(
     }
     let masks =
         (columns.len() > 1).then(|| labels.iter().map(String::as_str).zip(&columns).collect());
-    let of_each = images
+    let images_json = images
         .iter()
         .zip(&scores[0])
         .map(|(files, score)| (files.name.as_str(), score.numbers()));
-    let images = folders.then(|| of_each.collect());
+    let images = folders.then(|| images_json.collect());
     print_json(&EvalReport {
         protocol: args.protocol.name(),
         numbers: &columns[0],

@@ -81,7 +81,7 @@ fn truth(facts: &TruthFacts) -> String {
     if let Some(error) = error {
         return format!("truth      {option}{topic}: {error}");
     }
-    let of_pairs = match pairs {
+    let among_pairs = match pairs {
         1 => "the first pair".to_owned(),
         n => format!("{scored_pairs} of the first {n} pairs"),
     };
@@ -96,7 +96,7 @@ fn truth(facts: &TruthFacts) -> String {
         format!("; {pixels} impossible, or zeros in place of none: not used")
     });
     format!(
-        "truth      {option}{topic}: scores {scored_cells} of {cells} cells, in {of_pairs}{}{}",
+        "truth      {option}{topic}: scores {scored_cells} of {cells} cells, in {among_pairs}{}{}",
         distance.or(disparity).unwrap_or_default(),
         impossible.unwrap_or_default()
     )

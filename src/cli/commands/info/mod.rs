@@ -4,7 +4,7 @@ mod first_pairs;
 
 use crate::cli::shared::progress::listen_for_interrupt;
 use crate::cli::shared::terminal::{
-    LISTED, losses, missing, print, print_json, size, width, wrapped,
+    MAX_LISTED, losses, missing, print, print_json, size, width, wrapped,
 };
 use std::path::PathBuf;
 use svl::manifest::Manifest;
@@ -13,7 +13,7 @@ use svl::recording::{
     Topic, UnpairedImages, VideoSummary, is_bag,
 };
 use svl::report::table::{Table, TerminalStyle};
-use svl::source::{Heard, Request, SourceFacts, are_live_topics, listen};
+use svl::source::{Heard, Request, SourceFacts, SourceKind};
 use svl::{counted, interrupt};
 
 /// Show the contents of a recording, and check its integrity
@@ -40,11 +40,12 @@ pub(crate) struct Args {
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let name = args.file.to_string_lossy();
-    let live = if are_live_topics(&name) {
-        listen_for_interrupt();
-        Some(listen(&name, interrupt::requested)?)
-    } else {
-        None
+    let live = match SourceKind::topics(&name) {
+        Some(topics) => {
+            listen_for_interrupt();
+            Some((topics.listen)(&name, interrupt::requested)?)
+        }
+        None => None,
     };
     let file = live.as_ref().map_or_else(|| args.file.clone(), Heard::bag);
     let is_recording = !file.is_dir() || is_bag(&file);
@@ -144,10 +145,10 @@ fn heard_lines(name: &str, heard: &Heard) -> Vec<String> {
     let lost = lost.iter();
     lines
         .extend(lost.map(|(topic, n)| format!("lost       {} of {topic}", counted(*n, "message"))));
-    let listed = others.iter().take(LISTED);
+    let listed = others.iter().take(MAX_LISTED);
     lines.extend(listed.map(|(topic, schema)| format!("other      {topic}, {schema}")));
-    if others.len() > LISTED {
-        let more = others.len() - LISTED;
+    if others.len() > MAX_LISTED {
+        let more = others.len() - MAX_LISTED;
         lines.push(format!("           and {more} more; --json lists them"));
     }
     lines
@@ -188,12 +189,13 @@ fn file_lines(summary: &RecordingSummary) -> Vec<String> {
             }
         },
     ];
-    if let Some(Manifest {
+    let manifest = summary.manifest.clone().map(serde_json::from_value);
+    if let Some(Ok(Manifest {
         run_id,
         began,
         machine,
         ..
-    }) = &summary.manifest
+    })) = manifest
     {
         lines.push(format!(
             "run        {run_id}, began {began} on {}",
@@ -411,7 +413,7 @@ fn gaps(summary: &RecordingSummary) -> Vec<String> {
         seconds(longest)
     )];
     let after = |ns: u64| seconds(ns.saturating_sub(summary.start_ns));
-    let listed = summary.gaps.iter().take(LISTED);
+    let listed = summary.gaps.iter().take(MAX_LISTED);
     lines.extend(listed.map(|gap| {
         format!(
             "           {} after {}",
@@ -419,10 +421,10 @@ fn gaps(summary: &RecordingSummary) -> Vec<String> {
             after(gap.after_ns)
         )
     }));
-    if summary.gaps.len() > LISTED {
+    if summary.gaps.len() > MAX_LISTED {
         lines.push(format!(
             "           and {} more; --json lists them",
-            summary.gaps.len() - LISTED
+            summary.gaps.len() - MAX_LISTED
         ));
     }
     lines
@@ -445,7 +447,7 @@ fn clock(summary: &RecordingSummary) -> Vec<String> {
     let mut lines = vec![format!(
         "clock      the stamps of the left images jump {many}"
     )];
-    lines.extend(jumps.iter().take(LISTED).map(|jump| {
+    lines.extend(jumps.iter().take(MAX_LISTED).map(|jump| {
         let way = if jump.by_ns < 0 { "back" } else { "ahead" };
         format!(
             "           {way} by {} after {}",
@@ -453,8 +455,8 @@ fn clock(summary: &RecordingSummary) -> Vec<String> {
             seconds(jump.after_ns)
         )
     }));
-    if jumps.len() > LISTED {
-        let more = jumps.len() - LISTED;
+    if jumps.len() > MAX_LISTED {
+        let more = jumps.len() - MAX_LISTED;
         lines.push(format!("           and {more} more; --json lists them"));
     }
     lines
@@ -469,9 +471,9 @@ fn poses(summary: &PoseSummary) -> Vec<String> {
         unusable,
         faulty,
     } = summary;
-    let of_frame = |of: &FramePoses| {
-        let rate = of.rate_hz.map(|hz| format!(", {hz:.2} a second"));
-        let largest = of.largest.map(|step| {
+    let words = |frame: &FramePoses| {
+        let rate = frame.rate_hz.map(|hz| format!(", {hz:.2} a second"));
+        let largest = frame.largest.map(|step| {
             format!(
                 ", largest step {:.3} m, {:.1}° in {:.0} ms",
                 step.metres,
@@ -479,24 +481,24 @@ fn poses(summary: &PoseSummary) -> Vec<String> {
                 (step.end_ns - step.start_ns) as f64 / 1e6
             )
         });
-        let jumps = (of.jumps > 0).then(|| {
-            let many = counted(of.jumps, "step");
+        let jumps = (frame.jumps > 0).then(|| {
+            let many = counted(frame.jumps, "step");
             format!("; {many} that no robot makes, across which no truth is moved")
         });
         format!(
             "{}: {} → {}, {}{}{}{}",
-            of.topic,
-            of.parent,
-            of.frame,
-            counted(of.poses, "pose"),
+            frame.topic,
+            frame.parent,
+            frame.frame,
+            counted(frame.poses, "pose"),
             rate.unwrap_or_default(),
             largest.unwrap_or_default(),
             jumps.unwrap_or_default()
         )
     };
-    let mut lines: Vec<_> = frames.iter().take(LISTED).map(of_frame).collect();
-    if frames.len() > LISTED {
-        let more = frames.len() - LISTED;
+    let mut lines: Vec<_> = frames.iter().take(MAX_LISTED).map(words).collect();
+    if frames.len() > MAX_LISTED {
+        let more = frames.len() - MAX_LISTED;
         lines.push(format!("and {more} more frames; --json lists them"));
     }
     lines.push(match unusable {

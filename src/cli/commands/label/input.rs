@@ -1,14 +1,13 @@
 //! The source that is labelled: a recorded one, and its options.
 
-use crate::cli::shared::source::{OF_SCENARIOS, SourceParser, hidden};
+use crate::cli::shared::source::{SCENARIO_OPTIONS, SourceParser, hidden};
 use anyhow::bail;
-use svl::grab;
 use svl::scenario::SourceOptions;
-use svl::source::Request;
+use svl::source::{Request, SourceKind};
 
 /// The source that the user steps through.
 #[derive(clap::Args)]
-#[command(mut_args(|arg| hidden(arg, OF_SCENARIOS)))]
+#[command(mut_args(|arg| hidden(arg, SCENARIO_OPTIONS)))]
 pub(super) struct LabelInput {
     /// A recording, a bag, a folder of pairs, a data-set scene, or the arena
     #[arg(value_parser = SourceParser)]
@@ -25,8 +24,8 @@ impl LabelInput {
     pub(super) fn check(&self) -> anyhow::Result<()> {
         let name = &self.source;
         self.options
-            .refuse(OF_SCENARIOS, "does not apply to labelling")?;
-        if grab::driver(name).is_some() {
+            .refuse(SCENARIO_OPTIONS, "does not apply to labelling")?;
+        if SourceKind::are_cameras(name) {
             bail!(
                 "{name}: cameras cannot be stepped through; record them first: svl record {name}"
             );

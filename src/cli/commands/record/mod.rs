@@ -1,6 +1,6 @@
 //! `svl record`: a source into a recording.
 
-use crate::cli::shared::source::{self, CameraArgs, OF_SCENARIOS};
+use crate::cli::shared::source::{self, CameraArgs, SCENARIO_OPTIONS};
 use crate::cli::shared::terminal::{print, print_error};
 use crate::cli::shared::{recordings, usage};
 use std::path::{Path, PathBuf};
@@ -11,13 +11,13 @@ use svl::outputs::Outputs;
 use svl::recording::{Dialect, ImageFormat, RecordingFormat, StampOrigin};
 use svl::run::{Outcome, complete};
 use svl::scenario::{PairRange, SourceOptions};
-use svl::source::{Limited, Request};
+use svl::source::{Limited, Request, Source};
 
 /// Record pairs to an MCAP file
 ///
 /// Ctrl-C ends the recording and leaves it intact.
 #[derive(clap::Args)]
-#[command(mut_args(|arg| source::hidden(arg, OF_SCENARIOS)))]
+#[command(mut_args(|arg| source::hidden(arg, SCENARIO_OPTIONS)))]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
     /// Source to record, as `svl help sources` lists them
@@ -91,17 +91,11 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let claim =
         |path: &Path| Outputs::claim(args.force, inputs.iter().map(PathBuf::as_path), [path]);
     let claimed = args.output.as_deref().map(claim).transpose()?;
-    args.options
-        .refuse(OF_SCENARIOS, "is for scenarios; `svl score` accepts them")?;
-    let mut request = Request {
-        seed: args.seed,
-        options: args.options.clone(),
-        live_s: args.duration,
-        ..Request::new(source)
-    };
-    args.cameras.fill(&mut request);
-    (request.grab.pairs, request.grab.duration_s) = (args.frames, args.duration);
-    let mut opened = source::open(request, quiet)?;
+    args.options.refuse(
+        SCENARIO_OPTIONS,
+        "is for scenarios; `svl score` accepts them",
+    )?;
+    let mut opened = source::open(request(args, source), quiet)?;
     let (output, mut outputs) = match args.output.clone().zip(claimed) {
         Some(claimed) => claimed,
         None => {
@@ -111,35 +105,13 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         }
     };
     outputs.set_aside()?;
-    // From the first pair that is taken.
-    let duration = PairRange {
-        to_s: args.duration,
-        ..PairRange::default()
-    };
-    opened.source = Box::new(Limited::new(opened.source, duration, args.frames));
+    opened.source = Box::new(limited(opened.source, args));
     if args.source.is_none() && !quiet {
-        let pairs = opened.source.pairs().map(|pairs| counted(pairs, "pair"));
-        let pairs = pairs.map_or_else(String::new, |pairs| format!(", {pairs}"));
-        let others = "`svl help sources` lists other sources";
-        print_error(format_args!(
-            "no SOURCE is named: records the arena{pairs}; {others}"
-        ));
+        say_default(opened.source.pairs());
     }
-    let format = RecordingFormat {
-        dialect: if args.ros2 {
-            Dialect::Ros2
-        } else {
-            Dialect::Svl
-        },
-        images: if args.compress {
-            ImageFormat::Png
-        } else {
-            ImageFormat::Raw
-        },
-    };
     let stamps = opened.header.stamps.filter(|_| opened.recording.is_none());
     let began = Instant::now();
-    let (outcome, ran) = recordings::record(opened, &output, format, quiet);
+    let (outcome, ran) = recordings::record(opened, &output, format(args), quiet);
     let is_kept = output.exists();
     // Decided before anything is printed: a closed or full standard output costs no recording.
     match (&ran, is_kept) {
@@ -147,15 +119,14 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         (Err(_), true) => outputs.keep_both(),
         (Err(_), false) => drop(outputs),
     }
-    let mut printed = Ok(());
-    if let Some(grabber) = outcome.losses.grabber.as_ref().filter(|_| !quiet) {
-        let whose = if is_kept {
-            output.display().to_string()
-        } else {
-            source.to_owned()
-        };
-        printed = print(&format!("{whose}: {}\n", grabber.text));
-    }
+    let kept = is_kept.then(|| output.display().to_string());
+    let printed = match outcome.losses.grabber.as_ref().filter(|_| !quiet) {
+        Some(grabber) => {
+            let whose = kept.as_deref().unwrap_or(source);
+            print(&format!("{whose}: {}\n", grabber.text))
+        }
+        None => Ok(()),
+    };
     ran?;
     printed?;
     let ending = RunEnding::new(outcome.missing(), args.options.allow_loss);
@@ -169,6 +140,53 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         }
     }
     Ok(complete(&ending)?)
+}
+
+/// The source, with the options of the command line.
+fn request<'a>(args: &'a Args, source: &'a str) -> Request<'a> {
+    let mut request = Request {
+        seed: args.seed,
+        options: args.options.clone(),
+        live_s: args.duration,
+        ..Request::new(source)
+    };
+    args.cameras.fill(&mut request);
+    (request.grab.pairs, request.grab.duration_s) = (args.frames, args.duration);
+    request
+}
+
+/// The pairs of the source from the first one that is taken.
+fn limited(source: Box<dyn Source>, args: &Args) -> Limited {
+    let duration = PairRange {
+        to_s: args.duration,
+        ..PairRange::default()
+    };
+    Limited::new(source, duration, args.frames)
+}
+
+fn format(args: &Args) -> RecordingFormat {
+    RecordingFormat {
+        dialect: if args.ros2 {
+            Dialect::Ros2
+        } else {
+            Dialect::Svl
+        },
+        images: if args.compress {
+            ImageFormat::Png
+        } else {
+            ImageFormat::Raw
+        },
+    }
+}
+
+/// Says what is recorded without a SOURCE. `pairs`: their number, if it is known.
+fn say_default(pairs: Option<u64>) {
+    let pairs = pairs.map(|pairs| counted(pairs, "pair"));
+    let pairs = pairs.map_or_else(String::new, |pairs| format!(", {pairs}"));
+    let others = "`svl help sources` lists other sources";
+    print_error(format_args!(
+        "no SOURCE is named: records the arena{pairs}; {others}"
+    ));
 }
 
 fn report(path: &Path, outcome: &Outcome, seconds: f64) -> anyhow::Result<()> {

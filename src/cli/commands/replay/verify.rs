@@ -10,7 +10,7 @@ use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::recording::{AlgorithmCells, MANIFEST, Recording};
 use svl::report::Row;
-use svl::source::are_live_topics;
+use svl::source::SourceKind;
 
 /// The results of an earlier run.
 pub(super) struct Earlier {
@@ -40,6 +40,9 @@ pub(super) struct Verification {
     /// without one of the replay.
     only_now: usize,
     only_then: usize,
+    /// The first of the differing algorithms that depends on earlier pairs.
+    #[serde(skip)]
+    with_memory: Option<String>,
     /// The pairs that both have, for live topics.
     #[serde(skip_serializing_if = "Option::is_none")]
     live: Option<CommonPairs>,
@@ -57,7 +60,7 @@ struct CommonPairs {
 }
 
 /// Fraction of common pairs, of all while both were running, above which results are proved.
-const COMMON: f64 = 0.99;
+const MIN_COMMON: f64 = 0.99;
 
 impl Earlier {
     /// Reads the results in a result recording, a table of rows (CSV) or the folder of a report; of
@@ -102,13 +105,13 @@ impl Earlier {
 
     fn read_rows(&mut self, path: &Path, name: &str, seed: Option<u64>) -> anyhow::Result<()> {
         let is_of = |row: &Row| match &row.run {
-            Some(run) => are_live_topics(run) || Path::new(name).ends_with(run),
+            Some(run) => SourceKind::are_topics(run) || Path::new(name).ends_with(run),
             None => row.seed.is_none() || row.seed == seed,
         };
         let rows = svl::report::read_rows::<Row>(path)?;
         self.by_stamp = rows
             .iter()
-            .any(|row| row.run.as_deref().is_some_and(are_live_topics));
+            .any(|row| row.run.as_deref().is_some_and(SourceKind::are_topics));
         for row in rows.into_iter().filter(is_of) {
             self.add(
                 row.algorithm.clone(),
@@ -172,7 +175,7 @@ impl Earlier {
             let algorithm: Algorithm = label
                 .parse()
                 .map_err(|e: svl::Error| svl::Error::format(&self.path, e.to_string()))?;
-            if algorithm.spec().name == "exec" {
+            if algorithm.spec().is_program() {
                 let shown = self.path.display();
                 bail!(
                     "{shown}: names a program, which is not started unasked; name it yourself \
@@ -204,12 +207,13 @@ impl Earlier {
             differing: BTreeMap::new(),
             only_now: 0,
             only_then: 0,
+            with_memory: None,
             live: None,
         };
         // An algorithm that answers cells itself may differ in them alone.
         let keyed = cells
             .iter()
-            .map(|of| ((of.algorithm.clone(), of.sequence), of));
+            .map(|result| ((result.algorithm.clone(), result.sequence), result));
         let cells: BTreeMap<_, _> = keyed.collect();
         let same_cells = |row: &Row| {
             let key = (row.algorithm.clone(), row.sequence);
@@ -217,18 +221,7 @@ impl Earlier {
             both.is_none_or(|(then, now)| then == *now)
         };
         for row in rows {
-            if self
-                .parameters
-                .get(&row.algorithm)
-                .is_some_and(|then| *then != row.parameters_hash)
-            {
-                let label = &row.algorithm;
-                bail!(
-                    "{label}: its parameters are not those of {}; name the algorithm with --algo \
-                     as it did, or replay it again",
-                    self.path.display()
-                );
-            }
+            self.check_parameters(row)?;
             match self.hashes.get(&(row.algorithm.clone(), self.key(row))) {
                 None => found.only_now += 1,
                 // Another image was the partner, as one was lost.
@@ -250,24 +243,41 @@ impl Earlier {
                     .push(row.sequence),
             }
         }
+        found.with_memory = found.first_with_memory(algorithms)?;
         // Earlier algorithms that this replay was not asked for are not missing.
-        let ran = |label: &str| {
-            algorithms
-                .iter()
-                .any(|algorithm| algorithm.label() == label)
-        };
+        let ran = |label: &str| algorithms.iter().any(|ran| ran.label() == label);
         let then = self.hashes.keys().filter(|(label, _)| ran(label)).count();
         let compared = found.equal + found.differing.values().map(Vec::len).sum::<usize>();
         found.only_then = then.saturating_sub(compared);
         if self.by_stamp {
-            let now = rows
-                .iter()
-                .map(|row| (row.stamp_ns, row.pair_hash.as_str()));
-            let then = self.hashes.iter().filter(|((label, _), _)| ran(label));
-            let then = then.map(|((_, stamp), (_, pair))| (*stamp, pair.as_str()));
-            found.live = Some(CommonPairs::new(now.collect(), then.collect()));
+            found.live = Some(self.common_pairs(rows, &ran));
         }
         Ok(found)
+    }
+
+    /// # Errors
+    /// If the row's algorithm had other parameters.
+    fn check_parameters(&self, row: &Row) -> anyhow::Result<()> {
+        let then = self.parameters.get(&row.algorithm);
+        if then.is_some_and(|then| *then != row.parameters_hash) {
+            let label = &row.algorithm;
+            bail!(
+                "{label}: its parameters are not those of {}; name the algorithm with --algo as \
+                 it did, or replay it again",
+                self.path.display()
+            );
+        }
+        Ok(())
+    }
+
+    /// The pairs of the rows and of the earlier results, of the algorithms that `ran`.
+    fn common_pairs(&self, rows: &[Row], ran: &dyn Fn(&str) -> bool) -> CommonPairs {
+        let now = rows
+            .iter()
+            .map(|row| (row.stamp_ns, row.pair_hash.as_str()));
+        let then = self.hashes.iter().filter(|((label, _), _)| ran(label));
+        let then = then.map(|((_, stamp), (_, pair))| (*stamp, pair.as_str()));
+        CommonPairs::new(now.collect(), then.collect())
     }
 }
 
@@ -279,8 +289,8 @@ impl CommonPairs {
         let both = ends(&now).zip(ends(&then));
         let both = both.map(|((a, b), (c, d))| a.max(c)..=b.min(d));
         let is_inside = |stamp: &u64| both.as_ref().is_some_and(|both| both.contains(stamp));
-        let only = |of: &BTreeSet<(u64, &str)>, other: &BTreeSet<(u64, &str)>| -> Vec<u64> {
-            of.difference(other).map(|(stamp, _)| *stamp).collect()
+        let only = |own: &BTreeSet<(u64, &str)>, other: &BTreeSet<(u64, &str)>| -> Vec<u64> {
+            own.difference(other).map(|(stamp, _)| *stamp).collect()
         };
         let (mut only_now, mut only_then) = (only(&now, &then), only(&then, &now));
         let alone = only_now.len() + only_then.len();
@@ -298,7 +308,7 @@ impl CommonPairs {
         let alone = self.only_now.len() + self.only_then.len();
         let share = self.common as f64 / (self.common + alone) as f64;
         // Not a number without any pair.
-        share >= COMMON
+        share >= MIN_COMMON
     }
 
     fn words(&self, against: &str) -> String {
@@ -320,6 +330,17 @@ impl CommonPairs {
 }
 
 impl Verification {
+    /// The first of the differing algorithms that depends on earlier pairs.
+    fn first_with_memory(&self, algorithms: &[Algorithm]) -> anyhow::Result<Option<String>> {
+        for algorithm in algorithms {
+            let label = algorithm.label();
+            if self.differing.contains_key(label) && algorithm.build()?.has_run_memory() {
+                return Ok(Some(label.to_owned()));
+            }
+        }
+        Ok(None)
+    }
+
     /// The result, in a line.
     ///
     /// # Errors
@@ -332,9 +353,16 @@ impl Verification {
                 1 => String::new(),
                 n => format!(" (and {} more algorithms)", n - 1),
             };
+            // Another past is no error of the algorithm.
+            let part = match &self.with_memory {
+                Some(label) if self.only_then > 0 => {
+                    format!("; {label} depends on earlier pairs: verify the whole run")
+                }
+                _ => String::new(),
+            };
             bail!(
-                "{label}{more}: {} results differ from those of {against}, the first on pair {}; \
-                 v5 and pushbroom depend on earlier pairs: verify whole runs",
+                "{label}{more}: {} results differ from those of {against}, the first on pair \
+                 {}{part}",
                 pairs.len(),
                 pairs[0]
             );
@@ -345,7 +373,7 @@ impl Verification {
                 let equal = counted(self.equal as u64, "result");
                 return Ok(format!("verified: {equal} equal; {words}\n"));
             }
-            let share = 100.0 * COMMON;
+            let share = 100.0 * MIN_COMMON;
             let why = format!("fewer than {share} % of the pairs are common: {words}");
             return Err(svl::Error::Incomplete(why).into());
         }

@@ -11,7 +11,7 @@ use svl::outputs::Outputs;
 use svl::recording::RecordingFormat;
 use svl::report::REPORT;
 use svl::scenario::{PairRange, ScenarioKind, SourceOptions};
-use svl::source::{Limited, Request, are_live_topics};
+use svl::source::{Limited, Request, SourceKind};
 
 /// Live topics as recordings.
 pub(super) struct LiveRecordings {
@@ -24,44 +24,19 @@ pub(super) struct LiveRecordings {
 /// Records live topics, each for the seconds of `--to`, one after the other; `None` if there are
 /// none.
 pub(super) fn recorded(args: &Args, quiet: bool) -> anyhow::Result<Option<LiveRecordings>> {
-    let live = args.what.iter().find(|name| are_live_topics(name));
+    let live = args.what.iter().find(|name| SourceKind::are_topics(name));
     // A scenario to print describes no live topics, and none are opened for it.
     let Some(live) = live.filter(|_| args.print_scenario.is_none()) else {
         return Ok(None);
     };
-    let wrong = |why: &str| Err(usage::wrong(format!("{live}: {why}")));
     let source = &args.source;
-    if source.truth.is_some() {
-        return wrong("--truth is for recordings: record a bag that has the sensor's topic");
-    }
-    let Some(to_s) = source.to_s else {
-        return wrong("live topics have no end; --to SECONDS records and scores that long");
-    };
-    if source.from_s.unwrap_or(0.0) >= to_s {
-        return wrong("--to has to be after --from and the first pair");
-    }
-    // The score would refuse them after the recording.
-    if args.gate || args.drives.is_some() {
-        return wrong("--gate and --drives are for scenarios");
-    }
-    source.refuse_others(&[ScenarioKind::Recording])?;
-    source.refuse(&["fps", "side_by_side"], "is for folders and videos")?;
-    let is_file = |name: &&String| Path::new(name).exists();
-    let other = args
-        .what
-        .iter()
-        .find(|name| !are_live_topics(name) && !is_file(name));
-    if let Some(other) = other {
-        return wrong(&format!(
-            "beside live topics only recordings are scored, not '{other}'"
-        ));
-    }
+    let to_s = check(args, live)?;
     if let Some(folder) = &args.output {
         drop(Outputs::claim_folder(folder, &REPORT)?);
     }
     let mut what = args.what.clone();
     let mut lost = Missing::default();
-    for name in what.iter_mut().filter(|name| are_live_topics(name)) {
+    for name in what.iter_mut().filter(|name| SourceKind::are_topics(name)) {
         lost.add(record(name, source, to_s, quiet)?);
     }
     // The pairs that were recorded are counted as they are scored.
@@ -84,6 +59,38 @@ pub(super) fn recorded(args: &Args, quiet: bool) -> anyhow::Result<Option<LiveRe
         },
         lost,
     }))
+}
+
+/// Checks the options for live topics, of which `live` is one; returns the seconds to record.
+fn check(args: &Args, live: &str) -> anyhow::Result<f64> {
+    let wrong = |why: &str| Err(usage::wrong(format!("{live}: {why}")));
+    let source = &args.source;
+    if source.truth.is_some() {
+        return wrong("--truth is for recordings: record a bag that has the sensor's topic");
+    }
+    let Some(to_s) = source.to_s else {
+        return wrong("live topics have no end; --to SECONDS records and scores that long");
+    };
+    if source.from_s.unwrap_or(0.0) >= to_s {
+        return wrong("--to has to be after --from and the first pair");
+    }
+    // The score would refuse them after the recording.
+    if args.gate || args.drives.is_some() {
+        return wrong("--gate and --drives are for scenarios");
+    }
+    source.refuse_others(&[ScenarioKind::Recording])?;
+    source.refuse(&["fps", "side_by_side"], "is for folders and videos")?;
+    let is_file = |name: &&String| Path::new(name).exists();
+    let other = args
+        .what
+        .iter()
+        .find(|name| !SourceKind::are_topics(name) && !is_file(name));
+    if let Some(other) = other {
+        return wrong(&format!(
+            "beside live topics only recordings are scored, not '{other}'"
+        ));
+    }
+    Ok(to_s)
 }
 
 /// Records that many seconds into a file, whose name replaces that of the topics.

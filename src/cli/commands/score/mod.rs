@@ -173,40 +173,15 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let description = scenario.to_json()?;
     scenario::add_filters(&mut scenario, args, quiet)?;
-    let named = &args.what[0];
-    if scenario.algorithms.len() > MAX_ALGORITHMS {
-        let many = scenario.algorithms.len();
-        let words = format!("{many} algorithms in one run; at most {MAX_ALGORITHMS}");
-        return Err(usage::wrong(words));
-    }
-    if args.gate && scenario.gate.is_empty() {
-        return Err(usage::wrong(format!(
-            "{named}: has no [[gate]], so there is nothing to fail; add one, as `svl score arena \
-             --print-scenario` shows"
-        )));
-    }
-    let folder = args.output.clone().unwrap_or_else(|| {
-        let kind = if args.check { "-check" } else { "" };
-        Path::new("reports").join(format!("{}{kind}", scenario.name))
-    });
-    let claim = match args.shard {
-        None => Outputs::claim_folder,
-        // Others may write there, too.
-        Some(_) => Outputs::claim_shared_folder,
-    };
-    let mut outputs = claim(&folder, &REPORT)?.and_figures(args.figures.as_deref())?;
-    let rerun = args.rerun.as_ref().and_then(RerunChoice::target);
-    if let Some(file) = rerun.and_then(RerunTarget::file) {
-        outputs = outputs.and(Outputs::claim(false, [], [file])?);
-    }
-    // The file of an earlier run is replaced, as its report is.
-    let junit_path = args.junit.iter().map(PathBuf::as_path);
-    let mut junit_file = Outputs::claim(true, [], junit_path)?;
+    check_plan(args, &scenario)?;
+    let folder = folder(args, &scenario);
+    let outputs = claim(args, &folder)?;
+    let junit = JunitFile::claim(args.junit.as_deref())?;
     check_kind(args, &scenario)?;
     let plan = EvaluationPlan {
         scenario: &scenario,
         description,
-        algorithms_file: args.algo.is_empty().then_some(named.as_str()),
+        algorithms_file: args.algo.is_empty().then_some(args.what[0].as_str()),
         folder: &folder,
         rounds: args.repeat,
         keep_drives: args.drives != Some(KeptDrives::None),
@@ -223,12 +198,76 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         figures: args.figures.as_deref(),
         viewer: chosen_viewer(args, &folder)?,
     };
-    junit_file.set_aside()?;
+    let junit = junit.set_aside()?;
     let evaluated = plan.evaluate(outputs, &Terminal { quiet });
-    if let Some(path) = &args.junit {
+    junit.write(&scenario.name, &evaluated)?;
+    answer(args, &scenario.name, &folder, evaluated?)
+}
+
+/// Checks what the arguments ask of the scenario, before anything is opened.
+fn check_plan(args: &Args, scenario: &Scenario) -> anyhow::Result<()> {
+    let algorithms = scenario.algorithms.len();
+    if algorithms > MAX_ALGORITHMS {
+        let words = format!("{algorithms} algorithms in one run; at most {MAX_ALGORITHMS}");
+        return Err(usage::wrong(words));
+    }
+    if args.gate && scenario.gate.is_empty() {
+        return Err(usage::wrong(format!(
+            "{}: has no [[gate]], so there is nothing to fail; add one, as `svl score arena \
+             --print-scenario` shows",
+            args.what[0]
+        )));
+    }
+    Ok(())
+}
+
+/// The folder of the report.
+fn folder(args: &Args, scenario: &Scenario) -> PathBuf {
+    args.output.clone().unwrap_or_else(|| {
+        let kind = if args.check { "-check" } else { "" };
+        Path::new("reports").join(format!("{}{kind}", scenario.name))
+    })
+}
+
+fn claim(args: &Args, folder: &Path) -> svl::Result<Outputs> {
+    let claim = match args.shard {
+        None => Outputs::claim_folder,
+        // Others may write there, too.
+        Some(_) => Outputs::claim_shared_folder,
+    };
+    let outputs = claim(folder, &REPORT)?.and_figures(args.figures.as_deref())?;
+    let rerun = args.rerun.as_ref().and_then(RerunChoice::target);
+    match rerun.and_then(RerunTarget::file) {
+        Some(file) => Ok(outputs.and(Outputs::claim(false, [], [file])?)),
+        None => Ok(outputs),
+    }
+}
+
+/// The file of `--junit`, if it is asked for.
+struct JunitFile<'a> {
+    path: Option<&'a Path>,
+    outputs: Outputs,
+}
+
+impl<'a> JunitFile<'a> {
+    /// The file of an earlier run is replaced, as its report is.
+    fn claim(path: Option<&'a Path>) -> svl::Result<Self> {
+        let outputs = Outputs::claim(true, [], path)?;
+        Ok(Self { path, outputs })
+    }
+
+    fn set_aside(mut self) -> svl::Result<Self> {
+        self.outputs.set_aside()?;
+        Ok(self)
+    }
+
+    fn write(self, scenario: &str, evaluated: &svl::Result<Evaluation>) -> anyhow::Result<()> {
+        let Some(path) = self.path else {
+            return Ok(());
+        };
         let report = evaluated.as_ref().ok().and_then(|run| run.report.as_ref());
         let gate = report.map_or(&[][..], |report| &report.gate);
-        let error = match &evaluated {
+        let error = match evaluated {
             Ok(run) => run.ran.as_ref().err(),
             Err(error) => Some(error),
         };
@@ -236,14 +275,19 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         let why = error.map(ToString::to_string).or_else(incomplete);
         let cases = gate.iter().map(GateResult::test_case);
         let cases: Vec<_> = cases.chain([losses_case(why)]).collect();
-        write(path, junit(&format!("svl score {}", scenario.name), &cases))?;
-        junit_file.commit();
+        write(path, junit(&format!("svl score {scenario}"), &cases))?;
+        self.outputs.commit();
+        Ok(())
     }
+}
+
+/// Prints the report, and checks the limits that were asked for.
+fn answer(args: &Args, scenario: &str, folder: &Path, evaluated: Evaluation) -> anyhow::Result<()> {
     let Evaluation {
         report,
         ran,
         session,
-    } = evaluated?;
+    } = evaluated;
     let Some(report) = report else {
         ran?;
         let folder = folder.display();
@@ -252,7 +296,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
              merge`\n"
         ));
     };
-    print_report(&report, &scenario.name, &folder, args.explain, args.json)?;
+    print_report(&report, scenario, folder, args.explain, args.json)?;
     if !args.json {
         print(&matched_line(&report, session.as_deref()))?;
     }

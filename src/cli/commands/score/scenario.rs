@@ -12,7 +12,7 @@ use svl::matcher::Algorithm;
 use svl::outputs::{Outputs, write};
 use svl::runs;
 use svl::scenario::{Limit, Scenario, distinct_kinds};
-use svl::train::{of_scenario, with_filters};
+use svl::train::{scenario_filters, with_filters};
 
 /// The description of the run: the scenario that is named, or one of the recordings that are named,
 /// changed by the options.
@@ -41,7 +41,7 @@ pub(super) fn described(args: &Args) -> anyhow::Result<Scenario> {
     if let Some(columns) = &args.columns {
         scenario.columns = columns.clone();
     }
-    let filters = args.filters.of_scenario()?;
+    let filters = args.filters.scenario_filters()?;
     if !filters.is_empty() {
         scenario.filters = filters;
     }
@@ -110,7 +110,7 @@ pub(super) fn print_description(mut scenario: Scenario, file: Option<&Path>) -> 
 /// Adds the algorithms behind the scenario's filters.
 pub(super) fn add_filters(scenario: &mut Scenario, args: &Args, quiet: bool) -> anyhow::Result<()> {
     if !args.check {
-        let filters = of_scenario(scenario, &Terminal { quiet })?;
+        let filters = scenario_filters(scenario, &Terminal { quiet })?;
         let algorithms = std::mem::take(&mut scenario.algorithms);
         scenario.algorithms = with_filters(algorithms, &filters);
     }

@@ -188,16 +188,16 @@ fn labelled(args: &Args, terminal: &Terminal) -> anyhow::Result<Vec<LabelledRuns
             bail!("{path}: has no labels; `svl label windows {path} --kind {kind}` makes them");
         }
         let files = [path.display().to_string()];
-        scenarios.push(Scenario::of_recordings(&files, Vec::new())?);
-        let of_table = FrameLabels::read(&table, args.kind)?;
-        if let Some(sequence) = of_table.untied() {
+        scenarios.push(Scenario::from_recordings(&files, Vec::new())?);
+        let table_labels = FrameLabels::read(&table, args.kind)?;
+        if let Some(sequence) = table_labels.untied() {
             let (table, path) = (table.display(), path.display());
             tracing::warn!(
                 "{table}: has no pair_hash for frame {sequence}: taken as labels of {path}, \
                  unchecked; `svl label` writes it with every label"
             );
         }
-        labels.push(Some((path.clone(), of_table)));
+        labels.push(Some((path.clone(), table_labels)));
     }
     let named = args.labelled[0].display().to_string();
     runs::change(&mut scenarios, &args.source, &named)?;

@@ -80,17 +80,22 @@ pub(crate) struct Args {
     json: bool,
 }
 
-pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    let parameters = args.algo.parameters();
-    let is_current = args.algo.spec().name == "v5"
+fn check_algorithm(algorithm: &Algorithm) -> anyhow::Result<()> {
+    let parameters = algorithm.parameters();
+    let is_current = algorithm.spec().name == "v5"
         && parameters.choice("revision") != "2"
         && parameters.choice("target") == "median";
-    if !is_current {
-        let label = args.algo.label();
-        let words = format!("--algo {label}: only v5 is trained, without revision= and target=");
-        return Err(usage::wrong(words));
+    if is_current {
+        return Ok(());
     }
-    let base = match parameters.file("model") {
+    let label = algorithm.label();
+    let words = format!("--algo {label}: only v5 is trained, without revision= and target=");
+    Err(usage::wrong(words))
+}
+
+pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
+    check_algorithm(&args.algo)?;
+    let base = match args.algo.parameters().file("model") {
         None => V5Model::built_in(),
         // It was read as the algorithm was parsed.
         Some(file) => V5Model::from_bytes(&file.bytes).map_err(anyhow::Error::msg)?,
@@ -105,12 +110,12 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         epochs: args.epochs,
     });
     let with = |model: &V5Model| {
-        let of = |target: &'static str| {
+        let algorithm = |target: &'static str| {
             let file = Value::file(&args.output.display().to_string(), model.to_bytes());
-            let algorithm = args.algo.with("model", &file)?;
-            algorithm.with("target", &Value::Choice(target))
+            let with_model = args.algo.with("model", &file)?;
+            with_model.with("target", &Value::Choice(target))
         };
-        let [median, near] = ["median", "near"].map(of);
+        let [median, near] = ["median", "near"].map(algorithm);
         Ok(CellAlgorithms {
             median: median?.called("v5".to_owned()),
             near: near?.called("near".to_owned()),
@@ -158,7 +163,7 @@ fn scenarios(args: &Args, paths: &[&PathBuf]) -> anyhow::Result<Vec<TrainingScen
     };
     let fitted = args.scenarios.len();
     runs::change(&mut scenarios[..fitted], &seeds, &named)?;
-    let of = |(i, (scenario, path)): (usize, (Scenario, &&PathBuf))| TrainingScenario {
+    let training = |(i, (scenario, path)): (usize, (Scenario, &&PathBuf))| TrainingScenario {
         path: Path::to_path_buf(path),
         scenario,
         tested: i >= fitted,
@@ -167,6 +172,6 @@ fn scenarios(args: &Args, paths: &[&PathBuf]) -> anyhow::Result<Vec<TrainingScen
         .into_iter()
         .zip(paths)
         .enumerate()
-        .map(of)
+        .map(training)
         .collect())
 }

@@ -5,86 +5,150 @@ use crate::cli::shared::progress::Terminal;
 use crate::cli::shared::terminal::{print, print_json, style};
 use crate::cli::shared::usage;
 use anyhow::{Context, bail};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use svl::console::{Console, Unit};
-use svl::grab;
+use svl::filter::FilterModel;
 use svl::manifest::Manifest;
 use svl::matcher::Algorithm;
 use svl::outputs::{Outputs, write_with_page};
 use svl::runs;
 use svl::scenario::{Scenario, ScenarioKind, SourceOptions};
 use svl::score::Metric;
+use svl::source::SourceKind;
 use svl::tune::{
-    Evaluator, Goal, HeldRun, HeldRuns, Search, SearchData, SearchPlan, Space, TrialLog, TuneFacts,
-    TuneOutcome, found, scenario_toml,
+    Evaluator, Goal, HeldRun, Search, SearchData, SearchPlan, Space, TrialLog, TuneFacts,
+    TuneOutcome, TunedAlgorithm, found, scenario_toml,
 };
 
 /// Pairs that show which metrics there are.
 const FIRST_PAIRS: usize = 8;
 
+/// The first line of the file.
+fn head(manifest: &Manifest, goal: &Goal) -> String {
+    let Manifest { svl, began, .. } = manifest;
+    let words = goal.words();
+    format!("# Found by `svl tune --auto`, svl {svl}, {began}: {words}.\n")
+}
+
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let terminal = &Terminal { quiet };
-    let out = args.output.as_deref().context("-o is required")?;
-    if let Some(cameras) = args.what.iter().find(|name| grab::driver(name).is_some()) {
-        let cure = format!("record them first: svl record {cameras}");
-        return Err(usage::wrong(format!("{cameras}: are cameras; {cure}")));
-    }
-    let (page, log) = (out.with_extension("md"), out.with_extension("csv"));
-    let may_replace = args.force || args.search.resume;
-    // Results of a search are replaced by those of its continuation; its log is continued.
-    let claimed = Outputs::claim(may_replace, [], [out, &page])?;
-    let logs = Outputs::claim(may_replace, [], [log.as_path()])?;
+    let files = SearchFiles::claim(args)?;
     let filters = args.filters.models()?;
-    let files = args.filters.files(&filters);
     let algorithms = args.algorithms()?;
-    let spaces = algorithms.iter().map(|algorithm| {
-        let base: Algorithm = algorithm.written().parse()?;
-        Space::new(base.filtered(&filters), &args.search.vary)
-    });
-    let spaces = spaces.collect::<svl::Result<Vec<_>>>()?;
-    let plan = SearchPlan {
-        trials: args.search.trials,
-        pairs: args.search.pairs,
-        seed: args.search.search_seed,
-    };
-
+    let spaces = spaces(args, &algorithms, &filters)?;
     let mut scenario = args.scenario_of(&args.what)?;
-    runs::change(
-        std::slice::from_mut(&mut scenario),
-        &args.source,
-        &args.what[0],
-    )?;
-    let SearchData {
-        training,
-        test,
-        caution,
-        tested,
-    } = SearchData::read(
-        &scenario,
-        tested(args, &scenario)?,
-        &algorithms,
-        args.search.pairs,
-        terminal,
-    )?;
-    let frames = || training.iter().chain(&test).flat_map(|part| &part.frames);
-    let pairs: usize = training.iter().map(|part| part.frames.len()).sum();
-    if pairs == 0 {
+    let scenarios = std::slice::from_mut(&mut scenario);
+    runs::change(scenarios, &args.source, &args.what[0])?;
+    let tested = tested(args, &scenario)?;
+    let data = SearchData::read(&scenario, tested, &algorithms, args.search.pairs, terminal)?;
+    if data.training_pairs() == 0 {
         bail!("{}: has no pairs", args.what[0]);
     }
-    let has_truth = frames().any(|frame| frame.truth.is_some());
-    let mut goal = goal(args, has_truth)?;
+    let goal = goal(args, data.has_truth())?;
     let plan = SearchPlan {
-        pairs: plan.pairs.min(pairs),
-        ..plan
+        trials: args.search.trials,
+        pairs: args.search.pairs.min(data.training_pairs()),
+        seed: args.search.search_seed,
     };
-    let mut log = TrialLog::open(&log, &training, &filters, args.search.resume, logs)?;
-    let mut evaluator = HeldRuns {
-        parts: &training,
-        has_truth,
-        bar: None,
+    let (resume, logs) = (args.search.resume, files.logs);
+    let log = TrialLog::open(&files.log, &data.training, &filters, resume, logs)?;
+    let goal = measured_goal(args, goal, &spaces, &data, plan)?;
+    let (tuned, interrupted) = search(&spaces, &goal, &data, plan, log, terminal)?;
+
+    let manifest = Manifest::new("tune", &algorithms)?;
+    let head = head(&manifest, &goal);
+    let outcome = TuneOutcome {
+        facts: TuneFacts {
+            goal: goal.words(),
+            training: names(&data.training),
+            training_pairs: plan.pairs,
+            test: names(&data.test),
+            caution: data.caution,
+            interrupted,
+            made: manifest.entries(),
+        },
+        algorithms: tuned,
     };
+    let filters = args.filters.files(&filters);
+    let folder = files.out.parent().unwrap_or(Path::new(""));
+    let scenario = data.tested.unwrap_or(scenario);
+    let toml = head + &scenario_toml(&scenario, &outcome.settings(), &filters, folder)?;
+    let markdown = outcome.markdown(&format!("Tuned on {}", args.what.join(", ")));
+    drop(files.claimed);
+    let written = write_with_page(files.out, &toml, &markdown, files.may_replace)?;
+    if args.search.json {
+        print_json(&outcome)?;
+    } else {
+        print(&format!("{}\n{written}\n", outcome.terminal(style())))?;
+    }
+    if interrupted {
+        bail!("interrupted; the best so far is kept, and the same command with --resume continues");
+    }
+    Ok(())
+}
+
+/// The files of a search.
+struct SearchFiles<'a> {
+    /// The scenario with the best settings; a page is beside it.
+    out: &'a Path,
+    log: PathBuf,
+    claimed: Outputs,
+    logs: Outputs,
+    may_replace: bool,
+}
+
+impl<'a> SearchFiles<'a> {
+    fn claim(args: &'a Args) -> anyhow::Result<Self> {
+        let out = args.output.as_deref().context("-o is required")?;
+        if let Some(cameras) = args.what.iter().find(|name| SourceKind::are_cameras(name)) {
+            let cure = format!("record them first: svl record {cameras}");
+            return Err(usage::wrong(format!("{cameras}: are cameras; {cure}")));
+        }
+        let (page, log) = (out.with_extension("md"), out.with_extension("csv"));
+        let may_replace = args.force || args.search.resume;
+        // Results of a search are replaced by those of its continuation; its log is continued.
+        Ok(Self {
+            claimed: Outputs::claim(may_replace, [], [out, &page])?,
+            logs: Outputs::claim(may_replace, [], [log.as_path()])?,
+            out,
+            log,
+            may_replace,
+        })
+    }
+}
+
+/// The space of each algorithm.
+fn spaces(
+    args: &Args,
+    algorithms: &[Algorithm],
+    filters: &[Arc<FilterModel>],
+) -> svl::Result<Vec<Space>> {
+    let space = |algorithm: &Algorithm| {
+        let base: Algorithm = algorithm.written().parse()?;
+        Space::new(base.filtered(filters), &args.search.vary)
+    };
+    algorithms.iter().map(space).collect()
+}
+
+fn names(parts: &[HeldRun]) -> Vec<String> {
+    parts.iter().map(|part| part.name.clone()).collect()
+}
+
+/// The goal without its default bounds on metrics that these pairs do not have. Bounds of the user
+/// must be measured.
+fn measured_goal(
+    args: &Args,
+    mut goal: Goal,
+    spaces: &[Space],
+    data: &SearchData,
+    plan: SearchPlan,
+) -> anyhow::Result<Goal> {
     let bases: Vec<_> = spaces.iter().map(|space| space.base.clone()).collect();
-    let Some(values) = evaluator.evaluate(&bases, plan.pairs.min(FIRST_PAIRS))? else {
+    let values = data
+        .evaluator()
+        .evaluate(&bases, plan.pairs.min(FIRST_PAIRS))?;
+    let Some(values) = values else {
         bail!("interrupted; nothing is written");
     };
     let is_measured = |metric: &Metric| {
@@ -92,75 +156,43 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
         values.all(|values| values.get(metric).is_some())
     };
     if args.search.subject_to.is_empty() {
-        // A bound on a metric that these pairs do not have cannot be kept.
-        goal.constraints.retain(|of| is_measured(of.metric));
+        goal.constraints
+            .retain(|constraint| is_measured(constraint.metric));
     } else if let Some(other) = goal.metrics().find(|metric| !is_measured(metric)) {
         let name = other.name;
         return Err(usage::wrong(format!(
             "{name}: is not measured on these pairs"
         )));
     }
+    Ok(goal)
+}
+
+/// Searches space after space. Returns true beside the settings if that was interrupted.
+fn search(
+    spaces: &[Space],
+    goal: &Goal,
+    data: &SearchData,
+    plan: SearchPlan,
+    mut log: TrialLog,
+    terminal: &Terminal,
+) -> anyhow::Result<(Vec<TunedAlgorithm>, bool)> {
+    let mut evaluator = data.evaluator();
     let mut tuned = Vec::new();
-    let mut was_interrupted = false;
-    for space in &spaces {
+    for space in spaces {
         let known = log.known(&space.base);
         let title = format!("search {}", space.base.label());
         let matchings = Search::matchings(plan);
         evaluator.bar = Some(terminal.bar(&title, Unit::Pairs, Some(matchings)));
-        let mut search = Search::new(space, &goal, plan, known);
+        let mut search = Search::new(space, goal, plan, known);
         let ran = search.run(&mut evaluator, &mut |trial| log.write(&space.base, trial));
         evaluator.bar = None;
         ran?;
-        was_interrupted |= search.was_interrupted();
-        tuned.push(found(
-            space, &search, &goal, &training, &test, has_truth, terminal,
-        )?);
-        if was_interrupted {
-            break;
+        tuned.push(found(space, &search, goal, data, terminal)?);
+        if search.was_interrupted() {
+            return Ok((tuned, true));
         }
     }
-    let manifest = Manifest::new("tune", &algorithms)?;
-    let names = |parts: &[HeldRun]| parts.iter().map(|part| part.name.clone()).collect();
-    let outcome = TuneOutcome {
-        facts: TuneFacts {
-            goal: goal.words(),
-            training: names(&training),
-            training_pairs: plan.pairs,
-            test: names(&test),
-            caution,
-            interrupted: was_interrupted,
-            made: manifest.entries(),
-        },
-        algorithms: tuned,
-    };
-    let mut best = Vec::new();
-    for of in &outcome.algorithms {
-        for written in [&of.best, &of.reference] {
-            if !best.contains(written) {
-                best.push(written.clone());
-            }
-        }
-    }
-    let folder = out.parent().unwrap_or(Path::new(""));
-    let head = format!(
-        "# Found by `svl tune --auto`, svl {}, {}: {}.\n",
-        manifest.svl,
-        manifest.began,
-        goal.words()
-    );
-    let toml = head + &scenario_toml(&tested.unwrap_or(scenario), &best, &files, folder)?;
-    let markdown = outcome.markdown(&format!("Tuned on {}", args.what.join(", ")));
-    drop(claimed);
-    let written = write_with_page(out, &toml, &markdown, may_replace)?;
-    if args.search.json {
-        print_json(&outcome)?;
-    } else {
-        print(&format!("{}\n{written}\n", outcome.terminal(style())))?;
-    }
-    if was_interrupted {
-        bail!("interrupted; the best so far is kept, and the same command with --resume continues");
-    }
-    Ok(())
+    Ok((tuned, false))
 }
 
 /// The scenario of the test, if it is another.

@@ -15,13 +15,12 @@ use crate::cli::shared::viewer::{RerunChoice, viewer};
 use anyhow::{Context, bail};
 use std::cell::RefCell;
 use std::path::PathBuf;
-use svl::grab;
 use svl::matcher::Algorithm;
 use svl::runs::{self, runs};
 use svl::scenario::{Scenario, SourceOptions};
 use svl::score::Judge;
 use svl::sink::RerunTarget;
-use svl::source::{PairRegister, Request, Source, are_live_topics};
+use svl::source::{PairRegister, Request, Source, SourceKind};
 use svl::tune::{Constraint, Sampler, TunedSetting};
 use tool::Tuner;
 use worker::TuneWorker;
@@ -161,17 +160,17 @@ struct SearchArgs {
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
-    if !args.search.auto {
+    if args.is_by_hand() {
         return by_hand(args, quiet);
     }
     auto::run(args, quiet)
 }
 
-/// Pairs of the sample by hand.
-const SAMPLE: usize = 64;
+/// Largest number of pairs of the sample by hand.
+const MAX_SAMPLE: usize = 64;
 
-/// Most memory of the sample, bytes.
-const SAMPLE_BYTES: usize = 256 << 20;
+/// Largest memory of the sample, bytes.
+const MAX_SAMPLE_BYTES: usize = 256 << 20;
 
 /// The source that is tuned on, by hand.
 struct Tuned<'a> {
@@ -184,6 +183,11 @@ struct Tuned<'a> {
 }
 
 impl Args {
+    /// True without `--auto`: a person or a script turns the knobs.
+    pub(crate) fn is_by_hand(&self) -> bool {
+        !self.search.auto
+    }
+
     fn algorithms(&self) -> anyhow::Result<Vec<Algorithm>> {
         Ok(match &self.algo[..] {
             [] => vec![Algorithm::default()],
@@ -248,7 +252,7 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
     } else {
         // The first one warns of what its algorithms were fitted to, from its first frame on.
         let store = FrameStore::new(Box::new(&open))?;
-        let sampler = Sampler::new(open()?, SAMPLE, SAMPLE_BYTES);
+        let sampler = Sampler::new(open()?, MAX_SAMPLE, MAX_SAMPLE_BYTES);
         (Some(sampler), store)
     };
     let mut stepper = Stepper::new(&name, store)?;
@@ -274,7 +278,7 @@ fn by_hand(args: &Args, quiet: bool) -> anyhow::Result<()> {
     let mut tuner = Tuner::new(settings, worker, args.output.clone(), scenario, files);
     let mut screen = match args.script {
         Some(_) => Screen::in_memory()?,
-        None => Screen::of_terminal()?,
+        None => Screen::from_terminal()?,
     };
     let ended = stepper::run(&mut stepper, &mut tuner, &mut keys, &mut screen);
     drop(screen);
@@ -295,8 +299,8 @@ fn open<'a>(
     algorithms: &[Algorithm],
     quiet: bool,
 ) -> anyhow::Result<Tuned<'a>> {
-    let is_live = grab::driver(name).is_some() || are_live_topics(name);
-    if is_live || name == "board" {
+    let kind = SourceKind::without_files(name);
+    if let Some(kind) = kind.filter(|kind| !kind.is_scored()) {
         let mut request = Request::new(name);
         request.options.clone_from(&args.source);
         request.seed = args.source.seeds.as_ref().map(|list| list.seeds()[0]);
@@ -315,7 +319,7 @@ fn open<'a>(
             scenario: None,
             judge,
             open,
-            is_live,
+            is_live: kind.is_live(),
         });
     }
     let mut scenario = args.scenario_of(&args.what)?;
@@ -343,7 +347,7 @@ fn open<'a>(
         scenario: Some(scenario),
         judge,
         open,
-        is_live,
+        is_live: false,
     })
 }
 

@@ -59,7 +59,7 @@ pub(super) struct FrameView {
 #[derive(Clone, Default)]
 pub(super) struct SampleView {
     pub(super) done: usize,
-    pub(super) of: usize,
+    pub(super) frames: usize,
     pub(super) changes: Vec<Change>,
     /// Metric that frames are ranked by, and whether a larger value is worse.
     pub(super) ranked_by: Option<(&'static Metric, bool)>,
@@ -126,14 +126,14 @@ pub(super) fn watch(judged: &Judged) -> Vec<Watched> {
 impl FrameView {
     pub(super) fn new(frame: &Frame, rows: &[Row], watched: &[Watched]) -> Self {
         let row = |label: &str| rows.iter().find(|row| row.algorithm == label);
-        let of = |label: &str| watched.iter().find(|of| of.algorithm == label);
+        let find = |label: &str| watched.iter().find(|find| find.algorithm == label);
         let (width, height) = frame.pair.size();
         Self {
             metrics: LABELS.map(|label| row(label).map(|row| row.metrics)),
             ms: [None; 2],
-            why: LABELS.map(|label| of(label).map_or([0; Reason::ALL.len()], |of| of.why)),
+            why: LABELS.map(|label| find(label).map_or([0; Reason::ALL.len()], |find| find.why)),
             pixels: width * height,
-            pictures: LABELS.map(|label| of(label).and_then(|of| of.picture.clone())),
+            pictures: LABELS.map(|label| find(label).and_then(|find| find.picture.clone())),
         }
     }
 }

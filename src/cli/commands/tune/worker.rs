@@ -3,31 +3,34 @@
 
 use super::shown::{FrameView, Job, LABELS, SampleView, Shown, Watched, title, watch};
 use crate::cli::shared::viewer;
+use parking_lot::{Condvar, Mutex, MutexGuard};
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+use svl::depth::GridSettings;
 use svl::manifest::Manifest;
+use svl::matcher::Algorithm;
 use svl::report::Row;
 use svl::report::compare::changes;
 use svl::run::{Matchers, Monitor, Pace};
 use svl::score::{Judge, Judged, Metric};
 use svl::sink::{Outbox, RerunTarget, RunInfo, RunStart, Sink, TableSink};
 use svl::sink::{WatchSink, finish};
-use svl::stereo::Frame;
+use svl::stereo::{CellRule, Frame};
 use svl::tune::{Sampler, TunedSetting, evaluate, spread_order};
 
-/// For how long frames of the sample are matched before something else is looked for.
-const CHUNK: Duration = Duration::from_millis(20);
+/// Longest time that frames of the sample are matched before a new job is looked for.
+const MAX_CHUNK_TIME: Duration = Duration::from_millis(20);
 
 /// Pace at which times are taken.
 const MEASURED: Pace = Pace::Measured { rounds: 1 };
 
-/// Frames of cameras that make the sample.
-const SEEN: usize = 64;
+/// Largest number of frames of cameras that make the sample.
+const MAX_SEEN: usize = 64;
 
-/// Delays and settings that are remembered: as many as a person makes in a day.
-const REMEMBERED: usize = 10_000;
+/// Largest number of delays and of settings that are remembered: those of a person's day.
+const MAX_REMEMBERED: usize = 10_000;
 
 struct State {
     job: Option<Job>,
@@ -39,7 +42,7 @@ struct State {
 type SharedState = Arc<(Mutex<State>, Condvar)>;
 
 fn locked(shared: &SharedState) -> MutexGuard<'_, State> {
-    shared.0.lock().unwrap_or_else(PoisonError::into_inner)
+    shared.0.lock()
 }
 
 /// The thread that runs algorithms.
@@ -88,8 +91,8 @@ impl TuneWorker {
             seen: VecDeque::new(),
             rerun,
             matchers: None,
-            keys: Default::default(),
-            rules: String::new(),
+            built: [None, None],
+            rules: None,
             rows: BTreeMap::new(),
             compared: None,
         };
@@ -121,8 +124,7 @@ impl TuneWorker {
     pub(super) fn settle(&self) {
         let mut state = locked(&self.shared);
         while !state.is_idle {
-            let waited = self.shared.1.wait(state);
-            state = waited.unwrap_or_else(PoisonError::into_inner);
+            self.shared.1.wait(&mut state);
         }
     }
 }
@@ -167,9 +169,10 @@ struct Bench {
     seen: VecDeque<Arc<Frame>>,
     rerun: Option<Box<dyn Sink>>,
     matchers: Option<Matchers>,
-    /// The settings that the matchers are of, and the grid and cells of the rows.
-    keys: [String; 2],
-    rules: String,
+    /// The algorithms that the matchers are built of; `None` where one could not be.
+    built: [Option<Algorithm>; 2],
+    /// Grid and cells of the rows.
+    rules: Option<(GridSettings, CellRule)>,
     /// By the number of the frame.
     rows: BTreeMap<u64, [Row; 2]>,
     /// Result of the setting compared with for the frame that is shown.
@@ -183,8 +186,7 @@ impl Bench {
             while state.job.is_none() && !state.stops {
                 state.is_idle = true;
                 self.shared.1.notify_all();
-                let waited = self.shared.1.wait(state);
-                state = waited.unwrap_or_else(PoisonError::into_inner);
+                self.shared.1.wait(&mut state);
             }
             let Some(job) = state.job.take().filter(|_| !state.stops) else {
                 return;
@@ -209,7 +211,7 @@ impl Bench {
                 .is_none_or(|f| f.sequence != job.frame.sequence)
         {
             self.seen.push_back(Arc::clone(&job.frame));
-            if self.seen.len() > SEEN
+            if self.seen.len() > MAX_SEEN
                 && let Some(oldest) = self.seen.pop_front()
             {
                 self.rows.remove(&oldest.sequence);
@@ -221,9 +223,10 @@ impl Bench {
     /// Builds the matchers if the settings changed.
     fn prepare(&mut self, settings: &[TunedSetting; 2]) -> svl::Result<()> {
         let [now, compared] = settings;
-        let keys = [now, compared].map(|of| format!("{:?}", of.algorithm));
-        let rules = format!("{:?} {:?}", now.grid, now.cells);
-        let (is_old, is_ruled) = ([0, 1].map(|i| self.keys[i] == keys[i]), self.rules == rules);
+        let algorithms = [now, compared].map(|setting| setting.algorithm.clone());
+        let is_old = [0, 1].map(|i| self.built[i].as_ref() == Some(&algorithms[i]));
+        let rules = Some((now.grid, now.cells));
+        let is_ruled = self.rules == rules;
         if is_old == [true; 2] && is_ruled {
             return Ok(());
         }
@@ -232,13 +235,13 @@ impl Bench {
             let mut state = locked(&self.shared);
             state.shown.failure = None;
             state.shown.sample = SampleView {
-                of: state.shown.sample.of,
+                frames: state.shown.sample.frames,
                 ..SampleView::default()
             };
         }
-        let algorithms = [now, compared].map(|of| of.algorithm.clone());
         let labelled: Vec<_> = algorithms
-            .into_iter()
+            .iter()
+            .cloned()
             .zip(LABELS)
             .map(|(algorithm, label)| algorithm.called(label.to_owned()))
             .collect();
@@ -250,7 +253,7 @@ impl Bench {
             record.parameters = title(&setting.algorithm);
         }
         // Both are built the next time where one of them cannot be.
-        self.keys = Default::default();
+        self.built = [None, None];
         match &mut self.matchers {
             None => self.matchers = Some(Matchers::new(&labelled)?.without_warnings()),
             Some(matchers) => {
@@ -263,15 +266,24 @@ impl Bench {
         if !(is_old[1] && is_ruled) {
             self.compared = None;
         }
-        (self.keys, self.rules) = (keys, rules);
+        self.built = algorithms.map(Some);
+        self.rules = rules;
         Ok(())
+    }
+
+    fn say_viewer_is_gone(&self, error: &svl::Error) {
+        let mut state = locked(&self.shared);
+        state.shown.has_viewer = false;
+        state.shown.says = Some(format!(
+            "Rerun is gone, continuing without pictures: {error}"
+        ));
     }
 
     fn show_frame(&mut self, job: &Job, number: u64) -> svl::Result<()> {
         let watched: Outbox<Vec<Watched>> = Outbox::default();
         let outbox = watched.clone();
-        let of_frame = WatchSink(move |judged: &Judged| outbox.put(watch(judged)));
-        let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(of_frame)];
+        let watch_sink = WatchSink(move |judged: &Judged| outbox.put(watch(judged)));
+        let mut sinks: Vec<Box<dyn Sink>> = vec![Box::new(watch_sink)];
         sinks.extend(self.rerun.take());
         let frames = [Arc::clone(&job.frame)];
         // Results that are known of this frame are not computed again.
@@ -287,12 +299,7 @@ impl Bench {
         let viewer = sinks.pop().filter(|_| !sinks.is_empty());
         match &ran {
             Err(error) if viewer.is_some() => {
-                let mut state = locked(&self.shared);
-                state.shown.has_viewer = false;
-                state.shown.says = Some(format!(
-                    "Rerun is gone, continuing without pictures: {error}"
-                ));
-                drop(state);
+                self.say_viewer_is_gone(error);
                 ran = self.evaluate(&frames, &mut sinks, Pace::Asap);
             }
             _ => self.rerun = viewer,
@@ -301,34 +308,26 @@ impl Bench {
             matchers.append(idle);
         }
         let (mut rows, mut watched) = (ran?, watched.take());
-        if let Some((_, row, of)) = known {
+        if let Some((_, row, seen)) = known {
             rows.push(row);
-            watched.push(of);
+            watched.push(seen);
         }
-        let is_compared = |label: &str| label == LABELS[1];
-        let row = rows.iter().find(|row| is_compared(&row.algorithm));
-        let of = watched.iter().find(|of| is_compared(&of.algorithm));
+        let row = rows.iter().find(|row| row.algorithm == LABELS[1]);
+        let seen = watched.iter().find(|seen| seen.algorithm == LABELS[1]);
         self.compared = row
-            .zip(of)
-            .map(|(row, of)| (Arc::clone(&job.frame), row.clone(), of.clone()));
+            .zip(seen)
+            .map(|(row, seen)| (Arc::clone(&job.frame), row.clone(), seen.clone()));
         let delay = job.since.map(|since| since.elapsed());
         let view = FrameView::new(&job.frame, &rows, &watched);
         let mut state = locked(&self.shared);
         state.shown.frame = Some(view);
         state.shown.done = number;
         if let Some(delay) = delay {
-            let delays = Arc::make_mut(&mut state.shown.delays);
-            delays.push_back(delay.as_micros() as u64);
-            if delays.len() > REMEMBERED {
-                delays.pop_front();
-            }
+            remember(delay, Arc::make_mut(&mut state.shown.delays));
         }
         drop(state);
         let rows = self.evaluate(&frames, &mut Vec::new(), MEASURED)?;
-        let ms = LABELS.map(|label| {
-            let row = rows.iter().find(|row| row.algorithm == label);
-            row.map(|row| row.total_us as f64 / 1e3)
-        });
+        let ms = times_ms(&rows);
         if let Some(frame) = &mut locked(&self.shared).shown.frame {
             frame.ms = ms;
         }
@@ -394,7 +393,7 @@ impl Bench {
             Some(sampler) => sampler.frames().to_vec(),
             None => self.seen.iter().cloned().collect(),
         };
-        locked(&self.shared).shown.sample.of = frames.len();
+        locked(&self.shared).shown.sample.frames = frames.len();
         let spread = spread_order(frames.len()).into_iter().map(|i| &frames[i]);
         let known = |frame: &&Arc<Frame>| self.rows.contains_key(&frame.sequence);
         let left: Vec<_> = spread.filter(|frame| !known(frame)).cloned().collect();
@@ -408,7 +407,7 @@ impl Bench {
             let rows = self.evaluate(now, &mut Vec::new(), MEASURED)?;
             self.keep(rows);
             left = later;
-            if began.elapsed() < CHUNK / 2 {
+            if began.elapsed() < MAX_CHUNK_TIME / 2 {
                 chunk *= 2;
             }
             // Intervals take a moment: they are shown at first, then ever more seldom.
@@ -424,7 +423,7 @@ impl Bench {
             let written = job.settings[0].algorithm.written();
             let tried = Arc::make_mut(&mut state.shown.tried);
             tried.retain(|(other, _)| *other != written);
-            if tried.len() < REMEMBERED {
+            if tried.len() < MAX_REMEMBERED {
                 tried.push((written, changes));
             }
         }
@@ -451,4 +450,20 @@ impl Bench {
         sample.ranked_by = ranked_by;
         sample.values = values;
     }
+}
+
+/// Adds a delay, and forgets the oldest.
+fn remember(delay: Duration, delays: &mut VecDeque<u64>) {
+    delays.push_back(delay.as_micros() as u64);
+    if delays.len() > MAX_REMEMBERED {
+        delays.pop_front();
+    }
+}
+
+/// The times of the setting and of the one compared with.
+fn times_ms(rows: &[Row]) -> [Option<f64>; 2] {
+    LABELS.map(|label| {
+        let row = rows.iter().find(|row| row.algorithm == label);
+        row.map(|row| row.total_us as f64 / 1e3)
+    })
 }

@@ -1,15 +1,16 @@
 //! Frames of a source by their index, whatever the source: some are kept, others read again, those
 //! of cameras taken as they come.
 
+use parking_lot::{Condvar, Mutex, MutexGuard};
 use std::collections::VecDeque;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use svl::Error;
 use svl::source::Source;
 use svl::stereo::Frame;
 
-/// Memory of the frames that are kept, bytes.
-const KEPT_BYTES: usize = 256 << 20;
+/// Largest memory of the frames that are kept, bytes.
+const MAX_KEPT_BYTES: usize = 256 << 20;
 
 /// Opens a source from its beginning.
 pub(crate) type Open<'a> = Box<dyn Fn() -> anyhow::Result<Box<dyn Source>> + 'a>;
@@ -56,15 +57,15 @@ struct Newest {
 }
 
 fn locked(newest: &Mutex<Newest>) -> MutexGuard<'_, Newest> {
-    newest.lock().unwrap_or_else(PoisonError::into_inner)
+    newest.lock()
 }
 
 impl LiveFrames {
     fn begin(mut source: Box<dyn Source>) -> Self {
         let shared = Arc::new((Mutex::new(Newest::default()), Condvar::new()));
-        let of_thread = Arc::clone(&shared);
+        let thread_shared = Arc::clone(&shared);
         let thread = std::thread::spawn(move || {
-            let (newest, came) = &*of_thread;
+            let (newest, came) = &*thread_shared;
             loop {
                 let next = source.next();
                 let mut newest = locked(newest);
@@ -90,7 +91,7 @@ impl LiveFrames {
         let (newest, came) = &*self.shared;
         let mut newest = locked(newest);
         while wait && newest.frame.is_none() && newest.ended.is_none() {
-            newest = came.wait(newest).unwrap_or_else(PoisonError::into_inner);
+            came.wait(&mut newest);
         }
         (newest.frame.take(), newest.ended.take())
     }
@@ -108,7 +109,7 @@ impl Drop for LiveFrames {
 
 impl<'a> FrameStore<'a> {
     pub(crate) fn new(open: Open<'a>) -> anyhow::Result<Self> {
-        Self::with_limit(open, KEPT_BYTES)
+        Self::with_limit(open, MAX_KEPT_BYTES)
     }
 
     fn with_limit(open: Open<'a>, limit_bytes: usize) -> anyhow::Result<Self> {
@@ -132,7 +133,7 @@ impl<'a> FrameStore<'a> {
             next: Some(0),
             kept: VecDeque::new(),
             kept_bytes: 0,
-            limit_bytes: KEPT_BYTES,
+            limit_bytes: MAX_KEPT_BYTES,
             damage: None,
         }
     }
@@ -283,7 +284,7 @@ mod tests {
     /// Frames 0, 2, 4 ... of 10x10 pixels; the one at index 3 cannot be read.
     struct Even {
         next: u64,
-        of: u64,
+        count: u64,
         seeks: bool,
     }
 
@@ -294,7 +295,7 @@ mod tests {
 
         fn next(&mut self) -> svl::Result<Option<Frame>> {
             let index = self.next;
-            if index >= self.of {
+            if index >= self.count {
                 return Ok(None);
             }
             self.next += 1;
@@ -309,7 +310,7 @@ mod tests {
         }
 
         fn pairs(&self) -> Option<u64> {
-            self.seeks.then_some(self.of)
+            self.seeks.then_some(self.count)
         }
 
         fn seek(&mut self, index: u64) -> svl::Result<bool> {
@@ -326,7 +327,7 @@ mod tests {
                 opened.set(opened.get() + 1);
                 Ok(Box::new(Even {
                     next: 0,
-                    of: 9,
+                    count: 9,
                     seeks,
                 }))
             });
@@ -356,10 +357,10 @@ mod tests {
     }
 
     #[test]
-    fn of_cameras_the_newest_comes_and_the_kept_ones_stay() {
+    fn cameras_give_their_newest_frame_and_kept_frames_stay() {
         let source = Even {
             next: 4,
-            of: 7,
+            count: 7,
             seeks: false,
         };
         let mut store = FrameStore::live(Box::new(source));
@@ -387,7 +388,7 @@ mod tests {
         let open: Open<'_> = Box::new(|| {
             Ok(Box::new(Even {
                 next: 0,
-                of: 9,
+                count: 9,
                 seeks: true,
             }))
         });

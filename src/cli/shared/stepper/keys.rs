@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_key_is_named_with_its_line() {
+    fn invalid_keys_are_named_with_their_lines() {
         let error = format!("{:#}", script("enter\nclick:3 q").unwrap_err());
         assert!(
             error.contains("line 2: 'click:3' is not a key; expected"),

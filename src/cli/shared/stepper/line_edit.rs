@@ -3,8 +3,8 @@
 use super::keys::Key;
 use std::fmt;
 
-/// Characters that are taken.
-const MOST: usize = 200;
+/// Largest number of characters that are taken.
+const MAX_CHARACTERS: usize = 200;
 
 /// A question, and as much of its answer as was typed.
 pub(crate) struct LineEdit {
@@ -41,7 +41,7 @@ impl LineEdit {
             Key::Enter => return Edited::Done(self.text.trim().to_owned()),
             Key::Escape => return Edited::Cancelled,
             Key::Backspace => drop(self.text.pop()),
-            Key::Char(c) if !c.is_control() && self.text.chars().count() < MOST => {
+            Key::Char(c) if !c.is_control() && self.text.chars().count() < MAX_CHARACTERS => {
                 self.text.push(c)
             }
             _ => {}

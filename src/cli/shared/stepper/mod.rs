@@ -275,14 +275,14 @@ impl<'a> Stepper<'a> {
         let name = name
             .as_ref()
             .map_or(String::new(), |name| format!(" '{name}'"));
-        let of = self
+        let total = self
             .store
             .count()
             .map_or(String::new(), |count| format!(" of {count}"));
         let place = if *sequence == self.index {
-            of
+            total
         } else {
-            format!(", pair {}{of}", self.index + 1)
+            format!(", pair {}{total}", self.index + 1)
         };
         let seconds = *stamp_ns as f64 / 1e9;
         let playing = if self.due.is_some() { "  playing" } else { "" };
@@ -294,8 +294,8 @@ impl<'a> Stepper<'a> {
 
     fn draw(&self, tool: &mut dyn StepTool, shades: bool, canvas: &mut ratatui::Frame<'_>) {
         let area = canvas.area();
-        if area.width < screen::LEAST.width || area.height < screen::LEAST.height {
-            let words = format!("make the terminal at least {} characters", screen::LEAST);
+        if area.width < screen::MIN_SIZE.width || area.height < screen::MIN_SIZE.height {
+            let words = format!("make the terminal at least {} characters", screen::MIN_SIZE);
             canvas.render_widget(Paragraph::new(words), area);
             return;
         }

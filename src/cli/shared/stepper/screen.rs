@@ -15,8 +15,8 @@ use std::io::{IsTerminal, Stdout, stdin, stdout};
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The least that a tool can be drawn on.
-pub(crate) const LEAST: Size = Size::new(60, 16);
+/// Smallest screen that a tool can be drawn on.
+pub(crate) const MIN_SIZE: Size = Size::new(60, 16);
 
 /// The screen of a script, unless it says otherwise.
 const SCRIPTED: Size = Size::new(80, 24);
@@ -41,7 +41,7 @@ impl Screen {
             );
         }
         let (columns, rows) = size().context("the terminal's size is not known")?;
-        let Size { width, height } = LEAST;
+        let Size { width, height } = MIN_SIZE;
         if columns < width || rows < height {
             anyhow::bail!(
                 "the terminal has {columns}x{rows} characters, too few; make it at least \
@@ -53,7 +53,7 @@ impl Screen {
 
     /// Takes the terminal, which is restored when the screen is dropped, and before the message of
     /// a panic.
-    pub(crate) fn of_terminal() -> anyhow::Result<Self> {
+    pub(crate) fn from_terminal() -> anyhow::Result<Self> {
         static HOOK: Once = Once::new();
         HOOK.call_once(|| {
             let before = std::panic::take_hook();

@@ -70,11 +70,6 @@ impl Feature {
         Self::Voted,
         Self::Agreed,
     ];
-
-    /// True if only the votes of learned gaps have it.
-    pub fn needs_gaps(self) -> bool {
-        matches!(self, Self::Voted | Self::Agreed)
-    }
 }
 
 /// The rule that decides on cells: the disparity that is reported, and the steps that turn the
@@ -175,7 +170,7 @@ impl VerdictTable {
             .min_by_key(|&v| ((v as i64 - target).abs(), -(v as i64)))
             .unwrap_or_default();
         let report_bins = report as i64;
-        let of_votes = |part: i64| match cell.agreed {
+        let vote_share = |part: i64| match cell.agreed {
             Some(_) => 1000 * part / votes,
             None => CellEvidence::NOT_MEASURED,
         };
@@ -190,8 +185,8 @@ impl VerdictTable {
                 100 * cell.cost / pixels,
                 25 * cell.texture / pixels,
                 tolerance.span(report),
-                of_votes(votes - cell.none),
-                of_votes(cell.agreed.unwrap_or(0)),
+                vote_share(votes - cell.none),
+                vote_share(cell.agreed.unwrap_or(0)),
             ],
         }
     }
@@ -249,7 +244,7 @@ mod by_name {
 
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<AllSteps, D::Error> {
         let mut named = BTreeMap::<String, Steps>::deserialize(from)?;
-        let steps = Feature::ALL.map(|of| named.remove(of.name()).unwrap_or_default());
+        let steps = Feature::ALL.map(|feature| named.remove(feature.name()).unwrap_or_default());
         match named.keys().next() {
             None => Ok(steps),
             Some(name) => {

@@ -49,7 +49,7 @@ pub enum Past {
 /// State of a cell after the pairs so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CellPast {
-    /// Bin of the last report, 0 if there is none.
+    /// Bin of the last report, 0 before the first.
     report: i64,
     /// Trust in it, `0..=MAX_TRUST`.
     pub trust: i64,

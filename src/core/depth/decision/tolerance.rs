@@ -13,7 +13,7 @@ pub struct Tolerance {
 }
 
 /// Distances beyond the resolution are reported as this disparity, pixels.
-const MOST_PX: f64 = 10_000.0;
+const MAX_PX: f64 = 10_000.0;
 
 impl Tolerance {
     /// From a rule, narrowed on both sides by `allowance_px`, for `bins` bins. Without a rig the
@@ -88,12 +88,12 @@ fn by_distance(v: i32, rig: &Rig, [metres, share]: [f64; 2], allowance_px: f64) 
     let (fb, doffs) = (rig.focal_px() * rig.baseline_m(), rig.doffs_px());
     let d = (f64::from(v) / scale + doffs).max(0.001);
     let z = fb / d;
-    let bin = |px: f64| ((px.min(MOST_PX) - doffs) * scale + 0.5).floor() as i32;
+    let bin = |px: f64| ((px.min(MAX_PX) - doffs) * scale + 0.5).floor() as i32;
     let farther = ((1.0 - share) * d).min(fb / (z + metres)) + allowance_px;
     let nearest = if z > metres + 0.001 {
         fb / (z - metres).max(0.001)
     } else {
-        MOST_PX
+        MAX_PX
     };
     let nearer = ((1.0 + share) * d).max(nearest) - allowance_px;
     [bin(farther).min(v), bin(nearer).max(v)]

@@ -22,7 +22,7 @@ const HORIZONS: usize = 46;
 /// Disparities of the bottom row that are tried, pixels: up to the first limit, or to the greatest
 /// measured one below the second.
 const BOTTOM_PX: usize = 4;
-const MOST_BOTTOM_PX: (usize, usize) = (256, 2048);
+const MAX_BOTTOM_PX: (usize, usize) = (256, 2048);
 /// A line exists if this fraction of the disparities below its horizon, in the lower half of the
 /// image, lies on it.
 const MIN_ON_LINE: f32 = 0.2;
@@ -78,7 +78,7 @@ impl GroundPlane {
     }
 
     /// The same plane at the pixels of an image, from that of its blocks of `block` pixels.
-    pub(super) fn of_pixels(self, block: (usize, usize)) -> Self {
+    pub(super) fn for_pixels(self, block: (usize, usize)) -> Self {
         let [per_column, per_row] = [
             self.per_column / block.0 as f32,
             self.per_row / block.1 as f32,
@@ -100,7 +100,7 @@ fn line(measured: &Plane<f32>) -> Option<GroundPlane> {
         .pixels()
         .filter(|d| d.is_finite())
         .fold(0.0, f32::max);
-    let most = (greatest as usize).clamp(MOST_BOTTOM_PX.0, MOST_BOTTOM_PX.1);
+    let most = (greatest as usize).clamp(MAX_BOTTOM_PX.0, MAX_BOTTOM_PX.1);
     let bins = most + 2;
     let mut counts = vec![0_u32; height * bins];
     let mut below = vec![0_u32; height + 1];

@@ -66,7 +66,7 @@ impl Stixels {
         let (width, height) = disparity.size();
         let block = (width.div_ceil(BLOCKS.0), height.div_ceil(BLOCKS.1));
         let measured = medians(disparity, block);
-        let ground = GroundPlane::fit(&measured).map(|plane| plane.of_pixels(block));
+        let ground = GroundPlane::fit(&measured).map(|plane| plane.for_pixels(block));
         let mut stixels = Vec::new();
         let mut segmentation = Segmentation::new(&measured);
         for column in 0..measured.width() {
@@ -172,7 +172,7 @@ mod tests {
         }
     }
 
-    fn of(scene: impl Fn(usize, usize) -> f32) -> Stixels {
+    fn stixels(scene: impl Fn(usize, usize) -> f32) -> Stixels {
         Stixels::new(&Plane::from_fn(SIZE.0, SIZE.1, scene).unwrap())
     }
 
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn a_box_on_the_floor_in_front_of_a_wall() {
-        let stixels = of(scene);
+        let stixels = stixels(scene);
         let ground = stixels.ground.unwrap();
         assert!((ground.per_row - 0.25).abs() < 0.01, "{ground:?}");
         assert!((ground.per_column - 0.01).abs() < 0.002, "{ground:?}");
@@ -214,7 +214,7 @@ mod tests {
     fn a_steep_floor_is_ground() {
         // 1.5 pixels a row: 330 at the bottom.
         let steep = |_: usize, y: usize| (1.5 * (y as f32 - 19.5)).max(6.0);
-        let stixels = of(steep);
+        let stixels = stixels(steep);
         let ground = stixels.ground.unwrap();
         assert!((ground.per_row - 1.5).abs() < 0.02, "{ground:?}");
         let (worst, missing) = compare(&stixels, steep);
@@ -229,7 +229,7 @@ mod tests {
             (a, b) if (a + 4 * b).is_multiple_of(9) => 60.0,
             _ => scene(x, y),
         };
-        let (worst, missing) = compare(&of(spoiled), scene);
+        let (worst, missing) = compare(&stixels(spoiled), scene);
         assert!(worst < 2.5 && missing < 0.08, "{worst} {missing}");
     }
 
@@ -241,7 +241,7 @@ mod tests {
             _ => f32::INFINITY,
         };
         for scene in [&noise as &dyn Fn(usize, usize) -> f32, &scene] {
-            let stixels = of(scene).stixels;
+            let stixels = stixels(scene).stixels;
             for pair in stixels.windows(2) {
                 let [lower, upper] = pair else { unreachable!() };
                 let is_above = upper.rows.end <= lower.rows.start;
@@ -257,7 +257,7 @@ mod tests {
 
     #[test]
     fn nothing_seen_has_no_stixels_and_every_size_is_possible() {
-        let none = of(|_, _| f32::INFINITY);
+        let none = stixels(|_, _| f32::INFINITY);
         assert_eq!((none.stixels.len(), none.ground), (0, None));
         for (width, height) in [(1, 1), (1, 200), (200, 1), (7, 5), (65, 121), (641, 479)] {
             let map = Plane::from_fn(width, height, |x, y| (x + y) as f32).unwrap();

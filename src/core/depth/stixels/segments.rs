@@ -87,17 +87,27 @@ impl<'a> Segmentation<'a> {
         expected: impl Fn(usize) -> Option<f32>,
     ) -> Vec<Segment> {
         let height = self.measured.height();
-        // From the bottom up.
-        let disparity = |i: usize| self.measured.get(column, height - 1 - i);
         for (i, px) in self.expected.iter_mut().enumerate() {
             *px = expected(height - 1 - i).filter(|px| *px > 0.0);
         }
+        self.add_costs(column);
+        self.best.fill([None; 2]);
+        for start in 0..height {
+            // The best segmentation below it is complete.
+            self.extend(start);
+        }
+        self.segments(column)
+    }
+
+    /// Adds up the measurements of a column and the costs of its rows, from the bottom up.
+    fn add_costs(&mut self, column: usize) {
         let misfit = |d: f32, px: f32| {
             let e = d - px;
             (0.5 * e * e).min(MISFIT)
         };
+        let height = self.measured.height();
         for i in 0..height {
-            let d = disparity(i);
+            let d = self.measured.get(column, height - 1 - i);
             let (sum, count) = self.sums[i];
             let is_measured = d.is_finite();
             self.sums[i + 1] = if is_measured {
@@ -123,51 +133,51 @@ impl<'a> Segmentation<'a> {
                 *cost = before + own;
             }
         }
-        self.best.fill([None; 2]);
-        // Segments from `start` on: the best segmentation below them is complete.
-        for start in 0..height {
-            let below = Below::new(start.checked_sub(1).map(|last| self.best[last]));
-            let foot = self.expected[start];
-            let (cost, before) = below.of_ground(foot);
-            for end in start..height {
-                let on_ground = self.ground[end + 1] - self.ground[start];
-                if !on_ground.is_finite() {
-                    break;
-                }
-                keep(
-                    &mut self.best[end][GROUND],
-                    Ending {
-                        cost: cost + SEGMENT + on_ground,
-                        start,
-                        before,
-                        disparity_px: f32::NAN,
-                    },
-                );
+    }
+
+    /// Keeps the segments from `start` on that are the best ones to their ends.
+    fn extend(&mut self, start: usize) {
+        let height = self.measured.height();
+        let below = Below::new(start.checked_sub(1).map(|last| self.best[last]));
+        let foot = self.expected[start];
+        let (cost, before) = below.cost_under_ground(foot);
+        for end in start..height {
+            let on_ground = self.ground[end + 1] - self.ground[start];
+            if !on_ground.is_finite() {
+                break;
             }
-            let (sum_before, count_before) = self.sums[start];
-            for end in start..height {
-                let (sum, count) = self.sums[end + 1];
-                if count == count_before {
-                    continue;
-                }
-                let px = (sum - sum_before) / (count - count_before) as f32;
-                // The nearest step.
-                let step = (px - self.first_px) / STEP_PX + 0.5;
-                let step = (step as usize).min(self.steps - 1);
-                let costs = [end + 1, start].map(|i| self.object[i * self.steps + step]);
-                let (cost, before) = below.of_object(foot, px);
-                keep(
-                    &mut self.best[end][OBJECT],
-                    Ending {
-                        cost: cost + SEGMENT + (costs[0] - costs[1]),
-                        start,
-                        before,
-                        disparity_px: px,
-                    },
-                );
-            }
+            keep(
+                &mut self.best[end][GROUND],
+                Ending {
+                    cost: cost + SEGMENT + on_ground,
+                    start,
+                    before,
+                    disparity_px: f32::NAN,
+                },
+            );
         }
-        self.segments(column)
+        let (sum_before, count_before) = self.sums[start];
+        for end in start..height {
+            let (sum, count) = self.sums[end + 1];
+            if count == count_before {
+                continue;
+            }
+            let px = (sum - sum_before) / (count - count_before) as f32;
+            // The nearest step.
+            let step = (px - self.first_px) / STEP_PX + 0.5;
+            let step = (step as usize).min(self.steps - 1);
+            let costs = [end + 1, start].map(|i| self.object[i * self.steps + step]);
+            let (cost, before) = below.cost_under_object(foot, px);
+            keep(
+                &mut self.best[end][OBJECT],
+                Ending {
+                    cost: cost + SEGMENT + (costs[0] - costs[1]),
+                    start,
+                    before,
+                    disparity_px: px,
+                },
+            );
+        }
     }
 
     /// Follows the best segmentation back from its top.
@@ -175,14 +185,14 @@ impl<'a> Segmentation<'a> {
         let height = self.measured.height();
         let mut segments = Vec::new();
         let mut end = height;
-        let mut kind = [OBJECT, GROUND].into_iter().min_by(|a, b| {
+        let mut next_kind = [OBJECT, GROUND].into_iter().min_by(|a, b| {
             let cost = |kind: usize| {
                 self.best[height - 1][kind].map_or(f32::INFINITY, |ending| ending.cost)
             };
             cost(*a).total_cmp(&cost(*b))
         });
-        while let Some(of) = kind
-            && let Some(ending) = self.best[end - 1][of]
+        while let Some(kind) = next_kind
+            && let Some(ending) = self.best[end - 1][kind]
         {
             let row = |i: usize| height - 1 - i;
             let mut rows = (ending.start..end)
@@ -193,10 +203,10 @@ impl<'a> Segmentation<'a> {
                 segments.push(Segment {
                     rows: highest..lowest + 1,
                     measured: more + 1,
-                    object_px: (of == OBJECT).then_some(ending.disparity_px),
+                    object_px: (kind == OBJECT).then_some(ending.disparity_px),
                 });
             }
-            (end, kind) = (ending.start, ending.before);
+            (end, next_kind) = (ending.start, ending.before);
         }
         segments.reverse();
         segments
@@ -224,7 +234,7 @@ impl Below {
     }
 
     /// Cost and kind below ground whose lowest disparity is `foot`: never ground.
-    fn of_ground(&self, foot: Option<f32>) -> (f32, Option<usize>) {
+    fn cost_under_ground(&self, foot: Option<f32>) -> (f32, Option<usize>) {
         let is_in_front = foot.is_some_and(|px| px > self.object_px + SAME_PX);
         match self.is_bottom {
             true => (0.0, None),
@@ -234,7 +244,7 @@ impl Below {
     }
 
     /// The lesser cost and its kind below an object at `px`, where the ground has `foot`.
-    fn of_object(&self, foot: Option<f32>, px: f32) -> (f32, Option<usize>) {
+    fn cost_under_object(&self, foot: Option<f32>, px: f32) -> (f32, Option<usize>) {
         if self.is_bottom {
             return (0.0, None);
         }

@@ -83,65 +83,95 @@ impl GapCandidates {
     }
 }
 
+/// The least and the greatest bin of the hypotheses that exist, and their number.
+struct BinSpread {
+    least: [i32; LANES],
+    most: [i32; LANES],
+    count: [i32; LANES],
+}
+
 /// See [`super::super::describe_hypotheses`].
 #[inline(always)]
-pub(in super::super) fn describe(of: &mut GapCandidates) {
-    let (mut least, mut most) = ([i32::MAX; LANES], [-1; LANES]);
-    let mut count = [0; LANES];
-    for (bin, exists) in of.bin.iter().zip(&of.exists) {
+pub(in super::super) fn describe(candidates: &mut GapCandidates) {
+    let mut spread = BinSpread {
+        least: [i32::MAX; LANES],
+        most: [-1; LANES],
+        count: [0; LANES],
+    };
+    for (bin, exists) in candidates.bin.iter().zip(&candidates.exists) {
         for l in 0..LANES {
-            least[l] = least[l].min(if exists[l] { bin[l] } else { i32::MAX });
-            most[l] = most[l].max(if exists[l] { bin[l] } else { -1 });
-            count[l] += i32::from(exists[l]);
+            spread.least[l] = spread.least[l].min(if exists[l] { bin[l] } else { i32::MAX });
+            spread.most[l] = spread.most[l].max(if exists[l] { bin[l] } else { -1 });
+            spread.count[l] += i32::from(exists[l]);
         }
     }
     for k in 0..HYPOTHESES {
-        let mut agree = [0; LANES];
-        for (bin, exists) in of.bin.iter().zip(&of.exists) {
-            for l in 0..LANES {
-                let near = (bin[l] - of.bin[k][l]).abs() <= 12;
-                agree[l] += i32::from(near & exists[l]);
-            }
-        }
-        let mut features = [[0; LANES]; HYPOTHESIS_FEATURES + 1];
+        describe_hypothesis(candidates, k, &spread);
+    }
+    describe_pixel(candidates, &spread);
+}
+
+#[inline(always)]
+fn describe_hypothesis(candidates: &mut GapCandidates, k: usize, spread: &BinSpread) {
+    let mut agree = [0; LANES];
+    for (bin, exists) in candidates.bin.iter().zip(&candidates.exists) {
         for l in 0..LANES {
-            let bin = of.bin[k][l];
-            features[0][l] = log(1 + of.distance[k][l]);
-            features[1][l] = signed_log(bin - least[l]);
-            features[2][l] = signed_log(most[l] - bin);
-            features[3][l] = signed_log(bin - of.filled[l]);
-            features[4][l] = log(8 + of.barrier[k][l]) - 48;
-            features[5][l] = log(8 + of.grey[k][l]) - 48;
-            features[6][l] = 2 * of.excess[k][l];
-            features[7][l] = 64 * of.leads_out[k][l];
-            features[8][l] = signed_log(of.right[k][l]);
-            features[9][l] = (5 * of.seen[k][l]) >> 1;
-            features[10][l] = 2 * of.unique[k][l];
-            features[11][l] = (85 * of.own[k][l]) >> 4;
-            features[12][l] = (85 * agree[l]) >> 3;
-            features[13][l] = signed_log(of.ends[k][l]);
-            features[14][l] = 2 * of.quarter_excess[k][l];
-        }
-        for (i, input) in of.inputs[k].iter_mut().enumerate() {
-            for (l, input) in input.0.iter_mut().enumerate() {
-                let is = i32::from(of.exists[k][l]);
-                let at = |i: usize| (features[i][l].clamp(-127, 127) * is) as i16;
-                *input = [at(2 * i), at(2 * i + 1)];
-            }
+            let near = (bin[l] - candidates.bin[k][l]).abs() <= 12;
+            agree[l] += i32::from(near & exists[l]);
         }
     }
-    let mut pixel = of.pixel;
+    let mut features = [[0; LANES]; HYPOTHESIS_FEATURES + 1];
     for l in 0..LANES {
-        for i in STEPS {
-            pixel[i][l] = log(50 + pixel[i][l]) - log(50);
-        }
-        pixel[SPREAD][l] = signed_log(most[l] - least[l]);
-        pixel[COUNT][l] = (85 * count[l]) >> 3;
-        pixel[QUARTER][l] = signed_log(pixel[QUARTER][l]);
+        let bin = candidates.bin[k][l];
+        features[0][l] = log(1 + candidates.distance[k][l]);
+        features[1][l] = signed_log(bin - spread.least[l]);
+        features[2][l] = signed_log(spread.most[l] - bin);
+        features[3][l] = signed_log(bin - candidates.filled[l]);
+        features[4][l] = log(8 + candidates.barrier[k][l]) - 48;
+        features[5][l] = log(8 + candidates.grey[k][l]) - 48;
+        features[6][l] = 2 * candidates.excess[k][l];
+        features[7][l] = 64 * candidates.leads_out[k][l];
+        features[8][l] = signed_log(candidates.right[k][l]);
+        features[9][l] = (5 * candidates.seen[k][l]) >> 1;
+        features[10][l] = 2 * candidates.unique[k][l];
+        features[11][l] = (85 * candidates.own[k][l]) >> 4;
+        features[12][l] = (85 * agree[l]) >> 3;
+        features[13][l] = signed_log(candidates.ends[k][l]);
+        features[14][l] = 2 * candidates.quarter_excess[k][l];
     }
-    for (i, input) in of.pixel_inputs.iter_mut().enumerate() {
+    for (i, input) in candidates.inputs[k].iter_mut().enumerate() {
+        for (l, input) in input.0.iter_mut().enumerate() {
+            let is = i32::from(candidates.exists[k][l]);
+            let at = |i: usize| (features[i][l].clamp(-127, 127) * is) as i16;
+            *input = [at(2 * i), at(2 * i + 1)];
+        }
+    }
+}
+
+#[inline(always)]
+fn describe_pixel(candidates: &mut GapCandidates, spread: &BinSpread) {
+    let mut pixel = candidates.pixel;
+    for i in STEPS {
+        for value in &mut pixel[i] {
+            *value = log(50 + *value) - log(50);
+        }
+    }
+    for (l, value) in pixel[SPREAD].iter_mut().enumerate() {
+        *value = signed_log(spread.most[l] - spread.least[l]);
+    }
+    for (value, count) in pixel[COUNT].iter_mut().zip(&spread.count) {
+        *value = (85 * count) >> 3;
+    }
+    for value in &mut pixel[QUARTER] {
+        *value = signed_log(*value);
+    }
+    for (i, input) in candidates.pixel_inputs.iter_mut().enumerate() {
         for l in 0..LANES {
-            let at = |i: usize| pixel.get(i).map_or(0, |of| of[l].clamp(-127, 127) as i16);
+            let at = |i: usize| {
+                pixel
+                    .get(i)
+                    .map_or(0, |values| values[l].clamp(-127, 127) as i16)
+            };
             input.0[l] = [at(2 * i), at(2 * i + 1)];
         }
     }

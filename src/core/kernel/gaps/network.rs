@@ -10,7 +10,7 @@ type PairRow<const N: usize> = [[i16; 2]; N];
 const LANES: usize = Group::ROWS;
 
 /// Greatest activation: 16 in 64ths.
-const MOST: i32 = 1023;
+const MAX_ACTIVATION: i32 = 1023;
 /// The sum over the hypotheses is divided by 8.
 const MEAN: i32 = 3;
 /// From 64ths of 256ths to 64ths, and to 256ths.
@@ -18,7 +18,7 @@ const TO_ACTIVATION: i32 = 8;
 const TO_SCORE: i32 = 6;
 
 /// Scores that are this much below the greatest have no weight, 256ths.
-const LEAST: usize = 2560;
+const MAX_BELOW: usize = 2560;
 
 /// The weights as the kernel reads them.
 #[derive(Clone, Debug)]
@@ -36,7 +36,7 @@ pub struct GapNetwork {
     none_pixel: PairRow<{ PIXEL / 2 }>,
     none_bias: i32,
     /// `65535·exp(−i/256)`, rounded.
-    exp: Box<[u16; LEAST]>,
+    exp: Box<[u16; MAX_BELOW]>,
 }
 
 /// Votes of the pixels: of each hypothesis, and of none; about 64 for each pixel.
@@ -57,19 +57,46 @@ fn rows<const N: usize, const ROWS: usize>(weights: &[i32]) -> [PairRow<N>; ROWS
 /// Checks the greatest sums of a layer: inputs at their limits, all of one sign.
 fn fits(name: &str, bias: &[i32], outputs: usize, parts: &[(&[i32], i64)]) -> Result<(), String> {
     for output in 0..outputs {
-        let of_part = |(weights, most): &(&[i32], i64)| {
+        let max_part = |(weights, most): &(&[i32], i64)| {
             let inputs = weights.len() / outputs;
             let row = &weights[output * inputs..][..inputs];
             most * row.iter().map(|w| i64::from(w.abs())).sum::<i64>()
         };
-        let of_bias = bias[output..].iter().step_by(outputs);
-        let of_bias = of_bias.map(|b| i64::from(*b).abs()).max().unwrap_or(0);
+        let max_bias = bias[output..].iter().step_by(outputs);
+        let max_bias = max_bias.map(|b| i64::from(*b).abs()).max().unwrap_or(0);
         // Half a unit is added for rounding.
-        if parts.iter().map(of_part).sum::<i64>() + of_bias + 128 > i32::MAX.into() {
+        if parts.iter().map(max_part).sum::<i64>() + max_bias + 128 > i32::MAX.into() {
             return Err(format!("the sums of '{name}' could overflow"));
         }
     }
     Ok(())
+}
+
+/// Checks that no layer's sums can overflow.
+fn check_sums(tensors: &[&[i32]; GAP_TENSORS.len()]) -> Result<(), String> {
+    let [
+        pixel,
+        pixel_bias,
+        hypothesis,
+        hypothesis_pixel,
+        hypothesis_bias,
+        choice,
+        choice_mean,
+        choice_bias,
+        _,
+        none_mean,
+        none_pixel,
+        none_bias,
+    ] = tensors;
+    let most = i64::from(MAX_ACTIVATION);
+    let mean = (HYPOTHESES as i64 * most) >> MEAN;
+    fits("pixel", pixel_bias, PIXEL, &[(pixel, 127)])?;
+    let parts = [(*hypothesis, 127), (*hypothesis_pixel, most)];
+    fits("hypothesis", hypothesis_bias, HIDDEN, &parts)?;
+    let parts = [(*choice, most), (*choice_mean, mean)];
+    fits("choice", choice_bias, CHOICE, &parts)?;
+    let parts = [(*none_mean, mean), (*none_pixel, most)];
+    fits("none", none_bias, 1, &parts)
 }
 
 impl GapNetwork {
@@ -100,25 +127,13 @@ impl GapNetwork {
         if let Some((_, (name, _))) = wide {
             return Err(format!("'{name}' has a weight beyond 16 bits"));
         }
-        let most = i64::from(MOST);
-        let mean = (HYPOTHESES as i64 * most) >> MEAN;
-        fits("pixel", pixel_bias, PIXEL, &[(pixel, 127)])?;
-        let parts = [(hypothesis, 127), (hypothesis_pixel, most)];
-        fits("hypothesis", hypothesis_bias, HIDDEN, &parts)?;
-        let parts = [(choice, most), (choice_mean, mean)];
-        fits("choice", choice_bias, CHOICE, &parts)?;
-        fits(
-            "none",
-            none_bias,
-            1,
-            &[(none_mean, mean), (none_pixel, most)],
-        )?;
+        check_sums(&tensors)?;
         let rounded = |bias: i32, shift: i32| bias + (1 << (shift - 1));
         let ([score], [none_mean], [none_pixel]) = (rows(score), rows(none_mean), rows(none_pixel));
         // By products, as the exponentials of systems differ: this is e^(-1/256).
         let factor = 0.9961013694701175;
         let mut power = 65_535.5;
-        let mut exp = Box::new([0; LEAST]);
+        let mut exp = Box::new([0; MAX_BELOW]);
         for value in exp.iter_mut() {
             *value = power as u16;
             power = (power - 0.5) * factor + 0.5;
@@ -160,7 +175,9 @@ fn add<const N: usize>(
 /// The activations of two outputs.
 #[inline(always)]
 fn activate(sums: [Group<u32>; 2]) -> Group<[i16; 2]> {
-    let at = |sum: &Group<u32>, l: usize| (sum.0[l] as i32 >> TO_ACTIVATION).clamp(0, MOST) as i16;
+    let at = |sum: &Group<u32>, l: usize| {
+        (sum.0[l] as i32 >> TO_ACTIVATION).clamp(0, MAX_ACTIVATION) as i16
+    };
     let mut out = Group::splat([0; 2]);
     for l in 0..LANES {
         out.0[l] = [at(&sums[0], l), at(&sums[1], l)];
@@ -186,7 +203,7 @@ fn bias(value: i32) -> Group<u32> {
 #[inline(always)]
 pub(in super::super) fn weigh(
     pairs: impl Pairs,
-    of: &GapNetwork,
+    network: &GapNetwork,
     candidates: &GapCandidates,
     votes: &mut GapVotes,
 ) {
@@ -199,59 +216,96 @@ pub(in super::super) fn weigh(
     let pairs = &pairs;
     let mut z = [Group::splat([0; 2]); PIXEL / 2];
     layer(&mut z, |i| {
-        add(pairs, bias(of.pixel_bias[i]), pixel, &of.pixel[i])
+        add(pairs, bias(network.pixel_bias[i]), pixel, &network.pixel[i])
     });
     // The pixel's part of each hypothesis.
-    let mut of_pixel = [bias(0); HIDDEN];
-    for (out, weights) in of_pixel.iter_mut().zip(&of.hypothesis_pixel) {
+    let mut pixel_sums = [bias(0); HIDDEN];
+    for (out, weights) in pixel_sums.iter_mut().zip(&network.hypothesis_pixel) {
         *out = add(pairs, bias(0), &z, weights);
     }
     let mut hidden = [[Group::splat([0; 2]); HIDDEN / 2]; HYPOTHESES];
     let mut mean = [Group::splat([0_i16; 2]); HIDDEN / 2];
     for (k, hidden) in hidden.iter_mut().enumerate() {
         layer(hidden, |i| {
-            let mut sum = of_pixel[i];
+            let mut sum = pixel_sums[i];
             for l in 0..LANES {
-                sum.0[l] = sum.0[l].wrapping_add_signed(of.hypothesis_bias[k][i]);
+                sum.0[l] = sum.0[l].wrapping_add_signed(network.hypothesis_bias[k][i]);
             }
-            add(pairs, sum, &inputs[k], &of.hypothesis[i])
+            add(pairs, sum, &inputs[k], &network.hypothesis[i])
         });
-        for (mean, hidden) in mean.iter_mut().zip(&*hidden) {
-            let lanes = mean.0.iter_mut().zip(&hidden.0).zip(&exists[k]);
-            for ((mean, [a, b]), exists) in lanes {
-                let is = i16::from(*exists).wrapping_neg();
-                *mean = [mean[0] + (a & is), mean[1] + (b & is)];
-            }
-        }
+        add_existing(&mut mean, hidden, &exists[k]);
     }
     for mean in &mut mean {
         for l in 0..LANES {
             mean.0[l] = mean.0[l].map(|sum| sum >> MEAN);
         }
     }
-    let mut of_mean = [bias(0); CHOICE];
-    for (i, out) in of_mean.iter_mut().enumerate() {
-        *out = add(pairs, bias(of.choice_bias[i]), &mean, &of.choice_mean[i]);
+    let mut scores = [[i32::MIN; LANES]; HYPOTHESES + 1];
+    score_choices(pairs, network, (&z, &mean, &hidden), exists, &mut scores);
+    vote(network, &scores, votes);
+}
+
+/// The scores of the hypotheses, and of none, from the activations of the pixel, their mean and
+/// those of the hypotheses.
+#[inline(always)]
+fn score_choices(
+    pairs: &impl Pairs,
+    network: &GapNetwork,
+    (z, mean, hidden): (
+        &Inputs<{ PIXEL / 2 }>,
+        &Inputs<{ HIDDEN / 2 }>,
+        &[Inputs<{ HIDDEN / 2 }>; HYPOTHESES],
+    ),
+    exists: &[[bool; LANES]; HYPOTHESES],
+    scores: &mut [[i32; LANES]; HYPOTHESES + 1],
+) {
+    let mut mean_sums = [bias(0); CHOICE];
+    for (i, out) in mean_sums.iter_mut().enumerate() {
+        *out = add(
+            pairs,
+            bias(network.choice_bias[i]),
+            mean,
+            &network.choice_mean[i],
+        );
     }
     let score = |sum: Group<u32>| sum.0.map(|sum| sum as i32 >> TO_SCORE);
-    let none = add(pairs, bias(of.none_bias), &mean, &of.none_mean);
-    let mut scores = [[i32::MIN; LANES]; HYPOTHESES + 1];
-    scores[HYPOTHESES] = score(add(pairs, none, &z, &of.none_pixel));
+    let none = add(pairs, bias(network.none_bias), mean, &network.none_mean);
+    scores[HYPOTHESES] = score(add(pairs, none, z, &network.none_pixel));
     let mut choice = [Group::splat([0; 2]); CHOICE / 2];
     for k in 0..HYPOTHESES {
         layer(&mut choice, |i| {
-            add(pairs, of_mean[i], &hidden[k], &of.choice[i])
+            add(pairs, mean_sums[i], &hidden[k], &network.choice[i])
         });
-        let of_k = score(add(pairs, bias(1 << (TO_SCORE - 1)), &choice, &of.score));
-        let lanes = scores[k].iter_mut().zip(of_k).zip(exists[k]);
+        let hypothesis_scores = score(add(
+            pairs,
+            bias(1 << (TO_SCORE - 1)),
+            &choice,
+            &network.score,
+        ));
+        let lanes = scores[k].iter_mut().zip(hypothesis_scores).zip(exists[k]);
         lanes.for_each(|((out, score), exists)| *out = if exists { score } else { i32::MIN });
     }
-    vote(of, &scores, votes);
+}
+
+/// Adds the activations of a hypothesis in the lanes in which it exists.
+#[inline(always)]
+fn add_existing<const N: usize>(
+    sums: &mut Inputs<N>,
+    activations: &Inputs<N>,
+    exists: &[bool; LANES],
+) {
+    for (sums, activations) in sums.iter_mut().zip(activations) {
+        let lanes = sums.0.iter_mut().zip(&activations.0).zip(exists);
+        for ((sums, [a, b]), exists) in lanes {
+            let is = i16::from(*exists).wrapping_neg();
+            *sums = [sums[0] + (a & is), sums[1] + (b & is)];
+        }
+    }
 }
 
 /// The softmax of the scores in votes: `(64·x + ⌊Σ/2⌋) / Σ` of the table's values.
 #[inline(always)]
-fn vote(of: &GapNetwork, scores: &[[i32; LANES]; HYPOTHESES + 1], votes: &mut GapVotes) {
+fn vote(network: &GapNetwork, scores: &[[i32; LANES]; HYPOTHESES + 1], votes: &mut GapVotes) {
     let mut most = [i32::MIN; LANES];
     for score in scores {
         for l in 0..LANES {
@@ -262,7 +316,7 @@ fn vote(of: &GapNetwork, scores: &[[i32; LANES]; HYPOTHESES + 1], votes: &mut Ga
     for (weights, score) in weights.iter_mut().zip(scores) {
         for l in 0..LANES {
             let below = most[l].wrapping_sub(score[l]) as u32;
-            let weight = of.exp.get(below as usize).copied().unwrap_or(0);
+            let weight = network.exp.get(below as usize).copied().unwrap_or(0);
             weights[l] = weight.into();
             sum[l] += weights[l];
         }

@@ -90,7 +90,7 @@ fn where_positive(slope: &Lane, activation: &Lane) -> Lane {
 
 /// See [`super::super::score_hypotheses`].
 #[inline(always)]
-pub(in super::super) fn forward(weights: &[f32], of: &GapSamples, pass: &mut GapPass) {
+pub(in super::super) fn forward(weights: &[f32], samples: &GapSamples, pass: &mut GapPass) {
     let [
         w_pixel,
         b_pixel,
@@ -107,11 +107,11 @@ pub(in super::super) fn forward(weights: &[f32], of: &GapSamples, pass: &mut Gap
     ] = gap_tensors(weights);
     let rows = w_pixel.chunks_exact(PIXEL_FEATURES).zip(b_pixel);
     for (out, (row, bias)) in pass.pixel.iter_mut().zip(rows) {
-        *out = positive(add([*bias; LANES], row, &of.pixel));
+        *out = positive(add([*bias; LANES], row, &samples.pixel));
     }
-    let mut of_pixel = [[0.0; LANES]; HIDDEN];
+    let mut pixel_sums = [[0.0; LANES]; HIDDEN];
     let rows = w_hidden_pixel.chunks_exact(PIXEL);
-    for (out, row) in of_pixel.iter_mut().zip(rows) {
+    for (out, row) in pixel_sums.iter_mut().zip(rows) {
         *out = add(*out, row, &pass.pixel);
     }
     pass.mean = [[0.0; LANES]; HIDDEN];
@@ -119,25 +119,25 @@ pub(in super::super) fn forward(weights: &[f32], of: &GapSamples, pass: &mut Gap
         let rows = w_hidden.chunks_exact(HYPOTHESIS_FEATURES);
         let biases = &b_hidden[k * HIDDEN..][..HIDDEN];
         for (i, (row, bias)) in rows.zip(biases).enumerate() {
-            let sum = of_pixel[i].map(|sum| sum + bias);
-            pass.hidden[k][i] = positive(add(sum, row, &of.features[k]));
+            let sum = pixel_sums[i].map(|sum| sum + bias);
+            pass.hidden[k][i] = positive(add(sum, row, &samples.features[k]));
             for l in 0..LANES {
-                pass.mean[i][l] += 0.125 * of.exists[k][l] * pass.hidden[k][i][l];
+                pass.mean[i][l] += 0.125 * samples.exists[k][l] * pass.hidden[k][i][l];
             }
         }
     }
-    let mut of_mean = [[0.0; LANES]; CHOICE];
+    let mut mean_sums = [[0.0; LANES]; CHOICE];
     let rows = w_mean.chunks_exact(HIDDEN).zip(b_choice);
-    for (out, (row, bias)) in of_mean.iter_mut().zip(rows) {
+    for (out, (row, bias)) in mean_sums.iter_mut().zip(rows) {
         *out = add([*bias; LANES], row, &pass.mean);
     }
     for k in 0..HYPOTHESES {
         let rows = w_choice.chunks_exact(HIDDEN);
         for (i, row) in rows.enumerate() {
-            pass.choice[k][i] = positive(add(of_mean[i], row, &pass.hidden[k]));
+            pass.choice[k][i] = positive(add(mean_sums[i], row, &pass.hidden[k]));
         }
         let score = add([0.0; LANES], w_score, &pass.choice[k]);
-        let lanes = pass.scores[k].iter_mut().zip(score).zip(of.exists[k]);
+        let lanes = pass.scores[k].iter_mut().zip(score).zip(samples.exists[k]);
         lanes.for_each(|((out, score), exists)| *out = if exists > 0.0 { score } else { -1e9 });
     }
     let none = add([b_none[0]; LANES], w_none, &pass.mean);
@@ -148,10 +148,10 @@ pub(in super::super) fn forward(weights: &[f32], of: &GapSamples, pass: &mut Gap
 #[inline(always)]
 pub(in super::super) fn backward(
     weights: &[f32],
-    of: &GapSamples,
+    samples: &GapSamples,
     pass: &GapPass,
     slopes: &[Lane; HYPOTHESES + 1],
-    mut gradient: &mut [Lane],
+    gradient: &mut [Lane],
 ) {
     let [
         _,
@@ -180,75 +180,86 @@ pub(in super::super) fn backward(
         g_none,
         g_none_pixel,
         g_none_bias,
-    ] = GAP_TENSORS.map(|(_, [rows, inputs])| {
-        let (tensor, rest) = std::mem::take(&mut gradient).split_at_mut(rows * inputs);
-        gradient = rest;
-        tensor
-    });
+    ] = split_gradient(gradient);
     let none = &slopes[HYPOTHESES];
     learn(g_none, none, &pass.mean);
     learn(g_none_pixel, none, &pass.pixel);
     add_to(&mut g_none_bias[0], none);
-    let (mut of_mean, mut of_pixel) = ([[0.0; LANES]; HIDDEN], [[0.0; LANES]; PIXEL]);
-    back(&mut of_mean, none, w_none);
-    back(&mut of_pixel, none, w_none_pixel);
+    let (mut mean_slopes, mut pixel_slopes) = ([[0.0; LANES]; HIDDEN], [[0.0; LANES]; PIXEL]);
+    back(&mut mean_slopes, none, w_none);
+    back(&mut pixel_slopes, none, w_none_pixel);
 
     // Slopes at the sums of the choices, and their sums over the hypotheses.
-    let mut of_choice = [[[0.0; LANES]; CHOICE]; HYPOTHESES];
-    let mut of_choices = [[0.0; LANES]; CHOICE];
-    for k in 0..HYPOTHESES {
+    let mut choice_slopes = [[[0.0; LANES]; CHOICE]; HYPOTHESES];
+    let mut choice_slope_sums = [[0.0; LANES]; CHOICE];
+    for (k, slopes_here) in choice_slopes.iter_mut().enumerate() {
         learn(g_score, &slopes[k], &pass.choice[k]);
         for (i, weight) in w_score.iter().enumerate() {
             let slope = slopes[k].map(|slope| weight * slope);
-            of_choice[k][i] = where_positive(&slope, &pass.choice[k][i]);
-            add_to(&mut of_choices[i], &of_choice[k][i]);
+            slopes_here[i] = where_positive(&slope, &pass.choice[k][i]);
+            add_to(&mut choice_slope_sums[i], &slopes_here[i]);
         }
     }
-    for (i, slope) in of_choices.iter().enumerate() {
+    for (i, slope) in choice_slope_sums.iter().enumerate() {
         add_to(&mut g_choice_bias[i], slope);
         learn(&mut g_mean[i * HIDDEN..][..HIDDEN], slope, &pass.mean);
-        back(&mut of_mean, slope, &w_mean[i * HIDDEN..][..HIDDEN]);
+        back(&mut mean_slopes, slope, &w_mean[i * HIDDEN..][..HIDDEN]);
     }
-    let mut of_hiddens = [[0.0; LANES]; HIDDEN];
+    let mut hidden_slope_sums = [[0.0; LANES]; HIDDEN];
     for k in 0..HYPOTHESES {
-        let mut of_hidden = of_mean;
-        for slope in of_hidden.iter_mut() {
-            let lanes = slope.iter_mut().zip(of.exists[k]);
-            lanes.for_each(|(slope, exists)| *slope *= 0.125 * exists);
-        }
-        for (i, slope) in of_choice[k].iter().enumerate() {
-            learn(
-                &mut g_choice[i * HIDDEN..][..HIDDEN],
-                slope,
-                &pass.hidden[k],
-            );
-            back(&mut of_hidden, slope, &w_choice[i * HIDDEN..][..HIDDEN]);
-        }
-        for (i, slope) in of_hidden.iter().enumerate() {
+        let rows = g_choice.chunks_exact_mut(HIDDEN).zip(&choice_slopes[k]);
+        rows.for_each(|(row, slope)| learn(row, slope, &pass.hidden[k]));
+        let exists = &samples.exists[k];
+        let hidden_slopes = hidden_slopes(&mean_slopes, exists, &choice_slopes[k], w_choice);
+        for (i, slope) in hidden_slopes.iter().enumerate() {
             let slope = where_positive(slope, &pass.hidden[k][i]);
-            add_to(&mut of_hiddens[i], &slope);
+            add_to(&mut hidden_slope_sums[i], &slope);
             add_to(&mut g_hidden_bias[k * HIDDEN + i], &slope);
             let row = &mut g_hidden[i * HYPOTHESIS_FEATURES..][..HYPOTHESIS_FEATURES];
-            learn(row, &slope, &of.features[k]);
+            learn(row, &slope, &samples.features[k]);
         }
     }
-    for (i, slope) in of_hiddens.iter().enumerate() {
-        learn(
-            &mut g_hidden_pixel[i * PIXEL..][..PIXEL],
-            slope,
-            &pass.pixel,
-        );
-        back(&mut of_pixel, slope, &w_hidden_pixel[i * PIXEL..][..PIXEL]);
+    for (i, slope) in hidden_slope_sums.iter().enumerate() {
+        let row = i * PIXEL;
+        learn(&mut g_hidden_pixel[row..][..PIXEL], slope, &pass.pixel);
+        back(&mut pixel_slopes, slope, &w_hidden_pixel[row..][..PIXEL]);
     }
-    for (i, slope) in of_pixel.iter().enumerate() {
+    let rows = g_pixel.chunks_exact_mut(PIXEL_FEATURES);
+    for (i, (row, slope)) in rows.zip(&pixel_slopes).enumerate() {
         let slope = where_positive(slope, &pass.pixel[i]);
         add_to(&mut g_pixel_bias[i], &slope);
-        learn(
-            &mut g_pixel[i * PIXEL_FEATURES..][..PIXEL_FEATURES],
-            &slope,
-            &of.pixel,
-        );
+        learn(row, &slope, &samples.pixel);
     }
+}
+
+/// The gradient of each tensor.
+#[inline(always)]
+fn split_gradient(mut gradient: &mut [Lane]) -> [&mut [Lane]; GAP_TENSORS.len()] {
+    GAP_TENSORS.map(|(_, [rows, inputs])| {
+        let (tensor, rest) = std::mem::take(&mut gradient).split_at_mut(rows * inputs);
+        gradient = rest;
+        tensor
+    })
+}
+
+/// The slopes at the activations of a hypothesis: through the mean, if it exists, and through its
+/// choices.
+#[inline(always)]
+fn hidden_slopes(
+    mean_slopes: &[Lane; HIDDEN],
+    exists: &Lane,
+    choice_slopes: &[Lane; CHOICE],
+    w_choice: &[f32],
+) -> [Lane; HIDDEN] {
+    let mut slopes = *mean_slopes;
+    for slope in &mut slopes {
+        let lanes = slope.iter_mut().zip(exists);
+        lanes.for_each(|(slope, exists)| *slope *= 0.125 * exists);
+    }
+    for (slope, row) in choice_slopes.iter().zip(w_choice.chunks_exact(HIDDEN)) {
+        back(&mut slopes, slope, row);
+    }
+    slopes
 }
 
 #[cfg(test)]
@@ -268,32 +279,32 @@ mod tests {
     /// Pixels with random measurements.
     fn candidates() -> GapCandidates {
         let mut random = fastrand::Rng::with_seed(3);
-        let mut of = GapCandidates::default();
+        let mut candidates = GapCandidates::default();
         for k in 0..HYPOTHESES {
             for l in 0..LANES {
-                of.exists[k][l] = k == 0 || random.f32() < 0.7;
-                of.bin[k][l] = random.i32(0..600);
-                of.distance[k][l] = random.i32(0..160);
-                of.excess[k][l] = random.i32(0..200);
-                of.right[k][l] = random.i32(-600..600);
-                of.own[k][l] = random.i32(0..25);
+                candidates.exists[k][l] = k == 0 || random.f32() < 0.7;
+                candidates.bin[k][l] = random.i32(0..600);
+                candidates.distance[k][l] = random.i32(0..160);
+                candidates.excess[k][l] = random.i32(0..200);
+                candidates.right[k][l] = random.i32(-600..600);
+                candidates.own[k][l] = random.i32(0..25);
             }
         }
-        describe_hypotheses(Isa::BASELINE, &mut of);
-        of
+        describe_hypotheses(Isa::BASELINE, &mut candidates);
+        candidates
     }
 
-    fn samples(of: &GapCandidates) -> GapSamples {
+    fn samples(candidates: &GapCandidates) -> GapSamples {
         let mut samples = GapSamples::default();
         for l in 0..LANES {
             for k in 0..HYPOTHESES {
-                samples.exists[k][l] = f32::from(u8::from(of.exists[k][l]));
+                samples.exists[k][l] = f32::from(u8::from(candidates.exists[k][l]));
                 for i in 0..HYPOTHESIS_FEATURES {
-                    samples.features[k][i][l] = f32::from(of.feature(k, i, l)) / 64.0;
+                    samples.features[k][i][l] = f32::from(candidates.feature(k, i, l)) / 64.0;
                 }
             }
             for i in 0..PIXEL_FEATURES {
-                samples.pixel[i][l] = f32::from(of.pixel_feature(i, l)) / 64.0;
+                samples.pixel[i][l] = f32::from(candidates.pixel_feature(i, l)) / 64.0;
             }
         }
         samples
@@ -322,7 +333,7 @@ mod tests {
         weigh_hypotheses(Isa::BASELINE, &network, &candidates, &mut votes);
         score_hypotheses(Isa::BASELINE, &weights, &samples(&candidates), &mut pass);
         for l in 0..LANES {
-            let sum: f32 = pass.scores.iter().map(|of| of[l].exp()).sum();
+            let sum: f32 = pass.scores.iter().map(|scores| scores[l].exp()).sum();
             for (votes, scores) in votes.iter().zip(&pass.scores) {
                 let expected = 64.0 * scores[l].exp() / sum;
                 assert!(

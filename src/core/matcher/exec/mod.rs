@@ -25,7 +25,7 @@
 //!
 //! ```text
 //! {"hello":{"name":"mynet","version":"1.2","device":"cuda:0","threads":2,"isa":"avx2",
-//!           "model":"HASH","color":true,"batch":8,"shared":true}}\n
+//!           "model":"HASH","color":true,"batch":8}}\n
 //! ```
 //!
 //! All fields are optional, and are recorded in the run's manifest. A program that requests colour
@@ -33,10 +33,7 @@
 //! program that accepts several pairs at once is sent them so when svl measures (`svl score`): up
 //! to `batch` requests of one size, each with the number of requests left in the batch, itself
 //! included; svl then reads as many replies. `millis` is then the time of the batch divided by its
-//! size. A program that accepts shared memory, and single pairs, is sent `"shared":"PATH"` in the
-//! requests and no pixels after them: it maps that file, which contains both images, and after
-//! them, at the next multiple of 64 bytes, room for the disparities; then nothing follows its
-//! replies either. If the system has no such memory, `shared` is absent.
+//! size.
 //!
 //! A program may report the C·R cells of the depth grid itself: `"cells":[...]` next to `millis`,
 //! row by row, `null` for an unknown one, else `{"disparity_px":d}` or with `"probability":p`, 0 to
@@ -54,12 +51,12 @@
 
 mod program;
 mod protocol;
-mod shared;
 
 use super::quotes::words;
 use super::stage::DisparityRange;
 use super::{
-    MatchContext, MatchOutput, Matcher, MatcherSpec, Parameter, Parameters, ProgramRecord, Range,
+    MatchContext, MatchOutput, Matcher, MatcherKind, MatcherSpec, Parameter, Parameters,
+    ProgramRecord, Range,
 };
 use crate::depth;
 use crate::error::{Error, Result};
@@ -67,13 +64,12 @@ use crate::stereo::{Cell, CellDepth, DepthGrid, ExtraPlanes, Plane, Reason, Rect
 use crate::timing::Stage;
 use program::{Program, ProgramFailure};
 use protocol::{Hello, Question, Reply, ReplyCell, RequestForm};
-use shared::SharedMemory;
 use std::collections::VecDeque;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "exec",
+    kind: MatcherKind::Program,
     aliases: &[],
     summary: "any program, over its standard input and output: to compare with an algorithm that \
               svl does not have",
@@ -202,36 +198,28 @@ impl Exec {
         let began = Instant::now();
         let hello = program.hello.as_ref();
         let (color, takes_several) = hello.map_or((false, false), |h| (h.color, h.batch > 1));
-        // Several pairs at once go through the pipes.
-        let shared = program.shared.clone().filter(|_| !takes_several);
         for (i, (pair, context)) in pairs.iter().enumerate() {
             let form = RequestForm {
                 range,
                 seq: first + i as u64,
                 color,
                 batch: takes_several.then_some(pairs.len() - i),
-                shared: shared.as_deref(),
             };
             let memory = program.memory_for_request();
-            let request = protocol::request(pair, form, context, memory)
-                .map_err(|error| ProgramFailure::new(format!("cannot be sent a pair: {error}")))?;
-            let disparities_at = request.disparities_at;
+            let request = protocol::request(pair, form, context, memory);
             let question = Question {
                 seq: form.seq,
                 size: pair.size(),
                 cells: context.grid.shape().cells(),
                 followers: pairs.len() - i - 1,
-                shared: shared.clone().map(|shared| (shared, disparities_at)),
             };
-            program.send(request.bytes, question);
+            program.send(request, question);
         }
         let timeout = timeout.saturating_mul(pairs.len() as u32);
         let mut replies = Vec::with_capacity(pairs.len());
         for (pair, _) in pairs {
             match program.answer(pair.size(), timeout)? {
                 Reply::Hello(hello) if program.hello.is_none() => {
-                    let shared = hello.shared.then(SharedMemory::new).flatten();
-                    program.shared = shared.map(Arc::new);
                     program.hello = Some(hello);
                     // The same pair again, in the form that the program requested.
                     return self.ask(pairs);

@@ -2,15 +2,15 @@
 //! block svl nor be blocked by a full pipe of its standard error.
 
 use super::protocol::{Hello, Question, Reply, one_line, read_reply};
-use super::shared::SharedMemory;
 use crate::error::Error;
 use crate::interrupt;
+use parking_lot::Mutex;
 use std::collections::VecDeque;
 use std::io::{BufReader, ErrorKind, Read, Write};
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -75,8 +75,6 @@ pub(super) struct Program {
     child: Child,
     /// Its identity, once reported.
     pub(super) hello: Option<Hello>,
-    /// Present if the program requests it.
-    pub(super) shared: Option<Arc<SharedMemory>>,
     requests: Sender<Vec<u8>>,
     /// Buffers of requests already written,
     written: Receiver<Vec<u8>>,
@@ -151,7 +149,6 @@ impl Program {
         Ok(Self {
             child,
             hello: None,
-            shared: None,
             requests,
             written,
             questions,
@@ -268,8 +265,7 @@ impl Program {
 
     /// The last lines of its standard error, as one.
     fn stderr_end(&self) -> String {
-        let tail = self.stderr_tail.lock();
-        let mut tail = tail.unwrap_or_else(PoisonError::into_inner);
+        let mut tail = self.stderr_tail.lock();
         let text = String::from_utf8_lossy(tail.make_contiguous());
         let lines: Vec<_> = text
             .lines()
@@ -335,7 +331,7 @@ fn read(
 fn keep_stderr(mut stderr: ChildStderr, kept: &Mutex<VecDeque<u8>>, _open: Sender<()>) {
     let mut bytes = [0; STDERR_KEPT];
     while let Ok(count @ 1..) = stderr.read(&mut bytes) {
-        let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = kept.lock();
         kept.extend(&bytes[..count]);
         // The end is the most useful part: an error message comes last.
         let surplus = kept.len().saturating_sub(STDERR_KEPT);

@@ -1,21 +1,16 @@
 //! Requests to the program and its replies.
 
-use super::shared::SharedMemory;
 use crate::matcher::MatchContext;
 use crate::matcher::stage::DisparityRange;
 use crate::stereo::{Gray, Rgb, Rig, StereoPair};
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, BufReader, ErrorKind, Read};
-use std::sync::Arc;
 
 /// Longest line of a reply, in bytes.
 const LONGEST_LINE: u64 = 64 * 1024;
 
 /// Largest batch that a program may request.
 const LARGEST_BATCH: usize = 64;
-
-/// Disparities in shared memory begin at the next multiple of this after the images, in bytes.
-const SHARED_ALIGNMENT: usize = 64;
 
 /// Header line of a pair.
 #[derive(Serialize)]
@@ -35,8 +30,6 @@ struct RequestLine<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     batch: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    shared: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     rig: Option<Rig>,
 }
 
@@ -50,8 +43,6 @@ pub(super) struct Hello {
     pub(super) color: bool,
     /// Number of pairs it accepts at once; 0 means 1.
     pub(super) batch: usize,
-    /// True if it exchanges pixels and disparities through shared memory.
-    pub(super) shared: bool,
     pub(super) threads: Option<usize>,
     pub(super) isa: Option<String>,
     pub(super) device: Option<String>,
@@ -109,8 +100,6 @@ pub(super) struct Question {
     pub(super) cells: usize,
     /// Replies to other pairs of its batch that follow.
     pub(super) followers: usize,
-    /// Position of its disparities, unless they follow the reply.
-    pub(super) shared: Option<(Arc<SharedMemory>, u64)>,
 }
 
 /// Reply of the program to a pair.
@@ -131,7 +120,7 @@ pub(super) enum Reply {
 
 /// Form of a request.
 #[derive(Clone, Copy)]
-pub(super) struct RequestForm<'a> {
+pub(super) struct RequestForm {
     pub(super) range: DisparityRange,
     /// Number of the request, which the reply repeats.
     pub(super) seq: u64,
@@ -139,27 +128,15 @@ pub(super) struct RequestForm<'a> {
     pub(super) color: bool,
     /// For programs that accept several pairs at once, the number of pairs from this one on.
     pub(super) batch: Option<usize>,
-    /// Destination of its pixels, unless they follow the line.
-    pub(super) shared: Option<&'a SharedMemory>,
 }
 
-/// A request for a pair: the bytes for the program's input, and the position of its disparities in
-/// shared memory.
-pub(super) struct PairRequest {
-    pub(super) bytes: Vec<u8>,
-    pub(super) disparities_at: u64,
-}
-
-/// Builds the request for a pair in the buffer `bytes`.
-///
-/// # Errors
-/// If shared memory is unavailable.
+/// The request for a pair, for the program's input, in the buffer `bytes`.
 pub(super) fn request(
     pair: &StereoPair,
-    form: RequestForm<'_>,
+    form: RequestForm,
     context: &MatchContext,
     mut bytes: Vec<u8>,
-) -> std::io::Result<PairRequest> {
+) -> Vec<u8> {
     let (width, height) = pair.size();
     let channels = if form.color { 3 } else { 1 };
     let line = RequestLine {
@@ -175,13 +152,12 @@ pub(super) fn request(
         rows: context.grid.rows,
         threads: context.threads,
         batch: form.batch,
-        shared: form.shared.map(SharedMemory::path),
         rig: context.rig,
     };
     bytes.clear();
-    serde_json::to_writer(&mut bytes, &line)?;
+    // A buffer accepts all bytes, and every key of the line is a string.
+    serde_json::to_writer(&mut bytes, &line).expect("a line of JSON");
     bytes.push(b'\n');
-    let line = bytes.len();
     let gray = [pair.left(), pair.right()];
     match (form.color, context.color) {
         (false, _) => gray
@@ -193,17 +169,7 @@ pub(super) fn request(
             bytes.extend(pixels.flat_map(|&grey| [grey; 3]));
         }),
     }
-    let images = bytes.len() - line;
-    let disparities_at = images.next_multiple_of(SHARED_ALIGNMENT) as u64;
-    if let Some(shared) = form.shared {
-        let size = disparities_at + 4 * (width * height) as u64;
-        shared.write(&bytes[line..], disparities_at, size)?;
-        bytes.truncate(line);
-    }
-    Ok(PairRequest {
-        bytes,
-        disparities_at,
-    })
+    bytes
 }
 
 fn push_gray(bytes: &mut Vec<u8>, image: &Gray) {
@@ -265,12 +231,7 @@ pub(super) fn read_reply(
             ..
         } if (0.0..1e9).contains(&millis) => {
             check_cells(cells.as_deref(), question.cells)?;
-            let disparities = match &question.shared {
-                Some((shared, at)) => shared
-                    .read(*at, 4 * width * height, memory)
-                    .map_err(broken)?,
-                None => read_disparities(from, (width, height), memory)?,
-            };
+            let disparities = read_disparities(from, question.size, memory)?;
             check_disparities(&disparities, width)?;
             Reply::Matched {
                 millis,

@@ -16,10 +16,10 @@ use crate::kernel::{
     choose_row, finish_paths, follow_paths, follow_rows,
 };
 use crate::stereo::{Gray, Reason};
+use parking_lot::{Mutex, MutexGuard};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard};
 
 /// The aggregation, with its scratch memory.
 pub struct Aggregation {
@@ -64,6 +64,13 @@ struct Worker {
     after: Vec<u8>,
 }
 
+/// The left image, whose steps of grey set the penalties.
+#[derive(Clone, Copy)]
+struct PenalizedImage<'a> {
+    image: &'a Gray,
+    penalties: &'a Penalties,
+}
+
 /// Neighbouring rows of [`Chosen`].
 struct ChosenRows<'a> {
     left: &'a mut [i16],
@@ -100,6 +107,15 @@ impl Aggregation {
         uniqueness: u32,
         chosen: &mut Chosen,
     ) {
+        let penalized = PenalizedImage { image, penalties };
+        self.begin(isa, costs, penalized);
+        self.finish(isa, costs, penalized, uniqueness, chosen);
+    }
+
+    /// Follows the rows, and each sweep to the middle, where they meet: until there they write
+    /// disjoint halves.
+    fn begin(&mut self, isa: Isa, costs: &CostVolume, penalized: PenalizedImage<'_>) {
+        let PenalizedImage { image, penalties } = penalized;
         let Self {
             shape,
             along,
@@ -108,7 +124,6 @@ impl Aggregation {
             workers,
         } = self;
         let (middle, height, stride) = (shape.height / 2, shape.height, shape.stride());
-
         let bands = along.chunks_mut(stride * RowPaths::ROWS);
         let bands = Mutex::new((0..height).step_by(RowPaths::ROWS).zip(bands));
         let follow_bands = |worker: &mut Worker| {
@@ -117,7 +132,6 @@ impl Aggregation {
                 follow_rows(isa, &mut worker.along, costs, image, top, penalties, sums);
             }
         };
-        // The sweeps meet in the middle: until there they write disjoint halves.
         sweeps.iter_mut().for_each(Sweep::restart);
         let (top, bottom) = sums.split_at_mut(middle * stride);
         let rows = [
@@ -137,8 +151,26 @@ impl Aggregation {
                 });
             },
         );
+    }
 
-        // Then each resumes over the half in which the other has left its sums.
+    /// Each sweep resumes over the half in which the other has left its sums.
+    fn finish(
+        &mut self,
+        isa: Isa,
+        costs: &CostVolume,
+        penalized: PenalizedImage<'_>,
+        uniqueness: u32,
+        chosen: &mut Chosen,
+    ) {
+        let PenalizedImage { image, penalties } = penalized;
+        let Self {
+            shape,
+            along,
+            sums,
+            sweeps,
+            workers,
+        } = self;
+        let (middle, height, stride) = (shape.height / 2, shape.height, shape.stride());
         let first_half = [middle, height - middle];
         let (top, bottom) = chosen.split(middle);
         let rows = [
@@ -180,8 +212,7 @@ impl Sweep {
         for block in &mut self.blocks {
             *block.rows.get_mut() = 0;
             // A thread that panicked has left nothing that a restart does not reset.
-            block.paths.clear_poison();
-            block.paths.get_mut().expect("not poisoned").restart();
+            block.paths.get_mut().restart();
         }
     }
 
@@ -235,7 +266,7 @@ impl SweepBlock {
                 std::thread::yield_now();
             }
         }
-        self.paths.lock().expect("no other thread panicked")
+        self.paths.lock()
     }
 }
 
@@ -296,7 +327,7 @@ fn on_rows<R: Send>(
 
 /// The next of the items that threads share.
 fn next<T>(items: &Mutex<impl Iterator<Item = T>>) -> Option<T> {
-    items.lock().expect("no other thread panicked").next()
+    items.lock().next()
 }
 
 /// `items` in the order of a sweep.

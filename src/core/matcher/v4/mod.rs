@@ -17,7 +17,7 @@ use super::stage::{
     BACK_CHECK, Blocks, DisparityRange, DogTexture, RowCheck, SUBPIXEL, SelfCheck, TextureFilter,
     VerticalSmoothing, back_check, each_plane_row, refine,
 };
-use super::{MatcherSpec, Parameters};
+use super::{MatcherKind, MatcherSpec, Parameters};
 use crate::error::Result;
 use crate::kernel::{Isa, Proposal};
 use crate::stereo::{DisparityMap, ExtraPlanes, Gray, Plane, Reason, RowMut, StereoPair};
@@ -26,6 +26,7 @@ use proposals::{Proposals, Tolerance};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v4",
+    kind: MatcherKind::Images,
     aliases: &[],
     summary: "windows in a hash table, matched across rows: for misaligned cameras, whose \
               vertical misalignment it measures",
@@ -98,6 +99,14 @@ impl V4 {
     }
 }
 
+fn write_row_offsets(accepted: &Plane<Proposal>, map: &mut DisparityMap) {
+    let offsets = map.row_offset_mut().expect("among the planes of v4");
+    each_plane_row(offsets, 64, |y, offsets| {
+        let proposals = offsets.iter_mut().zip(accepted.row(y));
+        proposals.for_each(|(offset, proposal)| *offset = proposal.row_offset);
+    });
+}
+
 impl Method for V4 {
     type Scratch = Scratch;
     const PLANES: ExtraPlanes = ExtraPlanes::ALL;
@@ -148,11 +157,7 @@ impl Method for V4 {
                 self.write_row(accepted.row(y), textured.row(y), &mut row);
             }
         });
-        let offsets = map.row_offset_mut().expect("among the planes of v4");
-        each_plane_row(offsets, 64, |y, offsets| {
-            let proposals = offsets.iter_mut().zip(accepted.row(y));
-            proposals.for_each(|(offset, proposal)| *offset = proposal.row_offset);
-        });
+        write_row_offsets(accepted, map);
         clock.lap(Stage::Matching);
 
         left_blocks.load(isa, left);

@@ -132,19 +132,19 @@ impl HalfMap {
                 if i % TILE == 0 {
                     sums.rows(isa, y, width, stride, &mut scratch.sums);
                 }
-                let of_row = &scratch.sums[i % TILE * count * stride..][..count * stride];
-                choose_winners(isa, of_row, stride, &mut scratch.winners);
+                let row_sums = &scratch.sums[i % TILE * count * stride..][..count * stride];
+                choose_winners(isa, row_sums, stride, &mut scratch.winners);
                 winner_fractions(isa, &scratch.winners, count, bins);
                 let censuses = images.each_ref().map(|image| image.censuses(y));
                 test_winners(isa, test, &scratch.winners, censuses, own, why);
                 if !keeps_winners {
                     continue;
                 }
-                let of = &scratch.winners;
+                let winners = &scratch.winners;
                 for (to, from) in [
-                    (&mut *least, &of.least),
-                    (&mut *second, &of.second),
-                    (&mut *right, &of.right),
+                    (&mut *least, &winners.least),
+                    (&mut *second, &winners.second),
+                    (&mut *right, &winners.right),
                 ] {
                     to[i * width..][..width].copy_from_slice(&from[..width]);
                 }

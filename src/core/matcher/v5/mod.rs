@@ -14,7 +14,7 @@ mod past;
 mod sums;
 
 use super::{
-    MatchContext, MatchOutput, Matcher, MatcherSpec, PairMemory, Parameter, Parameters, Range,
+    MatchContext, MatchOutput, Matcher, MatcherKind, MatcherSpec, Parameter, Parameters, Range,
 };
 use crate::depth::decision::{
     BINS_PER_PX, CellPast, CellPixels, Past, SafeChoice, Tolerance, probability,
@@ -32,6 +32,7 @@ pub use model::{GapWeights, V5Model};
 
 pub(super) const SPEC: MatcherSpec = MatcherSpec {
     name: "v5",
+    kind: MatcherKind::Images,
     aliases: &[],
     summary: "svl's own: cells that are safe to report, from semi-global matching at half size; \
               with the probability that each is right",
@@ -240,7 +241,7 @@ impl V5 {
         let bins = self.bins();
         let rule = context.cells.for_rig(context.rig.is_some());
         let known = self.tolerance.take();
-        let known = known.filter(|(of, rig, _)| *of == rule && *rig == context.rig);
+        let known = known.filter(|(known_rule, rig, _)| *known_rule == rule && *rig == context.rig);
         let (_, _, tolerance) = self.tolerance.insert(known.unwrap_or_else(|| {
             let made = Tolerance::new(rule, context.rig.as_ref(), self.choice.allowance_px, bins);
             (rule, context.rig, made)
@@ -281,8 +282,8 @@ impl V5 {
                     None => pixels.add(bins, seen, cost, texture),
                 }
             }
-            for of in gaps.iter().flat_map(|gaps| gaps.votes(&columns, &rows)) {
-                pixels.vote(&of.bins, &of.votes, of.agreed);
+            for pixel_votes in gaps.iter().flat_map(|gaps| gaps.votes(&columns, &rows)) {
+                pixels.vote(&pixel_votes.bins, &pixel_votes.votes, pixel_votes.agreed);
             }
             pixels.count();
             (*cell, *past) = deciding.cell(pixels, &before[i]);
@@ -427,11 +428,8 @@ impl Matcher for V5 {
         Ok(())
     }
 
-    fn memory(&self) -> PairMemory {
-        match self.choice.table.time {
-            Some(_) => PairMemory::Run,
-            None => PairMemory::None,
-        }
+    fn has_run_memory(&self) -> bool {
+        self.choice.table.time.is_some()
     }
 
     fn reset(&mut self) {

@@ -128,17 +128,20 @@ impl V5Model {
             let text = text.ok_or_else(|| format!("its metadata has no '{name}'; {CURE}"))?;
             let table =
                 VerdictTable::parse(&text).map_err(|why| format!("'{name}': {why}; {CURE}"))?;
-            match table.rank {
-                of if of == rank => Ok(table),
-                of => Err(format!("'{name}': rank is {of}, expected {rank}; {CURE}")),
+            if table.rank != rank {
+                let found = table.rank;
+                return Err(format!(
+                    "'{name}': rank is {found}, expected {rank}; {CURE}"
+                ));
             }
+            Ok(table)
         };
         let (median, near) = (table("median", 50)?, table("near", 75)?);
         if near.time.is_some() {
             return Err(format!("'near': has no use for 'time'; {CURE}"));
         }
         let network = GapWeights::read(&tensors).map_err(|why| format!("{why}; {CURE}"))?;
-        let fitted = FittedTo::of_facts(&facts)?;
+        let fitted = FittedTo::from_facts(&facts)?;
         facts.retain(|key, _| key != FittedTo::RUNS && key != FittedTo::PAIRS);
         Ok(Self {
             network,

@@ -35,7 +35,7 @@ impl PairKey {
             (None, None) => last.sequence.checked_add(1) == Some(self.sequence),
             _ => false,
         };
-        let settings = |of: &Self| (of.size, of.shape, of.rule, of.rig);
+        let settings = |key: &Self| (key.size, key.shape, key.rule, key.rig);
         is_next && settings(self) == settings(last)
     }
 }

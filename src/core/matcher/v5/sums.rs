@@ -107,7 +107,7 @@ impl StripSums {
 
     /// The sums of a pixel.
     #[inline(always)]
-    pub(super) fn of(&self, [x, y]: [usize; 2]) -> PixelSums<'_> {
+    pub(super) fn pixel(&self, [x, y]: [usize; 2]) -> PixelSums<'_> {
         let strips = [&self.strips[x / N], &self.strips[self.columns + y / N]];
         let along = &strips[0].sums[y * self.count..][..self.count];
         let across = &strips[1].sums[x * self.count..][..self.count];

@@ -8,7 +8,7 @@ const REACH: usize = 3;
 /// Least distance of a corner from the border, so that its patch is inside the image.
 pub(super) const MARGIN: usize = 10;
 /// Least RMS gradient in the weaker direction, grey levels per pixel: above camera noise.
-const LEAST: f64 = 3.0;
+const MIN_GRADIENT: f64 = 3.0;
 /// Corners kept per cell of the image: the strongest.
 const PER_CELL: usize = 2;
 
@@ -33,7 +33,7 @@ pub(super) fn corners(image: &Gray, count: usize) -> Vec<(usize, usize)> {
             for y in top..(top + cell).min(height - MARGIN) {
                 for x in left..(left + cell).min(width - MARGIN) {
                     let own = strength(x, y);
-                    if own < LEAST as f32 {
+                    if own < MIN_GRADIENT as f32 {
                         continue;
                     }
                     let around = (y - 2..=y + 2).flat_map(|v| (x - 2..=x + 2).map(move |u| (u, v)));

@@ -11,7 +11,7 @@ const PIXELS: usize = SIDE * SIDE;
 const STEPS: usize = 20;
 const CLOSE_PX: f64 = 0.005;
 /// Least correlation of the patches after the fit.
-const LEAST: f64 = 0.95;
+const MIN_CORRELATION: f64 = 0.95;
 
 /// The position in `right`, near `near`, of the patch around `at` in `left`; `None` if the fit does
 /// not converge or the patches differ.
@@ -61,7 +61,7 @@ pub(super) fn fit(
         let step = inverse * off;
         place -= step;
         if step.norm() < CLOSE_PX {
-            return (product / (spread * seen_spread) >= LEAST).then_some(place);
+            return (product / (spread * seen_spread) >= MIN_CORRELATION).then_some(place);
         }
     }
     None

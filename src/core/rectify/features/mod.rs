@@ -24,7 +24,7 @@ pub struct PointMatch {
 const CORNERS: usize = 1500;
 /// Least correlation of two patches; and the uniqueness ratio: the best candidate's `1 −
 /// correlation` must be less than this fraction of the next best one's.
-const LEAST: f64 = 0.85;
+const MIN_CORRELATION: f64 = 0.85;
 const UNIQUENESS: f64 = 0.7;
 /// Largest vertical distance of a match, as a fraction of the image's height.
 const ROWS: f64 = 0.2;
@@ -34,11 +34,13 @@ const NEAR_PX: f64 = 2.0;
 /// Matches of a pair, accurate to about a tenth of a pixel; empty without texture.
 ///
 /// Each point is the other's best candidate (left-right consistency). Most are right, but not all:
-/// [`super::EpipolarGeometry`] finds the inliers.
-pub fn matches(pair: &StereoPair) -> Vec<PointMatch> {
+/// [`super::epipolar::inliers`] finds them.
+pub(super) fn matches(pair: &StereoPair) -> Vec<PointMatch> {
     let [left, right] = [described(pair.left()), described(pair.right())];
     let reach = pair.size().1 as f64 * ROWS;
-    let found = |of: &[Patch], among: &[Patch]| candidates(of, among, reach, LEAST, UNIQUENESS);
+    let found = |patches: &[Patch], others: &[Patch]| {
+        candidates(patches, others, reach, MIN_CORRELATION, UNIQUENESS)
+    };
     let (there, back) = (found(&left, &right), found(&right, &left));
     // Left-right consistency: a match must be the best candidate in both directions.
     let mutual = there

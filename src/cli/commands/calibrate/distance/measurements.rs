@@ -20,16 +20,16 @@ use svl::source::{Limited, Request, Source};
 use svl::stereo::{DepthGrid, MAX_SIDE, Rig};
 
 /// Largest number of measurements; more do not improve a curve.
-const MOST: usize = 1000;
+const MAX_MEASUREMENTS: usize = 1000;
 
 /// Largest distance, centimetres.
-const MOST_CM: f64 = 1e6;
+const MAX_DISTANCE_CM: f64 = 1e6;
 
 /// Largest table, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Frames matched per recording; the target does not move, so a few are enough.
-const FRAMES: u64 = 30;
+/// Largest number of frames matched per recording; the target does not move, so a few are enough.
+const MAX_FRAMES: u64 = 30;
 
 /// A target at a known distance.
 #[derive(Debug, Serialize)]
@@ -86,9 +86,9 @@ pub(super) fn measurements(
             None => found.extend(table(Path::new(text), measuring)?),
         }
     }
-    if found.len() > MOST {
+    if found.len() > MAX_MEASUREMENTS {
         bail!(
-            "{} measurements: a curve accepts {MOST} at most",
+            "{} measurements: a curve accepts {MAX_MEASUREMENTS} at most",
             found.len()
         );
     }
@@ -116,7 +116,7 @@ fn table(path: &Path, measuring: &Measuring<'_>) -> anyhow::Result<Vec<Measureme
     let folder = path.parent().unwrap_or(Path::new("."));
     let mut found = Vec::new();
     // One row beyond the limit is read, so that the caller sees that there are too many.
-    for (number, line) in reader.deserialize().take(MOST + 1).enumerate() {
+    for (number, line) in reader.deserialize().take(MAX_MEASUREMENTS + 1).enumerate() {
         let TableLine {
             distance_cm,
             disparity_px,
@@ -125,9 +125,9 @@ fn table(path: &Path, measuring: &Measuring<'_>) -> anyhow::Result<Vec<Measureme
             let cure = "expected the columns distance_cm, and disparity_px or recording";
             anyhow::anyhow!("{shown}: measurement {}: {e}; {cure}", number + 1)
         })?;
-        if distance_cm > MOST_CM || disparity_px.is_some_and(|px| px > MAX_SIDE as f64) {
+        if distance_cm > MAX_DISTANCE_CM || disparity_px.is_some_and(|px| px > MAX_SIDE as f64) {
             bail!(
-                "{shown}: measurement {}: a distance is {MOST_CM} cm at most, a disparity \
+                "{shown}: measurement {}: a distance is {MAX_DISTANCE_CM} cm at most, a disparity \
                  {MAX_SIDE} px",
                 number + 1
             );
@@ -159,7 +159,7 @@ fn length_cm(text: &str) -> anyhow::Result<f64> {
     };
     let length = factor.and_then(|factor| Some(digits.parse::<f64>().ok()? * factor));
     length
-        .filter(|cm| *cm > 0.0 && *cm <= MOST_CM)
+        .filter(|cm| *cm > 0.0 && *cm <= MAX_DISTANCE_CM)
         .ok_or_else(|| {
             usage::wrong(format!(
                 "'{text}' is not a distance up to 10 km; write it as 130cm, 1.3m or 1300mm before ="
@@ -196,7 +196,7 @@ impl Measuring<'_> {
             ..Request::new(name)
         };
         let opened = open_recording(&request, &Terminal { quiet: self.quiet })?;
-        let mut source = Limited::new(opened.source, PairRange::default(), Some(FRAMES));
+        let mut source = Limited::new(opened.source, PairRange::default(), Some(MAX_FRAMES));
         let algorithms = [self.algorithm.clone()];
         let grid = |judged: &Judged| {
             let estimate = judged.estimates.first();

@@ -12,7 +12,7 @@ use svl::report::table::{NONE, Table, TerminalStyle};
 const SHARE: f64 = 0.10;
 
 /// A measurement whose weight is below this is reported as an outlier.
-const OUTLIER: f64 = 0.5;
+const MIN_INLIER_WEIGHT: f64 = 0.5;
 
 pub(super) struct DistanceReport {
     measurements: Vec<Measurement>,
@@ -59,11 +59,11 @@ impl DistanceReport {
 
     /// `a` by the recordings' own calibration; `None` unless all recordings agree.
     fn focal_baseline(&self) -> Option<f64> {
-        let of = |m: &Measurement| m.seen.as_ref()?.focal_baseline_cm_px;
-        let first = of(self.measurements.first()?)?;
+        let factor = |m: &Measurement| m.seen.as_ref()?.focal_baseline_cm_px;
+        let first = factor(self.measurements.first()?)?;
         self.measurements
             .iter()
-            .all(|m| of(m) == Some(first))
+            .all(|m| factor(m) == Some(first))
             .then_some(first)
     }
 
@@ -107,7 +107,11 @@ impl DistanceReport {
             let seen = measurement.seen.as_ref();
             let cells = seen.map(|seen| cell_list(&seen.cells));
             let apart = seen.map(|seen| format!("{:.2}", seen.spread_px));
-            let fit = if *weight < OUTLIER { "outlier" } else { "" };
+            let fit = if *weight < MIN_INLIER_WEIGHT {
+                "outlier"
+            } else {
+                ""
+            };
             let cells = [
                 format!("{px:.2}"),
                 polynomial,
@@ -122,35 +126,36 @@ impl DistanceReport {
         table
     }
 
+    fn polynomial_text(&self, curve: &DistanceCurve) -> String {
+        let rms = self.rms_cm(0).unwrap_or_default();
+        let (from, to) = curve.measured_px().into_inner();
+        let usable = self.usable_px();
+        let ranges: Vec<_> = usable
+            .iter()
+            .map(|(from, to)| format!("{from:.1} to {to:.1} px"))
+            .collect();
+        let ranges = if ranges.is_empty() {
+            "nowhere".to_owned()
+        } else {
+            ranges.join(", ")
+        };
+        let oscillates = if usable == [(from, to)] {
+            ""
+        } else {
+            "; elsewhere it oscillates between the measurements"
+        };
+        format!(
+            "degree 5: rms {rms:.1} cm, measured from {from:.1} to {to:.1} px\n  valid: \
+             {ranges}{oscillates}\n"
+        )
+    }
+
     pub(super) fn text(&self, style: TerminalStyle) -> Result<String, fmt::Error> {
         let mut text = self.table().terminal(style);
         let pinhole = &self.pinhole;
         let (deviation_a, deviation_b) = pinhole.standard_deviations();
         match &self.polynomial {
-            Ok(curve) => {
-                let rms = self.rms_cm(0).unwrap_or_default();
-                let (from, to) = curve.measured_px().into_inner();
-                let usable = self.usable_px();
-                let ranges: Vec<_> = usable
-                    .iter()
-                    .map(|(from, to)| format!("{from:.1} to {to:.1} px"))
-                    .collect();
-                let ranges = if ranges.is_empty() {
-                    "nowhere".to_owned()
-                } else {
-                    ranges.join(", ")
-                };
-                let oscillates = if usable == [(from, to)] {
-                    ""
-                } else {
-                    "; elsewhere it oscillates between the measurements"
-                };
-                writeln!(
-                    text,
-                    "degree 5: rms {rms:.1} cm, measured from {from:.1} to {to:.1} px"
-                )?;
-                writeln!(text, "  valid: {ranges}{oscillates}")?;
-            }
+            Ok(curve) => text += &self.polynomial_text(curve),
             Err(why) => writeln!(text, "degree 5: none, {why}")?,
         }
         let rms = self

@@ -5,7 +5,7 @@ use std::str::FromStr;
 use svl::score::CellExpectation;
 
 /// Largest accepted distance, metres.
-const FARTHEST_M: f64 = 1000.0;
+const MAX_DISTANCE_M: f64 = 1000.0;
 
 /// The expectation of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,9 +59,9 @@ impl FromStr for CellLabel {
 fn metres(text: &str) -> Result<f64, String> {
     let text = text.trim();
     match text.trim_end_matches('m').trim_end().parse::<f64>() {
-        Ok(metres) if metres > 0.0 && metres <= FARTHEST_M => Ok(metres),
+        Ok(metres) if metres > 0.0 && metres <= MAX_DISTANCE_M => Ok(metres),
         Ok(_) => Err(format!(
-            "'{text}': a distance is above 0 m and at most {FARTHEST_M} m"
+            "'{text}': a distance is above 0 m and at most {MAX_DISTANCE_M} m"
         )),
         Err(_) => Err(format!("'{text}' is not a distance; type {FORMS}")),
     }
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_distance_is_refused() {
+    fn invalid_distances_are_refused() {
         for (typed, words) in [
             ("abc", "'abc' is not a distance; type a distance in metres"),
             ("", "is not a distance"),

@@ -71,14 +71,14 @@ pub(crate) struct Args {
 }
 
 /// Largest number of columns and of rows that can be told apart on a screen.
-const MOST_CELLS: usize = 20;
+const MAX_CELLS: usize = 20;
 
 fn grid(text: &str) -> Result<GridShape, String> {
     let shape = usage::two(text, 'x').map(|(columns, rows)| GridShape { columns, rows });
-    let fits = |side| (1..=MOST_CELLS).contains(&side);
+    let fits = |side| (1..=MAX_CELLS).contains(&side);
     shape
         .filter(|shape| fits(shape.columns) && fits(shape.rows))
-        .ok_or_else(|| format!("expected columns and rows, 1 to {MOST_CELLS} each, as 5x3"))
+        .ok_or_else(|| format!("expected columns and rows, 1 to {MAX_CELLS} each, as 5x3"))
 }
 
 pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
@@ -155,7 +155,7 @@ pub(super) fn run(args: &Args, quiet: bool) -> anyhow::Result<()> {
     }
     let mut screen = match args.script {
         Some(_) => Screen::in_memory()?,
-        None => Screen::of_terminal()?,
+        None => Screen::from_terminal()?,
     };
     let ended = stepper::run(&mut stepper, &mut tool, &mut keys, &mut screen);
     drop(screen);

@@ -38,7 +38,7 @@ impl Reported {
         cells: CellRule,
     ) -> svl::Result<()> {
         self.grid = None;
-        let context = MatchContext::of(frame, grid, cells);
+        let context = MatchContext::for_frame(frame, grid, cells);
         self.output.begin();
         self.matcher
             .compute(frame.rectified()?, &context, &mut self.output)?;

@@ -236,12 +236,12 @@ impl NewScenario<'_> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let is_safe = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         let safe = |c: char| if is_safe(c) { c } else { '-' };
-        let of_arena = self
+        let arena_scenario = self
             .opened
             .recording
             .is_none()
             .then_some(self.opened.scenario.as_deref());
-        let begun = match of_arena.flatten() {
+        let begun = match arena_scenario.flatten() {
             // Everything that the run depends on, and the rule by which its cells are scored.
             Some(arena) => {
                 let seed = self.opened.header.seed.unwrap_or(1);
@@ -260,7 +260,7 @@ impl NewScenario<'_> {
             }
             None => Scenario {
                 grid: self.grid.into(),
-                ..Scenario::of_recordings(&[self.source.to_owned()], Vec::new())?
+                ..Scenario::from_recordings(&[self.source.to_owned()], Vec::new())?
                     .with(self.options)?
             },
         };

@@ -51,13 +51,13 @@ pub(crate) struct Args {
 }
 
 /// Labels whole frames, or their windows.
-pub(super) fn run(args: &Args, of_windows: bool, quiet: bool) -> anyhow::Result<()> {
+pub(super) fn run(args: &Args, by_window: bool, quiet: bool) -> anyhow::Result<()> {
     let name = args.input.source.as_str();
     args.input.check()?;
     let path = FrameLabels::path(Path::new(name), args.kind);
     let request = args.input.request();
     if args.from_truth {
-        return from_truth(args, of_windows, &request, &path, quiet);
+        return from_truth(args, by_window, &request, &path, quiet);
     }
     // Before anything takes time.
     let mut keys = match &args.script {
@@ -87,13 +87,13 @@ pub(super) fn run(args: &Args, of_windows: bool, quiet: bool) -> anyhow::Result<
         labels,
         source: PathBuf::from(name),
         path,
-        of_windows,
+        by_window,
         window: 0,
         done: Vec::new(),
     };
     let mut screen = match args.script {
         Some(_) => Screen::in_memory()?,
-        None => Screen::of_terminal()?,
+        None => Screen::from_terminal()?,
     };
     let ended = stepper::run(&mut stepper, &mut tool, &mut keys, &mut screen);
     drop(screen);
@@ -108,7 +108,7 @@ pub(super) fn run(args: &Args, of_windows: bool, quiet: bool) -> anyhow::Result<
 /// Labels every frame of a source by its truth.
 fn from_truth(
     args: &Args,
-    of_windows: bool,
+    by_window: bool,
     request: &Request<'_>,
     path: &Path,
     quiet: bool,
@@ -116,16 +116,16 @@ fn from_truth(
     let mut outputs = Outputs::claim(args.force, [], [path])?;
     let mut opened = source::open(request.clone(), quiet)?;
     let (kind, range_px) = (args.kind, args.max_disparity);
-    let of_frame = CollectSink::new(move |judged| {
+    let frame_windows = CollectSink::new(move |judged| {
         let frame = &judged.frame;
         let side = kind.spec().features.window;
         let windows = FilterWindows::new(kind, side, frame.pair.size(), GridShape::default());
         let labels = windows.map(|windows| {
-            let of = |&at: &[usize; 2]| {
+            let is_near = |&at: &[usize; 2]| {
                 let truth = frame.truth.as_ref()?;
                 true_label(kind, truth, at, side, range_px)
             };
-            windows.corners().iter().map(of).collect::<Vec<_>>()
+            windows.corners().iter().map(is_near).collect::<Vec<_>>()
         });
         let is_known = frame.truth.as_ref().is_some_and(|t| t.surface.is_some());
         labels.map(|labels| {
@@ -141,15 +141,15 @@ fn from_truth(
     let title = opened.source.name();
     let watch = Watch::new(&Terminal { quiet }, &title, opened.source.pairs(), None);
     let mut none = Matchers::none();
-    let collected = frames_through(&mut *opened.source, &mut none, &start, of_frame, watch)?;
+    let collected = frames_through(&mut *opened.source, &mut none, &start, frame_windows, watch)?;
     let mut labels = FrameLabels::new(kind);
-    let (mut known, mut of_both) = (false, 0);
-    for of_frame in collected {
-        let (sequence, pair_hash, windows) = of_frame?;
+    let (mut known, mut both) = (false, 0);
+    for frame_windows in collected {
+        let (sequence, pair_hash, windows) = frame_windows?;
         let Some(windows) = windows else { continue };
         known = true;
         labels.tie(sequence, pair_hash);
-        let places: Vec<_> = if of_windows {
+        let places: Vec<_> = if by_window {
             (0..).map(Some).zip(windows).collect()
         } else {
             // A frame has a label only if all its windows have the same.
@@ -159,22 +159,22 @@ fn from_truth(
         };
         for (place, is) in places {
             labels.set(sequence, place, is);
-            of_both += u64::from(is.is_none());
+            both += u64::from(is.is_none());
         }
     }
     let [yes, no] = labels.counts();
     let [is, is_not] = kind.spec().categories;
-    let noun = if of_windows { "window" } else { "frame" };
-    let of_both = counted(of_both, noun);
+    let noun = if by_window { "window" } else { "frame" };
+    let both = counted(both, noun);
     if yes + no == 0 {
         let source = &args.input.source;
-        match (known, of_windows) {
+        match (known, by_window) {
             (false, _) => {
                 bail!("{source}: only recordings of the arena have a truth that knows what is {is}")
             }
-            (_, true) => bail!("{source}: all of its {of_both} show {is} and {is_not} alike"),
+            (_, true) => bail!("{source}: all of its {both} show {is} and {is_not} alike"),
             (_, false) => bail!(
-                "{source}: its {of_both} show {is} and {is_not}, so none is one of them as a \
+                "{source}: its {both} show {is} and {is_not}, so none is one of them as a \
                  whole; label their windows: svl label windows {source} --kind {kind} \
                  --from-truth"
             ),
@@ -185,6 +185,6 @@ fn from_truth(
     outputs.commit();
     let path = path.display();
     print(&format!(
-        "{path}: {yes} {is}, {no} {is_not}; {of_both} of both skipped\n"
+        "{path}: {yes} {is}, {no} {is_not}; {both} of both skipped\n"
     ))
 }

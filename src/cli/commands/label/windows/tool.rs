@@ -32,7 +32,7 @@ pub(super) struct Categorizer {
     pub(super) source: PathBuf,
     pub(super) path: PathBuf,
     /// True if windows are labelled, not whole frames.
-    pub(super) of_windows: bool,
+    pub(super) by_window: bool,
     pub(super) window: usize,
     /// Labels that were set, with the labels before.
     pub(super) done: Vec<Labelled>,
@@ -47,7 +47,7 @@ pub(super) struct Labelled {
 
 impl Categorizer {
     fn place(&self) -> Option<usize> {
-        self.of_windows.then_some(self.window)
+        self.by_window.then_some(self.window)
     }
 
     fn windows(&self) -> usize {
@@ -58,13 +58,13 @@ impl Categorizer {
         let (sequence, window) = (stepper.frame().sequence, self.place());
         if let Some(other) = self.labels.contrary(sequence, window, is) {
             let label = self.labels.category(!is);
-            let of = match other {
+            let labelled = match other {
                 Some(_) => "a window of this frame is",
                 None => "this frame as a whole is",
             };
             let table = self.path.display();
             stepper.say(format!(
-                "{of} labelled {label}; remove that line of {table} first"
+                "{labelled} labelled {label}; remove that line of {table} first"
             ));
             return Ok(());
         }
@@ -89,7 +89,7 @@ impl Categorizer {
     }
 
     fn next(&mut self, stepper: &mut Stepper<'_>) {
-        if self.of_windows && self.window + 1 < self.windows() {
+        if self.by_window && self.window + 1 < self.windows() {
             self.window += 1;
         } else {
             self.window = 0;
@@ -98,13 +98,13 @@ impl Categorizer {
     }
 
     fn back(&mut self, stepper: &mut Stepper<'_>) {
-        if self.of_windows && self.window > 0 {
+        if self.by_window && self.window > 0 {
             self.window -= 1;
         } else {
             let at = stepper.frame().sequence;
             stepper.step(-1);
             if stepper.frame().sequence != at {
-                self.window = if self.of_windows {
+                self.window = if self.by_window {
                     self.windows() - 1
                 } else {
                     0
@@ -191,7 +191,7 @@ impl StepTool for Categorizer {
             Key::Char('s') => self.next(stepper),
             Key::Char('u') => self.undo(stepper)?,
             Key::Backspace => self.back(stepper),
-            Key::Left | Key::Right | Key::Up | Key::Down if self.of_windows => self.pick(key),
+            Key::Left | Key::Right | Key::Up | Key::Down if self.by_window => self.pick(key),
             Key::Char('q') => return Ok(Reaction::Quit),
             _ => return Ok(Reaction::Ignored),
         }
@@ -219,8 +219,8 @@ impl StepTool for Categorizer {
             for (window, &corner) in windows.corners().iter().enumerate() {
                 let side = self.labels.kind.spec().features.window;
                 let place = on_screen(corner, side, frame.pair.size(), image);
-                let is_picked = self.of_windows && window == self.window;
-                let label = self.labels.of(frame.sequence, window);
+                let is_picked = self.by_window && window == self.window;
+                let label = self.labels.window_category(frame.sequence, window);
                 let label = label.map(|is| self.labels.category(is));
                 outline(place, is_picked, label.unwrap_or_default(), buffer);
             }

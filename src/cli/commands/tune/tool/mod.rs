@@ -30,8 +30,8 @@ const KEYS: &[(&str, &str)] = &[
     ("w", "write scenario and notes"),
 ];
 
-/// Changes that can be undone.
-const MOST_UNDONE: usize = 1000;
+/// Largest number of changes that can be undone.
+const MAX_UNDONE: usize = 1000;
 
 /// All that keys change.
 #[derive(Clone)]
@@ -155,7 +155,7 @@ impl Tuner {
     fn change(&mut self, to: Knobs, stepper: &Stepper<'_>, since: Instant) {
         let before = std::mem::replace(&mut self.knobs, to);
         self.undo.push(before);
-        if self.undo.len() > MOST_UNDONE {
+        if self.undo.len() > MAX_UNDONE {
             self.undo.remove(0);
         }
         self.redo.clear();
@@ -227,9 +227,9 @@ impl Tuner {
             } else {
                 metric.show(*value)
             };
-            let of = ranked.len();
+            let count = ranked.len();
             stepper.say(format!(
-                "{} {value}: worst {} of {of}",
+                "{} {value}: worst {} of {count}",
                 metric.words,
                 place + 1
             ));
@@ -297,13 +297,17 @@ impl Tuner {
                     ..scenario.clone()
                 };
                 let on = now.algorithm.filters();
-                let is_on = |(kind, _): &&(FilterKind, _)| on.iter().any(|of| of.kind == *kind);
+                let is_on =
+                    |(kind, _): &&(FilterKind, _)| on.iter().any(|filter| filter.kind == *kind);
                 let filters: Vec<_> = self.filters.iter().filter(is_on).cloned().collect();
                 let folder = path.parent().unwrap_or(Path::new(""));
                 scenario_toml(&scenario, &algorithms, &filters, folder)?
             }
             None => {
-                let list: Vec<_> = algorithms.iter().map(|of| format!("{of:?}")).collect();
+                let list: Vec<_> = algorithms
+                    .iter()
+                    .map(|algorithm| format!("{algorithm:?}"))
+                    .collect();
                 format!("# For a scenario.\nalgorithms = [{}]\n", list.join(", "))
             }
         };
@@ -325,13 +329,13 @@ impl Tuner {
             "# Tuned by hand on {source}\n\n`{now}`, compared with `{compared}`.\n\nOver a sample \
              of {} of the source, with the change from the setting compared with then and its 95 % \
              interval:\n",
-            svl::counted(self.shown.sample.of as u64, "pair")
+            svl::counted(self.shown.sample.frames as u64, "pair")
         );
         let shown = ["right", "wrong", "unrivalled", "coverage", "time"].map(Metric::find);
         for (written, changes) in self.shown.tried.iter() {
             let _ = write!(text, "\n- `{written}`:");
             for metric in shown.iter().flatten() {
-                let Some(change) = changes.iter().find(|of| of.metric == *metric) else {
+                let Some(change) = changes.iter().find(|change| change.metric == *metric) else {
                     continue;
                 };
                 let [_, other, difference, interval] = view::change_cells(change);
@@ -349,7 +353,7 @@ impl Tuner {
     pub(super) fn farewell(&self) -> String {
         let mut text = String::new();
         for (setting, begun) in self.knobs.settings.iter().zip(&self.begun) {
-            let [now, before] = [setting, begun].map(|of| title(&of.algorithm));
+            let [now, before] = [setting, begun].map(|setting| title(&setting.algorithm));
             let _ = if now == before {
                 writeln!(text, "{now}")
             } else {
@@ -373,6 +377,18 @@ impl Tuner {
             );
         }
         text
+    }
+
+    fn go_to_next_algorithm(&mut self, stepper: &mut Stepper<'_>, since: Instant) {
+        let mut to = self.knobs.clone();
+        to.current = (to.current + 1) % to.settings.len();
+        match to.settings.len() {
+            1 => stepper.say("there is one algorithm; name more with --algo"),
+            _ => {
+                self.chosen = 0;
+                self.change(to, stepper, since);
+            }
+        }
     }
 }
 
@@ -418,17 +434,7 @@ impl StepTool for Tuner {
                 let begun = self.begun[self.knobs.current].clone();
                 self.set(Ok(begun), stepper, since);
             }
-            Key::Tab => {
-                let mut to = self.knobs.clone();
-                to.current = (to.current + 1) % to.settings.len();
-                match to.settings.len() {
-                    1 => stepper.say("there is one algorithm; name more with --algo"),
-                    _ => {
-                        self.chosen = 0;
-                        self.change(to, stepper, since);
-                    }
-                }
-            }
+            Key::Tab => self.go_to_next_algorithm(stepper, since),
             Key::Char('[') => self.go_to_worst(true, stepper),
             Key::Char(']') => self.go_to_worst(false, stepper),
             Key::Char('a') => self.shows_compared = !self.shows_compared,
@@ -462,7 +468,7 @@ impl StepTool for Tuner {
         let before = (
             self.shown.done,
             self.shown.sample.done,
-            self.shown.sample.of,
+            self.shown.sample.frames,
             self.shown.failure.is_some(),
         );
         self.shown = self.worker.shown();
@@ -471,7 +477,7 @@ impl StepTool for Tuner {
         }
         let sample = &self.shown.sample;
         let is_failed = self.shown.failure.is_some();
-        before != (self.shown.done, sample.done, sample.of, is_failed)
+        before != (self.shown.done, sample.done, sample.frames, is_failed)
     }
 
     fn settle(&mut self) {

@@ -90,8 +90,8 @@ fn heading(tuner: &Tuner) -> Line<'static> {
             Span::raw("  as compared with; a: back"),
         ],
     };
-    if let (place, of @ 2..) = tuner.place() {
-        spans.push(Span::raw(format!("  ({place} of {of}, Tab)")));
+    if let (place, count @ 2..) = tuner.place() {
+        spans.push(Span::raw(format!("  ({place} of {count}, Tab)")));
     }
     Line::from(spans)
 }
@@ -106,10 +106,10 @@ fn knobs(tuner: &Tuner, area: Rect, canvas: &mut ratatui::Frame<'_>) -> Vec<(Rec
     let mut rows: Vec<(Option<usize>, String)> = Vec::new();
     let mut heading = None;
     for (i, knob) in knobs.iter().enumerate() {
-        let of = group(knob);
-        if of != heading {
-            rows.push((None, of.unwrap_or_default().to_owned()));
-            heading = of;
+        let own = group(knob);
+        if own != heading {
+            rows.push((None, own.unwrap_or_default().to_owned()));
+            heading = own;
         }
         // Grid and cells hold for both settings.
         let other = match knob.part {
@@ -170,20 +170,20 @@ fn numbers(
     let shown = tuner.shown();
     let side = tuner.side();
     let mut lines = vec![sample_head(shown)];
-    let of_metrics = number_lines(shown, side);
+    let numbers = number_lines(shown, side);
     let (why, bars) = (why_lines(shown, side, area.width), 2);
     let room = usize::from(area.height).saturating_sub(1 + bars + why.len());
-    let mut left = room.min(of_metrics.len());
-    let mut is_shown = vec![false; of_metrics.len()];
+    let mut left = room.min(numbers.len());
+    let mut is_shown = vec![false; numbers.len()];
     for is_first in [true, false] {
-        for (is_shown, line) in is_shown.iter_mut().zip(&of_metrics) {
+        for (is_shown, line) in is_shown.iter_mut().zip(&numbers) {
             if left > 0 && FIRST.contains(&line.name) == is_first {
                 *is_shown = true;
                 left -= 1;
             }
         }
     }
-    let fitting = of_metrics
+    let fitting = numbers
         .iter()
         .zip(is_shown)
         .filter(|(_, is_shown)| *is_shown);
@@ -202,11 +202,11 @@ fn numbers(
 }
 
 fn sample_head(shown: &Shown) -> Line<'static> {
-    let SampleView { done, of, .. } = shown.sample;
-    let sample = match (done, of) {
+    let SampleView { done, frames, .. } = shown.sample;
+    let sample = match (done, frames) {
         (_, 0) => "reading".to_owned(),
-        (done, of) if done == of => svl::counted(of as u64, "pair"),
-        (done, of) => format!("{done}/{of}"),
+        (done, frames) if done == frames => svl::counted(frames as u64, "pair"),
+        (done, frames) => format!("{done}/{frames}"),
     };
     Line::styled(
         format!("{:<14}{:>7}{sample:>9}{:>7}   95 %", "", "frame", "change"),

@@ -4,7 +4,7 @@ use super::super::census::HalfImage;
 use super::super::half_map::HalfPixels;
 use super::super::sums::{PixelSums, StripSums};
 use super::lines::{NONE, NearestSeen, SeenPixel};
-use crate::kernel::{GapCandidates, Group, HYPOTHESES, Isa, describe_hypotheses};
+use crate::kernel::{GapCandidates, Group, HYPOTHESES, Isa, PIXEL_FEATURES, describe_hypotheses};
 use crate::stereo::Reason;
 use std::ops::Range;
 
@@ -23,7 +23,7 @@ pub(super) fn lattice((width, height): (usize, usize)) -> (usize, usize) {
 const NEAR: usize = 2;
 const WIDE: usize = 7;
 
-/// SeenPixel pixels around a seen pixel that keeps its disparity: most of the 25.
+/// Number of seen pixels around a seen pixel that keeps its disparity: most of the 25.
 const SURE: u8 = 13;
 
 /// Quality of a pixel's winner: seen pixels of the 25 around, uniqueness 0..=127, cost.
@@ -104,9 +104,9 @@ pub(super) fn measure_row(map: &HalfPixels<'_>, y: usize, out: &mut [Quality]) {
         columns.for_each(|(out, seen)| out.unique += seen);
     }
     // The window's sum moves along the row.
-    let mut sum = out.iter().take(NEAR).map(|of| of.unique).sum();
+    let mut sum = out.iter().take(NEAR).map(|quality| quality.unique).sum();
     for x in 0..width {
-        sum += out.get(x + NEAR).map_or(0, |of| of.unique);
+        sum += out.get(x + NEAR).map_or(0, |quality| quality.unique);
         out[x].seen = sum;
         sum -= x.checked_sub(NEAR).map_or(0, |first| out[first].unique);
     }
@@ -127,18 +127,21 @@ impl RowSums {
         }
     }
 
-    fn load(&mut self, of: &Measured<'_>, y: usize) {
-        let (width, height) = of.half.size;
+    fn load(&mut self, measured: &Measured<'_>, y: usize) {
+        let (width, height) = measured.half.size;
         self.seen.fill(0);
         for row in around(y, WIDE, height) {
-            let row = &of.half.seen[row * width..][..width];
+            let row = &measured.half.seen[row * width..][..width];
             let sums = self.seen.iter_mut().zip(row);
             sums.for_each(|(sum, seen)| *sum += u16::from(*seen));
         }
         self.across.fill(0);
         self.down.fill(0);
         for y in around(y, NEAR, height) {
-            let (row, above) = (of.image.row(y), of.image.row(y.saturating_sub(1)));
+            let (row, above) = (
+                measured.image.row(y),
+                measured.image.row(y.saturating_sub(1)),
+            );
             let sums = self.across[1..].iter_mut().zip(row.iter().zip(&row[1..]));
             sums.for_each(|(sum, (a, b))| *sum += a.abs_diff(*b));
             let sums = self.down.iter_mut().zip(row.iter().zip(above));
@@ -188,50 +191,90 @@ impl Measured<'_> {
     }
 
     /// Loads a pixel of the lattice into a lane.
-    fn load(&self, of: &mut GapCandidates, lane: usize, [column, row]: [usize; 2], sums: &RowSums) {
+    fn load(
+        &self,
+        candidates: &mut GapCandidates,
+        lane: usize,
+        [column, row]: [usize; 2],
+        sums: &RowSums,
+    ) {
         // The compiler then knows that it is within bounds.
         let lane = lane % LANES;
-        let (half, quarter) = (&self.half, &self.quarter);
-        let (width, height) = half.size;
+        let (half, width) = (&self.half, self.half.size.0);
         let (x, y) = (STEPS[0] * column, STEPS[1] * row);
         let pixel = y * width + x;
-        let here = i32::from(self.image.at(x, y));
-        let small = [
-            (x / 2).min(quarter.size.0 - 1),
-            (y / 2).min(quarter.size.1 - 1),
-        ];
-        let small_pixel = small[1] * quarter.size.0 + small[0];
-        let small_bin = 2 * i32::from(quarter.bins[small_pixel]);
-        let small_quality = Quality {
-            seen: 25 * u8::from(quarter.why[small_pixel] == Reason::Valid),
-            unique: uniqueness(quarter.least[small_pixel], quarter.second[small_pixel]),
-            own: quarter.own[small_pixel],
-        };
-        let (path_sums, small_sums) = (self.sums.of([x, y]), self.quarter_sums.of(small));
-        let least = i32::from(half.least[pixel]);
-        let small_least = i32::from(quarter.least[small_pixel]);
-        let right = &half.right[y * width..=pixel];
+        let grey = i32::from(self.image.at(x, y));
+        let small = self.quarter_pixel([x, y]);
+        let (path_sums, small_sums) = (
+            self.sums.pixel([x, y]),
+            self.quarter_sums.pixel(small.place),
+        );
 
-        for exists in &mut of.exists {
+        for exists in &mut candidates.exists {
             exists[lane] = false;
         }
         let measured = HypothesisPixel {
             x,
-            grey: here,
-            right,
-            counts: [half.count, quarter.count],
+            grey,
+            right: &half.right[y * width..=pixel],
+            counts: [half.count, self.quarter.count],
             sums: [&path_sums, &small_sums],
-            least: [least, small_least],
+            least: [half.least[pixel].into(), small.least],
         };
         let own = Hypothesis {
             bin: half.bins[pixel].into(),
             distance: 0,
             barrier: 0,
-            grey: here,
+            grey,
             ends: 0,
             quality: self.quality[pixel],
         };
-        measured.put(of, lane, 0, own);
+        measured.put(candidates, lane, 0, own);
+        self.put_seen(&measured, candidates, lane, [column, row]);
+        let small_hypothesis = Hypothesis {
+            bin: small.bin.min(16 * half.count as i32 - 1),
+            quality: small.quality,
+            ..own
+        };
+        measured.put(candidates, lane, 11, small_hypothesis);
+
+        candidates.filled[lane] = half.filled[pixel].into();
+        let features = self.pixel_features([x, y], &own, &small, sums);
+        for (to, feature) in candidates.pixel.iter_mut().zip(features) {
+            to[lane] = feature;
+        }
+    }
+
+    /// The pixel at quarter size that covers a pixel of the half image.
+    #[inline]
+    fn quarter_pixel(&self, [x, y]: [usize; 2]) -> QuarterPixel {
+        let quarter = &self.quarter;
+        let (width, height) = quarter.size;
+        let place = [(x / 2).min(width - 1), (y / 2).min(height - 1)];
+        let pixel = place[1] * width + place[0];
+        QuarterPixel {
+            place,
+            bin: 2 * i32::from(quarter.bins[pixel]),
+            quality: Quality {
+                seen: 25 * u8::from(quarter.why[pixel] == Reason::Valid),
+                unique: uniqueness(quarter.least[pixel], quarter.second[pixel]),
+                own: quarter.own[pixel],
+            },
+            least: quarter.least[pixel].into(),
+        }
+    }
+
+    /// Measures the hypotheses 1 to 10: those seen along the row and the column of a pixel, and
+    /// those interpolated between the nearest of them.
+    #[inline]
+    fn put_seen(
+        &self,
+        measured: &HypothesisPixel<'_>,
+        candidates: &mut GapCandidates,
+        lane: usize,
+        [column, row]: [usize; 2],
+    ) {
+        let (x, y) = (STEPS[0] * column, STEPS[1] * row);
         let lines = [
             &self.along_rows[row * self.lattice.0 + column],
             &self.along_columns[column * self.lattice.1 + row],
@@ -240,9 +283,9 @@ impl Measured<'_> {
             let find = |seen: &SeenPixel| {
                 let at = usize::from(seen.at);
                 let (from, from_here) = [([at, y], x), ([x, at], y)][axis];
-                let pixel = from[1] * width + from[0];
+                let pixel = from[1] * self.half.size.0 + from[0];
                 Hypothesis {
-                    bin: half.bins[pixel].into(),
+                    bin: self.half.bins[pixel].into(),
                     distance: at.abs_diff(from_here) as i32,
                     barrier: seen.barrier.into(),
                     grey: self.image.at(from[0], from[1]).into(),
@@ -255,29 +298,34 @@ impl Measured<'_> {
                 if first.at != NONE {
                     let found = find(first);
                     nearest[direction] = Some(found);
-                    measured.put(of, lane, 1 + 2 * axis + direction, found);
+                    measured.put(candidates, lane, 1 + 2 * axis + direction, found);
                 }
                 if other.at != NONE {
-                    measured.put(of, lane, 5 + 2 * axis + direction, find(other));
+                    measured.put(candidates, lane, 5 + 2 * axis + direction, find(other));
                 }
             }
             if let [Some(a), Some(b)] = nearest {
-                measured.put(of, lane, 9 + axis, Hypothesis::between(a, b));
+                measured.put(candidates, lane, 9 + axis, Hypothesis::between(a, b));
             }
         }
-        let small_hypothesis = Hypothesis {
-            bin: small_bin.min(16 * half.count as i32 - 1),
-            quality: small_quality,
-            ..own
-        };
-        measured.put(of, lane, 11, small_hypothesis);
+    }
 
-        of.filled[lane] = half.filled[pixel].into();
+    /// The features of a pixel, whose own winner is `own`.
+    #[inline]
+    fn pixel_features(
+        &self,
+        [x, y]: [usize; 2],
+        own: &Hypothesis,
+        small: &QuarterPixel,
+        sums: &RowSums,
+    ) -> [i32; PIXEL_FEATURES] {
+        let half = &self.half;
+        let (width, height) = half.size;
+        let pixel = y * width + x;
         let agrees = matches!(half.why[pixel], Reason::Valid | Reason::Ambiguous);
         let near = |sums: &[u16]| sums[around(x, NEAR, width)].iter().sum::<u16>().into();
         let wide: u16 = sums.seen[around(x, WIDE, width)].iter().sum();
-        // Places 10 and 11 are computed with the features.
-        let features = [
+        [
             64 * i32::from(half.seen[pixel]),
             64 * i32::from(agrees),
             (85 * i32::from(own.quality.own)) >> 4,
@@ -288,18 +336,26 @@ impl Measured<'_> {
             near(&sums.down),
             (5 * i32::from(own.quality.seen)) >> 1,
             (73 * i32::from(wide)) >> 8,
+            // These two are computed with the features of the hypotheses.
             0,
             0,
-            least,
-            (here >> 3) - 64,
-            2 * i32::from(small_quality.unique),
-            64 * i32::from(small_quality.seen / 25),
-            small_bin - own.bin,
-        ];
-        for (to, feature) in of.pixel.iter_mut().zip(features) {
-            to[lane] = feature;
-        }
+            half.least[pixel].into(),
+            (own.grey >> 3) - 64,
+            2 * i32::from(small.quality.unique),
+            64 * i32::from(small.quality.seen / 25),
+            small.bin - own.bin,
+        ]
     }
+}
+
+/// The winner of a pixel at quarter size.
+struct QuarterPixel {
+    place: [usize; 2],
+    /// As a bin of the half image.
+    bin: i32,
+    quality: Quality,
+    /// Its least path cost.
+    least: i32,
 }
 
 /// A pixel of which hypotheses are measured; of pairs, the first is at half size, the second at
@@ -318,27 +374,27 @@ struct HypothesisPixel<'a> {
 impl HypothesisPixel<'_> {
     /// Measures hypothesis `k`. A function, because a closure would read each variable and test
     /// each bound again.
-    fn put(&self, of: &mut GapCandidates, lane: usize, k: usize, hypothesis: Hypothesis) {
+    fn put(&self, candidates: &mut GapCandidates, lane: usize, k: usize, hypothesis: Hypothesis) {
         assert!(k < HYPOTHESES);
         // The compiler then knows that it is within bounds.
         let lane = lane % LANES;
         let bin = hypothesis.bin;
         let disparity = ((bin as u32 + 8) / 16).min(self.counts[0] as u32 - 1) as usize;
         let small = ((bin as u32 + 16) / 32).min(self.counts[1] as u32 - 1) as usize;
-        of.exists[k][lane] = true;
-        of.bin[k][lane] = bin;
-        of.distance[k][lane] = hypothesis.distance;
-        of.barrier[k][lane] = hypothesis.barrier;
-        of.grey[k][lane] = (self.grey - hypothesis.grey).abs();
-        of.excess[k][lane] = self.sums[0].at(disparity) - self.least[0];
-        of.quarter_excess[k][lane] = self.sums[1].at(small) - self.least[1];
+        candidates.exists[k][lane] = true;
+        candidates.bin[k][lane] = bin;
+        candidates.distance[k][lane] = hypothesis.distance;
+        candidates.barrier[k][lane] = hypothesis.barrier;
+        candidates.grey[k][lane] = (self.grey - hypothesis.grey).abs();
+        candidates.excess[k][lane] = self.sums[0].at(disparity) - self.least[0];
+        candidates.quarter_excess[k][lane] = self.sums[1].at(small) - self.least[1];
         let there = self.x.checked_sub(disparity);
-        of.leads_out[k][lane] = there.is_none().into();
-        of.right[k][lane] = there.map_or(0, |x| 16 * i32::from(self.right[x]) - bin);
-        of.seen[k][lane] = hypothesis.quality.seen.into();
-        of.unique[k][lane] = hypothesis.quality.unique.into();
-        of.own[k][lane] = hypothesis.quality.own.into();
-        of.ends[k][lane] = hypothesis.ends;
+        candidates.leads_out[k][lane] = there.is_none().into();
+        candidates.right[k][lane] = there.map_or(0, |x| 16 * i32::from(self.right[x]) - bin);
+        candidates.seen[k][lane] = hypothesis.quality.seen.into();
+        candidates.unique[k][lane] = hypothesis.quality.unique.into();
+        candidates.own[k][lane] = hypothesis.quality.own.into();
+        candidates.ends[k][lane] = hypothesis.ends;
     }
 }
 

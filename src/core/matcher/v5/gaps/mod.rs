@@ -109,17 +109,17 @@ impl Gaps {
         let bands = votes.par_chunks_mut(pixels).zip(bands);
         bands.enumerate().for_each(|(i, (out, band))| {
             let first = i * pixels;
-            let mut of_block: GapVotes = [[0; LANES]; HYPOTHESES + 1];
+            let mut block_votes: GapVotes = [[0; LANES]; HYPOTHESES + 1];
             measured.each(
                 isa,
                 first..first + out.len(),
                 band,
                 &mut |step| match step {
-                    GapStep::Sure(place, bin) => out[place - first] = PixelVotes::of_one(bin),
+                    GapStep::Sure(place, bin) => out[place - first] = PixelVotes::from_bin(bin),
                     GapStep::Block(candidates, places) => {
-                        weigh_hypotheses(isa, network, candidates, &mut of_block);
+                        weigh_hypotheses(isa, network, candidates, &mut block_votes);
                         for (lane, place) in places.iter().enumerate() {
-                            out[place - first] = PixelVotes::new(candidates, &of_block, lane);
+                            out[place - first] = PixelVotes::new(candidates, &block_votes, lane);
                         }
                     }
                 },
@@ -153,7 +153,8 @@ impl Gaps {
         columns: &Range<usize>,
         rows: &Range<usize>,
     ) -> impl Iterator<Item = &PixelVotes> {
-        let [columns, rows] = [(columns, STEPS[0]), (rows, STEPS[1])].map(|of| places(of.0, of.1));
+        let [columns, rows] =
+            [(columns, STEPS[0]), (rows, STEPS[1])].map(|(range, step)| places(range, step));
         rows.flat_map(move |y| &self.votes[y * self.width..][columns.clone()])
     }
 
@@ -185,7 +186,7 @@ impl Gaps {
 
 impl PixelVotes {
     /// All for one bin.
-    fn of_one(bin: i16) -> Self {
+    fn from_bin(bin: i16) -> Self {
         let (mut bins, mut votes) = ([0; HYPOTHESES], [0; HYPOTHESES + 1]);
         (bins[0], votes[0]) = (bin, ALL);
         Self {
@@ -197,7 +198,7 @@ impl PixelVotes {
 
     fn new(candidates: &GapCandidates, votes: &GapVotes, lane: usize) -> Self {
         let bins: [i16; HYPOTHESES] = std::array::from_fn(|k| candidates.bin[k][lane] as i16);
-        let votes = votes.map(|of| of[lane]);
+        let votes = votes.map(|lanes| lanes[lane]);
         let mut best = 0;
         for k in 1..HYPOTHESES {
             if votes[k] > votes[best] {
@@ -283,7 +284,11 @@ mod tests {
                 (9, 0xfc2a_3486_c787_8181),
                 (7, 0xe882_06bb_bec1_f2ee),
             ];
-            assert_eq!(algorithms.map(|of| cells(of, isa)), expected, "{isa}");
+            assert_eq!(
+                algorithms.map(|algorithm| cells(algorithm, isa)),
+                expected,
+                "{isa}"
+            );
         }
     }
 }

@@ -1,0 +1,170 @@
+//! What a replay did, and its answer to the user.
+
+use super::Args;
+use super::verify::{Earlier, Verification};
+use crate::cli::shared::terminal::{print, print_json, style};
+use anyhow::bail;
+use std::collections::BTreeMap;
+use svl::counted;
+use svl::losses::RunEnding;
+use svl::manifest::Manifest;
+use svl::matcher::Algorithm;
+use svl::outputs::Outputs;
+use svl::recording::AlgorithmCells;
+use svl::report::{Row, Summary};
+use svl::run::{Outcome, complete, ending};
+use svl::{Error, Result};
+
+/// Newest rows that the summary of live topics has: the topics have no end.
+pub(super) const LIVE_ROWS: usize = 3000;
+
+/// A replay after its last pair.
+pub(super) struct Replayed {
+    /// Name of the source.
+    title: String,
+    is_live: bool,
+    outcome: Outcome,
+    ran: Result<()>,
+    /// Result of the sinks.
+    finished: Result<()>,
+    interrupted: bool,
+    ending: RunEnding,
+    rows: Vec<Row>,
+    summary: Option<Summary>,
+    verification: Option<Verification>,
+}
+
+impl Replayed {
+    pub(super) fn new(
+        title: String,
+        is_live: bool,
+        outcome: Outcome,
+        (ran, finished): (Result<()>, Result<()>),
+        rows: Vec<Row>,
+        args: &Args,
+    ) -> Self {
+        // Live topics have no other end.
+        let interrupted = outcome.interrupted && !is_live;
+        let stopped = interrupted.then(|| {
+            let done = counted(outcome.frames, "pair");
+            Err(Error::Invalid(format!("interrupted after {done}")))
+        });
+        let ran_to_end = stopped.as_ref().unwrap_or(&ran);
+        Self {
+            title,
+            is_live,
+            ending: ending(ran_to_end, outcome.missing(), args.options.allow_loss),
+            outcome,
+            ran,
+            finished,
+            interrupted,
+            rows,
+            summary: None,
+            verification: None,
+        }
+    }
+
+    /// Commits the files of a whole run. Those of another are kept beside the earlier ones.
+    pub(super) fn keep(&self, outputs: Outputs) {
+        if self.outcome.frames == 0 && self.ran.is_err() {
+            return;
+        }
+        if self.ran.is_ok() && self.finished.is_ok() && !self.interrupted {
+            outputs.commit();
+        } else {
+            outputs.keep_both();
+        }
+    }
+
+    pub(super) fn has_results(&self) -> bool {
+        self.finished.is_ok() && (self.ran.is_ok() || self.outcome.frames > 0)
+    }
+
+    pub(super) fn summarize(&mut self, manifest: &mut Manifest) -> anyhow::Result<()> {
+        let mut summary = Summary {
+            ending: self.ending.clone(),
+            ..Summary::from_rows(&self.rows, &[])?
+        };
+        summary.complete(manifest);
+        summary.find_leads(&self.rows, &[]);
+        self.summary = Some(summary);
+        Ok(())
+    }
+
+    pub(super) fn verify(
+        &mut self,
+        earlier: &Earlier,
+        cells: &[AlgorithmCells],
+        algorithms: &[Algorithm],
+    ) -> anyhow::Result<()> {
+        self.verification = Some(earlier.compare(&self.rows, cells, algorithms)?);
+        Ok(())
+    }
+
+    /// Prints the summary, if there are results.
+    pub(super) fn print(&self, args: &Args) -> anyhow::Result<()> {
+        let Some(summary) = &self.summary else {
+            return Ok(());
+        };
+        if !args.json {
+            let text = summary.terminal(&self.title, style(), false);
+            return print(&(text + &self.received() + &written(args)));
+        }
+        let grabber = self.outcome.losses.grabber.as_ref();
+        print_json(&Answer {
+            summary,
+            received: grabber.map(|grabber| &grabber.facts),
+            verification: &self.verification,
+        })
+    }
+
+    /// Checks that the replay ran to its end, and that the earlier results are proved.
+    pub(super) fn check(self, args: &Args) -> anyhow::Result<()> {
+        self.ran?;
+        self.finished?;
+        if let (true, Some(why)) = (self.interrupted, &self.ending.incomplete) {
+            bail!("{why}; what was written is kept");
+        }
+        if let Some(verification) = self.verification {
+            let proved = verification.proved()?;
+            if !args.json {
+                print(&proved)?;
+            }
+        }
+        Ok(complete(&self.ending)?)
+    }
+
+    /// Lines on live topics.
+    fn received(&self) -> String {
+        let grabber = self.outcome.losses.grabber.as_ref();
+        let received = grabber.map(|grabber| format!("\nreceived {}\n", grabber.text));
+        let received = received.unwrap_or_default();
+        match self.is_live && self.rows.len() >= LIVE_ROWS {
+            true => format!("\nsummary  of the last {LIVE_ROWS} results\n{received}"),
+            false => received,
+        }
+    }
+}
+
+/// A line on the files.
+fn written(args: &Args) -> String {
+    let files = [&args.output, &args.rows, &args.cells];
+    let files = files.into_iter().flatten();
+    let files: Vec<_> = files.map(|file| file.display().to_string()).collect();
+    match files.len() {
+        0 => String::new(),
+        _ => format!("\nwritten  {}\n", files.join(", ")),
+    }
+}
+
+/// The JSON that `--json` prints.
+#[derive(serde::Serialize)]
+struct Answer<'a> {
+    #[serde(flatten)]
+    summary: &'a Summary,
+    /// The counts of live topics.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    received: Option<&'a BTreeMap<String, String>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    verification: &'a Option<Verification>,
+}

@@ -1,0 +1,200 @@
+//! Image files: PNG, JPEG, PNM, TIFF, BMP, WebP.
+
+use super::{BitDepth, DecodedImage, MAX_BYTES, jpeg, read_bounded};
+use image::{
+    ColorType, DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, ImageReader,
+    codecs::png::PngEncoder,
+};
+use std::io::Cursor;
+use std::path::Path;
+use svl_core::stereo::{Gray, MAX_SIDE, Plane, Rgb, StereoPair, Visibility};
+use svl_core::{Error, Result};
+
+/// Image formats by file extension, the usual one first.
+pub const IMAGE_ENDINGS: &[&str] = &[
+    "png", "ppm", "pgm", "jpg", "jpeg", "tif", "tiff", "bmp", "webp",
+];
+
+/// Reads an image of any format and depth; its sides are at most [`MAX_SIDE`].
+pub(super) fn decode(path: &Path) -> Result<DynamicImage> {
+    let bytes = read_bounded(path, MAX_BYTES)?;
+    let wrong = |e| Error::format(path, format!("not a readable image: {e}"));
+    decode_bytes(&bytes).map_err(wrong)
+}
+
+/// Reads an image; its sides are at most [`MAX_SIDE`].
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Format`].
+pub fn read_image(path: &Path) -> Result<DecodedImage> {
+    // Not being an image is reported already: a failure here concerns its size.
+    let wrong = |e| Error::format(path, format!("not a readable image: {e}"));
+    DecodedImage::new(decode(path)?).map_err(wrong)
+}
+
+/// Reads two image files as a pair, with their colours if both have them, and with a note for the
+/// user. For 16-bit images the upper 8 of the `bits` used are kept [default: decided by their
+/// largest value, with a line for the user unless these are all].
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Format`]; [`Error::PairSize`]; [`Error::Usage`] for `bits` of 8-bit
+/// images.
+pub fn read_pair(
+    left: &Path,
+    right: &Path,
+    bits: Option<u8>,
+) -> Result<(StereoPair, Option<[Rgb; 2]>, Option<String>)> {
+    let images = [read_image(left)?, read_image(right)?];
+    let mut depth = BitDepth::decide(bits, [DecodedImage::largest_of(&images)])?;
+    let (pair, color) = depth.pair(images)?;
+    Ok((pair, color, depth.note()))
+}
+
+/// Decodes the image of a file in memory.
+pub fn decode_bytes(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
+    let mut reader = ImageReader::new(Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(|e| e.to_string())?;
+    // `image` accepts truncated JPEGs and invents the missing part.
+    if reader.format() == Some(ImageFormat::Jpeg) {
+        return jpeg::decode(bytes);
+    }
+    let mut limits = image::Limits::default();
+    // Checked by the decoder before it allocates.
+    limits.max_image_width = Some(MAX_SIDE as u32);
+    limits.max_image_height = Some(MAX_SIDE as u32);
+    reader.limits(limits);
+    reader.decode().map_err(|e| e.to_string())
+}
+
+/// Reads an image as 8-bit grey: grey unchanged (the upper 8 of 16 bits), colour by
+/// [`Gray::from_color`].
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Format`], [`Error::Dimensions`].
+pub fn read_gray(path: &Path) -> Result<Gray> {
+    gray(decode(path)?)
+}
+
+/// Same as [`read_gray`], for a file in memory.
+pub fn gray_of(bytes: &[u8]) -> std::result::Result<Gray, String> {
+    gray(decode_bytes(bytes)?).map_err(|e| e.to_string())
+}
+
+fn gray(image: DynamicImage) -> Result<Gray> {
+    let image = DecodedImage::new(image)?;
+    Ok(BitDepth::FULL.clone().grey(image).0)
+}
+
+/// Reads a mask with Middlebury's codes: 255 visible in both cameras, 128 occluded, else unknown.
+///
+/// # Errors
+/// As [`read_gray`].
+pub fn read_mask(path: &Path) -> Result<Plane<Visibility>> {
+    Ok(read_gray(path)?.map(Visibility::from_code))
+}
+
+/// Reads KITTI's object map: true for pixels of an object; 0 is the background.
+///
+/// # Errors
+/// As [`read_gray`].
+pub fn read_object_map(path: &Path) -> Result<Plane<bool>> {
+    let image = decode(path)?.into_luma16();
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    Plane::from_vec(
+        width,
+        height,
+        image
+            .into_raw()
+            .into_iter()
+            .map(|object| object > 0)
+            .collect(),
+    )
+}
+
+/// A PNG from interleaved `rgb` (3 bytes per pixel) or grey (1 byte), `width` x `height`.
+///
+/// # Errors
+/// [`Error::Size`] for another number of bytes.
+pub fn encode_png(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>> {
+    let color = if pixels.len() == width * height {
+        ColorType::L8
+    } else {
+        ColorType::Rgb8
+    };
+    encode(width, height, pixels, color.into())
+}
+
+pub(super) fn encode(
+    width: usize,
+    height: usize,
+    pixels: &[u8],
+    color: ExtendedColorType,
+) -> Result<Vec<u8>> {
+    let expected = width * height * usize::from(color.bits_per_pixel() / 8);
+    if pixels.len() != expected {
+        return Err(Error::Size {
+            width,
+            height,
+            expected,
+            got: pixels.len(),
+        });
+    }
+    let mut png = Vec::new();
+    // Sides are at most MAX_SIDE, so they fit in 32 bits.
+    let written = PngEncoder::new(&mut png).write_image(pixels, width as u32, height as u32, color);
+    written.map_err(|e| Error::Invalid(format!("PNG encoder: {e}")))?;
+    Ok(png)
+}
+
+/// Writes [`encode_png`] to `path`.
+///
+/// # Errors
+/// Those of [`encode_png`]; [`Error::Io`].
+pub fn write_png(path: &Path, width: usize, height: usize, pixels: &[u8]) -> Result<()> {
+    std::fs::write(path, encode_png(width, height, pixels)?).map_err(|e| Error::io(path, e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::encode_jpeg;
+
+    #[test]
+    fn files_cut_off_are_no_images() {
+        let image = Gray::from_fn(40, 30, |x, y| (x * x + 7 * y) as u8).unwrap();
+        let pixels: Vec<u8> = image.pixels().collect();
+        let (png, jpeg) = (
+            encode_png(40, 30, &pixels).unwrap(),
+            encode_jpeg(&image, 40).unwrap(),
+        );
+        let pgm = [b"P5 40 30 255\n", &pixels[..]].concat();
+        for (bytes, end) in [
+            (&pgm, pgm.len()),
+            (&jpeg, jpeg.len()),
+            (&png, png.len() - END_CHUNK),
+        ] {
+            for length in 0..end {
+                assert!(
+                    gray_of(&bytes[..length]).is_err(),
+                    "{length} of {} bytes",
+                    bytes.len()
+                );
+            }
+            assert!(gray_of(bytes).is_ok());
+        }
+        for at in 0..png.len() - END_CHUNK {
+            let mut flipped = png.clone();
+            flipped[at] ^= 1 << (at % 8);
+            let read = gray_of(&flipped);
+            assert!(
+                read.is_err() || read.is_ok_and(|read| read == image),
+                "byte {at} changed"
+            );
+        }
+    }
+
+    /// Length of the end of a PNG after all pixels: the checksum of their chunk, and the chunk
+    /// IEND.
+    const END_CHUNK: usize = 16;
+}

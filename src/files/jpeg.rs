@@ -1,0 +1,266 @@
+//! Strict JPEG decoding: an image with missing data is an error.
+
+use image::{DynamicImage, GrayImage, RgbImage};
+use svl_core::stereo::MAX_SIDE;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
+use zune_jpeg::{JpegDecoder, errors::DecodeErrors};
+
+/// Markers: the first two bytes of an image, and the second ones of others.
+const BEGIN: [u8; 2] = [0xFF, 0xD8];
+const END: u8 = 0xD9;
+const RESTART_0: u8 = 0xD0;
+const RESTART_7: u8 = 0xD7;
+
+/// A segment that marks a frame of Motion JPEG. Many cameras omit the Huffman tables, and with this
+/// segment the decoder uses the standard ones (ITU-T T.81, K.3).
+const MOTION_JPEG: &[u8] = b"\xFF\xE0\0\x07AVI1\0";
+
+/// 128 one bits, each byte with the stuffed zero that keeps it from being a marker: twice as many
+/// as the decoder reads ahead.
+const ONES: [u8; 32] = *b"\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\
+    \xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0\xFF\0";
+
+/// Blocks of 8x8 pixels in the largest image.
+const MAX_BLOCKS: usize = (MAX_SIDE / 8).pow(2);
+
+type Decoder = JpegDecoder<ZCursor<Vec<u8>>>;
+
+/// The image; grey is kept, colours become RGB.
+pub(super) fn decode(jpeg: &[u8]) -> Result<DynamicImage, String> {
+    let (mut decoder, (width, height)) = open(jpeg)?;
+    let grey = decoder.input_colorspace() == Some(ColorSpace::Luma);
+    let pixels = pixels(
+        &mut decoder,
+        if grey {
+            ColorSpace::Luma
+        } else {
+            ColorSpace::RGB
+        },
+    )?;
+    // Sides are at most MAX_SIDE, so they fit in 32 bits.
+    let (width, height) = (width as u32, height as u32);
+    let image = if grey {
+        GrayImage::from_raw(width, height, pixels).map(DynamicImage::from)
+    } else {
+        RgbImage::from_raw(width, height, pixels).map(DynamicImage::from)
+    };
+    image.ok_or_else(|| format!("a JPEG of {width}x{height} pixels with fewer than these"))
+}
+
+/// The luma of a camera's image, or a short error, also for a different size.
+#[cfg(target_os = "linux")]
+pub fn brightness(
+    jpeg: &[u8],
+    (width, height): (usize, usize),
+) -> Result<svl_core::stereo::Gray, String> {
+    match open(jpeg)? {
+        (mut decoder, size) if size == (width, height) => {
+            let pixels = pixels(&mut decoder, ColorSpace::Luma)?;
+            svl_core::stereo::Gray::from_vec(width, height, pixels).map_err(|e| e.to_string())
+        }
+        (_, (w, h)) => Err(format!("a JPEG of {w}x{h} pixels, not {width}x{height}")),
+    }
+}
+
+/// A decoder that has read the headers, and the size of the image.
+fn open(jpeg: &[u8]) -> Result<(Decoder, (usize, usize)), String> {
+    let options = DecoderOptions::default()
+        .set_strict_mode(true)
+        .set_max_width(MAX_SIDE)
+        .set_max_height(MAX_SIDE);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(guarded(jpeg)?), options);
+    decoder.decode_headers().map_err(|e| broken(&e))?;
+    let (width, height) = decoder.dimensions().unwrap_or_default();
+    // A block of 8x8 pixels takes at least a bit: memory is allocated for what the file can
+    // contain, not for what it claims.
+    if width * height > 64 * 8 * jpeg.len() {
+        return Err(format!(
+            "a JPEG of {width}x{height} pixels in {} bytes",
+            jpeg.len()
+        ));
+    }
+    Ok((decoder, (width, height)))
+}
+
+fn pixels(decoder: &mut Decoder, colours: ColorSpace) -> Result<Vec<u8>, String> {
+    decoder.set_options(decoder.options().jpeg_set_out_colorspace(colours));
+    decoder.decode().map_err(|e| broken(&e))
+}
+
+fn broken(error: &DecodeErrors) -> String {
+    format!(
+        "a JPEG whose data are broken or end early: {}",
+        error.to_string().trim_matches('"')
+    )
+}
+
+/// The image up to its end marker, with ones inserted before each marker that ends coded data
+/// finally.
+///
+/// If a marker comes too early, the decoder invents the rest, strict or not. No Huffman code
+/// consists of ones (ITU-T T.81, annex C), so a decoder that continues to read fails at them.
+/// Between the scans of an image none are inserted: there the decoder expects the marker right
+/// after the last code.
+fn guarded(jpeg: &[u8]) -> Result<Vec<u8>, String> {
+    let cut = || {
+        format!(
+            "a JPEG that is cut off: it has no end marker, {} bytes",
+            jpeg.len()
+        )
+    };
+    if !jpeg.starts_with(&BEGIN) {
+        return Err(format!("no JPEG, {} bytes", jpeg.len()));
+    }
+    let mut guarded = [&BEGIN, MOTION_JPEG].concat();
+    let (mut taken, mut at) = (BEGIN.len(), BEGIN.len());
+    loop {
+        let marker = at + jpeg.get(at..).and_then(to_marker).ok_or_else(cut)?;
+        match jpeg[marker + 1] {
+            RESTART_0..=RESTART_7 => {
+                if guarded.len() > marker + ONES.len() * MAX_BLOCKS {
+                    return Err("a JPEG with more restarts than blocks".to_owned());
+                }
+                guarded.extend([&jpeg[taken..marker], &ONES].concat());
+                (taken, at) = (marker, marker + 2);
+            }
+            END => {
+                return Ok([
+                    &guarded,
+                    &jpeg[taken..marker],
+                    &ONES,
+                    &jpeg[marker..marker + 2],
+                ]
+                .concat());
+            }
+            // A segment with its length; markers inside, such as those of a thumbnail, are ignored.
+            _ => {
+                let length = jpeg.get(marker + 2..marker + 4).ok_or_else(cut)?;
+                at = marker + 2 + usize::from(u16::from_be_bytes([length[0], length[1]]));
+            }
+        }
+    }
+}
+
+/// Offset of the next marker: 0xFF followed neither by 0, as in coded data, nor by another 0xFF.
+fn to_marker(bytes: &[u8]) -> Option<usize> {
+    bytes
+        .windows(2)
+        .position(|two| two[0] == 0xFF && !matches!(two[1], 0 | 0xFF))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::codecs::jpeg::JpegEncoder;
+    use image::{ExtendedColorType, load_from_memory};
+
+    /// 40x40 of noise, with a restart after every row of blocks, and with ten scans.
+    const RESTARTS: &[u8] = include_bytes!("restarts.jpg");
+    const PROGRESSIVE: &[u8] = include_bytes!("progressive.jpg");
+
+    fn encoded(
+        width: u32,
+        height: u32,
+        colours: ExtendedColorType,
+        pixel: impl Fn(usize) -> u8,
+    ) -> Vec<u8> {
+        let bytes = (width * height) as usize * usize::from(colours.bits_per_pixel() / 8);
+        let pixels: Vec<u8> = (0..bytes).map(pixel).collect();
+        let mut jpeg = Vec::new();
+        JpegEncoder::new_with_quality(&mut jpeg, 90)
+            .encode(&pixels, width, height, colours)
+            .unwrap();
+        jpeg
+    }
+
+    fn noise() -> impl Fn(usize) -> u8 {
+        |i| (i.wrapping_mul(2_654_435_761) >> 11) as u8
+    }
+
+    fn whole() -> Vec<Vec<u8>> {
+        let (grey, rgb) = (ExtendedColorType::L8, ExtendedColorType::Rgb8);
+        let mut images = vec![RESTARTS.to_vec(), PROGRESSIVE.to_vec()];
+        // The last rows of flat and of narrow images take fewer bits than the decoder reads ahead.
+        for (width, height) in [(1, 1), (8, 8), (5, 70), (64, 48)] {
+            images.extend([grey, rgb].map(|colours| encoded(width, height, colours, noise())));
+            images.extend([grey, rgb].map(|colours| encoded(width, height, colours, |_| 90)));
+        }
+        images
+    }
+
+    #[test]
+    fn whole_images_are_what_the_lenient_decoder_makes_of_them() {
+        for jpeg in whole() {
+            let expected = load_from_memory(&jpeg).unwrap();
+            assert_eq!(decode(&jpeg).unwrap(), expected);
+            // Cameras and other programs append data after the end, perhaps a second image.
+            assert_eq!(
+                decode(&[&jpeg[..], &[0; 9], &jpeg].concat()).unwrap(),
+                expected
+            );
+            // A thumbnail in the headers has its own end marker.
+            let small = [
+                &jpeg[..2],
+                &[0xFF, 0xE1, 0, 8, 0xFF, 0xD8, 1, 2, 0xFF, 0xD9],
+                &jpeg[2..],
+            ]
+            .concat();
+            assert_eq!(decode(&small).unwrap(), expected);
+        }
+    }
+
+    #[test]
+    fn an_image_that_is_cut_off_is_none() {
+        for jpeg in whole() {
+            for length in 0..jpeg.len() {
+                assert!(
+                    decode(&jpeg[..length]).is_err(),
+                    "{length} of {} bytes",
+                    jpeg.len()
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn an_image_that_ends_early_is_none() {
+        for jpeg in [
+            RESTARTS.to_vec(),
+            encoded(64, 48, ExtendedColorType::Rgb8, noise()),
+        ] {
+            let scan = jpeg.windows(2).position(|two| two == [0xFF, 0xDA]).unwrap() + 12;
+            for length in scan..jpeg.len() - 4 {
+                let ended = [&jpeg[..length], &[0xFF, 0xD9]].concat();
+                assert!(
+                    decode(&ended).is_err(),
+                    "{length} of {} bytes and an end",
+                    jpeg.len()
+                );
+            }
+        }
+        // The data of one restart interval are missing.
+        let at: Vec<_> = RESTARTS
+            .windows(2)
+            .enumerate()
+            .filter(|(_, two)| two[0] == 0xFF && two[1] & 0xF8 == 0xD0)
+            .collect();
+        let holed = [&RESTARTS[..at[1].0], &RESTARTS[at[2].0..]].concat();
+        assert!(decode(&holed).is_err() && load_from_memory(&holed).is_ok());
+        let thinned = [&RESTARTS[..at[1].0 + 12], &RESTARTS[at[2].0..]].concat();
+        assert!(decode(&thinned).is_err() && load_from_memory(&thinned).is_ok());
+    }
+
+    #[test]
+    fn no_room_is_made_for_what_a_file_cannot_hold() {
+        let mut jpeg = encoded(64, 48, ExtendedColorType::L8, noise());
+        let size = jpeg.windows(2).position(|two| two == [0xFF, 0xC0]).unwrap() + 5;
+        jpeg[size..size + 4].copy_from_slice(&[0x3F, 0xFF, 0x3F, 0xFF]);
+        assert!(
+            decode(&jpeg)
+                .unwrap_err()
+                .contains("a JPEG of 16383x16383 pixels in")
+        );
+    }
+}

@@ -1,0 +1,320 @@
+//! NumPy's npz, a zip archive with one array, and npy, an array: a plane of numbers.
+
+use super::{MAX_BYTES, known, read_bounded};
+use std::io::{Cursor, Read};
+use std::path::Path;
+use svl_core::stereo::{MAX_SIDE, Plane};
+use svl_core::{Error, Result};
+
+/// Limit on the header's length in bytes; NumPy's own have 118.
+const MAX_HEADER: usize = 4096;
+
+/// Reads the only array of an npz archive, rows x columns of float32 or float64 in either byte and
+/// memory order, like scikit-image's `motorcycle_disp.npz`. Non-finite values become `+∞`,
+/// "unknown".
+///
+/// # Errors
+/// [`Error::Io`], or [`Error::Format`] with the missing part.
+pub fn read_npz(path: &Path) -> Result<Plane<f32>> {
+    Ok(known(&values(path)?))
+}
+
+/// The values in the file, unchanged.
+pub(super) fn values(path: &Path) -> Result<Plane<f32>> {
+    parse(read_bounded(path, MAX_BYTES)?)
+        .map_err(|reason| Error::format(path, format!("not an npz map: {reason}")))
+}
+
+fn parse(bytes: Vec<u8>) -> std::result::Result<Plane<f32>, String> {
+    let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
+    // With several arrays it is unknown which of them is the map.
+    if archive.len() != 1 {
+        return Err(format!(
+            "it contains {} arrays, expected one",
+            archive.len()
+        ));
+    }
+    let (values, is_integer) = array(archive.by_index(0).map_err(|e| e.to_string())?)?;
+    if is_integer {
+        return Err("its values are integers, expected float32 or float64".to_owned());
+    }
+    Ok(values)
+}
+
+/// Reads an array from a file of its own, and whether it has integers.
+pub(super) fn read_npy(path: &Path) -> Result<(Plane<f32>, bool)> {
+    array(Cursor::new(read_bounded(path, MAX_BYTES)?))
+        .map_err(|reason| Error::format(path, format!("not an npy map: {reason}")))
+}
+
+fn array(mut file: impl Read) -> std::result::Result<(Plane<f32>, bool), String> {
+    let NpyHeader {
+        item,
+        big_endian,
+        fortran,
+        width,
+        height,
+    } = NpyHeader::read(&mut file)?;
+    // No overflow: sides are at most MAX_SIDE.
+    let expected = width * height * item;
+    if expected as u64 > MAX_BYTES {
+        return Err(format!(
+            "{width}x{height} needs {expected} bytes, more than the {MAX_BYTES} it may have"
+        ));
+    }
+    // One more byte, as the CRC of the archive is checked at the end of the array.
+    let mut data = Vec::new();
+    file.take(expected as u64 + 1)
+        .read_to_end(&mut data)
+        .map_err(|e| e.to_string())?;
+    if data.len() != expected {
+        return Err(format!(
+            "{width}x{height} needs {expected} bytes, the array does not have that many"
+        ));
+    }
+    let float = |index: usize| {
+        let bytes = &data[index * item..][..item];
+        if let Ok(bytes) = <[u8; 2]>::try_from(bytes) {
+            let parse = if big_endian {
+                u16::from_be_bytes
+            } else {
+                u16::from_le_bytes
+            };
+            return f32::from(parse(bytes));
+        }
+        match <[u8; 4]>::try_from(bytes) {
+            Ok(bytes) if big_endian => f32::from_be_bytes(bytes),
+            Ok(bytes) => f32::from_le_bytes(bytes),
+            Err(_) => {
+                let bytes = <[u8; 8]>::try_from(bytes).expect("an item has four or eight bytes");
+                (if big_endian {
+                    f64::from_be_bytes(bytes)
+                } else {
+                    f64::from_le_bytes(bytes)
+                }) as f32
+            }
+        }
+    };
+    let index = |x, y| {
+        if fortran {
+            // Fortran order: columns are contiguous.
+            x * height + y
+        } else {
+            y * width + x
+        }
+    };
+    let values = Plane::from_fn(width, height, |x, y| float(index(x, y)));
+    Ok((values.map_err(|e| e.to_string())?, item == size_of::<u16>()))
+}
+
+/// The header of an array: `{'descr': '<f4', 'fortran_order': False, 'shape': (500, 741), }` (NumPy
+/// Enhancement Proposal 1, "A Simple File Format for NumPy Arrays").
+struct NpyHeader {
+    /// Bytes of a value.
+    item: usize,
+    big_endian: bool,
+    fortran: bool,
+    width: usize,
+    height: usize,
+}
+
+impl NpyHeader {
+    fn read(file: &mut impl Read) -> std::result::Result<Self, String> {
+        let mut begin = [0; 8];
+        let short = |_| "the header is truncated".to_owned();
+        file.read_exact(&mut begin).map_err(short)?;
+        let mut length = [0; 4];
+        match begin {
+            [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _] => file.read_exact(&mut length[..2]),
+            [0x93, b'N', b'U', b'M', b'P', b'Y', 2 | 3, _] => file.read_exact(&mut length),
+            _ => return Err("its array does not begin as NumPy's do".into()),
+        }
+        .map_err(short)?;
+        let length = u32::from_le_bytes(length) as usize;
+        // Version 2 headers may claim 4 GB.
+        if length > MAX_HEADER {
+            return Err(format!(
+                "the header is {length} bytes long, more than the {MAX_HEADER} it may be"
+            ));
+        }
+        let mut text = vec![0; length];
+        file.read_exact(&mut text).map_err(short)?;
+        Self::parse(std::str::from_utf8(&text).map_err(|_| "the header is not text")?)
+    }
+
+    fn parse(text: &str) -> std::result::Result<Self, String> {
+        let field = |name: &str| {
+            let found = text
+                .split_once(&format!("'{name}':"))
+                .map(|(_, rest)| rest.trim_start());
+            found.ok_or_else(|| format!("the header has no '{name}'"))
+        };
+        let kind = field("descr")?.split('\'').nth(1).unwrap_or_default();
+        let (big_endian, item) = match kind {
+            "<u2" => (false, 2),
+            ">u2" => (true, 2),
+            "<f4" => (false, 4),
+            ">f4" => (true, 4),
+            "<f8" => (false, 8),
+            ">f8" => (true, 8),
+            _ => {
+                return Err(format!(
+                    "its values are '{kind}', expected float32, float64 or uint16"
+                ));
+            }
+        };
+        let shape = field("shape")?;
+        let wrong = || format!("its shape is not (rows, columns) in 1..={MAX_SIDE}");
+        let sides = shape
+            .strip_prefix('(')
+            .and_then(|s| s.split_once(')'))
+            .ok_or_else(wrong)?
+            .0;
+        let sides: Vec<usize> = sides
+            .split(',')
+            .map(|s| s.trim().parse().unwrap_or(0))
+            .collect();
+        match sides[..] {
+            [height, width]
+                if [height, width]
+                    .iter()
+                    .all(|side| (1..=MAX_SIDE).contains(side)) =>
+            {
+                Ok(Self {
+                    item,
+                    big_endian,
+                    fortran: field("fortran_order")?.starts_with("True"),
+                    width,
+                    height,
+                })
+            }
+            _ => Err(wrong()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::io::Write;
+    use zip::write::SimpleFileOptions;
+
+    const HEADER: &str = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }\n";
+
+    fn npy(header: &str, data: &[u8]) -> Vec<u8> {
+        [
+            b"\x93NUMPY\x01\x00",
+            &(header.len() as u16).to_le_bytes()[..],
+            header.as_bytes(),
+            data,
+        ]
+        .concat()
+    }
+
+    fn npz(arrays: &[Vec<u8>]) -> Vec<u8> {
+        let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        for (i, array) in arrays.iter().enumerate() {
+            let stored =
+                SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+            archive.start_file(format!("arr_{i}.npy"), stored).unwrap();
+            archive.write_all(array).unwrap();
+        }
+        archive.finish().unwrap().into_inner()
+    }
+
+    fn le(values: &[f32]) -> Vec<u8> {
+        values.iter().flat_map(|v| v.to_le_bytes()).collect()
+    }
+
+    #[test]
+    fn either_byte_and_memory_order() {
+        let read = |header: &str, data: &[u8]| {
+            parse(npz(&[npy(header, data)]))
+                .unwrap()
+                .pixels()
+                .collect::<Vec<_>>()
+        };
+        let values = [1.0, 2.0, 3.0, 4.0, 5.0, f32::INFINITY];
+        assert_eq!(read(HEADER, &le(&values)), values);
+        let big: Vec<u8> = values
+            .iter()
+            .flat_map(|v| f64::from(*v).to_be_bytes())
+            .collect();
+        assert_eq!(read(&HEADER.replace("<f4", ">f8"), &big), values);
+        let columns = le(&[1.0, 4.0, 2.0, 5.0, 3.0, f32::INFINITY]);
+        assert_eq!(read(&HEADER.replace("False", "True"), &columns), values);
+    }
+
+    #[test]
+    fn unknown_disparities_are_infinite() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let data = le(&[1.0, f32::NAN, f32::NEG_INFINITY, 0.0, -1.0, f32::INFINITY]);
+        std::fs::write(file.path(), npz(&[npy(HEADER, &data)])).unwrap();
+        let inf = f32::INFINITY;
+        assert_eq!(
+            read_npz(file.path()).unwrap().pixels().collect::<Vec<_>>(),
+            [1.0, inf, inf, 0.0, -1.0, inf]
+        );
+    }
+
+    #[test]
+    fn faults_are_named() {
+        let data = le(&[0.0; 6]);
+        let one = |header: &str| npz(&[npy(header, &data)]);
+        for (bytes, words) in [
+            (npz(&[]), "contains 0 arrays"),
+            (
+                npz(&[npy(HEADER, &data), npy(HEADER, &data)]),
+                "contains 2 arrays",
+            ),
+            (npz(&[b"\x93NUM".to_vec()]), "truncated"),
+            (npz(&[vec![0; 99]]), "does not begin"),
+            (npz(&[npy(HEADER, &data[1..])]), "needs 24 bytes"),
+            (
+                npz(&[npy(HEADER, &[data.clone(), vec![0]].concat())]),
+                "needs 24 bytes",
+            ),
+            (
+                npz(&[[&b"\x93NUMPY\x02\x00"[..], &u32::MAX.to_le_bytes()].concat()]),
+                "4294967295",
+            ),
+            (one(&HEADER.replace("(2, 3)", "(2, 3, 1)")), "shape"),
+            (
+                one(&HEADER.replace("(2, 3)", "(18446744073709551615, 3)")),
+                "shape",
+            ),
+            (
+                one(&HEADER.replace("(2, 3)", "(16384, 16384)")),
+                "1073741824 bytes",
+            ),
+            (one(&HEADER.replace("<f4", "|O")), "'|O'"),
+            (one("{}"), "no 'descr'"),
+        ] {
+            let error = parse(bytes).unwrap_err();
+            assert!(error.contains(words), "{words}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_flipped_bit_is_found_by_the_check_sum() {
+        let mut bytes = npz(&[npy(HEADER, &le(&[7.0; 6]))]);
+        let at = bytes
+            .windows(4)
+            .position(|w| w == 7f32.to_le_bytes())
+            .unwrap();
+        bytes[at] ^= 1;
+        assert!(parse(bytes).unwrap_err().contains("checksum"));
+    }
+
+    proptest! {
+        #[test]
+        fn damage_is_an_error_or_a_map(cut in 0usize..400, at in 0usize..400, value: u8) {
+            let mut bytes = npz(&[npy(HEADER, &le(&[7.0, 1.5, 0.25, 3.0, 2.0, 1.0]))]);
+            let length = bytes.len();
+            bytes[at % length] = value;
+            bytes.truncate(length - cut % length);
+            let _ = parse(bytes);
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! PFM, the float maps of Middlebury and ETH3D: a `Pf` header, then rows bottom-up.
+
+use super::{MAX_BYTES, known, read_bounded};
+use std::io::Write;
+use std::path::Path;
+use svl_core::stereo::{MAX_SIDE, Plane};
+use svl_core::{Error, Result};
+
+/// Reads a one-channel PFM of either byte order. The magnitude of the scale line is not a
+/// multiplier (Middlebury's convention); non-finite values become `+∞`, "unknown".
+///
+/// # Errors
+/// [`Error::Io`], or [`Error::Format`] with the missing part.
+pub fn read_pfm(path: &Path) -> Result<Plane<f32>> {
+    Ok(known(&values(path)?))
+}
+
+/// The values in the file, unchanged.
+pub(super) fn values(path: &Path) -> Result<Plane<f32>> {
+    parse(&read_bounded(path, MAX_BYTES)?)
+        .map_err(|reason| Error::format(path, format!("not a PFM map: {reason}")))
+}
+
+fn parse(bytes: &[u8]) -> std::result::Result<Plane<f32>, String> {
+    let mut rest = bytes;
+    let mut word = || -> std::result::Result<&str, String> {
+        let start = rest
+            .iter()
+            .position(|b| !b.is_ascii_whitespace())
+            .ok_or("the header is truncated")?;
+        let length = rest[start..]
+            .iter()
+            // No number is longer; without a limit a binary file would be searched to its end.
+            .take(32)
+            .position(|b| b.is_ascii_whitespace())
+            .ok_or("the header is truncated")?;
+        let word = std::str::from_utf8(&rest[start..start + length])
+            .map_err(|_| "the header is not text")?;
+        // One whitespace after the scale, then pixels, whose first byte may look like whitespace.
+        rest = &rest[start + length + 1..];
+        Ok(word)
+    };
+    match word()? {
+        "Pf" => {}
+        "PF" => return Err("it has three channels (PF), expected one (Pf)".into()),
+        other => return Err(format!("it begins with '{other}', expected 'Pf'")),
+    }
+    let mut side = |name| match word()?.parse::<usize>() {
+        Ok(v) if (1..=MAX_SIDE).contains(&v) => Ok(v),
+        _ => Err(format!("the {name} is not a number in 1..={MAX_SIDE}")),
+    };
+    let (width, height) = (side("width")?, side("height")?);
+    let scale: f32 = word()?.parse().map_err(|_| "the scale is not a number")?;
+    if scale == 0.0 || !scale.is_finite() {
+        return Err(format!(
+            "the scale is {scale}, its sign should give the byte order"
+        ));
+    }
+    let expected = width * height * 4;
+    if rest.len() < expected {
+        return Err(format!(
+            "{width}x{height} needs {expected} bytes of pixels, got {}",
+            rest.len()
+        ));
+    }
+    let read = if scale < 0.0 {
+        f32::from_le_bytes
+    } else {
+        f32::from_be_bytes
+    };
+    let mut plane = Plane::filled(width, height, f32::INFINITY).map_err(|e| e.to_string())?;
+    for (i, row) in rest[..expected].chunks_exact(width * 4).enumerate() {
+        for (pixel, bytes) in plane
+            // PFM stores rows bottom-up.
+            .row_mut(height - 1 - i)
+            .iter_mut()
+            .zip(row.as_chunks::<4>().0)
+        {
+            *pixel = read(*bytes);
+        }
+    }
+    Ok(plane)
+}
+
+/// Writes a little-endian PFM; `+∞` means invalid.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write_pfm(path: &Path, plane: &Plane<f32>) -> Result<()> {
+    let (width, height) = plane.size();
+    let mut bytes = format!("Pf\n{width} {height}\n-1\n").into_bytes();
+    (0..height).rev().for_each(|y| {
+        plane
+            .row(y)
+            .iter()
+            .for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()))
+    });
+    let write = |bytes: &[u8]| std::fs::File::create(path)?.write_all(bytes);
+    write(&bytes).map_err(|e| Error::io(path, e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_byte_orders_and_upside_down() {
+        let mut big = b"Pf\n1 2\n1.0\n".to_vec();
+        [7.5f32, f32::NAN]
+            .iter()
+            .for_each(|v| big.extend(v.to_be_bytes()));
+        assert_eq!(
+            known(&parse(&big).unwrap()).pixels().collect::<Vec<_>>(),
+            [f32::INFINITY, 7.5]
+        );
+        let mut little = b"Pf 1 1 -0.0039\n".to_vec();
+        little.extend(7.5f32.to_le_bytes());
+        assert_eq!(parse(&little).unwrap().get(0, 0), 7.5);
+    }
+
+    #[test]
+    fn round_trip() {
+        let path = tempfile::NamedTempFile::new().unwrap();
+        let plane = Plane::from_fn(3, 2, |x, y| {
+            if x == 1 {
+                f32::INFINITY
+            } else {
+                (x + 10 * y) as f32
+            }
+        })
+        .unwrap();
+        write_pfm(path.path(), &plane).unwrap();
+        assert_eq!(read_pfm(path.path()).unwrap(), plane);
+    }
+
+    #[test]
+    fn faults_are_named() {
+        for (bytes, word) in [
+            (&b"P6\n1 1\n255\n..."[..], "P6"),
+            (b"PF\n1 1\n-1\n", "three channels"),
+            (b"Pf\n1 1\n-1\nabc", "got 3"),
+            (b"Pf\n99999999 1\n-1\nabc", "width"),
+            (b"Pf\n1 1\n0\nabcd", "scale"),
+            (b"Pf\n1", "truncated"),
+        ] {
+            let error = parse(bytes).unwrap_err();
+            assert!(error.contains(word), "{error}");
+        }
+    }
+}

@@ -1,0 +1,159 @@
+//! The depth grid of an algorithm for one pair, as data.
+
+use super::{Encoded, Recording};
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+use svl_core::Result;
+use svl_core::stereo::{Cell, CellState, DepthGrid, Estimate, GridShape};
+
+pub(super) const SCHEMA: &str = "svl.Cells";
+const DEFINITION: &str = include_str!("cells.schema.json");
+
+/// The message of `/algo/<name>/cells`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AlgorithmCells {
+    /// Number of the pair in its source, from 0.
+    pub sequence: u64,
+    /// The algorithm as the user wrote it.
+    pub algorithm: String,
+    pub columns: usize,
+    pub rows: usize,
+    /// In raster order.
+    pub cells: Vec<CellReport>,
+}
+
+/// Report of an algorithm on a cell. Distance and probability are rounded to a millionth, so that
+/// they read back exactly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CellReport {
+    pub column: usize,
+    /// 0 is the top row.
+    pub row: usize,
+    pub state: CellState,
+    /// Distance of the median disparity, metres; absent if unknown, at infinity, or without a rig.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance_m: Option<f64>,
+    /// Median disparity, pixels; absent if unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub disparity_px: Option<f32>,
+    /// Probability that it is right, 0..=1; absent if the algorithm does not report it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probability: Option<f64>,
+    /// Probability that something is nearer than the cell rule's `obstacle_m`, in state `near`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub near_probability: Option<f64>,
+}
+
+impl CellReport {
+    /// The cells of a grid in raster order.
+    pub fn from_grid(grid: &DepthGrid) -> Vec<Self> {
+        let rounded = |value: f64| (value * 1e6).round() / 1e6;
+        let report = |((column, row), cell): ((usize, usize), &Cell)| Self {
+            column,
+            row,
+            state: cell.state(),
+            distance_m: cell.depth.and_then(|depth| depth.distance_m).map(rounded),
+            disparity_px: cell.depth.map(|depth| depth.median_px),
+            probability: cell.probability.map(rounded),
+            near_probability: cell.near.map(rounded),
+        };
+        grid.iter().map(report).collect()
+    }
+}
+
+impl AlgorithmCells {
+    /// The cells of pair `sequence`.
+    pub fn new(sequence: u64, estimate: &Estimate) -> Self {
+        let shape = estimate.grid.shape();
+        Self {
+            sequence,
+            algorithm: estimate.algorithm.clone(),
+            columns: shape.columns,
+            rows: shape.rows,
+            cells: CellReport::from_grid(&estimate.grid),
+        }
+    }
+
+    pub(super) fn shape(&self) -> GridShape {
+        GridShape {
+            columns: self.columns,
+            rows: self.rows,
+        }
+    }
+
+    /// The centre of a cell in an image of `size`, pixels.
+    pub(super) fn center_px(&self, cell: &CellReport, size: (usize, usize)) -> (f64, f64) {
+        let (columns, rows) = self.shape().pixels((cell.column, cell.row), size);
+        let middle = |range: Range<usize>| (range.start + range.end) as f64 / 2.0 - 0.5;
+        (middle(columns), middle(rows))
+    }
+
+    /// The cells in a message.
+    pub(super) fn decode(data: &[u8]) -> std::result::Result<Self, String> {
+        let cells: Self = serde_json::from_slice(data).map_err(|e| e.to_string())?;
+        let is_inside = |cell: &CellReport| cell.column < cells.columns && cell.row < cells.rows;
+        let expected = cells.columns.checked_mul(cells.rows);
+        let is_complete = expected == Some(cells.cells.len()) && expected > Some(0);
+        if !is_complete || !cells.cells.iter().all(is_inside) {
+            let Self { columns, rows, .. } = cells;
+            return Err(format!(
+                "its cells are not those of a {columns}x{rows} grid"
+            ));
+        }
+        Ok(cells)
+    }
+
+    pub(super) fn encode(&self) -> Encoded {
+        Encoded::json(SCHEMA, DEFINITION, self)
+    }
+}
+
+impl Recording {
+    /// The cells of all algorithms, in the order of the recording; empty if no replay wrote it, or
+    /// an earlier version did.
+    ///
+    /// # Errors
+    /// As [`Recording::results`].
+    pub fn cells(&self) -> Result<Vec<AlgorithmCells>> {
+        self.json_messages(SCHEMA)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use svl_core::stereo::CellDepth;
+
+    #[test]
+    fn cells_are_rounded_and_say_only_what_is_known() {
+        let depth = CellDepth {
+            median_px: 12.3,
+            p20_px: 12.0,
+            p80_px: 13.0,
+            distance_m: Some(1.0 / 3.0),
+        };
+        let cell = |depth, probability| Cell {
+            valid_share: 1.0,
+            depth,
+            probability,
+            ..Cell::UNKNOWN
+        };
+        let shape = GridShape {
+            columns: 2,
+            rows: 1,
+        };
+        let cells = vec![cell(Some(depth), Some(0.25)), cell(None, None)];
+        let grid = DepthGrid::new(shape, cells).unwrap();
+        let json = serde_json::to_string(&CellReport::from_grid(&grid)).unwrap();
+        assert_eq!(
+            json,
+            concat!(
+                r#"[{"column":0,"row":0,"state":"known","distance_m":0.333333,"#,
+                r#""disparity_px":12.3,"probability":0.25},"#,
+                r#"{"column":1,"row":0,"state":"unknown"}]"#
+            )
+        );
+        let back: Vec<CellReport> = serde_json::from_str(&json).unwrap();
+        assert_eq!(back, CellReport::from_grid(&grid));
+    }
+}

@@ -1,0 +1,689 @@
+//! Camera calibrations in messages of ROS 2 and Foxglove, and the rig of two of them.
+
+use super::{head, json, realsense};
+use crate::messages::Channel;
+use crate::{decode_protobuf, ros};
+use nalgebra::{Matrix3, Matrix3x4, Rotation3};
+use svl_core::stereo::{Intrinsics, LengthUnit, Rectification, Rig, StereoCalibration, rotation};
+
+/// Schemas of calibration messages.
+pub(super) const SCHEMAS: [&str; 2] = ["sensor_msgs/msg/CameraInfo", "foxglove.CameraCalibration"];
+
+/// Tolerances of rectified cameras, for rounding in calibration files: relative difference of the
+/// focal lengths, difference of the principal points' rows.
+const FOCAL_TOLERANCE: f64 = 1e-4;
+const ROW_TOLERANCE_PX: f64 = 0.1;
+
+/// Baselines, metres: what is shorter is rounding, what is longer is in millimetres.
+const BASELINES_M: std::ops::RangeInclusive<f64> = 0.0005..=30.0;
+
+/// Focal lengths and principal points of K and P that differ by no more are equal, up to rounding:
+/// pixels.
+const MAX_SAME_PX: f64 = 0.01;
+
+/// One camera's calibration.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Calibration {
+    /// Width and height of its images, pixels.
+    size: (u32, u32),
+    /// Name of the distortion model.
+    model: String,
+    /// Intrinsics before rectification, row-major 3x3.
+    k: Vec<f64>,
+    /// Distortion coefficients.
+    d: Vec<f64>,
+    /// Rotation into the rectified frame, row-major 3x3.
+    r: Vec<f64>,
+    /// Projection of the rectified camera, row-major 3x4.
+    p: Vec<f64>,
+}
+
+/// True if the messages of a channel are calibrations.
+pub(super) fn is_calibration(channel: &Channel) -> bool {
+    SCHEMAS.contains(&channel.schema.as_str()) || realsense::is_calibration(channel)
+}
+
+/// A calibration and its stamp; one without a stamp has its log time.
+///
+/// # Errors
+/// The reason why it cannot be read.
+pub(super) fn decode(
+    channel: &Channel,
+    log_time: u64,
+    data: &[u8],
+) -> Result<(u64, Calibration), String> {
+    let calibration = decode_calibration(channel, data)?;
+    // RealSense's is a text.
+    let stamp = if realsense::is_calibration(channel) {
+        None
+    } else {
+        head(channel, data)?.0
+    };
+    Ok((stamp.unwrap_or(log_time), calibration))
+}
+
+fn decode_calibration(channel: &Channel, data: &[u8]) -> Result<Calibration, String> {
+    match (channel.schema.as_str(), channel.encoding.as_str()) {
+        ("sensor_msgs/msg/CameraInfo", "cdr" | "ros1") => Ok(from_camera_info(ros::read(
+            channel,
+            data,
+            ros::camera_info,
+        )?)),
+        ("foxglove.CameraCalibration", "protobuf") => {
+            let m: foxglove::messages::CameraCalibration = decode_protobuf(data)?;
+            Ok(Calibration {
+                size: (m.width, m.height),
+                model: m.distortion_model,
+                k: m.k,
+                d: m.d,
+                r: m.r,
+                p: m.p,
+            })
+        }
+        ("foxglove.CameraCalibration", "json") => {
+            let m: json::JsonCalibration = json::read(data)?;
+            Ok(Calibration {
+                size: (m.width, m.height),
+                model: m.distortion_model,
+                k: m.k,
+                d: m.d,
+                r: m.r,
+                p: m.p,
+            })
+        }
+        ("std_msgs/msg/String", "cdr") => {
+            realsense::calibration(ros::read(channel, data, ros::string)?).map(from_stream)
+        }
+        (schema, encoding) => Err(format!(
+            "its {schema} is in '{encoding}', svl reads cdr, ros1, protobuf and json"
+        )),
+    }
+}
+
+/// A RealSense stream's: its images are rectified by the camera, so P is K; the baseline is in the
+/// transforms.
+fn from_stream(camera: realsense::StreamCamera) -> Calibration {
+    let ((fx, fy), (cx, cy)) = (camera.focal_px, camera.center_px);
+    Calibration {
+        size: camera.size,
+        model: camera.model,
+        k: vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+        d: camera.distortion.to_vec(),
+        r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p: vec![fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+    }
+}
+
+/// The calibration of the published images, which may be a binned region of the sensor (as
+/// image_geometry's PinholeCameraModel).
+fn from_camera_info(info: ros::CameraInfo) -> Calibration {
+    let ros::CameraInfo {
+        width,
+        height,
+        model,
+        distortion: d,
+        mut k,
+        r,
+        mut p,
+        binning,
+        roi,
+    } = info;
+    // ROS leaves binning at 0 if it was never set.
+    let [columns, rows] = binning.map(|pixels| pixels.max(1));
+    let side = |roi: u32, whole: u32| if roi == 0 { whole } else { roi };
+    let size = (
+        side(roi.width, width) / columns,
+        side(roi.height, height) / rows,
+    );
+    for matrix in [&mut k[..], &mut p[..]] {
+        let row = matrix.len() / 3;
+        // First the offset, in pixels of the sensor, then the binning: the order of image_geometry.
+        matrix[2] -= f64::from(roi.x);
+        matrix[row + 2] -= f64::from(roi.y);
+        matrix[..row]
+            .iter_mut()
+            // The whole row, so that P[0][3] = -f·B scales with f and the baseline stays.
+            .for_each(|v| *v /= f64::from(columns));
+        matrix[row..2 * row]
+            .iter_mut()
+            .for_each(|v| *v /= f64::from(rows));
+    }
+    Calibration {
+        size,
+        model,
+        k: k.to_vec(),
+        d,
+        r: r.to_vec(),
+        p: p.to_vec(),
+    }
+}
+
+/// Differences of a calibration from the previous one.
+#[derive(Debug, PartialEq)]
+pub(super) struct CalibrationChange {
+    /// `P[0][0]`, before and after.
+    focal_px: [f64; 2],
+    /// `P[0][3]`, which is minus focal length times baseline.
+    offset: [f64; 2],
+}
+
+impl std::fmt::Display for CalibrationChange {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            focal_px: [focal, next_focal],
+            offset: [offset, next_offset],
+        } = self;
+        if focal != next_focal {
+            write!(f, "focal length {focal:.2}, then {next_focal:.2} px")
+        } else if offset != next_offset {
+            write!(f, "P[0][3] {offset:.3}, then {next_offset:.3}")
+        } else {
+            f.write_str("with the same focal length")
+        }
+    }
+}
+
+impl Calibration {
+    /// The numbers of K, D, R and P.
+    fn numbers(&self) -> Vec<f64> {
+        [&self.k[..], &self.d, &self.r, &self.p].concat()
+    }
+
+    /// Differences of `next`; `None` if all numbers are equal.
+    pub(super) fn change(&self, next: &Self) -> Option<CalibrationChange> {
+        // NaN, from an uncalibrated camera, equals itself here.
+        let bits = |calibration: &Self| {
+            let numbers = calibration.numbers().into_iter();
+            numbers.map(f64::to_bits).collect::<Vec<_>>()
+        };
+        let is_same =
+            self.size == next.size && self.model == next.model && bits(self) == bits(next);
+        let both = |index: usize| {
+            [self, next].map(|calibration| calibration.p.get(index).copied().unwrap_or_default())
+        };
+        (!is_same).then(|| CalibrationChange {
+            focal_px: both(0),
+            offset: both(3),
+        })
+    }
+
+    /// Checks that it has the focal lengths of `known`, another calibration of the camera, and no
+    /// numbers that are not finite.
+    ///
+    /// # Errors
+    /// The fault. A camera that was never calibrated has it from the start, and no `known` without.
+    pub(super) fn check_damage(&self, known: &Self) -> Result<(), String> {
+        let is_finite = |calibration: &Self| {
+            let numbers = calibration.numbers();
+            numbers.iter().all(|number| number.is_finite())
+        };
+        if is_finite(known) && !is_finite(self) {
+            return Err("it has numbers that are not finite".to_owned());
+        }
+        let lost = [true, false]
+            .map(|is_raw| known.focal_px(is_raw).is_some() && self.focal_px(is_raw).is_none());
+        if lost.contains(&true) {
+            return Err("it has no focal length, and the one before it does".to_owned());
+        }
+        Ok(())
+    }
+
+    #[cfg(test)]
+    pub(super) fn size(&self) -> (u32, u32) {
+        self.size
+    }
+
+    /// Focal lengths along x and y: from K for a raw camera, else from P. `None` if unknown.
+    pub(super) fn focal_px(&self, is_raw: bool) -> Option<(f64, f64)> {
+        let focal = if is_raw {
+            (*self.k.first()?, *self.k.get(4)?)
+        } else {
+            (*self.p.first()?, *self.p.get(5)?)
+        };
+        (focal.0 > 0.0 && focal.1 > 0.0).then_some(focal)
+    }
+
+    /// True if neither P has an offset, so that the baseline of the two has to come from elsewhere.
+    pub(super) fn lacks_baseline(&self, right: &Self) -> bool {
+        // Rounding is no baseline.
+        let is_zero = |calibration: &&Self| match calibration.p[..] {
+            [focal, _, _, offset, ..] => offset.abs() <= 1e-6 * focal.max(1.0),
+            _ => false,
+        };
+        [self, right].iter().all(is_zero)
+    }
+
+    /// Checks that it is for images of that size; a size of 0x0 is unknown and passes.
+    ///
+    /// # Errors
+    /// The size that it is for.
+    pub(super) fn check_size(&self, (width, height): (usize, usize)) -> Result<(), String> {
+        let (w, h) = self.size;
+        if [(0, 0), (width, height)].contains(&(w as usize, h as usize)) {
+            return Ok(());
+        }
+        Err(format!(
+            "the calibration is for images of {w}x{h} pixels, these have {width}x{height}"
+        ))
+    }
+
+    /// True if images of this camera have to be rectified: it has distortion, a rotation, or a P
+    /// that projects to other pixels than K.
+    pub(super) fn is_of_raw_camera(&self) -> bool {
+        let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        // All zeros mean a camera that was never calibrated; else the identity, up to the rounding
+        // of a product of rotations.
+        let turned = self.r.iter().any(|v| *v != 0.0)
+            && self
+                .r
+                .iter()
+                .zip(identity)
+                .any(|(a, b)| (a - b).abs() > 1e-9);
+        turned || self.is_projected_anew() || self.d.iter().any(|coefficient| *coefficient != 0.0)
+    }
+
+    /// True if P projects to other pixels than K does.
+    fn is_projected_anew(&self) -> bool {
+        let (Some(_), Some(_)) = (self.focal_px(true), self.focal_px(false)) else {
+            return false;
+        };
+        // K has three columns, P four: focal lengths and principal point.
+        let same = [(0, 0), (2, 2), (4, 5), (5, 6)];
+        let differs = |(k, p): (usize, usize)| (self.k[k] - self.p[p]).abs() > MAX_SAME_PX;
+        self.p.len() == 12 && self.k.len() == 9 && same.into_iter().any(differs)
+    }
+
+    pub(super) fn camera(&self) -> Result<Intrinsics, String> {
+        // Models with more coefficients equal plumb_bob if the rest are 0.
+        let (lens, rest) = self.d.split_at(self.d.len().min(5));
+        if !["", "plumb_bob", "rational_polynomial"].contains(&self.model.as_str())
+            || rest.iter().any(|c| *c != 0.0)
+        {
+            return Err(format!(
+                "its distortion model '{}' is not one that svl knows (plumb_bob)",
+                self.model
+            ));
+        }
+        let mut distortion = [0.0; 5];
+        distortion[..lens.len()].copy_from_slice(lens);
+        let [fx, _, cx, _, fy, cy, ..] = self.k[..] else {
+            return Err(format!(
+                "its K has {} numbers, 9 make a camera",
+                self.k.len()
+            ));
+        };
+        let size = (self.size.0 as usize, self.size.1 as usize);
+        Intrinsics::new(size, (fx, fy), (cx, cy), distortion).map_err(|e| e.to_string())
+    }
+
+    pub(super) fn projection(&self) -> Result<Matrix3x4<f64>, String> {
+        match <[f64; 12]>::try_from(&self.p[..]) {
+            // Uncalibrated cameras publish a P of zeros; NaN fails too.
+            Ok(p) if p[0] > 0.0 => Ok(Matrix3x4::from_row_slice(&p)),
+            _ => Err("a camera is not calibrated: its projection matrix is empty".to_owned()),
+        }
+    }
+
+    pub(super) fn rotation(&self) -> Result<Rotation3<f64>, String> {
+        let r = <[f64; 9]>::try_from(&self.r[..])
+            .map_err(|_| format!("its R has {} numbers, not 9", self.r.len()))?;
+        rotation(&Matrix3::from_row_slice(&r)).map_err(|e| e.to_string())
+    }
+}
+
+/// The rig of two rectified cameras. `baseline_m` is used if their P have none.
+///
+/// # Errors
+/// The reason why there is none.
+pub(super) fn rig(
+    left: &Calibration,
+    right: &Calibration,
+    baseline_m: Option<f64>,
+) -> Result<Rig, String> {
+    let baseline_m = baseline_m.filter(|_| left.lacks_baseline(right));
+    let (left, mut right) = (left.projection()?, right.projection()?);
+    if let Some(baseline_m) = baseline_m {
+        right[(0, 3)] = -right[(0, 0)] * baseline_m;
+    }
+    let rig = Rig::from_projections(&left, &right, FOCAL_TOLERANCE, ROW_TOLERANCE_PX);
+    if let Ok(rig) = &rig
+        && !BASELINES_M.contains(&rig.baseline_m())
+    {
+        return Err(format!(
+            "its baseline of {:.3e} m is not between half a millimetre and 30 m: the fourth column \
+             of P is in pixels times metres; --calib FILE replaces it",
+            rig.baseline_m()
+        ));
+    }
+    rig.map_err(|e| {
+        if left[(0, 3)] < right[(0, 3)] {
+            // Swapped topics are the usual cause of a negative baseline.
+            format!("{e}: --left and --right name their topics")
+        } else {
+            e.to_string()
+        }
+    })
+}
+
+/// The calibration of raw images: intrinsics and distortion, R and P of both cameras.
+///
+/// # Errors
+/// The missing part.
+pub(super) fn calibration(
+    left: &Calibration,
+    right: &Calibration,
+    baseline_m: Option<f64>,
+) -> Result<StereoCalibration, String> {
+    let rig = rig(left, right, baseline_m)?;
+    let cameras = [left.camera()?, right.camera()?];
+    let rectification = Rectification {
+        size: cameras[0].size(),
+        left: left.rotation()?,
+        right: right.rotation()?,
+        rig,
+    };
+    let [left, right] = cameras;
+    let calibration =
+        StereoCalibration::new(left, right, rectification.motion(), LengthUnit::Metres);
+    Ok(calibration
+        .map_err(|e| e.to_string())?
+        .with_rectification(rectification))
+}
+
+#[cfg(test)]
+pub(super) fn calibration_of_size(size: (u32, u32)) -> Calibration {
+    Calibration {
+        size,
+        model: String::new(),
+        k: vec![],
+        d: vec![],
+        r: vec![],
+        p: vec![],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(focal: f64, cy: f64, tx: f64) -> Calibration {
+        let p = vec![
+            focal, 0.0, 160.0, tx, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0,
+        ];
+        let k = vec![focal, 0.0, 160.0, 0.0, focal, cy, 0.0, 0.0, 1.0];
+        let (d, r) = (
+            vec![0.0; 5],
+            vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        );
+        Calibration {
+            size: (320, 240),
+            model: "plumb_bob".into(),
+            k,
+            d,
+            r,
+            p,
+        }
+    }
+
+    #[test]
+    fn damage_is_of_a_camera_that_was_calibrated() {
+        let good = Calibration {
+            k: vec![300.0, 0.0, 1.0, 0.0, 300.0, 1.0, 0.0, 0.0, 1.0],
+            ..calibration_of_size((4, 3))
+        };
+        let with = |focal: f64| {
+            let mut other = good.clone();
+            other.k[0] = focal;
+            other
+        };
+        assert!(good.check_damage(&good).is_ok() && with(310.0).check_damage(&good).is_ok());
+        assert!(
+            with(f64::NAN)
+                .check_damage(&good)
+                .unwrap_err()
+                .contains("finite")
+        );
+        assert!(
+            with(0.0)
+                .check_damage(&good)
+                .unwrap_err()
+                .contains("focal length")
+        );
+        for focal in [f64::NAN, 0.0] {
+            assert!(with(focal).check_damage(&with(focal)).is_ok());
+            assert!(good.check_damage(&with(focal)).is_ok());
+        }
+    }
+
+    #[test]
+    fn the_baseline_is_between_the_cameras() {
+        // As in KITTI's colour cameras, neither of which is at the origin.
+        let (left, right) = (camera(500.0, 120.0, 30.0), camera(500.0, 120.0, -20.0));
+        let found = rig(&left, &right, Some(9.0)).unwrap();
+        assert!((found.baseline_m() - 0.1).abs() < 1e-12);
+        // P of a single camera each.
+        let alone = camera(500.0, 120.0, 0.0);
+        assert_eq!(rig(&alone, &alone, Some(0.05)).unwrap().baseline_m(), 0.05);
+        let says = |left: &Calibration, right: &Calibration, what: &str| {
+            let error = rig(left, right, None).unwrap_err();
+            assert!(error.contains(what), "{error}");
+        };
+        let left = camera(500.0, 120.0, 0.0);
+        says(&left, &camera(500.0, 120.0, 50.0), "--left and --right");
+        says(&left, &left, "baseline");
+        // In millimetres, and what rounding leaves.
+        says(
+            &left,
+            &camera(500.0, 120.0, -60_000.0),
+            "1.200e2 m is not between",
+        );
+        says(
+            &left,
+            &camera(500.0, 120.0, -0.1),
+            "2.000e-4 m is not between",
+        );
+        let rounded = camera(500.0, 120.0, -1e-9);
+        let found = rig(&left, &rounded, Some(0.05)).unwrap();
+        assert!((found.baseline_m() - 0.05).abs() < 1e-9);
+        says(
+            &left,
+            &camera(510.0, 120.0, -50.0),
+            "not rectified to each other",
+        );
+        says(
+            &left,
+            &camera(500.0, 122.0, -50.0),
+            "not rectified to each other",
+        );
+        says(
+            &left,
+            &Calibration {
+                p: vec![0.0; 12],
+                ..left.clone()
+            },
+            "not calibrated",
+        );
+        says(
+            &left,
+            &Calibration {
+                p: vec![],
+                ..left.clone()
+            },
+            "not calibrated",
+        );
+        says(&left, &camera(f64::NAN, 120.0, -50.0), "not calibrated");
+    }
+
+    #[test]
+    fn a_part_of_the_sensor_and_binned_pixels_are_what_the_calibration_is_of() {
+        let info = |binning, (x, y, width, height)| ros::CameraInfo {
+            width: 640,
+            height: 480,
+            model: "plumb_bob".into(),
+            distortion: vec![],
+            k: [600.0, 0.0, 320.0, 0.0, 602.0, 240.0, 0.0, 0.0, 1.0],
+            r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            p: [
+                600.0, 0.0, 322.0, -60.0, 0.0, 600.0, 242.0, 0.0, 0.0, 0.0, 1.0, 0.0,
+            ],
+            binning,
+            roi: ros::RegionOfInterest {
+                x,
+                y,
+                height,
+                width,
+            },
+        };
+        let whole = from_camera_info(info([0, 1], (0, 0, 0, 0)));
+        assert_eq!(
+            (whole.size, whole.k[0], whole.p[3]),
+            ((640, 480), 600.0, -60.0)
+        );
+        // As in image_geometry's PinholeCameraModel: first the offset, then the binning; Tx is
+        // scaled too, so the baseline is unchanged.
+        let binned = from_camera_info(info([2, 2], (0, 0, 0, 0)));
+        assert_eq!(
+            (binned.size, &binned.p[..4], &binned.p[4..8]),
+            (
+                (320, 240),
+                &[300.0, 0.0, 161.0, -30.0][..],
+                &[0.0, 300.0, 121.0, 0.0][..]
+            )
+        );
+        let part = from_camera_info(info([2, 1], (100, 40, 320, 240)));
+        assert_eq!(
+            (part.size, &part.k[..6]),
+            ((160, 240), &[300.0, 0.0, 110.0, 0.0, 602.0, 200.0][..])
+        );
+        assert_eq!(
+            (&part.p[..4], part.p[6]),
+            (&[300.0, 0.0, 111.0, -30.0][..], 202.0)
+        );
+        assert!(part.check_size((160, 240)).is_ok());
+        assert!(
+            part.check_size((320, 240))
+                .unwrap_err()
+                .contains("of 160x240 pixels, these have 320x240")
+        );
+        assert!(
+            Calibration {
+                size: (0, 0),
+                ..part
+            }
+            .check_size((320, 240))
+            .is_ok(),
+            "it does not say"
+        );
+    }
+
+    #[test]
+    fn raw_cameras_with_all_their_numbers_can_be_rectified() {
+        let left = Calibration {
+            d: vec![-0.28, 0.07],
+            ..camera(500.0, 120.0, 0.0)
+        };
+        let right = camera(500.0, 120.0, -50.0);
+        let found = calibration(&left, &right, None).unwrap();
+        assert_eq!(
+            (found.left().distortion(), found.rig().unwrap().baseline_m()),
+            ([-0.28, 0.07, 0.0, 0.0, 0.0], 0.1)
+        );
+        let fisheye = Calibration {
+            model: "equidistant".into(),
+            ..left.clone()
+        };
+        assert!(
+            calibration(&fisheye, &right, None)
+                .unwrap_err()
+                .contains("'equidistant'")
+        );
+        let rational = Calibration {
+            model: "rational_polynomial".into(),
+            d: vec![0.1; 8],
+            ..left.clone()
+        };
+        assert!(
+            calibration(&rational, &right, None)
+                .unwrap_err()
+                .contains("rational_polynomial")
+        );
+        let zeros = Calibration {
+            model: "rational_polynomial".into(),
+            d: vec![0.0; 8],
+            ..left.clone()
+        };
+        assert!(calibration(&zeros, &right, None).is_ok());
+        for (k, r) in [
+            (vec![], left.r.clone()),
+            (left.k.clone(), vec![]),
+            (left.k.clone(), vec![0.0; 9]),
+        ] {
+            assert!(
+                calibration(
+                    &Calibration {
+                        k,
+                        r,
+                        ..left.clone()
+                    },
+                    &right,
+                    None
+                )
+                .is_err()
+            );
+        }
+    }
+
+    #[test]
+    fn a_change_of_any_number_is_one() {
+        let first = camera(500.0, 120.0, -50.0);
+        assert_eq!(first.change(&first), None);
+        let unknown = camera(f64::NAN, 120.0, -50.0);
+        assert_eq!(unknown.change(&unknown), None);
+        let change = first.change(&camera(250.0, 120.0, -25.0)).unwrap();
+        assert_eq!(change.focal_px, [500.0, 250.0]);
+        assert!(first.change(&camera(500.0, 121.0, -50.0)).is_some());
+        let distorted = Calibration {
+            d: vec![0.1],
+            ..first.clone()
+        };
+        assert!(first.change(&distorted).is_some());
+        assert_eq!(first.focal_px(true), Some((500.0, 500.0)));
+        assert_eq!(camera(0.0, 1.0, 0.0).focal_px(false), None);
+    }
+
+    #[test]
+    fn raw_cameras_are_known() {
+        let rectified = camera(500.0, 120.0, 0.0);
+        assert!(!rectified.is_of_raw_camera());
+        assert!(
+            !Calibration {
+                r: vec![0.0; 9],
+                ..rectified.clone()
+            }
+            .is_of_raw_camera()
+        );
+        assert!(
+            Calibration {
+                d: vec![-0.28],
+                ..rectified.clone()
+            }
+            .is_of_raw_camera()
+        );
+        assert!(
+            Calibration {
+                r: vec![0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+                ..rectified.clone()
+            }
+            .is_of_raw_camera()
+        );
+        // Without distortion, but projected anew: by another focal length or principal point.
+        let with = |focal: f64, cy: f64| Calibration {
+            k: vec![focal, 0.0, rectified.p[2], 0.0, focal, cy, 0.0, 0.0, 1.0],
+            ..rectified.clone()
+        };
+        assert!(!with(500.0, 120.0).is_of_raw_camera());
+        assert!(!with(500.001, 120.0).is_of_raw_camera());
+        assert!(with(510.0, 120.0).is_of_raw_camera());
+        assert!(with(500.0, 126.0).is_of_raw_camera());
+    }
+}

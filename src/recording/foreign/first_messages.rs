@@ -1,0 +1,129 @@
+//! The first messages of a source: calibrations, the cameras' frames and baseline, and the number
+//! of bits that 16-bit images use.
+
+use super::camera_track::CameraTrack;
+use super::stamp_order::HOLD_NS;
+use super::{Foreign, Selection, head, image, video};
+use crate::messages::Channel;
+use svl_core::Result;
+use svl_files::{BitDepth, DECIDING_PAIRS};
+
+/// The first messages, from which a [`Foreign`] is prepared before its first pair.
+#[derive(Default)]
+pub(super) struct FirstMessages {
+    images: FirstImages,
+    /// The earliest stamp of each camera's images.
+    first_ns: [Option<u64>; 2],
+    /// The latest log time, and that at which the calibrations were there.
+    log_ns: u64,
+    calibrated_ns: Option<u64>,
+}
+
+impl FirstMessages {
+    /// True if all is known that these messages may contain.
+    pub(super) fn are_enough(&self, foreign: &Foreign) -> bool {
+        let [left, right] = &foreign.frames;
+        let (Some(left), Some(right)) = (left, right) else {
+            return false;
+        };
+        let wants_baseline = foreign.lacks_baseline() && foreign.baseline.may_be_found(left, right);
+        self.have_first_calibrations(foreign) && self.images.are_enough() && !wants_baseline
+    }
+
+    /// True if the first calibrations are known. In a file, one that is after its images may not be
+    /// the earliest: those of the next second decide.
+    fn have_first_calibrations(&self, foreign: &Foreign) -> bool {
+        let is_before = |(track, first_ns): (&CameraTrack, Option<u64>)| {
+            let stamps = track.first_ns().zip(first_ns);
+            stamps.is_none_or(|(calibration_ns, image_ns)| calibration_ns <= image_ns)
+        };
+        let are_before = foreign.tracks.iter().zip(self.first_ns).all(is_before);
+        let is_past = |found_ns: u64| self.log_ns >= found_ns.saturating_add(HOLD_NS);
+        let are_settled = foreign.wait.is_some() || self.calibrated_ns.is_some_and(is_past);
+        !foreign.lacks_calibration() && (are_before || are_settled)
+    }
+
+    /// Takes a message in. An unreadable one is reported when its turn comes.
+    pub(super) fn take_in(
+        &mut self,
+        foreign: &mut Foreign,
+        channel: &Channel,
+        log_ns: u64,
+        data: &[u8],
+    ) {
+        self.log_ns = self.log_ns.max(log_ns);
+        drop(foreign.calibrate(channel, log_ns, data));
+        if !foreign.lacks_calibration() {
+            self.calibrated_ns.get_or_insert(log_ns);
+        }
+        self.images.take_in(&foreign.images, channel, data);
+        let cameras = foreign.images.iter().zip(&mut foreign.frames);
+        for ((topic, frame), first_ns) in cameras.zip(&mut self.first_ns) {
+            if *topic == channel.topic
+                && let Ok((stamp, name)) = head(channel, data)
+            {
+                frame.get_or_insert(name);
+                let stamp_ns = stamp.unwrap_or(log_ns);
+                *first_ns = Some(first_ns.map_or(stamp_ns, |first_ns| first_ns.min(stamp_ns)));
+            }
+        }
+        foreign.baseline.take_in(channel, data);
+        if let [Some(left), Some(right)] = &foreign.frames {
+            foreign.baseline_m = foreign.baseline.metres(left, right).ok();
+        }
+    }
+
+    /// Decides the bit depth.
+    ///
+    /// # Errors
+    /// Those of [`BitDepth::decide`].
+    pub(super) fn end(self, foreign: &mut Foreign, selection: &Selection) -> Result<()> {
+        foreign.depth = BitDepth::decide(selection.bits, self.images.largest())?;
+        Ok(())
+    }
+}
+
+/// The largest values of the first 16-bit images of both cameras.
+#[derive(Default)]
+struct FirstImages {
+    largest: [Vec<u16>; 2],
+    /// True if they have 8 bits: then there is nothing to decide.
+    are_of_8_bits: bool,
+}
+
+impl FirstImages {
+    fn are_enough(&self) -> bool {
+        let enough = |largest: &Vec<u16>| largest.len() >= DECIDING_PAIRS;
+        self.are_of_8_bits || self.largest.iter().all(enough)
+    }
+
+    fn take_in(&mut self, topics: &[String; 2], channel: &Channel, data: &[u8]) {
+        let Some(side) = topics.iter().position(|topic| *topic == channel.topic) else {
+            return;
+        };
+        if self.are_enough() || self.largest[side].len() >= DECIDING_PAIRS {
+            return;
+        }
+        // Videos are decoded to 8 bits.
+        if video::is_video(channel) {
+            self.are_of_8_bits = true;
+            return;
+        }
+        // An unreadable one is reported when its turn comes.
+        if let Ok((_, Ok(image))) = image::decode(channel, data) {
+            match image.image.largest() {
+                Some(largest) => self.largest[side].push(largest),
+                None => self.are_of_8_bits = true,
+            }
+        }
+    }
+
+    /// The largest of all; the inner value is `None` for 8 bits.
+    fn largest(self) -> Option<Option<u16>> {
+        if self.are_of_8_bits {
+            Some(None)
+        } else {
+            self.largest.into_iter().flatten().max().map(Some)
+        }
+    }
+}

@@ -1,0 +1,267 @@
+//! Pairs of live ROS 2 topics, formed as those of a bag: the same topics, readers and pairing.
+
+use super::calibration_wait::CalibrationWait;
+use super::stamp_order::ImagePairing;
+use super::transforms::Transforms;
+use super::{FirstMessages, Foreign, Selection, camera, head, image, video};
+use crate::messages::Channel;
+use crate::{LEFT_FRAME, PairSource};
+use svl_core::Result;
+use svl_core::stereo::{Frame, StereoCalibration};
+
+/// Limit on the bytes of images that wait for their partners: while one camera is silent, those of
+/// the other wait.
+const WAITING_BYTES: usize = 128 << 20;
+
+/// A topic and the type of its messages.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LiveTopic {
+    pub name: String,
+    /// As in a bag: `sensor_msgs/msg/Image`.
+    pub schema: String,
+}
+
+impl LiveTopic {
+    /// True if its messages are images that svl reads.
+    pub fn is_image(&self) -> bool {
+        image::SCHEMAS.contains(&self.schema.as_str())
+    }
+
+    /// True if its messages are calibrations that svl reads.
+    pub fn is_calibration(&self) -> bool {
+        camera::SCHEMAS.contains(&self.schema.as_str())
+    }
+
+    /// True if its messages are static transforms.
+    pub fn is_static_transform(&self) -> bool {
+        Transforms::reads(&self.channel())
+    }
+
+    fn channel(&self) -> Channel {
+        Channel {
+            topic: self.name.clone(),
+            schema: self.schema.clone(),
+            encoding: "cdr".to_owned(),
+        }
+    }
+}
+
+/// Forms pairs of the messages of live topics, in CDR as a bag stores them.
+pub struct TopicPairs {
+    foreign: Foreign,
+    /// The topics that it needs: images left and right, their calibrations, static transforms.
+    channels: Vec<Channel>,
+    selection: Selection,
+    /// Until the first pair.
+    first: Option<FirstMessages>,
+    /// True once the user was warned of another frame of the left images.
+    warned_of_frame: bool,
+}
+
+impl TopicPairs {
+    /// Chooses among `topics`. `source`: its name in warnings.
+    ///
+    /// # Errors
+    /// The reason why no two topics can be the cameras, or why more than two can.
+    pub fn new(
+        source: &str,
+        topics: &[LiveTopic],
+        selection: &Selection,
+    ) -> std::result::Result<Self, String> {
+        let channels: Vec<_> = topics.iter().map(LiveTopic::channel).collect();
+        let all: Vec<_> = channels.iter().collect();
+        let mut foreign = Foreign::new(source.to_owned(), &all, selection)?;
+        let is_video = |channel: &&Channel| {
+            foreign.images.contains(&channel.topic) && video::is_video(channel)
+        };
+        if let Some(Channel { topic, schema, .. }) = channels.iter().find(is_video) {
+            return Err(format!(
+                "{topic}: {schema}, a video, which svl reads from a bag: record it first"
+            ));
+        }
+        foreign.partners = ImagePairing::live(selection.max_skew_ns, WAITING_BYTES);
+        foreign.wait = Some(CalibrationWait::default());
+        foreign.jumps = Some(0);
+        let mut needed: Vec<Channel> = Vec::new();
+        let names = foreign.images.iter();
+        for name in names.chain(foreign.calibrations.iter().flatten()) {
+            let found = channels.iter().find(|channel| channel.topic == *name);
+            // One calibration may be that of both.
+            needed.extend(found.filter(|found| !needed.contains(found)).cloned());
+        }
+        needed.extend(
+            channels
+                .iter()
+                .filter(|channel| Transforms::reads(channel))
+                .cloned(),
+        );
+        Ok(Self {
+            foreign,
+            channels: needed,
+            selection: selection.clone(),
+            first: Some(FirstMessages::default()),
+            warned_of_frame: false,
+        })
+    }
+
+    /// Names of the topics that it needs: images left and right, their calibrations, static
+    /// transforms.
+    pub fn topics(&self) -> impl Iterator<Item = &str> {
+        self.channels.iter().map(|channel| channel.topic.as_str())
+    }
+
+    /// Looks at a message of the topic at that index before the first pair. True once calibrations,
+    /// baseline and bit depth can be decided.
+    pub fn look_at(&mut self, topic: usize, data: &[u8]) -> bool {
+        let channel = &self.channels[topic];
+        let Some(first) = &mut self.first else {
+            return true;
+        };
+        first.take_in(&mut self.foreign, channel, 0, data);
+        first.are_enough(&self.foreign)
+    }
+
+    /// Decides the bit depth by the messages that it looked at.
+    ///
+    /// # Errors
+    /// Those of the bit depth: 16-bit images that use no bits, or more than the selected ones.
+    pub fn begin(&mut self) -> Result<()> {
+        match self.first.take() {
+            Some(first) => first.end(&mut self.foreign, &self.selection),
+            None => Ok(()),
+        }
+    }
+
+    /// Adds a message of the topic at that index, received at `received_ns`.
+    ///
+    /// # Errors
+    /// The reason why it cannot be read.
+    pub fn take_in(
+        &mut self,
+        topic: usize,
+        received_ns: u64,
+        data: &[u8],
+    ) -> std::result::Result<(), String> {
+        let channel = &self.channels[topic];
+        if let Some(first) = self.foreign.frames[0].as_deref().filter(|_| topic == 0)
+            && !self.warned_of_frame
+            && let Ok((_, frame)) = head(channel, data)
+            && frame != first
+        {
+            self.warned_of_frame = true;
+            let used = self.foreign.frame_id().unwrap_or(LEFT_FRAME);
+            tracing::warn!(
+                "{}: {}: the frame of its images changes from '{first}' to '{frame}'; results \
+                 stay in '{used}'",
+                self.foreign.name,
+                channel.topic
+            );
+        }
+        let taken = self.foreign.take_in(channel, received_ns, data);
+        taken
+            .map(drop)
+            .map_err(|why| format!("{}: {why}", channel.topic))
+    }
+
+    /// The next pair that is ready. `now_ns`: the time of a clock that never jumps. A pair waits
+    /// for the calibrations of its stamp, at most 0.2 s and one period, then has the last ones
+    /// before; after ten pairs with unchanged calibrations none waits.
+    ///
+    /// # Errors
+    /// The reason why two images that belong together cannot be a pair.
+    pub fn pop(&mut self, now_ns: u64) -> Option<std::result::Result<Frame, String>> {
+        self.foreign
+            .wait
+            .iter_mut()
+            .for_each(|wait| wait.set_now(now_ns));
+        self.foreign.pop()
+    }
+
+    /// Ends the source: there are no more messages.
+    pub fn end(&mut self) {
+        self.foreign.end();
+    }
+
+    /// Images without a partner, while both cameras had images.
+    pub fn unpaired(&self) -> u64 {
+        self.foreign.unpaired()
+    }
+
+    /// Images before the other camera's first or after its last.
+    pub fn outside(&self) -> u64 {
+        self.foreign.outside()
+    }
+
+    /// Images left and right.
+    pub fn counts(&self) -> [u64; 2] {
+        self.foreign.counts
+    }
+
+    /// Jumps of the cameras' clocks back in time.
+    pub fn jumps(&self) -> u64 {
+        self.foreign.jumps.unwrap_or(0)
+    }
+
+    /// The reason why there was no pair.
+    pub fn why_none(&self) -> String {
+        self.foreign.why_none()
+    }
+
+    /// Warnings about the pairs, a line each.
+    pub fn remarks(&self) -> Vec<String> {
+        self.foreign.remarks()
+    }
+
+    /// The calibration that rectifies raw pairs, if the topics have one.
+    pub fn calibration(&self) -> Option<StereoCalibration> {
+        self.foreign.calibration()?.ok()
+    }
+
+    /// Number of bits that 16-bit images use.
+    pub fn bits(&self) -> Option<u8> {
+        self.foreign.depth.bits()
+    }
+
+    /// Note on the images that is not a warning.
+    pub fn note(&self) -> Option<String> {
+        self.foreign.depth.note()
+    }
+
+    /// The coordinate frame of the first left image, if it names one.
+    pub fn frame_id(&self) -> Option<&str> {
+        self.foreign.frame_id()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{RosStamp, ros};
+    use svl_core::stereo::Gray;
+
+    #[test]
+    fn a_name_that_is_no_text_is_an_unreadable_message() {
+        let topics = ["/left/image_rect", "/right/image_rect"].map(|name| LiveTopic {
+            name: name.to_owned(),
+            schema: "sensor_msgs/msg/Image".to_owned(),
+        });
+        let mut pairs = TopicPairs::new("ros2:", &topics, &Selection::default()).unwrap();
+        let stamp = RosStamp::new(1_000_000_000).unwrap();
+        let image = Gray::filled(4, 2, 7).unwrap();
+        let mut data = ros::encode_8bit(&image, stamp, "left").data;
+        let name = data.windows(4).position(|bytes| bytes == b"left").unwrap();
+        data[name] = 0xff;
+        assert!(!pairs.look_at(0, &data) && pairs.frame_id().is_none());
+        let reason = pairs.take_in(0, 0, &data).unwrap_err();
+        assert!(reason.starts_with("/left/image_rect: "), "{reason}");
+        // Cut anywhere, it is unreadable too.
+        data[name] = b'l';
+        for end in 0..data.len() {
+            let taken = pairs.take_in(0, 0, &data[..end]);
+            assert!(taken.is_err() || pairs.pop(0).is_none(), "{end} bytes");
+        }
+        assert_eq!(pairs.take_in(0, 0, &data), Ok(()));
+        assert_eq!(pairs.take_in(1, 0, &data), Ok(()));
+        assert_eq!(pairs.pop(0).unwrap().unwrap().pair.left(), &image);
+    }
+}

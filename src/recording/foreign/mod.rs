@@ -1,0 +1,513 @@
+//! Recordings that svl did not write: bags of ROS 1 and 2, of the RealSense SDK, and Foxglove
+//! recordings.
+
+mod baseline;
+mod bayer;
+mod calibration_wait;
+mod calibrations;
+mod camera;
+mod camera_track;
+mod encoding;
+mod first_messages;
+mod image;
+mod json;
+mod live;
+mod motion;
+mod pair_stamps;
+mod pixels;
+mod pose_summary;
+mod poses;
+mod realsense;
+mod sensor;
+mod stamp_order;
+mod stamp_pairing;
+mod topics;
+mod transforms;
+mod video;
+
+pub use live::{LiveTopic, TopicPairs};
+pub use motion::PoseStep;
+pub(super) use pair_stamps::PairStamps;
+pub(super) use pose_summary::pose_summary;
+pub use pose_summary::{FramePoses, PoseSummary};
+pub use sensor::{RawCamera, TruthSelection, TruthTopic};
+pub(super) use sensor::{head, truth_topics};
+pub use stamp_pairing::UnpairedImages;
+pub use topics::Selection;
+pub(super) use topics::{choose, is_image};
+pub use video::VideoSummary;
+pub(super) use video::{VideoScan, is_video};
+
+use super::messages::{Channel, FileEvent};
+use super::{PairSource, Recording};
+use baseline::BaselineSearch;
+use calibration_wait::CalibrationWait;
+use camera::Calibration;
+use camera_track::CameraTrack;
+use first_messages::FirstMessages;
+use nalgebra::UnitQuaternion;
+use pixels::MessageImage;
+use poses::PoseReader;
+use stamp_order::ImagePairing;
+use std::sync::Arc;
+use svl_core::counted;
+use svl_core::stereo::{Exposure, Frame, Geometry, Pose, Side, StereoCalibration};
+use svl_core::{Error, Result};
+use svl_files::BitDepth;
+use transforms::Transforms;
+use video::VideoTopic;
+
+/// Live images are never that much out of order: their clock jumped.
+const JUMP_NS: u64 = 500_000_000;
+
+/// An image that waits for its partner.
+enum PairImage {
+    Image(MessageImage),
+    /// The picture of a video's message with that number.
+    Picture(u64),
+}
+
+/// An image, or the reason why it cannot be read.
+type ReadImage = std::result::Result<PairImage, String>;
+
+/// The images of a pair, left and right, with their stamps.
+type PairImages = [(u64, ReadImage); 2];
+
+/// Pairs the images of two topics by stamp.
+pub(super) struct Foreign {
+    images: [String; 2],
+    calibrations: [Option<String>; 2],
+    /// The calibrations of each camera so far, and those before the first pair.
+    tracks: [CameraTrack; 2],
+    /// Those of the last pair; before any, the first ones.
+    cameras: [Option<Arc<Calibration>>; 2],
+    /// The baseline in the static transforms, if the calibrations have none.
+    baseline_m: Option<f64>,
+    baseline: BaselineSearch,
+    /// The poses of the recording, if it has any.
+    poses: Option<PoseReader>,
+    /// The frame of each camera's first image; empty if it names none.
+    frames: [Option<String>; 2],
+    partners: ImagePairing<ReadImage>,
+    /// Waits for the calibrations of live pairs; those of a file are there.
+    wait: Option<CalibrationWait>,
+    /// The videos of topics that hold such.
+    videos: [Option<VideoTopic>; 2],
+    depth: BitDepth,
+    max_skew_ns: u64,
+    /// Images of each camera, and those among them of which not even the stamp can be read.
+    counts: [u64; 2],
+    without_stamp: [u64; 2],
+    /// Pairs so far, and the readable ones among them.
+    sequence: u64,
+    pairs: u64,
+    /// Width and height of the last pair's images.
+    size: (usize, usize),
+    /// The recording's name in warnings.
+    name: String,
+    /// True once the user was warned: of a changed calibration, of pairs before the first one, of
+    /// images without a stamp, of images that share one.
+    warned_of_change: bool,
+    warned_of_late_calibration: bool,
+    warned_of_stamps: bool,
+    warned_of_order: bool,
+    /// The last stamp of each camera.
+    last_ns: [Option<u64>; 2],
+    /// Jumps of a live clock; `None` for files, which may have any order.
+    jumps: Option<u64>,
+}
+
+impl Foreign {
+    /// Chooses the topics of a recording and looks for the first calibration of each camera.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] if no two topics can be the cameras, or more than two can.
+    pub(super) fn open(recording: &Recording, selection: &Selection) -> Result<Self> {
+        let name = recording.path().display().to_string();
+        let channels = recording.channels()?;
+        let mut foreign = Self::new(name, &channels, selection)
+            .map_err(|reason| Error::format(recording.path(), reason))?;
+        let mut first = FirstMessages::default();
+        for file in recording.files() {
+            let mut messages = file.messages()?;
+            // Pairs may come before the first CameraInfo; with it from the start, all of them get a
+            // rig. The bit depth is also decided before the first pair.
+            while !first.are_enough(&foreign) {
+                match messages.next() {
+                    Ok(Some(FileEvent::Message {
+                        channel,
+                        log_time,
+                        data,
+                    })) => first.take_in(&mut foreign, channel, log_time, &data),
+                    Ok(Some(_)) => {}
+                    Ok(None) | Err(_) => break,
+                }
+            }
+        }
+        first.end(&mut foreign, selection)?;
+        foreign.poses = PoseReader::open(recording, &channels)?;
+        for (topic, video) in foreign.images.iter().zip(&mut foreign.videos) {
+            let is_it = |channel: &&&Channel| channel.topic == *topic && is_video(channel);
+            if channels.iter().any(|channel| is_it(&channel)) {
+                *video = Some(VideoTopic::open(recording, topic)?);
+            }
+        }
+        Ok(foreign)
+    }
+
+    /// The pose of the left camera at that time: of images that were rectified before they were
+    /// recorded, with the rotation of their rectification.
+    fn pose(&mut self, stamp_ns: u64) -> Option<Pose> {
+        let poses = self.poses.as_mut()?;
+        let pose = poses.at(self.frames[0].as_ref()?, stamp_ns)?;
+        let rotation = self.cameras[0].as_ref().filter(|_| !self.are_raw());
+        let rotation = rotation.and_then(|camera| camera.rotation().ok());
+        let rotation = rotation.map(|rotation| UnitQuaternion::from_rotation_matrix(&rotation));
+        Some(pose * rotation.unwrap_or_default().inverse())
+    }
+
+    /// Chooses the topics of a source called `name`. Calibrations and bit depth are still unknown.
+    ///
+    /// # Errors
+    /// The reason why no two topics can be the cameras, or why more than two can.
+    fn new(
+        name: String,
+        channels: &[&Channel],
+        selection: &Selection,
+    ) -> std::result::Result<Self, String> {
+        let images = choose(channels, selection)?;
+        let calibrations = images
+            .each_ref()
+            .map(|topic| topics::calibration(channels, topic));
+        Ok(Self {
+            images,
+            calibrations,
+            tracks: Default::default(),
+            cameras: [None, None],
+            baseline_m: None,
+            baseline: BaselineSearch::new(channels),
+            poses: None,
+            frames: [None, None],
+            partners: ImagePairing::for_file(selection.max_skew_ns),
+            wait: None,
+            videos: [None, None],
+            depth: BitDepth::FULL,
+            max_skew_ns: selection.max_skew_ns,
+            counts: [0, 0],
+            without_stamp: [0, 0],
+            sequence: 0,
+            pairs: 0,
+            size: (0, 0),
+            name,
+            warned_of_change: false,
+            warned_of_late_calibration: false,
+            warned_of_stamps: false,
+            warned_of_order: false,
+            last_ns: [None; 2],
+            jumps: None,
+        })
+    }
+
+    /// The next two images that are a pair, once their calibrations are there or are not waited for
+    /// any more.
+    fn next_images(&mut self) -> Option<PairImages> {
+        let Some(wait) = &mut self.wait else {
+            return self.partners.pop();
+        };
+        let pair = wait.next(|| self.partners.pop())?;
+        let stamps = pair.images.each_ref().map(|(stamp_ns, _)| *stamp_ns);
+        let mut tracks = self.calibrations.iter().zip(&self.tracks).zip(stamps);
+        let are_there = tracks.all(|((topic, track), stamp)| topic.is_none() || track.has(stamp));
+        wait.release(pair, are_there)
+    }
+
+    /// The stamp of an image message, if it has one, and the image.
+    ///
+    /// # Errors
+    /// The reason why the message cannot be read.
+    fn image(
+        &mut self,
+        side: Side,
+        channel: &Channel,
+        data: &[u8],
+    ) -> std::result::Result<(Option<u64>, ReadImage), String> {
+        let Some(video) = &mut self.videos[side as usize] else {
+            let (stamp, image) = image::decode(channel, data)?;
+            return Ok((stamp, image.map(PairImage::Image)));
+        };
+        let number = self.counts[side as usize] - 1;
+        let (stamp, coded) = video.take_in(channel, data)?;
+        Ok((stamp, coded.map(|()| PairImage::Picture(number))))
+    }
+
+    /// The pixels of an image that found its partner.
+    ///
+    /// # Errors
+    /// The reason why a picture of a video cannot be decoded.
+    fn pixels(
+        &mut self,
+        side: Side,
+        image: PairImage,
+    ) -> std::result::Result<MessageImage, String> {
+        let number = match image {
+            PairImage::Image(image) => return Ok(image),
+            PairImage::Picture(number) => number,
+        };
+        let video = self.videos[side as usize].as_mut();
+        let picture = video.map_or_else(|| Err("no video".to_owned()), |v| v.picture(number));
+        picture.map_err(|reason| format!("{}: {reason}", self.images[side as usize]))
+    }
+
+    /// Warns once of images that have no stamp, of images that share one, and of a live clock that
+    /// jumps back.
+    fn check_stamp(&mut self, side: Side, stamp: Option<u64>, log_time: u64) {
+        let topic = &self.images[side as usize];
+        // A stamp of 0 counts as missing; if the log time is 0 too, it is a stamp.
+        if stamp.is_none() && log_time > 0 && !std::mem::replace(&mut self.warned_of_stamps, true) {
+            tracing::warn!(
+                "{}: {topic}: images without a stamp; the log time, which is later, is used \
+                 instead: pairs and their truth may be from different moments",
+                self.name
+            );
+        }
+        let stamp = stamp.unwrap_or(log_time);
+        let last = self.last_ns[side as usize].replace(stamp);
+        let back = last.map_or(0, |last| last.saturating_sub(stamp));
+        if let Some(jumps) = self.jumps.as_mut().filter(|_| back > JUMP_NS) {
+            *jumps += 1;
+            if *jumps == 1 {
+                tracing::warn!(
+                    "{}: {topic}: the clock of its stamps jumped back by {:.3} s",
+                    self.name,
+                    back as f64 / 1e9
+                );
+            }
+            self.partners.pairing_mut().forget_later(side, stamp);
+        }
+        let is_repeated = last == Some(stamp);
+        if is_repeated && !std::mem::replace(&mut self.warned_of_order, true) {
+            tracing::warn!(
+                "{}: {topic}: images share a stamp, {:.3} s; they are paired in the order of the \
+                 file: if one is missing, the pairs after it are from different moments",
+                self.name,
+                stamp as f64 / 1e9
+            );
+        }
+    }
+}
+
+impl PairSource for Foreign {
+    fn take_in(
+        &mut self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+    ) -> std::result::Result<Option<Frame>, String> {
+        self.partners.advance(log_time);
+        let is_of_use = self.images.contains(&channel.topic)
+            || self
+                .calibrations
+                .iter()
+                .flatten()
+                .any(|topic| *topic == channel.topic);
+        if Transforms::reads(channel)
+            && let [Some(left), Some(right)] = &self.frames
+            && let Some(warning) =
+                self.baseline
+                    .take_in_later(channel, data, (left, right), self.baseline_m)
+            && self.needs_baseline()
+        {
+            tracing::warn!("{}: {warning}", self.name);
+        }
+        if !is_of_use {
+            return Ok(None);
+        }
+        for side in Side::BOTH {
+            if channel.topic == self.images[side as usize] {
+                self.counts[side as usize] += 1;
+                let read = self.image(side, channel, data);
+                self.without_stamp[side as usize] += u64::from(read.is_err());
+                let (stamp, image) = read?;
+                let image = image.map_err(|reason| format!("{}: {reason}", channel.topic));
+                let bytes = match &image {
+                    Ok(PairImage::Image(image)) => image.image.bytes(),
+                    _ => 0,
+                };
+                self.check_stamp(side, stamp, log_time);
+                let stamp_ns = stamp.unwrap_or(log_time);
+                self.partners.push(side, stamp_ns, log_time, image, bytes);
+            }
+        }
+        self.calibrate(channel, log_time, data).map(|()| None)
+    }
+
+    fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
+        let [(left_ns, left), (right_ns, right)] = self.next_images()?;
+        let sequence = self.sequence;
+        self.sequence += 1;
+        let exposure = Exposure {
+            trigger_id: sequence,
+            // Stamps above 2⁶³ ns are damage; wrapping still keeps their difference right.
+            skew_ns: Some(right_ns.wrapping_sub(left_ns).cast_signed()),
+            drops: self.unpaired(),
+            ..Exposure::default()
+        };
+        let left = left.and_then(|image| self.pixels(Side::Left, image));
+        let right = right.and_then(|image| self.pixels(Side::Right, image));
+        let pair = match (left, right) {
+            (Ok(left), Ok(right)) => {
+                let images = [left, right].map(|image| image.demosaiced(&mut self.depth));
+                self.depth.pair(images).map_err(|e| e.to_string())
+            }
+            (Err(reason), _) | (_, Err(reason)) => Err(reason),
+        };
+        // The size is known from the first pair on; calibrations are checked against it.
+        if let Ok((pair, _)) = &pair {
+            self.pairs += 1;
+            self.size = pair.size();
+        }
+        self.calibrate_pair([left_ns, right_ns]);
+        let (geometry, pose) = (self.geometry(), self.pose(left_ns));
+        let is_raw = geometry == Geometry::Raw;
+        let calibration = is_raw.then(|| self.stereo_calibration().ok()).flatten();
+        let frame = pair.map(|(pair, color)| Frame {
+            sequence,
+            stamp_ns: left_ns,
+            name: None,
+            pair,
+            geometry,
+            calibration: calibration.map(Arc::new),
+            pose,
+            truth: None,
+            color,
+            exposure,
+            recorded: None,
+        });
+        Some(frame.map_err(|e| format!("the pair at {left_ns} ns: {e}")))
+    }
+
+    fn end(&mut self) {
+        self.partners.end();
+        self.wait.iter_mut().for_each(CalibrationWait::end);
+    }
+
+    fn pairs(&self) -> u64 {
+        self.pairs
+    }
+
+    fn unpaired(&self) -> u64 {
+        self.partners.pairing().unpaired()
+    }
+
+    /// An image with a stamp has its partner, even if its pixels cannot be read. If images of both
+    /// cameras are without, they may be partners of each other.
+    fn partners_of_unreadable(&self, _: u64) -> u64 {
+        self.without_stamp.into_iter().max().unwrap_or(0)
+    }
+
+    fn outside(&self) -> u64 {
+        self.partners.pairing().outside()
+    }
+
+    fn late(&self) -> u64 {
+        self.partners.pairing().late()
+    }
+
+    fn topics(&self) -> [&str; 2] {
+        self.images.each_ref().map(String::as_str)
+    }
+
+    fn stamps(&self) -> PairStamps {
+        PairStamps::Nearest {
+            topics: self.images.clone(),
+            pairing: Box::new(ImagePairing::for_file(self.max_skew_ns)),
+            next: 0,
+        }
+    }
+
+    fn depth(&self) -> BitDepth {
+        self.depth.clone()
+    }
+
+    fn why_none(&self) -> String {
+        let [left, right] = &self.images;
+        let [lefts, rights] = self.counts;
+        let milliseconds = |ns: u64| ns as f64 / 1e6;
+        let skew = milliseconds(self.max_skew_ns);
+        let miss = match self.partners.pairing().nearest_miss_ns() {
+            Some(ns) => format!(": at best {} ms, see --max-skew-ms", milliseconds(ns)),
+            None => String::new(),
+        };
+        format!(
+            "has no stereo pairs: of {} of {left} and {rights} of {right} none are within {skew} \
+             ms of each other{miss}",
+            counted(lefts, "image")
+        )
+    }
+
+    fn remarks(&self) -> Vec<String> {
+        let [left, right] = &self.images;
+        if self.are_raw() {
+            let why = "by their calibration they are not rectified";
+            let so = "rows of left and right do not correspond, and there are no distances";
+            let cure = match self.calibration() {
+                Some(Err(reason)) => {
+                    format!("it does not say how to rectify them ({reason}): --calib FILE does")
+                }
+                _ => "it says how to rectify them".to_owned(),
+            };
+            return vec![format!("{left} and {right}: {why}, so {so}; {cure}")];
+        }
+        let no_rig = self.rig().err();
+        no_rig
+            .map(|reason| format!("disparities but no distances: {reason}"))
+            .into_iter()
+            .collect()
+    }
+
+    fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
+        self.are_raw().then(|| self.stereo_calibration())
+    }
+
+    fn frame_id(&self) -> Option<&str> {
+        let left = self.frames[0].as_deref();
+        left.filter(|frame| !frame.is_empty())
+    }
+
+    fn focal_px(&self) -> Option<(f64, f64)> {
+        self.cameras[0].as_ref()?.focal_px(self.are_raw())
+    }
+}
+
+/// An image of a recording, without its pixels.
+#[derive(Clone, Copy)]
+pub(super) struct StampedImage {
+    /// Index of the image among all images of the recording.
+    pub place: u64,
+    pub stamp_ns: u64,
+    pub log_ns: u64,
+    pub bytes: usize,
+}
+
+/// Pairs images by stamp alone, in file order like [`Foreign`]: the skew of each pair, right minus
+/// left, and the images without a partner.
+pub(super) fn pair_stamps(images: [&[StampedImage]; 2]) -> (Vec<i64>, UnpairedImages) {
+    let sides = Side::BOTH.into_iter().zip(images);
+    let sides = sides.flat_map(|(side, images)| images.iter().map(move |image| (side, *image)));
+    let mut images: Vec<_> = sides.collect();
+    images.sort_by_key(|(_, image)| image.place);
+    let mut partners = ImagePairing::for_file(Selection::MAX_SKEW_NS);
+    let mut skews = Vec::new();
+    let mut pop = |partners: &mut ImagePairing<()>| {
+        while let Some([(left, ()), (right, ())]) = partners.pop() {
+            skews.push(right.wrapping_sub(left).cast_signed());
+        }
+    };
+    for (side, image) in images {
+        partners.push(side, image.stamp_ns, image.log_ns, (), image.bytes);
+        pop(&mut partners);
+    }
+    partners.end();
+    pop(&mut partners);
+    (skews, partners.pairing().unpaired_images())
+}

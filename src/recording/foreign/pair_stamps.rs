@@ -1,0 +1,76 @@
+//! The stamps of a recording's pairs, without their images.
+
+use super::stamp_order::ImagePairing;
+use crate::TopicKind;
+use crate::messages::Channel;
+use crate::sync::StereoSync;
+use svl_core::stereo::Side;
+
+/// Rule by which messages form pairs.
+pub(crate) enum PairStamps {
+    /// By `/stereo/sync`, in svl's own recordings.
+    Synced,
+    /// By the stamps of two topics, as in [`super::Foreign`].
+    Nearest {
+        topics: [String; 2],
+        pairing: Box<ImagePairing<()>>,
+        next: u64,
+    },
+}
+
+/// Reads the stamp of a message, if it has one, and its frame.
+type ReadHead = fn(&Channel, &[u8]) -> Result<(Option<u64>, String), String>;
+
+impl PairStamps {
+    /// Adds stamp and sequence of the pairs that a message completes. `head` reads the stamp of an
+    /// image.
+    pub(super) fn take_in(
+        &mut self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+        head: ReadHead,
+        pairs: &mut Vec<(u64, u64)>,
+    ) {
+        match self {
+            Self::Synced if channel.topic == TopicKind::Sync.topic() => {
+                let sync = StereoSync::decode(&channel.schema, data);
+                pairs.extend(sync.map(|sync| (sync.left_stamp_ns, sync.sequence)));
+            }
+            Self::Synced => {}
+            Self::Nearest {
+                topics, pairing, ..
+            } => {
+                pairing.advance(log_time);
+                let of_topic = |side: &Side| topics[*side as usize] == channel.topic;
+                let Some(side) = Side::BOTH.into_iter().find(of_topic) else {
+                    return;
+                };
+                // An unreadable message is reported when its turn comes.
+                if let Ok((stamp, _)) = head(channel, data) {
+                    let stamp_ns = stamp.unwrap_or(log_time);
+                    pairing.push(side, stamp_ns, log_time, (), data.len());
+                }
+            }
+        }
+        self.pop(pairs);
+    }
+
+    /// Adds the pairs completed by the end of the recording.
+    pub(super) fn end(&mut self, pairs: &mut Vec<(u64, u64)>) {
+        if let Self::Nearest { pairing, .. } = self {
+            pairing.end();
+        }
+        self.pop(pairs);
+    }
+
+    fn pop(&mut self, pairs: &mut Vec<(u64, u64)>) {
+        let Self::Nearest { pairing, next, .. } = self else {
+            return;
+        };
+        while let Some([(left_ns, ()), _]) = pairing.pop() {
+            pairs.push((left_ns, *next));
+            *next += 1;
+        }
+    }
+}

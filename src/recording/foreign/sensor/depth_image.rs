@@ -1,0 +1,234 @@
+//! Depth images (REP 118): 16UC1 in millimetres, 32FC1 and 64FC1 in metres, raw or compressed, and
+//! disparity images.
+
+use crate::foreign::encoding::{self, Samples, samples, u16_of};
+use crate::messages::Channel;
+use crate::ros::RawPixels;
+use crate::{decode_protobuf, ros};
+use foxglove::messages::{CompressedImage, RawImage};
+use image::DynamicImage;
+use svl_core::stereo::Plane;
+use svl_files::{self as files, InverseDepth, RVL_HEADER};
+
+/// Depths in metres; NaN for invalid pixels. 0 is invalid (REP 118), and so is anything too far
+/// (REP 117).
+pub(super) fn ros_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    depths(&ros::read(channel, data, ros::image)?.1)
+}
+
+pub(super) fn foxglove_image(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    let image: RawImage = decode_protobuf(data)?;
+    depths(&RawPixels {
+        width: image.width,
+        height: image.height,
+        step: image.step,
+        encoding: &image.encoding,
+        big_endian: false,
+        data: &image.data,
+    })
+}
+
+pub(super) fn ros_compressed(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    let message = ros::read(channel, data, ros::compressed_image)?;
+    decompress(message.format, message.data)
+}
+
+pub(super) fn foxglove_compressed(_: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    let message: CompressedImage = decode_protobuf(data)?;
+    decompress(&message.format, &message.data)
+}
+
+/// Depths by the `format` of a CompressedImage:
+/// - `16UC1; compressedDepth png`, or `rvl`, or neither for PNG: behind a header of 12 bytes, of
+///   ROS's compressed_depth_image_transport. `32FC1` is quantized to inverse depths.
+/// - `16UC1; png compressed`, or `png`: a PNG, of ROS's compressed_image_transport and others.
+fn decompress(format: &str, data: &[u8]) -> Result<Plane<f32>, String> {
+    let words = format.split([';', ' ']).filter(|word| !word.is_empty());
+    let words: Vec<_> = words.collect();
+    let (encoding, is_rvl) = match words[..] {
+        [encoding, "compressedDepth"] | [encoding, "compressedDepth", "png", ..] => {
+            (encoding, Some(false))
+        }
+        [encoding, "compressedDepth", "rvl", ..] => (encoding, Some(true)),
+        [encoding, "png", ..] => (encoding, None),
+        ["png"] => ("16UC1", None),
+        _ => {
+            return Err(format!(
+                "it is compressed as '{format}'; depths are compressedDepth in PNG or RVL, or a \
+                 PNG of 16 bits"
+            ));
+        }
+    };
+    let is_inverse = is_rvl.is_some() && encoding == "32FC1";
+    let samples = encoding::named(encoding).map(|encoding| encoding.samples);
+    if !is_inverse && samples != Some(Samples::Grey16) {
+        return Err(encoding::why_no_depths(encoding));
+    }
+    let header = if is_rvl.is_some() { RVL_HEADER } else { 0 };
+    let split = data.split_at_checked(header);
+    let (header, packed) = split.ok_or("it is shorter than its header")?;
+    let codes = if is_rvl == Some(true) {
+        files::decode_rvl(packed).map_err(|e| format!("its RVL cannot be read: {e}"))?
+    } else {
+        png(packed)?
+    };
+    if is_inverse {
+        let inverse = InverseDepth::from_header(header);
+        return Ok(codes.map(|code| known(inverse.depth(code))));
+    }
+    Ok(codes.map(|code| known(metres(code))))
+}
+
+/// The samples of a PNG of one channel of 16 bits.
+fn png(bytes: &[u8]) -> Result<Plane<u16>, String> {
+    let image = files::decode_bytes(bytes).map_err(|e| format!("its PNG cannot be read: {e}"))?;
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    match image {
+        DynamicImage::ImageLuma16(samples) => {
+            Plane::from_vec(width, height, samples.into_raw()).map_err(|e| e.to_string())
+        }
+        _ => Err("its PNG is not of one channel of 16 bits".to_owned()),
+    }
+}
+
+/// stereo_msgs/DisparityImage: depths by its own focal length and baseline. Disparities below its
+/// smallest one are invalid.
+pub(super) fn disparity_image(channel: &Channel, data: &[u8]) -> Result<Plane<f32>, String> {
+    let message = ros::read(channel, data, ros::disparity_image)?;
+    if message.image.encoding != "32FC1" {
+        let encoding = message.image.encoding;
+        return Err(format!(
+            "its pixels are '{encoding}'; disparities are 32FC1"
+        ));
+    }
+    let (scale, min) = (message.focal_px * message.baseline_m, message.min_disparity);
+    if !(scale > 0.0 && scale.is_finite()) {
+        return Err("it has no focal length or no baseline".to_owned());
+    }
+    // Those of invalid pixels are 0 or less, which `depths` makes NaN too.
+    let disparities = depths(&message.image)?;
+    Ok(disparities.map(|d| if d < min { f32::NAN } else { known(scale / d) }))
+}
+
+fn depths(raw: &RawPixels<'_>) -> Result<Plane<f32>, String> {
+    let why_no_depths = || encoding::why_no_depths(raw.encoding);
+    let encoding = encoding::named(raw.encoding).ok_or_else(why_no_depths)?;
+    let rows = encoding.rows(raw)?;
+    let depths: Vec<f32> = match (encoding.samples, raw.big_endian) {
+        (Samples::Grey16, _) => samples(rows, u16_of(raw)).map(metres).collect(),
+        (Samples::Float32, false) => samples(rows, f32::from_le_bytes).collect(),
+        (Samples::Float32, true) => samples(rows, f32::from_be_bytes).collect(),
+        (Samples::Float64, false) => samples(rows, f64::from_le_bytes)
+            .map(|z| z as f32)
+            .collect(),
+        (Samples::Float64, true) => samples(rows, f64::from_be_bytes)
+            .map(|z| z as f32)
+            .collect(),
+        _ => return Err(why_no_depths()),
+    };
+    let (width, height) = (raw.width as usize, raw.height as usize);
+    let depths = Plane::from_vec(width, height, depths).map_err(|e| e.to_string())?;
+    Ok(depths.map(known))
+}
+
+fn metres(millimetres: u16) -> f32 {
+    f32::from(millimetres) / 1000.0
+}
+
+/// The depth if it is valid.
+fn known(depth: f32) -> f32 {
+    if depth > 0.0 && depth.is_finite() {
+        depth
+    } else {
+        f32::NAN
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn no_bytes_make_it_panic(
+            format in prop::sample::select(&[
+                "16UC1; compressedDepth png",
+                "16UC1; compressedDepth rvl",
+                "32FC1; compressedDepth rvl",
+                "png",
+                "; ;png",
+                "",
+            ][..]),
+            size in prop::option::weighted(0.5, (0_u32..9, 0_u32..9)),
+            mut data in prop::collection::vec(any::<u8>(), 0..200),
+        ) {
+            if let (Some((width, height)), [_, ..]) = (size, &mut data[..]) {
+                let sides = [width, height].map(u32::to_le_bytes).concat();
+                data.splice(..0, [&[0; RVL_HEADER], &sides[..]].concat());
+            }
+            if let Ok(depths) = decompress(format, &data) {
+                let is_valid = |z: f32| z.is_nan() || (z > 0.0 && z.is_finite());
+                prop_assert!(depths.pixels().all(is_valid));
+            }
+        }
+    }
+
+    fn read(encoding: &str, big_endian: bool, data: &[u8]) -> Result<Vec<f32>, String> {
+        let (width, step) = (2, data.len() as u32);
+        let image = RawPixels {
+            width,
+            height: 1,
+            step,
+            encoding,
+            big_endian,
+            data,
+        };
+        depths(&image).map(|depths| depths.pixels().collect())
+    }
+
+    #[test]
+    fn millimetres_and_metres() {
+        assert_eq!(read("16UC1", false, &[0xE8, 3, 1, 0]), Ok(vec![1.0, 0.001]));
+        assert_eq!(read("16UC1", true, &[3, 0xE8, 0, 1]), Ok(vec![1.0, 0.001]));
+        assert_eq!(
+            read("mono16", false, &[0xE8, 3, 1, 0]),
+            Ok(vec![1.0, 0.001])
+        );
+        let floats = |values: [f32; 2]| values.map(f32::to_le_bytes).concat();
+        let doubles = [0.5, 2.0].map(f64::to_le_bytes).concat();
+        assert_eq!(read("64FC1", false, &doubles), Ok(vec![0.5, 2.0]));
+        let big = [0.5, 2.0].map(f64::to_be_bytes).concat();
+        assert_eq!(read("64FC1", true, &big), Ok(vec![0.5, 2.0]));
+        let big = [0.5, 2.0_f32].map(f32::to_be_bytes).concat();
+        assert_eq!(read("32FC1", true, &big), Ok(vec![0.5, 2.0]));
+        // Beyond the range of 32 bits.
+        let far = [1e300, -1e300].map(f64::to_le_bytes).concat();
+        assert!(
+            read("64FC1", false, &far)
+                .unwrap()
+                .iter()
+                .all(|z| z.is_nan())
+        );
+        assert_eq!(
+            read("32FC1", false, &floats([0.5, 2.0])),
+            Ok(vec![0.5, 2.0])
+        );
+        for none in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+            let read = read("32FC1", false, &floats([none, 2.0])).unwrap();
+            assert!(read[0].is_nan() && read[1] == 2.0, "{none}");
+        }
+        assert!(
+            read("16UC1", false, &[0, 0, 0, 0])
+                .unwrap()
+                .iter()
+                .all(|z| z.is_nan())
+        );
+        assert!(
+            read("16UC1", false, &[0, 0, 0])
+                .unwrap_err()
+                .contains("does not fit")
+        );
+        assert!(read("mono8", false, &[0, 0]).unwrap_err().contains("16UC1"));
+    }
+}

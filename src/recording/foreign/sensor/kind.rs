@@ -1,0 +1,188 @@
+//! The kinds of messages that measure distances, with their readers.
+
+use super::{Channel, Plane, depth_image, points};
+use crate::foreign::{image, json};
+use crate::{decode_protobuf, ros};
+use foxglove::messages;
+use nalgebra::Point3;
+use svl_core::joined;
+
+/// Measurement in a message.
+pub(super) enum Measured {
+    /// Depths along the optical axis, metres; NaN for invalid pixels.
+    Depth(Plane<f32>),
+    /// Points in the sensor's frame, metres.
+    Points(Vec<Point3<f64>>),
+}
+
+impl Measured {
+    /// Scales depths that were read as millimetres to the camera's own unit, in metres per step.
+    pub(super) fn in_unit(mut self, unit_m: Option<f32>) -> Self {
+        if let (Self::Depth(depth), Some(unit_m)) = (&mut self, unit_m) {
+            let scale = unit_m / 0.001;
+            *depth = depth.map(|z| z * scale);
+        }
+        self
+    }
+
+    /// Memory use in bytes.
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::Depth(depth) => size_of::<f32>() * depth.width() * depth.height(),
+            Self::Points(points) => size_of::<Point3<f64>>() * points.len(),
+        }
+    }
+}
+
+/// Reads a message of a channel.
+type Read<T> = fn(&Channel, &[u8]) -> Result<T, String>;
+
+/// A type of message that measures distances.
+pub(super) struct MeasuredKind {
+    schema: &'static str,
+    encoding: &'static str,
+    decode: Decode,
+}
+
+#[derive(Clone, Copy)]
+enum Decode {
+    Depth(Read<Plane<f32>>),
+    Points(Read<Vec<Point3<f64>>>),
+}
+
+/// All kinds. A new one is its function and a line here.
+const KINDS: &[MeasuredKind] = &[
+    depth("sensor_msgs/msg/Image", "cdr", depth_image::ros_image),
+    depth(
+        "sensor_msgs/msg/CompressedImage",
+        "cdr",
+        depth_image::ros_compressed,
+    ),
+    depth(
+        "stereo_msgs/msg/DisparityImage",
+        "cdr",
+        depth_image::disparity_image,
+    ),
+    depth("foxglove.RawImage", "protobuf", depth_image::foxglove_image),
+    depth(
+        "foxglove.CompressedImage",
+        "protobuf",
+        depth_image::foxglove_compressed,
+    ),
+    cloud("sensor_msgs/msg/PointCloud2", "cdr", points::ros_cloud),
+    cloud("sensor_msgs/msg/LaserScan", "cdr", points::ros_scan),
+    cloud("foxglove.PointCloud", "protobuf", points::foxglove_cloud),
+    cloud("foxglove.LaserScan", "protobuf", points::foxglove_scan),
+];
+
+const fn depth(
+    schema: &'static str,
+    encoding: &'static str,
+    decode: Read<Plane<f32>>,
+) -> MeasuredKind {
+    let decode = Decode::Depth(decode);
+    MeasuredKind {
+        schema,
+        encoding,
+        decode,
+    }
+}
+
+const fn cloud(
+    schema: &'static str,
+    encoding: &'static str,
+    decode: Read<Vec<Point3<f64>>>,
+) -> MeasuredKind {
+    let decode = Decode::Points(decode);
+    MeasuredKind {
+        schema,
+        encoding,
+        decode,
+    }
+}
+
+/// The kind of a channel's messages.
+///
+/// # Errors
+/// The type of the messages, if it is none that measures distances.
+pub(super) fn find(channel: &Channel) -> Result<&'static MeasuredKind, String> {
+    let kind = KINDS.iter().find(|kind| kind.schema == channel.schema);
+    let kind = kind.ok_or_else(|| {
+        let known = joined(KINDS.iter().map(|kind| kind.schema));
+        let schema = &channel.schema;
+        format!("has messages of {schema}; distances are read from {known}")
+    })?;
+    let is_ros1 = channel.encoding == ros::ROS1 && kind.encoding == "cdr";
+    if kind.encoding == channel.encoding || is_ros1 {
+        Ok(kind)
+    } else {
+        Err(format!(
+            "its {} is in '{}', svl reads {} there",
+            channel.schema, channel.encoding, kind.encoding
+        ))
+    }
+}
+
+impl MeasuredKind {
+    pub(super) fn is_depth(&self) -> bool {
+        matches!(self.decode, Decode::Depth(_))
+    }
+
+    /// True for disparities, which are those of a rectified camera by definition.
+    pub(super) fn is_disparity(&self) -> bool {
+        self.schema.ends_with("DisparityImage")
+    }
+
+    /// The stamp of a message and its measurement.
+    ///
+    /// # Errors
+    /// The reason why it cannot be read.
+    pub(super) fn read(
+        &self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+    ) -> Result<(u64, Measured), String> {
+        let stamp = head(channel, data)?.0.unwrap_or(log_time);
+        let measured = match self.decode {
+            Decode::Depth(decode) => Measured::Depth(decode(channel, data)?),
+            Decode::Points(decode) => Measured::Points(decode(channel, data)?),
+        };
+        Ok((stamp, measured))
+    }
+}
+
+/// The stamp of a message, if any, and the name of its frame.
+pub(crate) fn head(channel: &Channel, data: &[u8]) -> Result<(Option<u64>, String), String> {
+    macro_rules! foxglove {
+        ($kind:ident) => {{
+            let message: messages::$kind = decode_protobuf(data)?;
+            let stamp = image::stamp(message.timestamp.map(|t| (t.sec(), t.nsec())));
+            Ok((stamp, message.frame_id))
+        }};
+    }
+    match (channel.schema.as_str(), channel.encoding.as_str()) {
+        (_, "cdr" | "ros1") => {
+            let head = ros::read(channel, data, ros::header)?;
+            Ok((
+                image::ros_stamp(channel, head.stamp)?,
+                head.frame_id.to_owned(),
+            ))
+        }
+        (_, "json") => {
+            let json::JsonHead {
+                timestamp,
+                frame_id,
+            } = json::read(data)?;
+            let stamp = image::stamp(Some((timestamp.sec, timestamp.nsec)));
+            Ok((stamp, frame_id))
+        }
+        ("foxglove.RawImage", _) => foxglove!(RawImage),
+        ("foxglove.CameraCalibration", _) => foxglove!(CameraCalibration),
+        ("foxglove.CompressedImage", _) => foxglove!(CompressedImage),
+        ("foxglove.CompressedVideo", _) => foxglove!(CompressedVideo),
+        ("foxglove.PointCloud", _) => foxglove!(PointCloud),
+        ("foxglove.LaserScan", _) => foxglove!(LaserScan),
+        (schema, encoding) => Err(format!("its {schema} is in '{encoding}'")),
+    }
+}

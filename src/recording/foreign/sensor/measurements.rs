@@ -1,0 +1,364 @@
+//! The measurements of a topic: their assignment to pairs, and random access to them.
+//!
+//! One pass over the recording collects the stamps of pairs and measurements, 16 bytes each. The
+//! measurements themselves are read separately, in file order, next to the pairs.
+
+use super::transforms::plain;
+use super::{Channel, EventReader, FileEvent, Recording, kind};
+use crate::foreign::PairStamps;
+use kind::{Measured, MeasuredKind};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use svl_core::stereo::Frame;
+use svl_core::{Error, Result};
+
+/// Limit on the bytes of measurements kept for later pairs; beyond it they are read again.
+const HELD_BYTES: usize = 256 << 20;
+
+/// Stamps with the sequence of their pair, or the index of their message on the topic. Sorted by
+/// stamp; equal stamps stay in file order.
+#[derive(Default)]
+struct Stamps(Vec<(u64, u64)>);
+
+impl Stamps {
+    /// Those with this stamp.
+    fn at(&self, stamp_ns: u64) -> &[(u64, u64)] {
+        let first = self.0.partition_point(|(stamp, _)| *stamp < stamp_ns);
+        let rest = &self.0[first..];
+        &rest[..rest.partition_point(|(stamp, _)| *stamp == stamp_ns)]
+    }
+
+    /// The nearest one for which `fits` is true, at most `limit_ns` away; the earlier of two
+    /// equally near.
+    fn nearest(
+        &self,
+        stamp_ns: u64,
+        limit_ns: u64,
+        fits: impl Fn(u64) -> bool,
+    ) -> Option<(u64, u64)> {
+        let (before, after) = self
+            .0
+            .split_at(self.0.partition_point(|(stamp, _)| *stamp < stamp_ns));
+        let is_near = |(stamp, _): &&(u64, u64)| stamp.abs_diff(stamp_ns) <= limit_ns;
+        let fits = |(_, number): &&(u64, u64)| fits(*number);
+        let before = before.iter().rev().take_while(is_near).find(fits);
+        let after = after.iter().take_while(is_near).find(fits);
+        let both = before.into_iter().chain(after);
+        both.min_by_key(|(stamp, _)| stamp.abs_diff(stamp_ns))
+            .copied()
+    }
+
+    fn range(&self) -> Option<(u64, u64)> {
+        Some((self.0.first()?.0, self.0.last()?.0))
+    }
+}
+
+/// The stamps in a recording.
+#[derive(Default)]
+struct StampScan {
+    pairs: Stamps,
+    /// Stamps and indices of the measurements.
+    stamps: Stamps,
+    /// Index of the first measurement of each file.
+    starts: Vec<u64>,
+    /// Number of measurements without one.
+    without_stamp: u64,
+}
+
+impl StampScan {
+    /// Reads all of a recording. `look` is called with every message.
+    fn run(
+        recording: &Recording,
+        topic: &str,
+        mut pair_stamps: PairStamps,
+        look: &mut dyn FnMut(&Channel, u64, &[u8]),
+    ) -> Result<Self> {
+        let mut found = Self::default();
+        let mut next = 0;
+        for file in recording.files() {
+            found.starts.push(next);
+            let mut messages = file.messages()?;
+            // Damage is reported with the pairs.
+            while let Ok(Some(event)) = messages.next() {
+                let FileEvent::Message {
+                    channel,
+                    log_time,
+                    data,
+                } = event
+                else {
+                    continue;
+                };
+                look(channel, log_time, &data);
+                pair_stamps.take_in(channel, log_time, &data, kind::head, &mut found.pairs.0);
+                if channel.topic == topic {
+                    let head = kind::head(channel, &data);
+                    let has_none = matches!(&head, Ok((None, _))) && log_time > 0;
+                    found.without_stamp += u64::from(has_none);
+                    let stamp = head.map(|(stamp, _)| (stamp.unwrap_or(log_time), next));
+                    found.stamps.0.extend(stamp);
+                    next += 1;
+                }
+            }
+        }
+        pair_stamps.end(&mut found.pairs.0);
+        for stamps in [&mut found.pairs, &mut found.stamps] {
+            stamps.0.sort_by_key(|(stamp, _)| *stamp);
+        }
+        Ok(found)
+    }
+}
+
+/// Checks that a measurement is in the frame of the sensor, if that is known.
+///
+/// # Errors
+/// The fault.
+fn check_frame(frame: &str, sensor: &str) -> std::result::Result<(), String> {
+    if sensor.is_empty() || plain(frame) == sensor {
+        return Ok(());
+    }
+    Err(format!(
+        "it is in '{frame}', not in '{sensor}' as the first one"
+    ))
+}
+
+/// Warns of the first measurement that cannot be read.
+fn warn_of_first(recording: &Recording, topic: &str, log_time: u64, reason: &str) {
+    let path = recording.path().display();
+    tracing::warn!("{path}: {topic} at {log_time} ns: {reason}; left out");
+}
+
+/// The measurements of a topic.
+pub(super) struct Measurements {
+    recording: Recording,
+    topic: String,
+    limit_ns: u64,
+    kind: &'static MeasuredKind,
+    pairs: Stamps,
+    stamps: Stamps,
+    /// Index of the first message of each file.
+    starts: Vec<u64>,
+    messages: Box<dyn EventReader>,
+    /// Index of the next file to read, and of the next message.
+    next_file: usize,
+    next: u64,
+    /// Measurements needed by the current pair or later ones, by index, with their stamps.
+    held: BTreeMap<u64, (u64, Arc<Measured>)>,
+    unreadable: BTreeSet<u64>,
+    /// The sensor's frame, whose transform is used; empty if not needed.
+    frame: String,
+    unit_m: Option<f32>,
+}
+
+impl Measurements {
+    /// Collects the stamps. `look` is called with every message on the way.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`]. Inner: stamps that do not assign measurements to pairs.
+    pub(super) fn find(
+        recording: &Recording,
+        (topic, limit_ns): (&str, u64),
+        (frame, unit_m): (&str, Option<f32>),
+        kind: &'static MeasuredKind,
+        pair_stamps: PairStamps,
+        look: &mut dyn FnMut(&Channel, u64, &[u8]),
+    ) -> Result<std::result::Result<Self, String>> {
+        let StampScan {
+            pairs,
+            stamps,
+            starts,
+            without_stamp,
+        } = StampScan::run(recording, topic, pair_stamps, look)?;
+        if without_stamp > 0 {
+            let path = recording.path().display();
+            let measurements = svl_core::counted(without_stamp, "measurement");
+            tracing::warn!(
+                "{path}: --truth {topic}: {measurements} without a stamp; the log time, which is \
+                 later, is used instead"
+            );
+        }
+        let first = recording.files().next();
+        let first = first.ok_or_else(|| Error::format(recording.path(), "has no files"))?;
+        let found = Self {
+            recording: recording.clone(),
+            topic: topic.to_owned(),
+            limit_ns,
+            kind,
+            pairs,
+            stamps,
+            starts,
+            messages: first.messages()?,
+            next_file: 1,
+            next: 0,
+            held: BTreeMap::new(),
+            unreadable: BTreeSet::new(),
+            frame: frame.to_owned(),
+            unit_m,
+        };
+        Ok(found
+            .check_clock()
+            .and_then(|()| found.check_stamps())
+            .map(|()| found))
+    }
+
+    /// Rejects stamps of pairs and measurements from different times.
+    fn check_clock(&self) -> std::result::Result<(), String> {
+        let (Some(pairs), Some(measured)) = (self.pairs.range(), self.stamps.range()) else {
+            return Ok(());
+        };
+        let apart = |a: (u64, u64), b: (u64, u64)| a.1.saturating_add(self.limit_ns) < b.0;
+        if !apart(pairs, measured) && !apart(measured, pairs) {
+            return Ok(());
+        }
+        let range =
+            |(first, last): (u64, u64)| format!("{} to {} s", seconds(first), seconds(last));
+        Err(format!(
+            "its stamps are from another time: the pairs are from {}, the measurements from {}",
+            range(pairs),
+            range(measured)
+        ))
+    }
+
+    /// Warns if measurements are assigned to pairs by order, and rejects stamps that no order
+    /// resolves.
+    fn check_stamps(&self) -> std::result::Result<(), String> {
+        let mut by_order = 0;
+        for &(stamp, _) in &self.pairs.0 {
+            let Some((nearest, _)) = self.stamps.nearest(stamp, self.limit_ns, |_| true) else {
+                continue;
+            };
+            let counts = [self.pairs.at(stamp).len(), self.stamps.at(nearest).len()];
+            let [pairs, measured] = counts;
+            if counts == [1, 1] {
+                continue;
+            }
+            if stamp != nearest || pairs != measured {
+                return Err(format!(
+                    "{} with the stamp {} s and {} with {} s: it is unknown which belong \
+                     together; name another topic, or give the messages stamps of their own",
+                    svl_core::counted(pairs as u64, "pair"),
+                    seconds(stamp),
+                    svl_core::counted(measured as u64, "measurement"),
+                    seconds(nearest)
+                ));
+            }
+            by_order += 1;
+        }
+        if by_order > 0 {
+            let (path, topic) = (self.recording.path().display(), &self.topic);
+            tracing::warn!(
+                "{path}: --truth {topic}: {by_order} pairs share their stamps, as many \
+                 measurements do: used in the order of the file"
+            );
+        }
+        Ok(())
+    }
+
+    /// The measurement of a pair, or `None` within the limit.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`].
+    pub(super) fn for_pair(&mut self, frame: &Frame) -> Result<Option<(u64, Arc<Measured>)>> {
+        let (stamp_ns, limit_ns) = (frame.stamp_ns, self.limit_ns);
+        self.held
+            .retain(|_, (stamp, _)| stamp.saturating_add(limit_ns) >= stamp_ns);
+        let sharing = self.pairs.at(stamp_ns);
+        if sharing.len() > 1 {
+            let mut pairs = sharing.iter().zip(self.stamps.at(stamp_ns));
+            let own = pairs.find(|((_, sequence), _)| *sequence == frame.sequence);
+            return match own {
+                Some((_, &(_, number))) => self.fetch(number, stamp_ns),
+                None => Ok(None),
+            };
+        }
+        // If it cannot be read, the pair gets the next nearest.
+        loop {
+            let readable = |number: u64| !self.unreadable.contains(&number);
+            let Some((_, number)) = self.stamps.nearest(stamp_ns, limit_ns, readable) else {
+                return Ok(None);
+            };
+            if let Some(found) = self.fetch(number, stamp_ns)? {
+                return Ok(Some(found));
+            }
+        }
+    }
+
+    /// Reads on to a message, or again from the start of its file. Others on the way that later
+    /// pairs may need are kept.
+    fn fetch(&mut self, number: u64, stamp_ns: u64) -> Result<Option<(u64, Arc<Measured>)>> {
+        if let Some(held) = self.held.get(&number) {
+            return Ok(Some(held.clone()));
+        }
+        if self.unreadable.contains(&number) {
+            return Ok(None);
+        }
+        let file = self.starts.partition_point(|first| *first <= number) - 1;
+        if number < self.next || file >= self.next_file {
+            self.go_to(file)?;
+        }
+        while self.next <= number {
+            match self.messages.next() {
+                Ok(Some(FileEvent::Message {
+                    channel,
+                    log_time,
+                    data,
+                })) if channel.topic == self.topic => {
+                    let this = self.next;
+                    self.next += 1;
+                    let head = kind::head(channel, &data).ok();
+                    let stamp = head.as_ref().map(|(stamp, _)| stamp.unwrap_or(log_time));
+                    let is_later = stamp.is_some_and(|stamp| stamp > stamp_ns);
+                    if this != number && (!is_later || bytes(&self.held) > HELD_BYTES) {
+                        continue;
+                    }
+                    let frame = head.map_or_else(String::new, |(_, frame)| frame);
+                    let checked = check_frame(&frame, &self.frame);
+                    match checked.and_then(|()| self.kind.read(channel, log_time, &data)) {
+                        Ok((stamp, measured)) => {
+                            let measured = Arc::new(measured.in_unit(self.unit_m));
+                            self.held.insert(this, (stamp, measured));
+                        }
+                        Err(reason) => {
+                            if self.unreadable.is_empty() {
+                                warn_of_first(&self.recording, &self.topic, log_time, &reason);
+                            }
+                            self.unreadable.insert(this);
+                        }
+                    }
+                }
+                Ok(Some(_)) => {}
+                // Damage is reported with the pairs.
+                Ok(None) | Err(_) if self.next_file < self.starts.len() => {
+                    self.go_to(self.next_file)?;
+                }
+                // The file has changed since.
+                Ok(None) | Err(_) => {
+                    self.unreadable.insert(number);
+                    break;
+                }
+            }
+        }
+        let found = self.held.get(&number).cloned();
+        while self.held.len() > 1 && bytes(&self.held) > HELD_BYTES {
+            self.held.pop_first();
+        }
+        Ok(found)
+    }
+
+    /// Reads on from the start of a file.
+    fn go_to(&mut self, file: usize) -> Result<()> {
+        if let Some(found) = self.recording.files().nth(file) {
+            self.messages = found.messages()?;
+            self.next = self.starts[file];
+            self.next_file = file + 1;
+        }
+        Ok(())
+    }
+}
+
+fn bytes(held: &BTreeMap<u64, (u64, Arc<Measured>)>) -> usize {
+    held.values().map(|(_, measured)| measured.bytes()).sum()
+}
+
+fn seconds(ns: u64) -> String {
+    format!("{:.3}", ns as f64 / 1e9)
+}

@@ -1,0 +1,263 @@
+//! Ground truth from another sensor of the recording: depth images, point clouds, laser scans.
+
+mod depth_image;
+mod kind;
+mod measurements;
+mod points;
+mod view;
+
+use super::motion::PoseStep;
+use super::poses::{PoseMotion, PoseReader};
+use super::{PairStamps, topics, transforms};
+use crate::messages::{Channel, EventReader, FileEvent};
+use crate::{Recording, truth};
+pub(crate) use kind::head;
+use measurements::Measurements;
+use std::collections::BTreeSet;
+use svl_core::stereo::{Frame, Plane, Rig, Truth, TruthDensity};
+use svl_core::{Error, Result, did_you_mean, joined};
+pub use view::RawCamera;
+use view::{PairCamera, Setup, View};
+
+/// Difference of stamps, seconds, above which a measurement that cannot be moved is reported: 5 mm
+/// at 1 m/s.
+const UNMOVED_S: f64 = 0.005;
+
+/// Topic of the truth, and the largest time difference of a measurement.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TruthSelection {
+    pub topic: String,
+    /// Largest difference between the stamps of a pair and its measurement.
+    pub max_skew_ns: u64,
+}
+
+impl TruthSelection {
+    /// At 1 m/s a robot moves 2 cm in that time, a fifth of a cell's distance tolerance.
+    pub const MAX_SKEW_NS: u64 = 20_000_000;
+}
+
+/// The measurements of a topic, as truths of the pairs of the same recording.
+pub struct TruthTopic {
+    recording: Recording,
+    topic: String,
+    measurements: Measurements,
+    setup: Setup,
+    /// Projection of measurements into the left camera of the last pair.
+    view: Option<(PairCamera, View)>,
+    poses: Option<PoseReader>,
+    without: u64,
+    jumped: u64,
+    /// True once the user was warned of a measurement that is not of the pair's time.
+    warned_of_time: bool,
+}
+
+/// The topics whose messages measure distances, except those of the pairs, decided by the first
+/// message of each: image topics only if they are depths.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Format`].
+pub(crate) fn truth_topics(recording: &Recording, pairs: [&str; 2]) -> Result<Vec<String>> {
+    let channels = recording.channels()?;
+    let is_candidate = |channel: &&&Channel| {
+        !pairs.contains(&channel.topic.as_str())
+            // A disparity map as an image has the same pixel format as a depth image.
+            && (!channel.topic.contains("disparity") || channel.schema.ends_with("DisparityImage"))
+            // A result in a bag of svl's.
+            && !channel.topic.starts_with("/algo/")
+            && kind::find(channel).is_ok()
+    };
+    let candidates = channels.iter().filter(is_candidate);
+    let mut unknown: BTreeSet<_> = candidates.map(|channel| channel.topic.clone()).collect();
+    let mut found = BTreeSet::new();
+    for file in recording.files() {
+        let mut messages = file.messages()?;
+        // Damage is reported with the pairs.
+        while !unknown.is_empty()
+            && let Ok(Some(event)) = messages.next()
+        {
+            if let FileEvent::Message {
+                channel,
+                log_time,
+                data,
+            } = event
+                && unknown.remove(&channel.topic)
+                && let Ok(kind) = kind::find(channel)
+                && kind.read(channel, log_time, &data).is_ok()
+            {
+                found.insert(channel.topic.clone());
+            }
+        }
+    }
+    Ok(found.into_iter().collect())
+}
+
+impl TruthTopic {
+    /// Finds the topic, the left camera, the transform between the two, and the measurement of each
+    /// pair. `topics`: those of the left and the right images.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] if the topic is missing or of another type, its first
+    /// message cannot be read, no transform leads to the left camera, the stamps are from another
+    /// clock, or several pairs or measurements share one.
+    pub(crate) fn open(
+        recording: &Recording,
+        topics: [&str; 2],
+        pairs: PairStamps,
+        selection: &TruthSelection,
+    ) -> Result<Self> {
+        let channels = recording.channels()?;
+        let TruthSelection { topic, max_skew_ns } = selection;
+        let wrong = |reason: String| {
+            let reason = format!("--truth {topic}: {reason}");
+            Error::format(recording.path(), reason)
+        };
+        let Some(channel) = channels.iter().find(|channel| channel.topic == *topic) else {
+            let known = truth_topics(recording, topics)?;
+            let meant = did_you_mean(topic, known.iter().map(String::as_str));
+            return Err(wrong(match &known[..] {
+                [] => "no such topic, and none that measures distances".to_owned(),
+                known => format!("no such topic{meant}; distances are in {}", joined(known)),
+            }));
+        };
+        let kind = kind::find(channel).map_err(wrong)?;
+        let setup = Setup::find(recording, &channels, topics[0], topic, kind)?;
+        let mut setup = setup.map_err(wrong)?;
+        let sensor_frame = setup.sensor_frame().to_owned();
+        let sensor = (sensor_frame.as_str(), setup.unit_m());
+        let mut conflict = None;
+        let mut look = |channel: &Channel, log_time: u64, data: &[u8]| {
+            setup.take_in(channel, log_time, data);
+            if conflict.is_none() {
+                let found = setup.conflict(channel, data);
+                conflict = found.map(|found| format!("{}: {found}", channel.topic));
+            }
+        };
+        let wanted = (topic.as_str(), *max_skew_ns);
+        let measurements = Measurements::find(recording, wanted, sensor, kind, pairs, &mut look)?;
+        if let Some(conflict) = conflict {
+            let path = recording.path().display();
+            tracing::warn!(
+                "{path}: {conflict}; the first one is used for {topic}: if it is wrong, remove it \
+                 from the bag"
+            );
+        }
+        Ok(Self {
+            recording: recording.clone(),
+            topic: topic.clone(),
+            measurements: measurements.map_err(wrong)?,
+            setup,
+            view: None,
+            poses: PoseReader::open(recording, &channels)?,
+            without: 0,
+            jumped: 0,
+            warned_of_time: false,
+        })
+    }
+
+    /// Number of pairs so far without a measurement.
+    pub fn without(&self) -> u64 {
+        self.without
+    }
+
+    /// Number of measurements so far that are not used, as the poses around them jump.
+    pub fn jumped(&self) -> u64 {
+        self.jumped
+    }
+
+    /// Attaches to the frame the truth from the nearest measurement within the limit, if there is
+    /// one.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for a pair without a rig, and for depth images whose position relative to
+    /// the left image is unknown; [`Error::Io`].
+    pub fn attach(&mut self, frame: &mut Frame) -> Result<()> {
+        let Some(rig) = frame.rig().copied() else {
+            let why = "pairs without a calibration have no distances to compare: --calib FILE";
+            return Err(self.wrong(why));
+        };
+        frame.truth = None;
+        let Some((stamp_ns, measured)) = self.measurements.for_pair(frame)? else {
+            self.without += 1;
+            return Ok(());
+        };
+        let camera = self.setup.pair_camera(frame, rig, stamp_ns);
+        let view = match self.view.take() {
+            Some((last_camera, view)) if last_camera == camera => view,
+            _ => {
+                let view = self.setup.view(&self.topic, &measured, &camera);
+                view.map_err(|reason| self.wrong(&reason))?
+            }
+        };
+        let motion = match self.motion(stamp_ns, frame.stamp_ns, &camera) {
+            PoseMotion::Known(motion) => Some(motion),
+            PoseMotion::Unknown => None,
+            PoseMotion::Jump(jump) => {
+                self.warn_of_jump(stamp_ns, frame.stamp_ns, &jump);
+                self.jumped += 1;
+                self.view = Some((camera, view));
+                return Ok(());
+            }
+        };
+        let disparity = view.disparities(&measured, motion.as_ref(), &rig, camera.size);
+        let density = view.density(motion.is_some());
+        self.view = Some((camera, view));
+        let disparity = disparity.map_err(|reason| self.wrong(&reason))?;
+        frame.truth = Some(Truth::from_sensor(disparity, density, &self.topic));
+        Ok(())
+    }
+
+    /// The motion of points of a static world, from the rectified left camera at the measurement's
+    /// time to that at the pair's; unknown if the times are equal or the poses unknown, of which
+    /// the user is warned.
+    fn motion(&mut self, measured_ns: u64, pair_ns: u64, camera: &PairCamera) -> PoseMotion {
+        if measured_ns == pair_ns {
+            return PoseMotion::Unknown;
+        }
+        let left = self.setup.left_frame();
+        let poses = self.poses.as_mut();
+        match poses.map(|poses| poses.motion(left, [measured_ns, pair_ns])) {
+            Some(PoseMotion::Known(motion)) => {
+                let rotation = self.setup.rotation(camera);
+                return PoseMotion::Known(rotation * motion * rotation.inverse());
+            }
+            Some(PoseMotion::Jump(jump)) => return PoseMotion::Jump(jump),
+            Some(PoseMotion::Unknown) | None => {}
+        }
+        let apart_s = measured_ns.abs_diff(pair_ns) as f64 / 1e9;
+        if apart_s > UNMOVED_S && !std::mem::replace(&mut self.warned_of_time, true) {
+            let path = self.recording.path().display();
+            tracing::warn!(
+                "{path}: --truth {}: a measurement is {:.1} ms from its pair, and no pose moves it \
+                 there: at 1 m/s its distance is off by {:.1} cm, at 90°/s its direction by {:.1}°",
+                self.topic,
+                apart_s * 1e3,
+                apart_s * 1e2,
+                apart_s * 90.0
+            );
+        }
+        PoseMotion::Unknown
+    }
+
+    /// Warns once of poses that jump between a measurement and its pair.
+    fn warn_of_jump(&self, measured_ns: u64, pair_ns: u64, jump: &PoseStep) {
+        if self.jumped == 0 {
+            tracing::warn!(
+                "{}: --truth {}: the measurement of {:.3} s, and others like it, are not used: \
+                 between it and its pair the poses jump by {:.2} m and {:.1}° in {:.0} ms, and it \
+                 cannot be moved to {:.3} s",
+                self.recording.path().display(),
+                self.topic,
+                measured_ns as f64 / 1e9,
+                jump.metres,
+                jump.radians.to_degrees(),
+                (jump.end_ns - jump.start_ns) as f64 / 1e6,
+                pair_ns as f64 / 1e9,
+            );
+        }
+    }
+
+    fn wrong(&self, reason: &str) -> Error {
+        let reason = format!("--truth {}: {reason}", self.topic);
+        Error::format(self.recording.path(), reason)
+    }
+}

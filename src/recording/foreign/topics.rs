@@ -1,0 +1,408 @@
+//! Chooses the topics of the two cameras in another program's recording.
+
+use super::{camera, image, video};
+use crate::messages::Channel;
+use svl_core::joined;
+
+/// The topics and the largest skew of the pairs in a recording that svl did not write.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Selection {
+    /// Topic of the left images; by default found by type and name.
+    pub left: Option<String>,
+    pub right: Option<String>,
+    /// Largest skew of a pair.
+    pub max_skew_ns: u64,
+    /// Number of bits of 16 that the images use; by default decided by the first images.
+    pub bits: Option<u8>,
+}
+
+impl Selection {
+    /// A quarter of the period at 50 pairs per second: cameras with a common trigger are far below,
+    /// free-running ones above.
+    pub const MAX_SKEW_NS: u64 = 5_000_000;
+
+    /// True if it names a topic: then svl's own recordings are paired by stamp, too.
+    pub fn names_topics(&self) -> bool {
+        self.left.is_some() || self.right.is_some()
+    }
+}
+
+impl Default for Selection {
+    fn default() -> Self {
+        Self {
+            left: None,
+            right: None,
+            max_skew_ns: Self::MAX_SKEW_NS,
+            bits: None,
+        }
+    }
+}
+
+/// True if the messages of a channel are images.
+pub(crate) fn is_image(channel: &Channel) -> bool {
+    image::SCHEMAS.contains(&channel.schema.as_str()) || video::is_video(channel)
+}
+
+/// The topics of the left and the right images.
+///
+/// # Errors
+/// The reason why they are missing or ambiguous, with the remedy.
+pub(crate) fn choose(channels: &[&Channel], selection: &Selection) -> Result<[String; 2], String> {
+    let topics = image_topics(channels, selection);
+    let listed = topics.join(", ");
+    for (option, named) in [("--left", &selection.left), ("--right", &selection.right)] {
+        if let Some(named) = named.as_deref().filter(|named| !topics.contains(named)) {
+            let fault = topic_fault(named, channels, &listed);
+            return Err(format!("{option}{fault}"));
+        }
+    }
+    let free =
+        |named: &Option<String>, topic: &str| named.as_deref().is_none_or(|named| named == topic);
+    let pairs = topics
+        .iter()
+        .flat_map(|&left| topics.iter().map(move |&right| [left, right]));
+    let pairs = pairs.filter(|&[left, right]| {
+        free(&selection.left, left) && free(&selection.right, right) && left != right
+    });
+    // If both topics are given, their names need not match.
+    let both_named = selection.left.is_some() && selection.right.is_some();
+    let pairs: Vec<_> = pairs
+        .filter(|&[left, right]| both_named || are_sides(left, right))
+        .collect();
+    match (pairs[..].split_first(), &topics[..]) {
+        // Exactly one: two pairs, such as stereo cameras in front and behind, are ambiguous.
+        (Some((pair, [])), _) => Ok(pair.map(str::to_owned)),
+        (_, []) => Err(unread(channels).map_or(
+            "has no stereo pairs: it has no images".to_owned(),
+            |reason| format!("has no stereo pairs that svl reads: {reason}"),
+        )),
+        (_, [only]) => Err(format!(
+            "has no stereo pairs: {only} is its only topic of images"
+        )),
+        _ => Err(format!(
+            "which images are the pair? Name two with --left TOPIC --right TOPIC; it has {listed}"
+        )),
+    }
+}
+
+/// The topics of images in alphabetical order, without those that repeat another in grey.
+fn image_topics<'a>(channels: &[&'a Channel], selection: &Selection) -> Vec<&'a str> {
+    let images: Vec<_> = channels
+        .iter()
+        .filter(|channel| is_image(channel))
+        .collect();
+    let mut topics: Vec<&str> = images
+        .iter()
+        .map(|channel| channel.topic.as_str())
+        .collect();
+    topics.sort_unstable();
+    // The files of a bag repeat the channels.
+    topics.dedup();
+    // A publisher of both image_rect_color and image_rect means the same image.
+    let all = topics.clone();
+    let is_repeated = |topic: &str| {
+        let raw = topic.strip_suffix("/compressed");
+        let (name, transport) = raw.map_or((topic, ""), |name| (name, "/compressed"));
+        let grey = name
+            .strip_suffix("_color")
+            .map(|grey| format!("{grey}{transport}"));
+        grey.is_some_and(|grey| all.contains(&grey.as_str()))
+    };
+    let is_named = |topic: &str| {
+        [&selection.left, &selection.right]
+            .into_iter()
+            .flatten()
+            .any(|named| named == topic)
+    };
+    topics.retain(|topic| is_named(topic) || !is_repeated(topic));
+    topics
+}
+
+/// The reason why a named topic is none of images, behind its option. `listed`: those that are.
+fn topic_fault(named: &str, channels: &[&Channel], listed: &str) -> String {
+    match channels.iter().find(|channel| channel.topic == named) {
+        Some(channel) => match unread(&[channel]) {
+            Some(reason) => format!(": {reason}"),
+            None => format!(" {named} has messages of {}, not images", channel.schema),
+        },
+        None if named.contains('*') => format!(
+            " {named}: is a pattern, for the images of a folder; here it is a topic, of {listed}"
+        ),
+        None if listed.is_empty() => format!(" {named}: it has no images"),
+        None => format!(" {named}: no such topic of images; it has {listed}"),
+    }
+}
+
+/// Image topics of types that svl cannot read, if there are any, with the remedy.
+fn unread(channels: &[&Channel]) -> Option<String> {
+    let name = |channel: &Channel| {
+        channel
+            .schema
+            .rsplit(['/', '.'])
+            .next()
+            .unwrap_or_default()
+            .to_owned()
+    };
+    let kinds = [
+        "Image",
+        "RawImage",
+        "CompressedImage",
+        "CompressedVideo",
+        "FFMPEGPacket",
+        "ImgFrame",
+        "EncodedFrame",
+    ];
+    let seems = |channel: &&&Channel| kinds.contains(&name(channel).as_str());
+    let first = channels
+        .iter()
+        .filter(seems)
+        .find(|channel| !is_image(channel))?;
+    let alike = channels
+        .iter()
+        .filter(|channel| channel.schema == first.schema);
+    let topics = joined(alike.map(|channel| &channel.topic));
+    let schema = &first.schema;
+    Some(match name(first).as_str() {
+        "ImgFrame" | "EncodedFrame" => format!(
+            "{topics}: {schema} of DepthAI, whose images are in the videos beside this file: `svl \
+             record FOLDER --left LEFT.mp4 --right RIGHT.mp4`"
+        ),
+        _ => format!("{topics}: {schema}; it reads {}", image::SCHEMAS.join(", ")),
+    })
+}
+
+/// True if two topics differ only in left and right, in l and r, or in numbers from 0 or 1 that are
+/// one apart.
+fn are_sides(left: &str, right: &str) -> bool {
+    let (left, right) = (left.to_lowercase(), right.to_lowercase());
+    // Also if `left` is part of a longer word, as in Left_mono or /left/left_image.
+    if left.contains("left") && left.replace("left", "right") == right {
+        return true;
+    }
+    let (left, right) = (words(&left), words(&right));
+    let differing: Vec<_> = left.iter().zip(&right).filter(|(l, r)| l != r).collect();
+    let is_number_pair = |(l, r): (&str, &str)| {
+        [("0", "1"), ("1", "2"), ("00", "01"), ("01", "02")].contains(&(l, r))
+    };
+    let Some(&(first_left, first_right)) = differing.first() else {
+        return false;
+    };
+    let first = (first_left.as_str(), first_right.as_str());
+    left.len() == right.len()
+        && (first == ("l", "r") || is_number_pair(first))
+        && differing
+            .iter()
+            // /cam0/image1 and /cam1/image2 differ twice, by different numbers: not a pair.
+            .all(|(l, r)| (l.as_str(), r.as_str()) == first)
+}
+
+/// Splits a topic into runs of letters, runs of digits, and single other characters.
+fn words(topic: &str) -> Vec<String> {
+    let kind = |c: char| (c.is_alphabetic(), c.is_numeric());
+    let mut words: Vec<String> = Vec::new();
+    let mut last = None;
+    for c in topic.chars() {
+        match words.last_mut() {
+            Some(word) if last == Some(kind(c)) && kind(c) != (false, false) => word.push(c),
+            _ => words.push(c.to_string()),
+        }
+        last = Some(kind(c));
+    }
+    words
+}
+
+/// True if the name of a topic marks its images as rectified: `rect` is a word of its last part, as
+/// in `image_rect`, `image_rect_raw` and `rectified/compressed`. Its namespace is ignored.
+pub(super) fn is_of_rectified(topic: &str) -> bool {
+    // image_transport appends /compressed to the name of the raw topic.
+    let topic = topic.strip_suffix("/compressed").unwrap_or(topic);
+    let words = topic
+        .rsplit('/')
+        .next()
+        .unwrap_or_default()
+        .split(|c: char| !c.is_alphabetic());
+    words
+        .map(str::to_lowercase)
+        .any(|word| word == "rect" || word.starts_with("rectif"))
+}
+
+/// The calibration topic for the image topic `topic`: the one that shares the longest namespace.
+pub(super) fn calibration(channels: &[&Channel], topic: &str) -> Option<String> {
+    let calibrations = channels
+        .iter()
+        .copied()
+        .filter(|channel| camera::is_calibration(channel));
+    let folder = |channel: &&Channel| {
+        channel
+            .topic
+            .rsplit_once('/')
+            .map_or(0, |(folder, _)| folder.len() + 1)
+    };
+    let fits = |channel: &&Channel| topic.starts_with(&channel.topic[..folder(channel)]);
+    // Ties are decided by name, so that the order in the file does not matter.
+    let found = calibrations
+        .filter(fits)
+        .max_by_key(|channel| (folder(channel), std::cmp::Reverse(&channel.topic)));
+    found.map(|channel| channel.topic.clone())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chosen(topics: &[&str], selection: &Selection) -> Result<[String; 2], String> {
+        let channel = |&topic: &&str| {
+            let schema = if topic.ends_with("scan") {
+                "LaserScan"
+            } else {
+                "sensor_msgs/msg/Image"
+            };
+            Channel {
+                topic: topic.to_owned(),
+                schema: schema.to_owned(),
+                encoding: "cdr".to_owned(),
+            }
+        };
+        let channels: Vec<_> = topics.iter().map(channel).collect();
+        choose(&channels.iter().collect::<Vec<_>>(), selection)
+    }
+
+    #[test]
+    fn sides_are_known_by_their_names() {
+        for (left, right) in [
+            ("/cam0/image_raw", "/cam1/image_raw"),
+            ("/stereo/left/image_rect", "/stereo/right/image_rect"),
+            (
+                "/camera/infra1/image_rect_raw",
+                "/camera/infra2/image_rect_raw",
+            ),
+            ("/kitti/image_00/data", "/kitti/image_01/data"),
+            ("/oak/Left_mono", "/oak/Right_mono"),
+            ("/zed/l/gray", "/zed/r/gray"),
+            ("/left/left_image", "/right/right_image"),
+        ] {
+            let expected = Ok([left.to_owned(), right.to_owned()]);
+            assert_eq!(
+                chosen(&[right, "/scan", left], &Selection::default()),
+                expected
+            );
+            assert_eq!(
+                chosen(&[right, "/depth/image", left], &Selection::default()),
+                expected,
+                "one pair among three"
+            );
+        }
+        for (left, right) in [
+            ("/a", "/b"),
+            ("/cam0/image1", "/cam1/image2"),
+            ("/cam0/x", "/cam2/x"),
+            ("/2", "/3"),
+        ] {
+            assert!(
+                chosen(&[left, right], &Selection::default()).is_err(),
+                "{left} {right}"
+            );
+        }
+    }
+
+    #[test]
+    fn rectified_is_a_word_of_the_topics_last_part() {
+        let rectified = [
+            "/stereo/left/image_rect",
+            "/stereo/left/image_rect/compressed",
+            "/left/image_rect_color",
+            "/camera/infra1/image_rect_raw",
+            "/left/rectified",
+            "/left/IMAGE_RECT",
+            "/left/rect0",
+        ];
+        let others = [
+            "/stereo/left/image_unrectified",
+            "/left/image_unrect/compressed",
+            "/director/left/image_raw",
+            "/rect/left/image_raw",
+            "/left/rectangles",
+            "/left/direct",
+            "",
+        ];
+        assert_eq!(rectified.map(is_of_rectified), [true; 7]);
+        assert_eq!(others.map(is_of_rectified), [false; 7]);
+    }
+
+    #[test]
+    fn images_that_are_not_read_are_named_with_the_cure() {
+        let complaint = |schema: &str, encoding: &str, left: Option<&str>| {
+            let channel = |topic: &str| (topic.to_owned(), schema.to_owned(), encoding.to_owned());
+            let channels = ["/cam0/image", "/cam1/image"].map(channel);
+            let channels = channels.map(|(topic, schema, encoding)| Channel {
+                topic,
+                schema,
+                encoding,
+            });
+            choose(
+                &channels.each_ref(),
+                &Selection {
+                    left: left.map(str::to_owned),
+                    ..Selection::default()
+                },
+            )
+            .unwrap_err()
+        };
+        let named = complaint("my_msgs/msg/CompressedVideo", "cdr", Some("/cam0/image"));
+        assert!(
+            named.starts_with("--left: /cam0/image: my_msgs/msg/CompressedVideo; it reads"),
+            "{named}"
+        );
+        assert!(
+            complaint("dai.proto.img_frame.ImgFrame", "protobuf", None)
+                .contains("of DepthAI, whose images are in the videos")
+        );
+        assert!(
+            complaint("foxglove_msgs/msg/RawImage", "cdr", None)
+                .contains("it reads sensor_msgs/msg/Image,")
+        );
+        assert!(complaint("sensor_msgs/msg/Imu", "cdr", None).contains("it has no images"));
+    }
+
+    #[test]
+    fn ambiguous_topics_are_asked_for() {
+        let topics = ["/cam0/image", "/cam1/image", "/cam2/image", "/scan"];
+        let error = chosen(&topics, &Selection::default()).unwrap_err();
+        assert!(
+            error.contains(
+                "--left TOPIC --right TOPIC; it has /cam0/image, /cam1/image, /cam2/image"
+            ),
+            "{error}"
+        );
+        let named = |left: Option<&str>, right: Option<&str>| {
+            let (left, right) = (left.map(str::to_owned), right.map(str::to_owned));
+            chosen(
+                &topics,
+                &Selection {
+                    left,
+                    right,
+                    ..Selection::default()
+                },
+            )
+        };
+        assert_eq!(
+            named(Some("/cam2/image"), Some("/cam0/image")).unwrap(),
+            ["/cam2/image", "/cam0/image"]
+        );
+        assert_eq!(
+            named(None, Some("/cam2/image")).unwrap(),
+            ["/cam1/image", "/cam2/image"]
+        );
+        assert!(named(Some("/cam2/image"), None).is_err());
+        assert!(
+            named(Some("/cam9"), None)
+                .unwrap_err()
+                .contains("no such topic of images; it has /cam0")
+        );
+        assert!(
+            named(Some("/scan"), None)
+                .unwrap_err()
+                .contains("LaserScan, not images")
+        );
+    }
+}

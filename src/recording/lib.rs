@@ -1,0 +1,353 @@
+//! Recordings: stereo pairs in MCAP files, readable by Rerun, Foxglove and every MCAP library
+//! without svl.
+//!
+//! | topic | message | written when |
+//! |---|---|---|
+//! | `/stereo/{left,right}/image` | foxglove.RawImage mono8, or CompressedImage png | always |
+//! | `/stereo/{left,right}/color` | RawImage rgb8, or CompressedImage png | source in colour |
+//! | `/stereo/{left,right}/calibration` | foxglove.CameraCalibration: K, R = I, P | rig known |
+//! | `/rig/baseline` | foxglove.FrameTransform, left camera → right camera | rig known |
+//! | `/rig/pose` | foxglove.FrameTransform, world → left camera | pose known |
+//! | `/truth/depth` | sensor_msgs/msg/Image 32FC1, metres | truth and rig known |
+//! | `/truth/disparity` | sensor_msgs/msg/Image 32FC1, pixels | truth beyond infinity, or no rig |
+//! | `/truth/visibility` | foxglove.RawImage mono8: [`Visibility`] | truth known |
+//! | `/truth/surface` | foxglove.RawImage mono8: [`Surface`] | truth of the arena |
+//! | `/stereo/sync` | JSON with schema (sync.schema.json) | always, last of the pair |
+//! | `/algo/<name>/disparity` | sensor_msgs/msg/Image 32FC1, pixels | a result of a replay |
+//! | `/algo/<name>/cells` | JSON with schema (cells.schema.json) | a result of a replay |
+//! | `/algo/<name>/result` | JSON with schema (result.schema.json): hash | a result of a replay |
+//!
+//! log_time and publish_time are the exposure stamp; those of the right camera use the right stamp.
+//! Calibration and baseline are repeated with every pair (200 bytes after compression), so that a
+//! truncated recording still contains them. Pixels without depth or disparity are NaN in float
+//! images (REP 118), and a point at infinity has depth +∞. The metadata record `svl` is the
+//! [`Header`], `grabber` contains the counts of a synchronized grabber; scenario, calibration files
+//! and the manifest of the run that wrote the recording are attachments.
+//!
+//! [`Dialect::Ros2`] contains the same in ROS 2 messages only.
+//!
+//! ROS 2 bags, in MCAP and SQLite, ROS 1 bags, and recordings of Foxglove and RealSense are read
+//! too: image topics are found by their types, and images are paired by their stamps; see
+//! [`Selection`]. A bag may be the folder of its files.
+//!
+//! [`Visibility`]: svl_core::stereo::Visibility
+//! [`Surface`]: svl_core::stereo::Surface
+
+/// The Rust example of the README, as a doctest.
+#[cfg(doctest)]
+#[doc = include_str!("README.md")]
+mod readme {}
+
+mod append_file;
+mod assembly;
+mod bag;
+mod cells;
+mod chunk;
+mod container;
+mod dialect;
+mod file;
+mod foreign;
+mod geometry;
+mod header;
+mod images;
+mod index;
+mod layout;
+mod messages;
+mod opened;
+mod pair_index;
+mod reader;
+mod records;
+mod recovery;
+mod result;
+mod ros;
+mod ros1_bag;
+mod salvage;
+mod search;
+mod skew;
+mod sqlite;
+mod summary;
+mod sync;
+mod synced_file;
+mod topic_file;
+mod truth;
+mod writer;
+
+pub use bag::{files, is_bag, only_file};
+pub use cells::{AlgorithmCells, CellReport};
+pub use dialect::{Dialect, RecordingFormat};
+pub use foreign::{
+    FramePoses, LiveTopic, PoseStep, PoseSummary, RawCamera, Selection, TopicPairs, TruthSelection,
+    TruthTopic, UnpairedImages, VideoSummary,
+};
+pub use header::{Header, StampOrigin};
+pub use images::ImageFormat;
+pub use opened::Recording;
+pub use reader::Reader;
+pub use recovery::Recovery;
+pub use result::{AlgorithmResult, PairResult, StoredResults};
+pub use ros::{ResultMessage, ResultOptions, diagnostics, result_messages, scan_transform};
+pub use salvage::DamagedPart;
+pub use skew::{SkewBin, SkewSummary};
+pub use summary::{ClockJump, Gap, Misalignment, RecordingSummary, Topic};
+pub use sync::PairGeometry;
+pub use topic_file::TopicFile;
+pub use truth::disparities;
+pub use writer::Writer;
+
+use messages::Channel;
+use std::borrow::Cow;
+use svl_core::stereo::{Frame, Side, StereoCalibration};
+use svl_core::{Error, Result};
+use svl_files::BitDepth;
+
+/// Name of the attachment with the scenario file.
+pub const SCENARIO: &str = "scenario.toml";
+
+/// Prefix of the names of attached calibration files, with which the pairs were rectified or, if
+/// raw, can be.
+pub const CALIBRATION: &str = "calibration/";
+
+/// Name of the attachment with the manifest of the run that wrote the recording.
+pub const MANIFEST: &str = "manifest.json";
+
+/// Name of the metadata record with the counts of a synchronized grabber.
+pub const GRABBER: &str = "grabber";
+
+/// The MCAP profile of svl's own recordings.
+const PROFILE: &str = "svl";
+
+/// The library named in MCAP files that svl writes.
+const LIBRARY: &str = concat!("svl ", env!("CARGO_PKG_VERSION"));
+
+/// The left camera's optical frame, unless a source names another.
+pub const LEFT_FRAME: &str = "stereo_left";
+
+/// The camera's optical frame. Two frames, because Rerun ties an image plane to each.
+fn frame_id(side: Side) -> &'static str {
+    match side {
+        Side::Left => LEFT_FRAME,
+        Side::Right => "stereo_right",
+    }
+}
+
+/// The kind of data on a topic of svl's own recordings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum TopicKind {
+    Image(Side),
+    Color(Side),
+    Calibration(Side),
+    Baseline,
+    Pose,
+    Depth,
+    Disparity,
+    Visibility,
+    Surface,
+    Sync,
+}
+
+impl TopicKind {
+    const ALL: [TopicKind; 13] = [
+        TopicKind::Image(Side::Left),
+        TopicKind::Image(Side::Right),
+        TopicKind::Color(Side::Left),
+        TopicKind::Color(Side::Right),
+        TopicKind::Calibration(Side::Left),
+        TopicKind::Calibration(Side::Right),
+        TopicKind::Baseline,
+        TopicKind::Pose,
+        TopicKind::Depth,
+        TopicKind::Disparity,
+        TopicKind::Visibility,
+        TopicKind::Surface,
+        TopicKind::Sync,
+    ];
+
+    fn topic(self) -> &'static str {
+        match self {
+            TopicKind::Image(Side::Left) => "/stereo/left/image",
+            TopicKind::Image(Side::Right) => "/stereo/right/image",
+            TopicKind::Color(Side::Left) => "/stereo/left/color",
+            TopicKind::Color(Side::Right) => "/stereo/right/color",
+            TopicKind::Calibration(Side::Left) => "/stereo/left/calibration",
+            TopicKind::Calibration(Side::Right) => "/stereo/right/calibration",
+            TopicKind::Baseline => "/rig/baseline",
+            TopicKind::Pose => "/rig/pose",
+            TopicKind::Depth => "/truth/depth",
+            TopicKind::Disparity => "/truth/disparity",
+            TopicKind::Visibility => "/truth/visibility",
+            TopicKind::Surface => "/truth/surface",
+            TopicKind::Sync => "/stereo/sync",
+        }
+    }
+
+    fn from_topic(topic: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.topic() == topic)
+    }
+}
+
+/// Rule by which messages become pairs: by svl's own topics, or by the stamps of other programs'
+/// images.
+trait PairSource: Send {
+    /// Adds one message and returns the pair that it completes.
+    ///
+    /// # Errors
+    /// The reason why the message cannot be read, or why the two images are not a pair.
+    fn take_in(
+        &mut self,
+        channel: &Channel,
+        log_time: u64,
+        data: &[u8],
+    ) -> std::result::Result<Option<Frame>, String>;
+
+    /// The next pair that is ready without another message.
+    ///
+    /// # Errors
+    /// The reason why two images that belong together cannot be a pair.
+    fn pop(&mut self) -> Option<std::result::Result<Frame, String>> {
+        None
+    }
+
+    /// Ends the recording: there are no more messages.
+    fn end(&mut self);
+
+    /// Number of readable pairs.
+    fn pairs(&self) -> u64;
+
+    /// Images without a partner, while both cameras had images.
+    fn unpaired(&self) -> u64;
+
+    /// Number of the unpaired images whose partner could not be read: those are reported.
+    /// `unreadable`: pairs and images that could not be read.
+    fn partners_of_unreadable(&self, unreadable: u64) -> u64 {
+        unreadable
+    }
+
+    /// Images before the other camera's first or after its last.
+    fn outside(&self) -> u64 {
+        0
+    }
+
+    /// Images that arrived too far out of order to find a partner.
+    fn late(&self) -> u64 {
+        0
+    }
+
+    /// Topics of the left and the right images.
+    fn topics(&self) -> [&str; 2];
+
+    /// The rule by which the stamps of the messages form pairs.
+    fn stamps(&self) -> foreign::PairStamps;
+
+    /// Number of bits that the 16-bit images use.
+    fn depth(&self) -> BitDepth {
+        BitDepth::FULL
+    }
+
+    /// The reason why there was no pair.
+    fn why_none(&self) -> String;
+
+    /// Warnings about the pairs, a line each.
+    fn remarks(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// The calibration of raw images; `None` for rectified ones.
+    ///
+    /// # Errors
+    /// The missing part of the calibrations.
+    fn calibration(&self) -> Option<std::result::Result<StereoCalibration, String>> {
+        None
+    }
+
+    /// The coordinate frame of the left images, if they name one.
+    fn frame_id(&self) -> Option<&str> {
+        None
+    }
+
+    /// Focal lengths of the left camera along x and y, if the rig does not determine them.
+    fn focal_px(&self) -> Option<(f64, f64)> {
+        None
+    }
+}
+
+/// An encoded message and its schema.
+struct Encoded {
+    schema: &'static str,
+    schema_encoding: &'static str,
+    definition: Cow<'static, [u8]>,
+    encoding: &'static str,
+    data: Vec<u8>,
+}
+
+impl Encoded {
+    fn protobuf<T: foxglove::Encode>(schema: &'static str, message: &T) -> Self {
+        let mut data = Vec::with_capacity(message.encoded_len().unwrap_or(0));
+        // Encoding fails only if the buffer is too small, and a vector grows.
+        let _ = message.encode(&mut data);
+        let definition = T::get_schema().map(|s| s.data).unwrap_or_default();
+        Self {
+            schema,
+            schema_encoding: "protobuf",
+            definition,
+            encoding: "protobuf",
+            data,
+        }
+    }
+
+    /// A value whose keys are strings and whose numbers are finite, which always serialises.
+    fn json<T: serde::Serialize>(
+        schema: &'static str,
+        definition: &'static str,
+        value: &T,
+    ) -> Self {
+        Self {
+            schema,
+            schema_encoding: "jsonschema",
+            definition: Cow::Borrowed(definition.as_bytes()),
+            encoding: "json",
+            data: serde_json::to_vec(value).expect("plain data"),
+        }
+    }
+}
+
+fn decode_protobuf<T: foxglove::Decode>(data: &[u8]) -> std::result::Result<T, String> {
+    T::decode(data).map_err(|e| e.to_string())
+}
+
+/// A stamp that fits into ROS 2 messages, whose seconds are signed 32-bit: up to January 2038.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct RosStamp(u64);
+
+impl RosStamp {
+    const SECOND_NS: u64 = 1_000_000_000;
+    const MAX_NS: u64 = i32::MAX as u64 * Self::SECOND_NS;
+
+    fn new(ns: u64) -> Result<Self> {
+        // Rejected on writing: a bag that ROS cannot read would be noticed too late.
+        if ns <= Self::MAX_NS {
+            Ok(Self(ns))
+        } else {
+            Err(Error::Invalid(format!(
+                "stamp {ns} ns is above {} ns, the last that ROS 2 messages can represent",
+                Self::MAX_NS
+            )))
+        }
+    }
+
+    fn ns(self) -> u64 {
+        self.0
+    }
+
+    /// Whole seconds, and the nanoseconds above them; both fit by construction.
+    fn parts(self) -> (u32, u32) {
+        (
+            (self.0 / Self::SECOND_NS) as u32,
+            (self.0 % Self::SECOND_NS) as u32,
+        )
+    }
+
+    fn foxglove(self) -> Option<foxglove::messages::Timestamp> {
+        let (seconds, nanoseconds) = self.parts();
+        foxglove::messages::Timestamp::new_checked(seconds, nanoseconds)
+    }
+}

@@ -1,0 +1,583 @@
+//! Summarizes a recording: topics, pairs, gaps, skew, damage.
+
+use super::container::{Container, unpack_message};
+use super::foreign::{
+    PoseSummary, Selection, StampedImage, UnpairedImages, VideoScan, VideoSummary, choose, head,
+    is_image, is_video, pair_stamps, pose_summary,
+};
+use super::messages::{Channel, EventReader, FileEvent, Messages};
+use super::ros1_bag::Ros1Messages;
+use super::salvage::DamagedPart;
+use super::skew::SkewSummary;
+use super::sync::{PairGeometry, StereoSync};
+use super::{
+    AlgorithmResult, GRABBER, Header, MANIFEST, PROFILE, Reader, Recording, StampOrigin, TopicKind,
+};
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use svl_core::Result;
+use svl_core::statistics::upper_rank;
+use svl_core::stereo::Side;
+
+/// Two pairs more than this many median periods apart are separated by a gap.
+const GAP_PERIODS: f64 = 1.5;
+
+/// Messages of a healthy recording are less out of order.
+const CLOCK_JUMP_NS: u64 = 500_000_000;
+
+/// The contents of an MCAP file, read completely. Works for any MCAP file, intact or corrupt.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct RecordingSummary {
+    pub path: PathBuf,
+    pub bytes: u64,
+    /// The reason why the file is not intact, if so.
+    pub damage: Option<String>,
+    /// True if CRCs cover all messages. Otherwise bytes changed inside messages are undetected.
+    pub checksums: bool,
+    /// The damaged parts, in file order.
+    pub losses: Vec<DamagedPart>,
+    /// Messages counted in the file's own summary but not found, by topic.
+    pub missing: BTreeMap<String, u64>,
+    /// Missing numbers in the sequence of pairs: lost to damage, or dropped by the recorder.
+    pub missing_pairs: u64,
+    /// Image topics that `svl replay` would use for left and right, in another program's recording.
+    pub stereo: Option<[String; 2]>,
+    /// Geometry of its pairs; those of other programs as in `svl replay`. Both only if recordings
+    /// were appended to each other; none without a pair.
+    pub geometry: BTreeSet<PairGeometry>,
+    /// Vertical misalignment from the results in the recording, in the order of the algorithms.
+    pub misalignment: Vec<Misalignment>,
+    /// The library that wrote the file, and its MCAP profile.
+    pub library: String,
+    pub profile: String,
+    /// `None` if svl did not write it.
+    pub header: Option<Header>,
+    /// The counts of a synchronized grabber, in a finished recording of cameras.
+    pub grabber: BTreeMap<String, String>,
+    /// The manifest of the run that wrote the recording.
+    pub manifest: Option<serde_json::Value>,
+    /// Names and sizes in bytes.
+    pub attachments: Vec<(String, u64)>,
+    /// Sorted by name.
+    pub topics: Vec<Topic>,
+    /// First and last stamp of any message.
+    pub start_ns: u64,
+    pub end_ns: u64,
+    /// Complete pairs; in other programs' recordings those that `svl replay` forms by stamp.
+    pub pairs: u64,
+    /// Median period of the left images by their own stamps; `None` if their topic or their rate is
+    /// unknown.
+    pub period_ns: Option<u64>,
+    /// Intervals of more than 1.5 median periods between left images.
+    pub gaps: Vec<Gap>,
+    /// Where the stamps of the left images jump against the log times.
+    pub clock_jumps: Vec<ClockJump>,
+    /// Right stamp minus left stamp, over all pairs; `None` if unknown.
+    pub skew: Option<SkewSummary>,
+    /// Unpaired images, as counted by the recorder.
+    pub drops: u64,
+    /// Those before the first pair.
+    pub drops_before: u64,
+    /// Images without a partner in another program's recording.
+    pub unpaired: Option<UnpairedImages>,
+    /// Images of each camera that are equal to the one before, left and right: pictures of a camera
+    /// at rest, or of one that repeats them.
+    pub repeated_images: [u64; 2],
+    /// The poses in another program's recording, if it has any.
+    pub poses: Option<PoseSummary>,
+    /// Its topics of videos, by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub videos: BTreeMap<String, VideoSummary>,
+}
+
+/// A topic and its messages.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Topic {
+    pub name: String,
+    pub schema: String,
+    pub encoding: String,
+    pub messages: u64,
+    /// Bytes before compression.
+    pub bytes: u64,
+    pub start_ns: u64,
+    pub end_ns: u64,
+    /// Messages per second; `None` for fewer than two.
+    pub rate_hz: Option<f64>,
+}
+
+/// Vertical misalignment of the pairs, as measured by an algorithm: number of pixels by which the
+/// right image is lower.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Misalignment {
+    pub algorithm: String,
+    /// Number of pairs with a measurement.
+    pub pairs: u64,
+    /// Median over the pairs; the upper of the two middle values for an even number.
+    pub median_px: i8,
+    pub min_px: i8,
+    pub max_px: i8,
+}
+
+/// An interval without pairs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Gap {
+    /// Stamp of the last pair before it.
+    pub after_ns: u64,
+    pub length_ns: u64,
+}
+
+/// A jump of the clock that stamps the left images, against that of the log times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct ClockJump {
+    /// Stamp of the last image before it.
+    pub after_ns: u64,
+    /// Positive for a jump ahead.
+    pub by_ns: i64,
+}
+
+impl Recording {
+    /// Reads all of the recording and summarizes it. Damage is not an error but part of the
+    /// summary.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Io`]; [`svl_core::Error::Format`] for a file that is not MCAP, and for a
+    /// bag of several files.
+    pub fn summary(&self) -> Result<RecordingSummary> {
+        let mut seen = SummaryScan::default();
+        let file = match self.only_file()? {
+            Container::Mcap(file) => file,
+            Container::Ros1(file) => {
+                let mut messages = Ros1Messages::open(file)?;
+                // The error at its end is the first of the losses.
+                while let Ok(Some(event)) = messages.next() {
+                    seen.take_in(event);
+                }
+                seen.losses = messages.take_losses();
+                (seen.library, seen.profile) = ("rosbag, of ROS 1".into(), "ros1".into());
+                seen.choose(self, &self.channels()?);
+                return Ok(seen.summary(file.path(), file.len()));
+            }
+            Container::Sqlite(file) => {
+                let mut messages = file.messages()?;
+                loop {
+                    match messages.next() {
+                        Ok(Some(event)) => seen.take_in(event),
+                        Ok(None) => break,
+                        Err(error) => {
+                            seen.losses.push(DamagedPart {
+                                at_byte: 0,
+                                bytes: 0,
+                                reason: error.to_string(),
+                            });
+                        }
+                    }
+                }
+                (seen.library, seen.profile) = ("rosbag2, in SQLite".into(), "ros2".into());
+                seen.choose(self, &self.channels()?);
+                return Ok(seen.summary(file.path(), file.len()));
+            }
+        };
+        let mut messages = Messages::salvage(file)?;
+        while let Some(event) = messages.next()? {
+            seen.take_in(event);
+        }
+        (seen.losses, seen.missing) = messages.take_losses();
+        seen.checksums = messages.is_checked();
+        // Neither the profile nor a sync message: svl did not write it.
+        if seen.profile != PROFILE && seen.sequences.is_empty() {
+            let channels = messages.channels();
+            seen.choose(self, &channels.iter().collect::<Vec<_>>());
+        }
+        Ok(seen.summary(file.path(), file.len()))
+    }
+}
+
+impl RecordingSummary {
+    /// True if the file is complete and intact.
+    pub fn is_intact(&self) -> bool {
+        self.damage.is_none()
+    }
+
+    /// From the first to the last stamp.
+    pub fn duration_ns(&self) -> u64 {
+        self.end_ns.saturating_sub(self.start_ns)
+    }
+}
+
+/// State of the scan of a file.
+#[derive(Default)]
+struct SummaryScan {
+    library: String,
+    profile: String,
+    header: Option<Header>,
+    grabber: BTreeMap<String, String>,
+    manifest: Option<serde_json::Value>,
+    attachments: Vec<(String, u64)>,
+    topics: BTreeMap<String, Topic>,
+    /// Log times of the images, by topic.
+    stamps: BTreeMap<String, Vec<u64>>,
+    /// Images of other programs, by topic, in file order, with their number.
+    foreign: BTreeMap<String, Vec<StampedImage>>,
+    /// The frame of the first of them.
+    frames: BTreeMap<String, String>,
+    /// The left images of svl's own recordings, by their `/stereo/sync`, in file order.
+    synced: Vec<StampedImage>,
+    places: u64,
+    videos: BTreeMap<String, VideoScan>,
+    pairs: u64,
+    skews: Vec<i64>,
+    sequences: BTreeSet<u64>,
+    geometry: BTreeSet<PairGeometry>,
+    /// Row offsets of the results, by algorithm.
+    row_offsets: BTreeMap<String, Vec<i8>>,
+    drops: u64,
+    drops_before: Option<u64>,
+    unpaired: Option<UnpairedImages>,
+    poses: Option<PoseSummary>,
+    /// Hash of the last image of each topic, and the number of those equal to the one before.
+    repeated: BTreeMap<String, (u64, u64)>,
+    losses: Vec<DamagedPart>,
+    missing: BTreeMap<String, u64>,
+    checksums: bool,
+    stereo: Option<[String; 2]>,
+}
+
+impl SummaryScan {
+    fn take_in(&mut self, event: FileEvent<'_>) {
+        match event {
+            // If files are appended, the header of the first one is used.
+            FileEvent::Library(header) if self.library.is_empty() => {
+                (self.library, self.profile) = (header.library, header.profile);
+            }
+            FileEvent::Library(_) => {}
+            FileEvent::Metadata(metadata) if metadata.name == GRABBER => {
+                self.grabber = metadata.metadata
+            }
+            FileEvent::Metadata(metadata) => {
+                self.header = self
+                    .header
+                    .take()
+                    .or_else(|| Header::from_record(&metadata))
+            }
+            FileEvent::Attachment { name, data, .. } => {
+                if name == MANIFEST && self.manifest.is_none() {
+                    self.manifest = serde_json::from_slice(&data).ok();
+                }
+                self.attachments.push((name, data.len() as u64));
+            }
+            FileEvent::Message {
+                channel,
+                log_time,
+                data,
+            } => self.count(channel, log_time, &data),
+        }
+    }
+
+    fn count(&mut self, channel: &Channel, stamp_ns: u64, data: &[u8]) {
+        self.count_in_topic(channel, stamp_ns, data);
+        if is_image(channel) {
+            self.take_in_image(channel, stamp_ns, data);
+        }
+        if TopicKind::from_topic(&channel.topic) == Some(TopicKind::Sync)
+            && let Ok(sync) = StereoSync::decode(&channel.schema, data)
+        {
+            self.take_in_sync(sync, stamp_ns);
+        }
+        if let Some(Ok(result)) = AlgorithmResult::decode(&channel.schema, data)
+            && let Some(row_offset_px) = result.row_offset_px
+        {
+            let offsets = self.row_offsets.entry(result.algorithm).or_default();
+            offsets.push(row_offset_px);
+        }
+    }
+
+    fn count_in_topic(&mut self, channel: &Channel, stamp_ns: u64, data: &[u8]) {
+        let Channel {
+            topic,
+            schema,
+            encoding,
+        } = channel;
+        let topic = self.topics.entry(topic.clone()).or_insert_with(|| Topic {
+            name: topic.clone(),
+            schema: schema.clone(),
+            encoding: encoding.clone(),
+            messages: 0,
+            bytes: 0,
+            start_ns: stamp_ns,
+            end_ns: stamp_ns,
+            rate_hz: None,
+        });
+        topic.messages += 1;
+        topic.bytes += data.len() as u64;
+        topic.start_ns = topic.start_ns.min(stamp_ns);
+        topic.end_ns = topic.end_ns.max(stamp_ns);
+        let seconds = (topic.end_ns - topic.start_ns) as f64 / 1e9;
+        topic.rate_hz = (seconds > 0.0).then(|| (topic.messages - 1) as f64 / seconds);
+    }
+
+    fn take_in_image(&mut self, channel: &Channel, stamp_ns: u64, data: &[u8]) {
+        let hash = xxhash_rust::xxh3::xxh3_64(without_stamp(channel, data));
+        let repeated = self.repeated.entry(channel.topic.clone()).or_default();
+        repeated.1 += u64::from(repeated.0 == hash);
+        repeated.0 = hash;
+        match self.stamps.get_mut(&channel.topic) {
+            Some(stamps) => stamps.push(stamp_ns),
+            None => drop(self.stamps.insert(channel.topic.clone(), vec![stamp_ns])),
+        }
+        if self.profile != PROFILE {
+            let unpacked = unpack_message(data).ok().flatten();
+            let data = unpacked.as_deref().unwrap_or(data);
+            self.take_in_foreign_image(channel, stamp_ns, data);
+        }
+    }
+
+    /// Takes in an image of another program. `stamp_ns`: its log time.
+    fn take_in_foreign_image(&mut self, channel: &Channel, stamp_ns: u64, data: &[u8]) {
+        let head = head(channel, data);
+        let video = is_video(channel).then(|| self.videos.entry(channel.topic.clone()));
+        let is_decodable = video.is_none_or(|video| video.or_default().take_in(channel, data));
+        // An unreadable message is reported by `svl replay`, and is not counted as an image here.
+        if let Ok((own_stamp_ns, frame)) = head
+            && is_decodable
+        {
+            if !self.frames.contains_key(&channel.topic) {
+                self.frames.insert(channel.topic.clone(), frame);
+            }
+            let images = self.foreign.entry(channel.topic.clone()).or_default();
+            images.push(StampedImage {
+                place: self.places,
+                stamp_ns: own_stamp_ns.unwrap_or(stamp_ns),
+                log_ns: stamp_ns,
+                bytes: data.len(),
+            });
+            self.places += 1;
+        }
+    }
+
+    fn take_in_sync(&mut self, sync: StereoSync, log_ns: u64) {
+        self.pairs += 1;
+        self.synced.push(StampedImage {
+            place: self.pairs,
+            stamp_ns: sync.left_stamp_ns,
+            log_ns,
+            bytes: 0,
+        });
+        self.skews.extend(sync.exposure.skew_ns);
+        self.sequences.insert(sync.sequence);
+        self.geometry.insert(sync.geometry);
+        // The recorder's counter never falls; after damage the last value read is used.
+        self.drops = self.drops.max(sync.exposure.drops);
+        self.drops_before.get_or_insert(sync.exposure.drops);
+    }
+
+    /// Chooses the topics of the pairs in another program's recording, and pairs their images.
+    fn choose(&mut self, recording: &Recording, channels: &[&Channel]) {
+        self.stereo = choose(channels, &Selection::default()).ok();
+        if let Some(topics) = &self.stereo {
+            let images = |topic| self.foreign.get(topic).map_or(&[][..], Vec::as_slice);
+            let (skews, unpaired) = pair_stamps(topics.each_ref().map(images));
+            self.pairs = skews.len() as u64;
+            self.skews = skews;
+            self.unpaired = Some(unpaired);
+            let frame = self.frames.get(&topics[0]).map_or("", String::as_str);
+            let stamps = images(&topics[0]).iter().map(|image| image.stamp_ns);
+            // Damage is reported with the pairs.
+            self.poses = pose_summary(recording, channels, frame, stamps)
+                .ok()
+                .flatten();
+        }
+        // Calibrations are for images of one size, so their geometry is known once there is a pair.
+        self.geometry = Reader::new(recording.clone(), &Selection::default())
+            .and_then(|mut reader| reader.next_pair())
+            .ok()
+            .flatten()
+            .map(|frame| PairGeometry::from(&frame.geometry))
+            .into_iter()
+            .collect();
+    }
+
+    /// The topics of the left and the right images.
+    fn image_topics(&self) -> [&str; 2] {
+        match &self.stereo {
+            Some(topics) => topics.each_ref().map(String::as_str),
+            None => Side::BOTH.map(|side| TopicKind::Image(side).topic()),
+        }
+    }
+
+    /// The images of the left camera. Of svl's own, the stamps of the pairs; of images without any,
+    /// the log times.
+    fn left_images(&self) -> Cow<'_, [StampedImage]> {
+        let [left, _] = self.image_topics();
+        let images = self.foreign.get(left).map_or(&[][..], Vec::as_slice);
+        match (images, &self.synced[..]) {
+            ([], []) => {
+                let stamps = self.stamps.get(left).into_iter().flatten();
+                let image = |&stamp_ns: &u64| StampedImage {
+                    place: 0,
+                    stamp_ns,
+                    log_ns: stamp_ns,
+                    bytes: 0,
+                };
+                stamps.map(image).collect()
+            }
+            ([], synced) => synced.into(),
+            (images, _) => images.into(),
+        }
+    }
+
+    /// Nominal stamps do not reveal the rate.
+    fn has_nominal_stamps(&self) -> bool {
+        let stamps = self.header.as_ref().map(|header| &header.stamps);
+        matches!(stamps, Some(Some(StampOrigin::Nominal(_))))
+    }
+
+    /// Numbers need not start at 0: a part of a recording keeps its own.
+    fn missing_pairs(&self) -> u64 {
+        let numbers = match (self.sequences.first(), self.sequences.last()) {
+            (Some(first), Some(last)) => (last - first).saturating_add(1),
+            _ => 0,
+        };
+        numbers - self.sequences.len() as u64
+    }
+
+    /// The first and the last stamp of any message.
+    fn span_ns(&self) -> (u64, u64) {
+        let starts = self.topics.values().map(|topic| topic.start_ns);
+        let ends = self.topics.values().map(|topic| topic.end_ns);
+        (starts.min().unwrap_or(0), ends.max().unwrap_or(0))
+    }
+
+    fn summary(mut self, path: &Path, bytes: u64) -> RecordingSummary {
+        let repeated = |topic: &str| self.repeated.get(topic).map_or(0, |(_, images)| *images);
+        let repeated_images = self.image_topics().map(repeated);
+        let images = self.left_images();
+        let clock_jumps = clock_jumps(&images);
+        let steps = steps(&images);
+        let period_ns = median_ns(&steps).filter(|_| !self.has_nominal_stamps());
+        let gaps = period_ns.map_or_else(Vec::new, |period_ns| gaps(&steps, period_ns));
+        let missing_pairs = self.missing_pairs();
+        let (start_ns, end_ns) = self.span_ns();
+        RecordingSummary {
+            path: path.to_owned(),
+            bytes,
+            damage: self.losses.first().map(DamagedPart::to_string),
+            checksums: self.checksums,
+            missing: self.missing,
+            missing_pairs,
+            losses: self.losses,
+            stereo: self.stereo,
+            geometry: self.geometry,
+            misalignment: self
+                .row_offsets
+                .into_iter()
+                .filter_map(misalignment)
+                .collect(),
+            library: self.library,
+            profile: self.profile,
+            header: self.header,
+            grabber: self.grabber,
+            manifest: self.manifest,
+            attachments: self.attachments,
+            start_ns,
+            end_ns,
+            topics: self.topics.into_values().collect(),
+            pairs: self.pairs,
+            period_ns,
+            gaps,
+            clock_jumps,
+            skew: SkewSummary::from_skews(&mut self.skews),
+            drops: self.drops,
+            drops_before: self.drops_before.unwrap_or_default(),
+            unpaired: self.unpaired,
+            repeated_images,
+            poses: self.poses,
+            videos: self
+                .videos
+                .into_iter()
+                .map(|(topic, video)| (topic, video.summary))
+                .collect(),
+        }
+    }
+}
+
+/// The median length of the steps between stamps.
+fn median_ns(steps: &[(u64, u64)]) -> Option<u64> {
+    let mut periods: Vec<_> = steps.iter().map(|&(_, step)| step).collect();
+    periods.sort_unstable();
+    upper_rank(&periods, 0.5)
+}
+
+/// The steps that are much longer than the median one.
+fn gaps(steps: &[(u64, u64)], period_ns: u64) -> Vec<Gap> {
+    let is_gap = |step: u64| step as f64 > GAP_PERIODS * period_ns as f64;
+    let long = steps.iter().filter(|&&(_, step)| is_gap(step));
+    let gap = |&(after_ns, length_ns): &(u64, u64)| Gap {
+        after_ns,
+        length_ns,
+    };
+    long.map(gap).collect()
+}
+
+/// The bytes of an image's message behind its stamp, which comes first in all of them.
+fn without_stamp<'a>(channel: &Channel, data: &'a [u8]) -> &'a [u8] {
+    let stamp = match (channel.encoding.as_str(), data) {
+        // A number and the stamp; or the encapsulation and the stamp.
+        ("ros1" | "cdr", _) => 12,
+        // The first field, a message of its own.
+        ("protobuf", [0x0a, len, ..]) => 2 + usize::from(*len),
+        _ => 0,
+    };
+    data.get(stamp..).unwrap_or(data)
+}
+
+/// Where the stamps of images in file order jump: a clock that was set, or a camera that began
+/// anew.
+fn clock_jumps(images: &[StampedImage]) -> Vec<ClockJump> {
+    let jump = |pair: &[StampedImage]| {
+        let [last, next] = pair else { return None };
+        Some(ClockJump {
+            after_ns: last.stamp_ns,
+            by_ns: jump_ns(last, next)?,
+        })
+    };
+    images.windows(2).filter_map(jump).collect()
+}
+
+/// The jump of the stamps against the log times. Stamps that go back jump even if the log times go
+/// with them, as in svl's own recordings.
+fn jump_ns(last: &StampedImage, next: &StampedImage) -> Option<i64> {
+    let step = |to: u64, from: u64| to.wrapping_sub(from).cast_signed();
+    let stamps = step(next.stamp_ns, last.stamp_ns);
+    let against_log = stamps.saturating_sub(step(next.log_ns, last.log_ns));
+    let is_jump = |ns: &i64| ns.unsigned_abs() > CLOCK_JUMP_NS;
+    let back = Some(stamps).filter(|stamps| *stamps < 0);
+    Some(against_log).filter(is_jump).or(back.filter(is_jump))
+}
+
+/// The stamps of images and the times to the next, in the order of the stamps between two jumps: a
+/// jump is no gap.
+fn steps(images: &[StampedImage]) -> Vec<(u64, u64)> {
+    let parts = images.chunk_by(|last, next| jump_ns(last, next).is_none());
+    let of_part = |part: &[StampedImage]| {
+        let mut stamps: Vec<_> = part.iter().map(|image| image.stamp_ns).collect();
+        stamps.sort_unstable();
+        // A duplicate would count as a period of 0.
+        stamps.dedup();
+        let steps = stamps.windows(2).map(|pair| (pair[0], pair[1] - pair[0]));
+        steps.collect::<Vec<_>>()
+    };
+    parts.flat_map(of_part).collect()
+}
+
+/// Summarizes the row offsets of an algorithm's results; `None` without any.
+fn misalignment((algorithm, mut offsets): (String, Vec<i8>)) -> Option<Misalignment> {
+    offsets.sort_unstable();
+    Some(Misalignment {
+        algorithm,
+        pairs: offsets.len() as u64,
+        median_px: upper_rank(&offsets, 0.5)?,
+        min_px: *offsets.first()?,
+        max_px: *offsets.last()?,
+    })
+}

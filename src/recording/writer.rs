@@ -1,0 +1,268 @@
+//! Writes recordings, crash-safe to about a second.
+
+use super::append_file::AppendFile;
+use super::sync::StereoSync;
+use super::synced_file::SyncedFile;
+use super::{
+    Dialect, Encoded, Header, LIBRARY, MANIFEST, PairResult, RecordingFormat, ResultOptions,
+    RosStamp, TopicKind, frame_id, ros, truth,
+};
+use mcap::Attachment;
+use mcap::records::{MessageHeader, Metadata};
+use serde::Serialize;
+use std::borrow::Cow;
+use std::collections::{BTreeMap, HashMap};
+use std::path::PathBuf;
+use svl_core::stereo::{Frame, Geometry, Side, Truth};
+use svl_core::{Error, Result};
+
+const TF_STATIC: &str = "/tf_static";
+
+/// Writes one recording.
+///
+/// Only complete chunks are appended, without seeking back, so that the file is a valid prefix of a
+/// recording at every moment; it is synced about once a second. Dropping the writer finishes the
+/// file and discards errors; call [`Writer::finish`] to see them.
+pub struct Writer {
+    file: SyncedFile,
+    format: RecordingFormat,
+    channels: HashMap<String, u16>,
+}
+
+impl Writer {
+    /// Creates the file and writes its header.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file exists already or cannot be created.
+    pub fn create(
+        path: impl Into<PathBuf>,
+        header: &Header,
+        format: impl Into<RecordingFormat>,
+    ) -> Result<Self> {
+        let format = format.into();
+        let path = path.into();
+        let mut file = AppendFile::create(path.clone(), format.dialect.profile(), LIBRARY)?;
+        file.metadata(&header.to_record())?;
+        let file = SyncedFile::new(file).map_err(|e| Error::io(&path, e))?;
+        Ok(Self {
+            file,
+            format,
+            channels: HashMap::new(),
+        })
+    }
+
+    /// Attaches a file, e.g. the scenario or a calibration.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn attach(&mut self, name: &str, media_type: &str, data: &[u8]) -> Result<()> {
+        let (name, media_type) = (name.to_owned(), media_type.to_owned());
+        let attachment = Attachment {
+            log_time: 0,
+            create_time: 0,
+            name,
+            media_type,
+            data: Cow::Borrowed(data),
+        };
+        self.file.with(|file| file.attach(&attachment))
+    }
+
+    /// Attaches the manifest of the run that writes the recording.
+    ///
+    /// # Errors
+    /// [`Error::Io`], or [`Error::Invalid`] if JSON cannot express it.
+    pub fn identify(&mut self, manifest: &impl Serialize) -> Result<()> {
+        let json = serde_json::to_vec_pretty(manifest)
+            .map_err(|error| Error::Invalid(format!("{MANIFEST}: {error}")))?;
+        self.attach(MANIFEST, "application/json", &json)
+    }
+
+    /// Writes a metadata record.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn remember(&mut self, name: &str, facts: BTreeMap<String, String>) -> Result<()> {
+        self.file.with(|file| {
+            file.metadata(&Metadata {
+                name: name.to_owned(),
+                metadata: facts,
+            })
+        })
+    }
+
+    /// Writes a pair with its geometry, pose, truth and exposure.
+    ///
+    /// # Errors
+    /// [`Error::Io`], after which the file keeps the chunks written before and accepts no more;
+    /// [`Error::Invalid`] for stamps outside 1970 ..= 2038.
+    pub fn write(&mut self, frame: &Frame) -> Result<()> {
+        let left = RosStamp::new(frame.stamp_ns)?;
+        // If the skew of an image is unknown, its stamp is that of its partner.
+        let skew_ns = frame.exposure.skew_ns.unwrap_or(0);
+        // The right stamp is not in a frame; it is the left one plus the skew.
+        let right_ns = left.ns().checked_add_signed(skew_ns).ok_or_else(|| {
+            Error::Invalid(format!(
+                "a skew of {skew_ns} ns puts the right stamp of {} ns before 1970",
+                left.ns()
+            ))
+        })?;
+        let right = RosStamp::new(right_ns)?;
+        let sequence = frame.sequence as u32;
+        let size = frame.pair.size();
+        let RecordingFormat { dialect, images } = self.format;
+        if let Some(rig) = frame.rig() {
+            for (camera, stamp) in [(Side::Left, left), (Side::Right, right)] {
+                let message = dialect.calibration(rig, size, camera, stamp);
+                self.put(message, stamp, sequence)?;
+            }
+            dialect
+                // Calibration first: a truncated recording with the images then also has their
+                // calibration.
+                .baseline(rig, left)
+                .map_or(Ok(()), |said| self.put(said, left, sequence))?;
+        }
+        if let Some(pose) = &frame.pose {
+            self.put(dialect.pose(pose, left), left, sequence)?;
+        }
+        let rectified = frame.geometry != Geometry::Raw;
+        if let Some(colors) = &frame.color {
+            for ((camera, stamp), color) in [(Side::Left, left), (Side::Right, right)]
+                .into_iter()
+                .zip(colors)
+            {
+                let message = dialect.image(color, camera, rectified, images, stamp)?;
+                self.put(message, stamp, sequence)?;
+            }
+        }
+        for (camera, image, stamp) in [
+            (Side::Left, frame.pair.left(), left),
+            (Side::Right, frame.pair.right(), right),
+        ] {
+            let message = dialect.image(image, camera, rectified, images, stamp)?;
+            self.put(message, stamp, sequence)?;
+        }
+        if let Some(truth) = &frame.truth {
+            self.write_truth(frame, truth, left)?;
+        }
+        // Last message of the pair: a reader that has it has everything of the pair.
+        let sync = dialect.json(StereoSync::new(frame, right_ns).encode());
+        self.put((TopicKind::Sync.topic(), sync), left, sequence)
+    }
+
+    fn write_truth(&mut self, frame: &Frame, truth: &Truth, stamp: RosStamp) -> Result<()> {
+        let sequence = frame.sequence as u32;
+        let said = match frame
+            .rig()
+            .and_then(|rig| truth::depths(&truth.disparity, rig))
+        {
+            Some(depth) => (
+                TopicKind::Depth.topic(),
+                ros::encode_32fc1(&depth, stamp, frame_id(Side::Left)),
+            ),
+            // Without a frame id: viewers interpret a float image in a frame as depths in metres.
+            None => (
+                TopicKind::Disparity.topic(),
+                ros::encode_32fc1(&truth::to_file(&truth.disparity), stamp, ""),
+            ),
+        };
+        self.put(said, stamp, sequence)?;
+        let visibility = truth
+            .visibility
+            .as_ref()
+            .map(|plane| plane.map(|v| v as u8));
+        let surface = truth.surface.as_ref().map(|plane| plane.map(|s| s as u8));
+        for (kind, codes) in [
+            (TopicKind::Visibility, visibility),
+            (TopicKind::Surface, surface),
+        ] {
+            if let Some(codes) = codes {
+                let message = self.format.dialect.codes(kind, &codes, stamp)?;
+                self.put(message, stamp, sequence)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the result of an algorithm for `frame`: disparities, cells, hash; in ROS 2 also what
+    /// live topics have.
+    ///
+    /// # Errors
+    /// As [`Writer::write`].
+    pub fn write_result(&mut self, frame: &Frame, result: &PairResult) -> Result<()> {
+        let stamp = RosStamp::new(frame.stamp_ns)?;
+        // Labels may contain paths (exec), and slashes would create namespaces.
+        let algorithm = result.result.algorithm.replace('/', "_");
+        let topic = |what: &str| format!("/algo/{algorithm}/{what}");
+        let sequence = frame.sequence as u32;
+        let dialect = self.format.dialect;
+        if dialect == Dialect::Ros2 && frame.rig().is_some() {
+            let left = frame_id(Side::Left);
+            if !self.channels.contains_key(TF_STATIC) {
+                let transform = ros::scan_transform(left, stamp.ns())?;
+                let transform = transform.map(|said| (TF_STATIC, said.message));
+                transform.map_or(Ok(()), |said| self.put(said, stamp, sequence))?;
+            }
+            for said in ros::result_messages(frame, result, &ResultOptions::new(left))? {
+                self.put((topic(said.topic), said.message), stamp, sequence)?;
+            }
+        } else {
+            let disparity = truth::to_file(&result.disparity);
+            let disparity = ros::encode_32fc1(&disparity, stamp, "");
+            self.put((topic("disparity"), disparity), stamp, sequence)?;
+        }
+        let cells = dialect.json(result.cells.encode());
+        self.put((topic("cells"), cells), stamp, sequence)?;
+        let hash = dialect.json(result.result.encode());
+        self.put((topic("result"), hash), stamp, sequence)
+    }
+
+    /// Closes the chunk and syncs the file (fsync).
+    ///
+    /// # Errors
+    /// [`Error::Io`], also if the file has disappeared from its folder.
+    pub fn sync(&mut self) -> Result<()> {
+        self.file.with(AppendFile::sync)
+    }
+
+    /// Completes the file. A second call does nothing.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn finish(&mut self) -> Result<()> {
+        self.file.with(AppendFile::finish)
+    }
+
+    fn put(
+        &mut self,
+        (topic, message): (impl AsRef<str>, Encoded),
+        stamp: RosStamp,
+        sequence: u32,
+    ) -> Result<()> {
+        let topic = topic.as_ref();
+        let channel_id = match self.channels.get(topic) {
+            Some(&id) => id,
+            None => {
+                let Encoded {
+                    schema,
+                    schema_encoding,
+                    definition,
+                    encoding,
+                    ..
+                } = &message;
+                let schema = Some((*schema, *schema_encoding, &**definition));
+                let id = self
+                    .file
+                    .with(|file| file.channel(topic, schema, encoding, &BTreeMap::new()))?;
+                self.channels.insert(topic.to_owned(), id);
+                id
+            }
+        };
+        let header = MessageHeader {
+            channel_id,
+            sequence,
+            log_time: stamp.ns(),
+            publish_time: stamp.ns(),
+        };
+        self.file.with(|file| file.message(&header, &message.data))
+    }
+}

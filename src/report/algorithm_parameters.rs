@@ -1,0 +1,68 @@
+//! The table of the algorithms with a column per parameter, for sweeps.
+
+use polars::prelude::{Column, DataFrame, ParquetWriter};
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::path::Path;
+use svl_core::{Error, Result};
+use svl_score::manifest::AlgorithmRecord;
+
+/// Writes `algorithms.csv` and `algorithms.parquet` into a folder that exists: a row per algorithm
+/// with label, name, filters, and a column per parameter that any of them has, by name. Numbers
+/// are numbers where all values of the column are.
+///
+/// # Errors
+/// [`Error::Io`] with the file, [`Error::Format`] with the error of polars.
+pub fn write_algorithms(folder: &Path, algorithms: &[AlgorithmRecord]) -> Result<()> {
+    let names = algorithms.iter().flat_map(|algorithm| &algorithm.values);
+    let names: BTreeSet<&str> = names.map(|(name, _)| name.as_str()).collect();
+    let column = |name: &str| -> Vec<Option<String>> {
+        let find = |algorithm: &AlgorithmRecord| {
+            let mut values = algorithm.values.iter();
+            values
+                .find(|(own, _)| own == name)
+                .map(|(_, value)| value.clone())
+        };
+        algorithms.iter().map(find).collect()
+    };
+    let texts =
+        |text: fn(&AlgorithmRecord) -> String| algorithms.iter().map(|a| Some(text(a))).collect();
+    let mut columns: Vec<(&str, Vec<Option<String>>)> = vec![
+        ("algorithm", texts(|a| a.label.clone())),
+        ("name", texts(|a| a.name.clone())),
+    ];
+    columns.extend(names.into_iter().map(|name| (name, column(name))));
+    let path = folder.join("algorithms.csv");
+    let failed = |e: csv::Error| Error::format(&path, e.to_string());
+    let mut writer = csv::Writer::from_path(&path).map_err(failed)?;
+    let heads = columns.iter().map(|(name, _)| *name);
+    writer.write_record(heads).map_err(failed)?;
+    for i in 0..algorithms.len() {
+        let line = columns
+            .iter()
+            .map(|(_, cells)| cells[i].as_deref().unwrap_or_default());
+        writer.write_record(line).map_err(failed)?;
+    }
+    writer.flush().map_err(|e| Error::io(&path, e))?;
+    let path = folder.join("algorithms.parquet");
+    let failed = |e: polars::prelude::PolarsError| Error::format(&path, e.to_string());
+    let columns = columns.into_iter().map(|(name, cells)| stored(name, cells));
+    let frame = DataFrame::new(algorithms.len(), columns.collect());
+    let file = File::create(&path).map_err(|e| Error::io(&path, e))?;
+    ParquetWriter::new(file)
+        .finish(&mut frame.map_err(failed)?)
+        .map_err(failed)?;
+    Ok(())
+}
+
+fn stored(name: &str, cells: Vec<Option<String>>) -> Column {
+    let number = |cell: &Option<String>| cell.as_ref().map(|text| text.parse::<f64>().ok());
+    let numbers: Option<Vec<Option<f64>>> = cells
+        .iter()
+        .map(|cell| number(cell).map_or(Some(None), |number| number.map(Some)))
+        .collect();
+    match numbers {
+        Some(numbers) => Column::new(name.into(), numbers),
+        None => Column::new(name.into(), cells),
+    }
+}

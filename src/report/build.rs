@@ -1,0 +1,521 @@
+//! Builds a report from its folder: the tables of its units, then plots, page and summaries.
+
+use super::drives::CoursePlan;
+use super::html::{CheckpointFigure, ReportPage, SceneFigure};
+use super::maps::maps;
+use super::rows::Row;
+use super::sources::{SUMMARY, Sources};
+use super::sweeps::sweeps;
+use super::units::{
+    ReportPlan, ReportTables, RunUnits, StoredSession, UNITS, Units, collect_tables, made_of,
+    read_tables, remove_file, write_tables,
+};
+use super::{GateResult, Summary, limit_results, shots, write_algorithms};
+use crate::outputs::{FolderRule, write, write_json};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use svl_core::matcher::ProgramRecord;
+use svl_core::{Error, Result, counted};
+use svl_score::judge::{ColumnChoice, MatchFailure, Metric};
+use svl_score::losses::{FailedPairs, LossLimit, RunEnding, RunState};
+use svl_score::manifest::{AlgorithmRecord, Manifest, hash};
+use svl_score::scenario::Limit;
+
+/// What a report shows of its units.
+#[derive(Clone, Copy, Default)]
+pub struct BuildOptions<'a> {
+    /// Metrics that the tables show, in place of the scenario's.
+    pub columns: Option<&'a ColumnChoice>,
+    /// Metric that the algorithms are sorted by.
+    pub sort: Option<&'static Metric>,
+    /// True if the limits of the scenario are checked.
+    pub gate: bool,
+    /// The folder for the plots as files.
+    pub figures: Option<&'a Path>,
+    /// The limit of losses, in place of the scenario's.
+    pub allow_loss: Option<LossLimit>,
+    /// Warnings of the command besides those of its units.
+    pub warnings: &'a [String],
+}
+
+/// A report that is built.
+pub struct BuiltReport {
+    /// Name of the scenario.
+    pub scenario: String,
+    pub summary: Summary,
+    /// The results of the limits, if they were asked for.
+    pub gate: Vec<GateResult>,
+    /// The beginning of the last session whose results it has.
+    pub last_session: Option<String>,
+    /// Per algorithm the number of its results by session, in the order of the algorithms.
+    pub results: Vec<(String, BTreeMap<String, u64>)>,
+}
+
+/// Builds the report of a folder from its units.
+///
+/// # Errors
+/// [`Error::Invalid`] for a folder without units; [`Error::Io`], [`Error::Format`] with the file.
+pub fn build(folder: &Path, options: &BuildOptions<'_>) -> Result<BuiltReport> {
+    let units = Units::for_report(folder);
+    if !units.exist() {
+        return Err(Error::Invalid(format!(
+            "{}: is not a report of `svl score`: it has no {UNITS}/plan.json",
+            folder.display()
+        )));
+    }
+    let (plan, sessions) = (units.plan()?, units.sessions()?);
+    let mut damaged: Vec<String> = Vec::new();
+    let runs = plan.runs.iter().map(|run| {
+        RunUnits::read(&units, &plan, run, &sessions, |_, file| {
+            damaged.push(file.display().to_string());
+        })
+    });
+    let runs = runs.collect::<Result<Vec<_>>>()?;
+    for file in &damaged {
+        tracing::warn!("{file}: was cut or edited; `svl score` matches its pairs again");
+    }
+    let known = Sources::read(folder).unwrap_or_default();
+    // Without it, the report is not complete.
+    remove_file(&folder.join(SUMMARY))?;
+    let made_of = made_of(&plan, &runs);
+    let is_known = known.units == made_of && known.changed(folder, true).is_none();
+    let tables = if is_known {
+        read_tables(folder, &plan)?
+    } else {
+        write_tables(folder, &plan, &runs)?
+    };
+    let sources = Sources::for_folder(folder, made_of)?;
+    Report {
+        folder,
+        options,
+        plan: &plan,
+        sessions: &sessions,
+        runs: &runs,
+        tables,
+    }
+    .write(sources)
+}
+
+/// The results of the checkpoints so far, as Markdown.
+///
+/// # Errors
+/// As [`build`].
+pub fn checkpoint_results(folder: &Path) -> Result<String> {
+    let units = Units::for_report(folder);
+    let (plan, sessions) = (units.plan()?, units.sessions()?);
+    let runs = plan.runs.iter();
+    let runs = runs.map(|run| RunUnits::read(&units, &plan, run, &sessions, |_, _| ()));
+    let runs = runs.collect::<Result<Vec<_>>>()?;
+    let tables = collect_tables(&plan, &runs, false, |_| Ok(()))?;
+    let summary = Summary::from_rows(&tables.rows, &tables.checkpoints)?;
+    Ok(summary.verdicts_markdown(&plan.manifest.scenario))
+}
+
+/// A report whose tables are written.
+struct Report<'a> {
+    folder: &'a Path,
+    options: &'a BuildOptions<'a>,
+    plan: &'a ReportPlan,
+    sessions: &'a [StoredSession],
+    runs: &'a [RunUnits],
+    tables: ReportTables,
+}
+
+impl Report<'_> {
+    fn write(self, sources: Sources) -> Result<BuiltReport> {
+        let (folder, plan, options) = (self.folder, self.plan, self.options);
+        let tables = &self.tables;
+        let mut summary = Summary::from_rows(&tables.rows, &tables.checkpoints)?;
+        let mut manifest = self.manifest();
+        if let Some(warning) = nothing_scored(&manifest, &summary) {
+            tracing::warn!("{warning}");
+            manifest.warnings.push(warning);
+        }
+        summary.add_drives(&tables.drives);
+        summary.ending = self.ending()?;
+        summary.rule = plan.part("cells")?.unwrap_or_default();
+        let columns: Option<ColumnChoice> = plan.part("columns")?;
+        summary.columns = options.columns.cloned().or(columns).unwrap_or_default();
+        summary.measured = !plan.is_driven();
+        summary.time_groups = self.time_groups();
+        summary.complete(&mut manifest);
+        summary.made_of = sources;
+        if let Some(metric) = options.sort {
+            summary.sort_by(metric);
+        }
+        summary.find_leads(&tables.rows, &tables.drives);
+        for run in &mut manifest.runs {
+            run.pairs_hash = pairs_hash(&tables.rows, &run.name);
+        }
+        summary.write_tables(folder)?;
+        write_algorithms(folder, &manifest.algorithms)?;
+        write(
+            &folder.join("summary.md"),
+            summary.markdown(&manifest.scenario),
+        )?;
+        write(&folder.join("summary.tex"), summary.headline().latex())?;
+        write_json(&folder.join(MANIFEST), &manifest)?;
+        let mut limits: Vec<Limit> = plan.part("gate")?.unwrap_or_default();
+        for (limit, line) in limits.iter_mut().zip(&plan.limit_lines) {
+            limit.line = *line;
+        }
+        let limits = limits.iter().filter(|_| options.gate);
+        let gate: Vec<_> = limits
+            .flat_map(|limit| limit_results(limit, &summary, &manifest))
+            .collect();
+        let last_session = manifest.sessions.last().map(|last| last.began.clone());
+        let (figures, scenes) = self.pictures()?;
+        let page = ReportPage {
+            gate: (gate.iter())
+                .map(|result| (result.state, result.to_string()))
+                .collect(),
+            description: plan.part("description")?.unwrap_or_default(),
+            times_ms: times_ms(&tables.rows),
+            cases: summary.case_table(&tables.rows, &tables.drives),
+            summary: summary.clone(),
+            sweeps: sweeps(&manifest.algorithms),
+            figures,
+            scenes,
+            maps: self.maps()?,
+            manifest,
+        };
+        page.write(&folder.join("index.html"))?;
+        // An incomplete report leaves the folder empty for its end.
+        let is_over = matches!(summary.ending.state, RunState::Complete | RunState::Lossy);
+        if let Some(figures) = options.figures.filter(|_| is_over) {
+            page.write_figures(figures)?;
+        }
+        write_json(&folder.join(SUMMARY), &summary)?;
+        let results = plan.labels().into_iter().map(|label| {
+            let mut counts = BTreeMap::new();
+            for row in tables.rows.iter().filter(|row| row.algorithm == label) {
+                *counts.entry(row.session.clone()).or_default() += 1;
+            }
+            (label.to_owned(), counts)
+        });
+        let results = results.collect();
+        Ok(BuiltReport {
+            results,
+            scenario: plan.manifest.scenario.clone(),
+            summary,
+            gate,
+            last_session,
+        })
+    }
+
+    /// The manifest of the plan with what the sessions know.
+    fn manifest(&self) -> Manifest {
+        let mut manifest = self.plan.manifest.clone();
+        manifest.runs = self.runs.iter().filter_map(RunUnits::record).collect();
+        let used = |label: &str| {
+            let runs = self.runs.iter();
+            runs.flat_map(|run| run.kept.sessions(label)).collect()
+        };
+        let mut all = BTreeSet::new();
+        for record in &mut manifest.algorithms {
+            let used: BTreeSet<&str> = used(&record.label);
+            for session in self.sessions {
+                if used.contains(session.manifest.run_id.as_str()) {
+                    add_measurements(record, &session.manifest);
+                }
+            }
+            let failures = self.tables.failures.iter();
+            let mut own = failures.filter(|row| row.algorithm == record.label);
+            record.failed_pairs = own.clone().count() as u64;
+            record.failure = own.next_back().map(|row| row.reason.clone());
+            all.extend(used);
+        }
+        let sessions = self.sessions.iter().map(|session| &session.manifest);
+        let sessions = sessions.filter(|session| all.contains(session.run_id.as_str()));
+        let sessions: Vec<_> = sessions.collect();
+        if let Some(last) = sessions.last() {
+            // The report is of what was measured, not of the command that builds it.
+            let Manifest {
+                run_id,
+                began,
+                svl,
+                git_revision,
+                profile,
+                machine,
+                times,
+                ..
+            } = (*last).clone();
+            manifest = Manifest {
+                run_id,
+                began,
+                svl,
+                git_revision,
+                profile,
+                machine,
+                times,
+                ..manifest
+            };
+        }
+        manifest.sessions = sessions.into_iter().map(Manifest::session).collect();
+        let labels = self.plan.labels();
+        let mut run_warnings = Vec::new();
+        let facts = self.runs.iter().flat_map(|run| &run.facts);
+        for warning in facts.flat_map(|facts| &facts.warnings) {
+            warning.clone().add_to(&mut run_warnings);
+        }
+        let run_warnings = run_warnings
+            .iter()
+            .filter_map(|warning| warning.words(&labels));
+        let program_warnings: Vec<_> = manifest
+            .algorithms
+            .iter()
+            .flat_map(AlgorithmRecord::warnings)
+            .collect();
+        let given = self.options.warnings.iter().cloned();
+        let failed = failure_warnings(&labels, &self.tables);
+        for warning in given
+            .chain(run_warnings)
+            .chain(failed)
+            .chain(program_warnings)
+        {
+            if !manifest.warnings.contains(&warning) {
+                manifest.warnings.push(warning);
+            }
+        }
+        manifest
+    }
+
+    /// The end of the run: what is missing of it.
+    fn ending(&self) -> Result<RunEnding> {
+        let plan = self.plan;
+        let mut missing = plan.lost.clone().unwrap_or_default();
+        for run in self.runs {
+            let end = run.facts.as_ref().and_then(|facts| facts.end.as_ref());
+            if let Some(end) = end {
+                missing.pairs += end.pairs;
+                missing.losses.add(end.losses.clone());
+            }
+            missing.doubts.extend(run.doubt(plan));
+        }
+        let ReportTables {
+            rows,
+            failures,
+            drives,
+            ..
+        } = &self.tables;
+        if plan.is_driven() {
+            missing.pairs += drives.iter().map(|drive| drive.frames).sum::<u64>();
+        }
+        for label in plan.labels() {
+            let failed = failures.iter().filter(|row| row.algorithm == label).count() as u64;
+            let pairs = match plan.is_driven() {
+                true => {
+                    let own = drives.iter().filter(|drive| drive.algorithm == label);
+                    own.map(|drive| drive.frames).sum()
+                }
+                false => rows.iter().filter(|row| row.algorithm == label).count() as u64 + failed,
+            };
+            missing.add_failures(label.to_owned(), FailedPairs { pairs, failed });
+        }
+        let errors = self.runs.iter().flat_map(|run| &run.facts);
+        let error = errors.filter_map(|facts| facts.error.as_ref()).next();
+        if let Some(error) = error {
+            return Ok(RunEnding::early(RunState::Failed, error.clone(), missing));
+        }
+        let partial = self.runs.iter().filter(|run| !run.is_whole(plan));
+        let partial: Vec<_> = partial.map(|run| run.run.words()).collect();
+        if let Some(first) = partial.first() {
+            let what = if plan.is_driven() { "course" } else { "run" };
+            let words = format!(
+                "{} of {} not whole, from {first} on; `svl score` with the same options continues",
+                partial.len(),
+                counted(self.runs.len() as u64, what)
+            );
+            return Ok(RunEnding::early(RunState::Interrupted, words, missing));
+        }
+        let allowed = plan.manifest.allow_loss()?;
+        Ok(RunEnding::new(missing, self.options.allow_loss.or(allowed)))
+    }
+
+    /// The algorithms whose times may be compared, by a number that they share: those of each block
+    /// are of one session.
+    fn time_groups(&self) -> BTreeMap<String, usize> {
+        let mut groups: Vec<BTreeMap<(usize, u64), Option<&str>>> = Vec::new();
+        let mut group_by_label = BTreeMap::new();
+        for label in self.plan.labels() {
+            let mut sessions = BTreeMap::new();
+            for (i, run) in self.runs.iter().enumerate() {
+                let blocks = run.kept.block_sessions(label);
+                sessions.extend(blocks.into_iter().map(|(block, id)| ((i, block), id)));
+            }
+            let group = groups.iter().position(|own| *own == sessions);
+            let group = group.unwrap_or_else(|| {
+                groups.push(sessions);
+                groups.len() - 1
+            });
+            group_by_label.insert(label.to_owned(), group);
+        }
+        group_by_label
+    }
+
+    fn pictures(&self) -> Result<(Vec<CheckpointFigure>, Vec<SceneFigure>)> {
+        if self.plan.is_driven() {
+            return Ok((
+                shots::for_drives(self.plan, self.runs, &self.tables)?,
+                Vec::new(),
+            ));
+        }
+        shots::for_runs(self.plan, self.runs)
+    }
+
+    fn maps(&self) -> Result<Vec<super::plot::CourseMap>> {
+        if !self.plan.is_driven() {
+            return Ok(Vec::new());
+        }
+        let mut plans: Vec<CoursePlan> = Vec::new();
+        for run in self.runs {
+            let drives = run.kept.seals().iter();
+            let course = drives
+                .filter_map(|stored| stored.seal.drive.as_ref())
+                .next();
+            if let Some(drive) = course
+                && plans.iter().all(|plan| plan.seed != drive.course.seed)
+            {
+                plans.push(drive.course.clone());
+            }
+        }
+        write_json(&self.folder.join(COURSES), &plans)?;
+        Ok(maps(&plans, &self.tables.drives, &self.tables.tracks))
+    }
+}
+
+/// A warning per failure of an algorithm, but not while it fails for the same reason pair after
+/// pair.
+fn failure_warnings(labels: &[&str], tables: &ReportTables) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for label in labels {
+        let failures = tables.failures.iter().filter(|row| row.algorithm == *label);
+        if failures.clone().next().is_none() {
+            continue;
+        }
+        let rows = tables.rows.iter().filter(|row| row.algorithm == *label);
+        let key = |run: &Option<String>, seed: Option<u64>, stress: &Option<String>| {
+            (stress.clone(), run.clone(), seed)
+        };
+        let answered = rows.map(|row| (key(&row.run, row.seed, &row.stress), row.sequence, None));
+        let failed = failures.map(|row| {
+            let run_key = key(&row.run, row.seed, &row.stress);
+            (run_key, row.sequence, Some(row.reason.as_str()))
+        });
+        let mut pairs: Vec<_> = answered.chain(failed).collect();
+        pairs.sort();
+        let mut before = None;
+        for (_, sequence, reason) in pairs {
+            if let Some(reason) = reason.filter(|reason| before != Some(*reason)) {
+                let failure = MatchFailure {
+                    algorithm: (*label).to_owned(),
+                    reason: reason.to_owned(),
+                };
+                warnings.push(failure.words(sequence));
+            }
+            before = reason;
+        }
+    }
+    warnings
+}
+
+/// Adds what a session measured of an algorithm to its record.
+fn add_measurements(record: &mut AlgorithmRecord, session: &Manifest) {
+    let mut own = session.algorithms.iter();
+    let Some(own) = own.find(|own| own.label == record.label) else {
+        return;
+    };
+    record.memory_bytes = record.memory_bytes.max(own.memory_bytes);
+    record.program = match (own.program.clone(), record.program.take()) {
+        (Some(own), Some(earlier)) => Some(ProgramRecord::after(own, &earlier)),
+        (own, earlier) => own.or(earlier),
+    };
+}
+
+/// A warning if frames have a truth, but no cell has enough of it to be scored.
+fn nothing_scored(manifest: &Manifest, summary: &Summary) -> Option<String> {
+    let mut algorithms = summary.algorithms.iter();
+    let algorithm =
+        algorithms.find(|algorithm| algorithm.scored().is_some_and(|(_, cells)| cells == 0))?;
+    Some(format!(
+        "{}: no cell of {} has enough of a ground truth to be scored against it",
+        manifest.scenario,
+        counted(algorithm.pairs, "pair")
+    ))
+}
+
+/// Digest of the pairs of a recording, each once, in their order.
+fn pairs_hash(rows: &[Row], run: &str) -> Option<String> {
+    let own = rows
+        .iter()
+        .filter(|row| row.run.as_deref() == Some(run) && row.stress.is_none());
+    let pairs: BTreeMap<_, _> = own
+        .map(|row| (row.sequence, row.pair_hash.as_str()))
+        .collect();
+    let hashes: Vec<_> = pairs.into_values().collect();
+    (!hashes.is_empty()).then(|| hash(&hashes.join("\n")))
+}
+
+/// Per algorithm the time of each pair, ms.
+fn times_ms(rows: &[Row]) -> Vec<(String, Vec<f64>)> {
+    let mut times: Vec<(String, Vec<f64>)> = Vec::new();
+    for row in rows.iter().filter(|row| row.stress.is_none()) {
+        let ms = row.total_us as f64 / 1e3;
+        match times
+            .iter_mut()
+            .find(|(algorithm, _)| *algorithm == row.algorithm)
+        {
+            Some((_, own)) => own.push(ms),
+            None => times.push((row.algorithm.clone(), vec![ms])),
+        }
+    }
+    times
+}
+
+/// The file that identifies the run of a report.
+pub const MANIFEST: &str = "manifest.json";
+
+/// Outlines and routes of the courses.
+const COURSES: &str = "courses.json";
+
+/// True if a file of that name is the recording of a drive, or a run for Rerun.
+fn is_recording(name: &str) -> bool {
+    name.starts_with("course-") && name.ends_with(".mcap")
+        || name.starts_with("run-") && name.ends_with(".rrd")
+}
+
+/// The folder of a report.
+pub const REPORT: FolderRule = FolderRule {
+    kind: "a report",
+    owns: |name| REPORT_FILES.contains(&name) || is_recording(name),
+    inner: Some(UNITS),
+    mark: "units/plan.json",
+    cure: "name another folder with -o",
+};
+
+const REPORT_FILES: &[&str] = &[
+    "rows.csv",
+    "rows.parquet",
+    "cells.csv",
+    "cells.parquet",
+    "failures.csv",
+    "failures.parquet",
+    "checkpoints.csv",
+    "checkpoints.parquet",
+    MANIFEST,
+    "algorithms.csv",
+    "algorithms.parquet",
+    "summary.csv",
+    "summary.parquet",
+    "verdicts.csv",
+    "verdicts.parquet",
+    "drives.csv",
+    "drives.parquet",
+    "tracks.csv",
+    "tracks.parquet",
+    COURSES,
+    "summary.md",
+    "summary.tex",
+    SUMMARY,
+    "index.html",
+];

@@ -1,0 +1,219 @@
+//! A run case by case: a row per scene of a data set, or per course, and a column per algorithm.
+
+use super::answer::answer_metrics;
+use super::choice::better_first;
+use super::drives::DriveRow;
+use super::rows::Row;
+use super::samples::{is_scene, total};
+use super::summary::Summary;
+use super::table::{NONE, Table};
+use super::words::number;
+use svl_score::judge::{Metric, RunKind};
+
+/// Limit of the rows: the tables of the report have all cases.
+const MAX_CASES: usize = 40;
+
+/// A scene or a course.
+struct Case {
+    name: String,
+    outcomes: Vec<Outcome>,
+}
+
+/// Result of an algorithm.
+struct Outcome {
+    algorithm: String,
+    value: Option<f64>,
+    words: String,
+}
+
+impl Summary {
+    /// The metric of the answer per scene, or the outcome of each drive; first the case in which
+    /// the first candidate of the ranking is worst. `rows` and `drives`: those that the summary is
+    /// of. None for other runs and for a single case.
+    pub fn case_table(&self, rows: &[Row], drives: &[DriveRow]) -> Option<Table> {
+        let is_driven = self.kind() == RunKind::Courses;
+        let (metric, mut cases) = if is_driven {
+            (Metric::find("collisions")?, courses(drives))
+        } else {
+            let metric = *answer_metrics(self.kind()).first()?;
+            (metric, scenes(metric, rows))
+        };
+        let ranked = self.ranked_algorithms();
+        let best = &ranked.iter().find(|a| self.is_candidate(a))?.algorithm;
+        let best_value = |case: &Case| case.find(best)?.value;
+        // Stable: equal cases keep their order.
+        cases.sort_by(|a, b| better_first(metric, best_value(b), best_value(a)));
+        let (title, head) = if is_driven {
+            ("Outcome of each drive".to_owned(), "course")
+        } else {
+            (format!("Scenes: {}, %", metric.words), "scene")
+        };
+        let labels = || ranked.iter().map(|a| a.algorithm.as_str());
+        let mut table = Table::new(title, head).with_columns(labels());
+        for case in cases.iter().take(MAX_CASES) {
+            let words = |label| case.find(label).map_or(NONE, |outcome| &outcome.words);
+            table.push(&case.name, labels().map(words).map(str::to_owned));
+        }
+        let more = cases.len().saturating_sub(MAX_CASES);
+        let more = (more > 0).then(|| format!("; {more} more are in the report's tables"));
+        let order = format!("by {best}, the worst first{}", more.unwrap_or_default());
+        table.note("order", order);
+        if is_driven {
+            table.note(
+                "✓",
+                "the goal was reached without a collision and without help",
+            );
+            table.note("stuck", "the robot got stuck and was set back on the route");
+            table.note("late", "the goal was not reached in time");
+        }
+        (cases.len() > 1).then_some(table)
+    }
+}
+
+impl Case {
+    fn find(&self, label: &str) -> Option<&Outcome> {
+        self.outcomes.iter().find(|o| o.algorithm == label)
+    }
+}
+
+/// The scenes of a data set: its frames have names.
+fn scenes(metric: &Metric, rows: &[Row]) -> Vec<Case> {
+    let rows = rows.iter().filter(|row| row.stress.is_none());
+    collect(rows.filter(|row| is_scene(row)).map(|row| {
+        let value = total(metric, &[row]);
+        let words = value.map_or_else(|| NONE.to_owned(), |value| number(metric.unit, value));
+        let outcome = Outcome {
+            algorithm: row.algorithm.clone(),
+            value,
+            words,
+        };
+        (row.name.clone(), outcome)
+    }))
+}
+
+fn courses(drives: &[DriveRow]) -> Vec<Case> {
+    let drives = drives.iter().filter(|drive| drive.stress.is_none());
+    collect(drives.map(|drive| {
+        let outcome = Outcome {
+            algorithm: drive.algorithm.clone(),
+            // A drive that did not finish without a collision is worse than a finished one.
+            value: Some(drive.collisions as f64 + if drive.finished { 0.0 } else { 0.5 }),
+            words: drive_words(drive),
+        };
+        (format!("course {}", drive.seed), outcome)
+    }))
+}
+
+fn drive_words(drive: &DriveRow) -> String {
+    if drive.finished {
+        return "✓".to_owned();
+    }
+    let hits = match drive.collisions {
+        0 => None,
+        1 => Some("1 hit".to_owned()),
+        hits => Some(format!("{hits} hits")),
+    };
+    let stuck = (drive.stuck > 0).then(|| "stuck".to_owned());
+    let late = (!drive.arrived).then(|| "late".to_owned());
+    let words: Vec<_> = hits.into_iter().chain(stuck).chain(late).collect();
+    words.join(", ")
+}
+
+/// The cases in the order of their first outcomes.
+fn collect(outcomes: impl Iterator<Item = (String, Outcome)>) -> Vec<Case> {
+    let mut cases: Vec<Case> = Vec::new();
+    for (name, outcome) in outcomes {
+        // The outcomes of a case are neighbours, or nearly so.
+        match cases.iter_mut().rev().find(|case| case.name == name) {
+            Some(case) => case.outcomes.push(outcome),
+            None => cases.push(Case {
+                name,
+                outcomes: vec![outcome],
+            }),
+        }
+    }
+    cases
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::speed::tests::row;
+    use crate::table::TableCell;
+
+    fn texts(table: &Table) -> Vec<Vec<&str>> {
+        fn text(cell: &TableCell) -> &str {
+            match cell {
+                TableCell::Text(text) => text,
+                _ => "",
+            }
+        }
+        let rows = table.rows.iter();
+        rows.map(|row| row.iter().map(text).collect()).collect()
+    }
+
+    #[test]
+    fn the_worst_scene_of_the_best_algorithm_is_first() {
+        let scene = |name: &str, algorithm: &str, bad: Option<f64>| {
+            let mut row = Row {
+                name: name.into(),
+                algorithm: algorithm.into(),
+                ..row(1000, (64, 48), None)
+            };
+            row.metrics.set("bad2", bad);
+            row.metrics.set("invalid", Some(0.1));
+            row
+        };
+        let rows = [
+            scene("a", "worse", Some(0.3)),
+            scene("a", "best", Some(0.1)),
+            scene("b", "worse", Some(0.2)),
+            scene("b", "best", Some(0.2)),
+            scene("c", "worse", Some(0.5)),
+            scene("c", "best", None),
+        ];
+        let summary = Summary::from_rows(&rows, &[]).unwrap();
+        let table = summary.case_table(&rows, &[]).unwrap();
+        let expected = [
+            ["c", "–", "50.0"],
+            ["b", "20.0", "20.0"],
+            ["a", "10.0", "30.0"],
+        ];
+        assert_eq!(texts(&table), expected);
+        assert_eq!(summary.case_table(&rows[..2], &[]), None);
+    }
+
+    #[test]
+    fn an_outcome_is_a_mark_or_its_reasons() {
+        let drive = DriveRow {
+            scenario: String::new(),
+            seed: 1,
+            algorithm: "v5".into(),
+            finished: false,
+            arrived: true,
+            collisions: 1,
+            near_misses: 0,
+            stuck: 0,
+            driven_m: 6.0,
+            first_collision_m: None,
+            duration_s: 40.0,
+            stood_s: 0.0,
+            frames: 240,
+            failures: 0,
+            track_hash: String::new(),
+            recording: None,
+            stress: None,
+        };
+        let words = |change: fn(&mut DriveRow)| {
+            let mut drive = drive.clone();
+            change(&mut drive);
+            drive_words(&drive)
+        };
+        assert_eq!(words(|_| ()), "1 hit");
+        assert_eq!(words(|drive| drive.finished = true), "✓");
+        assert_eq!(
+            words(|drive| (drive.collisions, drive.stuck, drive.arrived) = (2, 1, false)),
+            "2 hits, stuck, late"
+        );
+    }
+}

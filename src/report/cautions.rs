@@ -1,0 +1,67 @@
+//! Cautions for the reader of a run's numbers.
+
+use super::summary::Summary;
+use svl_core::counted;
+
+impl Summary {
+    /// Losses and cautions, each with its cure where there is one.
+    pub fn cautions(&self) -> Vec<String> {
+        let incomplete = self
+            .ending
+            .incomplete
+            .iter()
+            .map(|why| format!("incomplete: {why}"));
+        let note = self.ending.note().map(|note| format!("not scored: {note}"));
+        let doubts = self.ending.missing.doubts.iter();
+        let doubts = doubts.map(|doubt| format!("the truth is doubtful: {doubt}"));
+        let failed = self.failed.iter().map(|f| {
+            let pairs = if f.on_every_pair {
+                "every pair".to_owned()
+            } else {
+                format!("{} and is not ranked", counted(f.pairs, "pair"))
+            };
+            format!("{} failed on {pairs}: {}", f.algorithm, f.reason)
+        });
+        let doubtful = self
+            .programs
+            .iter()
+            .filter(|run| run.program.is_time_doubtful());
+        let doubtful = doubtful.map(|run| {
+            let name = &run.algorithm;
+            format!("{name} answers far later than the time that it reports, which is not ranked")
+        });
+        let profile = self.slow_profile.clone();
+        let parts = incomplete
+            .chain(doubts)
+            .chain(note)
+            .chain(failed)
+            .chain(doubtful);
+        parts
+            .chain(profile)
+            .chain(self.mixed_times())
+            .chain(self.outliers())
+            .collect()
+    }
+
+    /// Caution about times of several sessions.
+    fn mixed_times(&self) -> Option<String> {
+        let is_mixed = self.measured && !self.has_comparable_times();
+        is_mixed.then(|| {
+            "times are of several sessions, so those of different algorithms are not compared; \
+             `svl score` with --times matches again what is needed"
+                .to_owned()
+        })
+    }
+
+    /// Caution about times that the machine disturbed.
+    fn outliers(&self) -> Option<String> {
+        // Otherwise svl's own reading and writing causes them, or the times are not used.
+        let counts = self.measured && self.slow_profile.is_none();
+        let is_disturbed = self.algorithms.iter().any(|a| a.outliers > Some(0));
+        (counts && is_disturbed).then(|| {
+            "the machine was busy, so times are uncertain; use an idle one, or --repeat 5, for \
+             better ones"
+                .to_owned()
+        })
+    }
+}

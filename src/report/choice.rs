@@ -1,0 +1,157 @@
+//! Choice among many algorithms: sorted by a metric, the best by each, and the Pareto front.
+
+use super::summary::{AlgorithmSummary, Summary};
+use std::cmp::Ordering;
+use svl_score::judge::{Better, Metric, RunKind};
+
+impl Summary {
+    /// Sorts the algorithms by a metric, the best first, those without a value last. Of a metric
+    /// that has no better direction the largest is first.
+    pub fn sort_by(&mut self, metric: &Metric) {
+        // Before they are taken out: values are looked up among them.
+        let values = self.algorithms.iter().map(|a| self.ranked(a, metric));
+        let values: Vec<_> = values.collect();
+        let algorithms = std::mem::take(&mut self.algorithms);
+        let mut algorithms: Vec<_> = values.into_iter().zip(algorithms).collect();
+        algorithms.sort_by(|(a, _), (b, _)| better_first(metric, *a, *b));
+        self.algorithms = algorithms
+            .into_iter()
+            .map(|(_, algorithm)| algorithm)
+            .collect();
+        self.is_sorted = true;
+    }
+
+    /// True for an algorithm that may be called best: it has a result of every pair, and is not a
+    /// reference at an end of the scale, the truth or `blind`.
+    pub(super) fn is_candidate(&self, algorithm: &AlgorithmSummary) -> bool {
+        let label = &algorithm.algorithm;
+        !self.is_reference(algorithm) && self.failed.iter().all(|f| f.algorithm != *label)
+    }
+
+    /// True for the truth and for `blind`.
+    pub(super) fn is_reference(&self, algorithm: &AlgorithmSummary) -> bool {
+        let label = &algorithm.algorithm;
+        self.perfect.contains(label) || label == "blind"
+    }
+
+    fn candidates(&self) -> Vec<&AlgorithmSummary> {
+        let algorithms = self.algorithms.iter();
+        algorithms.filter(|a| self.is_candidate(a)).collect()
+    }
+
+    /// The value by which an algorithm is ranked: none for a time that is not believable, nor for
+    /// times that are not comparable.
+    pub(super) fn ranked(&self, algorithm: &AlgorithmSummary, metric: &Metric) -> Option<f64> {
+        let is_doubtful = || {
+            let mut programs = self.programs.iter();
+            programs
+                .any(|run| run.algorithm == algorithm.algorithm && run.program.is_time_doubtful())
+        };
+        let value = self.value(&algorithm.algorithm, metric, None);
+        let is_ranked = || !is_doubtful() && self.has_comparable_times();
+        value.filter(|_| metric.name != "time" || is_ranked())
+    }
+
+    /// The objectives of the kind of run that it measures, and the algorithms that no other one
+    /// dominates: at least as good by all of them, and better by one.
+    pub fn front(&self) -> (Vec<&'static Metric>, Vec<&str>) {
+        let objectives: &[_] = match self.kind() {
+            RunKind::Distances | RunKind::NoTruth => &OBJECTIVES,
+            RunKind::Disparities => &["bad2", "coverage", "time"],
+            // Drives run beside each other, so their times decide nothing.
+            RunKind::Courses => &["finished", "collisions"],
+        };
+        let candidates = self.candidates();
+        let value = |a: &&AlgorithmSummary, metric: &Metric| self.ranked(a, metric);
+        let (objectives, front) = pareto_front(&candidates, objectives, value);
+        (
+            objectives,
+            front.iter().map(|a| a.algorithm.as_str()).collect(),
+        )
+    }
+}
+
+/// The objectives of a robot.
+pub const OBJECTIVES: [&str; 4] = ["right", "wrong", "unrivalled", "time"];
+
+/// The objectives that any of the items has a value for, and the items that no other one dominates:
+/// at least as good by all of them, and better by one.
+pub fn pareto_front<'a, T>(
+    items: &'a [T],
+    objectives: &[&str],
+    value: impl Fn(&T, &Metric) -> Option<f64>,
+) -> (Vec<&'static Metric>, Vec<&'a T>) {
+    let objectives = objectives.iter().map(|name| Metric::find(name));
+    let is_measured = |metric: &&Metric| items.iter().any(|item| value(item, metric).is_some());
+    let objectives: Vec<_> = objectives.flatten().filter(is_measured).collect();
+    let dominates = |a: &T, b: &T| {
+        let orders = || {
+            let values = objectives.iter().map(|m| (m, value(a, m), value(b, m)));
+            values.map(|(m, a, b)| better_first(m, a, b))
+        };
+        orders().all(Ordering::is_le) && orders().any(Ordering::is_lt)
+    };
+    let is_free = |b: &&T| !items.iter().any(|a| dominates(a, b));
+    let front = items.iter().filter(is_free).collect();
+    (objectives, front)
+}
+
+/// The better value first, none last.
+pub fn better_first(metric: &Metric, a: Option<f64>, b: Option<f64>) -> Ordering {
+    match (a, b) {
+        (Some(a), Some(b)) if metric.better == Better::Less => a.total_cmp(&b),
+        (Some(a), Some(b)) => b.total_cmp(&a),
+        (a, b) => b.is_some().cmp(&a.is_some()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Row;
+    use crate::speed::tests::row;
+
+    /// Rows of one pair: the label, the time and the fractions of right and of wrong cells in
+    /// tenths.
+    fn summary(results: &[(&str, u64, f64, f64)]) -> Summary {
+        let rows: Vec<_> = results
+            .iter()
+            .map(|&(label, us, right, wrong)| {
+                let mut row = Row {
+                    algorithm: label.into(),
+                    ..row(us, (64, 48), None)
+                };
+                let cells = [
+                    ("right", right),
+                    ("wrong", wrong),
+                    ("unknown", 10.0 - right - wrong),
+                    ("missed", 0.0),
+                ];
+                for (name, value) in cells {
+                    row.metrics.set(name, Some(value));
+                }
+                row
+            })
+            .collect();
+        Summary::from_rows(&rows, &[]).unwrap()
+    }
+
+    #[test]
+    fn the_front_holds_what_no_other_dominates() {
+        let mut summary = summary(&[
+            ("slow and good", 9000, 9.0, 0.0),
+            ("dominated", 9000, 8.0, 1.0),
+            ("quick", 1000, 4.0, 1.0),
+            ("as quick and worse", 1000, 4.0, 2.0),
+        ]);
+        assert_eq!(summary.front().1, ["slow and good", "quick"]);
+        summary.sort_by(Metric::find("wrong").unwrap());
+        let order: Vec<_> = summary
+            .algorithms
+            .iter()
+            .map(|a| a.algorithm.as_str())
+            .collect();
+        assert_eq!(order[..1], ["slow and good"]);
+        assert_eq!(order[3], "as quick and worse");
+    }
+}

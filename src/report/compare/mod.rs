@@ -1,0 +1,484 @@
+//! Comparison of two runs: changes of metrics with confidence intervals.
+
+mod scored_run;
+mod text;
+
+use super::rows::Row;
+pub use super::samples::total;
+use super::samples::{RunKey, resamples, run_key, sample};
+pub use scored_run::ScoredRun;
+use serde::Serialize;
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use svl_core::{Error, Result, counted};
+use svl_score::bootstrap::{self, Interval, IntervalMethod, Resamples, Sample};
+use svl_score::judge::{Better, METRICS, Metric, MetricUnit};
+use svl_score::manifest::{Manifest, Purpose};
+pub use text::change_table;
+pub use text::signed;
+
+/// The differences of the second run from the first.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    pub base: PathBuf,
+    pub other: PathBuf,
+    pub scenario: String,
+    /// Differences in how they were scored, in words: if there are any, nothing is called better or
+    /// worse.
+    pub differences: Vec<String>,
+    /// Origins of the truths of the two.
+    pub truths: [Vec<String>; 2],
+    /// Origin of the two reports; times depend on it.
+    pub origins: [ReportOrigin; 2],
+    /// Folders of the incomplete reports, each with the reason.
+    pub incomplete: Vec<(PathBuf, String)>,
+    /// Algorithms that both runs have, in the order of the first.
+    pub algorithms: Vec<AlgorithmChange>,
+    /// Method of the intervals. Each is of one metric: of twenty metrics that did not change,
+    /// one is called better or worse by chance.
+    pub method: IntervalMethod,
+    /// Metrics and checkpoints of all algorithms that are tested at once.
+    pub tested: usize,
+    /// Algorithms that only one run has, which are not compared.
+    pub only_in_base: Vec<String>,
+    pub only_in_other: Vec<String>,
+}
+
+/// The program and the machine that made a report.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ReportOrigin {
+    /// Version and revision.
+    pub svl: String,
+    pub processor: String,
+    pub isa: String,
+    pub threads: usize,
+    /// The work that its times measure, in words, if that is known.
+    pub times: Option<String>,
+}
+
+/// One algorithm in both runs, over the pairs that both took.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AlgorithmChange {
+    pub algorithm: String,
+    /// Label in the second run, if that differs.
+    pub other_algorithm: String,
+    pub same_parameters: bool,
+    pub pairs: usize,
+    /// Pairs of either run that the other does not have, or not with the same pixels.
+    pub unmatched: usize,
+    /// Pairs that the second run failed on and of which the first has a result.
+    pub newly_failed: usize,
+    /// Blocks of neighbouring pairs that intervals rest on, about the number of independent pairs.
+    pub blocks: usize,
+    /// Pairs with equal pixels but another truth or calibration, by which they were scored.
+    pub other_inputs: usize,
+    /// Pairs whose results are equal to the bit.
+    pub equal_results: usize,
+    pub metrics: Vec<Change>,
+    /// Fraction of frames passed, per checkpoint.
+    pub checkpoints: Vec<CheckpointChange>,
+}
+
+/// A number in both runs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Change {
+    pub metric: &'static Metric,
+    pub base: f64,
+    pub other: f64,
+    /// `other - base`; of times `other / base`.
+    pub difference: f64,
+    /// 95 % bootstrap interval of the difference.
+    pub interval: Option<Interval>,
+    pub judgement: Judgement,
+}
+
+/// A checkpoint in both runs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CheckpointChange {
+    pub checkpoint: u32,
+    pub name: String,
+    #[serde(flatten)]
+    pub change: Change,
+}
+
+/// Significance of a difference, and its direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Judgement {
+    /// The results are equal.
+    Equal,
+    /// The interval contains 0.
+    Unclear,
+    Better,
+    Worse,
+    /// The interval excludes 0, but neither direction is better.
+    Differs,
+}
+
+impl ReportOrigin {
+    fn new(manifest: &Manifest) -> Self {
+        let revision = manifest
+            .git_revision
+            .as_deref()
+            .unwrap_or("revision unknown");
+        let profile = manifest.profile.as_deref();
+        let profile = profile.filter(|name| *name != "release");
+        let profile = profile.map_or_else(String::new, |name| format!(", profile {name}"));
+        Self {
+            svl: format!("{} ({revision}{profile})", manifest.svl),
+            processor: manifest.machine.processor.clone(),
+            isa: manifest.machine.isa.clone(),
+            threads: manifest.machine.threads,
+            times: manifest.times.clone(),
+        }
+    }
+}
+
+impl Comparison {
+    /// Compares the algorithms of equal labels; where each run has just one, these two; and those
+    /// that `map` names, as `BASE=OTHER`.
+    ///
+    /// # Errors
+    /// [`Error::Incomplete`] when the runs have no algorithm or no pair in common, so that nothing
+    /// is compared; [`Error::Invalid`] for drives, and for a map of algorithms that they do not
+    /// have.
+    pub fn from_runs(base: &ScoredRun, other: &ScoredRun, map: &[String]) -> Result<Self> {
+        if let Some(driven) = [base, other].iter().find(|run| !run.drives.is_empty()) {
+            return Err(Error::Invalid(format!(
+                "{}: is of drives, which have no pairs in common with others; [[gate]] limits \
+                 their collisions",
+                driven.folder.display()
+            )));
+        }
+        let (ours, theirs) = (base.labels(), other.labels());
+        let shared = shared_labels(&ours, &theirs, map)?;
+        let shown = || format!("{} and {}", base.folder.display(), other.folder.display());
+        if shared.is_empty() {
+            let (ours, theirs) = (ours.join(", "), theirs.join(", "));
+            return Err(Error::Incomplete(format!(
+                "{}: no algorithm in common ({ours}; {theirs})",
+                shown()
+            )));
+        }
+        let algorithms: Vec<_> = shared
+            .iter()
+            .map(|labels| AlgorithmChange::from_runs(base, other, *labels))
+            .collect();
+        if algorithms
+            .iter()
+            .all(|a| a.pairs == 0 && a.newly_failed == 0)
+        {
+            let cure =
+                "their pairs differ, as those of other scenarios, seeds or arena versions do";
+            return Err(Error::Incomplete(format!(
+                "{}: no pair in common: {cure}",
+                shown()
+            )));
+        }
+        let both: Vec<_> = ours
+            .iter()
+            .filter(|label| theirs.contains(label))
+            .copied()
+            .collect();
+        let left = |labels: &[&str], side: fn(&(&str, &str)) -> String| {
+            let taken: Vec<_> = shared.iter().map(side).collect();
+            labels
+                .iter()
+                .filter(|label| !taken.contains(&(**label).to_owned()) && !both.contains(label))
+                .map(|l| (*l).to_owned())
+                .collect()
+        };
+        let mut comparison = Self {
+            base: base.folder.clone(),
+            other: other.folder.clone(),
+            scenario: base.manifest.scenario.clone(),
+            differences: differences(base, other, &algorithms)?,
+            truths: [base, other].map(|run| run.manifest.truth.clone()),
+            origins: [base, other].map(|run| ReportOrigin::new(&run.manifest)),
+            incomplete: [base, other]
+                .into_iter()
+                .filter_map(|run| Some((run.folder.clone(), run.incomplete.clone()?)))
+                .collect(),
+            method: bootstrap::METHOD,
+            tested: algorithms
+                .iter()
+                .map(|algorithm| algorithm.changes().count())
+                .sum(),
+            algorithms,
+            only_in_base: left(&ours, |pair| pair.0.to_owned()),
+            only_in_other: left(&theirs, |pair| pair.1.to_owned()),
+        };
+        if !comparison.is_judged() {
+            let algorithms = &mut comparison.algorithms;
+            let metrics = algorithms.iter_mut().flat_map(|a| &mut a.metrics);
+            metrics.for_each(Change::withdraw);
+            let checkpoints = algorithms.iter_mut().flat_map(|a| &mut a.checkpoints);
+            checkpoints.for_each(|checkpoint| checkpoint.change.withdraw());
+        }
+        Ok(comparison)
+    }
+
+    /// True if any pair is compared, or one that the second run alone failed on.
+    pub fn has_pairs(&self) -> bool {
+        let mut algorithms = self.algorithms.iter();
+        algorithms.any(|algorithm| algorithm.pairs > 0 || algorithm.newly_failed > 0)
+    }
+
+    /// True if anything may be called better or worse: other tolerances or cells give other scores
+    /// of equal results.
+    pub fn is_judged(&self) -> bool {
+        self.differences.is_empty()
+    }
+}
+
+/// The labels of `BASE=OTHER`, either of which may hold `=`.
+fn pair<'a>(text: &str, ours: &[&'a str], theirs: &[&'a str]) -> Result<(&'a str, &'a str)> {
+    let splits = text
+        .match_indices('=')
+        .map(|(i, _)| (&text[..i], &text[i + 1..]));
+    let find = |labels: &[&'a str], label| labels.iter().find(|l| **l == label).copied();
+    let mut found = splits.filter_map(|(a, b)| Some((find(ours, a)?, find(theirs, b)?)));
+    found.next().ok_or_else(|| {
+        let (ours, theirs) = (ours.join(", "), theirs.join(", "));
+        Error::Invalid(format!(
+            "--map {text}: expected BASE=OTHER, an algorithm of the first report ({ours}) and one \
+             of the other ({theirs})"
+        ))
+    })
+}
+
+/// The changes of the metrics from rows to other rows of the same pairs, one to one, those of a run
+/// beside each other.
+pub fn changes(base: &[&Row], other: &[&Row]) -> Vec<Change> {
+    changes_over(base, other, &resamples(base))
+}
+
+/// The runs whose pairs both reports have completely: checkpoint tables hold sums only. `common`
+/// and `all`: the rows of the common pairs and all rows, of each report.
+fn complete_runs<'a>(common: [&[&'a Row]; 2], all: [&[&'a Row]; 2]) -> Vec<RunKey<'a>> {
+    let mut runs: Vec<_> = common[0].iter().map(|row| run_key(row)).collect();
+    // The rows of a run are neighbours.
+    runs.dedup();
+    let count = |rows: &[&Row], run| rows.iter().filter(|row| run_key(row) == run).count();
+    runs.retain(|&run| (0..2).all(|i| count(common[i], run) == count(all[i], run)));
+    runs
+}
+
+fn changes_over(base: &[&Row], other: &[&Row], resamples: &Resamples) -> Vec<Change> {
+    // Metrics that no pair has, and checkpoints, have no sample.
+    let change = |metric: &'static Metric| {
+        let samples = [base, other].map(|rows| sample(metric, rows));
+        let [Some(a), Some(b)] = samples else {
+            return None;
+        };
+        Change::from_samples(metric, &a, &b, resamples)
+    };
+    METRICS.iter().filter_map(change).collect()
+}
+
+/// The labels of the algorithms that are compared; `map`: those that the user named.
+fn shared_labels<'a>(
+    ours: &[&'a str],
+    theirs: &[&'a str],
+    map: &[String],
+) -> Result<Vec<(&'a str, &'a str)>> {
+    let mapped = map.iter().map(|text| pair(text, ours, theirs));
+    let mapped = mapped.collect::<Result<Vec<_>>>()?;
+    Ok(match (ours, theirs) {
+        _ if !mapped.is_empty() => mapped,
+        // With one algorithm each, two different algorithms can be compared: v1 with v3.
+        ([one], [another]) => vec![(*one, *another)],
+        // Labels are compared as written, so `v3` and `v3:max_disparity=80` differ even where
+        // their parameters are equal.
+        _ => ours
+            .iter()
+            .filter(|label| theirs.contains(label))
+            .map(|label| (*label, *label))
+            .collect(),
+    })
+}
+
+/// The differences of the two scenarios, and of the inputs of common pairs.
+fn differences(
+    base: &ScoredRun,
+    other: &ScoredRun,
+    algorithms: &[AlgorithmChange],
+) -> Result<Vec<String>> {
+    let (base, other) = (&base.manifest, &other.manifest);
+    let mut differences = base.differences(other, Purpose::Compare)?;
+    let inputs = algorithms.iter().map(|change| change.other_inputs).max();
+    if let Some(inputs @ 1..) = inputs {
+        let pairs = counted(inputs, "pair");
+        differences.push(format!("truth or calibration of {pairs}"));
+    }
+    Ok(differences)
+}
+
+impl AlgorithmChange {
+    /// The subject of the comparison: one algorithm, or two.
+    pub fn title(&self) -> String {
+        if self.other_algorithm != self.algorithm {
+            format!("{} → {}", self.algorithm, self.other_algorithm)
+        } else if self.same_parameters {
+            self.algorithm.clone()
+        } else {
+            format!("{} (other parameters)", self.algorithm)
+        }
+    }
+
+    /// All changes with their names.
+    pub fn changes(&self) -> impl Iterator<Item = (String, &Change)> {
+        let metrics = self.metrics.iter();
+        let metrics = metrics.map(|change| (change.metric.words.to_owned(), change));
+        let checkpoints = self.checkpoints.iter();
+        metrics.chain(checkpoints.map(|c| {
+            let name = format!("checkpoint {} {}", c.checkpoint, c.name);
+            (name, &c.change)
+        }))
+    }
+
+    fn from_runs(base: &ScoredRun, other: &ScoredRun, (label, other_label): (&str, &str)) -> Self {
+        let (ours, theirs) = (base.rows(label), other.rows(other_label));
+        let pairs: Vec<_> = ours
+            .iter()
+            .filter_map(|(key, row)| Some((*row, *theirs.get(key)?)))
+            // Equal numbers are not enough: another seed or version of the arena renders other
+            // pixels.
+            .filter(|(a, b)| a.pair_hash == b.pair_hash)
+            .collect();
+        let (a, b): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
+        let all = [&ours, &theirs].map(|rows| rows.values().copied().collect::<Vec<_>>());
+        let runs = complete_runs([&a, &b], [&all[0], &all[1]]);
+        let visits = other.checkpoints(other_label, &runs);
+        let resamples = resamples(&a);
+        let equal_results = pairs
+            .iter()
+            .filter(|(a, b)| a.result_hash == b.result_hash)
+            .count();
+        let mut metrics = changes_over(&a, &b, &resamples);
+        if !are_times_comparable(base, other, &pairs) {
+            metrics.retain(|change| change.metric.unit != MetricUnit::Ms);
+        }
+        let checkpoint = |(number, (name, frames, passed)): (u32, (&str, u64, u64))| {
+            let (_, other_frames, other_passed) = *visits.get(&number)?;
+            let change = Change::from_shares((passed, frames), (other_passed, other_frames))?;
+            Some(CheckpointChange {
+                checkpoint: number,
+                name: name.to_owned(),
+                change,
+            })
+        };
+        let checkpoints = base.checkpoints(label, &runs).into_iter();
+        let mut checkpoints: Vec<_> = checkpoints.filter_map(checkpoint).collect();
+        // Equal numbers of unequal results are a coincidence, as wide as the interval.
+        if equal_results < pairs.len() {
+            metrics.iter_mut().for_each(Change::withdraw_equal);
+            let changes = checkpoints
+                .iter_mut()
+                .map(|checkpoint| &mut checkpoint.change);
+            changes.for_each(Change::withdraw_equal);
+        }
+        Self {
+            algorithm: label.to_owned(),
+            other_algorithm: other_label.to_owned(),
+            same_parameters: base.parameters_hash(label) == other.parameters_hash(other_label),
+            pairs: pairs.len(),
+            newly_failed: other.failed_of(other_label, ours.keys().map(|key| (key.0, key.1))),
+            unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
+            other_inputs: pairs
+                .iter()
+                .filter(|(a, b)| a.input_hash != b.input_hash)
+                .count(),
+            equal_results,
+            blocks: resamples.blocks(),
+            metrics,
+            checkpoints,
+        }
+    }
+}
+
+/// True for times of two reports, and within a report only where one session has both.
+fn are_times_comparable(base: &ScoredRun, other: &ScoredRun, pairs: &[(&Row, &Row)]) -> bool {
+    let sessions = |rows: &[&Row]| -> BTreeSet<String> {
+        rows.iter().map(|row| row.session.clone()).collect()
+    };
+    let is_one_report = !sessions(&base.all_rows()).is_disjoint(&sessions(&other.all_rows()));
+    let are_of_one_session = pairs.iter().all(|(a, b)| a.session == b.session);
+    let is_mixed = is_one_report && !are_of_one_session;
+    !is_mixed && base.has_times() && other.has_times()
+}
+
+impl Change {
+    fn from_samples(
+        metric: &'static Metric,
+        base: &Sample,
+        other: &Sample,
+        resamples: &Resamples,
+    ) -> Option<Self> {
+        // Times scale with the machine, so their change is a factor.
+        let difference: fn(f64, f64) -> f64 = if metric.unit == MetricUnit::Ms {
+            |a, b| b / a
+        } else {
+            |a, b| b - a
+        };
+        let (a, b) = (base.total()?, other.total()?);
+        let interval = Sample::interval_between(base, other, difference, resamples);
+        Some(Self::new(metric, (a, b), difference(a, b), interval))
+    }
+
+    fn from_shares(base: (u64, u64), other: (u64, u64)) -> Option<Self> {
+        let share =
+            |(passed, frames): (u64, u64)| (frames > 0).then(|| passed as f64 / frames as f64);
+        let (a, b) = (share(base)?, share(other)?);
+        Some(Self::new(
+            Metric::find("passed")?,
+            (a, b),
+            b - a,
+            bootstrap::shares(base, other),
+        ))
+    }
+
+    /// Withdraws better and worse: the two runs have different scenarios.
+    fn withdraw(&mut self) {
+        if self.judgement != Judgement::Equal {
+            self.judgement = Judgement::Unclear;
+        }
+    }
+
+    fn withdraw_equal(&mut self) {
+        if self.judgement == Judgement::Equal {
+            self.judgement = Judgement::Unclear;
+        }
+    }
+
+    fn new(
+        metric: &'static Metric,
+        (base, other): (f64, f64),
+        difference: f64,
+        interval: Option<Interval>,
+    ) -> Self {
+        let judgement = match interval {
+            // Equal on these pairs: the interval is empty and proves nothing.
+            _ if base == other => Judgement::Equal,
+            // All pairs of a run are of one moment: their spread does not include how the machine
+            // varies between runs.
+            _ if metric.unit == MetricUnit::Ms => Judgement::Unclear,
+            Some((low, high)) if low > 0.0 || high < 0.0 => {
+                match (metric.better, difference > 0.0) {
+                    (Better::Neither, _) => Judgement::Differs,
+                    (Better::More, true) | (Better::Less, false) => Judgement::Better,
+                    _ => Judgement::Worse,
+                }
+            }
+            _ => Judgement::Unclear,
+        };
+        Self {
+            metric,
+            base,
+            other,
+            difference,
+            interval,
+            judgement,
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! A report that is compared, read from its folder.
+
+use crate::drives::DriveRow;
+use crate::read_rows;
+use crate::rows::{CheckpointRow, FailureRow, Row};
+use crate::samples::{RunKey, run_key};
+use crate::sources::Sources;
+use serde::Deserialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use svl_core::{Error, Result};
+use svl_score::manifest::{Manifest, read_json};
+
+/// A report of `svl score`, read from its folder.
+pub struct ScoredRun {
+    pub folder: PathBuf,
+    pub manifest: Manifest,
+    /// Reason why it is incomplete, if it is.
+    pub(super) incomplete: Option<String>,
+    /// Rows of the unperturbed pairs.
+    pub(super) rows: Vec<Row>,
+    /// Pairs that algorithms failed on, likewise.
+    pub(super) failures: Vec<FailureRow>,
+    pub(super) checkpoints: Vec<CheckpointRow>,
+    pub(super) drives: Vec<DriveRow>,
+}
+
+/// The part of `summary.json` that is read.
+#[derive(Deserialize)]
+struct Whole {
+    incomplete: Option<String>,
+}
+
+impl ScoredRun {
+    /// Reads a report, `FOLDER`, or one algorithm of it, `FOLDER#LABEL`.
+    ///
+    /// # Errors
+    /// As [`ScoredRun::read`]; [`Error::Invalid`] for a label that the report does not have.
+    pub fn named(text: &str) -> Result<Self> {
+        let whole = Path::new(text);
+        let Some((folder, label)) = text.rsplit_once('#').filter(|_| !whole.exists()) else {
+            return Self::read(whole);
+        };
+        let mut run = Self::read(Path::new(folder))?;
+        if !run.labels().contains(&label) {
+            let labels = run.labels().join(", ");
+            return Err(Error::Invalid(format!(
+                "{text}: the report has no algorithm '{label}'; it has {labels}"
+            )));
+        }
+        run.manifest.algorithms.retain(|a| a.label == label);
+        run.folder = text.into();
+        Ok(run)
+    }
+
+    /// Reads a report.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`] with the file that is missing or is not a part of a report.
+    pub fn read(folder: &Path) -> Result<Self> {
+        // The manifest is written first, so an interrupted report has one too.
+        if !folder.join("manifest.json").is_file() {
+            return Err(Error::format(
+                folder,
+                "is not a report of `svl score`: it has no manifest.json",
+            ));
+        }
+        let manifest = Manifest::read(folder)?;
+        let sources = Sources::read(folder).unwrap_or_default();
+        if let Some(table) = sources.changed(folder, false) {
+            let shown = folder.display();
+            return Err(Error::Invalid(format!(
+                "{shown}/{table}: was changed after the report was made; `svl report {shown}` \
+                 makes it again"
+            )));
+        }
+        let summary = folder.join("summary.json");
+        let incomplete = if summary.is_file() {
+            read_json::<Whole>(&summary)?.incomplete
+        } else {
+            Some("it was never finished".to_owned())
+        };
+        let mut rows: Vec<Row> = read_rows(&folder.join("rows.csv"))?;
+        rows.retain(|row| row.stress.is_none());
+        let failures = folder.join("failures.csv");
+        let mut failures: Vec<FailureRow> = if failures.is_file() {
+            read_rows(&failures)?
+        } else {
+            Vec::new()
+        };
+        failures.retain(|row| row.stress.is_none());
+        let drives = folder.join("drives.csv");
+        let (drives, checkpoints) = if drives.is_file() {
+            (read_rows(&drives)?, Vec::new())
+        } else {
+            (Vec::new(), read_rows(&folder.join("checkpoints.csv"))?)
+        };
+        let mut checkpoints: Vec<CheckpointRow> = checkpoints;
+        checkpoints.retain(|row| row.stress.is_none());
+        Ok(Self {
+            folder: folder.to_owned(),
+            manifest,
+            incomplete,
+            rows,
+            failures,
+            checkpoints,
+            drives,
+        })
+    }
+
+    /// Names recordings as the other report does, which has the same pairs under another name: each
+    /// as the one with the most pairs in common, of several its own name.
+    pub fn name_runs_as(&mut self, base: &Self) {
+        let mut by_pair = BTreeMap::new();
+        for row in &base.rows {
+            if let Some(name) = &row.run {
+                by_pair.insert((row.sequence, row.stamp_ns, row.pair_hash.as_str()), name);
+            }
+        }
+        let mut common: BTreeMap<&str, BTreeMap<&str, u64>> = BTreeMap::new();
+        for row in &self.rows {
+            let pair = (row.sequence, row.stamp_ns, row.pair_hash.as_str());
+            if let Some((own, name)) = row.run.as_ref().zip(by_pair.get(&pair)) {
+                *common.entry(own).or_default().entry(name).or_default() += 1;
+            }
+        }
+        let mut renamed = BTreeMap::new();
+        for (own, names) in &common {
+            let rank = |(name, pairs): &(&&str, &u64)| (**pairs, **name == *own);
+            let best = names.iter().max_by_key(rank).map(|(name, _)| *name);
+            renamed.extend(best.map(|name| ((*own).to_owned(), name.to_owned())));
+        }
+        // All keep their names if two would have the same.
+        let own: BTreeSet<String> = self.rows.iter().filter_map(|row| row.run.clone()).collect();
+        let new = |name: &String| renamed.get(name).unwrap_or(name).clone();
+        let all: BTreeSet<String> = own.iter().map(new).collect();
+        if all.len() < own.len() {
+            return;
+        }
+        let rows = self.rows.iter_mut().map(|row| &mut row.run);
+        let failures = self.failures.iter_mut().map(|row| &mut row.run);
+        let checkpoints = self.checkpoints.iter_mut().map(|row| &mut row.run);
+        for run in rows.chain(failures).chain(checkpoints).flatten() {
+            if let Some(name) = renamed.get(run) {
+                run.clone_from(name);
+            }
+        }
+    }
+
+    pub(super) fn labels(&self) -> Vec<&str> {
+        self.manifest
+            .algorithms
+            .iter()
+            .map(|a| a.label.as_str())
+            .collect()
+    }
+
+    pub(super) fn all_rows(&self) -> Vec<&Row> {
+        self.rows.iter().collect()
+    }
+
+    /// True if its times are of one machine.
+    pub(super) fn has_times(&self) -> bool {
+        self.manifest.machines().len() == 1
+    }
+
+    /// The number of these pairs that an algorithm failed on.
+    pub(super) fn failed_of<'a>(
+        &'a self,
+        label: &str,
+        pairs: impl Iterator<Item = (RunKey<'a>, u64)>,
+    ) -> usize {
+        let pairs: BTreeSet<_> = pairs.collect();
+        let own = self.failures.iter().filter(|row| row.algorithm == label);
+        let key = |row: &'a FailureRow| ((row.seed, row.run.as_deref()), row.sequence);
+        own.filter(|row| pairs.contains(&key(row))).count()
+    }
+
+    pub(super) fn parameters_hash(&self, label: &str) -> Option<&str> {
+        self.manifest
+            .algorithms
+            .iter()
+            .find(|a| a.label == label)
+            .map(|a| a.parameters_hash.as_str())
+    }
+
+    /// The rows of an algorithm by run, sequence and name of their pairs.
+    pub(super) fn rows(&self, label: &str) -> BTreeMap<(RunKey<'_>, u64, &str), &Row> {
+        let own = self.rows.iter().filter(|row| row.algorithm == label);
+        own.map(|row| ((run_key(row), row.sequence, row.name.as_str()), row))
+            .collect()
+    }
+
+    /// Frames and passed frames per checkpoint over those runs, with the checkpoint's name.
+    pub(super) fn checkpoints(
+        &self,
+        label: &str,
+        runs: &[RunKey<'_>],
+    ) -> BTreeMap<u32, (&str, u64, u64)> {
+        let mut sums = BTreeMap::new();
+        let own = self
+            .checkpoints
+            .iter()
+            .filter(|row| row.algorithm == label)
+            .filter(|row| runs.contains(&(row.seed, row.run.as_deref())));
+        for row in own {
+            let (_, frames, passed) =
+                sums.entry(row.checkpoint)
+                    .or_insert((row.name.as_str(), 0, 0));
+            *frames += row.frames;
+            *passed += row.passed;
+        }
+        sums
+    }
+}

@@ -1,0 +1,120 @@
+//! Rows read from the CSV files of a report.
+
+use super::rows::{CsvCells, Record};
+use std::fs::File;
+use std::io::{BufReader, Read, Take};
+use std::path::{Path, PathBuf};
+use svl_core::{Error, Result};
+use svl_files::ColumnPlaces;
+
+/// The rows of a CSV file that [`super::TableWriter`] wrote, read one after the other.
+pub struct RowReader<R> {
+    path: PathBuf,
+    places: ColumnPlaces,
+    reader: csv::Reader<BufReader<Take<File>>>,
+    line: csv::StringRecord,
+    row: std::marker::PhantomData<R>,
+}
+
+impl<R: Record> RowReader<R> {
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Format`] for a file that is not a table.
+    pub fn open(path: &Path) -> Result<Self> {
+        Self::open_beginning(path, u64::MAX)
+    }
+
+    /// As [`RowReader::open`], of the first bytes of the file.
+    ///
+    /// # Errors
+    /// As [`RowReader::open`].
+    pub fn open_beginning(path: &Path, bytes: u64) -> Result<Self> {
+        let file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let mut reader = csv::Reader::from_reader(BufReader::new(file.take(bytes)));
+        let places = ColumnPlaces::new(reader.headers().map_err(|e| csv_error(path, e))?);
+        Ok(Self {
+            path: path.to_owned(),
+            places,
+            reader,
+            line: csv::StringRecord::new(),
+            row: std::marker::PhantomData,
+        })
+    }
+
+    fn read(&mut self) -> Result<Option<R>> {
+        let read = self.reader.read_record(&mut self.line);
+        if !read.map_err(|e| csv_error(&self.path, e))? {
+            return Ok(None);
+        }
+        let cells = CsvCells {
+            places: &self.places,
+            line: &self.line,
+        };
+        R::parse(cells).map(Some).map_err(|why| {
+            let line = self.line.position().map_or(0, csv::Position::line);
+            Error::format(&self.path, format!("line {line}: {why}"))
+        })
+    }
+}
+
+impl<R: Record> Iterator for RowReader<R> {
+    type Item = Result<R>;
+
+    fn next(&mut self) -> Option<Result<R>> {
+        self.read().transpose()
+    }
+}
+
+/// Largest table that is read, bytes: a hundred times a run of 1000 pairs and seven algorithms with
+/// all cells.
+const MAX_BYTES: u64 = 1 << 31;
+
+/// The rows of a CSV file that [`super::TableWriter`] wrote.
+///
+/// # Errors
+/// [`Error::Io`]; [`Error::Format`] with the line for a file that is no such table.
+pub fn read_rows<R: Record>(path: &Path) -> Result<Vec<R>> {
+    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
+    // A device or a pipe might never end.
+    if !metadata.is_file() || metadata.len() > MAX_BYTES {
+        return Err(Error::format(
+            path,
+            format!("is not a table: expected a CSV file of at most {MAX_BYTES} bytes"),
+        ));
+    }
+    RowReader::open(path)?.collect()
+}
+
+/// Rows as the text of a CSV file.
+pub(super) fn rows_to_text<R: Record>(rows: &[R]) -> std::result::Result<String, String> {
+    let mut writer = csv::WriterBuilder::new()
+        .has_headers(false)
+        .from_writer(Vec::new());
+    let head = R::columns();
+    let mut written = writer.write_record(head.iter().map(|column| column.name));
+    for row in rows {
+        written = written.and_then(|()| writer.serialize(row.values()));
+    }
+    written.map_err(|e| e.to_string())?;
+    let bytes = writer.into_inner().map_err(|e| e.to_string())?;
+    String::from_utf8(bytes).map_err(|e| e.to_string())
+}
+
+/// The rows of such a text.
+pub(super) fn rows_from_text<R: Record>(text: &str) -> std::result::Result<Vec<R>, String> {
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let places = ColumnPlaces::new(reader.headers().map_err(|e| e.to_string())?);
+    let row = |line: csv::Result<csv::StringRecord>| {
+        let (places, line) = (&places, &line.map_err(|e| e.to_string())?);
+        R::parse(CsvCells { places, line })
+    };
+    reader.records().map(row).collect()
+}
+
+pub(super) fn csv_error(path: &Path, error: csv::Error) -> Error {
+    let reason = error.to_string();
+    match error.into_kind() {
+        csv::ErrorKind::Io(source) => Error::io(path, source),
+        _ => Error::format(path, reason),
+    }
+}

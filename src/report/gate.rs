@@ -1,0 +1,214 @@
+//! Limits of a run's metrics, and the gate result of a run: `svl score --gate`.
+
+use super::junit::{TestCase, TestResult};
+use super::summary::{AlgorithmSummary, Summary};
+use serde::Serialize;
+use svl_score::judge::{Metric, MetricUnit};
+use svl_score::manifest::{AlgorithmRecord, Manifest};
+use svl_score::scenario::Limit;
+
+/// The state of a limit after a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GateState {
+    Pass,
+    Fail,
+    /// The run has no number for it, which fails, too.
+    NotMeasured,
+    /// The limit's algorithm was not run, on purpose.
+    Skipped,
+}
+
+impl GateState {
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Pass => "pass",
+            Self::Fail => "FAIL",
+            Self::NotMeasured => "NOT MEASURED",
+            Self::Skipped => "skipped",
+        }
+    }
+
+    /// True if the gate fails by it.
+    pub fn fails(self) -> bool {
+        matches!(self, Self::Fail | Self::NotMeasured)
+    }
+}
+
+/// The result of a limit for one algorithm.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GateResult {
+    pub limit: Limit,
+    /// Label of the algorithm; absent when no algorithm of the run matches the limit.
+    pub algorithm: Option<String>,
+    /// Value of the metric; absent if the run does not measure it.
+    pub value: Option<f64>,
+    pub state: GateState,
+    /// Pairs and cells that the value rests on, of metrics against a ground truth.
+    pub scored: Option<(u64, u64)>,
+    /// Caveat of the value, where its truth is not exact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub caution: Option<String>,
+}
+
+/// Results of a run, one for every algorithm that matches the limit.
+pub fn limit_results(limit: &Limit, summary: &Summary, manifest: &Manifest) -> Vec<GateResult> {
+    // A bare name matches the algorithm with any parameters.
+    let is = |a: &&AlgorithmRecord, name: &str| a.label == name || a.name == name;
+    let unit = limit
+        .relative_to
+        .as_deref()
+        .map(|name| manifest.algorithms.iter().find(|a| is(a, name)));
+    let result = |algorithm: &AlgorithmRecord| {
+        let value = match unit {
+            None => summary.value(&algorithm.label, limit.metric, limit.checkpoint),
+            Some(unit) => unit.and_then(|unit| time_ratio(summary, algorithm, unit)),
+        };
+        let keeps =
+            |v: f64| limit.min.is_none_or(|min| v >= min) && limit.max.is_none_or(|max| v <= max);
+        // The reference of the ratio is named but not in this run.
+        let absent = matches!(unit, Some(None));
+        let state = match value {
+            _ if absent => GateState::Skipped,
+            None => GateState::NotMeasured,
+            Some(value) if keeps(value) => GateState::Pass,
+            Some(_) => GateState::Fail,
+        };
+        let summary_row = summary_row(summary, algorithm).filter(|_| limit.metric.against_truth);
+        GateResult {
+            limit: limit.clone(),
+            algorithm: Some(algorithm.label.clone()),
+            value,
+            state,
+            scored: summary_row.and_then(AlgorithmSummary::scored),
+            caution: summary.caution().filter(|_| limit.metric.against_truth),
+        }
+    };
+    // A limit for a bare name has a result per variant of the algorithm.
+    let results: Vec<_> = manifest
+        .algorithms
+        .iter()
+        .filter(|a| is(a, &limit.algorithm))
+        .map(result)
+        .collect();
+    let unmatched = || {
+        vec![GateResult {
+            limit: limit.clone(),
+            algorithm: None,
+            value: None,
+            state: GateState::Skipped,
+            scored: None,
+            caution: None,
+        }]
+    };
+    if results.is_empty() {
+        unmatched()
+    } else {
+        results
+    }
+}
+
+fn summary_row<'a>(
+    summary: &'a Summary,
+    algorithm: &AlgorithmRecord,
+) -> Option<&'a AlgorithmSummary> {
+    let mut rows = summary.algorithms.iter();
+    rows.find(|row| row.algorithm == algorithm.label)
+}
+
+/// The ratio of two medians. Both are of one run and machine, so it carries over to other machines.
+fn time_ratio(summary: &Summary, tested: &AlgorithmRecord, unit: &AlgorithmRecord) -> Option<f64> {
+    let (tested, unit) = (summary_row(summary, tested)?, summary_row(summary, unit)?);
+    let labels = [tested, unit].map(|row| row.algorithm.as_str());
+    if !summary.are_times_comparable(labels.into_iter()) {
+        return None;
+    }
+    Some(tested.p50_ms? / unit.p50_ms?)
+}
+
+/// A bound with all of its digits: one that rounds to another would be another limit.
+fn exact_bound(metric: &Metric, bound: f64) -> String {
+    match metric.unit {
+        MetricUnit::Share => {
+            let shown = |digits: usize| format!("{:.digits$}", 100.0 * bound);
+            let is_bound = |text: &String| {
+                text.parse()
+                    .is_ok_and(|v: f64| (v / 100.0 - bound).abs() < 1e-12)
+            };
+            let text = (1..9).map(shown).find(is_bound);
+            text.unwrap_or_else(|| shown(9)) + " %"
+        }
+        _ => metric.show_relative(bound),
+    }
+}
+
+impl GateResult {
+    /// For JUnit.
+    pub fn test_case(&self) -> TestCase {
+        TestCase {
+            name: self.to_string(),
+            result: match self.state {
+                GateState::Pass => TestResult::Passed,
+                GateState::Fail | GateState::NotMeasured => TestResult::Failed(self.to_string()),
+                GateState::Skipped => TestResult::Skipped(self.to_string()),
+            },
+        }
+    }
+}
+
+impl std::fmt::Display for GateResult {
+    /// One line: algorithm, metric, value and limits.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Limit {
+            algorithm,
+            metric,
+            checkpoint,
+            relative_to,
+            min,
+            max,
+            line,
+        } = &self.limit;
+        write!(
+            f,
+            "{}: {}",
+            self.algorithm.as_ref().unwrap_or(algorithm),
+            metric.words
+        )?;
+        if let Some(number) = checkpoint {
+            write!(f, " at checkpoint {number}")?;
+        }
+        if let Some(other) = relative_to {
+            write!(f, " in units of {other}'s")?;
+        }
+        match (self.state, self.value) {
+            (GateState::Skipped, _) => {
+                f.write_str(" has no result, as an algorithm is not in the run")?;
+            }
+            (_, None) => {
+                f.write_str(" is not measured in this run")?;
+                if let Some((_, cells)) = self.scored.filter(|(_, cells)| *cells == 0) {
+                    write!(f, ": {cells} cells have a truth")?;
+                }
+            }
+            (_, Some(value)) => {
+                // A value that rounds to the bound would look like a pass.
+                let hidden = [min, max].into_iter().flatten().any(|b| {
+                    *b != value && metric.show_relative(*b) == metric.show_relative(value)
+                });
+                match (hidden, metric.unit == MetricUnit::Share) {
+                    (true, true) => write!(f, " {:.4} %", 100.0 * value)?,
+                    _ => write!(f, " {}", metric.show_relative(value))?,
+                }
+            }
+        }
+        let bounds = [("at least", min), ("at most", max)]
+            .map(|(words, bound)| bound.map(|bound| (words, exact_bound(metric, bound))));
+        for (i, (words, bound)) in bounds.into_iter().flatten().enumerate() {
+            write!(f, "{} {words} {bound}", if i == 0 { "," } else { " and" })?;
+        }
+        if let Some(caution) = &self.caution {
+            write!(f, ", {caution}")?;
+        }
+        write!(f, " (line {line})")
+    }
+}

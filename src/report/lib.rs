@@ -1,0 +1,65 @@
+//! The reports of runs: units → CSV and Parquet → summary → terminal, Markdown, HTML.
+//!
+//! ```text
+//! units ──build──▶ rows, cells, checkpoints, … as .csv and .parquet
+//!                      │
+//!                      └──▶ Summary ──▶ Table ──▶ terminal, Markdown, LaTeX; JSON,
+//!                                       html::ReportPage, summary and verdicts
+//! ```
+
+mod algorithm_parameters;
+mod answer;
+mod build;
+pub mod calibration;
+mod cases;
+mod cautions;
+mod choice;
+mod columns;
+pub mod compare;
+mod csv_rows;
+mod descriptions;
+mod drives;
+pub mod evidence;
+mod gate;
+pub mod html;
+mod junit;
+mod lead;
+mod maps;
+mod markdown;
+pub mod outputs;
+pub mod page;
+pub mod plot;
+mod rows;
+mod samples;
+pub mod shots;
+mod sources;
+mod speed;
+mod stress;
+mod summary;
+mod summary_tables;
+mod sweeps;
+pub mod table;
+mod table_writer;
+mod terminal;
+mod totals;
+pub mod units;
+mod words;
+
+pub use algorithm_parameters::write_algorithms;
+pub use build::{BuildOptions, BuiltReport, MANIFEST, REPORT, build, checkpoint_results};
+pub use choice::{OBJECTIVES, better_first, pareto_front};
+pub use columns::ColumnDescription;
+pub use csv_rows::{RowReader, read_rows};
+pub use descriptions::{TABLES, TableDescription};
+pub use drives::{CoursePlan, DriveRow, DriveSummary, TrackRow};
+pub use gate::{GateResult, GateState, limit_results};
+pub use junit::{TestCase, TestResult, junit};
+pub use lead::{Certainty, Lead, RunnerUp};
+pub use rows::{
+    CellRow, CheckpointRow, ColumnValue, CsvCells, FailureRow, FrameRow, MetricTotals, Record, Row,
+    hash_words,
+};
+pub use sources::Sources;
+pub use stress::StressSummary;
+pub use summary::{AlgorithmSummary, CheckpointSummary, FailedAlgorithm, Summary};
+pub use table_writer::TableWriter;

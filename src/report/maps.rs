@@ -1,0 +1,54 @@
+//! Maps of the courses that algorithms drove through.
+
+use super::drives::{CoursePlan, DriveRow, TrackRow};
+use super::plot::{CourseMap, MapWay};
+
+/// Limit of the courses with a map in the page: those with the most collisions.
+const MAX_MAPS: usize = 12;
+
+/// The maps of the courses with their unperturbed drives; if there are too many, those with the
+/// most collisions.
+pub fn maps(plans: &[CoursePlan], drives: &[DriveRow], track: &[TrackRow]) -> Vec<CourseMap> {
+    let plain_drives = |plan: &CoursePlan| {
+        let seed = plan.seed;
+        let plain = drives.iter().filter(|row| row.stress.is_none());
+        plain.filter(move |row| row.seed == seed)
+    };
+    let hits = |plan: &CoursePlan| plain_drives(plan).map(|row| row.collisions).sum::<u64>();
+    // The last course of an interrupted run may have no drive.
+    let mut shown: Vec<_> = plans
+        .iter()
+        .filter(|plan| plain_drives(plan).next().is_some())
+        .collect();
+    if shown.len() > MAX_MAPS {
+        shown.sort_by_key(|plan| std::cmp::Reverse(hits(plan)));
+        shown.truncate(MAX_MAPS);
+    }
+    let way = |row: &DriveRow| {
+        let is_own = |at: &&TrackRow| {
+            at.seed == row.seed && at.algorithm == row.algorithm && at.stress == row.stress
+        };
+        let own: Vec<_> = track.iter().filter(is_own).collect();
+        let places = |event: &str| {
+            let events = own.iter().filter(|at| at.event.as_deref() == Some(event));
+            events.map(|at| [at.x_m, at.y_m]).collect()
+        };
+        let stretches = own.chunk_by(|_, next| !next.placed);
+        MapWay {
+            name: row.algorithm.clone(),
+            stretches: stretches
+                .map(|stretch| stretch.iter().map(|at| [at.x_m, at.y_m]).collect())
+                .collect(),
+            collisions: places("collision"),
+            stuck: places("stuck"),
+        }
+    };
+    let map = |plan: &CoursePlan| CourseMap {
+        title: format!("course {}", plan.seed),
+        size_m: (plan.width_m, plan.length_m),
+        goal_m: plan.goal_m,
+        outlines: plan.outlines.clone(),
+        ways: plain_drives(plan).map(way).collect(),
+    };
+    shown.into_iter().map(map).collect()
+}

@@ -1,0 +1,172 @@
+//! Plots as SVG, for reports and the thesis's figures.
+//!
+//! A page that holds them styles them: axes and texts take the page's colours through the class
+//! `plot`.
+
+mod bars;
+mod chart;
+mod columns;
+mod distance;
+mod key;
+mod labels;
+mod map;
+mod strips;
+mod ticks;
+mod tips;
+
+pub use bars::Bars;
+pub use chart::{Axis, Chart};
+pub use columns::two_columns;
+pub use distance::distance_chart;
+pub use map::{CourseMap, MapWay};
+pub use strips::Strips;
+
+use plotters::prelude::*;
+use plotters::style::FontFamily;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use svl_core::{Error, Result};
+use svl_files::overlay::{COLOR_COUNT, algorithm_color};
+
+/// Points under one name. Non-finite points are omitted and interrupt a line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    pub name: String,
+    pub form: SeriesStyle,
+    pub points: Vec<(f64, f64)>,
+}
+
+/// The algorithms of a run in its order, from which their colours follow: those of a kind have one
+/// colour where there are more algorithms than colours.
+pub struct AlgorithmColors<'a>(Vec<&'a str>);
+
+impl<'a> AlgorithmColors<'a> {
+    pub fn new(labels: impl IntoIterator<Item = &'a str>) -> Self {
+        let labels: Vec<_> = labels.into_iter().collect();
+        if labels.len() <= COLOR_COUNT {
+            Self(labels)
+        } else {
+            Self(labels.into_iter().map(kind).collect())
+        }
+    }
+
+    /// The place whose colour an algorithm has, or a kind of algorithms.
+    pub fn place(&self, label: &str) -> Option<usize> {
+        let place = |is: &dyn Fn(&str) -> bool| self.0.iter().position(|own| is(own));
+        let own = place(&|own| own == label);
+        own.or_else(|| place(&|own| kind(own) == kind(label)))
+    }
+
+    fn color(&self, label: &str) -> Option<RGBColor> {
+        self.place(label).map(color)
+    }
+}
+
+/// The kind of an algorithm, by its label.
+fn kind(label: &str) -> &str {
+    label.split(':').next().unwrap_or_default()
+}
+
+impl Series {
+    /// True if the series is in the key.
+    fn is_keyed(&self) -> bool {
+        let form = self.form;
+        !self.name.is_empty()
+            && matches!(
+                form,
+                SeriesStyle::Line | SeriesStyle::Points | SeriesStyle::Both
+            )
+    }
+}
+
+/// Drawing style of a series.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SeriesStyle {
+    Line,
+    Points,
+    /// Points joined by lines.
+    Both,
+    /// Points with the series' name beside each, which is then not in the key; all such series have
+    /// one colour.
+    Named,
+    /// As named, with discs of that radius in the series' own colour.
+    Disc(u32),
+    /// Points joined by lines without a key: captions name them.
+    Joined,
+    /// A dashed line without a key: it joins points of other series.
+    Front,
+    /// The name alone beside each point: the caption of another series, in place of a key.
+    Caption,
+    /// As a caption, where there is room: the label of a point of another series.
+    Label,
+}
+
+impl SeriesStyle {
+    /// Radius of its points, where they are drawn.
+    fn radius(self) -> Option<u32> {
+        match self {
+            Self::Points | Self::Both | Self::Joined | Self::Named => Some(8),
+            Self::Disc(radius) => Some(radius),
+            Self::Line | Self::Front | Self::Caption | Self::Label => None,
+        }
+    }
+}
+
+/// Width of every plot in the SVG's own units, which are whole; a page scales it, to between a
+/// third and two thirds of a pixel each: on a phone and on paper the texts are still texts.
+const WIDTH: u32 = 960;
+
+/// Text size in the same units.
+const TEXT: u32 = 30;
+
+/// Height of a title.
+const TITLE: i32 = 52;
+
+/// Grid and axes; the page's style replaces it.
+const AXIS: RGBColor = RGBColor(0x80, 0x80, 0x80);
+
+/// Colour of the `i`-th series, or of the algorithm at that place in its run.
+fn color(i: usize) -> RGBColor {
+    rgb(algorithm_color(i))
+}
+
+fn rgb([r, g, b]: [u8; 3]) -> RGBColor {
+    RGBColor(r, g, b)
+}
+
+fn text<'a>(size: u32) -> TextStyle<'a> {
+    (FontFamily::SansSerif, size).into_font().color(&BLACK)
+}
+
+/// Approximate width of a text in sans-serif fonts; the browser picks the font.
+fn text_width(text: &str, size: u32) -> i32 {
+    (0.56 * f64::from(size) * text.chars().count() as f64).ceil() as i32
+}
+
+/// A title in the middle of the top.
+fn draw_title(canvas: &PlotCanvas, title: &str) -> std::result::Result<(), DrawError> {
+    let style = text(TEXT + 4).pos(Pos::new(HPos::Center, VPos::Top));
+    canvas.draw(&Text::new(title, (WIDTH as i32 / 2, 16), style))
+}
+
+/// Draws on an empty canvas of `height` and returns the SVG.
+fn svg(
+    height: u32,
+    title: &str,
+    draw: impl FnOnce(&PlotCanvas) -> std::result::Result<(), DrawError>,
+) -> Result<String> {
+    let mut svg = String::new();
+    let canvas = SVGBackend::with_string(&mut svg, (WIDTH, height)).into_drawing_area();
+    let drawn = draw(&canvas).and_then(|()| canvas.present());
+    // The canvas borrows the text that it draws into.
+    drop(canvas);
+    drawn.map_err(|e| Error::Invalid(format!("plot '{title}': {e}")))?;
+    // Sizes in percent let the page decide; `viewBox` keeps the proportions.
+    Ok(svg.replacen(
+        &format!("width=\"{WIDTH}\" height=\"{height}\""),
+        "class=\"plot\" role=\"img\"",
+        1,
+    ))
+}
+
+type PlotCanvas<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+type DrawError = DrawingAreaErrorKind<<SVGBackend<'static> as DrawingBackend>::ErrorType>;

@@ -1,0 +1,559 @@
+//! The rows of the tables and their columns, in CSV, JSON and polars.
+//!
+//! Fractions are 0..=1, cells and sequences count from 0, distances are along the optical axis. A
+//! metric that needs ground truth is absent without it.
+
+use super::columns::ColumnDescription;
+use polars::prelude::{Column, DataFrame, PolarsResult};
+use std::str::FromStr;
+use std::sync::LazyLock;
+use svl_core::stereo::{CellRule, CellState};
+use svl_files::ColumnPlaces;
+use svl_score::judge::{METRICS, Metric, MetricTotal, MetricUnit, MetricValues, Verdict};
+
+/// A row of a table: named columns, each of one type.
+pub trait Record: Sized {
+    /// The columns, in their order.
+    fn columns() -> Vec<ColumnDescription>;
+
+    /// A value per column.
+    fn values(&self) -> Vec<ColumnValue<'_>>;
+
+    /// The row from the texts of its columns, in `cells`.
+    ///
+    /// # Errors
+    /// The column that is missing or has no value of its type, in words.
+    fn parse(cells: CsvCells<'_>) -> Result<Self, String>;
+
+    /// The rows as a data frame, typed also without rows.
+    ///
+    /// # Errors
+    /// The error of polars.
+    fn frame(rows: &[Self]) -> PolarsResult<DataFrame>;
+}
+
+/// A value in a column of a row.
+#[derive(serde::Serialize)]
+#[serde(untagged)]
+pub enum ColumnValue<'a> {
+    Text(&'a str),
+    Whole(Option<u64>),
+    Real(Option<f64>),
+    Flag(Option<bool>),
+}
+
+/// A line of a CSV file.
+#[derive(Clone, Copy)]
+pub struct CsvCells<'a> {
+    pub(super) places: &'a ColumnPlaces,
+    pub(super) line: &'a csv::StringRecord,
+}
+
+impl<'a> CsvCells<'a> {
+    fn get(self, column: &str) -> Result<&'a str, String> {
+        // By name: users may reorder them.
+        let cell = self.places.cell(self.line, column);
+        cell.ok_or_else(|| format!("has no column '{column}'"))
+    }
+}
+
+/// The name of a field's column: that of the field, also where it is a keyword.
+pub(super) fn column_name(field: &'static str) -> &'static str {
+    field.strip_prefix("r#").unwrap_or(field)
+}
+
+/// Declares a row of one list of fields, each a column or several.
+macro_rules! record {
+    ($(#[$about:meta])* $name:ident { $($(#[doc = $doc:literal])* $field:ident: $kind:ty,)* }) => {
+        $(#[$about])*
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct $name { $($(#[doc = $doc])* pub $field: $kind,)* }
+
+        impl $crate::rows::Record for $name {
+            fn columns() -> Vec<$crate::columns::ColumnDescription> {
+                let mut columns = Vec::new();
+                $(<$kind as $crate::rows::RowField>::columns(
+                    $crate::rows::column_name(stringify!($field)),
+                    concat!($($doc),*),
+                    &mut columns,
+                );)*
+                columns
+            }
+
+            fn values(&self) -> Vec<$crate::rows::ColumnValue<'_>> {
+                let mut values = Vec::new();
+                $($crate::rows::RowField::values(&self.$field, &mut values);)*
+                values
+            }
+
+            fn parse(
+                cells: $crate::rows::CsvCells<'_>,
+            ) -> std::result::Result<Self, String> {
+                Ok(Self {$(
+                    $field: $crate::rows::RowField::parse(
+                        $crate::rows::column_name(stringify!($field)),
+                        cells,
+                    )?,
+                )*})
+            }
+
+            fn frame(rows: &[Self]) -> polars::prelude::PolarsResult<polars::prelude::DataFrame> {
+                let mut columns = Vec::new();
+                $(
+                    let fields: Vec<_> = rows.iter().map(|row| &row.$field).collect();
+                    columns.extend($crate::rows::RowField::stored(
+                        $crate::rows::column_name(stringify!($field)),
+                        &fields,
+                    ));
+                )*
+                polars::prelude::DataFrame::new(rows.len(), columns)
+            }
+        }
+
+        impl serde::Serialize for $name {
+            fn serialize<S: serde::Serializer>(
+                &self,
+                serializer: S,
+            ) -> std::result::Result<S::Ok, S::Error> {
+                use $crate::rows::Record as _;
+                let names = Self::columns().into_iter().map(|column| column.name);
+                serializer.collect_map(names.zip(self.values()))
+            }
+        }
+    };
+}
+pub(super) use record;
+
+record! {
+    /// A pair that an algorithm failed on.
+    FailureRow {
+        /// Name of the scenario.
+        scenario: String,
+        /// Name of the recording, if the scenario has recordings.
+        run: Option<String>,
+        /// Seed of the arena or of the course; absent for recordings.
+        seed: Option<u64>,
+        /// Number of the pair in its run.
+        sequence: u64,
+        /// Label of the algorithm, as `v3:max_disparity=64`.
+        algorithm: String,
+        /// Reason of the failure.
+        reason: String,
+        /// The perturbation of the pair.
+        stress: Option<String>,
+    }
+}
+
+/// A hash of pixels or of a result in the form of the tables.
+pub fn hash_words(hash: u128) -> String {
+    format!("{hash:032x}")
+}
+
+record! {
+    /// One pair through one algorithm.
+    Row {
+        /// Name of the scenario.
+        scenario: String,
+        /// Number of the pair in its run.
+        sequence: u64,
+        /// Exposure stamp of the pair.
+        stamp_ns: u64,
+        /// Name of the scene, empty if frames have none.
+        name: String,
+        /// Seed of the arena.
+        seed: Option<u64>,
+        /// Hash of the pair's pixels, hexadecimal.
+        pair_hash: String,
+        /// Label of the algorithm, as `v3:max_disparity=64`.
+        algorithm: String,
+        /// Hash of the algorithm and its parameters, hexadecimal.
+        parameters_hash: String,
+        /// Width of the images, pixels.
+        width: u32,
+        /// Height of the images, pixels.
+        height: u32,
+        /// Number of disparities that the algorithm tries per pixel, if its parameters determine
+        /// it.
+        disparities: Option<u32>,
+        /// Time of smoothing.
+        smoothing_us: u64,
+        /// Time of the texture filter.
+        texture_us: u64,
+        /// Time of matching.
+        matching_us: u64,
+        /// Time of the consistency checks.
+        checks_us: u64,
+        /// Time of the whole pair, filters included.
+        total_us: u64,
+        /// A column per metric of frames.
+        metrics: MetricValues,
+        /// Hash of the disparity map, hexadecimal.
+        result_hash: String,
+        /// Origin of the truth: exact, sensor TOPIC or reference ALGORITHMS; absent without truth.
+        truth: Option<String>,
+        /// Name of the recording, if the scenario has recordings.
+        run: Option<String>,
+        /// Time of the filters, if the algorithm runs behind some.
+        filters_us: Option<u64>,
+        /// Perturbation of the pair, as `row_offset=0.5`; absent for an unperturbed pair.
+        stress: Option<String>,
+        /// Hash of everything that the result was scored on: pixels, geometry and truth,
+        /// hexadecimal.
+        input_hash: String,
+        /// The session that matched it, as in the manifest.
+        session: String,
+    }
+}
+
+record! {
+    /// One cell of the obstacle grid in one pair through one algorithm.
+    CellRow {
+        /// Name of the scenario.
+        scenario: String,
+        /// Number of the pair in its run.
+        sequence: u64,
+        /// Seed of the arena.
+        seed: Option<u64>,
+        /// Label of the algorithm, as `v3:max_disparity=64`.
+        algorithm: String,
+        /// Column of the cell, from 0 at the left.
+        column: u32,
+        /// Row of the cell, from 0 at the top.
+        row: u32,
+        /// Fraction of the cell's pixels with a disparity.
+        valid_share: f64,
+        /// Median of the reported disparities.
+        median_px: Option<f64>,
+        /// 20th percentile of the reported disparities: the farther part.
+        p20_px: Option<f64>,
+        /// 80th percentile of the reported disparities: the nearer part.
+        p80_px: Option<f64>,
+        /// Reported distance along the optical axis.
+        distance_m: Option<f64>,
+        /// Median true disparity.
+        true_median_px: Option<f64>,
+        /// True distance of the median.
+        true_distance_m: Option<f64>,
+        /// Result of the cell: right, wrong, unknown or no-truth.
+        verdict: Verdict,
+        /// The median is truly nearer than the scenario's `obstacle_m` and reported farther than
+        /// its `clear_m`.
+        missed_median: bool,
+        /// The reverse of `missed_median`: truly farther than `clear_m`, reported nearer than
+        /// `obstacle_m`.
+        false_median: bool,
+        /// The nearest quarter of the cell is truly nearer than `obstacle_m`, and the cell is
+        /// reported farther than `clear_m`.
+        missed: bool,
+        /// The cell is reported nearer than `obstacle_m`, and less than 5 % of it is truly nearer
+        /// than `clear_m`.
+        r#false: bool,
+        /// Name of the recording, if the scenario has recordings.
+        run: Option<String>,
+        /// State of the cell, as the algorithm reports it.
+        state: Option<CellState>,
+        /// Probability that the cell is right, if the algorithm gives one.
+        probability: Option<f64>,
+        /// Probability that something is nearer than `obstacle_m`, of an unknown cell in state
+        /// `near`.
+        near_probability: Option<f64>,
+        /// Perturbation of the pair, if any.
+        stress: Option<String>,
+        /// Number of points of a sparse truth; with `no-truth` they do not determine the median.
+        /// Absent if the truth is dense or missing.
+        true_points: Option<u64>,
+    }
+}
+
+record! {
+    /// One checkpoint of one run through one algorithm.
+    CheckpointRow {
+        /// Name of the scenario.
+        scenario: String,
+        /// Seed of the arena or of the course; absent for recordings.
+        seed: Option<u64>,
+        /// The checkpoint's number in the scenario.
+        checkpoint: u32,
+        /// Name of the checkpoint.
+        name: String,
+        /// Label of the algorithm, as `v3:max_disparity=64`.
+        algorithm: String,
+        /// Number of frames that show the checkpoint.
+        frames: u64,
+        /// Number of these frames in which the checkpoint passes.
+        passed: u64,
+        /// `passed / frames`; absent if no frame shows the checkpoint.
+        share: Option<f64>,
+        /// Sequence number of the best frame.
+        best_sequence: Option<u64>,
+        /// The checkpoint passes in the best frame.
+        best_passed: Option<bool>,
+        /// Sequence number of the worst frame.
+        worst_sequence: Option<u64>,
+        /// The checkpoint passes in the worst frame.
+        worst_passed: Option<bool>,
+        /// Name of the recording, if the scenario has recordings.
+        run: Option<String>,
+        /// Perturbation of the pairs, if any.
+        stress: Option<String>,
+    }
+}
+
+record! {
+    /// A frame that shows a checkpoint, through one algorithm.
+    FrameRow {
+        /// Number of the pair in its run.
+        sequence: u64,
+        /// Label of the algorithm, as `v3:max_disparity=64`.
+        algorithm: String,
+        /// The checkpoint's number in the scenario.
+        checkpoint: u32,
+        /// The checkpoint passes.
+        passed: bool,
+        /// Cells that must be right and are not.
+        missing: u64,
+        /// Cells that are wrong.
+        wrong: u64,
+        /// The reported distances are in the required order.
+        order_holds: bool,
+        /// The largest relative error of distance; infinite if one is not reported.
+        error: f64,
+    }
+}
+
+/// A field of a row: one column of its name, or several.
+pub(super) trait RowField: Sized {
+    /// Type of its column, as [`ColumnDescription::kind`].
+    const KIND: &'static str;
+
+    fn columns(name: &'static str, about: &str, columns: &mut Vec<ColumnDescription>) {
+        columns.push(ColumnDescription::new(name, Self::KIND, about));
+    }
+
+    fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>);
+
+    fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String>;
+
+    fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column>;
+}
+
+/// Types that are one column: their kind, their value, the value of a text, and that in polars.
+macro_rules! columns {
+    ($($kind:ty: $name:literal, |$field:ident| $value:expr, $read:expr, $stored:expr;)*) => {$(
+        impl RowField for $kind {
+            const KIND: &'static str = $name;
+
+            fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
+                let $field = self;
+                values.push($value);
+            }
+
+            fn parse(name: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+                let read: fn(&str) -> Option<Self> = $read;
+                let text = cells.get(name)?;
+                read(text).ok_or_else(|| format!("'{text}' in column '{name}' cannot be read"))
+            }
+
+            fn stored(name: &'static str, fields: &[&Self]) -> Vec<Column> {
+                let values: Vec<_> = fields.iter().copied().map($stored).collect();
+                vec![Column::new(name.into(), values)]
+            }
+        }
+    )*};
+}
+
+columns! {
+    String: "text", |v| ColumnValue::Text(v), |text| Some(text.to_owned()), String::clone;
+    Option<String>: "text?", |v| ColumnValue::Text(v.as_deref().unwrap_or_default()), optional,
+        Option::clone;
+    Verdict: "text", |v| ColumnValue::Text(v.name()), Verdict::from_name, |v| v.name();
+    Option<CellState>: "text?", |v| ColumnValue::Text(v.map_or("", |v| v.name())), |text| {
+        match text {
+            "" => Some(None),
+            _ => CellState::from_name(text).map(Some),
+        }
+    }, |v| v.map(|v| v.name());
+    u32: "integer", |n| ColumnValue::Whole(Some((*n).into())), read, u32::clone;
+    u64: "integer", |n| ColumnValue::Whole(Some(*n)), read, u64::clone;
+    f64: "number", |v| ColumnValue::Real(Some(*v)), read, f64::clone;
+    bool: "boolean", |flag| ColumnValue::Flag(Some(*flag)), read, bool::clone;
+    Option<u32>: "integer?", |n| ColumnValue::Whole(n.map(u64::from)), optional, Option::clone;
+    Option<u64>: "integer?", |n| ColumnValue::Whole(*n), optional, Option::clone;
+    Option<f64>: "number?", |v| ColumnValue::Real(*v), optional, Option::clone;
+    Option<bool>: "boolean?", |flag| ColumnValue::Flag(*flag), optional, Option::clone;
+}
+
+fn read<T: FromStr>(text: &str) -> Option<T> {
+    text.parse().ok()
+}
+
+fn optional<T: FromStr>(text: &str) -> Option<Option<T>> {
+    match text {
+        "" => Some(None),
+        _ => text.parse().ok().map(Some),
+    }
+}
+
+/// The metrics whose columns come first in rows; the others follow in the order of [`METRICS`].
+const FIRST_IN_ROWS: [&str; 10] = [
+    "coverage",
+    "bad1",
+    "bad2",
+    "invalid",
+    "right",
+    "wrong",
+    "unknown",
+    "missed",
+    "false",
+    "row_offset",
+];
+
+static METRICS_IN_ROWS: LazyLock<Vec<(&Metric, &str)>> = LazyLock::new(|| {
+    let first = FIRST_IN_ROWS.iter().filter_map(|name| Metric::find(name));
+    let rest = METRICS
+        .iter()
+        .filter(|metric| !FIRST_IN_ROWS.contains(&metric.name));
+    first
+        .chain(rest)
+        .filter_map(|metric| Some((metric, metric.column()?.0)))
+        .collect()
+});
+
+static METRICS_IN_SUMMARIES: LazyLock<Vec<(&Metric, &str)>> = LazyLock::new(|| {
+    METRICS
+        .iter()
+        .filter_map(|metric| Some((metric, metric.column()?.0)))
+        .collect()
+});
+
+/// The metrics' columns of all frames of an algorithm.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MetricTotals(pub MetricValues);
+
+impl std::ops::Deref for MetricTotals {
+    type Target = MetricValues;
+
+    fn deref(&self) -> &MetricValues {
+        &self.0
+    }
+}
+
+/// Metrics with the names of their columns, in the order of a table.
+type MetricOrder = [(&'static Metric, &'static str)];
+
+impl RowField for MetricValues {
+    const KIND: &'static str = "number?";
+
+    fn columns(_: &'static str, _: &str, columns: &mut Vec<ColumnDescription>) {
+        columns.extend(
+            METRICS_IN_ROWS
+                .iter()
+                .map(|(metric, _)| metric_column(metric)),
+        );
+    }
+
+    fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
+        values.extend(metric_values(&METRICS_IN_ROWS, self));
+    }
+
+    fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+        parse_metrics(&METRICS_IN_ROWS, cells)
+    }
+
+    fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
+        stored_metrics(&METRICS_IN_ROWS, fields)
+    }
+}
+
+impl RowField for MetricTotals {
+    const KIND: &'static str = "number?";
+
+    fn columns(_: &'static str, _: &str, columns: &mut Vec<ColumnDescription>) {
+        let order = METRICS_IN_SUMMARIES.iter();
+        columns.extend(order.map(|(metric, _)| metric_column(metric)));
+    }
+
+    fn values<'a>(&'a self, values: &mut Vec<ColumnValue<'a>>) {
+        values.extend(metric_values(&METRICS_IN_SUMMARIES, self));
+    }
+
+    fn parse(_: &str, cells: CsvCells<'_>) -> Result<Self, String> {
+        parse_metrics(&METRICS_IN_SUMMARIES, cells).map(Self)
+    }
+
+    fn stored(_: &'static str, fields: &[&Self]) -> Vec<Column> {
+        let metrics: Vec<_> = fields.iter().map(|field| &field.0).collect();
+        stored_metrics(&METRICS_IN_SUMMARIES, &metrics)
+    }
+}
+
+/// A value per metric, whole where the metric counts.
+fn metric_values<'a>(
+    order: &'static MetricOrder,
+    metrics: &'a MetricValues,
+) -> impl Iterator<Item = ColumnValue<'a>> {
+    order
+        .iter()
+        .map(|(metric, _)| match metrics.get(metric.name) {
+            value if metric.counts() => ColumnValue::Whole(value.map(|n| n as u64)),
+            value => ColumnValue::Real(value),
+        })
+}
+
+fn parse_metrics(order: &MetricOrder, cells: CsvCells<'_>) -> Result<MetricValues, String> {
+    let mut metrics = MetricValues::default();
+    for (metric, column) in order {
+        metrics.set(metric.name, RowField::parse(column, cells)?);
+    }
+    Ok(metrics)
+}
+
+fn stored_metrics(order: &MetricOrder, fields: &[&MetricValues]) -> Vec<Column> {
+    let column = |(metric, column): &(&'static Metric, &'static str)| {
+        let values = fields.iter().map(|field| field.get(metric.name));
+        if metric.counts() {
+            let counts: Vec<_> = values.map(|v| v.map(|n| n as u64)).collect();
+            Column::new((*column).into(), counts)
+        } else {
+            Column::new((*column).into(), values.collect::<Vec<_>>())
+        }
+    };
+    order.iter().map(column).collect()
+}
+
+/// The column of a metric of frames.
+fn metric_column(metric: &Metric) -> ColumnDescription {
+    let (name, total) = metric.column().expect("a metric of frames");
+    let kind = if metric.counts() {
+        "integer?"
+    } else {
+        "number?"
+    };
+    let total = match total {
+        MetricTotal::Mean if metric.unit == MetricUnit::Share => {
+            "A fraction; totals are means over pairs."
+        }
+        MetricTotal::Mean => "Totals are means over pairs.",
+        MetricTotal::Sum | MetricTotal::ShareOf(_) => "Totals are sums over pairs.",
+    };
+    let note = metric.note.map(|note| note(CellRule::default()));
+    let meaning = note.map(|(term, words)| format!("{}: {words}.", capitalized(term)));
+    let parts = [
+        Some(format!("{}.", capitalized(metric.words))),
+        meaning,
+        Some(total.to_owned()),
+    ];
+    let unit = (metric.unit == MetricUnit::Px).then_some("px");
+    ColumnDescription {
+        name,
+        kind,
+        unit,
+        about: parts.into_iter().flatten().collect::<Vec<_>>().join(" "),
+    }
+}
+
+fn capitalized(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().map(|first| first.to_uppercase().to_string());
+    first.unwrap_or_default() + letters.as_str()
+}

@@ -1,0 +1,64 @@
+//! The values of a metric in rows, from which totals and intervals are drawn.
+
+use super::rows::Row;
+use svl_score::bootstrap::{Resamples, Sample};
+use svl_score::judge::{Metric, MetricOrigin, MetricTotal};
+
+/// Seed and recording of a row's run.
+pub(super) type RunKey<'a> = (Option<u64>, Option<&'a str>);
+
+/// The run of a row.
+pub(super) fn run_key(row: &Row) -> RunKey<'_> {
+    (row.seed, row.run.as_deref())
+}
+
+/// True for a frame of a data set.
+pub(super) fn is_scene(row: &Row) -> bool {
+    !row.name.is_empty() && row.run.is_none()
+}
+
+/// The values of a metric; absent if no pair has it.
+pub(super) fn sample(metric: &Metric, rows: &[&Row]) -> Option<Sample> {
+    let values = || rows.iter().map(|row| row.metrics.get(metric.name));
+    match metric.origin {
+        MetricOrigin::Frame { total, .. } => match total {
+            MetricTotal::Mean => Some(Sample::Ratio(
+                values().map(|v| v.map_or([0.0; 2], |v| [v, 1.0])).collect(),
+            )),
+            MetricTotal::Sum => values()
+                .any(|v| v.is_some())
+                .then(|| Sample::Count(values().map(Option::unwrap_or_default).collect())),
+            MetricTotal::ShareOf(_) => {
+                let part = |row: &&Row| {
+                    let part = row.metrics.get(metric.name);
+                    let both = part.zip(row.metrics.whole(metric));
+                    both.map_or([0.0; 2], |(part, whole)| [part, whole])
+                };
+                Some(Sample::Ratio(rows.iter().map(part).collect()))
+            }
+        },
+        MetricOrigin::Time => Some(Sample::Median(
+            rows.iter()
+                .map(|row| row.total_us as f64 / 1000.0)
+                .collect(),
+        )),
+        MetricOrigin::Checkpoints | MetricOrigin::Drives(_) => None,
+    }
+}
+
+/// A metric over all rows of an algorithm: a fraction or a mean, a sum, or the median of times.
+pub fn total(metric: &Metric, rows: &[&Row]) -> Option<f64> {
+    sample(metric, rows)?.total()
+}
+
+/// Resamples of rows, those of a run beside each other.
+pub(super) fn resamples(base: &[&Row]) -> Resamples {
+    let stretches: Vec<_> = base
+        .chunk_by(|a, b| run_key(a) == run_key(b))
+        .map(<[_]>::len)
+        .collect();
+    // Scenes of a data set are independent of each other; frames of a recording are not, also where
+    // their files have names.
+    let independent = base.iter().all(|row| is_scene(row));
+    Resamples::draw(&stretches, independent)
+}

@@ -1,0 +1,259 @@
+//! The pictures of a report, chosen from those of its units.
+
+use super::html::{CheckpointFigure, FrameShot, Rank, SceneFigure};
+use super::units::{BlockPictures, CheckpointShot, ReportPlan, ReportTables, RunUnits, StoredSeal};
+use std::collections::BTreeMap;
+use svl_core::Result;
+use svl_score::judge::{Checkpoint, CheckpointTally};
+use svl_score::manifest::read_json;
+
+/// Limit of the frames shown of recordings, over all runs.
+pub const MAX_SAMPLES: u64 = 12;
+/// Limit of the scenes shown.
+pub const MAX_SCENES: u64 = 20;
+
+/// The least power of two that leaves at most `limit` of so many frames.
+pub fn stride(frames: u64, limit: u64) -> u64 {
+    let mut stride = 1;
+    while frames.div_ceil(stride) > limit {
+        stride *= 2;
+    }
+    stride
+}
+
+/// The figures of checkpoints, or of frames spread over recordings, and the scenes of data sets.
+///
+/// # Errors
+/// [`svl_core::Error::Io`], [`svl_core::Error::Format`] with the file of the pictures.
+pub fn for_runs(
+    plan: &ReportPlan,
+    runs: &[RunUnits],
+) -> Result<(Vec<CheckpointFigure>, Vec<SceneFigure>)> {
+    let mut chosen = ChosenPictures::new(plan)?;
+    for (i, run) in runs.iter().enumerate() {
+        if run.run.stress.is_none() {
+            for (seal, stored) in run.kept.seals().iter().enumerate() {
+                if let Some(pictures) = read(stored)? {
+                    let is_taken = |label: &str, place| run.kept.seal(label, place) == Some(seal);
+                    chosen.add(i, stored, pictures, &is_taken);
+                }
+            }
+        }
+    }
+    chosen.finish(plan, runs)
+}
+
+/// The two seconds before the fastest collision of each algorithm.
+///
+/// # Errors
+/// As [`for_runs`].
+pub fn for_drives(
+    plan: &ReportPlan,
+    runs: &[RunUnits],
+    tables: &ReportTables,
+) -> Result<Vec<CheckpointFigure>> {
+    let mut figures = Vec::new();
+    for label in plan.labels() {
+        let hits = tables.tracks.iter().filter(|row| {
+            let is_hit = row.event.as_deref() == Some("collision");
+            row.algorithm == label && row.stress.is_none() && is_hit
+        });
+        // Of equal speeds the first.
+        let fastest = hits.reduce(|best, row| match row.speed_m_per_s > best.speed_m_per_s {
+            true => row,
+            false => best,
+        });
+        let Some(seed) = fastest.map(|row| row.seed) else {
+            continue;
+        };
+        let mut course_runs = runs.iter();
+        let run = course_runs.find(|run| run.run.seed == Some(seed) && run.run.stress.is_none());
+        let drive = run.and_then(|run| run.kept.first(label));
+        if let Some((_, stored)) = drive
+            && let Some(pictures) = read(stored)?
+        {
+            figures.extend(pictures.samples.into_iter().map(|(_, figure)| figure));
+        }
+    }
+    Ok(figures)
+}
+
+fn read(stored: &StoredSeal) -> Result<Option<BlockPictures>> {
+    stored.pictures().map(|path| read_json(&path)).transpose()
+}
+
+/// A pair, by the places of its run and of itself in it.
+type PlaceInRuns = (usize, u64);
+
+/// The pictures of the runs so far.
+struct ChosenPictures {
+    checkpoints: Vec<Checkpoint>,
+    /// Those that are chosen from, by checkpoint and algorithm, with run and place.
+    shots: BTreeMap<(u32, String), Vec<(PlaceInRuns, CheckpointShot)>>,
+    samples: BTreeMap<PlaceInRuns, CheckpointFigure>,
+    scenes: BTreeMap<PlaceInRuns, SceneFigure>,
+}
+
+impl ChosenPictures {
+    fn new(plan: &ReportPlan) -> Result<Self> {
+        Ok(Self {
+            checkpoints: plan.part("checkpoint")?.unwrap_or_default(),
+            shots: BTreeMap::new(),
+            samples: BTreeMap::new(),
+            scenes: BTreeMap::new(),
+        })
+    }
+
+    fn add(
+        &mut self,
+        run: usize,
+        stored: &StoredSeal,
+        pictures: BlockPictures,
+        is_taken: &dyn Fn(&str, u64) -> bool,
+    ) {
+        let place = |sequence: u64| {
+            let mut pairs = stored.seal.pairs.iter();
+            pairs
+                .find(|pair| pair.sequence == sequence)
+                .map(|pair| pair.place)
+        };
+        for shot in pictures.checkpoints {
+            let Some(place) = place(shot.sequence) else {
+                continue;
+            };
+            let key = (shot.checkpoint, shot.algorithm.clone());
+            if is_taken(&key.1, place) {
+                self.shots
+                    .entry(key)
+                    .or_default()
+                    .push(((run, place), shot));
+            }
+        }
+        for (place, mut figure) in pictures.samples {
+            figure
+                .shots
+                .retain(|(_, shot)| is_taken(&shot.row.algorithm, place));
+            match self.samples.get_mut(&(run, place)) {
+                Some(own) => own.shots.extend(figure.shots),
+                None => drop(self.samples.insert((run, place), figure)),
+            }
+        }
+        for (place, mut scene) in pictures.scenes {
+            scene
+                .shots
+                .retain(|shot| is_taken(&shot.row.algorithm, place));
+            match self.scenes.get_mut(&(run, place)) {
+                Some(own) => own.shots.extend(scene.shots),
+                None => drop(self.scenes.insert((run, place), scene)),
+            }
+        }
+    }
+
+    fn finish(
+        mut self,
+        plan: &ReportPlan,
+        runs: &[RunUnits],
+    ) -> Result<(Vec<CheckpointFigure>, Vec<SceneFigure>)> {
+        let (labels, pictured) = (plan.labels(), plan.pictured());
+        let order = |label: &str| labels.iter().position(|own| *own == label);
+        let checkpoints = std::mem::take(&mut self.checkpoints);
+        let figure = |checkpoint: Checkpoint| {
+            let mut shots = Vec::new();
+            for label in &pictured {
+                let key = (checkpoint.number, (*label).to_owned());
+                shots.extend(leading(self.shots.remove(&key).unwrap_or_default())?);
+            }
+            Ok(CheckpointFigure {
+                checkpoint: Some(checkpoint.number),
+                title: format!("{} {}", checkpoint.number, checkpoint.name),
+                about: checkpoint.description,
+                shots,
+            })
+        };
+        let figures = checkpoints.into_iter().map(figure);
+        let mut figures = figures.collect::<Result<Vec<_>>>()?;
+        let mut samples = spread(self.samples, runs, MAX_SAMPLES);
+        for sample in &mut samples {
+            sample
+                .shots
+                .retain(|(_, shot)| pictured.contains(&shot.row.algorithm.as_str()));
+            sample
+                .shots
+                .sort_by_key(|(_, shot)| order(&shot.row.algorithm));
+        }
+        figures.extend(
+            samples
+                .into_iter()
+                .filter(|sample| !sample.shots.is_empty()),
+        );
+        let mut scenes = spread(self.scenes, runs, MAX_SCENES);
+        for scene in &mut scenes {
+            scene
+                .shots
+                .retain(|shot| pictured.contains(&shot.row.algorithm.as_str()));
+            scene.shots.sort_by_key(|shot| order(&shot.row.algorithm));
+        }
+        scenes.retain(|scene| !scene.shots.is_empty());
+        Ok((figures, scenes))
+    }
+}
+
+/// Those that are spread evenly over each run, and, if these are too many, over all runs.
+fn spread<T>(all: BTreeMap<PlaceInRuns, T>, runs: &[RunUnits], limit: u64) -> Vec<T> {
+    let pairs = |run: usize| {
+        let facts = runs[run].facts.as_ref();
+        facts.and_then(|facts| Some(facts.end.as_ref()?.pairs))
+    };
+    let mut strides = BTreeMap::new();
+    let mut last = BTreeMap::new();
+    for (run, place) in all.keys() {
+        last.insert(*run, *place);
+    }
+    for (run, place) in last {
+        // Of a run that was interrupted, as many as are known.
+        strides.insert(run, stride(pairs(run).unwrap_or(place + 1), limit));
+    }
+    let on_stride = |(run, place): &(usize, u64)| place.is_multiple_of(strides[run]);
+    let kept: Vec<_> = all
+        .into_iter()
+        .filter(|(key, _)| on_stride(key))
+        .map(|(_, picture)| picture)
+        .collect();
+    let step = stride(kept.len() as u64, limit) as usize;
+    kept.into_iter().step_by(step).collect()
+}
+
+/// The worst and the best frame of a checkpoint: of equal ones the first.
+fn leading(mut shots: Vec<(PlaceInRuns, CheckpointShot)>) -> Result<Vec<(Rank, FrameShot)>> {
+    shots.sort_by_key(|(place, _)| *place);
+    let mut tally = CheckpointTally::default();
+    for (i, (_, shot)) in shots.iter().enumerate() {
+        tally.add(shot.frame(), || i);
+    }
+    let leading = [(Rank::Worst, tally.worst), (Rank::Best, tally.best)];
+    leading
+        .into_iter()
+        .filter_map(|(rank, lead)| Some((rank, lead?.0)))
+        .map(|(rank, i)| Ok((rank, shots[i].1.shot()?)))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_halved_until_few_are_left() {
+        for (frames, expected) in [(0, 1), (12, 1), (13, 2), (24, 2), (25, 4), (10_000, 1024)] {
+            assert_eq!(stride(frames, MAX_SAMPLES), expected, "{frames}");
+        }
+    }
+
+    #[test]
+    fn a_stride_of_more_frames_is_a_multiple() {
+        for frames in 1..2000 {
+            let (few, more) = (stride(frames, 12), stride(frames + 1, 12));
+            assert!(more.is_multiple_of(few) && frames.div_ceil(few) <= 12);
+        }
+    }
+}

@@ -1,0 +1,497 @@
+//! The tables of a summary: headline, all metrics, speed, checkpoints, drives, perturbations.
+
+use super::answer::USABLE;
+use super::drives::DriveSummary;
+use super::stress::{StressSummary, kinds};
+use super::summary::{AlgorithmSummary, CheckpointSummary, Summary};
+use super::table::{NONE, Table, TableCell, TableColumn};
+use super::words::{digits, mark, number, percent, time};
+use svl_score::bootstrap::Interval;
+use svl_score::judge::{Better, ColumnChoice, Metric, MetricOrigin, RunKind};
+use svl_sim::stress::StressKind;
+
+/// A column of numbers of algorithms: its group, its head, the number.
+type NumberColumn = (&'static str, &'static str, fn(&AlgorithmSummary) -> String);
+
+const TIMES: [NumberColumn; 2] = [
+    ("ms per pair", "p50", |a| time(a.p50_ms)),
+    ("ms per pair", "p99", |a| time(a.p99_ms)),
+];
+
+const SPEED: [NumberColumn; 13] = [
+    ("ms per pair", "p50", |a| time(a.p50_ms)),
+    ("ms per pair", "p95", |a| time(a.p95_ms)),
+    ("ms per pair", "p99", |a| time(a.p99_ms)),
+    ("ms per pair", "max", |a| time(a.max_ms)),
+    ("by size", "s/MP", |a| digits(a.time_per_mp_s)),
+    ("by size", "s/GD", |a| digits(a.time_per_gd_s)),
+    ("by size", "MDE/s", |a| digits(a.mde_per_s)),
+    ("stages, ms", "smoothing", |a| time(a.smoothing_ms)),
+    ("stages, ms", "texture", |a| time(a.texture_ms)),
+    ("stages, ms", "matching", |a| time(a.matching_ms)),
+    ("stages, ms", "checks", |a| time(a.checks_ms)),
+    ("stages, ms", "filters", |a| {
+        time(a.filters_ms.filter(|ms| *ms > 0.0))
+    }),
+    ("stages, ms", "other", |a| time(a.other_ms)),
+];
+
+/// Terms of the columns of times, and their meanings.
+const TIME_NOTES: [(&str, &str); 5] = [
+    (
+        "p50, p99",
+        "median and 99th percentile; with fewer than 100 pairs p99 is the slowest pair",
+    ),
+    (
+        "s/MP, s/GD",
+        "seconds per million pixels, and per 10⁹ pixels times disparities, of the median pair",
+    ),
+    (
+        "MDE/s",
+        "million pixels times disparities per second, of the median pair",
+    ),
+    ("MB", "memory for the largest pair, disparity map included"),
+    (
+        "stages",
+        "means over the half of the pairs nearest to the median; other: the rest of the total",
+    ),
+];
+
+/// The meanings of times that a table shows.
+fn time_notes(table: &mut Table) {
+    for (term, meaning) in TIME_NOTES {
+        let is_of = |column: &TableColumn| {
+            column.group.starts_with(term) || term.split(", ").any(|part| part == column.head)
+        };
+        if table.columns.iter().any(is_of) {
+            table.note(term, meaning);
+        }
+    }
+}
+
+impl Summary {
+    /// The metrics of [`Summary::columns`] per algorithm, the best first.
+    pub fn headline(&self) -> Table {
+        self.metric_table(&self.columns)
+    }
+
+    /// Every metric that was measured, with pairs and memory.
+    pub fn all_metrics(&self) -> Table {
+        self.metric_table(&ColumnChoice::All)
+    }
+
+    /// The algorithms in the order of tables: the user's, else by right minus wrong where true
+    /// distances are known, else by the first column that has a better direction.
+    pub fn ranked_algorithms(&self) -> Vec<&AlgorithmSummary> {
+        if self.is_sorted {
+            return self.algorithms.iter().collect();
+        }
+        let kind = self.kind();
+        let value = |a: &AlgorithmSummary, name| a.value(Metric::find(name)?);
+        let first = self.first_metric();
+        let key = |a: &AlgorithmSummary| match kind {
+            RunKind::Distances => Some(value(a, "right")? - value(a, "wrong")?),
+            _ => {
+                let value = self.value(&a.algorithm, first?, None)?;
+                Some(if first?.better == Better::Less {
+                    -value
+                } else {
+                    value
+                })
+            }
+        };
+        let keyed = self.algorithms.iter();
+        let mut keyed: Vec<_> = keyed
+            .map(|a| (key(a).unwrap_or(f64::NEG_INFINITY), a))
+            .collect();
+        // Stable, and those without a value are last.
+        keyed.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+        keyed.into_iter().map(|(_, a)| a).collect()
+    }
+
+    /// The order in words; none if the user chose it.
+    pub(super) fn order_words(&self) -> Option<String> {
+        let words = match self.kind() {
+            RunKind::Distances => "right minus wrong",
+            _ => self.first_metric()?.words,
+        };
+        (!self.is_sorted).then(|| format!("sorted by {words}"))
+    }
+
+    /// The first column that has a better direction.
+    fn first_metric(&self) -> Option<&'static Metric> {
+        let mut metrics = self.columns.metrics(self.kind()).into_iter();
+        metrics.find(|metric| metric.better != Better::Neither)
+    }
+
+    /// The algorithms that have a result, in that order.
+    fn measured(&self) -> impl Iterator<Item = &AlgorithmSummary> {
+        let ranked = self.ranked_algorithms().into_iter();
+        ranked.filter(|a| a.pairs > 0)
+    }
+
+    /// The metrics of a choice per algorithm, the best first.
+    pub(super) fn metric_table(&self, choice: &ColumnChoice) -> Table {
+        let kind = self.kind();
+        let is_all = *choice == ColumnChoice::All;
+        let metrics = choice.metrics(kind);
+        let ranked = self.ranked_algorithms();
+        let value = |a: &AlgorithmSummary, metric: &Metric| self.value(&a.algorithm, metric, None);
+        let is_measured = |metric: &Metric| ranked.iter().any(|a| value(a, metric).is_some());
+        let mut table = Table::new("", if is_all { "algorithm" } else { "" });
+        let mut rows: Vec<Vec<TableCell>> = Vec::new();
+        rows.extend(
+            ranked
+                .iter()
+                .map(|a| vec![TableCell::Text(a.algorithm.clone())]),
+        );
+        let mut add = |column: TableColumn, cell: &dyn Fn(&AlgorithmSummary) -> TableCell| {
+            table.columns.push(column);
+            for (row, a) in rows.iter_mut().zip(&ranked) {
+                row.push(cell(a));
+            }
+        };
+        let text = |number: String| TableCell::Text(number);
+        if is_all {
+            add(TableColumn::new("", "pairs"), &|a| {
+                text(a.pairs.to_string())
+            });
+        }
+        for metric in &metrics {
+            let named = |name| Metric::find(name).filter(|metric| is_measured(metric));
+            if let (false, "right", Some(right), Some(wrong)) =
+                (is_all, metric.name, named("right"), named("wrong"))
+            {
+                add(TableColumn::new(metric.group, ""), &|a| {
+                    let shares = value(a, right).zip(value(a, wrong));
+                    let bar = |(right, wrong)| TableCell::Bar { right, wrong };
+                    shares.map_or_else(|| text(String::new()), bar)
+                });
+            }
+            match metric.origin {
+                MetricOrigin::Time => {
+                    for (group, head, number) in TIMES {
+                        let is_headline = head == "p50" && !is_all;
+                        let column = TableColumn {
+                            is_optional: head != "p50" && !is_all,
+                            is_less_better: true,
+                            ..TableColumn::new(group, head)
+                        };
+                        add(column, &|a| match a.p50_ms.filter(|_| is_headline) {
+                            Some(ms) => TableCell::Time(ms),
+                            None => text(number(a)),
+                        });
+                    }
+                }
+                MetricOrigin::Checkpoints if !is_all => {
+                    if let Some(column) = self.marks_column() {
+                        add(column, &|a| TableCell::Marks(self.shares(&a.algorithm)));
+                    }
+                }
+                _ if is_measured(metric) => {
+                    let column = TableColumn {
+                        is_optional: metric.better == Better::Neither && !is_all,
+                        is_less_better: metric.better == Better::Less,
+                        ..TableColumn::new(metric.group, metric.head)
+                    };
+                    add(column, &|a| metric_cell(metric, value(a, metric)));
+                }
+                _ => {}
+            }
+        }
+        if is_all {
+            add(TableColumn::new("", "MB"), &|a| text(digits(a.memory_mb)));
+        }
+        table.rows = rows;
+        table.remove_empty_columns();
+        self.metric_notes(&mut table, &metrics);
+        table
+    }
+
+    /// The meanings of a table's metrics.
+    fn metric_notes(&self, table: &mut Table, metrics: &[&Metric]) {
+        // Obstacles have a distance, so they are counted where there is a calibration.
+        let rule = self.rule.for_rig(self.kind() == RunKind::Distances);
+        let is_shown = |metric: &&&Metric| {
+            let own = |column: &TableColumn| {
+                (&column.group[..], &column.head[..]) == (metric.group, metric.head)
+            };
+            table.columns.iter().any(own)
+        };
+        let shown: Vec<_> = metrics.iter().filter(is_shown).collect();
+        for note in shown.iter().filter_map(|metric| metric.note) {
+            let (term, meaning) = note(rule);
+            table.note(term, meaning);
+        }
+        if table
+            .columns
+            .iter()
+            .any(|column| column.group == CHECKPOINTS)
+        {
+            table.note(CHECKPOINTS, self.mark_words());
+        }
+        time_notes(table);
+    }
+
+    /// Numbers and names of the checkpoints, in their order.
+    pub(super) fn checkpoint_names(&self) -> Vec<(u32, &str)> {
+        let mut names: Vec<(u32, &str)> = Vec::new();
+        for c in &self.checkpoints {
+            if !names.iter().any(|(number, _)| *number == c.checkpoint) {
+                names.push((c.checkpoint, &c.name));
+            }
+        }
+        names
+    }
+
+    fn checkpoints_of<'a>(&'a self, label: &str) -> impl Iterator<Item = &'a CheckpointSummary> {
+        let label = label.to_owned();
+        self.checkpoints
+            .iter()
+            .filter(move |c| c.algorithm == label)
+    }
+
+    /// Per checkpoint the fraction of its frames in which an algorithm passes it.
+    fn shares(&self, label: &str) -> Vec<Option<f64>> {
+        let names = self.checkpoint_names().into_iter();
+        let find = |number| self.checkpoints_of(label).find(|c| c.checkpoint == number);
+        names.map(|(number, _)| find(number)?.share()).collect()
+    }
+
+    fn marks_column(&self) -> Option<TableColumn> {
+        let names = self.checkpoint_names();
+        // As wide as the marks: longer numbers would not be above them.
+        let number = |(i, (number, _)): (usize, &(u32, &str))| match number {
+            0..10 => number.to_string(),
+            _ => ((i + 1) % 10).to_string(),
+        };
+        let heads: Vec<_> = names.iter().enumerate().map(number).collect();
+        (!names.is_empty()).then(|| TableColumn::text(CHECKPOINTS, heads.join(" ")))
+    }
+
+    fn mark_words(&self) -> String {
+        let names = self.checkpoint_names();
+        let names: Vec<_> = names
+            .iter()
+            .map(|(number, name)| format!("{number} {name}"))
+            .collect();
+        format!(
+            "frames that pass: ● all, ◕ ◑ ◔ a part, ○ none, · not seen; {}",
+            names.join(", ")
+        )
+    }
+
+    /// Times, throughput and stages; none without pairs.
+    pub fn speed_table(&self) -> Option<Table> {
+        let mut table = Table::new("Speed", "algorithm");
+        let columns = SPEED
+            .iter()
+            .map(|(group, head, _)| TableColumn::new(*group, *head));
+        table.columns.extend(columns);
+        for a in self.measured() {
+            table.push(&a.algorithm, SPEED.iter().map(|(.., number)| number(a)));
+        }
+        table.remove_empty_columns();
+        time_notes(&mut table);
+        (!table.rows.is_empty()).then_some(table)
+    }
+
+    /// The result of the best and of the worst frame per checkpoint, and the fraction that passes;
+    /// none without checkpoints.
+    pub fn checkpoint_table(&self) -> Option<Table> {
+        let names = self.checkpoint_names();
+        let mut table = Table::new("Checkpoints", "algorithm");
+        let heads = names
+            .iter()
+            .map(|(number, name)| format!("{number} {name}"));
+        table = table.with_columns(heads.chain(["all".to_owned()]));
+        for a in self.measured() {
+            let own: Vec<_> = self.checkpoints_of(&a.algorithm).collect();
+            let cell = |(number, _): &(u32, &str)| {
+                let found = own.iter().find(|c| c.checkpoint == *number);
+                found.map_or_else(|| NEVER_SEEN.to_owned(), |c| checkpoint_cell(c))
+            };
+            table.push(&a.algorithm, names.iter().map(cell).chain([all_cell(&own)]));
+        }
+        table.note(
+            "✓, ✗",
+            "the best, then the worst frame of all runs passes or fails; number: share of the \
+             frames that pass, %; all: checkpoints whose best and whose worst frame passes",
+        );
+        (!names.is_empty()).then_some(table)
+    }
+
+    /// The drives with intervals over the courses; none without drives.
+    pub fn drive_table(&self) -> Option<Table> {
+        drive_table(&self.drives)
+    }
+
+    /// A table per kind of perturbation: right cells by level, and where each algorithm breaks.
+    pub fn stress_tables(&self) -> Vec<Table> {
+        stress_tables(&self.stress)
+    }
+}
+
+/// The value of a metric; one of more wrong cells than a usable algorithm has is an alert.
+fn metric_cell(metric: &Metric, value: Option<f64>) -> TableCell {
+    let Some(value) = value else {
+        return TableCell::Text(NONE.to_owned());
+    };
+    let shown = number(metric.unit, value);
+    if metric.name == "wrong" && value > USABLE.max_wrong {
+        TableCell::Alert(shown)
+    } else {
+        TableCell::Text(shown)
+    }
+}
+
+/// The group of the marks of checkpoints.
+const CHECKPOINTS: &str = "checkpoints";
+
+/// The cell of a checkpoint that no frame shows.
+const NEVER_SEEN: &str = "not seen";
+
+fn checkpoint_cell(c: &CheckpointSummary) -> String {
+    match (c.best_passed, c.worst_passed, c.share()) {
+        (Some(best), Some(worst), Some(share)) => {
+            format!("{}{} {}", mark(best), mark(worst), percent(Some(share)))
+        }
+        _ => NEVER_SEEN.to_owned(),
+    }
+}
+
+/// All checkpoints of one algorithm that some frame shows.
+fn all_cell(checkpoints: &[&CheckpointSummary]) -> String {
+    let seen: Vec<_> = checkpoints.iter().filter(|c| c.frames > 0).collect();
+    let count = |passed: fn(&CheckpointSummary) -> Option<bool>| {
+        seen.iter().filter(|c| passed(c) == Some(true)).count()
+    };
+    let sum =
+        |count: fn(&CheckpointSummary) -> u64| seen.iter().map(|c| count(c)).sum::<u64>() as f64;
+    if seen.is_empty() {
+        return NEVER_SEEN.to_owned();
+    }
+    let share = percent(Some(sum(|c| c.passed) / sum(|c| c.frames)));
+    let (best, worst) = (count(|c| c.best_passed), count(|c| c.worst_passed));
+    format!("{best}/{n} {worst}/{n} {share}", n = seen.len())
+}
+
+fn drive_table(drives: &[DriveSummary]) -> Option<Table> {
+    let interval = |interval: Option<Interval>, scale: f64, digits: usize| {
+        interval.map_or_else(String::new, |(low, high)| {
+            format!(" ({:.digits$}–{:.digits$})", scale * low, scale * high)
+        })
+    };
+    let rate =
+        |value: f64, range: Option<Interval>| format!("{value:.1}{}", interval(range, 1.0, 1));
+    let mut table = Table::new("Drives", "algorithm").with_columns([
+        "courses",
+        "finished, %",
+        "hits/100 m",
+        "near/100 m",
+        "first hit, m",
+        "stuck",
+        "m/s",
+        "stood, %",
+    ]);
+    for drive in drives {
+        let share = 100.0 * drive.finished_share();
+        let first = rate(drive.first_collision_m, drive.first_collision_interval);
+        let cells = [
+            drive.courses.to_string(),
+            format!("{share:.0}{}", interval(drive.finished_interval, 100.0, 0)),
+            rate(drive.collisions_per_100m, drive.collisions_interval),
+            rate(drive.near_misses_per_100m, drive.near_misses_interval),
+            if drive.collisions == 0 {
+                NONE.to_owned()
+            } else {
+                first
+            },
+            drive.stuck.to_string(),
+            format!("{:.2}", drive.speed_m_per_s),
+            format!("{:.0}", 100.0 * drive.stood_share),
+        ];
+        table.push(&drive.algorithm, cells);
+    }
+    table.note(
+        "finished",
+        "courses whose goal was reached without a collision and without help; in brackets the \
+         95 % interval over the courses, if there are eight or more",
+    );
+    table.note(
+        "hits, near",
+        "collisions and near misses per 100 m driven; after a collision the robot is set back on \
+         the route of the driver with perfect sight, 0.3 m farther on",
+    );
+    table.note(
+        "first hit",
+        "mean distance to the first collision; a drive without one counts with its whole distance",
+    );
+    table.note(
+        "stuck",
+        "number of times that the robot was stuck and was set back on the route",
+    );
+    (!drives.is_empty()).then_some(table)
+}
+
+fn stress_tables(stress: &[StressSummary]) -> Vec<Table> {
+    let kinds = kinds(stress).into_iter();
+    let mut tables: Vec<_> = kinds.map(|kind| stress_table(kind, stress)).collect();
+    if let Some(last) = tables.last_mut() {
+        last.note(
+            "breaks at",
+            "the least level at which a checkpoint that passed in half of its frames does not any \
+             more, or a tenth of the right cells is lost (without truth: of the known ones), or of \
+             the courses that were finished",
+        );
+    }
+    tables
+}
+
+fn stress_table(kind: &'static StressKind, stress: &[StressSummary]) -> Table {
+    let own: Vec<_> = stress.iter().filter(|s| s.kind == kind.name).collect();
+    let mut levels: Vec<f64> = own.iter().map(|s| s.level).collect();
+    levels.sort_by(f64::total_cmp);
+    levels.dedup();
+    let mut algorithms: Vec<&str> = Vec::new();
+    for s in &own {
+        if !algorithms.contains(&s.algorithm.as_str()) {
+            algorithms.push(&s.algorithm);
+        }
+    }
+    let has_truth = own.iter().any(|s| s.right.is_some());
+    let is_driven = own.iter().any(|s| s.collisions.is_some());
+    let heads = levels.iter().map(|level| match level {
+        0.0 => "unperturbed".to_owned(),
+        level => level.to_string(),
+    });
+    let numbers = match (is_driven, has_truth) {
+        (true, _) => "collisions per 100 m",
+        (_, true) => "right cells, %",
+        (_, false) => "known cells, %",
+    };
+    let title = format!("Stress: {}, {}: {numbers}", kind.name, kind.unit);
+    let heads = heads.chain(["breaks at".to_owned()]);
+    let mut table = Table::new(title, "algorithm").with_columns(heads);
+    // By size: a perturbation to either side breaks at its smallest.
+    let mut by_size = levels.clone();
+    by_size.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+    for algorithm in algorithms {
+        let at = |level: f64| {
+            let mut own = own.iter();
+            own.find(|s| s.algorithm == algorithm && s.level == level)
+        };
+        let share = |s: &&StressSummary| if has_truth { s.right } else { s.known };
+        let cells = levels.iter().map(|level| match (at(*level), is_driven) {
+            (Some(s), true) => s.collisions.map_or(NONE.to_owned(), |v| format!("{v:.1}")),
+            (s, _) => percent(s.and_then(&share)),
+        });
+        let mut breaks = by_size.iter().filter_map(|level| at(*level));
+        let breaks = breaks.find_map(|s| Some(format!("{}: {}", s.level, s.broken.as_ref()?)));
+        let breaks = breaks.unwrap_or_else(|| NONE.to_owned());
+        table.push(algorithm, cells.chain([breaks]));
+    }
+    let (summary, unit, formula) = (kind.summary, kind.unit, kind.formula);
+    table.note(kind.name, format!("{summary}; level, {unit}: {formula}"));
+    table
+}

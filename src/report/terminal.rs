@@ -1,0 +1,149 @@
+//! A summary on the terminal: the answer first.
+
+use super::lead::Lead;
+use super::summary::Summary;
+use super::table::{TableCell, TerminalStyle, wrapped};
+use svl_core::stereo::TruthOrigin;
+use svl_core::{counted, joined};
+use svl_score::judge::{ColumnChoice, Metric, RunKind};
+
+/// Largest number of algorithms that are all shown, and the number of the first ones shown of
+/// more.
+const MAX_ALGORITHMS: usize = 15;
+const FIRST_ALGORITHMS: usize = 12;
+
+impl Summary {
+    /// The extent of the run, the headline table, the answer and the cautions; the tables of
+    /// perturbations. `explain`: the meanings of the columns, too.
+    pub fn terminal(&self, title: &str, style: TerminalStyle, explain: bool) -> String {
+        let head = format!("{title}: {}", self.scope_words());
+        let mut text = wrapped(&head, 2, style.width);
+        let mut table = self.headline();
+        if table.rows.is_empty() {
+            text.push_str("no pairs\n");
+        } else {
+            let count = table.rows.len();
+            let more = match count {
+                n if n > MAX_ALGORITHMS && self.columns != ColumnChoice::All => {
+                    n - FIRST_ALGORITHMS
+                }
+                _ => 0,
+            };
+            let is_best = |row: &[TableCell]| {
+                let is_own = |lead: &Lead| TableCell::Text(lead.algorithm.clone()) == row[0];
+                self.leads.iter().any(is_own)
+            };
+            let rows = std::mem::take(&mut table.rows).into_iter().enumerate();
+            let shown = rows.filter(|(i, row)| more == 0 || *i < FIRST_ALGORITHMS || is_best(row));
+            table.rows = shown.map(|(_, row)| row).collect();
+            let more = count - table.rows.len();
+            text.push('\n');
+            text.push_str(&table.terminal(style));
+            if more > 0 {
+                text.push_str(&format!(
+                    "and {more} more: see the page, or --columns all\n"
+                ));
+            }
+        }
+        let absent = self.absent_columns();
+        if !absent.is_empty() {
+            let names = joined(absent.iter().map(|metric| metric.name));
+            // A source of the truth is named once, for all of them.
+            let cure = if self.truth.is_empty() && absent.iter().any(|m| m.against_truth) {
+                "; to compare with ground truth, name a sensor by --truth TOPIC, or an algorithm \
+                 by --reference"
+            } else {
+                ""
+            };
+            let words = format!("not measured in this run: {names}{cure}");
+            text.push_str(&wrapped(&words, 2, style.width));
+        }
+        let mut tables = vec![table];
+        let drives = self.drive_table();
+        tables.extend(drives.filter(|_| self.columns == ColumnChoice::All));
+        tables.extend(self.stress_tables());
+        for table in &tables[1..] {
+            text.push_str(&format!("\n{}\n{}", table.title, table.terminal(style)));
+        }
+        if explain {
+            text.push('\n');
+        }
+        let notes = tables
+            .iter()
+            .flat_map(|table| &table.notes)
+            .filter(|_| explain);
+        for (term, meaning) in notes {
+            text.push_str(&wrapped(&format!("{term}: {meaning}"), 2, style.width));
+        }
+        let answer = self.answer().join(" ");
+        if !answer.is_empty() {
+            text.push('\n');
+            text.push_str(&wrapped(&answer, 0, style.width));
+        }
+        let cautions = self.cautions();
+        if !cautions.is_empty() {
+            text.push('\n');
+        }
+        for caution in cautions {
+            text.push_str(&wrapped(&format!("warning: {caution}"), 2, style.width));
+        }
+        text
+    }
+
+    /// The columns that were asked for and that no algorithm has.
+    fn absent_columns(&self) -> Vec<&'static Metric> {
+        let ColumnChoice::Named(metrics) = &self.columns else {
+            return Vec::new();
+        };
+        let has = |metric: &&&Metric| {
+            let mut algorithms = self.algorithms.iter();
+            algorithms.any(|a| self.value(&a.algorithm, metric, None).is_some())
+        };
+        metrics.iter().filter(|m| !has(m)).copied().collect()
+    }
+
+    /// The numbers of scored pairs and cells, if they are not all.
+    fn scored_words(&self) -> Option<String> {
+        let (pairs, cells) = self.scope.scored.filter(|_| self.drives.is_empty())?;
+        if pairs < self.scope.pairs {
+            return Some(format!("{pairs} scored with {}", counted(cells, "cell")));
+        }
+        let all = pairs * self.scope.cells_of_pair;
+        (cells < all).then(|| format!("{cells} of {all} cells scored"))
+    }
+
+    /// The extent of the run in words: pairs, size, runs, origin of the truth.
+    pub fn scope_words(&self) -> String {
+        let scope = &self.scope;
+        let size = match scope.sizes[..] {
+            [] => String::new(),
+            [(width, height)] => format!(" of {width} x {height}"),
+            _ => format!(" of {} sizes", scope.sizes.len()),
+        };
+        let runs = (scope.runs > 1).then(|| counted(scope.runs, "run"));
+        let courses = self.drives.iter().map(|drive| drive.courses).max();
+        let courses = courses.map(|courses| counted(courses, "course"));
+        let exact = TruthOrigin::Exact.to_string();
+        let truth = match &self.truth[..] {
+            [] => "no ground truth".to_owned(),
+            [one] if *one == exact && self.kind() == RunKind::Disparities => {
+                "truth of the data set".to_owned()
+            }
+            [one] if *one == exact => "exact truth".to_owned(),
+            _ => self.caution().unwrap_or_default(),
+        };
+        let pairs = format!("{}{size}", counted(scope.pairs, "pair"));
+        let parts = [
+            Some(pairs),
+            self.scored_words(),
+            courses.or(runs),
+            Some(truth),
+        ];
+        let parts: Vec<_> = parts
+            .into_iter()
+            .flatten()
+            .filter(|part| !part.is_empty())
+            .collect();
+        parts.join(", ")
+    }
+}

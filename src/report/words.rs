@@ -1,0 +1,65 @@
+//! Number formats of tables and texts.
+
+use svl_score::judge::{Metric, MetricUnit};
+
+/// Shown for a number that does not exist.
+pub const NONE: &str = "–";
+
+/// A value in a table, whose heading has the unit.
+pub(super) fn number(unit: MetricUnit, value: f64) -> String {
+    match unit {
+        MetricUnit::Share => format!("{:.1}", 100.0 * value),
+        MetricUnit::Count => format!("{value:.0}"),
+        MetricUnit::Px => format!("{value:.2}"),
+        MetricUnit::Per100M => format!("{value:.1}"),
+        MetricUnit::Ms => ms(value),
+    }
+}
+
+/// A value with its unit in a sentence.
+pub(super) fn value(metric: &Metric, value: f64) -> String {
+    match metric.unit {
+        MetricUnit::Ms => format!("{} ms", ms(value)),
+        _ => metric.show(value),
+    }
+}
+
+/// A fraction as a percentage with one decimal.
+pub(super) fn percent(share: Option<f64>) -> String {
+    share.map_or_else(|| NONE.to_owned(), |s| format!("{:.1}", 100.0 * s))
+}
+
+/// A time: two digits that count, at most three decimals.
+pub(super) fn ms(time_ms: f64) -> String {
+    let decimals = match time_ms {
+        ..0.1 => 3,
+        ..0.995 => 2,
+        ..99.95 => 1,
+        _ => 0,
+    };
+    format!("{time_ms:.decimals$}")
+}
+
+/// A time, if there is one.
+pub(super) fn time(time_ms: Option<f64>) -> String {
+    time_ms.map_or_else(|| NONE.to_owned(), ms)
+}
+
+/// Three digits that count.
+pub(super) fn digits(number: Option<f64>) -> String {
+    let Some(number) = number else {
+        return NONE.to_owned();
+    };
+    // Digits before the decimal point; negative for leading zeros behind it.
+    let whole = if number > 0.0 {
+        number.log10().floor() as i32 + 1
+    } else {
+        1
+    };
+    format!("{number:.*}", (3 - whole).clamp(0, 6) as usize)
+}
+
+/// A mark for a frame that passed or failed.
+pub(super) fn mark(passed: bool) -> char {
+    if passed { '✓' } else { '✗' }
+}

@@ -1,0 +1,293 @@
+//! Bootstrap confidence intervals of a run's numbers.
+//!
+//! Efron, "Bootstrap Methods: Another Look at the Jackknife", 1979, percentile intervals. Pairs of
+//! one drive are similar to their neighbours, so they are drawn in blocks: Politis and Romano, "A
+//! Circular Block-Resampling Procedure for Stationary Data", 1992, with blocks of twice the cube
+//! root of the drive's length, long enough to decorrelate the arena's pairs.
+
+use std::ops::Range;
+use svl_core::statistics::{lower_median, upper_rank};
+
+/// Number of resamples. Equal data give equal intervals: the generator has a fixed seed.
+const DRAWS: usize = 1000;
+const SEED: u64 = 2007;
+
+/// Fewest blocks for an interval.
+const MIN_BLOCKS: usize = 8;
+
+/// The method of the intervals, for reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct IntervalMethod {
+    pub name: &'static str,
+    pub resamples: usize,
+    pub seed: u64,
+    pub level: &'static str,
+    /// Block length for a run of n pairs of one drive; 1 for scenes, which are independent.
+    pub block_length: &'static str,
+    /// Below this number of blocks there is no interval.
+    pub fewest_blocks: usize,
+}
+
+/// The method of all intervals.
+pub const METHOD: IntervalMethod = IntervalMethod {
+    name: "circular block bootstrap, percentile intervals",
+    resamples: DRAWS,
+    seed: SEED,
+    level: "95 %",
+    block_length: "ceil(2 n^(1/3))",
+    fewest_blocks: MIN_BLOCKS,
+};
+
+/// The middle 95 % of the resamples.
+pub type Interval = (f64, f64);
+
+/// Resamples of the items `0..n`.
+pub struct Resamples {
+    /// Each with the items of these ranges, one after the other.
+    draws: Vec<Vec<Range<usize>>>,
+    /// Number of blocks in each.
+    blocks: usize,
+}
+
+/// Length of the blocks drawn from a drive of `length`.
+fn block(length: usize) -> usize {
+    (2.0 * (length as f64).cbrt()).ceil() as usize
+}
+
+impl Resamples {
+    /// `stretches`: lengths of the consecutive drives; `independent` if items are not similar to
+    /// their neighbours, as with scenes.
+    pub fn draw(stretches: &[usize], independent: bool) -> Self {
+        let mut random = fastrand::Rng::with_seed(SEED);
+        let mut draw = || {
+            let mut ranges = Vec::new();
+            let mut begin = 0;
+            for &length in stretches {
+                let block = if independent { 1 } else { block(length) };
+                let mut left = length;
+                while left > 0 {
+                    let first = random.usize(0..length);
+                    let taken = block.min(left);
+                    let end = (first + taken).min(length);
+                    ranges.push(begin + first..begin + end);
+                    // Circular: a block that begins near the end continues at the start, so all
+                    // items are drawn equally often.
+                    ranges.push(begin..begin + taken - (end - first));
+                    left -= taken;
+                }
+                begin += length;
+            }
+            ranges
+        };
+        let blocks = |&length: &usize| {
+            if independent {
+                length
+            } else {
+                length.div_ceil(block(length).max(1))
+            }
+        };
+        Self {
+            draws: (0..DRAWS).map(|_| draw()).collect(),
+            blocks: stretches.iter().map(blocks).sum(),
+        }
+    }
+
+    /// Number of blocks in each resample: about as many pairs are independent.
+    pub fn blocks(&self) -> usize {
+        self.blocks
+    }
+
+    /// The interval of a statistic of the items; `None` for too few blocks, or if it is undefined
+    /// for some resample.
+    pub fn interval(&self, statistic: &dyn Fn(&[usize]) -> Option<f64>) -> Option<Interval> {
+        self.interval_of(&|ranges| statistic(&items(ranges).collect::<Vec<_>>()))
+    }
+
+    fn interval_of(&self, statistic: &dyn Fn(&[Range<usize>]) -> Option<f64>) -> Option<Interval> {
+        if self.blocks < MIN_BLOCKS {
+            return None;
+        }
+        let values = self.draws.iter().map(|ranges| statistic(ranges));
+        middle(values.collect::<Option<_>>()?)
+    }
+}
+
+fn items(ranges: &[Range<usize>]) -> impl Iterator<Item = usize> {
+    ranges.iter().cloned().flatten()
+}
+
+/// The sums of the rows of these items, in their order.
+fn sums<const N: usize>(rows: &[[f64; N]], ranges: &[Range<usize>]) -> [f64; N] {
+    let mut sums = [0.0; N];
+    for range in ranges {
+        for row in &rows[range.clone()] {
+            sums = std::array::from_fn(|i| sums[i] + row[i]);
+        }
+    }
+    sums
+}
+
+/// The values of a metric for the items to be resampled.
+pub enum Sample {
+    /// Numerator and denominator; the value is the ratio of their sums.
+    Ratio(Vec<[f64; 2]>),
+    /// The value is the sum.
+    Count(Vec<f64>),
+    /// The value is the median by nearest rank.
+    Median(Vec<f64>),
+}
+
+fn ratio([numerator, denominator]: [f64; 2]) -> Option<f64> {
+    (denominator > 0.0).then(|| numerator / denominator)
+}
+
+impl Sample {
+    /// Number of items.
+    pub fn items(&self) -> usize {
+        match self {
+            Self::Ratio(parts) => parts.len(),
+            Self::Count(values) | Self::Median(values) => values.len(),
+        }
+    }
+
+    /// The metric over all items.
+    pub fn total(&self) -> Option<f64> {
+        self.value(std::slice::from_ref(&(0..self.items())))
+    }
+
+    /// The metric over these items, with their multiplicities.
+    fn value(&self, ranges: &[Range<usize>]) -> Option<f64> {
+        match self {
+            Self::Ratio(parts) => ratio(sums(parts, ranges)),
+            Self::Count(values) => Some(items(ranges).map(|i| values[i]).sum()),
+            Self::Median(values) => lower_median(items(ranges).map(|i| values[i])),
+        }
+    }
+
+    /// The interval of the metric.
+    pub fn interval(&self, resamples: &Resamples) -> Option<Interval> {
+        resamples.interval_of(&|ranges| self.value(ranges))
+    }
+
+    /// The interval of `difference(base, other)`, both from the same resample.
+    pub fn interval_between(
+        base: &Self,
+        other: &Self,
+        difference: fn(f64, f64) -> f64,
+        resamples: &Resamples,
+    ) -> Option<Interval> {
+        // Sums wait for their last addition: both together take the time of one.
+        match (base, other) {
+            (Self::Ratio(a), Self::Ratio(b)) => {
+                let both = a.iter().zip(b).map(|(&[a, b], &[c, d])| [a, b, c, d]);
+                let both: Vec<_> = both.collect();
+                resamples.interval_of(&|ranges| {
+                    let [a, b, c, d] = sums(&both, ranges);
+                    Some(difference(ratio([a, b])?, ratio([c, d])?))
+                })
+            }
+            (Self::Count(a), Self::Count(b)) => {
+                let both: Vec<_> = a.iter().zip(b).map(|(&a, &b)| [a, b]).collect();
+                resamples.interval_of(&|ranges| {
+                    let [a, b] = sums(&both, ranges);
+                    Some(difference(a, b))
+                })
+            }
+            _ => resamples
+                .interval_of(&|ranges| Some(difference(base.value(ranges)?, other.value(ranges)?))),
+        }
+    }
+}
+
+/// The interval of the difference of two fractions, each `passed` of `frames`, drawn independently.
+///
+/// Only sums are known, so as many frames are drawn as there are blocks of neighbours, with a
+/// probability kept from 0 and 1 by half a frame on either side. `None` for a single block.
+pub fn shares(a: (u64, u64), b: (u64, u64)) -> Option<Interval> {
+    let mut random = fastrand::Rng::with_seed(SEED);
+    let blocks = |frames: u64| (frames as usize).div_ceil(block(frames as usize).max(1));
+    let mut share = |(passed, frames): (u64, u64)| {
+        let blocks = blocks(frames) as f64;
+        // Half a block added on either side: a fraction of 0 or 1 over few frames is not certain.
+        let expected = (blocks * passed as f64 / frames as f64 + 0.5) / (blocks + 1.0);
+        (0..blocks as usize)
+            .filter(|_| random.f64() < expected)
+            .count() as f64
+            / blocks
+    };
+    (blocks(a.1) > 1 && blocks(b.1) > 1)
+        .then(|| (0..DRAWS).map(|_| share(b) - share(a)).collect())
+        .and_then(middle)
+}
+
+fn middle(mut values: Vec<f64>) -> Option<Interval> {
+    values.sort_by(f64::total_cmp);
+    Some((upper_rank(&values, 0.025)?, upper_rank(&values, 0.975)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mean(values: &[f64]) -> impl Fn(&[usize]) -> Option<f64> {
+        |items| Some(items.iter().map(|&i| values[i]).sum::<f64>() / items.len() as f64)
+    }
+
+    #[test]
+    fn resamples_stay_in_their_stretch() {
+        let Resamples { draws, blocks } = Resamples::draw(&[3, 1, 10], false);
+        assert_eq!(blocks, 1 + 1 + 2);
+        assert_eq!(draws.len(), DRAWS);
+        for draw in draws {
+            let draw: Vec<_> = items(&draw).collect();
+            assert!(
+                draw[..3].iter().all(|&i| i < 3)
+                    && draw[3] == 3
+                    && draw[4..].iter().all(|&i| (4..14).contains(&i))
+            );
+            assert_eq!(draw.len(), 14);
+        }
+    }
+
+    #[test]
+    fn as_wide_as_the_theory_says() {
+        // 400 independent values of standard deviation 0.5: the mean's is 0.025, its interval ±
+        // 0.049.
+        let values: Vec<f64> = (0..400).map(|i| f64::from(i % 2)).collect();
+        let (low, high) = Resamples::draw(&[400], true)
+            .interval(&mean(&values))
+            .unwrap();
+        assert!(
+            (0.43..0.47).contains(&low) && (0.53..0.57).contains(&high),
+            "{low} {high}"
+        );
+        // The same values with equal neighbours carry less information.
+        let alike: Vec<f64> = (0..400).map(|i| f64::from(i / 40 % 2)).collect();
+        let (low, high) = Resamples::draw(&[400], false)
+            .interval(&mean(&alike))
+            .unwrap();
+        assert!(high - low > 0.15, "{low} {high}");
+    }
+
+    #[test]
+    fn too_little_says_nothing() {
+        assert_eq!(Resamples::draw(&[7], true).interval(&|_| Some(1.0)), None);
+        assert_eq!(Resamples::draw(&[20], false).interval(&|_| Some(1.0)), None);
+        assert!(
+            Resamples::draw(&[8], true)
+                .interval(&|_| Some(1.0))
+                .is_some()
+        );
+    }
+
+    #[test]
+    fn shares_of_few_frames_are_uncertain() {
+        let (low, high) = shares((10, 20), (12, 20)).unwrap();
+        assert!(low < -0.3 && high > 0.3, "{low} {high}");
+        // A few frames that all agree may still be chance.
+        let (low, high) = shares((5, 5), (0, 5)).unwrap();
+        assert!(low == -1.0 && high > -0.5, "{low} {high}");
+        assert_eq!(shares((0, 0), (5, 5)), None);
+        assert_eq!(shares((1, 1), (0, 1)), None);
+    }
+}

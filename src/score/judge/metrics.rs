@@ -1,0 +1,1121 @@
+//! The metrics of a run: one table for everything that shows or compares a number.
+//!
+//! Rows, CSV, Parquet, summaries, pages, Rerun's plots, `svl compare` and a scenario's `[[gate]]`
+//! read their columns, headings and words from [`METRICS`]. A new metric is computed in the file of
+//! its kind (pixels: `disparity.rs`, cells: `cells.rs`) and listed here.
+
+use super::{CellTally, DisparityScore, FilterTally, SurfaceTally};
+use serde::{Serialize, Serializer};
+use svl_core::stereo::{CellRule, Estimate, Frame};
+
+/// Inputs of a frame's metrics.
+pub struct FrameFacts<'a> {
+    pub frame: &'a Frame,
+    pub estimate: &'a Estimate,
+    /// Rule by which cells are scored.
+    pub rule: CellRule,
+    /// The disparities against the truth; `None` without truth.
+    pub pixels: Option<DisparityScore>,
+    /// The cells against the truth; `None` without truth.
+    pub cells: Option<CellTally>,
+    /// The cells against the nearest quarters of the truth; `None` without truth.
+    pub surfaces: Option<SurfaceTally>,
+    /// Counts for the filters.
+    pub filtered: FilterTally,
+    /// Scores without truth, for frames that have none.
+    pub support: CellSupport,
+}
+
+/// Fractions of all cells of the grid that are known and supported; `None` if not computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CellSupport {
+    /// By the images.
+    pub unrivalled: Option<f64>,
+    /// By the other algorithms of the run.
+    pub agreed: Option<f64>,
+}
+
+impl FrameFacts<'_> {
+    /// `None` if no cell is scored: not measured, which is not 0.
+    fn cells(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
+        let scored = self.cells.as_ref().filter(|cells| cells.scored() > 0);
+        scored.map(|cells| count(cells) as f64)
+    }
+
+    /// Same as `cells`, if distances are known: otherwise no obstacle can be missed, and 0 would be
+    /// misleading.
+    fn obstacles(&self, count: fn(&CellTally) -> usize) -> Option<f64> {
+        self.cells(count).filter(|_| self.has_distances())
+    }
+
+    /// Number of scored cells; `None` without truth.
+    fn scored(&self) -> Option<usize> {
+        self.cells.as_ref().map(CellTally::scored)
+    }
+
+    fn has_scored_pixels(&self) -> bool {
+        self.pixels.is_some_and(|pixels| pixels.invalid().is_some())
+    }
+
+    fn surfaces(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
+        let is_scored = self.cells.as_ref().is_some_and(|cells| cells.scored() > 0);
+        let surfaces = self.surfaces.as_ref().filter(|_| is_scored);
+        surfaces.map(|cells| count(cells) as f64)
+    }
+
+    /// `None` if no nearest quarter is known.
+    fn quarters(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
+        let scored = self.surfaces.as_ref().filter(|cells| cells.quarters > 0);
+        scored.map(|cells| count(cells) as f64)
+    }
+
+    /// Same as `quarters`, if distances are known.
+    fn near_obstacles(&self, count: fn(&SurfaceTally) -> usize) -> Option<f64> {
+        self.quarters(count).filter(|_| self.has_distances())
+    }
+
+    fn filtered(&self, count: fn(&FilterTally) -> Option<usize>) -> Option<f64> {
+        count(&self.filtered).map(|count| count as f64)
+    }
+
+    fn has_distances(&self) -> bool {
+        matches!(self.rule, CellRule::Distance { .. }) && self.frame.rig().is_some()
+    }
+}
+
+/// The note below a table, depending on the cell rule: term and text.
+pub type MetricNote = fn(CellRule) -> (&'static str, String);
+
+/// A metric of an algorithm.
+#[derive(Clone, Copy)]
+pub struct Metric {
+    /// Its key in a scenario's gate and in the JSON of a comparison.
+    pub name: &'static str,
+    pub words: &'static str,
+    /// Heading above its column and its neighbours in the same group.
+    pub group: &'static str,
+    pub head: &'static str,
+    pub unit: MetricUnit,
+    pub better: Better,
+    /// True if it compares with true distances or disparities.
+    pub against_truth: bool,
+    pub origin: MetricOrigin,
+    /// Path of its plot per frame in Rerun, below the algorithm.
+    pub plot: Option<&'static str>,
+    /// Term and meaning, on demand.
+    pub note: Option<MetricNote>,
+    pub level: MetricLevel,
+}
+
+/// Tables that show a metric unless columns are named.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MetricLevel {
+    /// The headline table of runs of these kinds.
+    Headline(&'static [RunKind]),
+    /// Only the table of all metrics.
+    Detail,
+}
+
+/// Kind of a run by its ground truth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RunKind {
+    /// True distances in metres.
+    Distances,
+    /// Only true disparities in pixels.
+    Disparities,
+    /// Courses driven by the algorithms.
+    Courses,
+    NoTruth,
+}
+
+impl RunKind {
+    /// The kind of a run of pairs by the metrics that it has.
+    pub fn from_measured(has: impl Fn(&str) -> bool) -> Self {
+        // Numbers of scored pairs and cells may be 0.
+        let mut truths = METRICS
+            .iter()
+            .filter(|m| m.against_truth && m.column().is_some() && m.group != "scored");
+        if has("missed") || has("missed_median") {
+            Self::Distances
+        } else if truths.any(|metric| has(metric.name)) {
+            Self::Disparities
+        } else {
+            Self::NoTruth
+        }
+    }
+}
+
+/// Unit of a metric.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MetricUnit {
+    /// 0..=1, shown in per cent.
+    Share,
+    Count,
+    Px,
+    /// Limited and compared as a ratio, as machines differ.
+    Ms,
+    /// Number per 100 m driven.
+    Per100M,
+}
+
+/// Direction in which a metric improves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Better {
+    More,
+    Less,
+    /// Neither: an unknown is not an error.
+    Neither,
+}
+
+/// Origin of a metric's value.
+#[derive(Clone, Copy)]
+pub enum MetricOrigin {
+    /// One frame of one algorithm.
+    Frame {
+        /// Its column in the rows, and that of its total in the summary.
+        column: &'static str,
+        value: fn(&FrameFacts<'_>) -> Option<f64>,
+        total: MetricTotal,
+    },
+    /// The time per pair; over frames, the median by nearest rank.
+    Time,
+    /// The frames that show a checkpoint; the fraction in which it passes.
+    Checkpoints,
+    /// The drives through courses.
+    Drives(DriveNumber),
+}
+
+/// A metric of an algorithm's drives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DriveNumber {
+    /// Fraction of the courses whose goal was reached without a collision and without help.
+    Finished,
+    Collisions,
+    NearMisses,
+}
+
+/// Aggregation over frames; frames without a value are skipped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MetricTotal {
+    Mean,
+    Sum,
+    /// The sum, divided by the sum of these metrics.
+    ShareOf(&'static [&'static str]),
+}
+
+const SCORED_CELLS: MetricTotal = MetricTotal::ShareOf(&["right", "wrong", "unknown"]);
+
+/// A metric against truth that only the table of all metrics shows.
+const DETAIL: Metric = Metric {
+    name: "",
+    words: "",
+    group: "",
+    head: "",
+    unit: MetricUnit::Share,
+    better: Better::Neither,
+    against_truth: true,
+    origin: MetricOrigin::Time,
+    plot: None,
+    note: None,
+    level: MetricLevel::Detail,
+};
+
+/// All metrics, in the order of tables and comparisons.
+pub const METRICS: &[Metric] = &[
+    Metric {
+        name: "right",
+        words: "right cells",
+        group: "cells, %",
+        head: "right",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        origin: MetricOrigin::Frame {
+            column: "cells_right",
+            value: |facts| facts.cells(|cells| cells.right),
+            total: SCORED_CELLS,
+        },
+        note: Some(|rule| {
+            let right = rule.right_words();
+            let words =
+                format!("fractions of the cells with truth; right: {right}; unknown is not wrong");
+            ("cells", words)
+        }),
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
+    },
+    Metric {
+        name: "wrong",
+        words: "wrong cells",
+        group: "cells, %",
+        head: "wrong",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "cells_wrong",
+            value: |facts| facts.cells(|cells| cells.wrong),
+            total: SCORED_CELLS,
+        },
+        plot: Some("wrong_cells"),
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
+    },
+    Metric {
+        name: "unknown",
+        words: "unknown cells",
+        group: "cells, %",
+        head: "unknown",
+        unit: MetricUnit::Share,
+        better: Better::Neither,
+        origin: MetricOrigin::Frame {
+            column: "cells_unknown",
+            value: |facts| facts.cells(|cells| cells.unknown),
+            total: SCORED_CELLS,
+        },
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
+    },
+    Metric {
+        name: "known",
+        words: "known cells",
+        group: "cells, %",
+        head: "known",
+        unit: MetricUnit::Share,
+        better: Better::Neither,
+        against_truth: false,
+        origin: MetricOrigin::Frame {
+            column: "known_share",
+            value: |facts| Some(facts.estimate.grid.known_share()),
+            total: MetricTotal::Mean,
+        },
+        plot: Some("known_cells"),
+        note: Some(|_| {
+            let words = "cells with a distance or a disparity, right or not, of all cells; the \
+                         mean over the pairs";
+            ("known", words.into())
+        }),
+        level: MetricLevel::Headline(&[RunKind::NoTruth]),
+    },
+    Metric {
+        name: "missed_median",
+        words: "missed obstacles, by median",
+        group: "by median",
+        head: "missed",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "missed_median",
+            value: |facts| facts.obstacles(|cells| cells.missed_median),
+            total: MetricTotal::Sum,
+        },
+        note: Some(|rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "obstacles by the thesis's rule: cells whose true median is nearer than \
+                 {obstacle_m} m reported beyond {clear_m} m (missed), and the reverse (false)"
+            );
+            ("by median", words)
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "false_median",
+        words: "false obstacles, by median",
+        group: "by median",
+        head: "false",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "false_median",
+            value: |facts| facts.obstacles(|cells| cells.false_median),
+            total: MetricTotal::Sum,
+        },
+        ..DETAIL
+    },
+    Metric {
+        name: "right_surface",
+        words: "right cells, by surface",
+        group: "by surface, %",
+        head: "right",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        origin: MetricOrigin::Frame {
+            column: "cells_right_surface",
+            value: |facts| facts.surfaces(|cells| cells.right),
+            total: SCORED_CELLS,
+        },
+        note: Some(|_| {
+            let words = "a cell is right, too, if its report is that of a nearer surface that \
+                         fills at least a quarter of the cell";
+            ("by surface", words.into())
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "wrong_surface",
+        words: "wrong cells, by surface",
+        group: "by surface, %",
+        head: "wrong",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "cells_wrong_surface",
+            value: |facts| facts.surfaces(|cells| cells.wrong),
+            total: SCORED_CELLS,
+        },
+        ..DETAIL
+    },
+    Metric {
+        name: "right_near",
+        words: "right cells, by the nearest quarter",
+        group: "nearest quarter, %",
+        head: "right",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        origin: MetricOrigin::Frame {
+            column: "cells_right_near",
+            value: |facts| facts.quarters(|cells| cells.near_right),
+            total: MetricTotal::ShareOf(&["scored_quarters"]),
+        },
+        note: Some(|_| {
+            let words = "scored by the nearest quarter of a cell instead of its median, of the \
+                         cells in which it is known";
+            ("nearest quarter", words.into())
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "wrong_near",
+        words: "wrong cells, by the nearest quarter",
+        group: "nearest quarter, %",
+        head: "wrong",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "cells_wrong_near",
+            value: |facts| facts.quarters(|cells| cells.near_wrong),
+            total: MetricTotal::ShareOf(&["scored_quarters"]),
+        },
+        ..DETAIL
+    },
+    Metric {
+        name: "missed",
+        words: "missed near obstacles",
+        group: "near obstacles",
+        head: "missed",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "missed",
+            value: |facts| facts.near_obstacles(|cells| cells.missed),
+            total: MetricTotal::Sum,
+        },
+        note: Some(|rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells whose nearest quarter is nearer than {obstacle_m} m reported beyond \
+                 {clear_m} m (missed), and cells reported nearer than {obstacle_m} m of which less \
+                 than 5 % is nearer than {clear_m} m (false)"
+            );
+            ("near obstacles", words)
+        }),
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
+    },
+    Metric {
+        name: "false",
+        words: "false near obstacles",
+        group: "near obstacles",
+        head: "false",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "false",
+            value: |facts| facts.near_obstacles(|cells| cells.falsely),
+            total: MetricTotal::Sum,
+        },
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
+    },
+    Metric {
+        name: "found",
+        words: "found near obstacles",
+        group: "near obstacles",
+        head: "found %",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        origin: MetricOrigin::Frame {
+            column: "found",
+            value: |facts| facts.near_obstacles(|cells| cells.found),
+            total: MetricTotal::ShareOf(&["near"]),
+        },
+        note: Some(|rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells reported at most at {clear_m} m, as near or as too close, of all whose \
+                 nearest quarter is nearer than {obstacle_m} m: an unknown one is neither found \
+                 nor missed"
+            );
+            ("found", words)
+        }),
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
+    },
+    Metric {
+        name: "floor",
+        words: "floor obstacles",
+        group: "near obstacles",
+        head: "floor",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "floor_obstacles",
+            value: |facts| facts.filtered(|cells| cells.floor),
+            total: MetricTotal::Sum,
+        },
+        note: Some(|rule| {
+            let (obstacle_m, clear_m) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells reported nearer than {obstacle_m} m in which only floor is nearer than \
+                 {clear_m} m: true distances, so not false, and a robot without a filter \
+                 stops for them"
+            );
+            ("floor", words)
+        }),
+        level: MetricLevel::Headline(&[RunKind::Distances]),
+        ..DETAIL
+    },
+    Metric {
+        name: "near",
+        words: "near obstacles",
+        group: "near obstacles",
+        head: "all",
+        unit: MetricUnit::Count,
+        origin: MetricOrigin::Frame {
+            column: "near",
+            value: |facts| facts.near_obstacles(|cells| cells.near),
+            total: MetricTotal::Sum,
+        },
+        note: Some(|rule| {
+            let (obstacle_m, _) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "near obstacles: cells whose nearest quarter is nearer than {obstacle_m} m (all), \
+                 and the fraction of them in which nothing is reported (unknown)"
+            );
+            ("all, unknown", words)
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "near_unknown",
+        words: "unknown near obstacles",
+        group: "near obstacles",
+        head: "unknown, %",
+        origin: MetricOrigin::Frame {
+            column: "near_unknown",
+            value: |facts| facts.near_obstacles(|cells| cells.near_unknown),
+            total: MetricTotal::ShareOf(&["near"]),
+        },
+        better: Better::Less,
+        ..DETAIL
+    },
+    Metric {
+        name: "coverage",
+        words: "coverage",
+        group: "pixels, %",
+        head: "cover",
+        unit: MetricUnit::Share,
+        better: Better::Neither,
+        against_truth: false,
+        origin: MetricOrigin::Frame {
+            column: "coverage",
+            value: |facts| Some(facts.estimate.disparity.coverage()),
+            total: MetricTotal::Mean,
+        },
+        plot: Some("coverage"),
+        note: Some(|_| {
+            let words = "pixels with a disparity; fractions of pixels are means over the pairs";
+            ("cover", words.into())
+        }),
+        level: MetricLevel::Headline(&[RunKind::Disparities]),
+    },
+    Metric {
+        name: "invalid",
+        words: "invalid pixels",
+        group: "pixels, %",
+        head: "invalid",
+        unit: MetricUnit::Share,
+        better: Better::Neither,
+        origin: MetricOrigin::Frame {
+            column: "invalid",
+            value: |facts| facts.pixels?.invalid(),
+            total: MetricTotal::Mean,
+        },
+        note: Some(|_| {
+            let words = "pixels without a disparity, of those with truth that both cameras see";
+            ("invalid", words.into())
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "bad1",
+        words: "pixels off > 1 px",
+        group: "pixels, %",
+        head: ">1 px",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "bad1",
+            value: |facts| facts.pixels?.bad1(),
+            total: MetricTotal::Mean,
+        },
+        note: Some(|_| {
+            let words = "pixels with a larger error, of those with a disparity and with truth that \
+                         both cameras see";
+            (">1 px, >2 px", words.into())
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "bad2",
+        words: "pixels off > 2 px",
+        group: "pixels, %",
+        head: ">2 px",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "bad2",
+            value: |facts| facts.pixels?.bad2(),
+            total: MetricTotal::Mean,
+        },
+        level: MetricLevel::Headline(&[RunKind::Disparities]),
+        ..DETAIL
+    },
+    Metric {
+        name: "row_offset",
+        words: "vertical misalignment",
+        group: "misalignment, px",
+        head: "vertical",
+        unit: MetricUnit::Px,
+        better: Better::Neither,
+        against_truth: false,
+        origin: MetricOrigin::Frame {
+            column: "row_offset",
+            value: |facts| facts.estimate.disparity.median_row_offset().map(f64::from),
+            total: MetricTotal::Mean,
+        },
+        plot: Some("row_offset"),
+        note: Some(|_| {
+            let words = "number of rows by which the right image is lower: the median over a \
+                         pair's pixels, the mean over the pairs; in whole rows, and only within \
+                         row_tolerance: `svl calibrate check` measures larger ones";
+            ("vertical", words.into())
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "unrivalled",
+        words: "unrivalled cells",
+        group: "no truth, %",
+        head: "unrivalled",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Frame {
+            column: "unrivalled",
+            value: |facts| facts.support.unrivalled,
+            total: MetricTotal::Mean,
+        },
+        note: Some(|_| {
+            let words = "known cells for which no other disparity matches better, of all cells; \
+                         needs no truth: docs/method.md";
+            ("unrivalled", words.into())
+        }),
+        level: MetricLevel::Headline(&[RunKind::NoTruth]),
+        ..DETAIL
+    },
+    Metric {
+        name: "agreed",
+        words: "agreed cells",
+        group: "no truth, %",
+        head: "agreed",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Frame {
+            column: "agreed",
+            value: |facts| facts.support.agreed,
+            total: MetricTotal::Mean,
+        },
+        plot: Some("agreed_cells"),
+        note: Some(|_| {
+            let words = "known cells that the median of the run's other algorithms confirms, of \
+                         all cells; needs no truth; compare only runs with the same algorithms";
+            ("agreed", words.into())
+        }),
+        level: MetricLevel::Headline(&[RunKind::NoTruth]),
+    },
+    Metric {
+        name: "kept",
+        words: "obstacles kept behind filters",
+        group: "filters",
+        head: "kept",
+        unit: MetricUnit::Count,
+        better: Better::More,
+        origin: MetricOrigin::Frame {
+            column: "kept_obstacles",
+            value: |facts| facts.filtered(|cells| cells.kept),
+            total: MetricTotal::Sum,
+        },
+        ..DETAIL
+    },
+    Metric {
+        name: "lost",
+        words: "obstacles lost to filters",
+        group: "filters",
+        head: "lost %",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "lost_obstacles",
+            value: |facts| facts.filtered(|cells| cells.lost),
+            total: MetricTotal::ShareOf(&["kept", "lost"]),
+        },
+        note: Some(|rule| {
+            let (obstacle_m, _) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "cells with an obstacle nearer than {obstacle_m} m that are right without filters: \
+                 right behind the filters, too (kept), or not (lost)"
+            );
+            ("kept, lost", words)
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "close",
+        words: "cells known to be nearer than the range",
+        group: "filters",
+        head: "close %",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        origin: MetricOrigin::Frame {
+            column: "close_cells",
+            value: |facts| facts.filtered(|cells| cells.close),
+            total: MetricTotal::ShareOf(&["close", "blind"]),
+        },
+        note: Some(|_| {
+            let words = "cells truly nearer than the range of disparities: reported as too close, \
+                         or right (close), or not (blind)";
+            ("close, blind", words.into())
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "blind",
+        words: "cells nearer than the range that are not known to be",
+        group: "filters",
+        head: "blind",
+        unit: MetricUnit::Count,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "blind_cells",
+            value: |facts| facts.filtered(|cells| cells.blind),
+            total: MetricTotal::Sum,
+        },
+        ..DETAIL
+    },
+    Metric {
+        name: "alarms",
+        words: "frames with a false alarm of too close",
+        group: "filters",
+        head: "alarms %",
+        unit: MetricUnit::Share,
+        better: Better::Less,
+        origin: MetricOrigin::Frame {
+            column: "false_alarms",
+            value: |facts| facts.filtered.alarm.map(|is| f64::from(u8::from(is))),
+            total: MetricTotal::Mean,
+        },
+        note: Some(|rule| {
+            let (obstacle_m, _) = rule.obstacle_and_clear_m();
+            let words = format!(
+                "pairs with cells that are too close, none of which has an obstacle nearer than \
+                 {obstacle_m} m"
+            );
+            ("alarms", words)
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "scored_pairs",
+        words: "scored pairs",
+        group: "scored",
+        head: "scored pairs",
+        unit: MetricUnit::Count,
+        origin: MetricOrigin::Frame {
+            column: "scored_pairs",
+            value: |facts| {
+                Some(f64::from(u8::from(
+                    facts.scored()? > 0 || facts.has_scored_pixels(),
+                )))
+            },
+            total: MetricTotal::Sum,
+        },
+        note: Some(|_| {
+            let words = "pairs and cells with enough of a truth: all other numbers against truth \
+                         are of these";
+            ("scored", words.into())
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "scored_cells",
+        words: "scored cells",
+        group: "scored",
+        head: "scored cells",
+        unit: MetricUnit::Count,
+        origin: MetricOrigin::Frame {
+            column: "scored_cells",
+            value: |facts| facts.scored().map(|cells| cells as f64),
+            total: MetricTotal::Sum,
+        },
+        ..DETAIL
+    },
+    Metric {
+        name: "scored_quarters",
+        words: "cells scored by their nearest quarter",
+        group: "scored",
+        head: "scored quarters",
+        unit: MetricUnit::Count,
+        origin: MetricOrigin::Frame {
+            column: "scored_quarters",
+            value: |facts| facts.surfaces.map(|cells| cells.quarters as f64),
+            total: MetricTotal::Sum,
+        },
+        note: Some(|_| {
+            let words = "cells whose nearest quarter is known: as many as scored cells, but for \
+                         sparse truth; near obstacles are of these";
+            ("scored quarters", words.into())
+        }),
+        ..DETAIL
+    },
+    Metric {
+        name: "passed",
+        words: "frames passed",
+        head: "passed",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Checkpoints,
+        level: MetricLevel::Headline(&[RunKind::Distances, RunKind::Disparities, RunKind::NoTruth]),
+        ..DETAIL
+    },
+    Metric {
+        name: "time",
+        words: "median time",
+        group: "ms per pair",
+        head: "p50",
+        unit: MetricUnit::Ms,
+        better: Better::Less,
+        against_truth: false,
+        origin: MetricOrigin::Time,
+        level: MetricLevel::Headline(&[RunKind::Distances, RunKind::Disparities, RunKind::NoTruth]),
+        ..DETAIL
+    },
+    Metric {
+        name: "finished",
+        words: "courses finished",
+        head: "finished",
+        unit: MetricUnit::Share,
+        better: Better::More,
+        against_truth: false,
+        origin: MetricOrigin::Drives(DriveNumber::Finished),
+        note: Some(|_| {
+            let words = "courses whose goal was reached without a collision and without help";
+            ("finished", words.into())
+        }),
+        level: MetricLevel::Headline(&[RunKind::Courses]),
+        ..DETAIL
+    },
+    Metric {
+        name: "collisions",
+        words: "collisions",
+        head: "hits/100 m",
+        unit: MetricUnit::Per100M,
+        better: Better::Less,
+        against_truth: false,
+        origin: MetricOrigin::Drives(DriveNumber::Collisions),
+        note: Some(|_| {
+            let words = "collisions per 100 m driven; after one the robot is set back on the route";
+            ("hits/100 m", words.into())
+        }),
+        level: MetricLevel::Headline(&[RunKind::Courses]),
+        ..DETAIL
+    },
+    Metric {
+        name: "near_misses",
+        words: "near misses",
+        head: "near/100 m",
+        unit: MetricUnit::Per100M,
+        better: Better::Less,
+        against_truth: false,
+        origin: MetricOrigin::Drives(DriveNumber::NearMisses),
+        note: Some(|_| {
+            let words =
+                "clearances below the scenario's near_miss_m without a collision, per 100 m driven";
+            ("near/100 m", words.into())
+        }),
+        level: MetricLevel::Headline(&[RunKind::Courses]),
+        ..DETAIL
+    },
+];
+
+impl Metric {
+    pub fn find(name: &str) -> Option<&'static Self> {
+        METRICS.iter().find(|metric| metric.name == name)
+    }
+
+    /// The metric of that name, or of that heading in a table, `%` or not, for which `fits` is
+    /// true.
+    ///
+    /// # Errors
+    /// One line with the names: all, or those of the metrics that share the heading.
+    pub fn named(name: &str, fits: impl Fn(&Self) -> bool) -> Result<&'static Self, String> {
+        let plain = |text: &str| text.trim_end_matches(['%', ',', ' ']).to_owned();
+        let is_headed = |metric: &&Self| {
+            let has = |head: &str| plain(head) == plain(name);
+            // The median time has the percentiles beside it.
+            has(metric.head) || metric.name == "time" && has("p99")
+        };
+        let names = |metrics: &[&Self]| {
+            let names: Vec<_> = metrics.iter().map(|metric| metric.name).collect();
+            names.join(", ")
+        };
+        let all: Vec<_> = METRICS.iter().filter(|metric| fits(metric)).collect();
+        if let Some(found) = all.iter().find(|metric| metric.name == name) {
+            return Ok(found);
+        }
+        // `unknown, %` is a heading of its own, and `unknown` the name of another metric.
+        let mut exact = all.iter().filter(|metric| metric.head == name);
+        if let (Some(found), None) = (exact.next(), exact.next()) {
+            return Ok(found);
+        }
+        let headed: Vec<_> = all.iter().copied().filter(is_headed).collect();
+        match headed[..] {
+            [found] => Ok(found),
+            [] => Err(format!(
+                "there is no metric '{name}'; expected one of {}",
+                names(&all)
+            )),
+            _ => Err(format!(
+                "'{name}' heads several columns; which of {}?",
+                names(&headed)
+            )),
+        }
+    }
+
+    /// Its column in rows and summary, with the aggregation; `None` if it is not per frame.
+    pub fn column(&self) -> Option<(&'static str, MetricTotal)> {
+        match self.origin {
+            MetricOrigin::Frame { column, total, .. } => Some((column, total)),
+            _ => None,
+        }
+    }
+
+    /// True if any frame of an algorithm can have it, without checkpoints and drives.
+    pub fn is_of_frames(&self) -> bool {
+        matches!(self.origin, MetricOrigin::Frame { .. } | MetricOrigin::Time)
+    }
+
+    /// True if its column contains whole numbers.
+    pub fn counts(&self) -> bool {
+        let share = |(_, total)| matches!(total, MetricTotal::ShareOf(_));
+        self.unit == MetricUnit::Count || self.column().is_some_and(share)
+    }
+
+    /// The value of a frame as plotted in Rerun: fractions in per cent.
+    pub fn plotted(&self, value: f64) -> f64 {
+        match self.unit {
+            MetricUnit::Share if !self.counts() => 100.0 * value,
+            _ => value,
+        }
+    }
+
+    /// A value with its unit.
+    pub fn show(&self, value: f64) -> String {
+        match self.unit {
+            MetricUnit::Share => format!("{:.1} %", 100.0 * value),
+            MetricUnit::Count => format!("{value:.0}"),
+            MetricUnit::Px => format!("{value:.2} px"),
+            MetricUnit::Ms => format!("{value:.2} ms"),
+            MetricUnit::Per100M => format!("{value:.1} per 100 m"),
+        }
+    }
+
+    /// Same as [`Metric::show`], for a time as a multiple of another.
+    pub fn show_relative(&self, value: f64) -> String {
+        match self.unit {
+            MetricUnit::Ms => format!("{value:.2}x"),
+            _ => self.show(value),
+        }
+    }
+}
+
+impl PartialEq for Metric {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl std::fmt::Debug for Metric {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+impl Serialize for Metric {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
+    }
+}
+
+/// Values of a frame or a run for the metrics of [`METRICS`] that have a column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MetricValues([Option<f64>; METRICS.len()]);
+
+impl Default for MetricValues {
+    fn default() -> Self {
+        Self([None; METRICS.len()])
+    }
+}
+
+impl MetricValues {
+    /// One frame of one algorithm.
+    pub fn from_facts(facts: &FrameFacts<'_>) -> Self {
+        Self::from_fn(|metric| match metric.origin {
+            MetricOrigin::Frame { value, .. } => value(facts),
+            _ => None,
+        })
+    }
+
+    pub fn from_fn(value: impl Fn(&'static Metric) -> Option<f64>) -> Self {
+        Self(std::array::from_fn(|i| value(&METRICS[i])))
+    }
+
+    /// The value of its column.
+    ///
+    /// # Panics
+    /// If no metric of [`METRICS`] has that name.
+    pub fn get(&self, name: &str) -> Option<f64> {
+        let place = METRICS.iter().position(|metric| metric.name == name);
+        self.0[place.expect("a metric of METRICS")]
+    }
+
+    pub fn set(&mut self, name: &str, value: Option<f64>) {
+        let place = METRICS.iter().position(|metric| metric.name == name);
+        self.0[place.expect("a metric of METRICS")] = value;
+    }
+
+    /// The denominator of a metric that is a fraction of others.
+    pub fn whole(&self, metric: &Metric) -> Option<f64> {
+        match metric.column()?.1 {
+            MetricTotal::ShareOf(parts) => parts.iter().map(|part| self.get(part)).sum(),
+            _ => None,
+        }
+    }
+
+    /// The metric: its column, or the fraction it stands for; `None` if the denominator is 0.
+    pub fn value(&self, metric: &Metric) -> Option<f64> {
+        let value = self.get(metric.name)?;
+        match metric.column()?.1 {
+            MetricTotal::ShareOf(_) => {
+                // A frame with only unknown truths has cells, but none that could be right.
+                Some(value / self.whole(metric).filter(|whole| *whole > 0.0)?)
+            }
+            _ => Some(value),
+        }
+    }
+}
+
+impl<const N: usize> From<[(&str, f64); N]> for MetricValues {
+    fn from(values: [(&str, f64); N]) -> Self {
+        let mut metrics = Self::default();
+        for (name, value) in values {
+            metrics.set(name, Some(value));
+        }
+        metrics
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn names_and_columns_stand_once_and_shares_are_of_metrics() {
+        let columns: Vec<_> = METRICS.iter().filter_map(Metric::column).collect();
+        let distinct: BTreeSet<_> = columns.iter().map(|(column, _)| column).collect();
+        assert_eq!(distinct.len(), columns.len());
+        let names: BTreeSet<_> = METRICS.iter().map(|metric| metric.name).collect();
+        assert_eq!(names.len(), METRICS.len());
+        for (_, total) in columns {
+            if let MetricTotal::ShareOf(parts) = total {
+                assert!(parts.iter().all(|part| Metric::find(part).is_some()));
+            }
+        }
+    }
+
+    #[test]
+    fn every_heading_names_its_metric() {
+        let named = |text: &str| Metric::named(text, |_| true);
+        for metric in METRICS {
+            assert_eq!(named(metric.name), Ok(metric));
+            let alike = METRICS.iter().filter(|other| other.head == metric.head);
+            if alike.count() == 1 && Metric::find(metric.head).is_none() {
+                assert_eq!(named(metric.head), Ok(metric), "{}", metric.head);
+            }
+        }
+        let found = [
+            "p50",
+            "p99",
+            "cover",
+            ">2 px",
+            "found",
+            "found %",
+            "hits/100 m",
+        ]
+        .map(named);
+        let expected = [
+            "time",
+            "time",
+            "coverage",
+            "bad2",
+            "found",
+            "found",
+            "collisions",
+        ];
+        assert_eq!(found.map(|metric| metric.unwrap().name), expected);
+        assert!(
+            named("rigth")
+                .unwrap_err()
+                .contains("there is no metric 'rigth'")
+        );
+        // Without the one of that name, the heading is that of two.
+        let others = Metric::named("right", |metric| metric.name != "right");
+        let expected = "'right' heads several columns; which of right_surface, right_near?";
+        assert_eq!(others, Err(expected.to_owned()));
+    }
+
+    #[test]
+    fn a_share_is_of_the_whole_and_of_nothing_absent() {
+        let metric = |name| Metric::find(name).unwrap();
+        let values = MetricValues::from([("right", 3.0), ("wrong", 1.0), ("unknown", 4.0)]);
+        assert_eq!(values.value(metric("right")), Some(0.375));
+        assert_eq!(
+            (values.get("right"), values.value(metric("bad1"))),
+            (Some(3.0), None)
+        );
+        let none = MetricValues::from([("right", 0.0), ("wrong", 0.0), ("unknown", 0.0)]);
+        assert_eq!(none.value(metric("right")), None);
+    }
+}

@@ -1,0 +1,34 @@
+//! Scores: disparities and cells against truth, checkpoints over runs, and the benchmarks' metric
+//! protocols.
+
+mod cells;
+mod checkpoint;
+mod columns;
+mod disparity;
+mod filtered;
+mod judged;
+mod metrics;
+mod photometric;
+pub mod protocol;
+mod sparse;
+mod support;
+mod surfaces;
+mod truth;
+
+pub use cells::depth_at;
+pub use cells::{CellJudgement, CellTally, NearJudgement, Verdict, is_right, judge_cells};
+pub use checkpoint::{
+    CellExpectation, CellFinding, Checkpoint, CheckpointFrame, CheckpointPlace, CheckpointTally,
+    ExpectedCell, LabelledPair, RunPart,
+};
+pub use columns::ColumnChoice;
+pub use disparity::DisparityScore;
+pub use filtered::FilterTally;
+pub use judged::{Judge, Judged, JudgedEstimate, MatchFailure};
+pub use metrics::{
+    Better, CellSupport, DriveNumber, FrameFacts, METRICS, Metric, MetricLevel, MetricOrigin,
+    MetricTotal, MetricUnit, MetricValues, RunKind,
+};
+pub use support::agreed_cells;
+pub use surfaces::SurfaceTally;
+pub use truth::TrueCells;

@@ -1,0 +1,12 @@
+//! Runs (scenario, manifest), and their scores (metrics, cells, checkpoints, losses, intervals).
+
+pub mod agreement;
+pub mod bootstrap;
+pub mod drive;
+pub mod judge;
+pub mod losses;
+pub mod manifest;
+pub mod memory;
+pub mod plausibility;
+pub mod resize;
+pub mod scenario;

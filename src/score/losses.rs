@@ -1,0 +1,347 @@
+//! Losses of a run: missing pairs, the limit on them, and the state of the run at its end.
+
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::{Display, Formatter};
+use svl_core::counted;
+use svl_core::stereo::Losses;
+
+/// Losses with which a run counts as complete, written `3` or `1%`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "WrittenLimit", into = "WrittenLimit")]
+pub enum LossLimit {
+    Pairs(u64),
+    /// Per cent of the pairs.
+    Percent(f64),
+}
+
+/// Its form in a scenario.
+#[derive(Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected a number of pairs as 3, or per cent as \"1%\""
+)]
+enum WrittenLimit {
+    Pairs(u64),
+    Text(String),
+}
+
+impl LossLimit {
+    fn is_exceeded(self, lost: u64, pairs: u64) -> bool {
+        match self {
+            Self::Pairs(most) => lost > most,
+            // One of 1000 is 0.1 %, despite rounding.
+            Self::Percent(most) => 100.0 * lost as f64 > most * pairs as f64 * (1.0 + 1e-12),
+        }
+    }
+}
+
+impl std::str::FromStr for LossLimit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let limit = match text.strip_suffix('%') {
+            Some(percent) => percent.trim().parse().ok().map(Self::Percent),
+            None => text.parse().ok().map(Self::Pairs),
+        };
+        let is_share = |limit: &Self| match limit {
+            Self::Pairs(_) => true,
+            Self::Percent(percent) => (0.0..=100.0).contains(percent),
+        };
+        let expected = "expected a number of pairs as 3, or per cent as 1%, at most 100%";
+        limit.filter(is_share).ok_or_else(|| expected.to_owned())
+    }
+}
+
+impl TryFrom<WrittenLimit> for LossLimit {
+    type Error = String;
+
+    fn try_from(written: WrittenLimit) -> Result<Self, String> {
+        match written {
+            WrittenLimit::Pairs(pairs) => Ok(Self::Pairs(pairs)),
+            WrittenLimit::Text(text) => text.parse(),
+        }
+    }
+}
+
+impl From<LossLimit> for WrittenLimit {
+    fn from(limit: LossLimit) -> Self {
+        match limit {
+            LossLimit::Pairs(pairs) => Self::Pairs(pairs),
+            LossLimit::Percent(_) => Self::Text(limit.to_string()),
+        }
+    }
+}
+
+impl Display for LossLimit {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Pairs(pairs) => write!(f, "{pairs}"),
+            Self::Percent(percent) => write!(f, "{percent}%"),
+        }
+    }
+}
+
+/// Number of pairs of a run, and of those missing from it: shards add up to the whole.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Missing {
+    /// Pairs read, of every run and perturbation level.
+    pub pairs: u64,
+    #[serde(flatten)]
+    pub losses: Losses,
+    /// By the label of the algorithm.
+    pub algorithms: BTreeMap<String, FailedPairs>,
+    /// Reasons to doubt the truth, in words.
+    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
+    pub doubts: BTreeSet<String>,
+}
+
+/// Pairs of an algorithm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FailedPairs {
+    pub pairs: u64,
+    /// Number of them on which it failed.
+    pub failed: u64,
+}
+
+impl Missing {
+    /// Adds the missing pairs of another run.
+    pub fn add(&mut self, other: Self) {
+        self.pairs += other.pairs;
+        self.losses.add(other.losses);
+        self.doubts.extend(other.doubts);
+        for (label, failures) in other.algorithms {
+            self.add_failures(label, failures);
+        }
+    }
+
+    pub fn add_failures(&mut self, label: String, failures: FailedPairs) {
+        let own = self.algorithms.entry(label).or_default();
+        own.pairs += failures.pairs;
+        own.failed += failures.failed;
+    }
+
+    /// True if the lost pairs, or those on which an algorithm failed, exceed the limit.
+    fn exceeds(&self, limit: LossLimit) -> bool {
+        let lost = self.losses.lost();
+        let read = self.pairs + self.losses.skipped + lost;
+        let mut algorithms = self.algorithms.values();
+        limit.is_exceeded(lost, read)
+            || algorithms.any(|failures| limit.is_exceeded(failures.failed, failures.pairs))
+    }
+
+    /// In words; `None` if nothing is missing.
+    pub fn words(&self) -> Option<String> {
+        let Losses {
+            unpaired,
+            late,
+            unreadable,
+            broken: _,
+            cut,
+            outside: _,
+            without_truth: _,
+            jumped: _,
+            copies: _,
+            impossible: _,
+            skipped: _,
+            grabber: _,
+        } = self.losses;
+        let failing = self
+            .algorithms
+            .iter()
+            .filter(|(_, failures)| failures.failed > 0);
+        let others = failing.clone().count().saturating_sub(1) as u64;
+        let others = if others > 0 {
+            format!(" ({} on no more)", counted(others, "other algorithm"))
+        } else {
+            String::new()
+        };
+        let failures =
+            failing
+                .max_by_key(|(_, failures)| failures.failed)
+                .map(|(label, failures)| {
+                    let pairs = counted(failures.pairs, "pair");
+                    format!("{label} failed on {} of {pairs}{others}", failures.failed)
+                });
+        let count = |n: u64, noun: &str| (n > 0).then(|| counted(n, noun));
+        let missing = [
+            count(unreadable, "pair").map(|n| n + " could not be read"),
+            count(unpaired, "image").map(|n| n + " had no partner"),
+            count(late, "image").map(|n| n + " came too late"),
+            count(cut, "frame").map(|n| n + " of a damaged or truncated video"),
+            failures,
+        ];
+        let missing: Vec<_> = missing.into_iter().flatten().collect();
+        (!missing.is_empty()).then(|| missing.join(" and "))
+    }
+}
+
+/// State of a run at its end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RunState {
+    /// At the end of its sources, with everything except allowed losses.
+    #[default]
+    Complete,
+    /// At the end of its sources, with more losses than allowed.
+    Lossy,
+    /// Early: the user interrupted it.
+    Interrupted,
+    /// Early, with an error.
+    Failed,
+}
+
+/// The end of a run, and its missing pairs.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunEnding {
+    pub state: RunState,
+    /// The reason why it is not complete, in words.
+    pub incomplete: Option<String>,
+    pub missing: Missing,
+}
+
+impl RunEnding {
+    /// For a run that reached the end of its sources.
+    pub fn new(missing: Missing, allowed: Option<LossLimit>) -> Self {
+        let is_lossy = missing.exceeds(allowed.unwrap_or(LossLimit::Pairs(0)));
+        let more = allowed.map(|limit| format!(", more than {limit}").replace('%', " %"));
+        let words = missing.words().filter(|_| is_lossy);
+        Self {
+            state: if is_lossy {
+                RunState::Lossy
+            } else {
+                RunState::Complete
+            },
+            incomplete: words.map(|words| words + &more.unwrap_or_default()),
+            missing,
+        }
+    }
+
+    /// For a run that ended early.
+    pub fn early(state: RunState, why: String, missing: Missing) -> Self {
+        Self {
+            state,
+            incomplete: Some(why),
+            missing,
+        }
+    }
+
+    /// True if it reached the end of its sources.
+    pub fn is_whole(&self) -> bool {
+        matches!(self.state, RunState::Complete | RunState::Lossy)
+    }
+
+    /// Everything that is not scored but does not make the run incomplete, in words.
+    pub fn note(&self) -> Option<String> {
+        let allowed = self.missing.words();
+        let allowed = allowed.filter(|_| self.state == RunState::Complete);
+        let outside = counted(self.missing.losses.outside, "image");
+        let outside = (self.missing.losses.outside > 0)
+            .then(|| format!("{outside} outside the overlap of both cameras"));
+        let jumped = counted(self.missing.losses.jumped, "pair");
+        let jumped = (self.missing.losses.jumped > 0)
+            .then(|| format!("{jumped} whose truth is of another time, between which poses jump"));
+        let copies = self.missing.losses.copies.iter().map(|(run, pairs)| {
+            let copies = if *pairs == 1 { "copy" } else { "copies" };
+            format!("{pairs} {copies} of pairs of {run}, each scored once")
+        });
+        let impossible = counted(self.missing.losses.impossible, "pixel");
+        let impossible = (self.missing.losses.impossible > 0)
+            .then(|| format!("{impossible} of the truth that are impossible"));
+        let parts = [
+            allowed.map(|words| words + ", as is allowed"),
+            outside,
+            jumped,
+            impossible,
+        ];
+        let parts: Vec<_> = parts.into_iter().flatten().chain(copies).collect();
+        (!parts.is_empty()).then(|| parts.join("; "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn missing(pairs: u64, losses: Losses, failed: &[(u64, u64)]) -> Missing {
+        let algorithm = |(i, &(pairs, failed)): (usize, &(u64, u64))| {
+            (format!("a{i}"), FailedPairs { pairs, failed })
+        };
+        Missing {
+            pairs,
+            losses,
+            algorithms: failed.iter().enumerate().map(algorithm).collect(),
+            doubts: BTreeSet::new(),
+        }
+    }
+
+    fn state(missing: &Missing, limit: Option<&str>) -> RunState {
+        let limit = limit.map(|limit| limit.parse().unwrap());
+        RunEnding::new(missing.clone(), limit).state
+    }
+
+    #[test]
+    fn a_limit_is_a_number_or_per_cent() {
+        for (text, limit) in [
+            ("0", LossLimit::Pairs(0)),
+            ("12", LossLimit::Pairs(12)),
+            ("0.5%", LossLimit::Percent(0.5)),
+            ("100 %", LossLimit::Percent(100.0)),
+        ] {
+            assert_eq!(text.parse(), Ok(limit));
+            assert_eq!(limit.to_string().parse(), Ok(limit));
+        }
+        for wrong in ["", "%", "-1", "1.5", "101%", "-1%", "NaN%", "inf%", "one"] {
+            assert!(wrong.parse::<LossLimit>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn lost_pairs_are_per_cent_of_all_that_were_read() {
+        let unpaired = |unpaired, skipped| Losses {
+            unpaired,
+            skipped,
+            outside: 500,
+            ..Losses::default()
+        };
+        let one = missing(199, unpaired(1, 0), &[]);
+        let states = [None, Some("0"), Some("0.4%"), Some("0.5%"), Some("1")];
+        assert_eq!(
+            states.map(|limit| state(&one, limit) == RunState::Complete),
+            [false, false, false, true, true]
+        );
+        // Every tenth of them was requested.
+        let one = missing(20, unpaired(1, 179), &[]);
+        assert_eq!(state(&one, Some("0.5%")), RunState::Complete);
+        assert_eq!(
+            state(&missing(9, unpaired(0, 0), &[]), None),
+            RunState::Complete
+        );
+    }
+
+    #[test]
+    fn each_algorithm_may_fail_on_so_many() {
+        let losses = Losses::default;
+        let few = missing(200, losses(), &[(200, 2), (200, 2), (200, 2)]);
+        assert_eq!(state(&few, Some("1%")), RunState::Complete);
+        assert_eq!(state(&few, Some("1")), RunState::Lossy);
+        let all = missing(200, losses(), &[(200, 0), (200, 200), (200, 0)]);
+        assert_eq!(state(&all, Some("50%")), RunState::Lossy);
+    }
+
+    #[test]
+    fn shards_add_up() {
+        let losses = Losses {
+            unreadable: 1,
+            ..Losses::default()
+        };
+        let mut all = missing(10, losses.clone(), &[(10, 1)]);
+        all.add(missing(5, losses, &[(5, 0), (5, 5)]));
+        let words = "2 pairs could not be read and a1 failed on 5 of 5 pairs (1 other algorithm on \
+                     no more)";
+        assert_eq!(all.words().as_deref(), Some(words));
+        assert_eq!((all.pairs, all.losses.lost()), (15, 2));
+        let json = serde_json::to_string(&all).unwrap();
+        assert_eq!(serde_json::from_str::<Missing>(&json).unwrap(), all);
+    }
+}

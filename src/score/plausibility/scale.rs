@@ -1,0 +1,183 @@
+//! A constant factor between a truth and every algorithm of a run: the sign of a wrong unit.
+//!
+//! Algorithms err in many ways, but the disparities of a truth are not a multiple of theirs.
+
+use super::unit::{cure, disparity_cure, rounded, usual};
+use crate::judge::Judged;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use svl_core::statistics::upper_median;
+use svl_core::stereo::{Estimate, Frame, Truth, TruthOrigin};
+
+/// Frames that are compared, and pixels of each.
+const FRAMES: u64 = 20;
+const PIXELS: f64 = 2000.0;
+/// Disparities below this say little about a factor, pixels.
+const MIN_PX: f64 = 4.0;
+/// An algorithm with fewer pixels is not asked.
+const MIN_PIXELS: usize = 200;
+/// A factor is constant if it is that of half of the pixels, within this fraction.
+const CONSTANT: f64 = 0.1;
+/// Factors up to this are errors of algorithms.
+const MIN_FACTOR: f64 = 1.5;
+
+/// Compares the truth of a run's first frames with the estimates of its algorithms.
+#[derive(Default)]
+pub struct TruthScales {
+    frames: u64,
+    origin: TruthOrigin,
+    algorithms: BTreeMap<String, Ratios>,
+}
+
+#[derive(Default)]
+struct Ratios {
+    /// Disparity of the truth divided by that of the algorithm: the factor that its distances lack.
+    factors: Vec<f64>,
+    /// Distance of the truth divided by the disparity of the algorithm: constant for depths that
+    /// are disparities.
+    inverse: Vec<f64>,
+}
+
+impl TruthScales {
+    pub fn observe(&mut self, judged: &Judged) {
+        let Some(truth) = &judged.frame.truth else {
+            return;
+        };
+        let is_reference = matches!(truth.kind.origin, TruthOrigin::Reference(_));
+        if self.frames == FRAMES || is_reference || judged.estimates.is_empty() {
+            return;
+        }
+        self.frames += 1;
+        self.origin = truth.kind.origin.clone();
+        for scored in &judged.estimates {
+            let label = scored.estimate.algorithm.clone();
+            let ratios = self.algorithms.entry(label).or_default();
+            ratios.add(&judged.frame, truth, &scored.estimate);
+        }
+    }
+
+    /// What was measured of each algorithm that has enough pixels.
+    pub fn measured(&self) -> MeasuredScales {
+        let asked = self
+            .algorithms
+            .iter()
+            .filter(|(_, ratios)| ratios.is_asked());
+        let scale = |ratios: &Ratios| AlgorithmScale {
+            factor: constant(&ratios.factors),
+            inverse: constant(&ratios.inverse),
+        };
+        MeasuredScales {
+            origin: self.origin.clone(),
+            algorithms: asked
+                .map(|(label, ratios)| (label.clone(), scale(ratios)))
+                .collect(),
+        }
+    }
+}
+
+/// The constant factors between a truth and the algorithms of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MeasuredScales {
+    pub origin: TruthOrigin,
+    pub algorithms: BTreeMap<String, AlgorithmScale>,
+}
+
+/// The factors of an algorithm, where they are constant.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AlgorithmScale {
+    /// Disparity of the truth divided by that of the algorithm: the factor that its distances lack.
+    factor: Option<f64>,
+    /// Distance of the truth divided by the disparity of the algorithm: constant for depths that
+    /// are disparities.
+    inverse: Option<f64>,
+}
+
+impl MeasuredScales {
+    /// The reason to doubt the truth, with the likely unit.
+    pub fn doubt(&self) -> Option<String> {
+        let of_all = |value: fn(&AlgorithmScale) -> Option<f64>| {
+            let constants = self.algorithms.values().map(value);
+            let constants = constants.collect::<Option<Vec<_>>>()?;
+            let median = constant(&constants)?;
+            constants
+                .iter()
+                .all(|value| is_near(*value, median))
+                .then_some(median)
+        };
+        let labels: Vec<_> = self.algorithms.keys().map(String::as_str).collect();
+        let labels = labels.join(", ");
+        match of_all(|scale| scale.factor) {
+            Some(factor) if factor < 0.0 => Some(format!(
+                "its disparities have the opposite sign of those of every algorithm ({labels}): \
+                 left and right may be swapped"
+            )),
+            Some(factor) if (1.0 / MIN_FACTOR..=MIN_FACTOR).contains(&factor) => None,
+            Some(factor) => {
+                let factor = usual(factor);
+                Some(format!(
+                    "its distances are {} times those of every algorithm ({labels}); {}",
+                    rounded(1.0 / factor),
+                    cure(&self.origin, factor)
+                ))
+            }
+            None => {
+                let TruthOrigin::Sensor(name) = &self.origin else {
+                    return None;
+                };
+                let scale = of_all(|scale| scale.inverse)?;
+                let cure = disparity_cure(name, scale)?;
+                Some(format!(
+                    "its values are proportional to the disparities of every algorithm ({labels}), \
+                     not to distances; {cure}"
+                ))
+            }
+        }
+    }
+}
+
+impl Ratios {
+    fn add(&mut self, frame: &Frame, truth: &Truth, estimate: &Estimate) {
+        let (width, height) = truth.disparity.size();
+        let map = estimate.disparity.disparity();
+        if map.size() != (width, height) {
+            return;
+        }
+        let doffs_px = frame.rig().map_or(0.0, |rig| rig.doffs_px());
+        let step = ((width * height) as f64 / PIXELS).sqrt().ceil().max(1.0) as usize;
+        for y in (step / 2..height).step_by(step) {
+            for x in (step / 2..width).step_by(step) {
+                let [true_px, px] = [truth.disparity.get(x, y), map.get(x, y)].map(f64::from);
+                if !true_px.is_finite() || !px.is_finite() || px < MIN_PX {
+                    continue;
+                }
+                let factor = (true_px + doffs_px) / (px + doffs_px);
+                self.factors.push(factor);
+                let distance_m = frame.rig().and_then(|rig| rig.depth_m(true_px));
+                self.inverse.extend(distance_m.map(|z| z / px));
+            }
+        }
+    }
+
+    /// True for an algorithm with enough pixels that did not see the truth.
+    fn is_asked(&self) -> bool {
+        let copied = self.factors.iter().filter(|factor| **factor == 1.0);
+        self.factors.len() >= MIN_PIXELS && 2 * copied.count() < self.factors.len()
+    }
+}
+
+/// The median, if half of the values are near it.
+fn constant(values: &[f64]) -> Option<f64> {
+    let median = upper_median(values.iter().copied())?;
+    let near = values
+        .iter()
+        .filter(|value| is_near(**value, median))
+        .count();
+    (median != 0.0 && 2 * near >= values.len()).then_some(median)
+}
+
+fn is_near(value: f64, median: f64) -> bool {
+    (value / median - 1.0).abs() <= CONSTANT
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,111 @@
+use super::*;
+use crate::judge::Judge;
+use svl_core::depth;
+use svl_core::stereo::{
+    DisparityMap, ExtraPlanes, Geometry, Gray, GridShape, Plane, Rig, StereoPair, TruthDensity,
+};
+use svl_core::timing::StageTimes;
+
+const SIZE: (usize, usize) = (64, 64);
+
+/// Disparities from 8 to 27 px, never the same in two rows.
+fn true_px(x: usize, y: usize) -> f32 {
+    8.0 + (x + 2 * y) as f32 / 10.0
+}
+
+fn rig() -> Rig {
+    Rig::new(50.0, (32.0, 32.0), 0.1, 0.0).unwrap()
+}
+
+fn estimate(algorithm: &str, px: impl Fn(usize, usize) -> f32) -> Estimate {
+    let mut disparity = DisparityMap::new(SIZE.0, SIZE.1).unwrap();
+    disparity.resize(SIZE.0, SIZE.1, ExtraPlanes::NONE).unwrap();
+    for (y, mut row) in disparity.rows_mut().enumerate() {
+        (0..SIZE.0).for_each(|x| row.accept(x, px(x, y)));
+    }
+    let grid = depth::grid(disparity.disparity(), GridShape::default().into(), None);
+    Estimate {
+        algorithm: algorithm.to_owned(),
+        disparity,
+        grid,
+        own_grid: false,
+        unfiltered: None,
+        range_px: None,
+        times: StageTimes::default(),
+    }
+}
+
+/// The doubt about a truth in a file, against two algorithms with an error of a pixel.
+fn doubt(name: &str, truth: impl Fn(f32) -> f32, others: Vec<Estimate>) -> Option<String> {
+    let image = Gray::filled(SIZE.0, SIZE.1, 0).unwrap();
+    let pair = StereoPair::new(image.clone(), image).unwrap();
+    let disparity = Plane::from_fn(SIZE.0, SIZE.1, |x, y| truth(true_px(x, y))).unwrap();
+    let frame = Frame {
+        truth: Some(Truth::from_sensor(disparity, TruthDensity::Dense, name)),
+        ..Frame::new(pair, Geometry::Rectified(Some(rig())))
+    };
+    let mut estimates = vec![
+        estimate("v3", |x, y| true_px(x, y).round()),
+        // A third is wrong.
+        estimate("bm", |x, y| {
+            if (x + y) % 3 == 0 {
+                60.0
+            } else {
+                true_px(x, y) + 0.5
+            }
+        }),
+    ];
+    estimates.extend(others);
+    let mut scales = TruthScales::default();
+    scales.observe(&Judge::default().judge(frame, estimates));
+    scales.measured().doubt()
+}
+
+#[test]
+fn a_constant_factor_is_named_with_the_unit_that_cures_it() {
+    let doubt = |name: &str, factor: f32| doubt(name, |d| d / factor, Vec::new());
+    assert_eq!(doubt("d/*.png", 1.0), None);
+    assert_eq!(doubt("d/*.png", 1.3), None, "a wrong baseline, not a unit");
+    for (factor, cure) in [
+        (1000.0, "unit=0.000001"),
+        (5.0, "unit=0.0002"),
+        (2.0, "unit=0.0005"),
+        (0.5, "unit=0.002"),
+        (0.001, "unit=1"),
+    ] {
+        let words = doubt("d/*.png", factor).unwrap_or_default();
+        let expected = format!(
+            "its distances are {factor} times those of every algorithm (bm, v3); \
+             likely --truth 'd/*.png:{cure}'"
+        );
+        assert!(words.starts_with(&expected), "{words}");
+    }
+    let words = doubt("d/*.png", -1.0).unwrap();
+    assert!(words.contains("the opposite sign"), "{words}");
+}
+
+#[test]
+fn disparities_read_as_depths_are_named() {
+    // The values 256·d, read as millimetres.
+    let as_depth = |d: f32| rig().disparity_px(f64::from(0.256 * d)) as f32;
+    let words = doubt("d/*.png", as_depth, Vec::new()).unwrap();
+    assert!(
+        words.ends_with("likely --truth 'd/*.png:disparity=256'"),
+        "{words}"
+    );
+    // Of a topic, no option says so.
+    assert_eq!(doubt("/depth", as_depth, Vec::new()), None);
+}
+
+#[test]
+fn every_algorithm_has_to_agree() {
+    let right = |px: fn(f32) -> f32| vec![estimate("sgm", move |x, y| px(true_px(x, y)))];
+    assert_eq!(
+        doubt("d/*.png", |d| d / 2.0, right(|d| d / 2.0 + 0.1)),
+        None
+    );
+    // One that copies the truth does not count.
+    assert!(doubt("d/*.png", |d| d / 2.0, right(|d| d / 2.0)).is_some());
+    // One without pixels does not, either.
+    assert!(doubt("d/*.png", |d| d / 2.0, right(|_| 0.0)).is_some());
+}

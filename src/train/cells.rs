@@ -1,0 +1,293 @@
+//! Results of a training, for people.
+
+use super::kinds::{KindCells, ReportedCells, ScoredCell};
+use super::learned_cells::{LearnedCells, LearnedScenario};
+use super::reliability::{ReliabilityBin, reliability};
+use crate::fit::CellFit;
+use serde::Serialize;
+use std::collections::HashSet;
+use svl_core::Result;
+use svl_core::depth::decision::{SafeChoice, probability};
+use svl_core::matcher::Algorithm;
+use svl_report::page::{PlotView, fill};
+use svl_report::plot::{Axis, Chart, Series, SeriesStyle};
+use svl_report::table::{Table, TableColumn, TerminalStyle};
+
+/// Figures of a fit, per scenario, and the calibration of its probabilities.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CellTraining {
+    pub algorithm: String,
+    pub steps: usize,
+    /// Least probability of a cell that counts as known.
+    pub confidence: f64,
+    pub scenarios: Vec<ScenarioCells>,
+    /// Results of kinds of scenes, each held out of the fit.
+    pub kinds: Vec<KindCells>,
+    /// Results of cells whose fold was held out of the fit.
+    pub reliability: Vec<ReliabilityBin>,
+    /// Mean logistic loss of held-out cells by the number of steps.
+    pub losses: Vec<f64>,
+}
+
+/// The cells of a scenario.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ScenarioCells {
+    pub name: String,
+    /// True if it was no part of the fit.
+    pub tested: bool,
+    /// Runs and scenes.
+    pub groups: usize,
+    /// With a truth.
+    pub cells: usize,
+    /// Fraction that would be right if all cells were reported.
+    pub right_of_all: f64,
+    /// By the fitted table, held out.
+    pub fitted: ReportedCells,
+    /// By the algorithm's table.
+    pub present: ReportedCells,
+}
+
+impl ScenarioCells {
+    fn new(scenario: &LearnedScenario, cells: &[ScoredCell<'_>], least_score: i64) -> Self {
+        let all = cells.len();
+        let groups: HashSet<_> = cells.iter().map(|cell| cell.sample.group).collect();
+        let right = cells.iter().filter(|cell| cell.sample.right).count();
+        let reportable = cells.iter().filter(|cell| cell.sample.is_reportable());
+        let reportable: Vec<_> = reportable.copied().collect();
+        Self {
+            name: scenario.name.clone(),
+            tested: scenario.tested,
+            groups: groups.len(),
+            cells: all,
+            right_of_all: right as f64 / all.max(1) as f64,
+            fitted: ReportedCells::new(&reportable, all, |cell| cell.held_out >= least_score),
+            present: ReportedCells::new(&reportable, all, |cell| cell.sample.known),
+        }
+    }
+}
+
+impl CellTraining {
+    /// Figures of a fit of the table of `algorithm` to the first of the samples; the others, of
+    /// scenarios that are only tested, were no part of it. `choice`: the algorithm's decision.
+    pub fn new(
+        algorithm: &Algorithm,
+        choice: &SafeChoice,
+        learned: &LearnedCells,
+        fit: &CellFit,
+    ) -> Self {
+        let least_score = choice.table.least_score;
+        let cells = ScoredCell::all(learned, fit, &choice.table);
+        let scenarios = cells.chunk_by(|a, b| a.scenario == b.scenario);
+        let scenarios = scenarios.map(|own| {
+            let scenario = &learned.scenarios[own[0].scenario];
+            ScenarioCells::new(scenario, own, least_score)
+        });
+        let fitted = cells[..fit.held_out.len()].iter();
+        let fitted = fitted
+            .filter(|cell| cell.sample.is_reportable())
+            .map(|cell| (cell.held_out, cell.sample.right));
+        Self {
+            algorithm: algorithm.label().to_owned(),
+            steps: fit.table.steps.iter().map(|steps| steps.0.len()).sum(),
+            confidence: probability(least_score),
+            scenarios: scenarios.collect(),
+            kinds: KindCells::all(&cells, &learned.scenarios, least_score),
+            reliability: reliability(&fitted.collect::<Vec<_>>()),
+            losses: fit.losses.clone(),
+        }
+    }
+
+    /// The page: one file without scripts, all texts escaped.
+    ///
+    /// # Errors
+    /// [`svl_core::Error::Invalid`] with the error of the template engine or of the plotting
+    /// library.
+    pub fn page(&self, identity: Vec<(String, String)>) -> Result<String> {
+        let line = |name: &str, form, points| Series {
+            name: name.to_owned(),
+            form,
+            points,
+        };
+        let bins = self.reliability.iter().filter(|bin| bin.cells >= 20);
+        let points = bins.map(|bin| (100.0 * bin.said, 100.0 * bin.right));
+        let whole = |label: &str| Axis {
+            range: Some((0.0, 100.0)),
+            ..Axis::share(label)
+        };
+        let reliability = Chart {
+            title: String::new(),
+            x: whole("predicted, %"),
+            y: whole("observed right, %"),
+            series: vec![
+                line("cells", SeriesStyle::Both, points.collect()),
+                line(
+                    "as predicted",
+                    SeriesStyle::Line,
+                    vec![(0.0, 0.0), (100.0, 100.0)],
+                ),
+            ],
+        };
+        let points = self.losses.iter().enumerate();
+        let points = points.map(|(steps, loss)| (steps as f64, *loss)).collect();
+        let losses = Chart {
+            title: String::new(),
+            x: Axis::new("steps"),
+            y: Axis::new("logistic loss, held out"),
+            series: vec![line("loss", SeriesStyle::Both, points)],
+        };
+        let view = TrainingView {
+            training: self,
+            scenarios: self.scenario_table(),
+            kinds: KindCells::table(&self.kinds),
+            confidences: KindCells::confidence_table(&self.kinds),
+            charts: [
+                PlotView {
+                    title: "Reliability".into(),
+                    about: "Fraction of right cells by the probability of a table, fitted without \
+                            their part of the runs; ranges with 20 cells or more.",
+                    svg: reliability.svg()?,
+                },
+                PlotView {
+                    title: "Steps".into(),
+                    about: "Loss on held-out runs by the number of steps.",
+                    svg: losses.svg()?,
+                },
+                KindCells::curves(&self.kinds)?,
+            ],
+            images: [],
+            identity,
+            incomplete: None,
+        };
+        fill(include_str!("cells.html"), "", view)
+    }
+}
+
+impl CellTraining {
+    /// The cells of each scenario and the calibration of their probabilities.
+    pub fn terminal(&self, style: TerminalStyle) -> String {
+        let (steps, confidence) = (self.steps, self.confidence);
+        let mut bins =
+            Table::new("", "predicted, %").with_columns(["cells", "mean, %", "right, %"]);
+        for bin in &self.reliability {
+            let share = |share| match bin.cells {
+                0 => String::new(),
+                _ => percent(share, 1),
+            };
+            let range = format!("{} to {}", percent(bin.from, 0), percent(bin.to, 0));
+            bins.push(
+                range,
+                [bin.cells.to_string(), share(bin.said), share(bin.right)],
+            );
+        }
+        format!(
+            "{steps} steps; % of cells, known from {confidence:.2} on\n{}\n% of cells known, % of \
+             these wrong, calibration error in points, area of the ROC\n{}\n{}",
+            self.scenario_table().terminal(style),
+            KindCells::table(&self.kinds).terminal(style),
+            bins.terminal(style)
+        )
+    }
+
+    fn scenario_table(&self) -> Table {
+        let mut table = Table::new("Cells", "scenario").with_columns(["runs", "cells"]);
+        let shares = [
+            ("all reported", "right, %"),
+            ("fitted, held out", "right, %"),
+            ("fitted, held out", "wrong, %"),
+            ("table in use", "right, %"),
+            ("table in use", "wrong, %"),
+        ];
+        let shares = shares.map(|(group, head)| TableColumn::new(group, head));
+        table.columns.extend(shares);
+        for scenario in &self.scenarios {
+            let cells = [
+                scenario.groups.to_string(),
+                scenario.cells.to_string(),
+                percent(scenario.right_of_all, 1),
+                percent(scenario.fitted.right, 1),
+                percent(scenario.fitted.wrong, 2),
+                percent(scenario.present.right, 1),
+                percent(scenario.present.wrong, 2),
+            ];
+            let tested = if scenario.tested { ", tested" } else { "" };
+            table.push(format!("{}{tested}", scenario.name), cells);
+        }
+        table
+    }
+}
+
+fn percent(share: f64, digits: usize) -> String {
+    format!("{:.digits$}", 100.0 * share)
+}
+
+#[derive(Serialize)]
+struct TrainingView<'a> {
+    training: &'a CellTraining,
+    scenarios: Table,
+    kinds: Table,
+    confidences: Table,
+    charts: [PlotView; 3],
+    images: [(); 0],
+    identity: Vec<(String, String)>,
+    incomplete: Option<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::CellSample;
+    use svl_core::depth::decision::VerdictTable;
+    use svl_core::stereo::CellEvidence;
+
+    #[test]
+    fn tests_of_a_fitted_kind_are_scored_without_it() {
+        let algorithm: Algorithm = "v5".parse().unwrap();
+        let choice = algorithm.safe_choice().unwrap().unwrap();
+        let sample = CellSample {
+            group: 0,
+            evidence: Some(CellEvidence {
+                report: 8,
+                target: 8,
+                features: [0; CellEvidence::FEATURES],
+            }),
+            right: true,
+            known: true,
+        };
+        let base = |base| VerdictTable {
+            base,
+            ..choice.table.clone()
+        };
+        let scenario = |(kind, tested): (&str, bool)| LearnedScenario {
+            name: kind.to_owned(),
+            kind: kind.to_owned(),
+            cells: 1,
+            tested,
+        };
+        // Scenarios of the fit come first. The tables without a kind know nothing, the others all.
+        let known = |scenarios: &[(&str, bool)], fitted: usize, without: usize| {
+            let mut learned = LearnedCells::default();
+            learned.samples = vec![sample; scenarios.len()];
+            learned.scenarios = scenarios.iter().copied().map(scenario).collect();
+            let fit = CellFit {
+                table: base(90_000),
+                held_out: vec![90_000; fitted],
+                without_kind: vec![base(-90_000); without],
+                losses: Vec::new(),
+            };
+            let training = CellTraining::new(&algorithm, &choice, &learned, &fit);
+            let kinds = training.kinds.iter();
+            let known = kinds.map(|kind| kind.held_out.map(|figures| figures.known));
+            known.collect::<Vec<_>>()
+        };
+        let two = [
+            ("arena", false),
+            ("worlds", false),
+            ("worlds", true),
+            ("own", true),
+        ];
+        assert_eq!(known(&two, 2, 2), [Some(0.0), Some(0.0), Some(1.0)]);
+        // One kind alone is never held out.
+        let one = [("worlds", false), ("worlds", true), ("own", true)];
+        assert_eq!(known(&one, 1, 0), [None, Some(1.0)]);
+    }
+}

@@ -1,0 +1,124 @@
+//! Cells of frames with a truth, as samples for the tables of cells.
+
+use svl_core::depth::decision::{BINS_PER_PX, SafeChoice, Tolerance};
+use svl_core::stereo::{Cell, CellDepth, CellEvidence};
+use svl_score::judge::{Judge, Judged, depth_at, is_right};
+
+/// A cell, reportable or not.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellSample {
+    /// Its scene, recording or seed: samples of one are never split.
+    pub group: usize,
+    /// `None` if nothing was seen.
+    pub evidence: Option<CellEvidence>,
+    /// True if the report would be right, by the scenario's rule.
+    pub right: bool,
+    /// True if the algorithm reported it.
+    pub known: bool,
+}
+
+impl CellSample {
+    /// True if there is something to report.
+    pub fn is_reportable(&self) -> bool {
+        self.evidence.is_some_and(|evidence| evidence.report > 0)
+    }
+}
+
+/// Part of a cell to report.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CellTarget {
+    #[default]
+    Median,
+    /// Its nearest quarter.
+    Near,
+}
+
+/// The cells of a pair, with or without a truth, by one algorithm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PairCells {
+    pub stamp_ns: u64,
+    /// In raster order.
+    pub cells: Vec<PairCell>,
+}
+
+/// A cell of a pair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairCell {
+    pub evidence: Option<CellEvidence>,
+    /// True if the report would be right; `None` without a truth.
+    pub right: Option<bool>,
+    /// True if the algorithm reported it.
+    pub known: bool,
+    /// The first and the last bin for which the report is right.
+    pub ends: [i32; 2],
+    /// True if the report is nearer than the rule's `clear_m`.
+    pub is_near: bool,
+}
+
+impl PairCell {
+    /// The report above 0, if there is one.
+    pub fn report(&self) -> Option<i64> {
+        let report = self.evidence.map(|evidence| evidence.report);
+        report.filter(|report| *report > 0)
+    }
+
+    /// The sample for a table, if the cell has a truth.
+    pub fn sample(&self, group: usize) -> Option<CellSample> {
+        Some(CellSample {
+            group,
+            evidence: self.evidence,
+            right: self.right?,
+            known: self.known,
+        })
+    }
+}
+
+/// The cells of a frame by each algorithm of the run, with the part of a cell that each reports and
+/// its decision.
+pub fn pair_cells(
+    judged: &Judged,
+    judge: &Judge,
+    targets: &[(CellTarget, SafeChoice)],
+) -> Vec<PairCells> {
+    let rig = judged.frame.rig();
+    let truth = judged.true_cells.as_ref();
+    let of_algorithm = |(scored, (target, choice)): (_, &(CellTarget, SafeChoice))| {
+        let scored: &svl_score::judge::JudgedEstimate = scored;
+        let wanted: Vec<Option<CellDepth>> = match (truth, target) {
+            (None, _) => vec![None; judge.grid.shape().cells()],
+            (Some(truth), CellTarget::Median) => {
+                truth.grid().iter().map(|(_, cell)| cell.depth).collect()
+            }
+            (Some(truth), CellTarget::Near) => truth.near().collect(),
+        };
+        let cell = |(i, ((_, cell), wanted)): (usize, ((_, &Cell), Option<CellDepth>))| {
+            let report = cell.evidence.map_or(0, |evidence| evidence.report);
+            let px = report as f32 / BINS_PER_PX as f32;
+            let reported = (report > 0).then(|| depth_at(px, rig));
+            let (_, clear_m) = judge.cells.obstacle_and_clear_m();
+            PairCell {
+                evidence: cell.evidence,
+                // `None` if the rule finds no truth, such as at infinity.
+                right: wanted.zip(truth).and_then(|(wanted, truth)| {
+                    is_right(&wanted, reported.as_ref(), truth.rule(i, &wanted))
+                }),
+                known: cell.depth.is_some(),
+                ends: Tolerance::ends_of(judge.cells, rig, choice.allowance_px, report as i32),
+                is_near: reported
+                    .and_then(|depth| depth.distance_m)
+                    .is_some_and(|distance_m| distance_m < clear_m),
+            }
+        };
+        let cells = scored.estimate.grid.iter().zip(wanted).enumerate();
+        PairCells {
+            stamp_ns: judged.frame.stamp_ns,
+            cells: cells.map(cell).collect(),
+        }
+    };
+    judged
+        .estimates
+        .iter()
+        .zip(targets)
+        .map(of_algorithm)
+        .collect()
+}

@@ -1,0 +1,313 @@
+//! Cells of scenarios that the tables of v5 are learned from.
+
+use crate::fit::{
+    CellFit, CellRun, CellSample, CellTarget, FOLDS, PairCell, PairCells, fit_cells, pair_cells,
+};
+use std::path::Path;
+use svl_bench::console::{Console, Watch};
+use svl_bench::run::{Matchers, frames_through};
+use svl_bench::runs::runs;
+use svl_bench::sink::{CollectSink, RunStart};
+use svl_bench::source::{PairRegister, Source};
+use svl_core::depth::decision::{Feature, SafeChoice, VerdictTable};
+use svl_core::matcher::Algorithm;
+use svl_core::stereo::{CellEvidence, FittedTo};
+use svl_core::{Error, Result};
+use svl_score::manifest::Manifest;
+use svl_score::scenario::{Scenario, ScenarioSource};
+
+/// A part of a scenario's runs, or of the scenes of a data set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RunShare {
+    All,
+    /// Two of three, for the network.
+    Network,
+    /// The others, for the tables: on its own runs a network looks better than it is.
+    Tables,
+}
+
+impl RunShare {
+    pub(super) fn has(self, number: u64) -> bool {
+        match self {
+            Self::All => true,
+            Self::Network => number % 3 != 2,
+            Self::Tables => number % 3 == 2,
+        }
+    }
+}
+
+/// The algorithms whose cells are learned: v5 for the median, and for the nearest quarter.
+pub struct CellAlgorithms {
+    pub median: Algorithm,
+    pub near: Algorithm,
+}
+
+/// The cells of all scenarios.
+#[derive(Default)]
+pub struct LearnedCells {
+    /// By the median of a cell.
+    pub samples: Vec<CellSample>,
+    /// By the nearest quarter, with their weights, of the scenarios that are fitted to.
+    near: (Vec<CellSample>, Vec<f64>),
+    /// The runs that are fitted to and whose pairs follow each other.
+    pub runs: Vec<CellRun>,
+    /// Runs and scenes.
+    pub groups: Vec<String>,
+    pub scenarios: Vec<LearnedScenario>,
+    register: PairRegister,
+    /// By registered run: true if it is no part of the fit.
+    tested_runs: Vec<bool>,
+}
+
+/// A scenario's part of the samples.
+#[derive(Clone, Debug)]
+pub struct LearnedScenario {
+    pub name: String,
+    /// That of [`Scenario::kind`].
+    pub kind: String,
+    /// Number of its samples.
+    pub cells: usize,
+    /// True if they are no part of the fit.
+    pub tested: bool,
+}
+
+impl LearnedCells {
+    /// Adds the cells of a share of the runs of a scenario, which is in the file at `path`.
+    ///
+    /// # Errors
+    /// Those of the runs; [`Error::Invalid`] for a scenario without cells to learn from,
+    /// [`Error::Usage`] for recordings that share pairs.
+    pub fn learn(
+        &mut self,
+        mut scenario: Scenario,
+        path: &Path,
+        algorithms: &CellAlgorithms,
+        (share, tested): (RunShare, bool),
+        console: &dyn Console,
+    ) -> Result<()> {
+        let CellAlgorithms { median, near } = algorithms;
+        scenario.algorithms = vec![median.clone(), near.clone()];
+        let targets: [(CellTarget, SafeChoice); 2] = [
+            (CellTarget::Median, safe_choice(median)?),
+            (CellTarget::Near, safe_choice(near)?),
+        ];
+        let mut matchers = Matchers::new(&scenario.algorithms)?.without_warnings();
+        let manifest = Manifest::new(&scenario.name, &scenario.algorithms)?;
+        let [before, before_near, before_runs] =
+            [self.samples.len(), self.near.0.len(), self.runs.len()];
+        let are_scenes = matches!(scenario.source, ScenarioSource::Dataset { .. });
+        for (i, run) in runs(&scenario, console)?.into_iter().enumerate() {
+            if !are_scenes && !share.has(i as u64) {
+                continue;
+            }
+            let (run, judge) = run.open(&scenario, console, None)?;
+            let mut run = run.registered(&scenario.name, &self.register, true);
+            self.tested_runs.push(tested);
+            let (run_judge, targets) = (judge.clone(), targets.clone());
+            let frame_cells = CollectSink::new(move |judged| {
+                let is_own = !are_scenes || share.has(judged.frame.sequence);
+                let cells = is_own.then(|| pair_cells(judged, &run_judge, &targets));
+                (judged.frame.name.clone(), cells.unwrap_or_default())
+            });
+            let start = RunStart::new(&manifest, run.seed, &judge);
+            // The same walk in another arena is not another scene.
+            let seed_name = run
+                .seed
+                .map(|seed| format!("{} seed {seed}", scenario.kind()));
+            let recording = run.record.as_ref().map(|record| record.path.clone());
+            let name = seed_name.or(recording).unwrap_or_else(|| run.name());
+            let title = format!("learn {}, {name}", scenario.name);
+            let watch = Watch::new(console, &title, run.pairs(), None);
+            let collected = frames_through(&mut run, &mut matchers, &start, frame_cells, watch)?;
+            // Held out in one place, they would be fitted to in the other.
+            self.register.refuse_copies()?;
+            let collected = collected.into_iter().map(|(scene, cells)| {
+                // The pairs of a recording resemble each other, whatever their names.
+                let scene = scene.filter(|_| are_scenes);
+                (scene.unwrap_or_else(|| name.clone()), cells)
+            });
+            let pairs = self.add_pairs(collected, tested);
+            if !tested && !scenario.has_separate_pairs() {
+                let group = self.group(name);
+                self.runs.push(CellRun {
+                    group,
+                    weight: 1.0,
+                    pairs,
+                });
+            }
+        }
+        let cells = self.samples.len() - before;
+        if !self.samples[before..].iter().any(CellSample::is_reportable) {
+            return Err(Error::Invalid(format!(
+                "{}: has no cells to learn from: frames need a truth, and of three runs or scenes \
+                 one is for the tables; take six, or keep the network with --tables-only",
+                path.display()
+            )));
+        }
+        let near = self.near.0.len() - before_near;
+        let weight = weight(near);
+        self.near.1.extend(std::iter::repeat_n(weight, near));
+        for run in &mut self.runs[before_runs..] {
+            run.weight = weight;
+        }
+        self.scenarios.push(LearnedScenario {
+            kind: scenario.kind().to_owned(),
+            name: scenario.name,
+            cells,
+            tested,
+        });
+        Ok(())
+    }
+
+    /// Adds the cells of pairs, each with the name of its group: by the median, and by the nearest
+    /// quarter if they are fitted to. Returns those by the median.
+    fn add_pairs(
+        &mut self,
+        collected: impl Iterator<Item = (String, Vec<PairCells>)>,
+        tested: bool,
+    ) -> Vec<PairCells> {
+        let mut pairs = Vec::new();
+        for (name, cells) in collected {
+            let group = self.group(name);
+            let mut cells = cells.into_iter();
+            let (Some(median), Some(near)) = (cells.next(), cells.next()) else {
+                continue;
+            };
+            let samples = |pair: &PairCells| -> Vec<_> {
+                let own = pair.cells.iter();
+                own.filter_map(|cell: &PairCell| cell.sample(group))
+                    .collect()
+            };
+            self.samples.extend(samples(&median));
+            if !tested {
+                self.near.0.extend(samples(&near));
+            }
+            pairs.push(median);
+        }
+        pairs
+    }
+
+    /// Number of samples to fit to: those of scenarios that are only tested come after them.
+    pub fn fitted(&self) -> usize {
+        self.fitted_scenarios().map(|scenario| scenario.cells).sum()
+    }
+
+    /// Fits a table for the median, else like the one in use.
+    ///
+    /// The weight of a scenario is the square root of its number of cells, so that few real scenes
+    /// count beside many simulated ones. `None` and `progress` as of [`fit_cells`].
+    pub fn fit(&self, like: &VerdictTable, progress: impl Fn() -> bool + Sync) -> Option<CellFit> {
+        let (fitted, kinds) = (self.fitted(), self.kinds());
+        let mut kind_of = Vec::with_capacity(fitted);
+        let mut weights = Vec::with_capacity(fitted);
+        for scenario in self.fitted_scenarios() {
+            let kind = kinds.iter().position(|kind| *kind == scenario.kind);
+            kind_of.extend(std::iter::repeat_n(kind.unwrap_or(0), scenario.cells));
+            weights.extend(std::iter::repeat_n(weight(scenario.cells), scenario.cells));
+        }
+        scale(&mut weights);
+        fit_cells(&self.samples[..fitted], &kind_of, &weights, like, progress)
+    }
+
+    /// Fits a table for the nearest quarter, as [`LearnedCells::fit`], with the number of its
+    /// cells.
+    pub fn fit_near(
+        &self,
+        like: &VerdictTable,
+        progress: impl Fn() -> bool + Sync,
+    ) -> Option<(CellFit, &[CellSample])> {
+        let (samples, mut weights) = (&self.near.0, self.near.1.clone());
+        scale(&mut weights);
+        let kinds = vec![0; samples.len()];
+        Some((
+            fit_cells(samples, &kinds, &weights, like, progress)?,
+            samples,
+        ))
+    }
+
+    /// Number of fits that [`LearnedCells::fit`] and [`LearnedCells::fit_near`] report.
+    pub fn fits(&self) -> usize {
+        let kinds = self.kinds().len();
+        2 * (FOLDS + 1) + if kinds > 1 { kinds } else { 0 }
+    }
+
+    /// The runs that were fitted to, with their pairs.
+    pub fn fitted_to(&self) -> FittedTo {
+        self.register.fitted(|run| !self.tested_runs[run])
+    }
+
+    fn fitted_scenarios(&self) -> impl Iterator<Item = &LearnedScenario> {
+        self.scenarios.iter().filter(|scenario| !scenario.tested)
+    }
+
+    /// The kinds of the scenes that are fitted to.
+    pub(super) fn kinds(&self) -> Vec<&str> {
+        let mut kinds: Vec<_> = self
+            .fitted_scenarios()
+            .map(|scenario| scenario.kind.as_str())
+            .collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        kinds
+    }
+
+    fn group(&mut self, name: String) -> usize {
+        let known = self.groups.iter().position(|group| *group == name);
+        known.unwrap_or_else(|| {
+            self.groups.push(name);
+            self.groups.len() - 1
+        })
+    }
+}
+
+fn safe_choice(algorithm: &Algorithm) -> Result<SafeChoice> {
+    let choice = algorithm.safe_choice()?;
+    choice.ok_or_else(|| Error::Invalid("v5 decides on cells".to_owned()))
+}
+
+/// Weight of each cell of a scenario with that many.
+fn weight(cells: usize) -> f64 {
+    1.0 / (cells.max(1) as f64).sqrt()
+}
+
+/// Scales weights so that they sum to their number: the ridge's influence stays small.
+fn scale(weights: &mut [f64]) {
+    let scale = weights.len() as f64 / weights.iter().sum::<f64>();
+    weights.iter_mut().for_each(|weight| *weight *= scale);
+}
+
+/// The samples as CSV: run or scene, the evidence, whether the cell was right and known.
+///
+/// # Errors
+/// [`Error::Invalid`] with the error of the csv crate.
+pub fn samples_csv(samples: &[CellSample], groups: &[String]) -> Result<Vec<u8>> {
+    let invalid = |e: csv::Error| Error::Invalid(e.to_string());
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    let head = ["group", "report", "target"];
+    csv.write_record(
+        head.into_iter()
+            .chain(Feature::ALL.map(Feature::name))
+            .chain(["right", "known"]),
+    )
+    .map_err(invalid)?;
+    for sample in samples {
+        let numbers = |evidence: CellEvidence| {
+            [evidence.report, evidence.target]
+                .into_iter()
+                .chain(evidence.features)
+        };
+        let text = |n: i64| match n {
+            CellEvidence::NOT_MEASURED => String::new(),
+            n => n.to_string(),
+        };
+        let numbers: Vec<_> = match sample.evidence {
+            Some(evidence) => numbers(evidence).map(text).collect(),
+            None => vec![String::new(); 2 + Feature::ALL.len()],
+        };
+        let ends = [sample.right, sample.known].map(|is| u8::from(is).to_string());
+        let group = std::iter::once(groups[sample.group].clone());
+        csv.write_record(group.chain(numbers).chain(ends))
+            .map_err(invalid)?;
+    }
+    csv.into_inner().map_err(|e| Error::Invalid(e.to_string()))
+}

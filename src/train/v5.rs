@@ -1,0 +1,229 @@
+//! Training of v5's model as a whole: the network of its gaps, and its tables.
+
+use super::cells::CellTraining;
+use super::gaps::{GapTraining, LearnedGaps, LearnedNetwork};
+use super::learned_cells::{CellAlgorithms, LearnedCells, RunShare};
+use crate::fit::{CellSample, GapSettings, TimeFigures, fit_time};
+use serde::Serialize;
+use std::path::PathBuf;
+use svl_bench::console::{Console, Unit};
+use svl_core::depth::decision::{TimeTable, probability};
+use svl_core::filter::ModelFacts;
+use svl_core::matcher::V5Model;
+use svl_core::{Error, Result, counted, interrupt};
+use svl_report::table::TerminalStyle;
+use svl_score::scenario::Scenario;
+
+/// A scenario in its file.
+pub struct TrainingScenario {
+    pub path: PathBuf,
+    pub scenario: Scenario,
+    /// True if it is no part of the fit, only of the figures.
+    pub tested: bool,
+}
+
+/// A trained model with its figures.
+pub struct TrainedV5 {
+    pub model: V5Model,
+    pub training: V5Training,
+    /// The cells that the table of the median was fitted to.
+    pub learned: LearnedCells,
+}
+
+/// Figures of a training.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct V5Training {
+    /// Absent if the network was kept.
+    pub network: Option<GapTraining>,
+    pub cells: CellTraining,
+    pub near: NearTraining,
+    /// Absent if no cell has an earlier report.
+    pub time: Option<TimeFigures>,
+}
+
+/// Figures of the table for the nearest quarter, of held-out cells.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct NearTraining {
+    pub cells: usize,
+    /// Least probability of a cell with something near.
+    pub confidence: f64,
+    /// Fraction of the cells that reach it, and fraction of these that is right.
+    pub known: f64,
+    pub right: f64,
+}
+
+/// Fewest cells of either kind that are worth a fit.
+const MIN_CELLS: usize = 20;
+
+/// Trains a model: least scores and slack are those of `base`, and its network is kept unless
+/// `settings` train another. `with`: v5 with the model in a file.
+///
+/// # Errors
+/// Those of the runs; [`Error::Invalid`] for too few cells or runs, [`Error::Interrupted`].
+pub fn train_v5(
+    scenarios: Vec<TrainingScenario>,
+    base: V5Model,
+    settings: Option<GapSettings>,
+    with: &dyn Fn(&V5Model) -> Result<CellAlgorithms>,
+    console: &dyn Console,
+) -> Result<TrainedV5> {
+    let network = settings
+        .map(|settings| learn_network(&scenarios, settings, console))
+        .transpose()?;
+    let mut model = base;
+    // The tables are fitted to pairs alone.
+    let time = model.median.time.take();
+    let least_with_past = time.map_or(model.median.least_score, |time| time.least_score);
+    model.facts = ModelFacts::from([("svl".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]);
+    let share = match &network {
+        Some(network) => {
+            model.network = Some(network.weights.clone());
+            model.fitted = network.fitted.clone();
+            model.facts.extend(network.facts.clone());
+            RunShare::Tables
+        }
+        None => RunShare::All,
+    };
+    let algorithms = with(&model)?;
+    let mut learned = LearnedCells::default();
+    for scenario in scenarios {
+        let share = if scenario.tested {
+            RunShare::All
+        } else {
+            share
+        };
+        learned.learn(
+            scenario.scenario,
+            &scenario.path,
+            &algorithms,
+            (share, scenario.tested),
+            console,
+        )?;
+    }
+    check(&learned.samples[..learned.fitted()])?;
+    let bar = console.bar("fit", Unit::Pairs, Some(learned.fits() as u64));
+    let step = || {
+        bar.step();
+        !interrupt::requested()
+    };
+    let fit = learned.fit(&model.median, step).ok_or(Error::Interrupted)?;
+    let near = learned.fit_near(&model.near, step);
+    let (near, near_samples) = near.ok_or(Error::Interrupted)?;
+    drop(bar);
+    let choice = algorithms.median.safe_choice()?;
+    let choice = choice.ok_or_else(|| Error::Invalid("v5 decides on cells".to_owned()))?;
+    let cells = CellTraining::new(&algorithms.median, &choice, &learned, &fit);
+    let least = model.near.least_score;
+    let near_training = NearTraining::new(near_samples, &near.held_out, least);
+    model.fitted = model.fitted.and(&learned.fitted_to());
+    model.median = fit.table;
+    model.near = near.table;
+    let time = fit_time(&learned.runs, &model.median, least_with_past);
+    // Cells with a past are held to more only if it says something.
+    let is_empty = |table: &TimeTable| {
+        let steps = [&table.agrees, &table.farther, &table.nearer];
+        steps.iter().all(|steps| steps.0.is_empty())
+    };
+    let table = time.as_ref().map(|time| time.table.clone());
+    model.median.time = table.filter(|table| !is_empty(table));
+    Ok(TrainedV5 {
+        training: V5Training {
+            network: network.map(|network| network.training),
+            cells,
+            near: near_training,
+            time: time.map(|time| time.figures),
+        },
+        model,
+        learned,
+    })
+}
+
+fn learn_network(
+    scenarios: &[TrainingScenario],
+    settings: GapSettings,
+    console: &dyn Console,
+) -> Result<LearnedNetwork> {
+    let mut learned = LearnedGaps::default();
+    for scenario in scenarios.iter().filter(|scenario| !scenario.tested) {
+        learned.learn(&scenario.scenario, RunShare::Network, console)?;
+    }
+    let network = learned.train(settings, console)?;
+    if network.training.interrupted {
+        return Err(Error::Interrupted);
+    }
+    Ok(network)
+}
+
+/// # Errors
+/// [`Error::Invalid`] for cells that no table can be fitted to.
+fn check(samples: &[CellSample]) -> Result<()> {
+    let count = |right: bool| {
+        let own = samples
+            .iter()
+            .filter(|sample| sample.is_reportable() && sample.right == right);
+        own.count()
+    };
+    let [right, wrong] = [true, false].map(count);
+    if right.min(wrong) < MIN_CELLS {
+        return Err(Error::Invalid(format!(
+            "{right} right and {wrong} wrong cells are too few, at least {MIN_CELLS} of each; take \
+             more runs, scenes or scenarios"
+        )));
+    }
+    if samples
+        .iter()
+        .all(|sample| sample.group == samples[0].group)
+    {
+        let cure = "take more seeds, scenes or recordings";
+        let message = format!("one run cannot be held out of itself; {cure}");
+        return Err(Error::Invalid(message));
+    }
+    Ok(())
+}
+
+impl NearTraining {
+    fn new(samples: &[CellSample], held_out: &[i64], least_score: i64) -> Self {
+        let scored = samples.iter().zip(held_out);
+        let known: Vec<_> = scored
+            .filter(|(sample, score)| sample.is_reportable() && **score >= least_score)
+            .collect();
+        let right = known.iter().filter(|(sample, _)| sample.right).count();
+        Self {
+            cells: samples.len(),
+            confidence: probability(least_score),
+            known: known.len() as f64 / samples.len().max(1) as f64,
+            right: right as f64 / known.len().max(1) as f64,
+        }
+    }
+}
+
+impl V5Training {
+    /// The figures for people.
+    pub fn terminal(&self, style: TerminalStyle) -> String {
+        let network = self.network.as_ref();
+        let network = network.map_or_else(String::new, |network| format!("{network}\n\n"));
+        let cells = self.cells.terminal(style);
+        let near = &self.near;
+        let near = format!(
+            "nearest quarter, held out: {:.1} % of {} from {:.2} on;\n{:.2} % of them right",
+            100.0 * near.known,
+            counted(near.cells as u64, "cell"),
+            near.confidence,
+            100.0 * near.right
+        );
+        let time = match &self.time {
+            None => "no cell has an earlier report".to_owned(),
+            Some(time) => {
+                let [agrees, farther, nearer] = time.relations;
+                format!(
+                    "earlier reports of {}: {agrees} agree, {farther} farther,\n{nearer} nearer; \
+                     held-out loss {:.4} for {:.4}",
+                    counted(time.cells as u64, "cell"),
+                    time.loss,
+                    time.loss_alone
+                )
+            }
+        };
+        format!("{network}{cells}\n{near}\n{time}")
+    }
+}
